@@ -1,0 +1,13 @@
+// Probabilities and quantiles of the distributions that tests and intervals use.
+#pragma once
+
+namespace identikal {
+
+/// P(X > value) for a chi-square X. @param dof > 0; NaN for a NaN value.
+double chi_square_upper_tail(double value, double dof);
+/// x with P(X <= x) = probability, 0 < probability < 1.
+double chi_square_quantile(double probability, double dof);
+double normal_quantile(double probability);
+double student_t_quantile(double probability, double dof);
+
+}  // namespace identikal

@@ -1,0 +1,153 @@
+// What does every estimator answer with? One value that the console table, the JSON result and the tests read.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace identikal {
+
+inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  ///< "absent"; null in JSON
+
+/// What a person may do with the result; the codes of the JSON result.
+enum class Status { ok, answer_no, not_converged, untrusted };
+
+/// What the data say about one parameter.
+enum class Verdict {
+  ok,
+  weak,        ///< standard error above a quarter of the value
+  correlated,  ///< cannot be told from the parameters named in `with`
+  at_bound,    ///< the estimate lies on a bound; no interval
+  unexcited,   ///< the recording never moved it
+  flat,        ///< lies in a direction along which the fit does not change
+};
+
+struct EstimatedParameter {
+  std::string name;
+  std::string unit;  ///< unit of every number here
+  double value = kNone;
+  double se = kNone;
+  std::array<double, 2> ci95{kNone, kNone};
+  double crb_se = kNone;  ///< Cramér-Rao standard deviation at the estimate, white noise assumed
+  double start = kNone;
+  bool fixed = false;
+  Verdict verdict = Verdict::ok;
+  std::vector<std::string> with;
+};
+
+/// A quantity computed from the parameters, with its error carried over (delta method).
+struct DerivedValue {
+  std::string name;
+  std::string unit;
+  double value = kNone;
+  double se = kNone;
+};
+
+struct Warning {
+  std::string code;      ///< stable, e.g. "tyre_saturation"
+  std::string severity;  ///< "note", "warning" or "serious"; serious makes the result untrusted
+  std::vector<std::string> about;
+  std::string text;  ///< what was seen, with figures
+  std::string todo;  ///< what to do about it
+};
+
+struct TestResult {
+  std::string id;       ///< "nis", "ljung_box"
+  std::string channel;  ///< empty: all together
+  double value = kNone;
+  std::array<double, 2> interval{kNone, kNone};
+  double p = kNone;
+  bool pass = true;
+};
+
+struct ChannelFit {
+  std::string channel;
+  std::string unit;
+  double fit_percent = kNone;  ///< 100 (1 - ||y - yhat|| / ||y - mean y||)
+  double rmse = kNone;         ///< in `unit`
+};
+
+struct Identifiability {
+  int rank = 0;
+  int of = 0;
+  double condition = kNone;  ///< of the information matrix scaled to unit diagonal
+  struct Direction {
+    std::vector<std::string> names;
+    std::vector<double> weights;
+  };
+  std::vector<Direction> flat_directions;
+};
+
+struct Noise {
+  Eigen::MatrixXd Q, R, S, K_steady, P_steady;  ///< empty = absent
+  std::string Q_kind;                           ///< "per-sample" or "density"
+};
+
+struct Objective {
+  std::string method;
+  double log_likelihood = kNone;
+  double log_likelihood_start = kNone;
+  double aic = kNone;
+  double bic = kNone;
+  int iterations = 0;
+  int evaluations = 0;
+  int starts = 0;        ///< optimisations run
+  int starts_agree = 0;  ///< of them, how many ended at the best value
+};
+
+/// What the result was computed from, one per data file.
+struct InputRecord {
+  std::string path;
+  std::string sha256;
+  long rows = 0;
+  long used = 0;
+};
+
+/// Series behind the result, for residuals.csv; SI converted back to the channel's unit.
+struct Series {
+  Eigen::VectorXd time;
+  std::vector<std::string> channels, units;
+  Eigen::MatrixXd measured, predicted;  ///< channels x N; NaN where there is none
+  Eigen::MatrixXd standardised;         ///< residual / its standard deviation; may be empty
+};
+
+struct Estimate {
+  std::string verb;
+  std::string model_name;
+  Status status = Status::not_converged;
+  std::string message = "the estimator did not run";
+  std::vector<InputRecord> inputs;
+  std::vector<EstimatedParameter> parameters;
+  std::string covariance_kind;  ///< where `se` comes from, in words
+  std::vector<std::string> correlation_names;
+  Eigen::MatrixXd correlation;
+  Noise noise;
+  Objective objective;
+  std::vector<ChannelFit> one_step, simulation;
+  std::vector<TestResult> tests;
+  Identifiability identifiability;
+  std::vector<DerivedValue> derived;
+  std::vector<Warning> warnings;
+  std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram
+  Series series;
+};
+
+std::string to_string(Status status);
+std::string to_string(Verdict verdict);
+
+/// Exit code of the contract: ok 0, answer_no and untrusted 1, not_converged 3; `strict` turns warnings into 4.
+int exit_code(const Estimate& estimate, bool strict);
+
+/// Fills correlation, identifiability, se, ci95 and verdicts. The k parameters judged are those that are neither fixed nor
+/// already found at a bound, in their order.
+/// @param information  k x k, in the units of `estimate.parameters`; its null directions are the flat ones
+/// @param covariance   k x k; what `se` is taken from (it need not be the inverse of `information`)
+/// @param quantile     half-width of the 95 % interval in standard errors
+/// A parameter in a flat direction gets neither standard error nor interval.
+/// @throws std::invalid_argument when a matrix is not k x k
+void judge_parameters(Estimate& estimate, const Eigen::MatrixXd& information,
+                      const Eigen::MatrixXd& covariance, double quantile = 1.959963984540054);
+
+}  // namespace identikal

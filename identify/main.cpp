@@ -1,0 +1,316 @@
+// The command line. Every exception ends here.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "identify/check.h"
+#include "identify/info.h"
+#include "identify/model_file.h"
+#include "identify/noise_ml.h"
+#include "identify/report.h"
+#include "identify/simulate.h"
+#include "identify/vehicle_fit.h"
+#include "lib/csv.h"
+#include "lib/dataset.h"
+#include "lib/error.h"
+#include "lib/nearest_name.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+struct Arguments {
+  std::string verb, model;
+  std::vector<std::string> data;
+  std::string output;
+  bool json = false, strict = false, quiet = false;
+  std::uint64_t seed = 1;
+  int starts = 5;
+  std::vector<std::string> settings;
+  std::string range, method, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
+  long rows = 0;
+};
+
+// "12", "12s", "60 km/h" in SI; `kind` is a unit of the quantity expected.
+double quantity(const std::string& option, const std::string& text, const std::string& kind) {
+  std::size_t used = 0;
+  double value = 0.0;
+  try {
+    value = std::stod(text, &used);
+  } catch (const std::exception&) {
+    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text), "a number, with a unit or in " + kind);
+  }
+  const std::string rest = text.substr(used);
+  const auto unit = parse_unit(rest.find_first_not_of(' ') == std::string::npos ? kind : rest);
+  if (!unit || !same_dimension(*unit, *parse_unit(kind)) || !std::isfinite(value)) {
+    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text), "a number, with a unit or in " + kind);
+  }
+  return unit->to_si(value);
+}
+
+TimeRange parse_range(const std::string& text) {
+  TimeRange range;
+  if (text.empty()) return range;
+  const std::size_t colon = text.find(':');
+  if (colon == std::string::npos) {
+    throw InputError({}, fmt::format("--range '{}' is not a range", text), "FROM:TO, e.g. 10s:95s");
+  }
+  const std::string from = text.substr(0, colon), to = text.substr(colon + 1);
+  if (!from.empty()) range.from = quantity("--range", from, "s");
+  if (!to.empty()) range.to = quantity("--range", to, "s");
+  return range;
+}
+
+ModelFile load_model(const Arguments& args) {
+  ModelFile model = read_model_file(args.model);
+  for (const std::string& assignment : args.settings) set_parameter(model, assignment);
+  return model;
+}
+
+struct Recording {
+  Table table;
+  Dataset data;
+};
+
+Recording load_data(const Arguments& args, const ModelFile& model, bool with_outputs = true) {
+  if (args.data.size() != 1) {
+    throw InputError({}, fmt::format("{} recordings on the command line", args.data.size()),
+                     fmt::format("one: identikal {} MODEL DATA", args.verb));
+  }
+  Recording out;
+  out.table = read_csv(args.data.front());
+  const std::vector<ChannelSource> no_outputs;
+  out.data = make_dataset(out.table, model.time, model.inputs, with_outputs ? model.outputs : no_outputs,
+                          parse_range(args.range));
+  if (model.form == ModelFile::Form::linear) {
+    const double step = model.time.step > 0.0 ? model.time.step : out.data.dt;
+    out.data = on_uniform_raster(out.data, step);
+  }
+  return out;
+}
+
+// One line that rewrites itself, on a terminal only.
+class Progress {
+ public:
+  explicit Progress(const Arguments& args) : shown_(!args.quiet && isatty(STDERR_FILENO) != 0) {}
+  ~Progress() { clear(); }
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void show(const std::string& text) {
+    if (!shown_) return;
+    fmt::print(stderr, "\r\033[K{}", text);
+    std::fflush(stderr);
+    dirty_ = true;
+  }
+  void clear() {
+    if (dirty_) fmt::print(stderr, "\r\033[K");
+    dirty_ = false;
+  }
+
+ private:
+  bool shown_;
+  bool dirty_ = false;
+};
+
+int finish(const Arguments& args, const Recording& recording, Estimate& estimate,
+           std::chrono::steady_clock::time_point begin) {
+  estimate.verb = args.verb;
+  estimate.inputs.push_back({args.data.front(), sha256_of_file(args.data.front()),
+                             static_cast<long>(recording.table.rows), static_cast<long>(recording.data.size())});
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+  const std::string json = result_json(estimate, args.strict, spent.count());
+  if (!args.output.empty()) {
+    write_file(args.output, "result.json", json);
+    if (estimate.series.time.size() > 0) write_file(args.output, "residuals.csv", residuals_csv(estimate));
+  }
+  std::cout << (args.json ? json : console_report(estimate)) << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return exit_code(estimate, args.strict);
+}
+
+int run_estimator(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  const ModelFile model = load_model(args);
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  if (args.verb == "tune" && vehicle) {
+    throw InputError({model.path, 0, 0}, "'tune' estimates the noise of a linear model, this is a vehicle", "a model with A, C, Q, R",
+                     "use 'fit'");
+  }
+  const Recording recording = load_data(args, model);
+  Progress progress(args);
+  Estimate estimate;
+  if (args.verb == "check") {
+    estimate = check_filter(model, recording.data);
+  } else if (vehicle) {
+    VehicleFitOptions options;
+    options.starts = args.starts;
+    options.seed = args.seed;
+    progress.show("fitting the vehicle ...");
+    estimate = fit_vehicle(model, recording.data, options);
+  } else {
+    NoiseMlOptions options;
+    options.starts = args.starts;
+    options.seed = args.seed;
+    options.progress = [&](int start, int iteration, double L) {
+      progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start, args.starts, iteration, L));
+    };
+    estimate = tune_ml(model, recording.data, options);
+  }
+  progress.clear();
+  return finish(args, recording, estimate, begin);
+}
+
+int run_simulate(const Arguments& args) {
+  const ModelFile model = load_model(args);
+  std::optional<Recording> recording;
+  if (!args.data.empty()) recording = load_data(args, model, false);
+  const Dataset* inputs = recording ? &recording->data : nullptr;
+  Simulated simulated;
+  if (model.form == ModelFile::Form::single_track) {
+    if (inputs == nullptr && !args.manoeuvre.empty() && args.manoeuvre != "severe-lane-change") {
+      throw InputError({}, fmt::format("unknown manoeuvre '{}'", args.manoeuvre), "severe-lane-change");
+    }
+    ManoeuvreSettings settings;
+    settings.speed = quantity("--speed", args.speed, "m/s");
+    settings.rate = quantity("--rate", args.rate, "Hz");
+    settings.duration = quantity("--duration", args.duration, "s");
+    if (!(settings.speed > 0.0 && settings.rate > 0.0 && settings.duration * settings.rate >= 2.0 &&
+          settings.duration * settings.rate <= 1e8)) {
+      throw InputError({}, "--speed, --rate and --duration describe no recording", "positive values and 2 to 1e8 rows");
+    }
+    simulated = simulate_vehicle(model, settings, inputs, args.seed);
+  } else {
+    if (inputs == nullptr && args.rows < 1) {
+      throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
+    }
+    simulated = simulate_linear(model, args.rows, inputs, args.seed);
+  }
+  if (args.output.empty()) {
+    std::cout << simulated.csv << std::flush;
+    if (!std::cout) throw OutputError("standard output: cannot write");
+  } else {
+    write_file(args.output, "simulated.csv", simulated.csv);
+    fmt::print("{} rows written to {}\n", simulated.rows, (std::filesystem::path(args.output) / "simulated.csv").string());
+  }
+  return 0;
+}
+
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
+int run_info(const Arguments& args) {
+  std::vector<std::string> files = args.data;
+  if (!args.model.empty()) files.insert(files.begin(), args.model);
+  std::optional<ModelFile> model;
+  if (!files.empty() && is_model(files.front())) {
+    model = read_model_file(files.front());
+    files.erase(files.begin());
+  }
+  if (files.empty()) throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
+  std::string text;
+  for (const std::string& file : files) {
+    const Table table = read_csv(file);
+    text += describe_table(table);
+    if (model) {
+      text += describe_channels(*model, make_dataset(table, model->time, model->inputs, model->outputs, parse_range(args.range)));
+    }
+  }
+  std::cout << text << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return 0;
+}
+
+void add_common(CLI::App& verb, Arguments& args, bool estimates) {
+  verb.add_option("-o,--output", args.output, "folder for the result files");
+  verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")->allow_extra_args(false);
+  verb.add_option("--range", args.range, "FROM:TO: use these rows, in seconds, e.g. 10s:95s");
+  verb.add_flag("--quiet", args.quiet, "no progress line");
+  if (!estimates) return;
+  verb.add_flag("--json", args.json, "print the result as JSON instead of text");
+  verb.add_flag("--strict", args.strict, "exit 4 when there are warnings");
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", "identikal 0.1.0");
+  Arguments args;
+
+  CLI::App* info = app.add_subcommand("info", "columns, units, rates, gaps of a recording");
+  info->add_option("files", args.data, "[MODEL] DATA...")->required();
+  info->add_option("--range", args.range, "FROM:TO: use these rows, in seconds");
+
+  const std::pair<const char*, const char*> estimators[] = {
+      {"tune", "estimate Q and R of a Kalman filter"},
+      {"fit", "estimate physical parameters"},
+      {"check", "is this filter optimal? exit 1 if not"}};
+  for (const auto& [name, help] : estimators) {
+    CLI::App* verb = app.add_subcommand(name, help);
+    verb->add_option("MODEL", args.model, "model file (YAML)")->required();
+    verb->add_option("DATA", args.data, "recording (CSV)")->required()->expected(1);
+    add_common(*verb, args, true);
+    if (std::string(name) == "check") continue;
+    verb->add_option("--seed", args.seed, "seed of the scattered starts")->capture_default_str();
+    verb->add_option("--starts", args.starts, "number of starts")->check(CLI::Range(1, 1000))->capture_default_str();
+    if (std::string(name) == "tune") {
+      verb->add_option("--method", args.method, "ml: maximum likelihood")->check(CLI::IsMember({"ml"}));
+    }
+  }
+
+  CLI::App* simulate = app.add_subcommand("simulate", "make data with known truth");
+  simulate->add_option("MODEL", args.model, "model file (YAML)")->required();
+  simulate->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
+  add_common(*simulate, args, false);
+  simulate->add_option("--seed", args.seed, "seed of the noise")->capture_default_str();
+  simulate->add_option("-n,--rows", args.rows, "rows of a linear model's record")->check(CLI::Range(1L, 100000000L));
+  simulate->add_option("--manoeuvre", args.manoeuvre, "vehicle without DATA: severe-lane-change");
+  simulate->add_option("--speed", args.speed, "of the manoeuvre")->capture_default_str();
+  simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")->capture_default_str();
+  simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
+
+  if (argc > 1 && argv[1][0] != '-') {
+    const std::vector<std::string> verbs{"info", "tune", "fit", "check", "simulate"};
+    if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
+      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]), "info, simulate, tune, fit or check", did_you_mean(argv[1], verbs));
+    }
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);
+    throw InputError({}, error.what(), "", "'identikal --help' and 'identikal VERB --help' show the options");
+  }
+  args.verb = app.get_subcommands().front()->get_name();
+  if (args.verb == "info") return run_info(args);
+  if (args.verb == "simulate") return run_simulate(args);
+  return run_estimator(args);
+}
+
+}  // namespace
+}  // namespace identikal
+
+int main(int argc, char** argv) {
+  try {
+    return identikal::run(argc, argv);
+  } catch (const identikal::InputError& error) {
+    std::cerr << "identikal: " << error.what() << "\n";
+    return 2;
+  } catch (const identikal::OutputError& error) {
+    std::cerr << "identikal: " << error.what() << "\n";
+    return 5;
+  } catch (const std::exception& error) {
+    std::cerr << "identikal: internal error: " << error.what() << "; please report it\n";
+    return 5;
+  }
+}

@@ -1,0 +1,280 @@
+#include "identify/model_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "identify/linear_form.h"
+#include "identify/model_values.h"
+#include "identify/yaml_reader.h"
+#include "lib/nearest_name.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+const std::vector<std::string> kCommonKeys = {"identikal",  "name",   "model",   "time",
+                                              "parameters", "inputs", "outputs", "noise"};
+const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
+const std::vector<std::string> kVehicleKeys = {"sensors", "tyre", "use_when"};
+const std::vector<std::string> kKeysNotYet = {"states", "dynamics"};
+
+constexpr double kRequired = std::numeric_limits<double>::quiet_NaN();
+constexpr ParameterRule kVehicleParameters[] = {
+    {"m", "kg", true, kRequired},
+    {"a", "m", true, kRequired},
+    {"b", "m", true, kRequired},
+    {"Iz", "kg m^2", true, kRequired},
+    {"Cf", "N/rad", true, kRequired},
+    {"Cr", "N/rad", true, kRequired},
+    {"steering_ratio", "", true, 1.0},
+    {"steering_gain", "", false, 1.0},
+    {"steering_offset", "rad", false, 0.0},
+    {"bias_r", "rad/s", false, 0.0},
+    {"bias_vy", "m/s", false, 0.0},
+    {"bias_ay", "m/s^2", false, 0.0},
+    {"bank", "rad", false, 0.0},
+};
+const std::vector<std::string> kVehicleParametersNotYet = {"steering_delay", "relaxation_length",
+                                                           "Ff_max", "Fr_max"};
+
+constexpr ChannelRule kVehicleInputs[] = {
+    {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
+constexpr ChannelRule kVehicleOutputs[] = {
+    {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
+
+const ParameterRule* vehicle_rule(std::string_view name) {
+  const auto* hit = std::find_if(std::begin(kVehicleParameters), std::end(kVehicleParameters),
+                                 [name](const ParameterRule& rule) { return rule.name == name; });
+  return hit == std::end(kVehicleParameters) ? nullptr : hit;
+}
+
+TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
+  const YamlNode& node =
+      required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
+  check_keys(node, "time", {"kind", "step", "column", "unit"});
+  if (const YamlNode* kind = find(node, "kind")) {
+    const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
+    if (continuous && form == ModelFile::Form::linear) {
+      throw InputError(kind->at, "continuous-time linear models are not available yet", "",
+                       "discretise, or use model: single-track");
+    }
+    if (!continuous && form == ModelFile::Form::single_track) {
+      throw InputError(kind->at, "kind is 'discrete'", "continuous: the vehicle's equations are");
+    }
+  }
+  TimeSource out;
+  out.at = node.at;
+  if (const YamlNode* unit = find(node, "unit")) {
+    out.unit = text_of(*unit, "unit");
+    si_value({1.0, out.unit}, "s", unit->at, "time");
+  }
+  if (const YamlNode* step = find(node, "step")) {
+    out.step = read_si(*step, out.unit.empty() ? "s" : out.unit, "step");
+    if (!(out.step > 0.0)) {
+      throw InputError(step->at, "step is " + describe(*step), "a time above 0");
+    }
+  }
+  if (const YamlNode* column = find(node, "column")) {
+    out.column = text_of(*column, "column");
+    out.at = column->at;
+  }
+  if (out.column.empty() && out.step == 0.0) {
+    throw InputError(node.at, "time has neither a column nor a step",
+                     "column: NAME with the time stamps, or step: 0.1 s between rows");
+  }
+  return out;
+}
+
+ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road_wheel) {
+  const YamlNode& node =
+      required(root, "parameters", "the model file", "parameters: m a b Iz Cf Cr steering_ratio");
+  check_keys(node, "parameters", names_of(kVehicleParameters), kVehicleParametersNotYet);
+  if (const YamlNode* ratio = find(node, "steering_ratio"); ratio && steering_at_road_wheel) {
+    throw InputError(ratio->at, "steering_ratio is given with the input road_wheel_angle",
+                     "the input steering_wheel_angle, or no ratio");
+  }
+  if (!steering_at_road_wheel) {
+    required(node, "steering_ratio", "parameters", "steering-wheel angle over road-wheel angle");
+  }
+  ParameterSet out;
+  for (const ParameterRule& rule : kVehicleParameters) {
+    if (const YamlNode* given = find(node, rule.name)) {
+      out.push_back(read_parameter(rule.name, *given, &rule));
+      continue;
+    }
+    if (std::isnan(rule.fallback)) {
+      required(node, rule.name, "parameters",
+               fmt::format("{}: NUMBER {}", rule.name, rule.si_unit));
+    }
+    Parameter known;
+    known.name = rule.name;
+    known.unit = rule.si_unit;
+    known.value = Eigen::MatrixXd::Constant(1, 1, rule.fallback);
+    known.fixed = true;
+    out.push_back(std::move(known));
+  }
+  return out;
+}
+
+double read_min_speed(const YamlNode& node) {
+  std::string_view rest = trimmed(text_of(node, "use_when"));
+  for (const std::string_view sign : {"vx", ">"}) {
+    rest = rest.starts_with(sign) ? trimmed(rest.substr(sign.size())) : "";
+  }
+  const std::optional<Quantity> speed = split_quantity(rest);
+  if (!speed || !parse_unit(speed->unit)) {
+    throw InputError(node.at, "use_when is " + describe(node), "'vx > 5' or 'vx > 18 km/h'",
+                     "other conditions are not available yet");
+  }
+  const double value = si_value(*speed, "m/s", node.at, "use_when");
+  if (!(value > 0.0)) throw InputError(node.at, "use_when is " + describe(node), "a speed above 0");
+  return value;
+}
+
+void read_vehicle(const YamlNode& root, ModelFile& out) {
+  const std::string top = "the model file";
+  const std::string inputs_example =
+      "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
+  const YamlNode& inputs = required(root, "inputs", top, inputs_example);
+  out.inputs = read_channels(inputs, "inputs", kVehicleInputs);
+  std::sort(out.inputs.begin(), out.inputs.end(), [](const auto& one, const auto& other) {
+    return one.name != "vx" && other.name == "vx";
+  });
+  if (out.inputs.size() != 2 || out.inputs[1].name != "vx") {
+    throw InputError(inputs.at, "inputs are not one steering angle and vx",
+                     "one of steering_wheel_angle and road_wheel_angle, and vx");
+  }
+  VehicleSettings& vehicle = out.vehicle;
+  vehicle.steering_at_road_wheel = out.inputs[0].name == "road_wheel_angle";
+  out.outputs =
+      read_channels(required(root, "outputs", top, "outputs: {r: {column: ..., unit: deg/s}}"),
+                    "outputs", kVehicleOutputs);
+  out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel);
+
+  std::vector<std::string> measured;
+  for (const ChannelSource& output : out.outputs) measured.push_back(output.name);
+  if (const YamlNode* sensors = find(root, "sensors")) {
+    check_keys(*sensors, "sensors", measured);
+    for (std::size_t i = 0; i < sensors->items.size(); ++i) {
+      const YamlNode& item = sensors->items[i];
+      check_keys(item, in_quotes(sensors->keys[i].text), {"x", "y"});
+      SensorPosition& position = vehicle.sensors[sensors->keys[i].text];
+      if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
+      if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
+    }
+  }
+  vehicle.measurement_sd.assign(measured.size(), std::numeric_limits<double>::quiet_NaN());
+  if (const YamlNode* noise = find(root, "noise")) {
+    check_keys(*noise, "noise", {"measurement"}, {"process"});
+    const YamlNode& measurement =
+        required(*noise, "measurement", "noise", "measurement: {sd: ...}");
+    check_keys(measurement, "measurement", {"kind", "sd"});
+    if (const YamlNode* kind = find(measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
+    const YamlNode& sd = required(measurement, "sd", "measurement", "sd: {r: 0.01 rad/s}");
+    check_keys(sd, "sd", measured);
+    for (std::size_t i = 0; i < measured.size(); ++i) {
+      const YamlNode* given = find(sd, measured[i]);
+      if (given == nullptr) continue;
+      const std::string what = "sd of " + measured[i];
+      const double value = read_si(*given, out.outputs[i].si_unit, what);
+      if (!(value > 0.0)) {
+        throw InputError(given->at, fmt::format("{} is {}", what, describe(*given)),
+                         "a value above 0");
+      }
+      vehicle.measurement_sd[i] = value;
+    }
+  }
+  if (const YamlNode* tyre = find(root, "tyre")) {
+    check_keys(*tyre, "tyre", {"curve"});
+    word_of(required(*tyre, "curve", "tyre", "curve: linear"), "curve", {"linear"},
+            {"tanh", "fiala", "magic-formula"});
+  }
+  if (const YamlNode* use_when = find(root, "use_when"))
+    vehicle.min_speed = read_min_speed(*use_when);
+}
+
+}  // namespace
+
+ModelFile read_model_file(const std::string& path) {
+  const YamlNode root = read_yaml(path);
+  const std::string top = "the model file";
+  std::vector<std::string> keys = kCommonKeys;
+  keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
+  keys.insert(keys.end(), kVehicleKeys.begin(), kVehicleKeys.end());
+  check_keys(root, top, keys, kKeysNotYet);
+  word_of(required(root, "identikal", top, "identikal: 1, the version of the format"), "identikal",
+          {"1"});
+
+  ModelFile out;
+  out.path = path;
+  const YamlNode* name = find(root, "name");
+  out.name = name == nullptr ? std::filesystem::path(path).stem().string() : text_of(*name, "name");
+  if (const YamlNode* model = find(root, "model")) {
+    word_of(*model, "model", {"single-track"});
+    out.form = ModelFile::Form::single_track;
+  }
+  const bool linear = out.form == ModelFile::Form::linear;
+  for (const std::string& key : linear ? kVehicleKeys : kLinearKeys) {
+    if (find(root, key) == nullptr) continue;
+    const auto at = std::find_if(root.keys.begin(), root.keys.end(),
+                                 [&](const YamlNode& k) { return k.text == key; });
+    throw InputError(at->at, fmt::format("'{}' {} model: single-track", key,
+                                         linear ? "belongs to" : "does not belong to"));
+  }
+  out.time = read_time(root, out.form);
+  if (linear) {
+    read_linear(root, out);
+  } else {
+    read_vehicle(root, out);
+  }
+  return out;
+}
+
+void set_parameter(ModelFile& model, const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  const std::string what = in_quotes(assignment);
+  if (equals == std::string::npos) throw InputError({}, what, "NAME=VALUE");
+  const std::string name(trimmed(std::string_view(assignment).substr(0, equals)));
+  const std::string text(trimmed(std::string_view(assignment).substr(equals + 1)));
+  if (name.empty()) throw InputError({}, what, "NAME=VALUE");
+  const int index = find_parameter(model.parameters, name);
+  if (index < 0) {
+    std::vector<std::string> known;
+    for (const Parameter& parameter : model.parameters) known.push_back(parameter.name);
+    throw InputError({}, fmt::format("{}: the model has no parameter {}", what, in_quotes(name)),
+                     "", did_you_mean(name, known));
+  }
+  if (name == "steering_ratio" && model.vehicle.steering_at_road_wheel) {
+    throw InputError({}, what + ": the input road_wheel_angle makes no use of it");
+  }
+  Parameter changed = model.parameters[static_cast<std::size_t>(index)];
+  if (changed.value.size() != 1 && changed.domain != Domain::scaled_identity) {
+    throw InputError({}, fmt::format("{}: {} is a matrix", what, name), "",
+                     "change its start in the model file");
+  }
+  const double value = si_value(parse_quantity(text, {}, what), changed.unit, {}, what);
+  changed.value = value * Eigen::MatrixXd::Identity(changed.value.rows(), changed.value.cols());
+  if (changed.domain == Domain::scalar) {
+    const bool vehicle = model.form == ModelFile::Form::single_track;
+    check_value(changed, vehicle ? vehicle_rule(name) : nullptr, {});
+  } else if (const std::string fault = domain_fault(changed); !fault.empty()) {
+    throw InputError({}, fmt::format("{}: the matrix {}", what, fault));
+  }
+  ParameterSet parameters = model.parameters;
+  parameters[static_cast<std::size_t>(index)] = std::move(changed);
+  if (model.form == ModelFile::Form::linear) {
+    if (const std::optional<ModelFault> fault = fault_at(model.linear, parameters)) {
+      throw InputError({}, fmt::format("{}: {} then", what, fault->text));
+    }
+  }
+  model.parameters = std::move(parameters);
+}
+
+}  // namespace identikal

@@ -1,0 +1,208 @@
+#include "identify/report.h"
+
+#include <fmt/format.h>
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <vector>
+
+#include "lib/error.h"
+
+namespace identikal {
+namespace {
+
+constexpr std::size_t kWidth = 80;
+
+// Breaks a sentence at blanks so that no line is longer than the page; following lines are indented.
+std::string wrapped(const std::string& text, std::size_t indent) {
+  std::string out, line, word;
+  const auto flush_word = [&] {
+    if (!line.empty() && line.size() + 1 + word.size() > kWidth) {
+      out += line + "\n";
+      line = std::string(indent, ' ') + word;
+    } else {
+      line += (line.empty() || word.empty() ? "" : " ") + word;
+    }
+    word.clear();
+  };
+  // Blanks at the begin belong to the layout.
+  std::size_t begin = std::min(text.find_first_not_of(' '), text.size());
+  line = text.substr(0, begin);
+  bool first = true;
+  for (std::size_t i = begin; i <= text.size(); ++i) {
+    if (i < text.size() && text[i] != ' ') {
+      word += text[i];
+      continue;
+    }
+    if (first) {
+      line += word;
+      word.clear();
+      first = false;
+    } else {
+      flush_word();
+    }
+  }
+  return out + line + "\n";
+}
+
+std::string value_text(double value) { return std::isnan(value) ? "-" : fmt::format("{:.6g}", value); }
+std::string error_text(double value) { return std::isnan(value) ? "-" : fmt::format("{:.3g}", value); }
+
+std::string parameter_table(const Estimate& estimate) {
+  std::size_t name = 9, unit = 4;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    name = std::max(name, p.name.size());
+    unit = std::max(unit, p.unit.size());
+  }
+  std::string out = fmt::format("{:<{}} {:<{}} {:>10} {:>9} {:>20} {:>9}  {}\n", "parameter", name, "unit", unit,
+                                "value", "se", "95 % interval", "bound se", "verdict");
+  for (const EstimatedParameter& p : estimate.parameters) {
+    const bool interval = !std::isnan(p.ci95[0]) && !std::isnan(p.ci95[1]);
+    std::string verdict = p.fixed ? "fixed" : to_string(p.verdict);
+    if (!p.with.empty()) {
+      verdict += " with";
+      for (const std::string& other : p.with) verdict += " " + other;
+    }
+    out += fmt::format("{:<{}} {:<{}} {:>10} {:>9} {:>20} {:>9}  {}\n", p.name, name, p.unit.empty() ? "-" : p.unit,
+                       unit, value_text(p.value), error_text(p.se),
+                       interval ? fmt::format("{:.5g} .. {:.5g}", p.ci95[0], p.ci95[1]) : "-",
+                       error_text(p.crb_se), verdict);
+  }
+  return out;
+}
+
+std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {
+  if (M.size() == 0) return "";
+  std::string out = name + " = [";
+  for (Eigen::Index i = 0; i < M.rows(); ++i) {
+    for (Eigen::Index j = 0; j < M.cols(); ++j) {
+      out += fmt::format("{}{:.6g}", j > 0 ? ", " : (i > 0 ? "; " : ""), M(i, j));
+    }
+  }
+  return wrapped(out + "]", 4);
+}
+
+std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
+  std::string out;
+  for (const ChannelFit& fit : fits) {
+    out += fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {:.4g} {}\n", kind, fit.channel,
+                       std::isnan(fit.fit_percent) ? "-" : fmt::format("{:.2f}", fit.fit_percent), fit.rmse, fit.unit);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string console_report(const Estimate& estimate) {
+  std::string out = wrapped(fmt::format("{}: {} ({})", estimate.verb, estimate.model_name, estimate.objective.method), 4);
+  for (const InputRecord& input : estimate.inputs) {
+    out += fmt::format("data   {}: {} rows, {} used\n", input.path, input.rows, input.used);
+  }
+  out += "\n" + parameter_table(estimate);
+  if (!estimate.covariance_kind.empty()) out += wrapped("se from " + estimate.covariance_kind, 8);
+  out += "\n";
+  const Noise& noise = estimate.noise;
+  out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) + matrix_text("K", noise.K_steady);
+  if (noise.Q.size() > 0) out += "\n";
+  for (const DerivedValue& d : estimate.derived) {
+    out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, value_text(d.value), d.unit,
+                       std::isnan(d.se) ? "" : "+- " + error_text(d.se));
+  }
+  if (!estimate.derived.empty()) out += "\n";
+  const Objective& objective = estimate.objective;
+  if (!std::isnan(objective.log_likelihood)) {
+    out += fmt::format("log-likelihood {:.6f}", objective.log_likelihood);
+    if (!std::isnan(objective.log_likelihood_start)) out += fmt::format(" (start {:.6f})", objective.log_likelihood_start);
+    if (!std::isnan(objective.aic)) out += fmt::format(", AIC {:.2f}, BIC {:.2f}", objective.aic, objective.bic);
+    out += "\n";
+  }
+  if (objective.starts > 0) {
+    out += fmt::format("search {} of {} starts agree, {} iterations, {} evaluations\n", objective.starts_agree,
+                       objective.starts, objective.iterations, objective.evaluations);
+  }
+  out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation);
+  for (const TestResult& test : estimate.tests) {
+    out += fmt::format("test   {:<12} {:<12} {:>9.4g} in {:.4g} .. {:.4g}  p {:.2g}  {}\n", test.id, test.channel, test.value,
+                       test.interval[0], test.interval[1], test.p, test.pass ? "pass" : "FAIL");
+  }
+  for (const std::string& note : estimate.notes) out += wrapped(note, 7);
+  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
+    std::string line = "flat   the data do not determine the combination";
+    for (std::size_t i = 0; i < d.names.size(); ++i) line += fmt::format(" {:+.2f} {}", d.weights[i], d.names[i]);
+    out += wrapped(line + " (relative to each one's own error)", 7);
+  }
+  for (const Warning& w : estimate.warnings) {
+    out += wrapped(fmt::format("{:<7}{}: {}", w.severity == "note" ? "note" : w.severity == "serious" ? "SERIOUS" : "warn",
+                               (w.severity == "serious" ? " " : "") + w.code, w.text), 7);
+    if (!w.todo.empty()) out += wrapped("       -> " + w.todo, 10);
+  }
+  return out + wrapped("\nstatus " + to_string(estimate.status) + ": " + estimate.message, 7);
+}
+
+std::string residuals_csv(const Estimate& estimate) {
+  const Series& s = estimate.series;
+  std::string out = "time [s]";
+  for (std::size_t i = 0; i < s.channels.size(); ++i) {
+    const std::string unit = s.units[i].empty() ? "" : " [" + s.units[i] + "]";
+    out += fmt::format(",{0}{1},{0}_predicted{1},{0}_standardised", s.channels[i], unit);
+  }
+  out += "\n";
+  const auto cell = [](double value) { return std::isnan(value) ? std::string() : fmt::format("{:.9g}", value); };
+  for (Eigen::Index t = 0; t < s.time.size(); ++t) {
+    out += fmt::format("{:.12g}", s.time[t]);
+    for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
+      out += "," + cell(s.measured(i, t)) + "," + cell(s.predicted(i, t)) + ",";
+      if (s.standardised.size() > 0) out += cell(s.standardised(i, t));
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+void write_file(const std::string& folder, const std::string& name, const std::string& content) {
+  namespace fs = std::filesystem;
+  const fs::path target = fs::path(folder) / name, temporary = fs::path(folder) / ("." + name + ".part");
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error || !fs::is_directory(folder)) {
+    throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") + "; give another with -o");
+  }
+  {
+    std::ofstream file(temporary, std::ios::binary);
+    file << content;
+    file.close();
+    if (!file) {
+      fs::remove(temporary, error);
+      throw OutputError(target.string() + ": cannot write; give another folder with -o");
+    }
+  }
+  fs::rename(temporary, target, error);
+  if (error) {
+    const std::string reason = error.message();
+    fs::remove(temporary, error);
+    throw OutputError(target.string() + ": cannot write: " + reason);
+  }
+}
+
+std::string sha256_of_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw InputError({path, 0, 0}, "cannot be read");
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
+  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  std::vector<char> buffer(1 << 16);
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || file.gcount() > 0) {
+    EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(file.gcount()));
+  }
+  unsigned char digest[EVP_MAX_MD_SIZE];
+  unsigned int size = 0;
+  EVP_DigestFinal_ex(context.get(), digest, &size);
+  std::string out;
+  for (unsigned int i = 0; i < size; ++i) out += fmt::format("{:02x}", digest[i]);
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,124 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "identify/report.h"
+
+namespace identikal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json matrix(const Eigen::MatrixXd& M) {
+  if (M.size() == 0) return nullptr;
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < M.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < M.cols(); ++j) row.push_back(number(M(i, j)));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Json parameters(const Estimate& estimate) {
+  Json out = Json::array();
+  for (const EstimatedParameter& p : estimate.parameters) {
+    out.push_back({{"name", p.name},
+                   {"unit", p.unit},
+                   {"value", number(p.value)},
+                   {"se", number(p.se)},
+                   {"ci95", {number(p.ci95[0]), number(p.ci95[1])}},
+                   {"crb_se", number(p.crb_se)},
+                   {"start", number(p.start)},
+                   {"fixed", p.fixed},
+                   {"verdict", to_string(p.verdict)},
+                   {"with", p.with}});
+  }
+  return out;
+}
+
+Json fits(const std::vector<ChannelFit>& channels) {
+  Json out = Json::object();
+  for (const ChannelFit& fit : channels) {
+    out[fit.channel] = {
+        {"fit_percent", number(fit.fit_percent)}, {"rmse", number(fit.rmse)}, {"unit", fit.unit}};
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
+  Json out;
+  out["schema_version"] = 1;
+  out["verb"] = estimate.verb;
+  out["model"] = estimate.model_name;
+  out["status"] = {{"code", to_string(estimate.status)},
+                   {"exit", exit_code(estimate, strict)},
+                   {"message", estimate.message}};
+  out["inputs"] = Json::array();
+  for (const InputRecord& input : estimate.inputs) {
+    out["inputs"].push_back({{"path", input.path},
+                             {"sha256", input.sha256},
+                             {"rows", input.rows},
+                             {"used", input.used}});
+  }
+  out["parameters"] = parameters(estimate);
+  out["covariance_kind"] = estimate.covariance_kind;
+  out["correlation"] = {{"names", estimate.correlation_names},
+                        {"matrix", matrix(estimate.correlation)}};
+  const Noise& noise = estimate.noise;
+  out["noise"] = {{"Q", {{"matrix", matrix(noise.Q)}, {"kind", noise.Q_kind}}},
+                  {"R", {{"matrix", matrix(noise.R)}}},
+                  {"S", matrix(noise.S)},
+                  {"K_steady", matrix(noise.K_steady)},
+                  {"P_steady", matrix(noise.P_steady)}};
+  const Objective& objective = estimate.objective;
+  out["objective"] = {{"method", objective.method},
+                      {"log_likelihood", number(objective.log_likelihood)},
+                      {"log_likelihood_start", number(objective.log_likelihood_start)},
+                      {"aic", number(objective.aic)},
+                      {"bic", number(objective.bic)},
+                      {"iterations", objective.iterations},
+                      {"evaluations", objective.evaluations},
+                      {"starts", objective.starts},
+                      {"starts_agree", objective.starts_agree}};
+  out["fit"] = {{"one_step", fits(estimate.one_step)},
+                {"simulation", fits(estimate.simulation)},
+                {"hold_out", Json::object()}};
+  out["tests"] = Json::array();
+  for (const TestResult& test : estimate.tests) {
+    out["tests"].push_back({{"id", test.id},
+                            {"channel", test.channel},
+                            {"value", number(test.value)},
+                            {"interval", {number(test.interval[0]), number(test.interval[1])}},
+                            {"p", number(test.p)},
+                            {"pass", test.pass}});
+  }
+  Json directions = Json::array();
+  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
+    directions.push_back({{"names", d.names}, {"weights", d.weights}});
+  }
+  out["identifiability"] = {{"rank", estimate.identifiability.rank},
+                            {"of", estimate.identifiability.of},
+                            {"cond", number(estimate.identifiability.condition)},
+                            {"flat_directions", directions}};
+  out["derived"] = Json::array();
+  for (const DerivedValue& d : estimate.derived) {
+    out["derived"].push_back(
+        {{"name", d.name}, {"unit", d.unit}, {"value", number(d.value)}, {"se", number(d.se)}});
+  }
+  out["warnings"] = Json::array();
+  for (const Warning& w : estimate.warnings) {
+    out["warnings"].push_back({{"code", w.code},
+                               {"severity", w.severity},
+                               {"about", w.about},
+                               {"text", w.text},
+                               {"do", w.todo}});
+  }
+  out["timing_s"] = number(timing_s);
+  return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace identikal

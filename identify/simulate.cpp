@@ -1,0 +1,176 @@
+#include "identify/simulate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <vector>
+
+#include "identify/vehicle_problem.h"
+#include "lib/manoeuvre.h"
+#include "lib/matrix_equations.h"
+#include "lib/random.h"
+#include "lib/single_track.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// One column of the file: values are SI.
+struct OutputColumn {
+  std::string name, unit;
+  VectorXd values;
+};
+
+// "3" stands for the third column of a file; a simulated file needs a name that says the same.
+std::string column_name(const ChannelSource& source) {
+  const std::string& name = source.column;
+  const bool number = std::all_of(name.begin(), name.end(),
+                                  [](unsigned char c) { return std::isdigit(c) != 0; });
+  return number ? "column_" + name : name;
+}
+
+std::string csv_text(const ModelFile& model, std::uint64_t seed, const std::vector<OutputColumn>& columns) {
+  std::string out = fmt::format("# simulated from '{}', seed {}\n", model.name, seed);
+  for (const ReportedEntries entries = reported_entries(model.parameters); const std::string& name : entries.names) {
+    const auto i = static_cast<std::size_t>(&name - entries.names.data());
+    const Unit unit = parse_unit(entries.units[i]).value_or(Unit{});
+    out += fmt::format("# truth: {} = {:.10g} {}\n", name, unit.from_si(entries.value[static_cast<Index>(i)]), entries.units[i]);
+  }
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    const std::string unit = columns[c].unit.empty() ? "" : " [" + columns[c].unit + "]";
+    out += (c > 0 ? "," : "") + columns[c].name + unit;
+  }
+  out += "\n";
+  const Index rows = columns.empty() ? 0 : columns[0].values.size();
+  for (Index t = 0; t < rows; ++t) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const Unit unit = parse_unit(columns[c].unit).value_or(Unit{});
+      out += fmt::format("{}{:.10g}", c > 0 ? "," : "", unit.from_si(columns[c].values[t]));
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+OutputColumn time_column(const ModelFile& model, const VectorXd& time) {
+  return {model.time.column.empty() ? "time" : model.time.column,
+          model.time.unit.empty() ? "s" : model.time.unit, time};
+}
+
+}  // namespace
+
+Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inputs, std::uint64_t seed) {
+  const StateSpace system = instantiate(model.linear, model.parameters);
+  const Location at{model.path, 0, 0};
+  if (system.inputs() > 0 && inputs == nullptr) {
+    throw InputError(at, "the model has inputs", "a recording that holds them", "add it to the command line");
+  }
+  const Index N = inputs != nullptr ? inputs->size() : rows;
+  const Index n = system.states(), nw = system.G.cols(), ny = system.outputs();
+  MatrixXd joint(nw + ny, nw + ny);
+  joint << system.Q, system.S, system.S.transpose(), system.R;
+  MatrixXd factor;
+  try {
+    factor = semidefinite_factor(joint);
+  } catch (const std::invalid_argument&) {
+    throw InputError(at, "the noise covariance [Q S; S' R] is not positive semidefinite");
+  }
+  Random random(seed);
+  VectorXd x = VectorXd::Zero(n);
+  if (model.linear.initial == InitialState::stationary) {
+    const auto P = solve_discrete_lyapunov(system.A, system.G * system.Q * system.G.transpose());
+    if (!P) throw InputError(at, "'initial: stationary' with an A that is not stable", "every eigenvalue inside the unit circle");
+    x = semidefinite_factor(*P) * random.normal(n);
+  } else if (model.linear.initial == InitialState::given) {
+    x = system.x0 + semidefinite_factor(system.P0) * random.normal(n);
+  }
+
+  MatrixXd y(ny, N);
+  for (Index t = 0; t < N; ++t) {
+    const VectorXd noise = factor * random.normal(nw + ny);
+    VectorXd next = system.A * x + system.G * noise.head(nw);
+    y.col(t) = system.C * x + noise.tail(ny);
+    if (inputs != nullptr && system.inputs() > 0) {
+      y.col(t) += system.D * inputs->u.col(t);
+      next += system.B * inputs->u.col(t);
+    }
+    x.swap(next);
+  }
+  const double step = inputs != nullptr ? inputs->dt : system.dt;
+  const VectorXd time = inputs != nullptr ? inputs->time : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
+  // Columns that the model names by number must stand where it says, so time comes last.
+  std::vector<OutputColumn> columns;
+  for (Index i = 0; i < ny; ++i) {
+    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
+    columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
+  }
+  for (Index i = 0; i < system.inputs(); ++i) {
+    const ChannelSource& source = model.inputs[static_cast<std::size_t>(i)];
+    columns.push_back({column_name(source), source.unit, inputs->u.row(i).transpose()});
+  }
+  columns.push_back(time_column(model, time));
+  return {csv_text(model, seed, columns), N};
+}
+
+Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& settings, const Dataset* inputs,
+                           std::uint64_t seed) {
+  VectorXd time, angle, vx;
+  if (inputs != nullptr) {
+    time = inputs->time;
+    angle = inputs->u.row(0).transpose();
+    vx = inputs->u.row(1).transpose();
+    if (!angle.allFinite() || !vx.allFinite() || vx.minCoeff() <= 0.0) {
+      throw InputError({inputs->name, 0, 0}, "steering or speed is missing or not positive in some row", "both in every row",
+                       "select rows with --range");
+    }
+  } else {
+    const auto N = static_cast<Index>(std::llround(settings.duration * settings.rate));
+    time = VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) / settings.rate);
+    angle = steering(SevereLaneChange{}, time);
+    if (model.vehicle.steering_at_road_wheel) {
+      // The manoeuvre is that of a steering wheel with the ratio of the source's car.
+      angle /= 21.0;
+    }
+    vx = VectorXd::Constant(N, settings.speed);
+  }
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  const SingleTrack<double> car = linear_car(unknowns.value);
+  const DrivenStretch driven = drive(time, angle, vx, decay_rate_times_speed(car));
+
+  std::vector<OutputColumn> columns{time_column(model, time)};
+  columns.push_back({column_name(model.inputs[0]), model.inputs[0].unit, angle});
+  columns.push_back({column_name(model.inputs[1]), model.inputs[1].unit, vx});
+  std::vector<VehicleSensor> sensors;
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    const ChannelSource& source = model.outputs[i];
+    if (std::isnan(model.vehicle.measurement_sd[i])) {
+      throw InputError(source.at, fmt::format("no measurement noise is given for output '{}'", source.name),
+                       "noise: {measurement: {kind: per-sample, sd: {" + source.name + ": ...}}}");
+    }
+    VehicleSensor sensor;
+    sensor.quantity = *vehicle_quantity(source.name);
+    const auto position = model.vehicle.sensors.find(source.name);
+    if (position != model.vehicle.sensors.end()) {
+      sensor.x = position->second.x;
+      sensor.y = position->second.y;
+    }
+    sensors.push_back(sensor);
+    columns.push_back({column_name(source), source.unit, VectorXd(time.size())});
+  }
+  Random random(seed);
+  simulate(car, driven, 0.0, 0.0, [&](Index row, const Motion<double>& motion, double speed) {
+    for (std::size_t i = 0; i < sensors.size(); ++i) {
+      columns[3 + i].values[row] = measured(sensors[i], car, motion, speed) +
+                                   model.vehicle.measurement_sd[i] * random.normal();
+    }
+  });
+  return {csv_text(model, seed, columns), time.size()};
+}
+
+}  // namespace identikal

@@ -1,0 +1,123 @@
+#include "identify/tyre_saturation.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "identify/distribution.h"
+#include "lib/long_run_covariance.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kScoreLevel = 0.01;
+constexpr double kAxleLevel = 0.005;  // one-sided, each of two axles
+
+VehicleProblem softening_problem(const VehicleProblem& linear) {
+  VehicleUnknowns unknowns = linear.unknowns;
+  const Eigen::Index k = linear.parameters();
+  const Eigen::Vector2d load = axle_loads(unknowns.value);
+  for (Eigen::VectorXd* bounds : {&unknowns.lower, &unknowns.upper, &unknowns.scale}) {
+    bounds->conservativeResize(k + 2);
+  }
+  for (int axle = 0; axle < 2; ++axle) {
+    unknowns.free.push_back(axle == 0 ? kSofteningFront : kSofteningRear);
+    unknowns.position.push_back(0);
+    // The unit is an axle that gives its own load at most (friction 1); below friction 0.1 nobody drives.
+    unknowns.scale[k + axle] = 1.0 / (load[axle] * load[axle]);
+    unknowns.lower[k + axle] = 0.0;
+    unknowns.upper[k + axle] = 100.0 * unknowns.scale[k + axle];
+  }
+  return make_vehicle_problem(*linear.run, unknowns, true, linear.decay_rate);
+}
+
+/// The linear optimum as coordinates of the softening problem.
+Eigen::VectorXd with_softening(const VehicleProblem& linear, const Eigen::VectorXd& z,
+                               const Eigen::Vector2d& softening) {
+  const Eigen::Index k = linear.parameters();
+  Eigen::VectorXd out(z.size() + 2);
+  out << z.head(k), softening, z.tail(z.size() - k);
+  return out;
+}
+
+double quantile_95(std::vector<double> values) {
+  const auto at = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+}  // namespace
+
+TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
+                                    const VehicleCovariance& covariance) {
+  TyreSaturation out;
+  const VehicleProblem problem = softening_problem(linear);
+  const Eigen::Index k = linear.parameters();
+  const Eigen::VectorXd at_linear =
+      with_softening(linear, optimum.z, Eigen::Vector2d::Zero());
+  Eigen::VectorXd e;
+  LeastSquares::RowMatrix J;
+  if (!output_error(problem, at_linear, e, &J)) return out;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    J.row(n) /= covariance.sd[problem.output[i]];
+    e[n] /= covariance.sd[problem.output[i]];
+  }
+
+  Eigen::MatrixXd others(J.rows(), J.cols() - 2);
+  others << J.leftCols(k), J.rightCols(J.cols() - k - 2);
+  const Eigen::MatrixXd X = orthogonal_part(others, J.middleCols(k, 2));
+  const Eigen::Matrix2d information = X.transpose() * X;
+  // A recording at a crawl does not bend the tyre at all, and two axles may bend it the same way.
+  if (!(information.determinant() > 1e-9 * information(0, 0) * information(1, 1))) return out;
+  const Eigen::MatrixXd scores = summed_by_row(problem, X, -e);
+  const Eigen::Vector2d score = scores.rowwise().sum();
+  const Eigen::Matrix2d spread =
+      covariance.coloured
+          ? Eigen::Matrix2d(long_run_covariance(
+                scores, andrews_bandwidth(scores, std::max<Eigen::Index>(1, scores.cols() / 8))))
+          : information;
+  const double statistic = score.dot(spread.inverse() * score);
+  if (!std::isfinite(statistic) || statistic < 0.0) return out;
+  out.score_p = chi_square_upper_tail(statistic, 2.0);
+  if (out.score_p > kScoreLevel) return out;
+
+  // From the step that the score suggests and from a distinct softening: far from linear the score may mislead.
+  VehicleOptimum best;
+  const Eigen::Vector2d step = (information.inverse() * score).cwiseMax(1e-3).cwiseMin(4.0);
+  for (const Eigen::Vector2d& softening : {step, Eigen::Vector2d(1.0, 1.0)}) {
+    const VehicleOptimum found = maximise_likelihood(
+        problem, with_softening(linear, optimum.z, softening), SolverOptions{});
+    if (found.log_likelihood > best.log_likelihood) best = found;
+  }
+  if (!best.converged) return out;
+  out.refitted = true;
+  out.gain = best.log_likelihood - optimum.log_likelihood;
+  out.softened = parameters_at(problem, best.z);
+  output_error(problem, best.z, e, nullptr);
+  out.rms = rms_per_output(problem, e);
+
+  const VehicleCovariance refit = vehicle_covariance(problem, best);
+  std::vector<double> slips[2];
+  replay(problem, best.z, [&](Eigen::Index, const Motion<double>& motion, double) {
+    slips[0].push_back(std::abs(motion.slip_front));
+    slips[1].push_back(std::abs(motion.slip_rear));
+  });
+  for (int axle = 0; axle < 2; ++axle) {
+    TyreSaturation::Axle& result = axle == 0 ? out.front : out.rear;
+    const double softening = out.softened[axle == 0 ? kSofteningFront : kSofteningRear];
+    const double stiffness = out.softened[axle == 0 ? kCf : kCr];
+    result.slip = quantile_95(slips[axle]);
+    const double linear_force = stiffness * result.slip;
+    result.loss = 1.0 - tanh_ratio(softening * linear_force * linear_force);
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
+    gradient[k + axle] = 1.0;
+    // The same margin as a 99 % interval of the covariance at hand: its degrees of freedom are in its quantile.
+    const double se = standard_error(problem, refit, gradient);
+    const double two_sided_99 = refit.quantile * 2.5758293 / 1.9599640;
+    result.significant = softening > two_sided_99 * se;
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,28 @@
+// Is the linear tyre good enough for this recording?
+#pragma once
+
+#include "identify/vehicle_covariance.h"
+
+namespace identikal {
+
+/// A fit with axles that soften, F = -tanh(s C alpha)/s, beside the linear one.
+struct TyreSaturation {
+  double score_p = kNone;  ///< p-value of "both axles are linear", from the linear fit alone
+  bool refitted = false;   ///< the rest is filled: the score test found something
+  VehicleParameters<double> softened{};  ///< of the refit; softening = 1/(largest force)^2
+  double gain = 0.0;                     ///< in log-likelihood over the linear fit
+  struct Axle {
+    bool significant = false;  ///< softening > 0, one-sided, 0.5 % level
+    double slip = kNone;       ///< 95 % quantile of |slip angle| [rad]
+    double loss = kNone;       ///< share of the linear force that is missing at that slip angle
+  };
+  Axle front, rear;
+  Eigen::VectorXd rms;  ///< per output of the refit, SI
+};
+
+/// Score test (Rao 1948) for the softening of both axles at the linear optimum, robust against coloured
+/// residuals where `covariance` is; when it rejects at 1 %, the softening car is fitted.
+TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
+                                    const VehicleCovariance& covariance);
+
+}  // namespace identikal

@@ -1,0 +1,281 @@
+#include "identify/vehicle_checks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kDegrees = 57.295779513082323;
+constexpr double kFlippedBelow = -0.2;        // correlation; noise alone stays near 0
+constexpr double kPoorFit = 50.0;             // [%]
+constexpr double kSeriousForceLoss = 0.10;    // of the linear axle force
+constexpr double kNoiseFactor = 1.5;          // between residual and given noise
+
+/// Correlation of x with y over the usable rows; 0 when either is constant.
+double correlation(const VehicleRun& run, const Eigen::VectorXd& x, const Eigen::VectorXd& y) {
+  double n = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
+  for (const VehicleRun::Stretch& s : run.stretches) {
+    for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
+      if (std::isnan(x[t]) || std::isnan(y[t])) continue;
+      n += 1.0;
+      sx += x[t];
+      sy += y[t];
+      sxx += x[t] * x[t];
+      syy += y[t] * y[t];
+      sxy += x[t] * y[t];
+    }
+  }
+  const double scale = std::sqrt((n * sxx - sx * sx) * (n * syy - sy * sy));
+  return scale > 0.0 ? (n * sxy - sx * sy) / scale : 0.0;
+}
+
+bool usable(const Estimate& estimate, const std::string& name) {
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.name == name) return p.fixed || p.verdict == Verdict::ok || p.verdict == Verdict::weak;
+  }
+  return false;
+}
+
+bool is_free(const Estimate& estimate, const std::string& name) {
+  return std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
+                     [&](const EstimatedParameter& p) { return p.name == name && !p.fixed; });
+}
+
+}  // namespace
+
+double in_unit(const VehicleRun::Output& output, double si) {
+  const auto unit = parse_unit(output.unit);
+  return unit ? si / unit->scale : si;
+}
+
+void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Estimate& estimate) {
+  const Eigen::Index jr = run.find(VehicleQuantity::r), ja = run.find(VehicleQuantity::ay);
+  const Eigen::VectorXd vx = run.vx;
+  if (jr >= 0) {
+    const double turn = p[kSteeringGain] < 0.0 ? -1.0 : 1.0;
+    const double c = turn * correlation(run, vx.cwiseProduct(run.steering), run.y.row(jr));
+    if (c < kFlippedBelow) {
+      estimate.warnings.push_back(
+          {"sign_steering",
+           "serious",
+           {"r", "steering"},
+           fmt::format("yaw rate turns against the steering: correlation of vx * angle with r is "
+                       "{:.2f}",
+                       c),
+           "one of the two has the wrong sign: both are positive to the left (ISO 8855)"});
+    }
+  }
+  if (jr >= 0 && ja >= 0) {
+    const double c =
+        correlation(run, vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
+    if (c < kFlippedBelow) {
+      estimate.warnings.push_back(
+          {"sign_ay",
+           "serious",
+           {"ay", "r"},
+           fmt::format("lateral acceleration points out of the turn: correlation of vx * r with ay "
+                       "is {:.2f}",
+                       c),
+           "one of the two has the wrong sign: both are positive to the left (ISO 8855)"});
+    }
+  }
+}
+
+void check_plausibility(const VehicleProblem& problem, const VehicleParameters<double>& p,
+                        Estimate& estimate) {
+  const auto warn = [&](const std::string& name, const std::string& text) {
+    estimate.warnings.push_back({"implausible_" + name,
+                                 "warning",
+                                 {name},
+                                 text,
+                                 "check mass, axle distances, steering ratio, units and sensor "
+                                 "positions"});
+  };
+  const double ratio = p[kYawInertia] / (p[kMass] * p[kA] * p[kB]);
+  if (is_free(estimate, "Iz") && usable(estimate, "Iz") && (ratio < 0.8 || ratio > 1.3)) {
+    warn("Iz", fmt::format("Iz/(m a b) = {:.2f}; cars lie between 0.8 and 1.3", ratio));
+  }
+  const Eigen::Vector2d load = axle_loads(problem.unknowns.value);
+  for (int axle = 0; axle < 2; ++axle) {
+    const std::string name = axle == 0 ? "Cf" : "Cr";
+    const double per_load = p[axle == 0 ? kCf : kCr] / load[axle];
+    if (is_free(estimate, name) && usable(estimate, name) && (per_load < 5.0 || per_load > 25.0)) {
+      warn(name, fmt::format("{} is {:.1f} times its axle load per rad; tyres lie between 5 and 25",
+                             name, per_load));
+    }
+  }
+}
+
+void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate) {
+  const auto& outputs = problem.run->outputs;
+  double best = -std::numeric_limits<double>::infinity(), yaw = kNone;
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    const double fit = estimate.simulation[j].fit_percent;
+    best = std::max(best, fit);
+    if (outputs[j].sensor.quantity == VehicleQuantity::r) yaw = fit;
+  }
+  const double fit = std::isnan(yaw) ? best : yaw;
+  if (fit < kPoorFit) {
+    const bool noisy = outputs.size() == 1 && estimate.tests.size() == 1 && estimate.tests[0].pass;
+    estimate.warnings.push_back(
+        {"poor_fit",
+         "serious",
+         {std::isnan(yaw) ? outputs.front().name : std::string("r")},
+         fmt::format("the simulation explains only {:.0f} % of {}{}", std::max(fit, 0.0),
+                     std::isnan(yaw) ? "the best output" : "the yaw rate",
+                     noisy ? "; the rest is white noise" : ""),
+         noisy ? "steer more, or use a better sensor"
+               : "check signs, units, clocks and delays of the channels; plot the residuals"});
+  }
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    const double given = outputs[j].given_sd, seen = rms[static_cast<Eigen::Index>(j)];
+    if (std::isnan(given)) continue;
+    if (seen > kNoiseFactor * given || seen < given / kNoiseFactor) {
+      estimate.warnings.push_back(
+          {"noise_differs",
+           "warning",
+           {outputs[j].name},
+           fmt::format("residual of {} is {:.3g} {}, the model file gives {:.3g} as its noise",
+                       outputs[j].name, in_unit(outputs[j], seen), outputs[j].unit,
+                       in_unit(outputs[j], given)),
+           "leave the noise out of the model file to have it estimated"});
+    }
+  }
+}
+
+void check_whiteness(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                     Estimate& estimate) {
+  if (!covariance.coloured) return;
+  double widened = 0.0;
+  for (Eigen::Index i = 0; i < covariance.white.rows(); ++i) {
+    const double white = covariance.white(i, i);
+    if (white > 0.0) widened = std::max(widened, std::sqrt(covariance.covariance(i, i) / white));
+  }
+  std::vector<std::string> about;
+  std::string names;
+  for (const TestResult& test : covariance.whiteness) {
+    if (test.pass) continue;
+    about.push_back(test.channel);
+    names += (names.empty() ? "" : ", ") + test.channel;
+  }
+  estimate.warnings.push_back(
+      {"coloured_residuals",
+       "warning",
+       about,
+       fmt::format("residuals of {} are correlated in time: the model misses something. Standard "
+                   "errors allow for it over {:.2g} s; white ones would be up to {:.1f} times smaller",
+                   names,
+                   static_cast<double>(covariance.bandwidth) *
+                       (problem.run->time.tail(1)[0] - problem.run->time[0]) /
+                       std::max(1.0, static_cast<double>(problem.run->time.size() - 1)),
+                   std::max(widened, 1.0)),
+       "plot the residuals; validate on another recording"});
+}
+
+void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
+                 Estimate& estimate) {
+  if (!saturation.refitted) return;
+  const auto& front = saturation.front;
+  const auto& rear = saturation.rear;
+  if (!front.significant && !rear.significant) return;
+  const bool serious = (front.significant && front.loss > kSeriousForceLoss) ||
+                       (rear.significant && rear.loss > kSeriousForceLoss);
+  std::string text = "the tyre force bends away from the straight line:";
+  std::vector<std::string> about;
+  for (const bool is_front : {true, false}) {
+    const TyreSaturation::Axle& axle = is_front ? front : rear;
+    if (!axle.significant) continue;
+    about.emplace_back(is_front ? "Cf" : "Cr");
+    text += fmt::format("{} {} axle {:.0f} % below it at {:.1f} deg of slip",
+                        about.size() > 1 ? "," : "", is_front ? "front" : "rear",
+                        100.0 * axle.loss, kDegrees * axle.slip);
+  }
+  text += ". With tyres that saturate (tanh):";
+  const auto& free = problem.unknowns.free;
+  for (const VehicleParameter parameter : {kCf, kCr}) {
+    if (std::find(free.begin(), free.end(), parameter) == free.end()) continue;
+    for (const EstimatedParameter& p : estimate.parameters) {
+      if (p.name != name_of(parameter)) continue;
+      const auto unit = parse_unit(p.unit);
+      const double si = saturation.softened[parameter];
+      text += fmt::format(" {} {:.4g} {},", p.name, unit ? unit->from_si(si) : si, p.unit);
+    }
+  }
+  text += " residual";
+  for (std::size_t j = 0; j < problem.run->outputs.size(); ++j) {
+    const VehicleRun::Output& output = problem.run->outputs[j];
+    text += fmt::format("{} {} {:.3g} {}", j == 0 ? "" : ",", output.name,
+                        in_unit(output, saturation.rms[static_cast<Eigen::Index>(j)]), output.unit);
+  }
+  text += fmt::format("; log-likelihood {:+.4g}", saturation.gain);
+  estimate.warnings.push_back(
+      {"tyre_saturation", serious ? "serious" : "note", about, text,
+       serious ? "the linear stiffnesses are averages over this recording's slip angles and hold "
+                 "nowhere else: use a milder part of it (|ay| below about 4 m/s^2)"
+               : "the linear stiffnesses hold for slip angles of this size"});
+}
+
+void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                           Estimate& estimate) {
+  const VehicleRun& run = *problem.run;
+  const Eigen::Index ja = run.find(VehicleQuantity::ay), jr = run.find(VehicleQuantity::r);
+  const Eigen::Index N = run.time.size(), outputs = run.y.rows();
+  Eigen::VectorXd ay = Eigen::VectorXd::Constant(N, kNone);
+  Eigen::MatrixXd predicted = Eigen::MatrixXd::Constant(outputs, N, kNone);
+  const SingleTrack<double> car = linear_car(parameters_at(problem, optimum.z));
+  replay(problem, optimum.z, [&](Eigen::Index t, const Motion<double>& motion, double vx) {
+    ay[t] = motion.ay;
+    for (Eigen::Index j = 0; j < outputs; ++j) {
+      predicted(j, t) =
+          measured(run.outputs[static_cast<std::size_t>(j)].sensor, car, motion, vx);
+    }
+  });
+  // A car whose tyres saturate does not reach what the linear model predicts: measured values go first.
+  if (ja >= 0) {
+    ay = run.y.row(ja).transpose();
+  } else if (jr >= 0) {
+    ay = run.vx.cwiseProduct(run.y.row(jr).transpose());
+  }
+  const std::vector<double> edges = {0, 1, 2, 3, 4, 6, 8, 12};
+  std::string head = "rms of simulated - measured by |";
+  head += ja >= 0 ? "ay| [m/s^2]" : jr >= 0 ? "vx r| [m/s^2]" : "simulated ay| [m/s^2]";
+  estimate.notes.push_back(head);
+  for (std::size_t bin = 0; bin < edges.size(); ++bin) {
+    const bool last = bin + 1 == edges.size();
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(outputs), count = sum;
+    Eigen::Index rows = 0, present = 0;
+    for (Eigen::Index t = 0; t < N; ++t) {
+      const double a = std::abs(ay[t]);
+      if (std::isnan(a) || std::isnan(predicted(0, t))) continue;
+      ++present;
+      if (a < edges[bin] || (!last && a >= edges[bin + 1])) continue;
+      ++rows;
+      for (Eigen::Index j = 0; j < outputs; ++j) {
+        const double e = predicted(j, t) - run.y(j, t);
+        if (std::isnan(e)) continue;
+        sum[j] += e * e;
+        count[j] += 1.0;
+      }
+    }
+    if (rows == 0) continue;
+    std::string line =
+        last ? fmt::format("  over {:g}", edges[bin])
+             : fmt::format("  {:g} to {:g}", edges[bin], edges[bin + 1]);
+    line = fmt::format("{:<10} {:>3.0f} % of rows", line,
+                       100.0 * static_cast<double>(rows) / static_cast<double>(present));
+    for (Eigen::Index j = 0; j < outputs; ++j) {
+      if (count[j] == 0.0) continue;
+      const VehicleRun::Output& output = run.outputs[static_cast<std::size_t>(j)];
+      line += fmt::format("  {} {:.3g} {}", output.name,
+                          in_unit(output, std::sqrt(sum[j] / count[j])), output.unit);
+    }
+    estimate.notes.push_back(line);
+  }
+}
+
+}  // namespace identikal

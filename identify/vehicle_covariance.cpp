@@ -1,0 +1,205 @@
+#include "identify/vehicle_covariance.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+#include "identify/distribution.h"
+#include "lib/long_run_covariance.h"
+#include "lib/whiteness.h"
+
+namespace identikal {
+namespace {
+
+// Eigenvalues of the unit-diagonal information below this share of the largest carry no information, as in
+// judge_parameters().
+constexpr double kFlat = 1e-9;
+constexpr double kColouredLevel = 0.01;
+
+/// Orthonormal basis of the columns of A.
+Eigen::MatrixXd range_of(const Eigen::MatrixXd& A) {
+  if (A.cols() == 0) return Eigen::MatrixXd(A.rows(), 0);
+  Eigen::MatrixXd scaled = A;
+  for (Eigen::Index i = 0; i < A.cols(); ++i) {
+    const double norm = A.col(i).norm();
+    if (norm > 0.0) scaled.col(i) /= norm;
+  }
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(scaled);
+  qr.setThreshold(1e-9);
+  return qr.householderQ() * Eigen::MatrixXd::Identity(A.rows(), qr.rank());
+}
+
+/// Residuals of one output on the recording's rows, NaN elsewhere.
+Eigen::VectorXd on_rows(const VehicleProblem& problem, Eigen::Index output,
+                        const Eigen::VectorXd& residuals) {
+  Eigen::VectorXd out = Eigen::VectorXd::Constant(problem.run->time.size(), kNone);
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    if (problem.output[i] == output) {
+      out[problem.row[i]] = residuals[static_cast<Eigen::Index>(i)];
+    }
+  }
+  return out;
+}
+
+/// Ljung-Box of every output, judged together.
+void test_whiteness(const VehicleProblem& problem, VehicleCovariance& out) {
+  const auto& outputs = problem.run->outputs;
+  const double level = kColouredLevel / static_cast<double>(outputs.size());
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    const Eigen::VectorXd e = on_rows(problem, static_cast<Eigen::Index>(j), out.residuals);
+    const int lags = default_lags(outputs[j].samples);
+    const ChiSquareStatistic statistic = ljung_box(e, lags);
+    if (!std::isfinite(statistic.value)) continue;
+    TestResult test;
+    test.id = "ljung_box";
+    test.channel = outputs[j].name;
+    test.value = statistic.value;
+    test.interval = {0.0, chi_square_quantile(1.0 - level, statistic.dof)};
+    test.p = chi_square_upper_tail(statistic.value, statistic.dof);
+    test.pass = test.p >= level;
+    out.coloured = out.coloured || !test.pass;
+    out.whiteness.push_back(test);
+  }
+}
+
+}  // namespace
+
+Eigen::MatrixXd orthogonal_part(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
+  const Eigen::MatrixXd Q = range_of(A);
+  return B - Q * (Q.transpose() * B);
+}
+
+Eigen::MatrixXd summed_by_row(const VehicleProblem& problem, const Eigen::MatrixXd& X,
+                              const Eigen::VectorXd& weight) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(X.cols(), problem.run->used);
+  Eigen::Index column = -1, previous = -1;
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    if (problem.row[i] != previous) ++column;
+    previous = problem.row[i];
+    out.col(column) += weight[n] * X.row(n).transpose();
+  }
+  return out.leftCols(column + 1);
+}
+
+VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum) {
+  VehicleCovariance out;
+  const Eigen::Index k = problem.parameters(), m = problem.residuals();
+  const auto outputs = static_cast<Eigen::Index>(problem.run->outputs.size());
+  Eigen::VectorXd e;
+  LeastSquares::RowMatrix J;
+  output_error(problem, optimum.z, e, &J);
+
+  for (Eigen::Index i = 0; i < k; ++i) {
+    const double near = 1e-8 * std::max(1.0, std::abs(optimum.z[i]));
+    const bool at_bound = optimum.z[i] - problem.lower[i] <= near ||
+                          problem.upper[i] - optimum.z[i] <= near;
+    out.at_bound.push_back(at_bound);
+    if (!at_bound) out.inner.push_back(i);
+  }
+  const auto inner = static_cast<Eigen::Index>(out.inner.size());
+
+  // Weigh, and take the initial states out: what they can explain tells nothing about the parameters.
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    J.row(n) /= optimum.sd[problem.output[i]];
+    e[n] /= optimum.sd[problem.output[i]];
+  }
+  Eigen::MatrixXd X(m, inner);
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    X.col(i) = J.col(out.inner[static_cast<std::size_t>(i)]);
+  }
+  const Eigen::MatrixXd states = range_of(J.rightCols(problem.coordinates() - k));
+  X -= states * (states.transpose() * X);
+
+  // Eigenvectors of the information scaled to unit diagonal: X basis is orthonormal, `null` is flat.
+  Eigen::VectorXd size = X.colwise().norm().transpose();
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    if (!(size[i] > 0.0)) size[i] = 1.0;
+  }
+  const Eigen::MatrixXd unit = X * size.cwiseInverse().asDiagonal();
+  Eigen::MatrixXd basis(inner, 0), null(inner, 0);
+  if (inner > 0) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit.transpose() * unit);
+    const double least = kFlat * eigen.eigenvalues().maxCoeff();
+    const Eigen::Index flat = (eigen.eigenvalues().array() <= least).count();
+    null = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().leftCols(flat);
+    const Eigen::Index determined = inner - flat;
+    basis = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().rightCols(determined) *
+            eigen.eigenvalues().tail(determined).cwiseSqrt().cwiseInverse().asDiagonal();
+  }
+  const Eigen::MatrixXd influence = X * basis;
+
+  // An output loses as many degrees of freedom as the fit has leverage on its samples.
+  Eigen::VectorXd lost = Eigen::VectorXd::Zero(outputs), samples = lost;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    lost[problem.output[i]] += states.row(n).squaredNorm() + influence.row(n).squaredNorm();
+    samples[problem.output[i]] += 1.0;
+  }
+  out.sd = optimum.sd;
+  for (Eigen::Index j = 0; j < outputs; ++j) {
+    const bool given = !std::isnan(problem.run->outputs[static_cast<std::size_t>(j)].given_sd);
+    if (!given) out.sd[j] *= std::sqrt(samples[j] / std::max(samples[j] - lost[j], 1.0));
+  }
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    const double correction = optimum.sd[problem.output[i]] / out.sd[problem.output[i]];
+    X.row(n) *= correction;
+    e[n] *= correction;
+  }
+  out.residuals = e;
+
+  // From optimiser coordinates to SI.
+  Eigen::VectorXd scale(inner);
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    scale[i] = problem.unknowns.scale[out.inner[static_cast<std::size_t>(i)]];
+  }
+  const Eigen::MatrixXd information = X.transpose() * X;
+  out.information = scale.cwiseInverse().asDiagonal() * information *
+                    scale.cwiseInverse().asDiagonal();
+  out.null_space = null.cols() == 0
+                       ? null
+                       : Eigen::MatrixXd(null.householderQr().householderQ() *
+                                         Eigen::MatrixXd::Identity(inner, null.cols()));
+  const Eigen::MatrixXd inverse =
+      basis * (basis.transpose() * information * basis).inverse() * basis.transpose();
+  out.white = scale.asDiagonal() * inverse * scale.asDiagonal();
+
+  test_whiteness(problem, out);
+  const double used = static_cast<double>(m - states.cols() - basis.cols());
+  double freedom = std::max(used, 1.0);
+  out.covariance = out.white;
+  if (out.coloured && basis.cols() > 0) {
+    const Eigen::MatrixXd scores = summed_by_row(problem, X * inverse, e);
+    out.bandwidth = andrews_bandwidth(scores, std::max<Eigen::Index>(1, scores.cols() / 8));
+    const double correction = static_cast<double>(m) / freedom;
+    out.covariance = correction * (scale.asDiagonal() *
+                                   long_run_covariance(scores, out.bandwidth) * scale.asDiagonal());
+    // Degrees of freedom of a Bartlett estimate at this bandwidth (Priestley 1981, table 6.2).
+    freedom = std::max(
+        1.0, 1.5 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
+  }
+  out.quantile = student_t_quantile(0.975, freedom);
+  return out;
+}
+
+double standard_error(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                      const Eigen::VectorXd& gradient) {
+  const auto inner = static_cast<Eigen::Index>(covariance.inner.size());
+  Eigen::VectorXd g(inner), relative(inner);
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    const Eigen::Index from = covariance.inner[static_cast<std::size_t>(i)];
+    g[i] = gradient[from];
+    relative[i] = g[i] * problem.unknowns.scale[from];
+  }
+  for (std::size_t i = 0; i < covariance.at_bound.size(); ++i) {
+    if (covariance.at_bound[i] && gradient[static_cast<Eigen::Index>(i)] != 0.0) return kNone;
+  }
+  const double along = (covariance.null_space.transpose() * relative).norm();
+  if (along > 1e-6 * relative.norm()) return kNone;
+  return std::sqrt(std::max(0.0, g.dot(covariance.covariance * g)));
+}
+
+}  // namespace identikal

@@ -1,0 +1,234 @@
+#include "identify/vehicle_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "lib/error.h"
+#include "lib/nearest_name.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+constexpr Eigen::Index kFewestRows = 8;
+constexpr double kShortest = 1.0;    // [s]
+constexpr double kLongestGap = 3.0;  // [sampling periods]
+constexpr std::size_t kMostStretches = 60;
+constexpr double kSlowestModel = 0.5;   // [m/s]; the model divides by the speed
+constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
+
+Location in(const Dataset& data) { return Location{data.name, 0, 0}; }
+
+VehicleRun::Output describe_output(const ModelFile& model, const Dataset& data, std::size_t index) {
+  const std::string& name = model.outputs[index].name;
+  const auto quantity = vehicle_quantity(name);
+  if (!quantity) {
+    throw InputError(model.outputs[index].at, "output '" + name + "' of a single-track vehicle",
+                     "r, vy, ay or beta", did_you_mean(name, {"r", "vy", "ay", "beta"}));
+  }
+  VehicleRun::Output output;
+  output.name = name;
+  output.channel = static_cast<Eigen::Index>(index);
+  output.unit = index < data.outputs.size() ? data.outputs[index].unit : "";
+  output.sensor.quantity = *quantity;
+  if (const auto at = model.vehicle.sensors.find(name); at != model.vehicle.sensors.end()) {
+    output.sensor.x = at->second.x;
+    output.sensor.y = at->second.y;
+  }
+  if (index < model.vehicle.measurement_sd.size()) {
+    output.given_sd = model.vehicle.measurement_sd[index];
+  }
+  return output;
+}
+
+/// Why rows were not used, for the message when none is left.
+struct Losses {
+  Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, stretches = 0;
+};
+
+std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Losses& lost) {
+  std::vector<VehicleRun::Stretch> out;
+  Eigen::Index first = -1;
+  double longest_gap = kLongestGap * data.dt;
+  const auto close = [&](Eigen::Index end) {
+    if (first >= 0) out.push_back({first, end - first});
+    first = -1;
+  };
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    const double steering = data.u(0, t), vx = data.u(1, t);
+    if (!std::isfinite(steering)) ++lost.no_steering;
+    if (!std::isfinite(vx)) ++lost.no_speed;
+    if (vx < min_speed) ++lost.slow;
+    if (!std::isfinite(steering) || !std::isfinite(vx) || vx < min_speed) {
+      close(t);
+      continue;
+    }
+    if (first >= 0 && data.time[t] - data.time[t - 1] > longest_gap) close(t);
+    if (first < 0) first = t;
+  }
+  close(data.size());
+
+  std::erase_if(out, [&](const VehicleRun::Stretch& s) {
+    const double seconds = data.time[s.first + s.rows - 1] - data.time[s.first] + data.dt;
+    const bool fragment = s.rows < kFewestRows || seconds < kShortest;
+    if (fragment) {
+      lost.fragments += s.rows;
+      ++lost.stretches;
+    }
+    return fragment;
+  });
+  if (out.size() > kMostStretches) {
+    std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.rows > b.rows; });
+    for (std::size_t i = kMostStretches; i < out.size(); ++i) lost.fragments += out[i].rows;
+    lost.stretches += static_cast<Eigen::Index>(out.size() - kMostStretches);
+    out.resize(kMostStretches);
+    std::sort(out.begin(), out.end(),
+              [](const auto& a, const auto& b) { return a.first < b.first; });
+  }
+  return out;
+}
+
+[[noreturn]] void no_usable_row(const Dataset& data, double min_speed, const Losses& lost) {
+  const Eigen::Index N = data.size();
+  std::string why;
+  const auto add = [&](const std::string& reason) { why += (why.empty() ? "" : ", ") + reason; };
+  if (lost.slow > 0) {
+    const double fastest = (data.u.row(1).array() == data.u.row(1).array())
+                               .select(data.u.row(1).array(), 0.0)
+                               .maxCoeff();
+    add(fmt::format("{} below {:.3g} m/s (the fastest row has {:.3g} m/s)", lost.slow, min_speed,
+                    fastest));
+  }
+  if (lost.no_speed > 0) add(fmt::format("{} without vx", lost.no_speed));
+  if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
+  if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
+  throw InputError(in(data),
+                   fmt::format("no usable stretch in {} row{}{}{}", N, N == 1 ? "" : "s",
+                               why.empty() ? "" : ": ", why),
+                   fmt::format("at least {} rows and {:g} s in a row with steering angle and vx",
+                               kFewestRows, kShortest),
+                   lost.slow == N ? "is the unit of vx right?" : "");
+}
+
+/// Takes over the samples of the outputs, leaves out those that are dead.
+void pick_outputs(const ModelFile& model, const Dataset& data, VehicleRun& run) {
+  std::string dead;
+  std::vector<Eigen::VectorXd> rows;
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    VehicleRun::Output output = describe_output(model, data, i);
+    Eigen::VectorXd y = Eigen::VectorXd::Constant(data.size(), kNone);
+    double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+    for (const VehicleRun::Stretch& s : run.stretches) {
+      for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
+        const double value = data.y(output.channel, t);
+        if (!std::isfinite(value)) continue;
+        y[t] = value;
+        ++output.samples;
+        lowest = std::min(lowest, value);
+        highest = std::max(highest, value);
+      }
+    }
+    std::string trouble;
+    if (output.samples == 0) {
+      trouble = fmt::format("output '{}' has no sample in the rows used", output.name);
+    } else if (lowest == highest) {
+      const auto unit = parse_unit(output.unit);
+      trouble = fmt::format("output '{}' is constant at {:.6g} {}", output.name,
+                            unit ? unit->from_si(lowest) : lowest, output.unit);
+    }
+    if (trouble.empty()) {
+      rows.push_back(std::move(y));
+      run.outputs.push_back(std::move(output));
+      continue;
+    }
+    dead += (dead.empty() ? "" : "; ") + trouble;
+    run.warnings.push_back({"dead_output",
+                            "warning",
+                            {output.name},
+                            trouble + "; it is left out",
+                            "check the channel, or take it out of the model file"});
+  }
+  if (run.outputs.empty()) {
+    throw InputError(in(data), dead.empty() ? "the model has no output" : dead,
+                     "at least one measured output that moves");
+  }
+  run.y.resize(static_cast<Eigen::Index>(rows.size()), data.size());
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    run.y.row(static_cast<Eigen::Index>(j)) = rows[j].transpose();
+  }
+}
+
+void require_steering(const Dataset& data, VehicleRun& run) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  for (const VehicleRun::Stretch& s : run.stretches) {
+    lowest = std::min(lowest, run.steering.segment(s.first, s.rows).minCoeff());
+    highest = std::max(highest, run.steering.segment(s.first, s.rows).maxCoeff());
+  }
+  if (highest - lowest >= kMovedSteering) return;
+  const double degrees = 57.295779513082323;
+  const std::string seen = fmt::format("the steering angle stays between {:.4g} and {:.4g} deg",
+                                       degrees * lowest, degrees * highest);
+  if (std::max(std::abs(lowest), std::abs(highest)) < 100.0 * kMovedSteering) {
+    throw InputError(in(data), fmt::format("no steering: {} in the {} rows used", seen, run.used),
+                     "a manoeuvre that excites the car",
+                     "is it the right column, and is its unit right?");
+  }
+  run.warnings.push_back({"constant_steering",
+                          "warning",
+                          {},
+                          seen + ": the car is hardly excited",
+                          "record a manoeuvre: lane change, step, sine or sweep"});
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    if (outputs[j].sensor.quantity == quantity) return static_cast<Eigen::Index>(j);
+  }
+  return -1;
+}
+
+VehicleRun usable_run(const ModelFile& model, const Dataset& data) {
+  if (data.u.rows() != 2 || data.u.cols() != data.size()) {
+    throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
+                     "two: the steering angle, then vx");
+  }
+  VehicleRun run;
+  Losses lost;
+  const double min_speed = std::max(model.vehicle.min_speed, kSlowestModel);
+  run.stretches = split(data, min_speed, lost);
+  if (run.stretches.empty()) no_usable_row(data, min_speed, lost);
+  run.time = data.time;
+  run.steering = data.u.row(0).transpose();
+  run.vx = data.u.row(1).transpose();
+  std::vector<double> speeds;
+  for (const VehicleRun::Stretch& s : run.stretches) {
+    run.used += s.rows;
+    speeds.insert(speeds.end(), run.vx.data() + s.first, run.vx.data() + s.first + s.rows);
+  }
+  run.median_speed = median(std::move(speeds));
+  pick_outputs(model, data, run);
+  require_steering(data, run);
+
+  std::string note = fmt::format("{} of {} rows used in {} stretch{}", run.used, data.size(),
+                                 run.stretches.size(), run.stretches.size() == 1 ? "" : "es");
+  if (lost.slow > 0) note += fmt::format("; {} rows below {:.3g} m/s", lost.slow, min_speed);
+  if (lost.no_speed > 0) note += fmt::format("; {} without vx", lost.no_speed);
+  if (lost.no_steering > 0) note += fmt::format("; {} without steering angle", lost.no_steering);
+  if (lost.fragments > 0) {
+    note += fmt::format("; {} rows dropped in {} short stretches", lost.fragments, lost.stretches);
+  }
+  run.notes.push_back(note);
+  return run;
+}
+
+}  // namespace identikal

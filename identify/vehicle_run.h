@@ -1,0 +1,47 @@
+// Which rows of a recording can the vehicle be fitted to?
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "identify/estimate.h"
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+#include "lib/single_track.h"
+
+namespace identikal {
+
+/// The usable part of a recording, SI. Columns of `y` and entries of the vectors follow the recording's rows.
+struct VehicleRun {
+  struct Output {
+    std::string name;
+    std::string unit;  ///< of the user's channel
+    VehicleSensor sensor;
+    Eigen::Index channel = 0;  ///< row in Dataset::y
+    double given_sd = kNone;   ///< measurement noise given in the model file
+    Eigen::Index samples = 0;  ///< present in the usable rows
+  };
+  struct Stretch {
+    Eigen::Index first, rows;
+  };
+
+  std::vector<Output> outputs;  ///< those that carry information
+  Eigen::VectorXd time, steering, vx;
+  Eigen::MatrixXd y;               ///< outputs x N; NaN where missing or not usable
+  std::vector<Stretch> stretches;  ///< runs of usable rows, each with an initial state of its own
+  Eigen::Index used = 0;           ///< rows in stretches
+  double median_speed = kNone;     ///< [m/s], over the rows used
+  std::vector<Warning> warnings;
+  std::vector<std::string> notes;
+
+  /// Row of `y` that measures this quantity, or -1.
+  Eigen::Index find(VehicleQuantity quantity) const;
+};
+
+/// Splits the recording where steering or vx is missing, vx is below the minimum speed or time jumps by more
+/// than three sampling periods; leaves out stretches under 1 s or 8 rows and outputs that are dead.
+/// @throws InputError, in words, when nothing usable is left or the steering never moves
+VehicleRun usable_run(const ModelFile& model, const Dataset& data);
+
+}  // namespace identikal

@@ -1,0 +1,68 @@
+#include "lib/interpolation.h"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+namespace identikal {
+namespace {
+
+/// Slope at an end point: three-point formula, cut back where it would leave the data's shape.
+double end_slope(double h0, double h1, double d0, double d1) {
+  const double slope = ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1);
+  if (slope * d0 <= 0.0) return 0.0;
+  if (d0 * d1 <= 0.0 && std::abs(slope) > 3.0 * std::abs(d0)) return 3.0 * d0;
+  return slope;
+}
+
+/// Slope at an interior point: weighted harmonic mean of the chords on both sides, zero at a turning
+/// point.
+double interior_slope(double h0, double h1, double d0, double d1) {
+  if (d0 * d1 <= 0.0) return 0.0;
+  const double w0 = 2.0 * h1 + h0, w1 = h1 + 2.0 * h0;
+  return (w0 + w1) / (w0 / d0 + w1 / d1);
+}
+
+}  // namespace
+
+Pchip::Pchip(const Eigen::VectorXd& x, const Eigen::VectorXd& y)
+    : x_(x), y_(y), slope_(Eigen::VectorXd::Zero(x.size())) {
+  const Eigen::Index n = x.size();
+  if (n == 0 || y.size() != n) {
+    std::ostringstream text;
+    text << "Pchip: " << n << " abscissae and " << y.size() << " ordinates";
+    throw std::invalid_argument(text.str());
+  }
+  for (Eigen::Index k = 0; k + 1 < n; ++k) {
+    if (!(x[k] < x[k + 1])) {
+      std::ostringstream text;
+      text << "Pchip: abscissae must increase, but x[" << k << "] = " << x[k] << " and x[" << k + 1
+           << "] = " << x[k + 1];
+      throw std::invalid_argument(text.str());
+    }
+  }
+  if (n == 1) return;
+  const Eigen::VectorXd h = x.tail(n - 1) - x.head(n - 1);
+  const Eigen::VectorXd d = (y.tail(n - 1) - y.head(n - 1)).cwiseQuotient(h);
+  if (n == 2) {
+    slope_.setConstant(d[0]);
+    return;
+  }
+  slope_[0] = end_slope(h[0], h[1], d[0], d[1]);
+  slope_[n - 1] = end_slope(h[n - 2], h[n - 3], d[n - 2], d[n - 3]);
+  for (Eigen::Index k = 1; k + 1 < n; ++k) {
+    slope_[k] = interior_slope(h[k - 1], h[k], d[k - 1], d[k]);
+  }
+}
+
+double Pchip::in_interval(Eigen::Index k, double at) const {
+  if (x_.size() == 1) return y_[0];
+  const double h = x_[k + 1] - x_[k];
+  const double s = (at - x_[k]) / h;
+  const double chord = (y_[k + 1] - y_[k]) / h;
+  const double c2 = 3.0 * chord - 2.0 * slope_[k] - slope_[k + 1];
+  const double c3 = slope_[k] + slope_[k + 1] - 2.0 * chord;
+  return y_[k] + s * h * (slope_[k] + s * (c2 + s * c3));
+}
+
+}  // namespace identikal

@@ -1,0 +1,442 @@
+#include "lib/kalman.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <sstream>
+#include <stdexcept>
+
+#include "lib/matrix_equations.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// The measurement side of the model, restricted to the channels that are present.
+struct Measurement {
+  MatrixXd C, D, R, Sw;  // Sw = G S, n x ny
+};
+
+Measurement rows_present(const Measurement& full, const std::vector<Index>& present) {
+  const auto m = static_cast<Index>(present.size());
+  Measurement out{MatrixXd(m, full.C.cols()), MatrixXd(m, full.D.cols()), MatrixXd(m, m),
+                  MatrixXd(full.Sw.rows(), m)};
+  for (Index i = 0; i < m; ++i) {
+    const Index from = present[static_cast<std::size_t>(i)];
+    out.C.row(i) = full.C.row(from);
+    out.D.row(i) = full.D.row(from);
+    out.Sw.col(i) = full.Sw.col(from);
+    for (Index j = 0; j < m; ++j) out.R(i, j) = full.R(from, present[static_cast<std::size_t>(j)]);
+  }
+  return out;
+}
+
+// One direction of differentiation: constant derivatives of the model, and the recursion's own.
+struct Sensitivity {
+  MatrixXd A, B, W;
+  Measurement full, now;
+  // Derivatives of the running quantities. Z stacks [x, X]: the state and its responses to delta.
+  MatrixXd P, Z, Sigma, K, E;
+  MatrixXd info;   // of delta
+  VectorXd score;  // of delta
+};
+
+Measurement measurement_derivative(const StateSpace& model, const StateSpace& d) {
+  return {d.C, d.D, d.R, d.G * model.S + model.G * d.S};
+}
+
+// A diffuse start has N(0, s I) added to it, which the diffuse part absorbs; s only has to be of the size of the
+// states for the arithmetic to be well conditioned.
+double proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
+  double sum = 0.0, count = 0.0;
+  for (Index t = 0; t < y.cols(); ++t) {
+    for (Index i = 0; i < y.rows(); ++i) {
+      if (std::isnan(y(i, t))) continue;
+      sum += y(i, t) * y(i, t);
+      count += 1.0;
+    }
+  }
+  const double gain = model.C.squaredNorm() / static_cast<double>(std::max<Index>(1, y.rows()));
+  const double scale = count > 0.0 && gain > 0.0 ? sum / count / gain : 1.0;
+  return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;
+}
+
+class Recursion {
+ public:
+  Recursion(const StateSpace& model, InitialState initial, const Eigen::Ref<const MatrixXd>& y,
+            const Eigen::Ref<const MatrixXd>& u, const std::vector<StateSpace>& derivatives)
+      : model_(model), y_(y), u_(u) {
+    check_shapes(model);
+    if (y.rows() != model.outputs() || u.rows() != model.inputs() ||
+        (model.inputs() > 0 && u.cols() != y.cols())) {
+      std::ostringstream text;
+      text << "kalman filter: y is " << y.rows() << " x " << y.cols() << " and u " << u.rows() << " x "
+           << u.cols() << ", the model has " << model.outputs() << " outputs and "
+           << model.inputs() << " inputs";
+      throw std::invalid_argument(text.str());
+    }
+    full_ = {model.C, model.D, model.R, model.G * model.S};
+    now_ = full_;
+    W_ = model.G * model.Q * model.G.transpose();
+    for (const StateSpace& d : derivatives) {
+      Sensitivity s;
+      s.A = d.A;
+      s.B = d.B;
+      const MatrixXd half = d.G * model.Q * model.G.transpose();
+      s.W = half + half.transpose() + model.G * d.Q * model.G.transpose();
+      s.full = measurement_derivative(model, d);
+      s.now = s.full;
+      sensitivities_.push_back(std::move(s));
+    }
+    start(initial, derivatives);
+  }
+
+  // Runs over the record. `store` receives states and innovations when it is not null.
+  Likelihood run(FilterResult* store) {
+    Likelihood out;
+    const auto k = static_cast<Index>(sensitivities_.size());
+    out.gradient = VectorXd::Zero(k);
+    out.information = MatrixXd::Zero(k, k);
+    for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
+      find_present(t);
+      if (present_.empty()) {
+        if (store != nullptr) store_prediction(*store, t);
+        if (store != nullptr) store_filtered(*store, t, false);
+        predict_without_measurement(t);
+      } else {
+        innovate(t);
+        if (status_ != FilterStatus::ok) break;
+        if (store != nullptr) store_prediction(*store, t);
+        if (store != nullptr) store_filtered(*store, t, true);
+        add_terms(out);
+        update();
+      }
+      fold_in_when_determined(t, out, store);
+    }
+    if (status_ == FilterStatus::ok && diffuse_ > 0) status_ = FilterStatus::undetermined;
+    out.value -= 0.5 * log_two_pi_ * static_cast<double>(samples_ - folded_);
+    if (status_ == FilterStatus::ok && !(std::isfinite(out.value) && out.gradient.allFinite())) {
+      status_ = FilterStatus::not_finite;
+    }
+    out.status = status_;
+    return out;
+  }
+
+ private:
+  void start(InitialState initial, const std::vector<StateSpace>& derivatives) {
+    const Index n = model_.states();
+    P_ = MatrixXd::Zero(n, n);
+    Z_ = MatrixXd::Zero(n, 1);
+    for (Sensitivity& s : sensitivities_) {
+      s.P = MatrixXd::Zero(n, n);
+      s.Z = MatrixXd::Zero(n, 1);
+    }
+    switch (initial) {
+      case InitialState::given:
+        if (model_.x0.size() != n || model_.P0.rows() != n || model_.P0.cols() != n) {
+          throw std::invalid_argument("kalman filter: x0 and P0 do not have the size of the state");
+        }
+        P_ = model_.P0;
+        Z_.col(0) = model_.x0;
+        for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
+          sensitivities_[i].P = derivatives[i].P0;
+          sensitivities_[i].Z.col(0) = derivatives[i].x0;
+        }
+        break;
+      case InitialState::stationary: {
+        const auto P = solve_discrete_lyapunov(model_.A, W_);
+        if (!P) {
+          status_ = FilterStatus::unstable;
+          return;
+        }
+        P_ = *P;
+        for (Sensitivity& s : sensitivities_) {
+          const MatrixXd half = s.A * P_ * model_.A.transpose();
+          const auto dP = solve_discrete_lyapunov(model_.A, half + half.transpose() + s.W);
+          if (!dP) {
+            status_ = FilterStatus::unstable;
+            return;
+          }
+          s.P = *dP;
+        }
+        break;
+      }
+      case InitialState::diffuse:
+        diffuse_ = n;
+        scale_ = proper_scale(model_, y_);
+        P_ = scale_ * MatrixXd::Identity(n, n);
+        Z_ = MatrixXd::Zero(n, 1 + n);
+        Z_.rightCols(n).setIdentity();
+        info_ = MatrixXd::Zero(n, n);
+        score_ = VectorXd::Zero(n);
+        for (Sensitivity& s : sensitivities_) {
+          s.Z = MatrixXd::Zero(n, 1 + n);
+          s.info = MatrixXd::Zero(n, n);
+          s.score = VectorXd::Zero(n);
+        }
+        break;
+    }
+  }
+
+  void find_present(Index t) {
+    present_.clear();
+    for (Index i = 0; i < y_.rows(); ++i) {
+      if (!std::isnan(y_(i, t))) present_.push_back(i);
+    }
+    samples_ += static_cast<Index>(present_.size());
+    if (present_ == selected_) return;
+    selected_ = present_;
+    const bool all = static_cast<Index>(present_.size()) == y_.rows();
+    now_ = all ? full_ : rows_present(full_, present_);
+    for (Sensitivity& s : sensitivities_) s.now = all ? s.full : rows_present(s.full, present_);
+  }
+
+  void innovate(Index t) {
+    E_.noalias() = -now_.C * Z_;
+    for (std::size_t i = 0; i < present_.size(); ++i) {
+      E_(static_cast<Index>(i), 0) += y_(present_[i], t);
+    }
+    if (u_.rows() > 0) E_.col(0).noalias() -= now_.D * u_.col(t);
+    PC_.noalias() = P_ * now_.C.transpose();
+    Sigma_ = now_.R;
+    Sigma_.noalias() += now_.C * PC_;
+    llt_.compute(Sigma_);
+    if (llt_.info() != Eigen::Success || !Sigma_.allFinite()) {
+      status_ = Sigma_.allFinite() ? FilterStatus::indefinite : FilterStatus::not_finite;
+      return;
+    }
+    M_ = now_.Sw;
+    M_.noalias() += model_.A * PC_;
+    K_ = llt_.solve(M_.transpose()).transpose();
+    F_ = model_.A;
+    F_.noalias() -= K_ * now_.C;
+    SiE_ = llt_.solve(E_);
+    for (Sensitivity& s : sensitivities_) {
+      s.Sigma = s.now.R;
+      s.Sigma.noalias() += now_.C * s.P * now_.C.transpose();
+      const MatrixXd half = s.now.C * PC_;
+      s.Sigma += half + half.transpose();
+      s.E = -s.now.C * Z_;
+      s.E.noalias() -= now_.C * s.Z;
+      if (u_.rows() > 0) s.E.col(0).noalias() -= s.now.D * u_.col(t);
+      MatrixXd dM = s.now.Sw;
+      dM.noalias() += s.A * PC_ + model_.A * s.P * now_.C.transpose() +
+                      model_.A * P_ * s.now.C.transpose() - K_ * s.Sigma;
+      s.K = llt_.solve(dM.transpose()).transpose();
+    }
+    at_ = t;
+  }
+
+  void add_terms(Likelihood& out) {
+    const double log_det = 2.0 * llt_.matrixLLT().diagonal().array().log().sum();
+    out.value -= 0.5 * (log_det + E_.col(0).dot(SiE_.col(0)));
+    const Index d = Z_.cols() - 1;
+    if (d > 0) {
+      info_.noalias() += E_.rightCols(d).transpose() * SiE_.rightCols(d);
+      score_.noalias() += E_.rightCols(d).transpose() * SiE_.col(0);
+    }
+    const auto k = static_cast<Index>(sensitivities_.size());
+    std::vector<MatrixXd> relative;  // Sigma^-1 dSigma
+    std::vector<VectorXd> whitened;  // L^-1 de
+    for (Index i = 0; i < k; ++i) {
+      Sensitivity& s = sensitivities_[static_cast<std::size_t>(i)];
+      const MatrixXd SidS = llt_.solve(s.Sigma);
+      out.gradient[i] -= 0.5 * (SidS.trace() + 2.0 * s.E.col(0).dot(SiE_.col(0)) -
+                                SiE_.col(0).dot(s.Sigma * SiE_.col(0)));
+      if (d > 0) {
+        const MatrixXd dS_SiE = s.Sigma * SiE_;
+        const MatrixXd half = s.E.rightCols(d).transpose() * SiE_.rightCols(d);
+        s.info += half + half.transpose() - SiE_.rightCols(d).transpose() * dS_SiE.rightCols(d);
+        s.score += s.E.rightCols(d).transpose() * SiE_.col(0) +
+                   SiE_.rightCols(d).transpose() * (s.E.col(0) - dS_SiE.col(0));
+        continue;
+      }
+      relative.push_back(SidS);
+      whitened.push_back(llt_.matrixL().solve(s.E.col(0)));
+      for (Index j = 0; j <= i; ++j) {
+        const auto jj = static_cast<std::size_t>(j);
+        const double term = 0.5 * (relative[jj].transpose().cwiseProduct(SidS)).sum() +
+                            whitened[jj].dot(whitened.back());
+        out.information(i, j) += term;
+        if (i != j) out.information(j, i) += term;
+      }
+    }
+  }
+
+  void update() {
+    const Index t = at_;
+    for (Sensitivity& s : sensitivities_) {
+      // The gain minimises P+, so its own derivative drops out of dP+.
+      MatrixXd dF = s.A;
+      dF.noalias() -= K_ * s.now.C;
+      const MatrixXd half = dF * P_ * F_.transpose() - K_ * s.now.Sw.transpose();
+      MatrixXd dP = F_ * s.P * F_.transpose() + half + half.transpose() + s.W +
+                    K_ * s.now.R * K_.transpose();
+      s.P = 0.5 * (dP + dP.transpose());
+      MatrixXd dZ = s.A * Z_ + model_.A * s.Z + s.K * E_ + K_ * s.E;
+      if (u_.rows() > 0) dZ.col(0).noalias() += s.B * u_.col(t);
+      s.Z.swap(dZ);
+    }
+    MatrixXd Z = model_.A * Z_;
+    Z.noalias() += K_ * E_;
+    if (u_.rows() > 0) Z.col(0).noalias() += model_.B * u_.col(t);
+    Z_.swap(Z);
+    const MatrixXd KS = K_ * now_.Sw.transpose();
+    MatrixXd P = F_ * P_ * F_.transpose() + W_ - KS - KS.transpose();
+    P.noalias() += K_ * now_.R * K_.transpose();
+    P_ = 0.5 * (P + P.transpose());
+  }
+
+  void predict_without_measurement(Index t) {
+    for (Sensitivity& s : sensitivities_) {
+      const MatrixXd half = s.A * P_ * model_.A.transpose();
+      s.P = (model_.A * s.P * model_.A.transpose() + half + half.transpose() + s.W).eval();
+      s.Z = (s.A * Z_ + model_.A * s.Z).eval();
+      if (u_.rows() > 0) s.Z.col(0).noalias() += s.B * u_.col(t);
+    }
+    Z_ = (model_.A * Z_).eval();
+    if (u_.rows() > 0) Z_.col(0).noalias() += model_.B * u_.col(t);
+    P_ = (model_.A * P_ * model_.A.transpose() + W_).eval();
+  }
+
+  // Once every direction of delta has been seen, it is integrated out and the filter goes on as a proper one.
+  void fold_in_when_determined(Index t, Likelihood& out, FilterResult* store) {
+    if (diffuse_ == 0 || status_ != FilterStatus::ok) return;
+    // scale * info has eigenvalues in [0, 1): 1 - (what of the prior's variance is left).
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale_ * info_, Eigen::EigenvaluesOnly);
+    const double smallest = eigen.eigenvalues().minCoeff();
+    const bool last = t + 1 == y_.cols();
+    if (smallest < (last ? 1e-11 : 1e-6)) return;
+    const Index d = diffuse_;
+    const Eigen::LLT<MatrixXd> llt(info_);
+    if (llt.info() != Eigen::Success) return;
+    const VectorXd delta = -llt.solve(score_);
+    const MatrixXd inverse = llt.solve(MatrixXd::Identity(d, d));
+    out.value += -llt.matrixLLT().diagonal().array().log().sum() - 0.5 * score_.dot(delta);
+    const MatrixXd X = Z_.rightCols(d);
+    for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
+      Sensitivity& s = sensitivities_[i];
+      out.gradient[static_cast<Index>(i)] += -0.5 * inverse.cwiseProduct(s.info).sum() -
+                                             s.score.dot(delta) -
+                                             0.5 * delta.dot(s.info * delta);
+      const VectorXd ddelta = -llt.solve(s.score + s.info * delta);
+      const MatrixXd dX = s.Z.rightCols(d), XI = X * inverse;
+      const MatrixXd half = dX * XI.transpose();
+      s.P += half + half.transpose() - XI * s.info * XI.transpose();
+      s.Z = (s.Z.col(0) + dX * delta + X * ddelta).eval();
+    }
+    P_ += X * inverse * X.transpose();
+    Z_ = (Z_.col(0) + X * delta).eval();
+    diffuse_ = 0;
+    folded_ = d;
+    if (store != nullptr) store->first_proper = t + 1;
+  }
+
+  void store_prediction(FilterResult& store, Index t) const {
+    store.x_pred.col(t) = Z_.col(0);
+    store.P_pred[static_cast<std::size_t>(t)] = P_;
+    if (diffuse_ > 0) {
+      store.x_pred.col(t).setConstant(kNaN);
+      store.P_pred[static_cast<std::size_t>(t)].setConstant(kNaN);
+    }
+  }
+
+  void store_filtered(FilterResult& store, Index t, bool measured) const {
+    const auto at = static_cast<std::size_t>(t);
+    if (diffuse_ > 0) {
+      store.x_filt.col(t).setConstant(kNaN);
+      store.P_filt[at] = MatrixXd::Constant(P_.rows(), P_.cols(), kNaN);
+      store.Sigma[at] = MatrixXd::Constant(y_.rows(), y_.rows(), kNaN);
+      return;
+    }
+    MatrixXd x = Z_.col(0), P = P_;
+    if (measured) {
+      const MatrixXd Kf = llt_.solve(PC_.transpose()).transpose();
+      x += Kf * E_.col(0);
+      const MatrixXd F = MatrixXd::Identity(P.rows(), P.cols()) - Kf * now_.C;
+      P = F * P_ * F.transpose() + Kf * now_.R * Kf.transpose();
+      const VectorXd z = llt_.matrixL().solve(E_.col(0));
+      for (std::size_t i = 0; i < present_.size(); ++i) {
+        store.e(present_[i], t) = E_(static_cast<Index>(i), 0);
+        store.standardised(present_[i], t) = z[static_cast<Index>(i)];
+      }
+    }
+    store.x_filt.col(t) = x;
+    store.P_filt[at] = P;
+    store.Sigma[at] = full_.C * P_ * full_.C.transpose() + full_.R;
+  }
+
+  const StateSpace& model_;
+  const Eigen::Ref<const MatrixXd>& y_;
+  const Eigen::Ref<const MatrixXd>& u_;
+  Measurement full_, now_;
+  MatrixXd W_;
+  std::vector<Sensitivity> sensitivities_;
+  FilterStatus status_ = FilterStatus::ok;
+
+  MatrixXd P_, Z_;        // covariance; [x, X]
+  MatrixXd info_;         // information and score of delta, while it is diffuse
+  VectorXd score_;
+  Index diffuse_ = 0, folded_ = 0, samples_ = 0;
+  double scale_ = 1.0;
+  const double log_two_pi_ = std::log(2.0 * std::numbers::pi);
+
+  std::vector<Index> present_, selected_{-1};
+  MatrixXd E_, PC_, Sigma_, M_, K_, F_, SiE_;
+  Eigen::LLT<MatrixXd> llt_;
+  Index at_ = 0;
+};
+
+}  // namespace
+
+const char* describe(FilterStatus status) {
+  switch (status) {
+    case FilterStatus::ok:
+      return "the filter ran";
+    case FilterStatus::unstable:
+      return "a stationary start needs a stable A: every eigenvalue inside the unit circle";
+    case FilterStatus::indefinite:
+      return "an innovation covariance is not positive definite: some output has no noise at all, or Q or "
+             "R is indefinite";
+    case FilterStatus::undetermined:
+      return "the recording does not determine the diffuse initial state";
+    case FilterStatus::not_finite:
+      return "the filter overflowed, or an input sample is missing";
+  }
+  return "";
+}
+
+FilterResult kalman_filter(const StateSpace& model, InitialState initial,
+                           const Eigen::Ref<const MatrixXd>& y,
+                           const Eigen::Ref<const MatrixXd>& u) {
+  Recursion recursion(model, initial, y, u, {});
+  FilterResult out;
+  const Index n = model.states(), N = y.cols();
+  out.x_pred = MatrixXd::Constant(n, N, kNaN);
+  out.x_filt = out.x_pred;
+  out.e = MatrixXd::Constant(y.rows(), N, kNaN);
+  out.standardised = out.e;
+  out.P_pred.resize(static_cast<std::size_t>(N));
+  out.P_filt.resize(static_cast<std::size_t>(N));
+  out.Sigma.resize(static_cast<std::size_t>(N));
+  const Likelihood likelihood = recursion.run(&out);
+  out.status = likelihood.status;
+  out.log_likelihood = likelihood.value;
+  return out;
+}
+
+Likelihood log_likelihood(const StateSpace& model, InitialState initial,
+                          const Eigen::Ref<const MatrixXd>& y,
+                          const Eigen::Ref<const MatrixXd>& u,
+                          const std::vector<StateSpace>& derivatives) {
+  return Recursion(model, initial, y, u, derivatives).run(nullptr);
+}
+
+}  // namespace identikal

@@ -1,0 +1,44 @@
+// Which state-space model does a set of parameters stand for? x(t+1) = A x + B u + G w, y = C x + D u + v
+// with entries that are numbers or multiples of named parameters.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "lib/parameter.h"
+#include "lib/state_space.h"
+
+namespace identikal {
+
+/// constant + sum over entries of factor * parameter at (row, col), or one whole matrix-valued parameter.
+struct ParametrisedMatrix {
+  struct Entry {
+    int row, col;
+    int parameter;  ///< index into the ParameterSet; a scalar
+    double factor;
+  };
+  Eigen::MatrixXd constant;
+  std::vector<Entry> entries;
+  int block = -1;  ///< index of the matrix-valued parameter that is this matrix; -1 = none
+};
+
+/// How the state before the first measurement is distributed.
+enum class InitialState {
+  given,       ///< N(x0, P0)
+  stationary,  ///< mean 0, covariance the solution of P = A P A' + G Q G'; needs a stable A
+  diffuse,     ///< no knowledge of any state: exact diffuse (Durbin & Koopman 2012, chapter 5)
+};
+
+struct LinearModel {
+  ParametrisedMatrix A, B, C, D, G, Q, R, S, x0, P0;
+  InitialState initial = InitialState::stationary;
+  double dt = 1.0;  ///< sampling period [s]
+};
+
+/// The matrices at these parameter values. x0 and P0 are filled for InitialState::given only.
+StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
+
+/// d(matrices) / d(coordinate), one per optimiser coordinate (lib/parameter.h); shapes as in the model.
+std::vector<StateSpace> instantiate_derivatives(const LinearModel& model, const ParameterSet& parameters);
+
+}  // namespace identikal

@@ -1,0 +1,31 @@
+// Matrix equations of linear systems.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "lib/state_space.h"
+
+namespace identikal {
+
+/// P = A P A' + W by doubling (Smith 1968): P <- P + A P A', A <- A A.
+/// @param A  n x n
+/// @param W  n x n, need not be symmetric
+/// @return nothing when A is not stable (spectral radius >= 1 to working precision).
+std::optional<Eigen::MatrixXd> solve_discrete_lyapunov(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                                                       const Eigen::Ref<const Eigen::MatrixXd>& W);
+
+/// Steady state of the Kalman predictor: P = A P A' + G Q G' - K Sigma K', Sigma = C P C' + R,
+/// K = (A P C' + G S) Sigma^-1.
+struct SteadyState {
+  Eigen::MatrixXd P;      ///< n x n
+  Eigen::MatrixXd K;      ///< n x ny
+  Eigen::MatrixXd Sigma;  ///< ny x ny
+};
+
+/// Iterates the Joseph form of the Riccati recursion from P = 0 (or from the identity when A is not stable) until P changes by less than
+/// 1e-13 of itself.
+/// @return nothing when it has not settled after `max_steps`, or Sigma is singular.
+std::optional<SteadyState> steady_state(const StateSpace& model, int max_steps = 200000);
+
+}  // namespace identikal

@@ -1,0 +1,67 @@
+// What is unknown, where it may lie, and how an optimiser moves it.
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace identikal {
+
+/// What values a parameter may take, and so which coordinates an optimiser moves it by.
+enum class Domain {
+  scalar,             ///< one number in [min, max]; its own coordinate
+  diagonal,           ///< covariance with free diagonal >= 0; the diagonal is the coordinate vector
+  scaled_identity,    ///< q I with q >= 0; q is the coordinate
+  positive_definite,  ///< covariance L L'; the lower triangle of L, column by column, is the coordinate vector
+};
+
+/// A named unknown (or known, when fixed) number or covariance matrix, in SI.
+struct Parameter {
+  std::string name;
+  std::string unit;       ///< the user's unit, for printing; the value is SI
+  Eigen::MatrixXd value;  ///< 1 x 1 for a scalar
+  Domain domain = Domain::scalar;
+  double min = -std::numeric_limits<double>::infinity();  ///< SI; scalars only
+  double max = std::numeric_limits<double>::infinity();   ///< SI; scalars only
+  bool fixed = false;
+
+  double scalar() const { return value(0, 0); }
+};
+using ParameterSet = std::vector<Parameter>;
+
+/// Position of the parameter of that name, or -1.
+int find_parameter(const ParameterSet& parameters, const std::string& name);
+
+/// Box of an optimiser's coordinates; +-infinity where there is no bound.
+struct Box {
+  Eigen::VectorXd lower, upper;
+};
+
+/// Coordinates of the free parameters, in the order of the set.
+Eigen::VectorXd coordinates(const ParameterSet& parameters);
+Box coordinate_box(const ParameterSet& parameters);
+
+/// The set with its free parameters moved to `coordinate`. Scalars are taken as they are: a caller that leaves the box
+/// gets values outside it. @throws std::invalid_argument when the number of coordinates differs.
+ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& coordinate);
+
+/// Derivative of one parameter's value with respect to one optimiser coordinate.
+struct CoordinateDerivative {
+  int parameter;          ///< index into the set
+  Eigen::MatrixXd value;  ///< d value / d coordinate, shape of the parameter's value
+};
+/// One entry per coordinate, in the order of coordinates().
+std::vector<CoordinateDerivative> coordinate_derivatives(const ParameterSet& parameters);
+
+/// The numbers a person reads: every scalar, and every distinct entry of every matrix ("Q(2,1)").
+/// J is d value / d coordinate (entries x coordinates), for the delta method.
+struct ReportedEntries {
+  std::vector<std::string> names, units;
+  std::vector<int> parameter;  ///< which parameter each entry belongs to
+  Eigen::VectorXd value;
+  Eigen::MatrixXd J;
+};
+ReportedEntries reported_entries(const ParameterSet& parameters);
+
+}  // namespace identikal

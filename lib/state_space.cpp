@@ -1,0 +1,32 @@
+#include "lib/state_space.h"
+
+#include <sstream>
+#include <stdexcept>
+
+namespace identikal {
+namespace {
+
+void check(const char* name, const Eigen::MatrixXd& M, Eigen::Index rows, Eigen::Index cols) {
+  if (M.rows() == rows && M.cols() == cols) return;
+  std::ostringstream text;
+  text << "state space: " << name << " is " << M.rows() << " x " << M.cols() << ", expected "
+       << rows << " x " << cols;
+  throw std::invalid_argument(text.str());
+}
+
+}  // namespace
+
+void check_shapes(const StateSpace& model) {
+  const Eigen::Index n = model.A.rows(), ny = model.C.rows(), nu = model.B.cols(),
+                     nw = model.G.cols();
+  check("A", model.A, n, n);
+  check("B", model.B, n, nu);
+  check("C", model.C, ny, n);
+  check("D", model.D, ny, nu);
+  check("G", model.G, n, nw);
+  check("Q", model.Q, nw, nw);
+  check("R", model.R, ny, ny);
+  check("S", model.S, nw, ny);
+}
+
+}  // namespace identikal

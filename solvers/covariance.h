@@ -1,0 +1,25 @@
+// What does the curvature at an optimum say about errors?
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+
+namespace identikal {
+
+/// Inverse of a symmetric positive definite matrix, computed after scaling it to unit diagonal.
+/// @return nothing when an eigenvalue of the scaled matrix is below `tolerance` times the largest:
+///   rank loss is refused, not inverted.
+std::optional<Eigen::MatrixXd> scaled_inverse(const Eigen::Ref<const Eigen::MatrixXd>& information,
+                                              double tolerance = 1e-12);
+
+/// Minus the Hessian of a log-likelihood, by central differences of its exact gradient.
+/// @param gradient  evaluates it at x; false = undefined there
+/// @param x         n
+/// @param step      n, > 0
+/// @return nothing when the gradient is undefined beside x.
+std::optional<Eigen::MatrixXd> observed_information(
+    const std::function<bool(const Eigen::VectorXd& x, Eigen::VectorXd& gradient)>& gradient,
+    const Eigen::VectorXd& x, const Eigen::VectorXd& step);
+
+}  // namespace identikal

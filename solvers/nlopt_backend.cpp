@@ -1,0 +1,80 @@
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <nlopt.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "solvers/solve.h"
+
+namespace identikal {
+namespace {
+
+struct Call {
+  const Minimization* problem;
+  const SolverOptions* options;
+  SolverSummary* summary;
+};
+
+double objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
+  const Call& call = *static_cast<Call*>(data);
+  const Eigen::VectorXd at = Eigen::Map<const Eigen::VectorXd>(
+      x.data(), static_cast<Eigen::Index>(x.size()));
+  double f = 0.0;
+  Eigen::VectorXd g;
+  ++call.summary->evaluations;
+  if (!call.problem->evaluate(at, f, gradient.empty() ? nullptr : &g) || !std::isfinite(f)) {
+    // L-BFGS backs off from an infinite value; the gradient there is never used.
+    for (double& value : gradient) value = 0.0;
+    return HUGE_VAL;
+  }
+  if (call.summary->evaluations == 1) call.summary->initial_objective = f;
+  for (std::size_t i = 0; i < gradient.size(); ++i) gradient[i] = g[static_cast<Eigen::Index>(i)];
+  return f;
+}
+
+}  // namespace
+
+Solution solve(const Minimization& problem, const Eigen::VectorXd& start,
+               const SolverOptions& options) {
+  const auto n = static_cast<unsigned>(start.size());
+  if (problem.lower.size() != start.size() || problem.upper.size() != start.size()) {
+    throw std::invalid_argument("solve: start and bounds differ in size");
+  }
+  if ((start.array() < problem.lower.array()).any() ||
+      (start.array() > problem.upper.array()).any()) {
+    throw std::invalid_argument("solve: the start lies outside the bounds");
+  }
+  Solution out;
+  out.x = start;
+  Call call{&problem, &options, &out.summary};
+  nlopt::opt optimiser(nlopt::LD_LBFGS, n);
+  optimiser.set_min_objective(objective, &call);
+  optimiser.set_lower_bounds({problem.lower.data(), problem.lower.data() + n});
+  optimiser.set_upper_bounds({problem.upper.data(), problem.upper.data() + n});
+  optimiser.set_ftol_rel(options.function_tolerance);
+  optimiser.set_xtol_rel(options.parameter_tolerance);
+  optimiser.set_maxeval(10 * options.max_iterations);
+  if (std::isfinite(options.max_seconds)) optimiser.set_maxtime(options.max_seconds);
+  std::vector<double> x(start.data(), start.data() + n);
+  double f = 0.0;
+  try {
+    const nlopt::result result = optimiser.optimize(x, f);
+    out.summary.termination = result == nlopt::MAXEVAL_REACHED   ? Termination::iteration_limit
+                              : result == nlopt::MAXTIME_REACHED ? Termination::time_limit
+                                                                 : Termination::converged;
+    out.summary.message = nlopt_result_to_string(static_cast<nlopt_result>(result));
+  } catch (const nlopt::roundoff_limited&) {
+    out.summary.termination = Termination::no_progress;
+    out.summary.message = "rounding limits further progress";
+  } catch (const std::exception& error) {
+    out.summary.termination = Termination::no_progress;
+    out.summary.message = error.what();
+  }
+  out.x = Eigen::Map<const Eigen::VectorXd>(x.data(), start.size());
+  out.summary.objective = f;
+  out.summary.iterations = out.summary.evaluations;
+  return out;
+}
+
+}  // namespace identikal

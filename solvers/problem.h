@@ -1,0 +1,63 @@
+// What can be solved, how long to try, and what came of it.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <limits>
+#include <string>
+
+namespace identikal {
+
+/// Why a solver stopped.
+enum class Termination {
+  not_called,
+  converged,       ///< one of the tolerances below is met
+  no_progress,     ///< no step improves the objective although the tolerances are not met
+  iteration_limit,
+  time_limit,
+  start_undefined, ///< evaluate() is undefined at the start
+};
+
+struct SolverOptions {
+  int max_iterations = 200;
+  double max_seconds = std::numeric_limits<double>::infinity();
+  double function_tolerance = 1e-12;   ///< stop when |df| <= function_tolerance * |f|
+  double gradient_tolerance = 1e-10;   ///< stop when max |projected gradient| <= it (least squares)
+  double parameter_tolerance = 1e-10;  ///< stop when |dx| <= parameter_tolerance * (|x| + parameter_tolerance)
+  double decrement_tolerance = 1e-9;   ///< scoring: stop when g' J^-1 g / 2, the gain still expected, is below it
+  /// Called after every iteration with its number and objective; return false to stop.
+  std::function<bool(int, double)> progress;
+};
+
+struct SolverSummary {
+  Termination termination = Termination::not_called;
+  std::string message = "solve was not called";
+  int iterations = 0;
+  int evaluations = 0;
+  double initial_objective = std::numeric_limits<double>::quiet_NaN();
+  double objective = std::numeric_limits<double>::quiet_NaN();
+  bool usable() const { return termination == Termination::converged; }
+};
+
+struct Solution {
+  Eigen::VectorXd x;
+  SolverSummary summary;
+};
+
+/// minimise 1/2 ||r(x)||^2 with lower <= x <= upper.
+struct LeastSquares {
+  /// r (m) and, when J is not null, dr/dx (m x n, row-major). false = undefined at x, back off.
+  using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  std::function<bool(const Eigen::VectorXd& x, Eigen::VectorXd& r, RowMatrix* J)> evaluate;
+  Eigen::Index residuals = 0;
+  Eigen::VectorXd lower, upper;  ///< n each; +-infinity = free
+};
+
+/// minimise f(x) with lower <= x <= upper.
+struct Minimization {
+  /// f and, when g is not null, its gradient (n). false = undefined at x, back off.
+  std::function<bool(const Eigen::VectorXd& x, double& f, Eigen::VectorXd* g)> evaluate;
+  Eigen::VectorXd lower, upper;
+};
+
+}  // namespace identikal

@@ -1,0 +1,180 @@
+#include "solvers/scoring.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+struct Point {
+  VectorXd x, gradient;
+  MatrixXd information;
+  double L = 0.0;
+};
+
+// Coordinates that may move: not at a bound, or at one with the gradient pointing inside.
+std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Point& at) {
+  std::vector<Index> out;
+  for (Index i = 0; i < at.x.size(); ++i) {
+    const bool held = (at.x[i] <= problem.lower[i] && at.gradient[i] <= 0.0) ||
+                      (at.x[i] >= problem.upper[i] && at.gradient[i] >= 0.0);
+    if (!held) out.push_back(i);
+  }
+  return out;
+}
+
+// (J + lambda diag J)^-1 g on the given coordinates, zero elsewhere. Directions without information get
+// no step: the scaled system's eigenvalues below 1e-13 of the largest are left out.
+VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lambda) {
+  const auto m = static_cast<Index>(free.size());
+  VectorXd scale(m), g(m);
+  MatrixXd J(m, m);
+  for (Index i = 0; i < m; ++i) {
+    const Index ii = free[static_cast<std::size_t>(i)];
+    const double d = at.information(ii, ii);
+    scale[i] = d > 0.0 ? 1.0 / std::sqrt(d) : 0.0;
+    g[i] = at.gradient[ii] * scale[i];
+  }
+  for (Index i = 0; i < m; ++i) {
+    for (Index j = 0; j < m; ++j) {
+      J(i, j) = at.information(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]) *
+                scale[i] * scale[j];
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(J);
+  const double floor = 1e-13 * std::max(1e-300, eigen.eigenvalues().maxCoeff());
+  VectorXd rotated = eigen.eigenvectors().transpose() * g;
+  for (Index i = 0; i < m; ++i) {
+    const double value = eigen.eigenvalues()[i];
+    rotated[i] = value > floor ? rotated[i] / (value + lambda) : 0.0;
+  }
+  const VectorXd d = eigen.eigenvectors() * rotated;
+  VectorXd step = VectorXd::Zero(at.x.size());
+  for (Index i = 0; i < m; ++i) step[free[static_cast<std::size_t>(i)]] = scale[i] * d[i];
+  return step;
+}
+
+// The step that stays in the box: coordinates that would leave it stop at the bound and the others are
+// solved again without them.
+VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vector<Index> free,
+                    double lambda) {
+  VectorXd stopped = VectorXd::Zero(at.x.size());
+  while (true) {
+    Point shifted = at;
+    shifted.gradient = at.gradient - at.information * stopped;
+    VectorXd step = damped_step(shifted, free, lambda);
+    std::vector<Index> still_free;
+    for (const Index i : free) {
+      const double to = at.x[i] + step[i];
+      if (to < problem.lower[i]) {
+        stopped[i] = problem.lower[i] - at.x[i];
+      } else if (to > problem.upper[i]) {
+        stopped[i] = problem.upper[i] - at.x[i];
+      } else {
+        still_free.push_back(i);
+      }
+    }
+    if (still_free.size() == free.size()) return step + stopped;
+    free = still_free;
+    if (free.empty()) return stopped;
+  }
+}
+
+void check(const LikelihoodProblem& problem, const VectorXd& start) {
+  if (problem.lower.size() != start.size() || problem.upper.size() != start.size()) {
+    throw std::invalid_argument("maximise: start and bounds differ in size");
+  }
+  if ((start.array() < problem.lower.array()).any() ||
+      (start.array() > problem.upper.array()).any()) {
+    throw std::invalid_argument("maximise: the start lies outside the bounds");
+  }
+}
+
+}  // namespace
+
+Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
+                  const SolverOptions& options) {
+  check(problem, start);
+  const auto begin = std::chrono::steady_clock::now();
+  Solution out;
+  out.x = start;
+  SolverSummary& summary = out.summary;
+  const auto finish = [&](Termination termination, const char* message) {
+    summary.termination = termination;
+    summary.message = message;
+    return out;
+  };
+
+  Point at;
+  at.x = start;
+  summary.evaluations = 1;
+  if (!problem.evaluate(at.x, at.L, &at.gradient, &at.information) || !std::isfinite(at.L)) {
+    return finish(Termination::start_undefined, "the likelihood is undefined at the start");
+  }
+  summary.initial_objective = summary.objective = at.L;
+  if (start.size() == 0) return finish(Termination::converged, "nothing is free");
+
+  double lambda = 0.0;
+  while (true) {
+    const std::vector<Index> free = free_coordinates(problem, at);
+    const double decrement = 0.5 * at.gradient.dot(damped_step(at, free, 0.0));
+    if (decrement <= options.decrement_tolerance) {
+      return finish(Termination::converged, "the increase still expected is below the tolerance");
+    }
+    if (summary.iterations >= options.max_iterations) {
+      return finish(Termination::iteration_limit, "the iteration limit was reached");
+    }
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    if (spent.count() > options.max_seconds) {
+      return finish(Termination::time_limit, "the time limit was reached");
+    }
+
+    bool accepted = false;
+    while (!accepted) {
+      Point next;
+      const VectorXd step = boxed_step(problem, at, free, lambda);
+      next.x = (at.x + step).cwiseMax(problem.lower).cwiseMin(problem.upper);
+      const VectorXd moved = next.x - at.x;
+      const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(at.information * moved);
+      ++summary.evaluations;
+      const bool defined =
+          problem.evaluate(next.x, next.L, &next.gradient, &next.information) &&
+          std::isfinite(next.L);
+      // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
+      const double rounding = 1e-14 * (1.0 + std::abs(at.L));
+      const double gain = defined ? next.L - at.L : 0.0;
+      const bool small = defined && predicted < 1e3 * rounding && gain > -1e3 * rounding;
+      if (defined && (gain > 1e-4 * predicted || small)) {
+        const bool good = small || gain > 0.5 * predicted;
+        lambda = good ? (lambda < 1e-3 ? 0.0 : lambda / 8.0) : lambda;
+        const bool stalled = small && moved.cwiseAbs().maxCoeff() == 0.0;
+        at = std::move(next);
+        out.x = at.x;
+        summary.objective = at.L;
+        accepted = true;
+        if (stalled) return finish(Termination::converged, "the step is below rounding");
+      } else {
+        lambda = std::max(1e-2, 4.0 * lambda);
+        if (lambda > 1e12) {
+          return finish(decrement < 1e3 * options.decrement_tolerance ? Termination::converged
+                                                                       : Termination::no_progress,
+                        "no step increases the likelihood");
+        }
+      }
+    }
+    ++summary.iterations;
+    if (options.progress && !options.progress(summary.iterations, at.L)) {
+      return finish(Termination::time_limit, "stopped by the caller");
+    }
+  }
+}
+
+}  // namespace identikal
