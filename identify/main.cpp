@@ -124,8 +124,9 @@ class Progress {
 int finish(const Arguments& args, const Recording& recording, Estimate& estimate,
            std::chrono::steady_clock::time_point begin) {
   estimate.verb = args.verb;
-  estimate.inputs.push_back({args.data.front(), sha256_of_file(args.data.front()),
-                             static_cast<long>(recording.table.rows), static_cast<long>(recording.data.size())});
+  // The vehicle fit says itself how many rows it used.
+  const long used = estimate.inputs.empty() ? static_cast<long>(recording.data.size()) : estimate.inputs.front().used;
+  estimate.inputs = {{args.data.front(), sha256_of_file(args.data.front()), static_cast<long>(recording.table.rows), used}};
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {

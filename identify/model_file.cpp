@@ -138,6 +138,42 @@ double read_min_speed(const YamlNode& node) {
   return value;
 }
 
+void read_sensors(const YamlNode& root, ModelFile& out) {
+  const YamlNode* node = find(root, "sensors");
+  if (node == nullptr) return;
+  check_keys(*node, "sensors", names_of(out.outputs));
+  for (std::size_t i = 0; i < node->items.size(); ++i) {
+    const YamlNode& item = node->items[i];
+    check_keys(item, in_quotes(node->keys[i].text), {"x", "y"});
+    SensorPosition& position = out.vehicle.sensors[node->keys[i].text];
+    if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
+    if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
+  }
+}
+
+void read_measurement_noise(const YamlNode& root, ModelFile& out) {
+  std::vector<double>& result = out.vehicle.measurement_sd;
+  result.assign(out.outputs.size(), std::numeric_limits<double>::quiet_NaN());
+  const YamlNode* node = find(root, "noise");
+  if (node == nullptr) return;
+  check_keys(*node, "noise", {"measurement"}, {"process"});
+  const YamlNode& measurement = required(*node, "measurement", "noise", "measurement: {sd: ...}");
+  check_keys(measurement, "measurement", {"kind", "sd"});
+  if (const YamlNode* kind = find(measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
+  const YamlNode& sd = required(measurement, "sd", "measurement", "sd: {r: 0.01 rad/s}");
+  check_keys(sd, "sd", names_of(out.outputs));
+  for (std::size_t i = 0; i < out.outputs.size(); ++i) {
+    const YamlNode* given = find(sd, out.outputs[i].name);
+    if (given == nullptr) continue;
+    const std::string what = "sd of " + out.outputs[i].name;
+    result[i] = read_si(*given, out.outputs[i].si_unit, what);
+    if (!(result[i] > 0.0)) {
+      throw InputError(given->at, fmt::format("{} is {}", what, describe(*given)),
+                       "a value above 0");
+    }
+  }
+}
+
 void read_vehicle(const YamlNode& root, ModelFile& out) {
   const std::string top = "the model file";
   const std::string inputs_example =
@@ -158,46 +194,16 @@ void read_vehicle(const YamlNode& root, ModelFile& out) {
                     "outputs", kVehicleOutputs);
   out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel);
 
-  std::vector<std::string> measured;
-  for (const ChannelSource& output : out.outputs) measured.push_back(output.name);
-  if (const YamlNode* sensors = find(root, "sensors")) {
-    check_keys(*sensors, "sensors", measured);
-    for (std::size_t i = 0; i < sensors->items.size(); ++i) {
-      const YamlNode& item = sensors->items[i];
-      check_keys(item, in_quotes(sensors->keys[i].text), {"x", "y"});
-      SensorPosition& position = vehicle.sensors[sensors->keys[i].text];
-      if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
-      if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
-    }
-  }
-  vehicle.measurement_sd.assign(measured.size(), std::numeric_limits<double>::quiet_NaN());
-  if (const YamlNode* noise = find(root, "noise")) {
-    check_keys(*noise, "noise", {"measurement"}, {"process"});
-    const YamlNode& measurement =
-        required(*noise, "measurement", "noise", "measurement: {sd: ...}");
-    check_keys(measurement, "measurement", {"kind", "sd"});
-    if (const YamlNode* kind = find(measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
-    const YamlNode& sd = required(measurement, "sd", "measurement", "sd: {r: 0.01 rad/s}");
-    check_keys(sd, "sd", measured);
-    for (std::size_t i = 0; i < measured.size(); ++i) {
-      const YamlNode* given = find(sd, measured[i]);
-      if (given == nullptr) continue;
-      const std::string what = "sd of " + measured[i];
-      const double value = read_si(*given, out.outputs[i].si_unit, what);
-      if (!(value > 0.0)) {
-        throw InputError(given->at, fmt::format("{} is {}", what, describe(*given)),
-                         "a value above 0");
-      }
-      vehicle.measurement_sd[i] = value;
-    }
-  }
+  read_sensors(root, out);
+  read_measurement_noise(root, out);
   if (const YamlNode* tyre = find(root, "tyre")) {
     check_keys(*tyre, "tyre", {"curve"});
     word_of(required(*tyre, "curve", "tyre", "curve: linear"), "curve", {"linear"},
             {"tanh", "fiala", "magic-formula"});
   }
-  if (const YamlNode* use_when = find(root, "use_when"))
+  if (const YamlNode* use_when = find(root, "use_when")) {
     vehicle.min_speed = read_min_speed(*use_when);
+  }
 }
 
 }  // namespace

@@ -52,27 +52,39 @@ std::string wrapped(const std::string& text, std::size_t indent) {
 std::string value_text(double value) { return std::isnan(value) ? "-" : fmt::format("{:.6g}", value); }
 std::string error_text(double value) { return std::isnan(value) ? "-" : fmt::format("{:.3g}", value); }
 
+// The free parameters as a table, what is known in one sentence below it.
 std::string parameter_table(const Estimate& estimate) {
   std::size_t name = 9, unit = 4;
+  bool any_free = false;
   for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    any_free = true;
     name = std::max(name, p.name.size());
     unit = std::max(unit, p.unit.size());
   }
-  std::string out = fmt::format("{:<{}} {:<{}} {:>10} {:>9} {:>20} {:>9}  {}\n", "parameter", name, "unit", unit,
-                                "value", "se", "95 % interval", "bound se", "verdict");
+  std::string out, known;
+  if (any_free) {
+    out = fmt::format("{:<{}} {:<{}} {:>10} {:>9} {:>20} {:>9}  {}\n", "parameter", name, "unit",
+                      unit, "value", "se", "95 % interval", "bound se", "verdict");
+  }
   for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) {
+      known += fmt::format("{} {} = {:.6g}{}{}", known.empty() ? "known " : ",", p.name, p.value,
+                           p.unit.empty() ? "" : " ", p.unit);
+      continue;
+    }
     const bool interval = !std::isnan(p.ci95[0]) && !std::isnan(p.ci95[1]);
-    std::string verdict = p.fixed ? "fixed" : to_string(p.verdict);
+    std::string verdict = to_string(p.verdict);
     if (!p.with.empty()) {
       verdict += " with";
       for (const std::string& other : p.with) verdict += " " + other;
     }
-    out += fmt::format("{:<{}} {:<{}} {:>10} {:>9} {:>20} {:>9}  {}\n", p.name, name, p.unit.empty() ? "-" : p.unit,
-                       unit, value_text(p.value), error_text(p.se),
+    out += fmt::format("{:<{}} {:<{}} {:>10} {:>9} {:>20} {:>9}  {}\n", p.name, name,
+                       p.unit.empty() ? "-" : p.unit, unit, value_text(p.value), error_text(p.se),
                        interval ? fmt::format("{:.5g} .. {:.5g}", p.ci95[0], p.ci95[1]) : "-",
                        error_text(p.crb_se), verdict);
   }
-  return out;
+  return known.empty() ? out : out + wrapped(known, 7);
 }
 
 std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {

@@ -11,9 +11,9 @@
 #include "identify/vehicle_problem.h"
 #include "identify/vehicle_run.h"
 #include "identify/vehicle_starts.h"
+#include "lib/dual.h"
 #include "lib/error.h"
 #include "lib/units.h"
-#include "solvers/autodiff.h"
 
 namespace identikal {
 namespace {
@@ -38,8 +38,12 @@ Search search(const VehicleRun& run, const VehicleUnknowns& unknowns,
               const VehicleFitOptions& options) {
   const std::vector<VehicleParameters<double>> starts =
       vehicle_starts(run, unknowns, options.starts, options.seed);
+  // Any start may be far off; integration steps are made for the least stiff, and remade for the answer.
   Search out;
-  out.problem = problem_for(run, unknowns, starts.front());
+  const auto softest = std::min_element(starts.begin(), starts.end(), [](const auto& p, const auto& q) {
+    return decay_rate_times_speed(linear_car(p)) < decay_rate_times_speed(linear_car(q));
+  });
+  out.problem = problem_for(run, unknowns, *softest);
 
   struct Candidate {
     Eigen::VectorXd z;

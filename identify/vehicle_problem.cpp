@@ -6,13 +6,17 @@
 #include <cmath>
 #include <numbers>
 
+#include "lib/dual.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
-#include "solvers/autodiff.h"
 #include "solvers/solve.h"
 
 namespace identikal {
 namespace {
+
+// Bounds of positive parameters that have none in the model file, in units of the typical size. What ends here
+// is reported as at its bound: the data want a rigid car.
+constexpr double kSmallest = 1e-3, kLargest = 20.0;
 
 bool must_be_positive(VehicleParameter p) {
   return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
@@ -120,7 +124,8 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
     out.lower[i] = given.min;
     out.upper[i] = given.max;
     if (must_be_positive(out.free[n])) {
-      out.lower[i] = std::max(given.min, 1e-3 * out.scale[i]);
+      out.lower[i] = std::max(given.min, kSmallest * out.scale[i]);
+      if (std::isinf(given.max)) out.upper[i] = kLargest * out.scale[i];
     }
   }
   return out;
@@ -229,22 +234,25 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
   with_dual_size(k + 2, [&](auto size) {
     constexpr int N = decltype(size)::value;
     using T = Dual<N>;
+    const auto state = static_cast<std::size_t>(k);
     VehicleParameters<T> q;
     for (std::size_t i = 0; i < q.size(); ++i) q[i] = T(p[i]);
     for (Eigen::Index i = 0; i < k; ++i) {
-      q[problem.unknowns.free[static_cast<std::size_t>(i)]].v[i] = problem.unknowns.scale[i];
+      const auto n = static_cast<std::size_t>(i);
+      q[problem.unknowns.free[n]].v[n] = problem.unknowns.scale[i];
     }
     with_car(problem, q, [&](const auto& car) {
       for (std::size_t s = 0; s < problem.driven.size(); ++s) {
         const Eigen::Index at = k + 2 * static_cast<Eigen::Index>(s);
         T vy(z[at] * kStateScale[0]), r(z[at + 1] * kStateScale[1]);
-        vy.v[k] = kStateScale[0];
-        r.v[k + 1] = kStateScale[1];
+        vy.v[state] = kStateScale[0];
+        r.v[state + 1] = kStateScale[1];
         predict<T>(problem, car, s, vy, r, residual, [&](std::size_t i, const T& value) {
           const auto n = static_cast<Eigen::Index>(i);
           e[n] = value.a - problem.sample[n];
-          J->row(n).head(k) = value.v.head(k).transpose();
-          J->row(n).segment<2>(at) = value.v.template segment<2>(k).transpose();
+          const Eigen::Map<const Eigen::RowVectorXd> derivative(value.v.data(), k + 2);
+          J->row(n).head(k) = derivative.head(k);
+          J->row(n).segment<2>(at) = derivative.tail<2>();
         });
       }
     });
@@ -292,7 +300,7 @@ double log_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& e,
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options) {
   constexpr int kMostRounds = 50;
-  constexpr double kSettled = 1e-6;  // relative change of every noise sd
+  constexpr double kNearlySettled = 1e-3, kSettled = 1e-5;  // relative change of every noise sd
   VehicleOptimum out;
   out.z = start;
   Eigen::VectorXd e;
@@ -301,15 +309,19 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     return out;
   }
   out.sd = noise_sd(problem, e);
+  // While the weights still move there is no point in an exact minimum.
+  SolverOptions coarse = options;
+  coarse.function_tolerance = std::max(options.function_tolerance, 1e-5);
+  bool exact = false;
   for (int round = 0; round < kMostRounds; ++round) {
-    LeastSquares weighted;
-    weighted.residuals = problem.residuals();
-    weighted.lower = problem.lower;
-    weighted.upper = problem.upper;
     Eigen::VectorXd weight(problem.residuals());
     for (std::size_t i = 0; i < problem.output.size(); ++i) {
       weight[static_cast<Eigen::Index>(i)] = 1.0 / out.sd[problem.output[i]];
     }
+    LeastSquares weighted;
+    weighted.residuals = problem.residuals();
+    weighted.lower = problem.lower;
+    weighted.upper = problem.upper;
     weighted.evaluate = [&](const Eigen::VectorXd& z, Eigen::VectorXd& r,
                             LeastSquares::RowMatrix* J) {
       if (!output_error(problem, z, r, J)) return false;
@@ -317,7 +329,7 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
       if (J != nullptr) J->array().colwise() *= weight.array();
       return true;
     };
-    const Solution solution = solve(weighted, out.z, options);
+    const Solution solution = solve(weighted, out.z, exact ? options : coarse);
     out.z = solution.x;
     out.iterations += solution.summary.iterations;
     out.evaluations += solution.summary.evaluations;
@@ -326,10 +338,10 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     const Eigen::VectorXd sd = noise_sd(problem, e);
     const double change = (sd.cwiseQuotient(out.sd).array() - 1.0).abs().maxCoeff();
     out.sd = sd;
-    out.converged = solution.summary.termination == Termination::converged;
-    if (!out.converged) break;
-    if (change < kSettled) break;
-    out.converged = false;
+    const bool solved = solution.summary.termination == Termination::converged;
+    out.converged = solved && exact && change < kSettled;
+    if (!solved || out.converged) break;
+    exact = exact || change < kNearlySettled;
   }
   out.log_likelihood = log_likelihood(problem, e, out.sd);
   return out;

@@ -14,7 +14,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include "lib/units.h"
@@ -24,13 +23,11 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMaxColumns = 10000;
-constexpr std::size_t kMaxExcerpt = 40;  // characters of the file that a message may quote
-constexpr std::size_t kTailLines = 64;   // lines at the end of the file that show its shape
-constexpr std::size_t kTextCheck = 1
-                                   << 16;  // bytes at the start that must be free of control codes
+constexpr std::size_t kMaxExcerpt = 40;    // characters of the file that a message may quote
+constexpr std::size_t kTailLines = 64;     // lines at the end of the file that show its shape
+constexpr std::size_t kTextCheck = 65536;  // bytes at the start free of control codes
 
-// --- Text
-// -------------------------------------------------------------------------------------------
+// --- Text ---
 
 bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }
 
@@ -83,8 +80,6 @@ std::string excerpt(std::string_view text) {
   return converted;
 }
 
-std::string in_quotes(std::string_view text) { return "'" + excerpt(text) + "'"; }
-
 // Position in characters, from 1, of the byte at `offset`.
 int character_position(std::string_view line, std::size_t offset) {
   const std::string_view before = line.substr(0, offset);
@@ -111,8 +106,7 @@ bool same_ignoring_case(std::string_view a, std::string_view b) {
   });
 }
 
-// --- Cells
-// ------------------------------------------------------------------------------------------
+// --- Cells ---
 
 struct Cell {
   std::string_view text;   // without blanks around it and without its quotes
@@ -145,6 +139,11 @@ Cell next_cell(std::string_view line, std::size_t& pos, char separator) {
   cell.text = trim(line.substr(pos, end - pos), separator);
   pos = end;
   return cell;
+}
+
+[[noreturn]] void throw_bad_quote(const Location& at, const Cell& cell) {
+  throw InputError(at, "a quote that is not closed: " + quoted_excerpt(cell.text),
+                   "a closing quote before the separator");
 }
 
 // At most kMaxColumns + 1 cells, which is enough to tell that there are too many.
@@ -213,8 +212,7 @@ std::optional<double> parse_number(std::string_view text, DecimalMark mark) {
   return value;
 }
 
-// --- The file
-// ---------------------------------------------------------------------------------------
+// --- The file ---
 
 // The whole file, with a line feed after the last line so that every line ends in one.
 struct Text {
@@ -258,7 +256,7 @@ Text read_file(const std::string& path) {
 void check_is_text(const Text& text, const std::string& path) {
   const auto is_control = [](char c) {
     const auto byte = static_cast<unsigned char>(c);
-    return byte == 0x7F || (byte < 0x20 && c != '\t' && c != '\n' && c != '\r' && c != '\f');
+    return byte == 0x7F || (byte < 0x20 && c != '\t' && c != '\n' && c != '\r');
   };
   const char* checked = text.begin() + std::min(text.size, kTextCheck);
   const char* bad = std::find_if(text.begin(), checked, is_control);
@@ -289,9 +287,16 @@ struct Line {
   int number = 0;
 };
 
-bool is_blank_line(std::string_view line) {
-  return std::all_of(line.begin(), line.end(),
-                     [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\f'; });
+// Takes the line at `p` and moves `p` behind its line feed.
+std::string_view next_line(const char*& p, const char* end) {
+  const char* const begin = p;
+  const char* const stop = std::find(begin, end, '\n');
+  p = stop + 1;
+  return {begin, static_cast<std::size_t>(stop - begin)};
+}
+
+bool is_blank_text(std::string_view text) {
+  return text.find_first_not_of(" \t\r\n") == std::string_view::npos;
 }
 
 bool is_comment(std::string_view line) {
@@ -299,14 +304,15 @@ bool is_comment(std::string_view line) {
   return first != std::string_view::npos && line[first] == '#';
 }
 
-// --- Layout: which line is the header, and where do the rows begin?
-// ---------------------------------
+// --- Layout: which line is the header, and where do the rows begin? ---
 
 // What the end of the file shows; unlike the start it holds rows and nothing else.
 struct Shape {
   char separator = ',';
   std::size_t width = 0;           // cells up to the last that is ever filled
   std::vector<bool> text_columns;  // columns in which most cells are text
+
+  std::size_t fewest_cells() const { return width <= 1 ? 1 : 2; }  // of a header or a row
 };
 
 std::vector<std::string_view> last_lines(const char* begin, const char* end) {
@@ -315,7 +321,7 @@ std::vector<std::string_view> last_lines(const char* begin, const char* end) {
     const char* start = end - 1;
     while (start != begin && start[-1] != '\n') --start;
     const std::string_view line(start, static_cast<std::size_t>(end - 1 - start));
-    if (!is_blank_line(line) && !is_comment(line)) lines.push_back(line);
+    if (!is_blank_text(line) && !is_comment(line)) lines.push_back(line);
     end = start;
   }
   // In a short file the header is among them: keep the later half.
@@ -334,25 +340,28 @@ bool is_text(const Cell& cell, char separator) {
 
 Shape find_shape(const std::vector<std::string_view>& lines) {
   Shape best;
-  std::pair<int, int> best_score{-1, 0};  // most numbers, then fewest texts
+  std::array<int, 3> best_score{-1, 0, 0};  // most lines without text, numbers; fewest texts
   for (const char separator : {';', '\t', ','}) {
-    Shape shape{separator, 0, {}};
+    Shape shape{.separator = separator, .width = 0, .text_columns = {}};
     std::vector<int> texts, seen;
-    std::pair<int, int> score{0, 0};
+    std::array<int, 3> score{};
     for (const std::string_view line : lines) {
       const std::vector<Cell> cells = split(line, separator);
       shape.width = std::max(shape.width, filled_width(cells));
       texts.resize(std::max(texts.size(), cells.size()));
       seen.resize(texts.size());
+      bool text_free = true;
       for (std::size_t j = 0; j < cells.size(); ++j) {
         ++seen[j];
         if (is_text(cells[j], separator)) {
           ++texts[j];
-          --score.second;
+          --score[2];
+          text_free = false;
         } else if (!is_missing(cells[j].text)) {
-          ++score.first;
+          ++score[1];
         }
       }
+      if (text_free) ++score[0];
     }
     // A separator that does not occur is no candidate; the comma stands for a single column.
     if ((texts.size() <= 1 && separator != ',') || score <= best_score) continue;
@@ -365,18 +374,19 @@ Shape find_shape(const std::vector<std::string_view>& lines) {
   return best;
 }
 
-// What a line holds in the columns that are numeric: only numbers (or missing), only text, or both.
-enum class LineKind { numbers, missing, mixed, text };
+// What a line holds in the columns that are numeric: numbers alone, nothing, both, text alone.
+enum class LineKind { numbers, missing, mixed, mostly_text, text };
 
 LineKind kind_of(const std::vector<Cell>& cells, const Shape& shape) {
-  bool number = false, text = false;
+  std::size_t numbers = 0, texts = 0;
   for (std::size_t j = 0; j < cells.size(); ++j) {
     if (j < shape.text_columns.size() && shape.text_columns[j]) continue;
     if (is_missing(cells[j].text)) continue;
-    (is_text(cells[j], shape.separator) ? text : number) = true;
+    ++(is_text(cells[j], shape.separator) ? texts : numbers);
   }
-  if (text) return number ? LineKind::mixed : LineKind::text;
-  return number ? LineKind::numbers : LineKind::missing;
+  if (texts == 0) return numbers > 0 ? LineKind::numbers : LineKind::missing;
+  if (numbers == 0) return LineKind::text;
+  return texts > numbers ? LineKind::mostly_text : LineKind::mixed;
 }
 
 // "[m/s]" or "(m/s)" -> "m/s"
@@ -399,12 +409,6 @@ bool is_unit_row(const std::vector<Cell>& cells, char separator) {
   return filled > 0 && 4 * units >= 3 * filled;
 }
 
-struct Layout {
-  std::optional<Line> header, units;
-  Line first_row;
-  std::vector<std::string> metadata;  // all lines above the rows but header, units and blanks
-};
-
 struct HeadLine {
   Line line;
   LineKind kind;
@@ -412,59 +416,96 @@ struct HeadLine {
   bool unit_row;
 };
 
-Layout find_layout(const Text& text, const char* begin, const Shape& shape,
-                   const std::string& path) {
-  // Down to the first two rows in a row: a single line of numbers may still be metadata.
+// The file down to its first rows. Blank lines are left out.
+struct Head {
   std::vector<HeadLine> lines;
   std::vector<Line> comments;
-  std::size_t first = 0;
-  bool found = false;
-  int number = 1;
-  const std::size_t fewest = shape.width <= 1 ? 1 : 2;  // cells of a header or row
+  std::size_t first_numbers = 0;  // index into `lines` of a line that is a row beyond doubt
+};
+
+Head read_head(const char* begin, const char* end, const Shape& shape, const std::string& path) {
+  Head head;
   const auto is_row = [&](const HeadLine& l) {
-    return l.kind == LineKind::numbers && l.cells >= fewest;
+    return l.kind == LineKind::numbers && l.cells >= shape.fewest_cells();
   };
-  for (const char* p = begin; p != text.end() && !found; ++number) {
-    const char* end = std::find(p, text.end(), '\n');
-    const Line line{std::string_view(p, static_cast<std::size_t>(end - p)), number};
-    p = end + 1;
-    if (is_blank_line(line.text)) continue;
+  int number = 1;
+  for (const char* p = begin; p != end; ++number) {
+    const Line line{next_line(p, end), number};
+    if (is_blank_text(line.text)) continue;
     if (is_comment(line.text)) {
-      comments.push_back(line);
+      head.comments.push_back(line);
       continue;
     }
     const std::vector<Cell> cells = split(line.text, shape.separator);
-    lines.push_back({line, kind_of(cells, shape), cells.size(), filled_width(cells),
-                     is_unit_row(cells, shape.separator)});
-    if (lines.size() < 2) continue;
-    const HeadLine &above = lines[lines.size() - 2], &here = lines.back();
-    if (is_row(above) && here.cells == above.cells &&
-        (here.kind == LineKind::numbers || here.kind == LineKind::missing)) {
-      first = lines.size() - 2;
-      found = true;
-    }
+    head.lines.push_back({line, kind_of(cells, shape), cells.size(), filled_width(cells),
+                          is_unit_row(cells, shape.separator)});
+    // A single line of numbers may still be metadata; two of one width are rows.
+    if (head.lines.size() < 2) continue;
+    head.first_numbers = head.lines.size() - 2;
+    const HeadLine &above = head.lines[head.first_numbers], &here = head.lines.back();
+    const bool fits = here.kind == LineKind::numbers || here.kind == LineKind::missing;
+    if (is_row(above) && fits && here.cells == above.cells) return head;
   }
-  if (!found) {
-    const auto row = !lines.empty() && is_row(lines.back())
-                         ? lines.end() - 1
-                         : std::find_if(lines.begin(), lines.end(), is_row);
-    if (row == lines.end()) {
-      const int last = std::max(lines.empty() ? 1 : lines.back().line.number,
-                                comments.empty() ? 1 : comments.back().number);
-      throw InputError({path, last}, "no row of numbers up to the end of the file",
-                       "a header line and rows of numbers");
-    }
-    first = static_cast<std::size_t>(row - lines.begin());
+  const bool last_is_row = !head.lines.empty() && is_row(head.lines.back());
+  const auto row = last_is_row ? head.lines.end() - 1
+                               : std::find_if(head.lines.begin(), head.lines.end(), is_row);
+  if (row == head.lines.end()) {
+    throw InputError({path, number - 1}, "the file ends without a row of numbers",
+                     "a header line and rows of numbers");
   }
+  head.first_numbers = static_cast<std::size_t>(row - head.lines.begin());
+  return head;
+}
 
+struct Layout {
+  std::optional<Line> header, units;
+  Line first_row;
+};
+
+// "# t, y" directly above the rows, perhaps with "# s, m" between.
+void take_header_from_comments(const Text& text, const Head& head, const HeadLine& first_row,
+                               const Shape& shape, Layout& layout) {
+  const auto cells_of = [&](int number) {
+    const auto comment = std::find_if(head.comments.begin(), head.comments.end(),
+                                      [&](const Line& c) { return c.number == number; });
+    std::vector<Cell> cells;
+    if (comment == head.comments.end()) return std::pair{Line{}, cells};
+    const std::size_t sign = comment->text.find('#');
+    cells = split(comment->text.substr(sign + 1), shape.separator);
+    // One column: a name is one word, anything longer is a remark.
+    const std::string_view name = cells[0].text;
+    const bool remark = shape.fewest_cells() == 1 && name.find(' ') != std::string_view::npos &&
+                        !name.ends_with(']') && !name.ends_with(')');
+    const bool fits = cells.size() == first_row.cells && kind_of(cells, shape) == LineKind::text;
+    if (remark || !fits) cells.clear();
+    return std::pair{*comment, cells};
+  };
+  const auto [near, near_cells] = cells_of(first_row.line.number - 1);
+  if (near_cells.empty()) return;
+  layout.header = near;
+  const auto [far, far_cells] = cells_of(first_row.line.number - 2);
+  if (is_unit_row(near_cells, shape.separator) && !far_cells.empty()) {
+    layout.units = near;
+    layout.header = far;
+  }
+  // With the sign blanked they are header lines like any other.
+  for (const std::optional<Line>& line : {layout.header, layout.units}) {
+    if (!line) continue;
+    const std::size_t sign = line->text.find('#');
+    text.bytes[static_cast<std::size_t>(line->text.data() - text.begin()) + sign] = ' ';
+  }
+}
+
+Layout find_layout(const Text& text, const Head& head, const Shape& shape) {
   // Up to the nearest line of text. Rows that it passes hold a text by mistake or are ragged; they
   // stay rows, so that reading them says so.
+  const std::vector<HeadLine>& lines = head.lines;
   const auto may_be_header = [&](const HeadLine& l) {
-    return l.kind == LineKind::text && l.cells >= fewest;
+    return l.kind == LineKind::text && l.cells >= shape.fewest_cells();
   };
   Layout layout;
-  std::size_t top = 0;  // first line that may be a row
-  for (std::size_t k = first; k-- > 0;) {
+  std::size_t top = 0;  // the first line that is a row
+  for (std::size_t k = head.first_numbers; k-- > 0;) {
     if (lines[k].unit_row && k > 0 && may_be_header(lines[k - 1]) &&
         lines[k - 1].filled >= lines[k].filled) {
       layout.units = lines[k].line;
@@ -478,48 +519,32 @@ Layout find_layout(const Text& text, const char* begin, const Shape& shape,
     break;
   }
   if (!layout.header) {
-    while (lines[top].kind == LineKind::mixed && lines[top].cells != lines[first].cells) ++top;
-  }
-  layout.first_row = lines[top].line;
-
-  if (!layout.header) {
-    // "# t, y" directly above the rows, perhaps with "# s, m" between.
-    const auto take_comment = [&](int at, std::string_view& body) {
-      const auto line = std::find_if(comments.begin(), comments.end(),
-                                     [at](const Line& c) { return c.number == at; });
-      if (line == comments.end()) return false;
-      body = line->text.substr(line->text.find('#') + 1);
-      const std::vector<Cell> cells = split(body, shape.separator);
-      const bool prose = shape.width <= 1 && cells[0].text.find(' ') != std::string_view::npos &&
-                         cells[0].text.back() != ')' && cells[0].text.back() != ']';
-      return !prose && cells.size() == lines[top].cells && kind_of(cells, shape) == LineKind::text;
+    const std::size_t width = lines[head.first_numbers].cells;
+    const auto has_text = [](const HeadLine& l) {
+      return l.kind == LineKind::mixed || l.kind == LineKind::mostly_text;
     };
-    const int row = layout.first_row.number;
-    std::string_view above, two_above;
-    if (take_comment(row - 1, above)) {
-      if (is_unit_row(split(above, shape.separator), shape.separator) &&
-          take_comment(row - 2, two_above)) {
-        layout.units = Line{above, row - 1};
-        layout.header = Line{two_above, row - 2};
-      } else {
-        layout.header = Line{above, row - 1};
-      }
-    }
+    while (has_text(lines[top]) && lines[top].cells != width) ++top;
+    take_header_from_comments(text, head, lines[top], shape, layout);
   }
-
-  std::map<int, std::string_view> above;
-  for (const HeadLine& l : lines) above.emplace(l.line.number, l.line.text);
-  for (const Line& comment : comments) above.emplace(comment.number, comment.text);
-  for (const auto& [at, line] : above) {
-    const bool used = (layout.header && layout.header->number == at) ||
-                      (layout.units && layout.units->number == at);
-    if (at < layout.first_row.number && !used) layout.metadata.push_back(to_utf8(trim(line, '\0')));
-  }
+  // Some columns may be named by a number.
+  if (!layout.header && lines[top].kind == LineKind::mostly_text) layout.header = lines[top++].line;
+  layout.first_row = lines[top].line;
   return layout;
 }
 
-// --- Header
-// -----------------------------------------------------------------------------------------
+// All lines above the rows but the header, the units and blank ones.
+std::vector<std::string> metadata_above(const char* begin, const Layout& layout) {
+  std::vector<std::string> metadata;
+  for (const char* p = begin; p != layout.first_row.text.data();) {
+    const std::string_view line = next_line(p, layout.first_row.text.data());
+    const bool used = (layout.header && layout.header->text.data() == line.data()) ||
+                      (layout.units && layout.units->text.data() == line.data());
+    if (!used && !is_blank_text(line)) metadata.push_back(to_utf8(trim(line, '\0')));
+  }
+  return metadata;
+}
+
+// --- Header ---
 
 void read_name(const std::string& cell, Column& column) {
   column.header = column.name = cell;
@@ -552,11 +577,8 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
                      "one row for each sample", "is the table transposed?");
   }
   for (const Cell& cell : cells) {
-    if (layout.header && cell.bad_quote) {
-      throw InputError({path, shown.number, character_position(shown.text, cell.offset)},
-                       "a quote that is not closed: " + in_quotes(cell.text),
-                       "a closing quote before the separator");
-    }
+    if (!layout.header || !cell.bad_quote) continue;
+    throw_bad_quote({path, shown.number, character_position(shown.text, cell.offset)}, cell);
   }
   // Empty cells at the end of the header are no columns unless the rows fill them.
   std::size_t width = filled_width(cells);
@@ -579,7 +601,7 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
     const auto [first, inserted] = seen.emplace(columns[j].name, j);
     if (inserted) continue;
     throw InputError({path, shown.number, character_position(shown.text, cells[j].offset)},
-                     "column name " + in_quotes(columns[j].name) + " stands twice (columns " +
+                     "column name " + quoted_excerpt(columns[j].name) + " stands twice (columns " +
                          std::to_string(first->second + 1) + " and " + std::to_string(j + 1) + ")",
                      "a different name for each column");
   }
@@ -594,10 +616,9 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
   return columns;
 }
 
-// --- Rows
-// -------------------------------------------------------------------------------------------
+// --- Rows ---
 
-[[noreturn]] void throw_ragged(const Table& table, const Line& line) {
+[[noreturn]] void throw_ragged(const Table& table, const Line& line, bool last) {
   const std::vector<Cell> cells = split(line.text, table.separator);
   const std::size_t columns = table.columns.size();
   const std::size_t offset =
@@ -610,7 +631,8 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
                    "row has " + count(cells.size()) + ", the " +
                        (table.has_header ? "header" : "first row") + " has " +
                        std::to_string(columns),
-                   "as many cells in each row");
+                   "as many cells in each row",
+                   last && cells.size() < columns ? "is the file cut off here?" : "");
 }
 
 // Reads the number at `p` and returns where it stops; `p` itself when there is none. A line feed at
@@ -645,13 +667,32 @@ const char* plain_number(const char* p, const char* end, char mark, double& valu
   return error == std::errc{} && std::isfinite(value) ? stop : begin;
 }
 
+// Reads a cell of any kind, and notes in the column when it is no number.
+double read_cell(const Line& line, std::size_t& pos, DecimalMark& mark, const Table& table,
+                 Column& column) {
+  const Cell cell = next_cell(line.text, pos, table.separator);
+  const auto at = [&] { return character_position(line.text, cell.offset); };
+  if (cell.bad_quote) throw_bad_quote({table.path, line.number, at()}, cell);
+  if (const std::optional<double> value = parse_number(cell.text, mark)) {
+    if (mark == DecimalMark::undecided) {
+      if (cell.text.find('.') != std::string_view::npos) mark = DecimalMark::point;
+      if (cell.text.find(',') != std::string_view::npos) mark = DecimalMark::comma;
+    }
+    return *value;
+  }
+  ++column.missing;
+  if (!is_missing(cell.text) && column.text_cells++ == 0) {
+    column.first_text = {line.number, at(), excerpt(cell.text)};
+  }
+  return kNaN;
+}
+
 // Reads all rows from `p` on into the columns. `widest` is the number of cells, empty ones at the
 // end included, that a row may have.
-void read_rows(const char* p, const char* end, int line, std::size_t widest, Table& table) {
+void read_rows(const char* p, const char* end, int number, std::size_t widest, Table& table) {
   const char separator = table.separator;
   const std::size_t width = table.columns.size();
-  // Enough for every line, and never more than the bytes could hold (blank lines are cheap to
-  // write).
+  // Room for every line, but never for more cells than the bytes could hold: blank lines are cheap.
   const auto lines = static_cast<std::size_t>(std::count(p, end, '\n'));
   const std::size_t capacity = std::min(lines, static_cast<std::size_t>(end - p) / width + 1);
   std::vector<double*> out(width);
@@ -662,78 +703,50 @@ void read_rows(const char* p, const char* end, int line, std::size_t widest, Tab
   DecimalMark mark = initial_mark(separator);
   std::size_t row = 0;
   bool in_run = false;
-  for (; p != end; ++line) {
-    const char* const line_begin = p;
+  for (; p != end; ++number) {
+    const char* const begin = p;
     while (is_blank(*p, separator)) ++p;
     if (*p == '\n' || *p == '#') {
-      const char* line_end = std::find(p, end, '\n');
-      if (*p == '#') {
-        table.metadata.push_back(
-            to_utf8(trim(std::string_view(p, static_cast<std::size_t>(line_end - p)), '\0')));
-      }
-      p = line_end + 1;
+      const std::string_view line = next_line(p, end);
+      if (!line.empty()) table.metadata.push_back(to_utf8(trim(line, '\0')));
       in_run = false;
       continue;
     }
-    if (!in_run) table.line_runs.push_back({row, line});
+    if (!in_run) table.line_runs.push_back({row, number});
     in_run = true;
 
-    std::string_view whole;  // the line, found only when a cell needs it
-    const auto whole_line = [&] {
-      if (whole.data() == nullptr) {
-        const char* line_end = std::find(line_begin, end, '\n');
-        whole = std::string_view(line_begin, static_cast<std::size_t>(line_end - line_begin));
-      }
-      return Line{whole, line};
+    Line whole{{}, number};  // its end is looked for only when a cell needs it
+    const auto whole_line = [&]() -> const Line& {
+      const char* from = begin;
+      if (whole.text.data() == nullptr) whole.text = next_line(from, end);
+      return whole;
     };
+    const auto is_last = [&] { return whole_line().text.data() + whole.text.size() + 1 == end; };
     for (std::size_t j = 0; j < width; ++j) {
       if (j > 0) {
-        if (*p == '\n') throw_ragged(table, whole_line());
+        if (*p == '\n') throw_ragged(table, whole_line(), is_last());
         ++p;
       }
       while (is_blank(*p, separator)) ++p;
       // Nearly every cell is a plain number; anything else takes the slow way.
       if (mark != DecimalMark::undecided) {
-        double value;
-        const char* after = plain_number(p, end, mark == DecimalMark::comma ? ',' : '.', value);
+        const char* after =
+            plain_number(p, end, mark == DecimalMark::comma ? ',' : '.', out[j][row]);
         while (is_blank(*after, separator)) ++after;
         if (after != p && (*after == separator || *after == '\n')) {
-          out[j][row] = value;
           p = after;
           continue;
         }
       }
-      const Line here = whole_line();
-      std::size_t pos = static_cast<std::size_t>(p - line_begin);
-      const Cell cell = next_cell(here.text, pos, separator);
-      p = line_begin + pos;
-      const auto at = [&] { return character_position(here.text, cell.offset); };
-      if (cell.bad_quote) {
-        throw InputError({table.path, line, at()},
-                         "a quote that is not closed: " + in_quotes(cell.text),
-                         "a closing quote before the separator");
-      }
-      const std::optional<double> value = parse_number(cell.text, mark);
-      out[j][row] = value.value_or(kNaN);
-      if (value) {
-        if (mark == DecimalMark::undecided) {
-          if (cell.text.find('.') != std::string_view::npos) mark = DecimalMark::point;
-          if (cell.text.find(',') != std::string_view::npos) mark = DecimalMark::comma;
-        }
-        continue;
-      }
-      Column& column = table.columns[j];
-      ++column.missing;
-      if (is_missing(cell.text)) continue;
-      if (column.text_cells++ == 0) column.first_text = {line, at(), excerpt(cell.text)};
+      auto pos = static_cast<std::size_t>(p - begin);
+      out[j][row] = read_cell(whole_line(), pos, mark, table, table.columns[j]);
+      p = begin + pos;
     }
-    std::size_t cells = width;
-    while (*p == separator && cells < widest) {
-      ++cells;
+    for (std::size_t cells = width; *p == separator && cells < widest; ++cells) {
       ++p;
       while (is_blank(*p, separator)) ++p;
     }
-    if (*p != '\n') throw_ragged(table, whole_line());
+    if (*p != '\n') throw_ragged(table, whole_line(), false);
     ++p;
     ++row;
   }
@@ -743,6 +756,8 @@ void read_rows(const char* p, const char* end, int line, std::size_t widest, Tab
 }
 
 }  // namespace
+
+std::string quoted_excerpt(std::string_view text) { return "'" + excerpt(text) + "'"; }
 
 int Table::line_of_row(std::size_t row) const {
   const auto after =
@@ -781,22 +796,23 @@ std::vector<std::string> Table::column_names() const {
 
 Table read_csv(const std::string& path) {
   const Text text = read_file(path);
-  const std::string_view bytes(text.begin(), text.size);
-  const char* begin = text.begin() + (bytes.starts_with("\xEF\xBB\xBF") ? 3 : 0);
-  if (bytes.substr(static_cast<std::size_t>(begin - text.begin())).find_first_not_of(" \t\r\n\f") ==
-      std::string_view::npos) {
+  const std::string_view all(text.begin(), text.size);
+  const char* begin = text.begin() + (all.starts_with("\xEF\xBB\xBF") ? 3 : 0);
+  if (is_blank_text({begin, text.end()})) {
     throw InputError({path}, "the file is empty", "a header line and rows of numbers");
   }
   check_is_text(text, path);
   const Shape shape = find_shape(last_lines(begin, text.end()));
-  Layout layout = find_layout(text, begin, shape, path);
+  const Layout layout = find_layout(text, read_head(begin, text.end(), shape, path), shape);
 
   Table table;
   table.path = path;
   table.separator = shape.separator;
   table.has_header = layout.header.has_value();
+  if (layout.header) table.header_line = layout.header->number;
+  if (layout.units) table.unit_line = layout.units->number;
   table.columns = read_header(layout, shape, path);
-  table.metadata = std::move(layout.metadata);
+  table.metadata = metadata_above(begin, layout);
   const Line& shown = layout.header ? *layout.header : layout.first_row;
   const std::size_t written = split(shown.text, shape.separator).size();
   read_rows(layout.first_row.text.data(), text.end(), layout.first_row.number,

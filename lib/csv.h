@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "lib/error.h"
@@ -35,6 +36,8 @@ struct Table {
   char separator = ',';
   bool decimal_comma = false;
   bool has_header = false;
+  int header_line = 0;  ///< line of the header; 0 when there is none
+  int unit_line = 0;    ///< line of the row of units below it; 0 when there is none
 
   /// Line of the file on which data row `row` (from 0) stands.
   int line_of_row(std::size_t row) const;
@@ -51,6 +54,9 @@ struct Table {
   };
   std::vector<LineRun> line_runs;
 };
+
+/// `text` in single quotes and in UTF-8, cut to 40 characters: how a message quotes a file.
+std::string quoted_excerpt(std::string_view text);
 
 /// Reads a comma, semicolon or tab separated file; tests/lib/csv_test.cpp shows every form of
 /// header, unit, comment and number that it knows. In short:

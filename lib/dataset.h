@@ -1,10 +1,12 @@
-// A recording as the mathematics sees it: SI units, time along columns, NaN where a sample is missing.
+// A recording as the mathematics sees it: SI units, time along columns, NaN where a sample is
+// missing.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstddef>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "lib/csv.h"
 #include "lib/error.h"
@@ -18,54 +20,67 @@ struct Channel {
 };
 
 struct Dataset {
-  std::string name;
-  double dt = 0.0;              ///< sampling period [s]; the median step when time stamps are given
-  Eigen::VectorXd time;         ///< N [s], strictly increasing
-  Eigen::MatrixXd u;            ///< nu x N, SI, NaN = missing
-  Eigen::MatrixXd y;            ///< ny x N, SI, NaN = missing
-  std::vector<Channel> inputs;  ///< nu
-  std::vector<Channel> outputs; ///< ny
+  std::string name;              ///< of the file, without its folder
+  double dt = 0.0;               ///< sampling period [s]: the step given, else the median step
+  Eigen::VectorXd time;          ///< N [s], strictly increasing
+  Eigen::MatrixXd u;             ///< nu x N, SI, NaN = missing
+  Eigen::MatrixXd y;             ///< ny x N, SI, NaN = missing
+  std::vector<Channel> inputs;   ///< nu
+  std::vector<Channel> outputs;  ///< ny
   Eigen::Index size() const { return time.size(); }
 };
 
 /// Where one channel of a model comes from.
 struct ChannelSource {
-  std::string name;         ///< the model's name of it
-  std::string column;       ///< column of the file; by name, or its number from 1
-  std::string unit;         ///< unit the column is in; empty = take the file's, else SI
-  std::string si_unit;      ///< what the model works in, e.g. "rad/s"; empty = anything, no check
-  Location at;              ///< where the model file says so, for error messages
+  std::string name;     ///< the model's name of it
+  std::string column;   ///< column of the file; by name, or its number from 1
+  std::string unit;     ///< unit the column is in; empty = take the file's, else SI
+  std::string si_unit;  ///< what the model works in, e.g. "rad/s"; empty = anything, no check
+  Location at;          ///< where the model file says so, for error messages
 };
 
 /// Where time comes from: a column, or a fixed step.
 struct TimeSource {
-  std::string column;  ///< empty: no time column, rows are `step` apart
+  std::string column;  ///< empty: no time column, rows are `step` apart and the first is at 0
   std::string unit;    ///< unit of the column; empty = the file's, else s
   double step = 0.0;   ///< [s]; with a column: the expected step, or 0 to take the median
   Location at;
 };
 
-/// Which rows to use, in seconds from the first row's time. Infinite = no limit.
+/// Which rows to use, in seconds from the first row's time, both ends included. Infinite = no
+/// limit.
 struct TimeRange {
   double from;
   double to;
   TimeRange();
 };
 
-/// Builds the dataset of a table: picks the columns, converts to SI, checks time.
-/// Time stamps are kept as recorded (offset so that the first row is at its recorded value). Nothing is interpolated
-/// or resampled.
-/// @throws InputError for a column that does not exist (nearest name offered), text in a used cell (its line
-///   and column), an unknown unit, a unit of another dimension than si_unit, a missing, duplicate or backward time
-///   stamp (its line), a column without any number, a file whose header unit and model unit disagree in
-///   dimension, or no row inside the range.
+/// Builds the dataset of a table: picks the columns, converts to SI, checks time. Time stamps are
+/// kept as recorded: nothing is shifted, interpolated or resampled.
+///
+/// The unit of a column is the model's, else the file's, else SI. When both give one they must
+/// agree: two scales for one column (deg and rad) are a conflict that only the user can settle.
+/// @throws InputError for a column that does not exist (nearest name offered), text in a used
+/// column
+///   (line and column of the first), an unknown unit, a unit of another dimension than si_unit, a
+///   unit in the file that contradicts the model's, a missing, duplicate or backward time stamp
+///   (its line), a median step more than 1 % off the step given, neither time column nor step, a
+///   column without any number in the range, fewer than two time stamps, or no row inside the
+///   range.
+/// @throws std::invalid_argument when an si_unit is not a unit.
 Dataset make_dataset(const Table& table, const TimeSource& time,
                      const std::vector<ChannelSource>& inputs,
                      const std::vector<ChannelSource>& outputs, const TimeRange& range = {});
 
-/// Puts a recording onto the uniform raster that a discrete-time model needs: rows whose time stamps are a
-/// whole number of steps apart (within `tolerance` of a step) keep their values, rows that are absent become missing samples.
-/// @throws InputError when a time stamp is not on the raster, or the filled record would exceed ten times the rows.
+/// Puts a recording onto the uniform raster that a discrete-time model needs: rows whose time
+/// stamps are a whole number of steps apart keep their values, rows that are absent become missing
+/// samples. Each distance between neighbours counts, so a clock that runs slightly fast or slow
+/// stays on the raster; the result's time is exactly first + k step.
+/// @param step       [s], positive
+/// @param tolerance  how far a distance may be from a whole number of steps, in steps
+/// @throws InputError when a time stamp is not on the raster, or the filled record would exceed ten
+///   times the rows.
+/// @throws std::invalid_argument when step is not positive and finite.
 Dataset on_uniform_raster(const Dataset& data, double step, double tolerance = 0.01);
 
 }  // namespace identikal

@@ -8,8 +8,8 @@ std::string one_line(const Location& at, const std::string& found, const std::st
   std::string text;
   if (!at.path.empty()) {
     text += at.path;
-    if (at.line > 0) text += ":" + std::to_string(at.line);
-    if (at.line > 0 && at.column > 0) text += ":" + std::to_string(at.column);
+    if (at.line > 0) text.append(":").append(std::to_string(at.line));
+    if (at.line > 0 && at.column > 0) text.append(":").append(std::to_string(at.column));
     text += ": ";
   }
   text += found;

@@ -8,8 +8,9 @@
 
 namespace identikal {
 
-/// value in SI = scale * value + offset. `dimension` holds the exponents of metre, kilogram, second,
-/// ampere and kelvin; angles are dimensionless, as in the SI (so N/rad and N agree, 1/s and rad/s too).
+/// value in SI = scale * value + offset. `dimension` holds the exponents of metre, kilogram,
+/// second, ampere and kelvin; angles are dimensionless, as in the SI (so N/rad and N agree, 1/s and
+/// rad/s too).
 struct Unit {
   double scale = 1.0;
   double offset = 0.0;
@@ -20,9 +21,10 @@ struct Unit {
 };
 
 /// Parses a unit: a product or quotient of table units with integer powers, e.g. "deg", "km/h",
-/// "kg m^2", "kg*m2", "N/rad", "m/s^2", "m/s2", "1/s", "g" (standard gravity, as vehicle files use it), "ms",
-/// "degC". Blanks around signs are allowed; "" and "-" and "1" are dimensionless. What "g" and "min" mean
-/// is fixed by the table in units.cpp. Case counts, except where a file writes "KPH", "kph", "Km/h", "DEG".
+/// "kg m^2", "kg*m2", "N/rad", "m/s^2", "m/s2", "1/s", "g" (standard gravity, as vehicle files use
+/// it), "ms", "degC". Blanks around signs are allowed; "" and "-" and "1" are dimensionless. What
+/// "g" and "min" mean is fixed by the table in units.cpp. Case counts, except where a file writes
+/// "KPH", "kph", "Km/h", "DEG".
 /// @return nothing when the text is not a unit.
 std::optional<Unit> parse_unit(std::string_view text);
 

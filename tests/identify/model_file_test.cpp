@@ -8,6 +8,7 @@
 #include <iomanip>
 #include <iterator>
 #include <limits>
+#include <numbers>
 #include <random>
 #include <sstream>
 
@@ -253,9 +254,9 @@ TEST_F(ModelFileTest, VehicleOptions) {
   EXPECT_EQ(model.inputs[0].name, "road_wheel_angle");
   EXPECT_EQ(parameter(model, "steering_ratio").scalar(), 1.0);
   EXPECT_TRUE(parameter(model, "steering_ratio").fixed);
-  EXPECT_NEAR(parameter(model, "bias_r").max, M_PI / 180, 1e-15);
+  EXPECT_NEAR(parameter(model, "bias_r").max, std::numbers::pi / 180, 1e-15);
   EXPECT_FALSE(parameter(model, "bias_r").fixed);
-  EXPECT_NEAR(parameter(model, "bank").scalar(), 2 * M_PI / 180, 1e-15);
+  EXPECT_NEAR(parameter(model, "bank").scalar(), 2 * std::numbers::pi / 180, 1e-15);
   EXPECT_TRUE(parameter(model, "bias_ay").fixed);
   EXPECT_DOUBLE_EQ(model.time.step, 0.01);
 }
@@ -883,7 +884,8 @@ TEST_F(ModelFileTest, FilesThatCannotBeRead) {
   };
   EXPECT_EQ(message("/nonexistent/model.yaml"),
             "/nonexistent/model.yaml: cannot be opened: No such file or directory");
-  EXPECT_EQ(message("/tmp"), "/tmp: is a directory; expected a model file");
+  const std::string directory = std::filesystem::temp_directory_path().string();
+  EXPECT_EQ(message(directory), directory + ": is a directory; expected a model file");
 }
 
 TEST_F(ModelFileTest, LongTextIsCutInMessages) {
@@ -919,7 +921,7 @@ TEST_F(ModelFileTest, SetParameterTakesTheParametersUnitOrItsOwn) {
   EXPECT_DOUBLE_EQ(parameter(model, "a").scalar(), 1.0);
   EXPECT_TRUE(parameter(model, "a").fixed);
   set_parameter(model, "bank=1 deg");
-  EXPECT_NEAR(parameter(model, "bank").scalar(), M_PI / 180, 1e-15);
+  EXPECT_NEAR(parameter(model, "bank").scalar(), std::numbers::pi / 180, 1e-15);
 }
 
 TEST_F(ModelFileTest, SetParameterOfALinearModel) {

@@ -1,12 +1,12 @@
 // The Kalman filter against the joint Gaussian density of a short record, written out in full.
 #include "lib/kalman.h"
 
-#include <gtest/gtest.h>
+#include <cmath>
+#include <numbers>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <cmath>
-#include <numbers>
+#include <gtest/gtest.h>
 
 #include "lib/matrix_equations.h"
 #include "lib/random.h"
@@ -44,16 +44,19 @@ StateSpace random_model(Random& random, Index n, Index nu, Index ny, Index nw) {
   return m;
 }
 
-// y stacked over time is M [x1; w1; v1; w2; v2; ...] + known. Its mean, covariance, and the response to x1.
+// y stacked over time is M [x1; w1; v1; w2; v2; ...] + known. Its mean, covariance, and the
+// response to x1.
 struct Stacked {
   VectorXd mean;
   MatrixXd covariance, from_x1;
 };
-Stacked stack(const StateSpace& m, const MatrixXd& u, Index N, const VectorXd& x0, const MatrixXd& P0) {
+Stacked stack(const StateSpace& m, const MatrixXd& u, Index N, const VectorXd& x0,
+              const MatrixXd& P0) {
   const Index n = m.states(), ny = m.outputs(), nw = m.G.cols(), block = nw + ny;
   MatrixXd joint(block, block);
   joint << m.Q, m.S, m.S.transpose(), m.R;
-  MatrixXd from_noise = MatrixXd::Zero(N * ny, N * block), state_noise = MatrixXd::Zero(n, N * block);
+  MatrixXd from_noise = MatrixXd::Zero(N * ny, N * block),
+           state_noise = MatrixXd::Zero(n, N * block);
   Stacked out;
   out.mean.resize(N * ny);
   out.from_x1.resize(N * ny, n);
@@ -73,7 +76,8 @@ Stacked stack(const StateSpace& m, const MatrixXd& u, Index N, const VectorXd& x
   }
   MatrixXd noise = MatrixXd::Zero(N * block, N * block);
   for (Index t = 0; t < N; ++t) noise.block(t * block, t * block, block, block) = joint;
-  out.covariance = from_noise * noise * from_noise.transpose() + out.from_x1 * P0 * out.from_x1.transpose();
+  out.covariance =
+      from_noise * noise * from_noise.transpose() + out.from_x1 * P0 * out.from_x1.transpose();
   return out;
 }
 
@@ -87,7 +91,8 @@ Present present(const MatrixXd& y) {
     if (!std::isnan(y(i % y.rows(), i / y.rows()))) out.rows.push_back(i);
   }
   out.y.resize(static_cast<Index>(out.rows.size()));
-  for (Index i = 0; i < out.y.size(); ++i) out.y[i] = y.reshaped()[out.rows[static_cast<std::size_t>(i)]];
+  for (Index i = 0; i < out.y.size(); ++i)
+    out.y[i] = y.reshaped()[out.rows[static_cast<std::size_t>(i)]];
   return out;
 }
 
@@ -124,7 +129,8 @@ Case random_case(std::uint64_t seed, bool gaps) {
     return static_cast<Index>(from + static_cast<int>(random.uniform() * (to - from + 1)));
   };
   const Index n = pick(1, 4), nu = pick(0, 2), ny = pick(1, 3), nw = pick(1, 3), N = 60 / ny;
-  Case out{random_model(random, n, nu, ny, nw), random_matrix(random, ny, N), random_matrix(random, nu, N)};
+  Case out{random_model(random, n, nu, ny, nw), random_matrix(random, ny, N),
+           random_matrix(random, nu, N)};
   out.y *= 3.0;
   if (gaps) {
     for (Index i = 0; i < out.y.size(); ++i) {
@@ -155,9 +161,10 @@ TEST(Kalman, LikelihoodEqualsTheJointDensityOfAShortRecord) {
 
     const Likelihood diffuse = log_likelihood(m, InitialState::diffuse, c.y, c.u);
     ASSERT_EQ(diffuse.status, FilterStatus::ok) << seed;
-    expect_relative(diffuse.value,
-                    diffuse_log_density(stack(m, c.u, N, zero, MatrixXd::Zero(m.states(), m.states())), c.y),
-                    1e-9);
+    expect_relative(
+        diffuse.value,
+        diffuse_log_density(stack(m, c.u, N, zero, MatrixXd::Zero(m.states(), m.states())), c.y),
+        1e-9);
   }
 }
 
@@ -176,8 +183,8 @@ TEST(Kalman, DiffuseStartHoldsForIntegratorsAndWithoutMeasurementNoise) {
   const MatrixXd y = 5.0 * random_matrix(random, 1, 30), u(0, 30);
   const Likelihood diffuse = log_likelihood(m, InitialState::diffuse, y, u);
   ASSERT_EQ(diffuse.status, FilterStatus::ok);
-  // The stacked covariance is singular at t = 1 (no noise reaches y(1) but through x(1)); a finite part of
-  // x(1) changes nothing and makes it regular.
+  // The stacked covariance is singular at t = 1 (no noise reaches y(1) but through x(1)); a finite
+  // part of x(1) changes nothing and makes it regular.
   const Stacked s = stack(m, u, 30, Eigen::Vector2d::Zero(), MatrixXd::Identity(2, 2));
   expect_relative(diffuse.value, diffuse_log_density(s, y), 1e-9);
 }
@@ -187,14 +194,16 @@ TEST(Kalman, GradientIsExact) {
     const Case c = random_case(seed, seed % 2 == 0);
     Random random(seed + 100);
     // A random direction that moves every matrix at once.
-    const Index n = c.model.states(), nw = c.model.G.cols(), ny = c.model.outputs(), nu = c.model.inputs();
+    const Index n = c.model.states(), nw = c.model.G.cols(), ny = c.model.outputs(),
+                nu = c.model.inputs();
     StateSpace d;
     d.A = 0.1 * random_matrix(random, n, n);
     d.B = random_matrix(random, n, nu);
     d.C = random_matrix(random, ny, n);
     d.D = random_matrix(random, ny, nu);
     d.G = random_matrix(random, n, nw);
-    const MatrixXd q = random_matrix(random, nw, nw), r = random_matrix(random, ny, ny), p = random_matrix(random, n, n);
+    const MatrixXd q = random_matrix(random, nw, nw), r = random_matrix(random, ny, ny),
+                   p = random_matrix(random, n, n);
     d.Q = q + q.transpose();
     d.R = r + r.transpose();
     d.S = random_matrix(random, nw, ny);
@@ -206,7 +215,8 @@ TEST(Kalman, GradientIsExact) {
       m.Q += h * d.Q, m.R += h * d.R, m.S += h * d.S, m.x0 += h * d.x0, m.P0 += h * d.P0;
       return m;
     };
-    for (const InitialState initial : {InitialState::given, InitialState::stationary, InitialState::diffuse}) {
+    for (const InitialState initial :
+         {InitialState::given, InitialState::stationary, InitialState::diffuse}) {
       const Likelihood exact = log_likelihood(c.model, initial, c.y, c.u, {d});
       ASSERT_EQ(exact.status, FilterStatus::ok);
       const auto L = [&](double h) { return log_likelihood(moved(h), initial, c.y, c.u).value; };
@@ -219,7 +229,8 @@ TEST(Kalman, GradientIsExact) {
 }
 
 TEST(Kalman, ExpectedInformationIsTheCovarianceOfTheScore) {
-  // 2000 simulated scores of (q, r): sample covariances have a relative standard error of about 3 %, so five of them.
+  // 2000 simulated scores of (q, r): sample covariances have a relative standard error of about 3
+  // %, so five of them.
   StateSpace m;
   m.A = MatrixXd::Constant(1, 1, 0.5);
   m.B.resize(1, 0);
@@ -258,7 +269,8 @@ TEST(Kalman, ExpectedInformationIsTheCovarianceOfTheScore) {
 }
 
 TEST(Kalman, StaysDefiniteOnStiffNoise) {
-  // System 7 of the second source, where the unsymmetrised plain recursion overflows, and nearly no R.
+  // System 7 of the second source, where the unsymmetrised plain recursion overflows, and nearly no
+  // R.
   StateSpace m;
   m.A.resize(4, 4);
   m.A << 0.9, 0, 1, 1, 0, -0.8, 0, -1, 0, -0.1, 0.85, 1, -0.2, 0, 0, -0.9;
@@ -285,13 +297,16 @@ TEST(Kalman, SaysWhatIsWrong) {
   Random random(1);
   Case c = random_case(3, false);
   c.model.A *= 1.2;
-  EXPECT_EQ(log_likelihood(c.model, InitialState::stationary, c.y, c.u).status, FilterStatus::unstable);
+  EXPECT_EQ(log_likelihood(c.model, InitialState::stationary, c.y, c.u).status,
+            FilterStatus::unstable);
   c.model.R.setZero();
   c.model.S.setZero();
   c.model.Q.setZero();
   c.model.P0.setZero();
-  EXPECT_EQ(log_likelihood(c.model, InitialState::given, c.y, c.u).status, FilterStatus::indefinite);
-  EXPECT_THROW(log_likelihood(c.model, InitialState::given, c.y.topRows(0), c.u), std::invalid_argument);
+  EXPECT_EQ(log_likelihood(c.model, InitialState::given, c.y, c.u).status,
+            FilterStatus::indefinite);
+  EXPECT_THROW(log_likelihood(c.model, InitialState::given, c.y.topRows(0), c.u),
+               std::invalid_argument);
 }
 
 TEST(Kalman, FilteredStatesMatchRegression) {
@@ -301,7 +316,8 @@ TEST(Kalman, FilteredStatesMatchRegression) {
   const FilterResult f = kalman_filter(m, InitialState::given, c.y, c.u);
   ASSERT_EQ(f.status, FilterStatus::ok);
   const Index N = 6, n = m.states();
-  // Observe the state itself as an extra noise-free output at the last time: append it to the stacked vector.
+  // Observe the state itself as an extra noise-free output at the last time: append it to the
+  // stacked vector.
   StateSpace wide = m;
   wide.C.conservativeResize(m.outputs() + n, n);
   wide.C.bottomRows(n).setIdentity();
@@ -323,7 +339,8 @@ TEST(Kalman, FilteredStatesMatchRegression) {
     }
   }
   for (Index i = 0; i < n; ++i) wanted.push_back((N - 1) * stride + m.outputs() + i);
-  const VectorXd e = Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size())) - s.mean(seen);
+  const VectorXd e =
+      Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size())) - s.mean(seen);
   const Eigen::LLT<MatrixXd> llt(s.covariance(seen, seen));
   const MatrixXd cross = s.covariance(wanted, seen);
   const VectorXd x = s.mean(wanted) + cross * llt.solve(e);

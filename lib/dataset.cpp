@@ -1,0 +1,312 @@
+#include "lib/dataset.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+
+#include "lib/nearest_name.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// The shortest text that reads back as the same number: an epoch time keeps its fraction.
+std::string number(double value) {
+  std::array<char, 32> text;
+  const auto [stop, error] = std::to_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} ? std::string(text.data(), stop) : "?";
+}
+
+// Measured and derived numbers: the digits beyond the sixth are rounding.
+std::string rounded(double value) {
+  std::array<char, 32> text;
+  const auto [stop, error] =
+      std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, 6);
+  return error == std::errc{} ? std::string(text.data(), stop) : "?";
+}
+
+std::string file_name(const Table& table) {
+  return std::filesystem::path(table.path).filename().string();
+}
+
+// The model file's line when the model came from a file, else the recording.
+Location place(const Location& at, const Table& table) {
+  return at.path.empty() ? Location{table.path} : at;
+}
+
+const Column& find_column(const Table& table, const std::string& name, const Location& at) {
+  const Column* column = table.find(name);
+  if (column == nullptr) {
+    const std::vector<std::string> names = table.column_names();
+    std::string list;
+    std::size_t shown = 0;
+    for (; shown < names.size() && list.size() < 80; ++shown) {
+      list += (shown > 0 ? ", " : "") + quoted_excerpt(names[shown]);
+    }
+    if (shown < names.size()) list += ", ... (" + std::to_string(names.size()) + " columns)";
+    throw InputError(place(at, table),
+                     "no column " + quoted_excerpt(name) + " in " + file_name(table),
+                     "one of " + list, did_you_mean(name, names));
+  }
+  if (column->text_cells > 0) {
+    const TextCell& text = column->first_text;
+    throw InputError({table.path, text.line, text.column},
+                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column->name),
+                     "a number");
+  }
+  return *column;
+}
+
+Unit known_unit(const std::string& text, const Location& at, const std::string& context,
+                const std::string& remedy) {
+  if (const std::optional<Unit> unit = parse_unit(text)) return *unit;
+  const std::string nearest = nearest_unit(text);
+  std::string hint = nearest.empty() ? "" : "did you mean " + quoted_excerpt(nearest) + "?";
+  if (!remedy.empty()) hint += (hint.empty() ? "" : " ") + remedy;
+  throw InputError(at, "unknown unit " + quoted_excerpt(text) + context, "", hint);
+}
+
+struct ResolvedUnit {
+  Unit unit;
+  std::string text;
+};
+
+// The unit of a column: the model's, else the file's, else SI (`si_text`).
+ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::string& model_text,
+                          const std::string& si_text, const Location& at) {
+  const std::string of_column = " of column " + quoted_excerpt(column.name);
+  if (model_text.empty()) {
+    if (column.unit.empty()) return {Unit{}, si_text};
+    const Location header{table.path, table.unit_line > 0 ? table.unit_line : table.header_line};
+    return {known_unit(column.unit, header, of_column, "give its 'unit:' in the model file"),
+            column.unit};
+  }
+  const Location model_at = place(at, table);
+  const Unit unit = known_unit(model_text, model_at, of_column, "");
+  const std::optional<Unit> in_file = parse_unit(column.unit);
+  if (!column.unit.empty() && in_file) {
+    const bool same = same_dimension(unit, *in_file) &&
+                      std::abs(unit.scale / in_file->scale - 1.0) < 1e-9 &&
+                      unit.offset == in_file->offset;
+    if (!same) {
+      throw InputError(model_at,
+                       "column " + quoted_excerpt(column.name) + " is in " +
+                           quoted_excerpt(column.unit) + " according to " + file_name(table) +
+                           ", in " + quoted_excerpt(model_text) + " according to the model",
+                       "one unit", "remove the 'unit:' here, or the unit in the file's header");
+    }
+  }
+  return {unit, model_text};
+}
+
+void check_dimension(const ResolvedUnit& resolved, const Column& column, const std::string& si_text,
+                     const Location& at) {
+  if (si_text.empty() || resolved.text.empty()) return;
+  const std::optional<Unit> si = parse_unit(si_text);
+  if (!si) throw std::invalid_argument("make_dataset: '" + si_text + "' is not a unit");
+  if (same_dimension(resolved.unit, *si)) return;
+  throw InputError(at,
+                   "column " + quoted_excerpt(column.name) + " is in " +
+                       quoted_excerpt(resolved.text) + ", which measures something else",
+                   "a unit of the same kind as " + quoted_excerpt(si_text));
+}
+
+// Time stamps in the unit of the column: converting first would cost digits of an epoch time.
+struct Stamps {
+  std::vector<double> values;
+  double to_seconds = 1.0;
+};
+
+Stamps read_stamps(const Table& table, const TimeSource& source) {
+  const Column& column = find_column(table, source.column, source.at);
+  const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
+  check_dimension(unit, column, "s", place(source.at, table));
+  const std::vector<double>& t = column.values;
+  for (std::size_t row = 0; row < t.size(); ++row) {
+    const Location at{table.path, table.line_of_row(row)};
+    const auto stamp = [&](double value) { return number(value) + " " + unit.text; };
+    if (std::isnan(t[row])) {
+      throw InputError(at, "no time stamp in column " + quoted_excerpt(column.name), "a number");
+    }
+    if (row == 0 || t[row] > t[row - 1]) continue;
+    if (t[row] == t[row - 1]) {
+      throw InputError(at, "time " + stamp(t[row]) + " stands twice", "increasing time stamps",
+                       "remove one of the two rows");
+    }
+    throw InputError(at, "time goes back from " + stamp(t[row - 1]) + " to " + stamp(t[row]),
+                     "increasing time stamps",
+                     "several recordings in one file must be split, one file each");
+  }
+  return {t, unit.unit.scale};
+}
+
+double median_step(const double* first, const double* last) {
+  std::vector<double> steps;
+  for (const double* t = first; t + 1 < last; ++t) steps.push_back(t[1] - t[0]);
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  if (steps.size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(steps.begin(), middle));
+}
+
+// Rows [first, last) of the table.
+struct Rows {
+  std::size_t first;
+  std::size_t last;
+};
+
+Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source, const Rows& rows,
+                                Channel& channel) {
+  const Column& column = find_column(table, source.column, source.at);
+  const ResolvedUnit unit = resolve_unit(table, column, source.unit, source.si_unit, source.at);
+  check_dimension(unit, column, source.si_unit, place(source.at, table));
+  channel = {source.name, unit.text};
+  Eigen::RowVectorXd values(static_cast<Index>(rows.last - rows.first));
+  bool any = false;
+  for (std::size_t row = rows.first; row < rows.last; ++row) {
+    const double value = unit.unit.to_si(column.values[row]);
+    values[static_cast<Index>(row - rows.first)] = value;
+    any = any || !std::isnan(value);
+  }
+  if (!any) {
+    throw InputError({table.path, table.line_of_row(rows.first)},
+                     "no number in column " + quoted_excerpt(column.name) +
+                         " from this row to line " +
+                         std::to_string(table.line_of_row(rows.last - 1)),
+                     "at least one");
+  }
+  return values;
+}
+
+}  // namespace
+
+TimeRange::TimeRange()
+    : from(-std::numeric_limits<double>::infinity()), to(std::numeric_limits<double>::infinity()) {}
+
+Dataset make_dataset(const Table& table, const TimeSource& time,
+                     const std::vector<ChannelSource>& inputs,
+                     const std::vector<ChannelSource>& outputs, const TimeRange& range) {
+  if (table.rows == 0) throw InputError({table.path}, "no rows", "at least one row of numbers");
+  Stamps stamps;
+  if (!time.column.empty()) {
+    stamps = read_stamps(table, time);
+  } else {
+    if (!(time.step > 0.0)) {
+      throw InputError(place(time.at, table), "neither a time column nor a time step",
+                       "one of them");
+    }
+    stamps.to_seconds = time.step;
+    for (std::size_t row = 0; row < table.rows; ++row) {
+      stamps.values.push_back(static_cast<double>(row));
+    }
+  }
+
+  // A bound that falls on a row takes the row in, whatever the rounding of its stamp.
+  const std::vector<double>& t = stamps.values;
+  const auto seconds = [&](double stamp) { return (stamp - t.front()) * stamps.to_seconds; };
+  const double slack =
+      t.size() < 2 ? 0.0 : 1e-6 * seconds(t.back()) / static_cast<double>(t.size());
+  const auto first =
+      std::find_if(t.begin(), t.end(), [&](double s) { return seconds(s) >= range.from - slack; });
+  const auto last =
+      std::find_if(first, t.end(), [&](double s) { return seconds(s) > range.to + slack; });
+  const Rows rows{static_cast<std::size_t>(first - t.begin()),
+                  static_cast<std::size_t>(last - t.begin())};
+  if (rows.first == rows.last) {
+    throw InputError({table.path},
+                     "no row from " + rounded(range.from) + " s to " + rounded(range.to) + " s",
+                     "a range within 0 s to " + rounded(seconds(t.back())) + " s");
+  }
+
+  Dataset data;
+  data.name = file_name(table);
+  data.dt = time.step;
+  if (!time.column.empty()) {
+    if (rows.last - rows.first < 2) {
+      throw InputError({table.path, table.line_of_row(rows.first)}, "a single time stamp",
+                       "at least two, to tell the step");
+    }
+    const double median =
+        median_step(t.data() + rows.first, t.data() + rows.last) * stamps.to_seconds;
+    if (time.step > 0.0 && std::abs(median - time.step) > 0.01 * time.step) {
+      throw InputError(place(time.at, table),
+                       "the rows of " + data.name + " are " + rounded(median) + " s apart (median)",
+                       rounded(time.step) + " s, the step of the model");
+    }
+    if (!(time.step > 0.0)) data.dt = median;
+  }
+
+  const auto n = static_cast<Index>(rows.last - rows.first);
+  data.time = stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(t.data() + rows.first, n);
+  const auto read_all = [&](const std::vector<ChannelSource>& sources,
+                            std::vector<Channel>& channels) {
+    channels.resize(sources.size());
+    Eigen::MatrixXd values(static_cast<Index>(sources.size()), n);
+    for (std::size_t i = 0; i < sources.size(); ++i) {
+      values.row(static_cast<Index>(i)) = read_channel(table, sources[i], rows, channels[i]);
+    }
+    return values;
+  };
+  data.u = read_all(inputs, data.inputs);
+  data.y = read_all(outputs, data.outputs);
+  return data;
+}
+
+Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
+  if (!(step > 0.0) || !std::isfinite(step)) {
+    throw std::invalid_argument("on_uniform_raster: step is " + number(step) +
+                                ", it must be positive and finite");
+  }
+  const Index n = data.size();
+  const double most = 10.0 * static_cast<double>(n);
+  std::vector<Index> target(static_cast<std::size_t>(n), 0);
+  double k = 0.0;  // a double, so that an absurd gap cannot overflow it
+  for (Index i = 1; i < n; ++i) {
+    const double steps = (data.time[i] - data.time[i - 1]) / step;
+    const double whole = std::round(steps);
+    if (!(whole >= 1.0 && std::abs(steps - whole) <= tolerance)) {
+      throw InputError({data.name},
+                       "time " + number(data.time[i]) + " s is " + rounded(steps) +
+                           " steps after the row before",
+                       "a whole number of steps of " + rounded(step) + " s",
+                       "resample the recording, or use a continuous-time model");
+    }
+    k += whole;
+    if (k + 1.0 > most) {
+      throw InputError({data.name},
+                       "rows with a step of " + rounded(step) + " s up to time " +
+                           number(data.time[i]) + " s would be more than ten times the " +
+                           std::to_string(n) + " recorded",
+                       "a recording without such gaps", "choose a range without the gap");
+    }
+    target[static_cast<std::size_t>(i)] = static_cast<Index>(k);
+  }
+
+  Dataset out;
+  out.name = data.name;
+  out.dt = step;
+  out.inputs = data.inputs;
+  out.outputs = data.outputs;
+  const Index rows = n == 0 ? 0 : target.back() + 1;
+  out.time.resize(rows);
+  for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;
+  out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
+  out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
+  for (Index i = 0; i < n; ++i) {
+    const Index at = target[static_cast<std::size_t>(i)];
+    out.u.col(at) = data.u.col(i);
+    out.y.col(at) = data.y.col(i);
+  }
+  return out;
+}
+
+}  // namespace identikal

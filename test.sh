@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Every test: format, layers, the release build's tests, the fast ones again under the sanitizers.
+# --slow adds the long Monte Carlo studies.
+set -euo pipefail
+cd "$(dirname "$0")"
+slow=no
+case "${1-}" in
+  "") ;;
+  --slow) slow=yes ;;
+  *) echo "test.sh: unknown option '$1'; expected nothing or --slow" >&2; exit 2 ;;
+esac
+./prepare.sh $(cat packages.txt) clang-format python3 python3-jsonschema
+
+git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
+
+cmake --preset release
+cmake --build build
+labels=(-LE slow)
+[ "$slow" = yes ] && labels=()
+ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
+
+cmake --preset dev
+cmake --build build-dev
+ctest --test-dir build-dev --output-on-failure -j "$(nproc)" -LE 'slow|release'

@@ -1,0 +1,237 @@
+"""The command line as people and programs meet it: exit codes, one clear line per mistake, JSON, nothing half-written."""
+import json
+import os
+import pathlib
+import random
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import jsonschema
+
+PROGRAM = sys.argv.pop(1)
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SHARED = ROOT.parent / "shared"
+SCHEMA = json.loads((ROOT / "identify/result.schema.json").read_text())
+NILE = str(ROOT / "examples/nile.yaml"), str(ROOT / "data/nile.csv")
+LANE_CHANGE = str(ROOT / "examples/severe_lane_change.yaml"), str(ROOT / "data/severe_lane_change.csv")
+
+
+def run(*arguments, code=None):
+    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    if code is not None:
+        assert done.returncode == code, f"{arguments}: exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+def result(*arguments, code=0):
+    out = json.loads(run(*arguments, "--json", code=code).stdout)
+    jsonschema.validate(out, SCHEMA)
+    assert out["status"]["exit"] == code
+    return out
+
+
+def shared(name):
+    path = SHARED / name
+    if not SHARED.exists():
+        if os.environ.get("CI") == "true":
+            raise AssertionError("the reference recordings are missing, and CI=true")
+        raise unittest.SkipTest("no reference recordings beside the repository")
+    return str(path)
+
+
+class Tune(unittest.TestCase):
+    def test_nile_from_two_starts(self):
+        for q, r in ((1000, 1000), (1, 1e6), (1e6, 1)):
+            out = result("tune", *NILE, "--set", f"q={q}", "--set", f"r={r}", "--starts", 1)
+            eta, eps = out["noise"]["Q"]["matrix"][0][0], out["noise"]["R"]["matrix"][0][0]
+            print(f"nile from q={q:g} r={r:g}: eps {eps:.4f} eta {eta:.4f} "
+                  f"log-likelihood {out['objective']['log_likelihood']:.7f}")
+            self.assertAlmostEqual(eps / 15098.52, 1, delta=1e-4)
+            self.assertAlmostEqual(eta / 1469.18, 1, delta=1e-4)
+            self.assertAlmostEqual(out["objective"]["log_likelihood"], -632.545625, delta=1e-5)
+        # Published for the observed information: 3145.5 and 1280.4.
+        se = {p["name"]: p["se"] for p in out["parameters"]}
+        self.assertAlmostEqual(se["r"], 3145.5, delta=1)
+        self.assertAlmostEqual(se["q"], 1280.4, delta=1)
+
+    def test_system_7(self):
+        data = shared("likelihood/sys7.csv")
+        out = result("tune", ROOT / "examples/system7.yaml", data)
+        values = [p["value"] for p in out["parameters"]]
+        print(f"system 7: {values} log-likelihood {out['objective']['log_likelihood']:.9f}")
+        for value, published in zip(values, (9.216211, 2.878235, 7.179994, 1.514810, 3.719302), strict=True):
+            self.assertAlmostEqual(value / published, 1, delta=1e-4)
+        self.assertAlmostEqual(out["objective"]["log_likelihood"], -17811.7503130, delta=1e-6)
+        self.assertEqual(out["objective"]["starts_agree"], out["objective"]["starts"])
+
+    def test_same_bytes_but_for_the_time(self):
+        first, second = (result("tune", *NILE) for _ in range(2))
+        first["timing_s"] = second["timing_s"] = 0
+        self.assertEqual(first, second)
+
+    def test_not_determined_is_exit_1(self):
+        with Folder() as folder:
+            model = folder.write("m.yaml", "identikal: 1\ntime: {kind: discrete, step: 1}\nA: [[0.5, 0], [0, 0.5]]\n"
+                                 "C: [[1, 1]]\nQ: {structure: diagonal, start: 1}\nR: {structure: diagonal, start: 1}\n"
+                                 "outputs: [{name: y, column: 1}]\n")
+            data = folder.write("d.csv", "\n".join(str(random.Random(1).gauss(0, 1) + i % 3) for i in range(300)))
+            out = result("tune", model, data, code=1)
+            flat = [p for p in out["parameters"] if p["verdict"] == "flat"]
+            self.assertEqual([p["name"] for p in flat], ["Q(1,1)", "Q(2,2)"])
+            self.assertTrue(all(p["se"] is None and p["ci95"] == [None, None] for p in flat))
+            self.assertIn("Q(1,1)", run("tune", model, data, code=1).stdout)
+
+
+class Fit(unittest.TestCase):
+    def test_severe_lane_change(self):
+        out = result("fit", *LANE_CHANGE)
+        for p in out["parameters"]:
+            if p["name"] in ("Cf", "Cr", "Iz"):
+                truth = {"Cf": 88107.7, "Cr": 88107.7, "Iz": 2319}[p["name"]]
+                print(f"{p['name']} {p['value']:.1f} +- {p['se']:.1f}, bound {p['crb_se']:.1f}, truth {truth}")
+                self.assertLess(abs(p["value"] - truth), 3 * p["se"])
+
+    def test_shipped_data_are_what_simulate_makes(self):
+        made = run("simulate", LANE_CHANGE[0], "--rate", "10 Hz", "--seed", 1, "--set", "Cf=88107.7", "--set", "Cr=88107.7",
+                   "--set", "Iz=2319", code=0).stdout
+        self.assertEqual(made, pathlib.Path(LANE_CHANGE[1]).read_text())
+
+
+class Check(unittest.TestCase):
+    def test_optimal_and_not(self):
+        with Folder() as folder:
+            run("simulate", NILE[0], "-n", 400, "--seed", 3, "-o", folder.path, code=0)
+            data = folder.path / "simulated.csv"
+            out = result("check", NILE[0], data, code=0)
+            self.assertTrue(all(t["pass"] for t in out["tests"]))
+            out = result("check", NILE[0], data, "--set", "r=10", code=1)
+            self.assertEqual(out["status"]["code"], "answer_no")
+            self.assertIn("not optimal", out["status"]["message"])
+
+
+class Simulate(unittest.TestCase):
+    def test_round_trip_linear(self):
+        with Folder() as folder:
+            model = ROOT / "examples/system7.yaml"
+            run("simulate", model, "-n", 3000, "--seed", 5, "-o", folder.path, code=0)
+            text = (folder.path / "simulated.csv").read_text()
+            self.assertIn("# truth: Q(1,1) = 1", text)
+            out = result("tune", model, folder.path / "simulated.csv")
+            for p in out["parameters"]:
+                self.assertLess(abs(p["value"] - 1), 4 * p["se"])
+
+
+class Info(unittest.TestCase):
+    def test_every_recording(self):
+        for path in sorted(pathlib.Path(shared("recordings")).glob("*")):
+            if path.suffix in (".csv", ".txt"):
+                self.assertIn("rows", run("info", path, code=0).stdout)
+
+    def test_model_and_data(self):
+        self.assertIn("level", run("info", *NILE, code=0).stdout)
+
+
+class Folder:
+    """A temporary folder that can write files into itself."""
+
+    def __enter__(self):
+        self._folder = tempfile.TemporaryDirectory()
+        self.path = pathlib.Path(self._folder.name)
+        return self
+
+    def __exit__(self, *_):
+        self._folder.cleanup()
+
+    def write(self, name, content):
+        target = self.path / name
+        target.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return str(target)
+
+
+class BadInput(unittest.TestCase):
+    """Each mistake: exit 2 (5 for the output folder), one line on stderr that holds the given words, nothing on stdout, no file made."""
+
+    def refused(self, words, *arguments, code=2):
+        before = sorted(os.listdir(self.folder.path))
+        done = run(*arguments)
+        self.assertEqual(done.returncode, code, f"{arguments}\n{done.stdout}{done.stderr}")
+        self.assertEqual(done.stdout, "")
+        self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        self.assertLess(len(done.stderr), 600, done.stderr)
+        for word in words:
+            self.assertIn(word, done.stderr)
+        self.assertEqual(sorted(os.listdir(self.folder.path)), before)
+
+    def setUp(self):
+        self.folder = Folder().__enter__()
+        self.out = ("-o", self.folder.path / "out")
+
+    def tearDown(self):
+        self.folder.__exit__()
+
+    def test_data(self):
+        write = self.folder.write
+        rng = random.Random(2)
+        cases = [
+            (write("empty.csv", ""), ["empty.csv"]),
+            (write("header.csv", "year,volume\n"), ["header.csv"]),
+            (write("column.csv", "year,volum\n1,2\n2,3\n"), ["nile.yaml:", "volume", "volum"]),
+            (write("text.csv", "year,volume\n1,2\n2,abc\n3,4\n"), ["text.csv:3:3", "abc"]),
+            (write("ragged.csv", "year,volume\n1,2\n2\n3,4\n"), ["ragged.csv:3"]),
+            (write("wide.csv", ",".join(f"c{i}" for i in range(100000)) + "\n" + ",".join("1" for _ in range(100000)) + "\n"), ["wide.csv:1"]),
+            (write("junk.csv", bytes(rng.randrange(256) for _ in range(5000))), ["junk.csv"]),
+            (write("constant.csv", "year,volume\n" + "".join(f"{i},5\n" for i in range(50))), ["never changes"]),
+            (write("short.csv", "year,volume\n1,2\n2,3\n"), ["2 samples for 2 unknowns"]),
+            (str(self.folder.path / "missing.csv"), ["missing.csv"]),
+            (str(self.folder.path), [str(self.folder.path)]),
+        ]
+        for path, words in cases:
+            with self.subTest(path=path):
+                self.refused(words, "tune", NILE[0], path, *self.out)
+
+    def test_time(self):
+        header = "t,swa,speed,yaw_rate,vy\n"
+        rows = [f"{i / 10},{i % 7},60,{i % 5},0.1\n" for i in range(70)]
+        duplicate, backward = rows[:], rows[:]
+        duplicate[30] = duplicate[29]
+        backward[30] = "0.5" + backward[30][backward[30].index(","):]
+        for name, lines, words in (("duplicate.csv", duplicate, ["duplicate.csv:32"]), ("backward.csv", backward, ["backward.csv:32"])):
+            with self.subTest(name):
+                self.refused(words, "fit", LANE_CHANGE[0], self.folder.write(name, header + "".join(lines)), *self.out)
+
+    def test_model(self):
+        nile = pathlib.Path(NILE[0]).read_text()
+        cases = [
+            ("unknown_key.yaml", nile.replace("initial:", "inital:"), ["unknown_key.yaml:", "inital", "initial"]),
+            ("duplicate.yaml", nile + "A: [[1]]\n", ["duplicate.yaml:", "A"]),
+            ("size.yaml", nile.replace("C: [[1]]", "C: [[1, 0]]"), ["size.yaml:", "C"]),
+            ("negative.yaml", nile.replace("r: {value: 1000, min: 0", "r: {value: -1000, min: -1e6"), ["negative.yaml:"]),
+            ("nan.yaml", nile.replace("A: [[1]]", "A: [[.nan]]"), ["nan.yaml:"]),
+            ("unit.yaml", nile.replace("step: 1 s", "step: 1 sce"), ["unit.yaml:", "sce"]),
+            ("empty.yaml", "", ["empty.yaml"]),
+            ("junk.yaml", bytes(random.Random(3).randrange(256) for _ in range(3000)), ["junk.yaml"]),
+        ]
+        for name, content, words in cases:
+            with self.subTest(name):
+                self.assertNotEqual(content, nile)
+                self.refused(words, "tune", self.folder.write(name, content), NILE[1], *self.out)
+        self.refused(["nowhere.yaml"], "tune", self.folder.path / "nowhere.yaml", NILE[1], *self.out)
+
+    def test_command_line(self):
+        self.refused(["tune"], "tuen", *NILE)
+        self.refused(["--jsno"], "tune", *NILE, "--jsno")
+        self.refused(["DATA"], "tune", NILE[0])
+        self.refused(["'p'"], "tune", *NILE, "--set", "p=1")
+        self.refused(["range"], "tune", *NILE, "--range", "1to5")
+        self.refused(["-n"], "simulate", NILE[0])
+
+    def test_output_folder(self):
+        blocked = self.folder.write("file", "not a folder")
+        self.refused(["file"], "tune", *NILE, "-o", blocked, code=5)
+        self.refused(["file"], "tune", *NILE, "-o", blocked + "/below", code=5)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

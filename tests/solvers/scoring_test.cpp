@@ -1,0 +1,111 @@
+#include "solvers/scoring.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+
+#include "solvers/covariance.h"
+#include "solvers/solve.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Independent groups of samples with variances q_i: L = -1/2 sum n_i (log v_i + s_i / v_i), v = M q.
+LikelihoodProblem variances(const MatrixXd& M, const VectorXd& s, double n) {
+  LikelihoodProblem p;
+  p.lower = VectorXd::Zero(M.cols());
+  p.upper = VectorXd::Constant(M.cols(), kInfinity);
+  p.evaluate = [=](const VectorXd& q, double& L, VectorXd* g, MatrixXd* J) {
+    const VectorXd v = M * q;
+    if (v.minCoeff() <= 0.0) return false;
+    L = -0.5 * n * (v.array().log() + s.array() / v.array()).sum();
+    const VectorXd dv = 0.5 * n * (s.array() / v.array().square() - 1.0 / v.array());
+    if (g != nullptr) *g = M.transpose() * dv;
+    if (J != nullptr) *J = M.transpose() * (0.5 * n / v.array().square()).matrix().asDiagonal() * M;
+    return true;
+  };
+  return p;
+}
+
+TEST(Scoring, OneStepFromAnywhereWhenVariancesAreSeparate) {
+  const VectorXd s = Eigen::Vector2d(15098.0, 0.3);
+  for (const double start : {1e-6, 1.0, 1e8}) {
+    SolverOptions options;
+    options.decrement_tolerance = 1e-20;
+    const Solution x =
+        maximise(variances(MatrixXd::Identity(2, 2), s, 100), VectorXd::Constant(2, start), options);
+    EXPECT_EQ(x.summary.termination, Termination::converged);
+    EXPECT_LE(x.summary.iterations, 3);  // the second only mends rounding
+    EXPECT_NEAR(x.x[0] / s[0], 1.0, 1e-9);
+    EXPECT_NEAR(x.x[1] / s[1], 1.0, 1e-9);
+  }
+}
+
+TEST(Scoring, ReachesZeroAndLeavesIt) {
+  // Sample variances 1 and 0.4 of q1 + q2 and q1: the maximum without a box has q2 > 0; swapped it is at q2 = 0.
+  const MatrixXd M = (MatrixXd(2, 2) << 1, 1, 1, 0).finished();
+  const Solution inside = maximise(variances(M, Eigen::Vector2d(1.0, 0.4), 50), Eigen::Vector2d(3.0, 0.0));
+  EXPECT_EQ(inside.summary.termination, Termination::converged);
+  EXPECT_NEAR(inside.x[1], 0.6, 1e-9);
+  const Solution at_bound = maximise(variances(M, Eigen::Vector2d(0.4, 1.0), 50), Eigen::Vector2d(3.0, 5.0));
+  EXPECT_EQ(at_bound.summary.termination, Termination::converged);
+  EXPECT_EQ(at_bound.x[1], 0.0);
+  EXPECT_NEAR(at_bound.x[0], 0.7, 1e-9);
+}
+
+TEST(Scoring, AgreesWithLbfgs) {
+  const MatrixXd M = (MatrixXd(4, 3) << 1, 0.2, 0, 0.5, 1, 0.1, 0, 2, 1, 1, 1, 1).finished();
+  const LikelihoodProblem p = variances(M, Eigen::Vector4d(2, 1.5, 4, 3.3), 200);
+  Minimization negative;
+  negative.lower = VectorXd::Constant(3, 1e-9);
+  negative.upper = p.upper;
+  negative.evaluate = [&p](const VectorXd& x, double& f, VectorXd* g) {
+    VectorXd gradient;
+    if (!p.evaluate(x, f, &gradient, nullptr)) return false;
+    f = -f;
+    if (g != nullptr) *g = -gradient;
+    return true;
+  };
+  const Solution a = maximise(p, VectorXd::Ones(3)), b = solve(negative, VectorXd::Ones(3));
+  EXPECT_NEAR(a.summary.objective, -b.summary.objective, 1e-8);
+  EXPECT_TRUE(a.x.isApprox(b.x, 1e-4));
+}
+
+TEST(Scoring, FlatDirectionsGetNoStep) {
+  const MatrixXd M = (MatrixXd(2, 2) << 1, 1, 1, 1).finished();
+  const Solution x = maximise(variances(M, Eigen::Vector2d(2, 2), 50), Eigen::Vector2d(1.0, 5.0));
+  EXPECT_EQ(x.summary.termination, Termination::converged);
+  EXPECT_NEAR(x.x.sum(), 2.0, 1e-6);
+}
+
+TEST(Scoring, SaysWhyItStopped) {
+  const LikelihoodProblem p = variances(MatrixXd::Identity(1, 1), VectorXd::Ones(1), 10);
+  EXPECT_EQ(maximise(p, VectorXd::Zero(1)).summary.termination, Termination::start_undefined);
+  SolverOptions none;
+  none.max_iterations = 0;
+  EXPECT_EQ(maximise(p, VectorXd::Constant(1, 5.0), none).summary.termination, Termination::iteration_limit);
+  EXPECT_THROW(maximise(p, VectorXd::Constant(1, -1.0)), std::invalid_argument);
+  EXPECT_EQ(SolverSummary{}.message, "solve was not called");
+}
+
+TEST(Covariance, RefusesRankLossAndInverts) {
+  MatrixXd J(2, 2);
+  J << 4e12, 1e3, 1e3, 1e-4;
+  const auto inverse = scaled_inverse(J);
+  ASSERT_TRUE(inverse.has_value());
+  const double det = J.determinant();
+  EXPECT_NEAR((*inverse)(0, 0) * det / J(1, 1), 1.0, 1e-12);
+  EXPECT_NEAR((*inverse)(0, 1) * det / -J(0, 1), 1.0, 1e-12);
+  EXPECT_NEAR((*inverse)(1, 1) * det / J(0, 0), 1.0, 1e-12);
+  J << 1, 1, 1, 1;
+  EXPECT_FALSE(scaled_inverse(J).has_value());
+}
+
+}  // namespace
+}  // namespace identikal
