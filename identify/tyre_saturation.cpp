@@ -88,7 +88,6 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   for (const Eigen::Vector2d& softening : {step, Eigen::Vector2d(1.0, 1.0)}) {
     const VehicleOptimum found = maximise_likelihood(
         problem, with_softening(linear, optimum.z, softening), SolverOptions{});
-    fprintf(stderr, "soft start %g %g: it %d ev %d conv %d ll %.4f k %g %g: %s\n", softening[0], softening[1], found.iterations, found.evaluations, found.converged, found.log_likelihood, found.z[k], found.z[k+1], found.message.c_str());
     if (found.log_likelihood > best.log_likelihood) best = found;
   }
   if (!best.converged) return out;

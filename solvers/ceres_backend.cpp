@@ -4,6 +4,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include <chrono>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
@@ -30,11 +31,66 @@ void check(const LeastSquares& problem, const Eigen::VectorXd& start) {
   }
 }
 
-/// Ceres asks for a class; it only passes the call on.
+/// The box of a problem, and which coordinates are held at its sides. Ceres projects its steps onto the box without
+/// taking the active bounds out of the linear system; a minimum on a bound is then approached at a crawl. So
+/// coordinates that press against a bound are held there, and let go when the gradient turns.
+class ActiveSet {
+ public:
+  explicit ActiveSet(const LeastSquares& problem) : problem_(problem), held_(problem.lower.size()) {
+    for (Eigen::Index i = 0; i < held_.size(); ++i) {
+      held_[i] = problem.lower[i] == problem.upper[i];
+    }
+  }
+
+  bool held(Eigen::Index i) const { return held_[i]; }
+
+  /// -1 at the lower bound, 1 at the upper one, 0 inside.
+  int side(const Eigen::VectorXd& x, Eigen::Index i) const {
+    return x[i] <= problem_.lower[i] ? -1 : x[i] >= problem_.upper[i] ? 1 : 0;
+  }
+
+  /// Number of coordinates not held that press against a bound: downhill leads out of the box.
+  Eigen::Index pressing(const Eigen::VectorXd& x, const Eigen::VectorXd& gradient) const {
+    Eigen::Index count = 0;
+    for (Eigen::Index i = 0; i < held_.size(); ++i) {
+      count += !held_[i] && side(x, i) * gradient[i] < 0.0 ? 1 : 0;
+    }
+    return count;
+  }
+
+  void hold_pressing(const Eigen::VectorXd& x, const Eigen::VectorXd& gradient) {
+    for (Eigen::Index i = 0; i < held_.size(); ++i) {
+      held_[i] = held_[i] || side(x, i) * gradient[i] < 0.0;
+    }
+  }
+
+  /// Lets the coordinate go that gains most by leaving its bound, if one does: of a Gauss-Newton step of that
+  /// coordinate alone, the gain is (gradient / column norm)^2 / 2.
+  bool release_one(const Eigen::VectorXd& x, const Eigen::VectorXd& gradient,
+                   const Eigen::VectorXd& column_norm, double least_gain) {
+    Eigen::Index best = -1;
+    for (Eigen::Index i = 0; i < held_.size(); ++i) {
+      if (!held_[i] || problem_.lower[i] == problem_.upper[i]) continue;
+      if (!(side(x, i) * gradient[i] > 0.0)) continue;
+      const double gain = 0.5 * std::pow(gradient[i] / column_norm[i], 2);
+      if (!(gain > least_gain)) continue;
+      least_gain = gain;
+      best = i;
+    }
+    if (best >= 0) held_[best] = false;
+    return best >= 0;
+  }
+
+ private:
+  const LeastSquares& problem_;
+  Eigen::Array<bool, Eigen::Dynamic, 1> held_;
+};
+
+/// Ceres asks for a class; it passes the call on and keeps the gradient.
 class Residuals : public ceres::CostFunction {
  public:
   Residuals(const LeastSquares& problem, Eigen::Index n)
-      : problem_(problem), x_(n), r_(problem.residuals) {
+      : problem_(problem), x_(n), r_(problem.residuals), gradient_(Eigen::VectorXd::Zero(n)) {
     set_num_residuals(static_cast<int>(problem.residuals));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(n));
   }
@@ -45,40 +101,114 @@ class Residuals : public ceres::CostFunction {
     x_ = Eigen::Map<const Eigen::VectorXd>(parameters[0], n);
     const bool with_jacobian = jacobians != nullptr && jacobians[0] != nullptr;
     if (with_jacobian) J_.resize(m, n);
+    ++evaluations_;
     if (!problem_.evaluate(x_, r_, with_jacobian ? &J_ : nullptr)) return false;
     if (!r_.allFinite() || (with_jacobian && !J_.allFinite())) return false;
     Eigen::Map<Eigen::VectorXd>(residuals, m) = r_;
-    if (with_jacobian) Eigen::Map<LeastSquares::RowMatrix>(jacobians[0], m, n) = J_;
+    if (with_jacobian) {
+      Eigen::Map<LeastSquares::RowMatrix>(jacobians[0], m, n) = J_;
+      gradient_.noalias() = J_.transpose() * r_;
+    }
     return true;
   }
 
+  /// At the last point where the Jacobian was asked for: the best one so far, when an iteration ends.
+  const Eigen::VectorXd& gradient() const { return gradient_; }
+  int evaluations() const { return evaluations_; }
+
  private:
   const LeastSquares& problem_;
-  mutable Eigen::VectorXd x_, r_;
+  mutable Eigen::VectorXd x_, r_, gradient_;
   mutable LeastSquares::RowMatrix J_;
+  mutable int evaluations_ = 0;
 };
 
-class Progress : public ceres::IterationCallback {
+/// Reports progress, and interrupts when a coordinate has pressed against its bound twice in a row.
+class Watch : public ceres::IterationCallback {
  public:
-  explicit Progress(const SolverOptions& options) : options_(options) {}
+  Watch(const SolverOptions& options, const Residuals& residuals, const ActiveSet& active,
+        const Eigen::VectorXd& x, int iterations_before)
+      : options_(options),
+        residuals_(residuals),
+        active_(active),
+        x_(x),
+        before_(iterations_before) {}
+
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    return options_.progress(summary.iteration, summary.cost)
-               ? ceres::SOLVER_CONTINUE
-               : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    if (options_.progress && !options_.progress(before_ + summary.iteration, summary.cost)) {
+      stopped_by_caller_ = true;
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    }
+    pressed_ = active_.pressing(x_, residuals_.gradient()) > 0 ? pressed_ + 1 : 0;
+    return pressed_ >= 2 ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
+
+  bool stopped_by_caller() const { return stopped_by_caller_; }
 
  private:
   const SolverOptions& options_;
+  const Residuals& residuals_;
+  const ActiveSet& active_;
+  const Eigen::VectorXd& x_;
+  int before_, pressed_ = 0;
+  bool stopped_by_caller_ = false;
 };
+
+ceres::Solver::Options translate(const SolverOptions& options) {
+  ceres::Solver::Options out;
+  out.linear_solver_type = ceres::DENSE_QR;
+  out.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
+  out.jacobi_scaling = true;
+  out.num_threads = 1;
+  out.function_tolerance = options.function_tolerance;
+  out.gradient_tolerance = options.gradient_tolerance;
+  out.parameter_tolerance = options.parameter_tolerance;
+  out.logging_type = ceres::SILENT;
+  out.update_state_every_iteration = true;
+  return out;
+}
+
+/// Runs Ceres with the held coordinates constant; x moves.
+ceres::Solver::Summary run(const LeastSquares& problem, const ActiveSet& active,
+                           const ceres::Solver::Options& options, Residuals& residuals,
+                           Eigen::VectorXd& x) {
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem ceres_problem(ownership);
+  ceres_problem.AddResidualBlock(&residuals, nullptr, x.data());
+  std::vector<int> constant;
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const int k = static_cast<int>(i);
+    if (active.held(i)) {
+      constant.push_back(k);
+      continue;
+    }
+    if (std::isfinite(problem.lower[i])) {
+      ceres_problem.SetParameterLowerBound(x.data(), k, problem.lower[i]);
+    }
+    if (std::isfinite(problem.upper[i])) {
+      ceres_problem.SetParameterUpperBound(x.data(), k, problem.upper[i]);
+    }
+  }
+  if (static_cast<Eigen::Index>(constant.size()) == x.size()) {
+    ceres_problem.SetParameterBlockConstant(x.data());
+  } else if (!constant.empty()) {
+    ceres_problem.SetManifold(x.data(),
+                              new ceres::SubsetManifold(static_cast<int>(x.size()), constant));
+  }
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &ceres_problem, &summary);
+  return summary;
+}
 
 Termination termination_of(const ceres::Solver::Summary& summary,
                            const ceres::Solver::Options& options) {
   switch (summary.termination_type) {
     case ceres::CONVERGENCE: {
       // Ceres also calls it convergence when its trust region has shrunk to nothing.
-      const bool shrunk = !summary.iterations.empty() &&
-                          summary.iterations.back().trust_region_radius <=
-                              options.min_trust_region_radius;
+      const bool shrunk =
+          !summary.iterations.empty() &&
+          summary.iterations.back().trust_region_radius <= options.min_trust_region_radius;
       return shrunk ? Termination::no_progress : Termination::converged;
     }
     case ceres::NO_CONVERGENCE:
@@ -99,68 +229,58 @@ Termination termination_of(const ceres::Solver::Summary& summary,
 Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
                const SolverOptions& options) {
   check(problem, start);
-  const Eigen::Index n = start.size();
   Solution solution;
-  solution.x = start;
+  Eigen::VectorXd& x = solution.x;
+  SolverSummary& summary = solution.summary;
+  x = start;
 
   Eigen::VectorXd r(problem.residuals);
   if (!problem.evaluate(start, r, nullptr) || !r.allFinite()) {
-    solution.summary.termination = Termination::start_undefined;
-    solution.summary.message = "the residuals are undefined at the start";
+    summary.termination = Termination::start_undefined;
+    summary.message = "the residuals are undefined at the start";
     return solution;
   }
+  summary.initial_objective = summary.objective = 0.5 * r.squaredNorm();
 
-  ceres::Problem::Options ownership;
-  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  Residuals residuals(problem, n);
-  ceres::Problem ceres_problem(ownership);
-  ceres_problem.AddResidualBlock(&residuals, nullptr, solution.x.data());
-  std::vector<int> held;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const int k = static_cast<int>(i);
-    if (problem.lower[i] == problem.upper[i]) {
-      held.push_back(k);  // an empty interior is an error to Ceres unless the coordinate is constant
-      continue;
+  const auto begin = std::chrono::steady_clock::now();
+  Residuals residuals(problem, start.size());
+  ActiveSet active(problem);
+  ceres::Solver::Options ceres_options = translate(options);
+  while (true) {
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+    if (std::isfinite(options.max_seconds)) {
+      ceres_options.max_solver_time_in_seconds = options.max_seconds - elapsed.count();
     }
-    if (std::isfinite(problem.lower[i])) {
-      ceres_problem.SetParameterLowerBound(solution.x.data(), k, problem.lower[i]);
+    ceres_options.max_num_iterations = options.max_iterations - summary.iterations;
+    Watch watch(options, residuals, active, x, summary.iterations);
+    ceres_options.callbacks = {&watch};
+    const ceres::Solver::Summary ran = run(problem, active, ceres_options, residuals, x);
+
+    summary.termination = termination_of(ran, ceres_options);
+    summary.message = ran.message;
+    summary.iterations += ran.num_successful_steps + ran.num_unsuccessful_steps;
+    summary.objective = ran.final_cost;
+    if (watch.stopped_by_caller()) {
+      summary.message = "stopped by the caller";
+      break;
     }
-    if (std::isfinite(problem.upper[i])) {
-      ceres_problem.SetParameterUpperBound(solution.x.data(), k, problem.upper[i]);
+    const bool more = summary.iterations < options.max_iterations &&
+                      elapsed.count() < options.max_seconds;
+    if (active.pressing(x, residuals.gradient()) > 0) {
+      active.hold_pressing(x, residuals.gradient());
+      if (more) continue;
+      summary.termination = Termination::iteration_limit;
+    } else if (summary.termination == Termination::converged && more) {
+      LeastSquares::RowMatrix J(problem.residuals, x.size());
+      if (problem.evaluate(x, r, &J) &&
+          active.release_one(x, J.transpose() * r, J.colwise().norm().transpose(),
+                             options.function_tolerance * summary.objective)) {
+        continue;
+      }
     }
+    break;
   }
-  if (static_cast<Eigen::Index>(held.size()) == n) {
-    ceres_problem.SetParameterBlockConstant(solution.x.data());
-  } else if (!held.empty()) {
-    ceres_problem.SetManifold(solution.x.data(),
-                              new ceres::SubsetManifold(static_cast<int>(n), held));
-  }
-
-  ceres::Solver::Options ceres_options;
-  ceres_options.linear_solver_type = ceres::DENSE_QR;
-  ceres_options.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
-  ceres_options.jacobi_scaling = true;
-  ceres_options.num_threads = 1;
-  ceres_options.max_num_iterations = options.max_iterations;
-  ceres_options.function_tolerance = options.function_tolerance;
-  ceres_options.gradient_tolerance = options.gradient_tolerance;
-  ceres_options.parameter_tolerance = options.parameter_tolerance;
-  ceres_options.logging_type = ceres::SILENT;
-  if (std::isfinite(options.max_seconds)) {
-    ceres_options.max_solver_time_in_seconds = options.max_seconds;
-  }
-  Progress progress(options);
-  if (options.progress) ceres_options.callbacks.push_back(&progress);
-
-  ceres::Solver::Summary summary;
-  ceres::Solve(ceres_options, &ceres_problem, &summary);
-
-  solution.summary.termination = termination_of(summary, ceres_options);
-  solution.summary.message = summary.message;
-  solution.summary.iterations = summary.num_successful_steps + summary.num_unsuccessful_steps;
-  solution.summary.evaluations = summary.num_residual_evaluations + 1;
-  solution.summary.initial_objective = 0.5 * r.squaredNorm();
-  solution.summary.objective = summary.final_cost;
+  summary.evaluations = residuals.evaluations() + 1;
   return solution;
 }
 
