@@ -80,44 +80,42 @@ struct ResolvedUnit {
   std::string text;
 };
 
-// The unit of a column: the model's, else the file's, else SI (`si_text`).
+// The unit of a column: the model's, else the file's, else SI. It must measure what `si_text` does.
 ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::string& model_text,
                           const std::string& si_text, const Location& at) {
-  const std::string of_column = " of column " + quoted_excerpt(column.name);
-  if (model_text.empty()) {
-    if (column.unit.empty()) return {Unit{}, si_text};
-    const Location header{table.path, table.unit_line > 0 ? table.unit_line : table.header_line};
-    return {known_unit(column.unit, header, of_column, "give its 'unit:' in the model file"),
-            column.unit};
-  }
+  if (model_text.empty() && column.unit.empty()) return {Unit{}, si_text};
   const Location model_at = place(at, table);
-  const Unit unit = known_unit(model_text, model_at, of_column, "");
-  const std::optional<Unit> in_file = parse_unit(column.unit);
-  if (!column.unit.empty() && in_file) {
-    const bool same = same_dimension(unit, *in_file) &&
-                      std::abs(unit.scale / in_file->scale - 1.0) < 1e-9 &&
-                      unit.offset == in_file->offset;
-    if (!same) {
+  const std::string of_column = " of column " + quoted_excerpt(column.name);
+  const std::string& text = model_text.empty() ? column.unit : model_text;
+  Unit unit;
+  if (model_text.empty()) {
+    const Location header{table.path, table.unit_line > 0 ? table.unit_line : table.header_line};
+    unit = known_unit(text, header, of_column, "give its 'unit:' in the model file");
+  } else {
+    unit = known_unit(text, model_at, of_column, "");
+    const std::optional<Unit> in_file = parse_unit(column.unit);
+    const bool conflict = !column.unit.empty() && in_file &&
+                          !(same_dimension(unit, *in_file) && unit.offset == in_file->offset &&
+                            std::abs(unit.scale / in_file->scale - 1.0) < 1e-9);
+    if (conflict) {
       throw InputError(model_at,
                        "column " + quoted_excerpt(column.name) + " is in " +
                            quoted_excerpt(column.unit) + " according to " + file_name(table) +
-                           ", in " + quoted_excerpt(model_text) + " according to the model",
+                           ", in " + quoted_excerpt(text) + " according to the model",
                        "one unit", "remove the 'unit:' here, or the unit in the file's header");
     }
   }
-  return {unit, model_text};
-}
-
-void check_dimension(const ResolvedUnit& resolved, const Column& column, const std::string& si_text,
-                     const Location& at) {
-  if (si_text.empty() || resolved.text.empty()) return;
-  const std::optional<Unit> si = parse_unit(si_text);
-  if (!si) throw std::invalid_argument("make_dataset: '" + si_text + "' is not a unit");
-  if (same_dimension(resolved.unit, *si)) return;
-  throw InputError(at,
-                   "column " + quoted_excerpt(column.name) + " is in " +
-                       quoted_excerpt(resolved.text) + ", which measures something else",
-                   "a unit of the same kind as " + quoted_excerpt(si_text));
+  if (!si_text.empty()) {
+    const std::optional<Unit> si = parse_unit(si_text);
+    if (!si) throw std::invalid_argument("make_dataset: '" + si_text + "' is not a unit");
+    if (!same_dimension(unit, *si)) {
+      throw InputError(model_at,
+                       "column " + quoted_excerpt(column.name) + " is in " + quoted_excerpt(text) +
+                           ", which measures something else",
+                       "a unit of the same kind as " + quoted_excerpt(si_text));
+    }
+  }
+  return {unit, text};
 }
 
 // Time stamps in the unit of the column: converting first would cost digits of an epoch time.
@@ -129,7 +127,6 @@ struct Stamps {
 Stamps read_stamps(const Table& table, const TimeSource& source) {
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
-  check_dimension(unit, column, "s", place(source.at, table));
   const std::vector<double>& t = column.values;
   for (std::size_t row = 0; row < t.size(); ++row) {
     const Location at{table.path, table.line_of_row(row)};
@@ -168,7 +165,6 @@ Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
                                 Channel& channel) {
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, source.si_unit, source.at);
-  check_dimension(unit, column, source.si_unit, place(source.at, table));
   channel = {source.name, unit.text};
   Eigen::RowVectorXd values(static_cast<Index>(rows.last - rows.first));
   bool any = false;

@@ -206,9 +206,9 @@ TEST(Dataset, SaysWhatIsWrongWithAColumn) {
        "runs/lane_change.csv:3: no number in column 'empty' from this row to line 5; expected at "
        "least one"},
       {channel("r", "yaw_rate", "degs"),
-       "model.yaml:9:5: unknown unit 'degs' of column 'yaw_rate'; did you mean 'deg'?"},
+       "model.yaml:9:5: unknown unit 'degs' of column 'yaw_rate'; did you mean 'deg/s'?"},
       {channel("v", "speed"),
-       "runs/lane_change.csv:2: unknown unit 'kmhh' of column 'speed'; did you mean 'kmh'? give "
+       "runs/lane_change.csv:2: unknown unit 'kmhh' of column 'speed'; did you mean 'km/h'? give "
        "its 'unit:' in "
        "the model file"},
       {channel("r", "yaw_rate", "rad/s"),
@@ -353,7 +353,7 @@ TEST(UniformRaster, RefusesOtherTimeStamps) {
                 on_uniform_raster(recording({0.0, 0.001}), 0.1);
               }),
               testing::HasSubstr("time 0.001 s is 0.01 steps after the row before"));
-  EXPECT_EQ(on_uniform_raster(recording({0.0, 0.1, 0.25}), 0.1, 0.5).size(), 4);
+  EXPECT_EQ(on_uniform_raster(recording({0.0, 0.1, 0.26}), 0.1, 0.45).size(), 4);
   EXPECT_EQ(message_of([] {
               on_uniform_raster(recording({0.0, 1.0, 20.0}), 0.5);
             }),
