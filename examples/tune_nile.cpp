@@ -33,10 +33,12 @@ int main(int argc, char** argv) {
 
     TimeSource years;
     years.step = 1.0;
-    const Dataset data = make_dataset(read_csv(argv[1]), years, {}, {{"level", "volume", "", "", {}}});
+    const Dataset data =
+        make_dataset(read_csv(argv[1]), years, {}, {{"level", "volume", "", "", {}}});
     const Estimate estimate = tune_ml(model, data);
     for (const EstimatedParameter& p : estimate.parameters) {
-      std::printf("%s = %.2f +- %.2f (%s)\n", p.name.c_str(), p.value, p.se, to_string(p.verdict).c_str());
+      std::printf("%s = %.2f +- %.2f (%s)\n", p.name.c_str(), p.value, p.se,
+                  to_string(p.verdict).c_str());
     }
     std::printf("log-likelihood %.6f\n", estimate.objective.log_likelihood);
     return exit_code(estimate, false);

@@ -9,7 +9,8 @@ namespace identikal {
 
 Estimate check_filter(const ModelFile& model, const Dataset& data) {
   if (model.form != ModelFile::Form::linear) {
-    throw InputError({model.path, 0, 0}, "'check' tests a Kalman filter, this model is a vehicle without noise",
+    throw InputError({model.path, 0, 0},
+                     "'check' tests a Kalman filter, this model is a vehicle without noise",
                      "a linear model with Q and R", "'fit' tests the vehicle's residuals itself");
   }
   Estimate estimate;
@@ -21,7 +22,8 @@ Estimate check_filter(const ModelFile& model, const Dataset& data) {
     EstimatedParameter p;
     p.name = entries.names[i];
     p.unit = entries.units[i];
-    p.value = parse_unit(p.unit).value_or(Unit{}).from_si(entries.value[static_cast<Eigen::Index>(i)]);
+    p.value =
+        parse_unit(p.unit).value_or(Unit{}).from_si(entries.value[static_cast<Eigen::Index>(i)]);
     p.start = p.value;
     p.fixed = true;
     estimate.parameters.push_back(std::move(p));
@@ -37,11 +39,18 @@ Estimate check_filter(const ModelFile& model, const Dataset& data) {
     if (test.pass) continue;
     failed += failed.empty() ? "" : "; ";
     if (test.id != "nis") {
-      failed += fmt::format("innovations of '{}' are correlated (p = {:.2g})", test.channel, test.p);
+      failed +=
+          fmt::format("innovations of '{}' are correlated (p = {:.2g})", test.channel, test.p);
     } else if (test.value > test.interval[1]) {
-      failed += fmt::format("innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is too small", test.value);
+      failed += fmt::format(
+          "innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is "
+          "too small",
+          test.value);
     } else {
-      failed += fmt::format("innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is too large", test.value);
+      failed += fmt::format(
+          "innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is "
+          "too large",
+          test.value);
     }
   }
   estimate.message = failed.empty() ? "no test rejects optimality" : "not optimal: " + failed;

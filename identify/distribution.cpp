@@ -1,9 +1,10 @@
 #include "identify/distribution.h"
 
+#include <cmath>
+
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
-#include <cmath>
 
 namespace identikal {
 

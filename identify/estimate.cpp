@@ -1,10 +1,11 @@
 #include "identify/estimate.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <set>
 #include <stdexcept>
+
+#include <Eigen/Eigenvalues>
 
 namespace identikal {
 namespace {
@@ -13,8 +14,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Eigenvalues of the unit-diagonal information below this share of the largest carry no information:
-// exact sensitivities leave about 1e-13 there.
+// Eigenvalues of the unit-diagonal information below this share of the largest carry no
+// information: exact sensitivities leave about 1e-13 there.
 constexpr double kFlat = 1e-9;
 // Entries of a flat direction smaller than this are not part of it.
 constexpr double kPartOf = 0.1;
@@ -127,9 +128,8 @@ int exit_code(const Estimate& estimate, bool strict) {
     case Status::ok:
       break;
   }
-  const bool warned =
-      std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                  [](const Warning& w) { return w.severity != "note"; });
+  const bool warned = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                  [](const Warning& w) { return w.severity != "note"; });
   return strict && warned ? 4 : 0;
 }
 
@@ -163,7 +163,8 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
       if (std::isnan(se[j])) continue;
       const double rho = covariance(i, j) / (se[i] * se[j]);
       estimate.correlation(i, j) = rho;
-      // A strong correlation with small errors is harmless; with large ones it is the reason for them.
+      // A strong correlation with small errors is harmless; with large ones it is the reason for
+      // them.
       if (i != j && (std::abs(rho) > 0.99 || (std::abs(rho) > 0.9 && relative > 0.25))) {
         p.verdict = Verdict::correlated;
         p.with.push_back(free[static_cast<std::size_t>(j)]->name);

@@ -1,15 +1,18 @@
-// What does every estimator answer with? One value that the console table, the JSON result and the tests read.
+// What does every estimator answer with? One value that the console table, the JSON result and the
+// tests read.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <limits>
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 namespace identikal {
 
-inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  ///< "absent"; null in JSON
+inline constexpr double kNone =
+    std::numeric_limits<double>::quiet_NaN();  ///< "absent"; null in JSON
 
 /// What a person may do with the result; the codes of the JSON result.
 enum class Status { ok, answer_no, not_converged, untrusted };
@@ -137,12 +140,14 @@ struct Estimate {
 std::string to_string(Status status);
 std::string to_string(Verdict verdict);
 
-/// Exit code of the contract: ok 0, answer_no and untrusted 1, not_converged 3; `strict` turns warnings into 4.
+/// Exit code of the contract: ok 0, answer_no and untrusted 1, not_converged 3; `strict` turns
+/// warnings into 4.
 int exit_code(const Estimate& estimate, bool strict);
 
-/// Fills correlation, identifiability, se, ci95 and verdicts. The k parameters judged are those that are neither fixed nor
-/// already found at a bound, in their order.
-/// @param information  k x k, in the units of `estimate.parameters`; its null directions are the flat ones
+/// Fills correlation, identifiability, se, ci95 and verdicts. The k parameters judged are those
+/// that are neither fixed nor already found at a bound, in their order.
+/// @param information  k x k, in the units of `estimate.parameters`; its null directions are the
+/// flat ones
 /// @param covariance   k x k; what `se` is taken from (it need not be the inverse of `information`)
 /// @param quantile     half-width of the 95 % interval in standard errors
 /// A parameter in a flat direction gets neither standard error nor interval.

@@ -1,11 +1,11 @@
 #include "identify/info.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <vector>
+
+#include <fmt/format.h>
 
 #include "lib/units.h"
 
@@ -66,46 +66,60 @@ std::string describe_time(const Table& table) {
       steps.push_back(column.values[i] - column.values[i - 1]);
     }
     std::vector<double> sorted = steps;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<long>(sorted.size() / 2), sorted.end());
+    std::nth_element(sorted.begin(), sorted.begin() + static_cast<long>(sorted.size() / 2),
+                     sorted.end());
     const double median = sorted[sorted.size() / 2];
-    const auto gaps = std::count_if(steps.begin(), steps.end(), [median](double s) { return s > 1.5 * median; });
+    const auto gaps =
+        std::count_if(steps.begin(), steps.end(), [median](double s) { return s > 1.5 * median; });
     const auto uneven = std::count_if(steps.begin(), steps.end(), [median](double s) {
       return std::abs(s - median) > 0.05 * median && s <= 1.5 * median;
     });
     const Unit unit = parse_unit(column.unit.empty() ? "s" : column.unit).value_or(Unit{});
-    return fmt::format("time   '{}': {:.6g} Hz (step {:.6g} s), {:.6g} s long, {} gaps, {} uneven steps\n",
-                       column.name, 1.0 / (median * unit.scale), median * unit.scale,
-                       (column.values.back() - column.values.front()) * unit.scale, gaps, uneven);
+    return fmt::format(
+        "time   '{}': {:.6g} Hz (step {:.6g} s), {:.6g} s long, {} gaps, {} uneven steps\n",
+        column.name, 1.0 / (median * unit.scale), median * unit.scale,
+        (column.values.back() - column.values.front()) * unit.scale, gaps, uneven);
   }
-  return "time   no column looks like time; a model gives the step: time: {kind: discrete, step: ...}\n";
+  return "time   no column looks like time; a model gives the step: time: {kind: discrete, step: "
+         "...}\n";
 }
 
 std::string remark(const Column& column, const Summary& s) {
   if (column.text_cells > 0) {
-    return fmt::format("text in {} cells, first in line {}", column.text_cells, column.first_text.line);
+    return fmt::format("text in {} cells, first in line {}", column.text_cells,
+                       column.first_text.line);
   }
   std::string out;
-  if (s.present > 0 && s.min == s.max) out = "constant";
-  else if (s.held > 0.5) out = fmt::format("{:.0f} % held samples", 100.0 * s.held);
-  if (column.missing > 0) out += fmt::format("{}{} missing", out.empty() ? "" : ", ", column.missing);
+  if (s.present > 0 && s.min == s.max)
+    out = "constant";
+  else if (s.held > 0.5)
+    out = fmt::format("{:.0f} % held samples", 100.0 * s.held);
+  if (column.missing > 0)
+    out += fmt::format("{}{} missing", out.empty() ? "" : ", ", column.missing);
   return out;
 }
 
 }  // namespace
 
 std::string describe_table(const Table& table) {
-  const char* separator = table.separator == '\t' ? "tab" : table.separator == ';' ? "semicolon" : "comma";
+  const char* separator = table.separator == '\t'  ? "tab"
+                          : table.separator == ';' ? "semicolon"
+                                                   : "comma";
   std::string out = fmt::format("{}\n", table.path);
-  out += fmt::format("rows   {}, columns {}, separated by {}{}{}\n", table.rows, table.columns.size(), separator,
-                     table.decimal_comma ? ", decimal comma" : "", table.has_header ? "" : ", no header");
+  out += fmt::format("rows   {}, columns {}, separated by {}{}{}\n", table.rows,
+                     table.columns.size(), separator, table.decimal_comma ? ", decimal comma" : "",
+                     table.has_header ? "" : ", no header");
   out += describe_time(table);
   std::size_t width = 8;
-  for (const Column& column : table.columns) width = std::max(width, std::min<std::size_t>(24, column.name.size()));
-  out += fmt::format("\n{:<{}} {:<7} {:>10} {:>10} {:>10} {:>10}  {}\n", "column", width, "unit", "min", "max", "mean", "sd", "");
+  for (const Column& column : table.columns)
+    width = std::max(width, std::min<std::size_t>(24, column.name.size()));
+  out += fmt::format("\n{:<{}} {:<7} {:>10} {:>10} {:>10} {:>10}  {}\n", "column", width, "unit",
+                     "min", "max", "mean", "sd", "");
   for (const Column& column : table.columns) {
     const Summary s = summarise(column.values);
-    out += fmt::format("{:<{}} {:<7} {:>10.4g} {:>10.4g} {:>10.4g} {:>10.4g}  {}", column.name, width,
-                       column.unit.empty() ? "-" : column.unit, s.min, s.max, s.mean, s.sd, remark(column, s));
+    out += fmt::format("{:<{}} {:<7} {:>10.4g} {:>10.4g} {:>10.4g} {:>10.4g}  {}", column.name,
+                       width, column.unit.empty() ? "-" : column.unit, s.min, s.max, s.mean, s.sd,
+                       remark(column, s));
     while (out.back() == ' ') out.pop_back();
     out += '\n';
   }
@@ -113,17 +127,22 @@ std::string describe_table(const Table& table) {
 }
 
 std::string describe_channels(const ModelFile& model, const Dataset& data) {
-  std::string out = fmt::format("\n{} takes {} rows, step {:.6g} s, from {:.6g} s to {:.6g} s\n", model.name, data.size(),
-                                data.dt, data.time[0], data.time[data.size() - 1]);
-  out += fmt::format("{:<8} {:<22} {:<8} {:>10} {:>10} {:>10} {:>8}\n", "", "channel", "unit", "min", "max", "sd", "missing");
-  const auto list = [&out](const char* kind, const std::vector<Channel>& channels, const Eigen::MatrixXd& values) {
+  std::string out =
+      fmt::format("\n{} takes {} rows, step {:.6g} s, from {:.6g} s to {:.6g} s\n", model.name,
+                  data.size(), data.dt, data.time[0], data.time[data.size() - 1]);
+  out += fmt::format("{:<8} {:<22} {:<8} {:>10} {:>10} {:>10} {:>8}\n", "", "channel", "unit",
+                     "min", "max", "sd", "missing");
+  const auto list = [&out](const char* kind, const std::vector<Channel>& channels,
+                           const Eigen::MatrixXd& values) {
     for (std::size_t i = 0; i < channels.size(); ++i) {
       const Eigen::VectorXd row = values.row(static_cast<Eigen::Index>(i)).transpose();
       const Summary s = summarise(row);
       const Unit unit = parse_unit(channels[i].unit).value_or(Unit{});
-      out += fmt::format("{:<8} {:<22} {:<8} {:>10.4g} {:>10.4g} {:>10.4g} {:>8}{}\n", kind, channels[i].name,
-                         channels[i].unit.empty() ? "-" : channels[i].unit, unit.from_si(s.min), unit.from_si(s.max), s.sd / unit.scale,
-                         static_cast<std::size_t>(row.size()) - s.present, s.min == s.max ? "  constant" : "");
+      out += fmt::format("{:<8} {:<22} {:<8} {:>10.4g} {:>10.4g} {:>10.4g} {:>8}{}\n", kind,
+                         channels[i].name, channels[i].unit.empty() ? "-" : channels[i].unit,
+                         unit.from_si(s.min), unit.from_si(s.max), s.sd / unit.scale,
+                         static_cast<std::size_t>(row.size()) - s.present,
+                         s.min == s.max ? "  constant" : "");
     }
   };
   list("input", data.inputs, data.u);

@@ -8,8 +8,9 @@
 
 namespace identikal {
 
-/// A table of the columns (unit, rows present, range, mean, standard deviation, remarks such as constant, text or held samples),
-/// the column that looks like time with its rate, jitter and gaps. Text within 80 columns where names allow.
+/// A table of the columns (unit, rows present, range, mean, standard deviation, remarks such as
+/// constant, text or held samples), the column that looks like time with its rate, jitter and gaps.
+/// Text within 80 columns where names allow.
 std::string describe_table(const Table& table);
 
 /// What the model takes from the recording: channels in SI with range and excitation.

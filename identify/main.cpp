@@ -1,8 +1,4 @@
 // The command line. Every exception ends here.
-#include <fmt/format.h>
-#include <unistd.h>
-
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -11,6 +7,10 @@
 #include <optional>
 #include <string>
 #include <vector>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <unistd.h>
 
 #include "identify/check.h"
 #include "identify/info.h"
@@ -47,12 +47,14 @@ double quantity(const std::string& option, const std::string& text, const std::s
   try {
     value = std::stod(text, &used);
   } catch (const std::exception&) {
-    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text), "a number, with a unit or in " + kind);
+    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text),
+                     "a number, with a unit or in " + kind);
   }
   const std::string rest = text.substr(used);
   const auto unit = parse_unit(rest.find_first_not_of(' ') == std::string::npos ? kind : rest);
   if (!unit || !same_dimension(*unit, *parse_unit(kind)) || !std::isfinite(value)) {
-    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text), "a number, with a unit or in " + kind);
+    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text),
+                     "a number, with a unit or in " + kind);
   }
   return unit->to_si(value);
 }
@@ -89,8 +91,8 @@ Recording load_data(const Arguments& args, const ModelFile& model, bool with_out
   Recording out;
   out.table = read_csv(args.data.front());
   const std::vector<ChannelSource> no_outputs;
-  out.data = make_dataset(out.table, model.time, model.inputs, with_outputs ? model.outputs : no_outputs,
-                          parse_range(args.range));
+  out.data = make_dataset(out.table, model.time, model.inputs,
+                          with_outputs ? model.outputs : no_outputs, parse_range(args.range));
   if (model.form == ModelFile::Form::linear) {
     const double step = model.time.step > 0.0 ? model.time.step : out.data.dt;
     out.data = on_uniform_raster(out.data, step);
@@ -125,13 +127,16 @@ int finish(const Arguments& args, const Recording& recording, Estimate& estimate
            std::chrono::steady_clock::time_point begin) {
   estimate.verb = args.verb;
   // The vehicle fit says itself how many rows it used.
-  const long used = estimate.inputs.empty() ? static_cast<long>(recording.data.size()) : estimate.inputs.front().used;
-  estimate.inputs = {{args.data.front(), sha256_of_file(args.data.front()), static_cast<long>(recording.table.rows), used}};
+  const long used = estimate.inputs.empty() ? static_cast<long>(recording.data.size())
+                                            : estimate.inputs.front().used;
+  estimate.inputs = {{args.data.front(), sha256_of_file(args.data.front()),
+                      static_cast<long>(recording.table.rows), used}};
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
     write_file(args.output, "result.json", json);
-    if (estimate.series.time.size() > 0) write_file(args.output, "residuals.csv", residuals_csv(estimate));
+    if (estimate.series.time.size() > 0)
+      write_file(args.output, "residuals.csv", residuals_csv(estimate));
   }
   std::cout << (args.json ? json : console_report(estimate)) << std::flush;
   if (!std::cout) throw OutputError("standard output: cannot write");
@@ -143,8 +148,9 @@ int run_estimator(const Arguments& args) {
   const ModelFile model = load_model(args);
   const bool vehicle = model.form == ModelFile::Form::single_track;
   if (args.verb == "tune" && vehicle) {
-    throw InputError({model.path, 0, 0}, "'tune' estimates the noise of a linear model, this is a vehicle", "a model with A, C, Q, R",
-                     "use 'fit'");
+    throw InputError({model.path, 0, 0},
+                     "'tune' estimates the noise of a linear model, this is a vehicle",
+                     "a model with A, C, Q, R", "use 'fit'");
   }
   const Recording recording = load_data(args, model);
   Progress progress(args);
@@ -162,7 +168,8 @@ int run_estimator(const Arguments& args) {
     options.starts = args.starts;
     options.seed = args.seed;
     options.progress = [&](int start, int iteration, double L) {
-      progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start, args.starts, iteration, L));
+      progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
+                                args.starts, iteration, L));
     };
     estimate = tune_ml(model, recording.data, options);
   }
@@ -178,7 +185,8 @@ int run_simulate(const Arguments& args) {
   Simulated simulated;
   if (model.form == ModelFile::Form::single_track) {
     if (inputs == nullptr && !args.manoeuvre.empty() && args.manoeuvre != "severe-lane-change") {
-      throw InputError({}, fmt::format("unknown manoeuvre '{}'", args.manoeuvre), "severe-lane-change");
+      throw InputError({}, fmt::format("unknown manoeuvre '{}'", args.manoeuvre),
+                       "severe-lane-change");
     }
     ManoeuvreSettings settings;
     settings.speed = quantity("--speed", args.speed, "m/s");
@@ -186,7 +194,8 @@ int run_simulate(const Arguments& args) {
     settings.duration = quantity("--duration", args.duration, "s");
     if (!(settings.speed > 0.0 && settings.rate > 0.0 && settings.duration * settings.rate >= 2.0 &&
           settings.duration * settings.rate <= 1e8)) {
-      throw InputError({}, "--speed, --rate and --duration describe no recording", "positive values and 2 to 1e8 rows");
+      throw InputError({}, "--speed, --rate and --duration describe no recording",
+                       "positive values and 2 to 1e8 rows");
     }
     simulated = simulate_vehicle(model, settings, inputs, args.seed);
   } else {
@@ -200,7 +209,8 @@ int run_simulate(const Arguments& args) {
     if (!std::cout) throw OutputError("standard output: cannot write");
   } else {
     write_file(args.output, "simulated.csv", simulated.csv);
-    fmt::print("{} rows written to {}\n", simulated.rows, (std::filesystem::path(args.output) / "simulated.csv").string());
+    fmt::print("{} rows written to {}\n", simulated.rows,
+               (std::filesystem::path(args.output) / "simulated.csv").string());
   }
   return 0;
 }
@@ -218,13 +228,15 @@ int run_info(const Arguments& args) {
     model = read_model_file(files.front());
     files.erase(files.begin());
   }
-  if (files.empty()) throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
+  if (files.empty())
+    throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
   std::string text;
   for (const std::string& file : files) {
     const Table table = read_csv(file);
     text += describe_table(table);
     if (model) {
-      text += describe_channels(*model, make_dataset(table, model->time, model->inputs, model->outputs, parse_range(args.range)));
+      text += describe_channels(*model, make_dataset(table, model->time, model->inputs,
+                                                     model->outputs, parse_range(args.range)));
     }
   }
   std::cout << text << std::flush;
@@ -234,7 +246,8 @@ int run_info(const Arguments& args) {
 
 void add_common(CLI::App& verb, Arguments& args, bool estimates) {
   verb.add_option("-o,--output", args.output, "folder for the result files");
-  verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")->allow_extra_args(false);
+  verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")
+      ->allow_extra_args(false);
   verb.add_option("--range", args.range, "FROM:TO: use these rows, in seconds, e.g. 10s:95s");
   verb.add_flag("--quiet", args.quiet, "no progress line");
   if (!estimates) return;
@@ -263,9 +276,12 @@ int run(int argc, char** argv) {
     add_common(*verb, args, true);
     if (std::string(name) == "check") continue;
     verb->add_option("--seed", args.seed, "seed of the scattered starts")->capture_default_str();
-    verb->add_option("--starts", args.starts, "number of starts")->check(CLI::Range(1, 1000))->capture_default_str();
+    verb->add_option("--starts", args.starts, "number of starts")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
     if (std::string(name) == "tune") {
-      verb->add_option("--method", args.method, "ml: maximum likelihood")->check(CLI::IsMember({"ml"}));
+      verb->add_option("--method", args.method, "ml: maximum likelihood")
+          ->check(CLI::IsMember({"ml"}));
     }
   }
 
@@ -274,23 +290,27 @@ int run(int argc, char** argv) {
   simulate->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
   add_common(*simulate, args, false);
   simulate->add_option("--seed", args.seed, "seed of the noise")->capture_default_str();
-  simulate->add_option("-n,--rows", args.rows, "rows of a linear model's record")->check(CLI::Range(1L, 100000000L));
+  simulate->add_option("-n,--rows", args.rows, "rows of a linear model's record")
+      ->check(CLI::Range(1L, 100000000L));
   simulate->add_option("--manoeuvre", args.manoeuvre, "vehicle without DATA: severe-lane-change");
   simulate->add_option("--speed", args.speed, "of the manoeuvre")->capture_default_str();
-  simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")->capture_default_str();
+  simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")
+      ->capture_default_str();
   simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
 
   if (argc > 1 && argv[1][0] != '-') {
     const std::vector<std::string> verbs{"info", "tune", "fit", "check", "simulate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
-      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]), "info, simulate, tune, fit or check", did_you_mean(argv[1], verbs));
+      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
+                       "info, simulate, tune, fit or check", did_you_mean(argv[1], verbs));
     }
   }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
-    throw InputError({}, error.what(), "", "'identikal --help' and 'identikal VERB --help' show the options");
+    throw InputError({}, error.what(), "",
+                     "'identikal --help' and 'identikal VERB --help' show the options");
   }
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);

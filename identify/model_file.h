@@ -1,4 +1,5 @@
-// What did the user write in the model file? Reads YAML into values; says where and what when it cannot.
+// What did the user write in the model file? Reads YAML into values; says where and what when it
+// cannot.
 #pragma once
 
 #include <map>
@@ -19,7 +20,8 @@ struct SensorPosition {
 
 /// What the built-in single-track vehicle needs beyond its parameters.
 struct VehicleSettings {
-  bool steering_at_road_wheel = false;  ///< input is the road-wheel angle, steering_ratio is not used
+  bool steering_at_road_wheel =
+      false;  ///< input is the road-wheel angle, steering_ratio is not used
   std::map<std::string, SensorPosition> sensors;  ///< by output name
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
@@ -38,13 +40,14 @@ struct ModelFile {
   VehicleSettings vehicle;             ///< Form::single_track only
 };
 
-/// @throws InputError at line and column for text that is not YAML, unknown, duplicate or missing keys, a value of the
-///   wrong kind, wrong matrix sizes, unknown parameter names (the nearest is offered), unknown units, NaN or
-///   infinite numbers, negative variances, a start outside its bounds.
+/// @throws InputError at line and column for text that is not YAML, unknown, duplicate or missing
+/// keys, a value of the
+///   wrong kind, wrong matrix sizes, unknown parameter names (the nearest is offered), unknown
+///   units, NaN or infinite numbers, negative variances, a start outside its bounds.
 ModelFile read_model_file(const std::string& path);
 
-/// Applies "NAME=VALUE" from the command line to the value (the start, when the parameter is free). VALUE is in the model file's unit
-/// for that parameter or carries a unit of its own ("80 kN/rad").
+/// Applies "NAME=VALUE" from the command line to the value (the start, when the parameter is free).
+/// VALUE is in the model file's unit for that parameter or carries a unit of its own ("80 kN/rad").
 /// @throws InputError for an unknown name, an unreadable value, or a value outside the bounds.
 void set_parameter(ModelFile& model, const std::string& assignment);
 

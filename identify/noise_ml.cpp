@@ -1,12 +1,12 @@
 #include "identify/noise_ml.h"
 
-#include <fmt/format.h>
-
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <optional>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <fmt/format.h>
 
 #include "identify/distribution.h"
 #include "lib/kalman.h"
@@ -106,8 +106,8 @@ void check_usable(const ModelFile& model, const Dataset& data, Index unknowns) {
   }
 }
 
-// Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or anywhere between
-// two finite bounds.
+// Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
+// anywhere between two finite bounds.
 VectorXd scattered_start(const ParameterSet& parameters, Random& random) {
   ParameterSet start = parameters;
   for (Parameter& p : start) {
@@ -138,7 +138,7 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
   for (int s = 0; s < std::max(1, options.starts); ++s) {
     const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
     SolverOptions solver;
-    solver.decrement_tolerance = 1e-12;
+    solver.decrement_tolerance = 1e-15;
     if (options.progress) {
       solver.progress = [&options, s](int iteration, double L) {
         options.progress(s + 1, iteration, L);
@@ -167,9 +167,8 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
 }
 
 // Largest value of coordinate i whose profile likelihood lies within the one-sided 95 % limit.
-std::optional<double> profile_upper_limit(const LikelihoodProblem& problem,
-                                          const VectorXd& optimum, double maximum, Index i,
-                                          double guess) {
+std::optional<double> profile_upper_limit(const LikelihoodProblem& problem, const VectorXd& optimum,
+                                          double maximum, Index i, double guess) {
   const double drop = 0.5 * chi_square_quantile(0.9, 1.0);
   LikelihoodProblem held = problem;
   VectorXd x = optimum;
@@ -336,15 +335,16 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
       if (p.verdict != Verdict::at_bound || entries.J(e, i) == 0.0) continue;
       Warning warning{"at_bound", "note", {p.name}, "", ""};
       if (lower && problem.lower[i] == 0.0) {
-        const double guess =
-            information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i)) : best.x.cwiseAbs().maxCoeff();
+        const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
+                                                     : best.x.cwiseAbs().maxCoeff();
         const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
         if (limit) {
           p.ci95 = {0.0, *limit * entries.J(e, i) / unit_scale(p.unit)};
           warning.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
                                      p.name, p.ci95[1]);
         } else {
-          warning.text = fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
+          warning.text =
+              fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
         }
       } else {
         warning.severity = "warning";
@@ -504,16 +504,22 @@ Estimate tune_ml(const ModelFile& model, const Dataset& data, const NoiseMlOptio
       k * std::log(static_cast<double>(samples_present(data))) - 2.0 * objective.log_likelihood;
   if (found.agree < found.tried) {
     estimate.warnings.push_back(
-        {"several_maxima", "warning", {}, fmt::format("{} of {} starts ended at the best value", found.agree, found.tried),
+        {"several_maxima",
+         "warning",
+         {},
+         fmt::format("{} of {} starts ended at the best value", found.agree, found.tried),
          "raise --starts; if they still disagree, the likelihood has several maxima"});
   }
   for (const TestResult& test : estimate.tests) {
     if (test.pass || test.id != "ljung_box") continue;
     estimate.warnings.push_back(
-        {"coloured_innovations", "warning", {test.channel},
-         fmt::format("the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
-                     "dynamics or coloured noise, and the errors above are too small",
-                     test.channel, test.p),
+        {"coloured_innovations",
+         "warning",
+         {test.channel},
+         fmt::format(
+             "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
+             "dynamics or coloured noise, and the errors above are too small",
+             test.channel, test.p),
          "extend the model; a filter tuned on a wrong model is not optimal"});
   }
   return estimate;

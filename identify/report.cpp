@@ -1,14 +1,14 @@
 #include "identify/report.h"
 
-#include <fmt/format.h>
-#include <openssl/evp.h>
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <vector>
+
+#include <fmt/format.h>
+#include <openssl/evp.h>
 
 #include "lib/error.h"
 
@@ -17,7 +17,8 @@ namespace {
 
 constexpr std::size_t kWidth = 80;
 
-// Breaks a sentence at blanks so that no line is longer than the page; following lines are indented.
+// Breaks a sentence at blanks so that no line is longer than the page; following lines are
+// indented.
 std::string wrapped(const std::string& text, std::size_t indent) {
   std::string out, line, word;
   const auto flush_word = [&] {
@@ -49,8 +50,12 @@ std::string wrapped(const std::string& text, std::size_t indent) {
   return out + line + "\n";
 }
 
-std::string value_text(double value) { return std::isnan(value) ? "-" : fmt::format("{:.6g}", value); }
-std::string error_text(double value) { return std::isnan(value) ? "-" : fmt::format("{:.3g}", value); }
+std::string value_text(double value) {
+  return std::isnan(value) ? "-" : fmt::format("{:.6g}", value);
+}
+std::string error_text(double value) {
+  return std::isnan(value) ? "-" : fmt::format("{:.3g}", value);
+}
 
 // The free parameters as a table, what is known in one sentence below it.
 std::string parameter_table(const Estimate& estimate) {
@@ -102,7 +107,8 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
     out += fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {:.4g} {}\n", kind, fit.channel,
-                       std::isnan(fit.fit_percent) ? "-" : fmt::format("{:.2f}", fit.fit_percent), fit.rmse, fit.unit);
+                       std::isnan(fit.fit_percent) ? "-" : fmt::format("{:.2f}", fit.fit_percent),
+                       fit.rmse, fit.unit);
   }
   return out;
 }
@@ -110,7 +116,8 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
 }  // namespace
 
 std::string console_report(const Estimate& estimate) {
-  std::string out = wrapped(fmt::format("{}: {} ({})", estimate.verb, estimate.model_name, estimate.objective.method), 4);
+  std::string out = wrapped(
+      fmt::format("{}: {} ({})", estimate.verb, estimate.model_name, estimate.objective.method), 4);
   for (const InputRecord& input : estimate.inputs) {
     out += fmt::format("data   {}: {} rows, {} used\n", input.path, input.rows, input.used);
   }
@@ -118,7 +125,8 @@ std::string console_report(const Estimate& estimate) {
   if (!estimate.covariance_kind.empty()) out += wrapped("se from " + estimate.covariance_kind, 8);
   out += "\n";
   const Noise& noise = estimate.noise;
-  out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) + matrix_text("K", noise.K_steady);
+  out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
+         matrix_text("K", noise.K_steady);
   if (noise.Q.size() > 0) out += "\n";
   for (const DerivedValue& d : estimate.derived) {
     out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, value_text(d.value), d.unit,
@@ -128,28 +136,37 @@ std::string console_report(const Estimate& estimate) {
   const Objective& objective = estimate.objective;
   if (!std::isnan(objective.log_likelihood)) {
     out += fmt::format("log-likelihood {:.6f}", objective.log_likelihood);
-    if (!std::isnan(objective.log_likelihood_start)) out += fmt::format(" (start {:.6f})", objective.log_likelihood_start);
-    if (!std::isnan(objective.aic)) out += fmt::format(", AIC {:.2f}, BIC {:.2f}", objective.aic, objective.bic);
+    if (!std::isnan(objective.log_likelihood_start))
+      out += fmt::format(" (start {:.6f})", objective.log_likelihood_start);
+    if (!std::isnan(objective.aic))
+      out += fmt::format(", AIC {:.2f}, BIC {:.2f}", objective.aic, objective.bic);
     out += "\n";
   }
   if (objective.starts > 0) {
-    out += fmt::format("search {} of {} starts agree, {} iterations, {} evaluations\n", objective.starts_agree,
-                       objective.starts, objective.iterations, objective.evaluations);
+    out += fmt::format("search {} of {} starts agree, {} iterations, {} evaluations\n",
+                       objective.starts_agree, objective.starts, objective.iterations,
+                       objective.evaluations);
   }
   out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation);
   for (const TestResult& test : estimate.tests) {
-    out += fmt::format("test   {:<12} {:<12} {:>9.4g} in {:.4g} .. {:.4g}  p {:.2g}  {}\n", test.id, test.channel, test.value,
-                       test.interval[0], test.interval[1], test.p, test.pass ? "pass" : "FAIL");
+    out += fmt::format("test   {:<12} {:<12} {:>9.4g} in {:.4g} .. {:.4g}  p {:.2g}  {}\n", test.id,
+                       test.channel, test.value, test.interval[0], test.interval[1], test.p,
+                       test.pass ? "pass" : "FAIL");
   }
   for (const std::string& note : estimate.notes) out += wrapped(note, 7);
   for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
     std::string line = "flat   the data do not determine the combination";
-    for (std::size_t i = 0; i < d.names.size(); ++i) line += fmt::format(" {:+.2f} {}", d.weights[i], d.names[i]);
+    for (std::size_t i = 0; i < d.names.size(); ++i)
+      line += fmt::format(" {:+.2f} {}", d.weights[i], d.names[i]);
     out += wrapped(line + " (relative to each one's own error)", 7);
   }
   for (const Warning& w : estimate.warnings) {
-    out += wrapped(fmt::format("{:<7}{}: {}", w.severity == "note" ? "note" : w.severity == "serious" ? "SERIOUS" : "warn",
-                               (w.severity == "serious" ? " " : "") + w.code, w.text), 7);
+    out += wrapped(fmt::format("{:<7}{}: {}",
+                               w.severity == "note"      ? "note"
+                               : w.severity == "serious" ? "SERIOUS"
+                                                         : "warn",
+                               (w.severity == "serious" ? " " : "") + w.code, w.text),
+                   7);
     if (!w.todo.empty()) out += wrapped("       -> " + w.todo, 10);
   }
   return out + wrapped("\nstatus " + to_string(estimate.status) + ": " + estimate.message, 7);
@@ -163,7 +180,9 @@ std::string residuals_csv(const Estimate& estimate) {
     out += fmt::format(",{0}{1},{0}_predicted{1},{0}_standardised", s.channels[i], unit);
   }
   out += "\n";
-  const auto cell = [](double value) { return std::isnan(value) ? std::string() : fmt::format("{:.9g}", value); };
+  const auto cell = [](double value) {
+    return std::isnan(value) ? std::string() : fmt::format("{:.9g}", value);
+  };
   for (Eigen::Index t = 0; t < s.time.size(); ++t) {
     out += fmt::format("{:.12g}", s.time[t]);
     for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
@@ -177,11 +196,13 @@ std::string residuals_csv(const Estimate& estimate) {
 
 void write_file(const std::string& folder, const std::string& name, const std::string& content) {
   namespace fs = std::filesystem;
-  const fs::path target = fs::path(folder) / name, temporary = fs::path(folder) / ("." + name + ".part");
+  const fs::path target = fs::path(folder) / name,
+                 temporary = fs::path(folder) / ("." + name + ".part");
   std::error_code error;
   fs::create_directories(folder, error);
   if (error || !fs::is_directory(folder)) {
-    throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") + "; give another with -o");
+    throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") +
+                      "; give another with -o");
   }
   {
     std::ofstream file(temporary, std::ios::binary);
@@ -203,10 +224,12 @@ void write_file(const std::string& folder, const std::string& name, const std::s
 std::string sha256_of_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw InputError({path, 0, 0}, "cannot be read");
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
+                                                                        &EVP_MD_CTX_free);
   EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
   std::vector<char> buffer(1 << 16);
-  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || file.gcount() > 0) {
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         file.gcount() > 0) {
     EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(file.gcount()));
   }
   unsigned char digest[EVP_MAX_MD_SIZE];

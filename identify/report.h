@@ -10,14 +10,16 @@ namespace identikal {
 /// The result as text within 80 columns, ending in a line feed.
 std::string console_report(const Estimate& estimate);
 
-/// The result as JSON, schema_version 1 (identify/result.schema.json). NaN and infinity become null.
+/// The result as JSON, schema_version 1 (identify/result.schema.json). NaN and infinity become
+/// null.
 /// @param timing_s  wall time of the job [s], the only field that may differ between equal runs
 std::string result_json(const Estimate& estimate, bool strict, double timing_s);
 
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
 std::string residuals_csv(const Estimate& estimate);
 
-/// Writes a file so that it is either complete or absent: to a temporary name beside it, then renamed. Folders are made.
+/// Writes a file so that it is either complete or absent: to a temporary name beside it, then
+/// renamed. Folders are made.
 /// @throws OutputError naming the path and the reason
 void write_file(const std::string& folder, const std::string& name, const std::string& content);
 

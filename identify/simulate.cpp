@@ -1,11 +1,11 @@
 #include "identify/simulate.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <vector>
+
+#include <fmt/format.h>
 
 #include "identify/vehicle_problem.h"
 #include "lib/manoeuvre.h"
@@ -30,17 +30,20 @@ struct OutputColumn {
 // "3" stands for the third column of a file; a simulated file needs a name that says the same.
 std::string column_name(const ChannelSource& source) {
   const std::string& name = source.column;
-  const bool number = std::all_of(name.begin(), name.end(),
-                                  [](unsigned char c) { return std::isdigit(c) != 0; });
+  const bool number =
+      std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
   return number ? "column_" + name : name;
 }
 
-std::string csv_text(const ModelFile& model, std::uint64_t seed, const std::vector<OutputColumn>& columns) {
+std::string csv_text(const ModelFile& model, std::uint64_t seed,
+                     const std::vector<OutputColumn>& columns) {
   std::string out = fmt::format("# simulated from '{}', seed {}\n", model.name, seed);
-  for (const ReportedEntries entries = reported_entries(model.parameters); const std::string& name : entries.names) {
+  for (const ReportedEntries entries = reported_entries(model.parameters);
+       const std::string& name : entries.names) {
     const auto i = static_cast<std::size_t>(&name - entries.names.data());
     const Unit unit = parse_unit(entries.units[i]).value_or(Unit{});
-    out += fmt::format("# truth: {} = {:.10g} {}\n", name, unit.from_si(entries.value[static_cast<Index>(i)]), entries.units[i]);
+    out += fmt::format("# truth: {} = {:.10g} {}\n", name,
+                       unit.from_si(entries.value[static_cast<Index>(i)]), entries.units[i]);
   }
   for (std::size_t c = 0; c < columns.size(); ++c) {
     const std::string unit = columns[c].unit.empty() ? "" : " [" + columns[c].unit + "]";
@@ -65,11 +68,13 @@ OutputColumn time_column(const ModelFile& model, const VectorXd& time) {
 
 }  // namespace
 
-Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inputs, std::uint64_t seed) {
+Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inputs,
+                          std::uint64_t seed) {
   const StateSpace system = instantiate(model.linear, model.parameters);
   const Location at{model.path, 0, 0};
   if (system.inputs() > 0 && inputs == nullptr) {
-    throw InputError(at, "the model has inputs", "a recording that holds them", "add it to the command line");
+    throw InputError(at, "the model has inputs", "a recording that holds them",
+                     "add it to the command line");
   }
   const Index N = inputs != nullptr ? inputs->size() : rows;
   const Index n = system.states(), nw = system.G.cols(), ny = system.outputs();
@@ -85,7 +90,9 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
   VectorXd x = VectorXd::Zero(n);
   if (model.linear.initial == InitialState::stationary) {
     const auto P = solve_discrete_lyapunov(system.A, system.G * system.Q * system.G.transpose());
-    if (!P) throw InputError(at, "'initial: stationary' with an A that is not stable", "every eigenvalue inside the unit circle");
+    if (!P)
+      throw InputError(at, "'initial: stationary' with an A that is not stable",
+                       "every eigenvalue inside the unit circle");
     x = semidefinite_factor(*P) * random.normal(n);
   } else if (model.linear.initial == InitialState::given) {
     x = system.x0 + semidefinite_factor(system.P0) * random.normal(n);
@@ -103,7 +110,9 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
     x.swap(next);
   }
   const double step = inputs != nullptr ? inputs->dt : system.dt;
-  const VectorXd time = inputs != nullptr ? inputs->time : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
+  const VectorXd time =
+      inputs != nullptr ? inputs->time
+                        : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
   // Columns that the model names by number must stand where it says, so time comes last.
   std::vector<OutputColumn> columns;
   for (Index i = 0; i < ny; ++i) {
@@ -118,16 +127,17 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
   return {csv_text(model, seed, columns), N};
 }
 
-Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& settings, const Dataset* inputs,
-                           std::uint64_t seed) {
+Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& settings,
+                           const Dataset* inputs, std::uint64_t seed) {
   VectorXd time, angle, vx;
   if (inputs != nullptr) {
     time = inputs->time;
     angle = inputs->u.row(0).transpose();
     vx = inputs->u.row(1).transpose();
     if (!angle.allFinite() || !vx.allFinite() || vx.minCoeff() <= 0.0) {
-      throw InputError({inputs->name, 0, 0}, "steering or speed is missing or not positive in some row", "both in every row",
-                       "select rows with --range");
+      throw InputError({inputs->name, 0, 0},
+                       "steering or speed is missing or not positive in some row",
+                       "both in every row", "select rows with --range");
     }
   } else {
     const auto N = static_cast<Index>(std::llround(settings.duration * settings.rate));
@@ -150,7 +160,8 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& sett
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
     const ChannelSource& source = model.outputs[i];
     if (std::isnan(model.vehicle.measurement_sd[i])) {
-      throw InputError(source.at, fmt::format("no measurement noise is given for output '{}'", source.name),
+      throw InputError(source.at,
+                       fmt::format("no measurement noise is given for output '{}'", source.name),
                        "noise: {measurement: {kind: per-sample, sd: {" + source.name + ": ...}}}");
     }
     VehicleSensor sensor;

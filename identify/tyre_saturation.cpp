@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "identify/distribution.h"
-#include "lib/long_run_covariance.h"
 
 namespace identikal {
 namespace {
@@ -70,26 +69,16 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   const Eigen::Matrix2d information = X.transpose() * X;
   // A recording at a crawl does not bend the tyre at all, and two axles may bend it the same way.
   if (!(information.determinant() > 1e-9 * information(0, 0) * information(1, 1))) return out;
-  const Eigen::MatrixXd scores = summed_by_row(problem, X, -e);
-  const Eigen::Vector2d score = scores.rowwise().sum();
-  const Eigen::Matrix2d spread =
-      covariance.coloured
-          ? Eigen::Matrix2d(long_run_covariance(
-                scores, andrews_bandwidth(scores, std::max<Eigen::Index>(1, scores.cols() / 8))))
-          : information;
-  const double statistic = score.dot(spread.inverse() * score);
+  const Eigen::Vector2d score = -X.transpose() * e;
+  const double statistic = score.dot(information.inverse() * score);
   if (!std::isfinite(statistic) || statistic < 0.0) return out;
   out.score_p = chi_square_upper_tail(statistic, 2.0);
   if (out.score_p > kScoreLevel) return out;
 
-  // From the step that the score suggests and from a distinct softening: far from linear the score may mislead.
-  VehicleOptimum best;
-  const Eigen::Vector2d step = (information.inverse() * score).cwiseMax(1e-3).cwiseMin(4.0);
-  for (const Eigen::Vector2d& softening : {step, Eigen::Vector2d(1.0, 1.0)}) {
-    const VehicleOptimum found = maximise_likelihood(
-        problem, with_softening(linear, optimum.z, softening), SolverOptions{});
-    if (found.log_likelihood > best.log_likelihood) best = found;
-  }
+  // The score suggests a step; where it says that an axle does not soften, the refit may still find that it does.
+  const Eigen::Vector2d step = (information.inverse() * score).cwiseMax(0.05).cwiseMin(4.0);
+  const VehicleOptimum best =
+      maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});
   if (!best.converged) return out;
   out.refitted = true;
   out.gain = best.log_likelihood - optimum.log_likelihood;
@@ -112,10 +101,8 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     result.loss = 1.0 - tanh_ratio(softening * linear_force * linear_force);
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
     gradient[k + axle] = 1.0;
-    // The same margin as a 99 % interval of the covariance at hand: its degrees of freedom are in its quantile.
     const double se = standard_error(problem, refit, gradient);
-    const double two_sided_99 = refit.quantile * 2.5758293 / 1.9599640;
-    result.significant = softening > two_sided_99 * se;
+    result.significant = softening > student_t_quantile(1.0 - kAxleLevel, refit.freedom) * se;
   }
   return out;
 }

@@ -22,12 +22,13 @@ struct VehicleCovariance {
   std::vector<TestResult> whiteness;  ///< Ljung-Box per output
   bool coloured = false;
   Eigen::Index bandwidth = 1;   ///< rows over which scores are taken as correlated
-  double quantile = 0.0;        ///< 97.5 % quantile to go with `covariance`
+  double freedom = 1.0;         ///< degrees of freedom of Student's t to go with `covariance`
 };
 
 /// At an optimum of the problem. White residuals: (J' J)^-1. Coloured ones (Ljung-Box at 1 % over all outputs):
 /// (J' J)^-1 S (J' J)^-1 with S the long-run covariance of the scores summed over outputs (White 1982,
-/// Newey & West 1987), bandwidth after Andrews (1991) but at most an eighth of the rows.
+/// Newey & West 1987). Of bandwidths from Andrews' (1991) up to an eighth of the rows the one with the widest errors
+/// is taken.
 VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum);
 
 /// Residual maker: the part of the columns of B that is orthogonal to those of A. Columns of A that depend on

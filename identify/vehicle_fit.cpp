@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "identify/distribution.h"
 #include "identify/tyre_saturation.h"
 #include "identify/vehicle_checks.h"
 #include "identify/vehicle_covariance.h"
@@ -133,7 +134,8 @@ void report_parameters(const ModelFile& model, const Search& found,
                                         to_user.cwiseInverse().asDiagonal();
     const Eigen::MatrixXd in_user_units =
         to_user.asDiagonal() * covariance.covariance * to_user.asDiagonal();
-    judge_parameters(estimate, information, in_user_units, covariance.quantile);
+    judge_parameters(estimate, information, in_user_units,
+                     student_t_quantile(0.975, covariance.freedom));
   }
   for (Eigen::Index i = 0; i < k; ++i) {
     const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
@@ -267,7 +269,8 @@ void report_derived(const Search& found, const VehicleCovariance& covariance, Es
   }
 }
 
-void report_objective(const Search& found, Estimate& estimate) {
+/// @param flat  how many directions the data leave open: they count as no parameters
+void report_objective(const Search& found, Eigen::Index flat, Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
   objective.method = "output error (maximum likelihood)";
@@ -276,7 +279,7 @@ void report_objective(const Search& found, Estimate& estimate) {
   if (output_error(problem, coordinates_of(problem, problem.unknowns.value), e, nullptr)) {
     objective.log_likelihood_start = log_likelihood(problem, e, noise_sd(problem, e));
   }
-  auto estimated = static_cast<double>(problem.coordinates());
+  auto estimated = static_cast<double>(problem.coordinates() - flat);
   for (const VehicleRun::Output& output : problem.run->outputs) {
     if (std::isnan(output.given_sd)) estimated += 1.0;
   }
@@ -344,14 +347,14 @@ Estimate fit_vehicle(const ModelFile& model, const Dataset& data, const VehicleF
                     found.problem.residuals(), found.problem.coordinates()),
         "more samples than unknowns");
   }
-  report_objective(found, estimate);
-  if (found.best.z.size() == 0 || !std::isfinite(found.best.log_likelihood)) {
+  if (found.best.z.size() == 0) {
     conclude(found, estimate);
     return estimate;
   }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
   const VehicleCovariance covariance = vehicle_covariance(found.problem, found.best);
   estimate.tests = covariance.whiteness;
+  report_objective(found, covariance.null_space.cols(), estimate);
   report_parameters(model, found, covariance, estimate);
   report_series(found, covariance, estimate);
   report_derived(found, covariance, estimate);

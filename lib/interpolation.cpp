@@ -15,8 +15,8 @@ double end_slope(double h0, double h1, double d0, double d1) {
   return slope;
 }
 
-/// Slope at an interior point: weighted harmonic mean of the chords on both sides, zero at a turning
-/// point.
+/// Slope at an interior point: weighted harmonic mean of the chords on both sides, zero at a
+/// turning point.
 double interior_slope(double h0, double h1, double d0, double d1) {
   if (d0 * d1 <= 0.0) return 0.0;
   const double w0 = 2.0 * h1 + h0, w1 = h1 + 2.0 * h0;

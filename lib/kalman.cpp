@@ -1,12 +1,13 @@
 #include "lib/kalman.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <sstream>
 #include <stdexcept>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "lib/matrix_equations.h"
 
@@ -52,8 +53,8 @@ Measurement measurement_derivative(const StateSpace& model, const StateSpace& d)
   return {d.C, d.D, d.R, d.G * model.S + model.G * d.S};
 }
 
-// A diffuse start has N(0, s I) added to it, which the diffuse part absorbs; s only has to be of the size of the
-// states for the arithmetic to be well conditioned.
+// A diffuse start has N(0, s I) added to it, which the diffuse part absorbs; s only has to be of
+// the size of the states for the arithmetic to be well conditioned.
 double proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
   double sum = 0.0, count = 0.0;
   for (Index t = 0; t < y.cols(); ++t) {
@@ -77,8 +78,8 @@ class Recursion {
     if (y.rows() != model.outputs() || u.rows() != model.inputs() ||
         (model.inputs() > 0 && u.cols() != y.cols())) {
       std::ostringstream text;
-      text << "kalman filter: y is " << y.rows() << " x " << y.cols() << " and u " << u.rows() << " x "
-           << u.cols() << ", the model has " << model.outputs() << " outputs and "
+      text << "kalman filter: y is " << y.rows() << " x " << y.cols() << " and u " << u.rows()
+           << " x " << u.cols() << ", the model has " << model.outputs() << " outputs and "
            << model.inputs() << " inputs";
       throw std::invalid_argument(text.str());
     }
@@ -277,8 +278,8 @@ class Recursion {
       MatrixXd dF = s.A;
       dF.noalias() -= K_ * s.now.C;
       const MatrixXd half = dF * P_ * F_.transpose() - K_ * s.now.Sw.transpose();
-      MatrixXd dP = F_ * s.P * F_.transpose() + half + half.transpose() + s.W +
-                    K_ * s.now.R * K_.transpose();
+      MatrixXd dP =
+          F_ * s.P * F_.transpose() + half + half.transpose() + s.W + K_ * s.now.R * K_.transpose();
       s.P = 0.5 * (dP + dP.transpose());
       MatrixXd dZ = s.A * Z_ + model_.A * s.Z + s.K * E_ + K_ * s.E;
       if (u_.rows() > 0) dZ.col(0).noalias() += s.B * u_.col(t);
@@ -306,7 +307,8 @@ class Recursion {
     P_ = (model_.A * P_ * model_.A.transpose() + W_).eval();
   }
 
-  // Once every direction of delta has been seen, it is integrated out and the filter goes on as a proper one.
+  // Once every direction of delta has been seen, it is integrated out and the filter goes on as a
+  // proper one.
   void fold_in_when_determined(Index t, Likelihood& out, FilterResult* store) {
     if (diffuse_ == 0 || status_ != FilterStatus::ok) return;
     // scale * info has eigenvalues in [0, 1): 1 - (what of the prior's variance is left).
@@ -324,8 +326,7 @@ class Recursion {
     for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
       Sensitivity& s = sensitivities_[i];
       out.gradient[static_cast<Index>(i)] += -0.5 * inverse.cwiseProduct(s.info).sum() -
-                                             s.score.dot(delta) -
-                                             0.5 * delta.dot(s.info * delta);
+                                             s.score.dot(delta) - 0.5 * delta.dot(s.info * delta);
       const VectorXd ddelta = -llt.solve(s.score + s.info * delta);
       const MatrixXd dX = s.Z.rightCols(d), XI = X * inverse;
       const MatrixXd half = dX * XI.transpose();
@@ -381,8 +382,8 @@ class Recursion {
   std::vector<Sensitivity> sensitivities_;
   FilterStatus status_ = FilterStatus::ok;
 
-  MatrixXd P_, Z_;        // covariance; [x, X]
-  MatrixXd info_;         // information and score of delta, while it is diffuse
+  MatrixXd P_, Z_;  // covariance; [x, X]
+  MatrixXd info_;   // information and score of delta, while it is diffuse
   VectorXd score_;
   Index diffuse_ = 0, folded_ = 0, samples_ = 0;
   double scale_ = 1.0;
@@ -403,7 +404,8 @@ const char* describe(FilterStatus status) {
     case FilterStatus::unstable:
       return "a stationary start needs a stable A: every eigenvalue inside the unit circle";
     case FilterStatus::indefinite:
-      return "an innovation covariance is not positive definite: some output has no noise at all, or Q or "
+      return "an innovation covariance is not positive definite: some output has no noise at all, "
+             "or Q or "
              "R is indefinite";
     case FilterStatus::undetermined:
       return "the recording does not determine the diffuse initial state";
@@ -433,8 +435,7 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
 }
 
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,
-                          const Eigen::Ref<const MatrixXd>& y,
-                          const Eigen::Ref<const MatrixXd>& u,
+                          const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives) {
   return Recursion(model, initial, y, u, derivatives).run(nullptr);
 }

@@ -1,9 +1,10 @@
-// What does the Kalman filter say about a recording? States, innovations and the Gaussian log-likelihood, with its exact
-// gradient when derivatives of the model are given.
+// What does the Kalman filter say about a recording? States, innovations and the Gaussian
+// log-likelihood, with its exact gradient when derivatives of the model are given.
 #pragma once
 
-#include <Eigen/Core>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "lib/linear_model.h"
 #include "lib/state_space.h"
@@ -13,10 +14,11 @@ namespace identikal {
 /// How an evaluation ended; everything but ok leaves the numbers undefined.
 enum class FilterStatus {
   ok,
-  unstable,        ///< InitialState::stationary and A is not stable
-  indefinite,      ///< an innovation covariance is not positive definite: y has a part without noise, or Q or R is indefinite
-  undetermined,    ///< InitialState::diffuse and the recording does not determine the initial state
-  not_finite,      ///< overflow, or an input u is missing
+  unstable,      ///< InitialState::stationary and A is not stable
+  indefinite,    ///< an innovation covariance is not positive definite: y has a part without noise,
+                 ///< or Q or R is indefinite
+  undetermined,  ///< InitialState::diffuse and the recording does not determine the initial state
+  not_finite,    ///< overflow, or an input u is missing
 };
 
 /// A sentence for people.
@@ -25,27 +27,32 @@ const char* describe(FilterStatus status);
 struct FilterResult {
   FilterStatus status = FilterStatus::ok;
   double log_likelihood = 0.0;
-  Eigen::Index first_proper = 0;    ///< first sample with a proper innovation; > 0 with a diffuse start
-  Eigen::MatrixXd x_pred, x_filt;   ///< n x N: E x(t) given y up to t-1, up to t
+  Eigen::Index first_proper =
+      0;  ///< first sample with a proper innovation; > 0 with a diffuse start
+  Eigen::MatrixXd x_pred, x_filt;               ///< n x N: E x(t) given y up to t-1, up to t
   std::vector<Eigen::MatrixXd> P_pred, P_filt;  ///< N of n x n
-  Eigen::MatrixXd e;                ///< ny x N innovations; NaN where missing or before first_proper
-  Eigen::MatrixXd standardised;     ///< ny x N: L^-1 e with Sigma = L L' over the channels present; NaN as e
+  Eigen::MatrixXd e;  ///< ny x N innovations; NaN where missing or before first_proper
+  Eigen::MatrixXd
+      standardised;  ///< ny x N: L^-1 e with Sigma = L L' over the channels present; NaN as e
   std::vector<Eigen::MatrixXd> Sigma;  ///< N of ny x ny innovation covariances
 };
 
 /// Runs the filter over a record.
 ///
 ///   e = y - C x - D u,  Sigma = C P C' + R,  K = (A P C' + G S) Sigma^-1,  x+ = A x + B u + K e,
-///   P+ = (A - K C) P (A - K C)' + G Q G' - K (G S)' - (G S) K' + K R K'       (Joseph form: stays definite)
+///   P+ = (A - K C) P (A - K C)' + G Q G' - K (G S)' - (G S) K' + K R K'       (Joseph form: stays
+///   definite)
 ///
-/// A missing sample (NaN) takes its channel out of C, D, R and S at that time. A diffuse start uses the augmented form
-/// of de Jong (1991): x(1) = s^(1/2) xi + delta with delta diffuse; the finite part changes nothing (it is absorbed by
-/// delta) but keeps Sigma regular from the first sample. The states are folded in as soon as delta is determined.
+/// A missing sample (NaN) takes its channel out of C, D, R and S at that time. A diffuse start uses
+/// the augmented form of de Jong (1991): x(1) = s^(1/2) xi + delta with delta diffuse; the finite
+/// part changes nothing (it is absorbed by delta) but keeps Sigma regular from the first sample.
+/// The states are folded in as soon as delta is determined.
 /// @param model    shapes checked; x0 and P0 are used with InitialState::given
 /// @param y        ny x N, NaN = missing
 /// @param u        nu x N
 /// @throws std::invalid_argument when shapes disagree.
-/// Source: Matisko (2013), section 2.1, with the gain of DESIGN errata; Durbin & Koopman (2012), chapter 5.
+/// Source: Matisko (2013), section 2.1, with the gain of DESIGN errata; Durbin & Koopman (2012),
+/// chapter 5.
 FilterResult kalman_filter(const StateSpace& model, InitialState initial,
                            const Eigen::Ref<const Eigen::MatrixXd>& y,
                            const Eigen::Ref<const Eigen::MatrixXd>& u);
@@ -55,14 +62,16 @@ struct Likelihood {
   /// -1/2 sum_t [ log|Sigma| + e' Sigma^-1 e ] - 1/2 (samples - diffuse states) log 2 pi, the exact
   /// diffuse log-likelihood when the start is diffuse.
   double value = 0.0;
-  Eigen::VectorXd gradient;     ///< k, exact
-  /// k x k: sum_t [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + de_i' Sigma^-1 de_j ], the Fisher information with the
-  /// second expectation replaced by its sample value; terms before first_proper are left out.
+  Eigen::VectorXd gradient;  ///< k, exact
+  /// k x k: sum_t [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + de_i' Sigma^-1 de_j ], the Fisher
+  /// information with the second expectation replaced by its sample value; terms before
+  /// first_proper are left out.
   Eigen::MatrixXd information;
 };
 
-/// The log-likelihood alone, or with gradient and information when `derivatives` holds d(model)/d(theta_i), i = 1..k.
-/// Same recursion, arguments and exceptions as kalman_filter; forward sensitivities of x, P.
+/// The log-likelihood alone, or with gradient and information when `derivatives` holds
+/// d(model)/d(theta_i), i = 1..k. Same recursion, arguments and exceptions as kalman_filter;
+/// forward sensitivities of x, P.
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const Eigen::MatrixXd>& y,
                           const Eigen::Ref<const Eigen::MatrixXd>& u,

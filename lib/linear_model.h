@@ -1,16 +1,18 @@
-// Which state-space model does a set of parameters stand for? x(t+1) = A x + B u + G w, y = C x + D u + v
-// with entries that are numbers or multiples of named parameters.
+// Which state-space model does a set of parameters stand for? x(t+1) = A x + B u + G w, y = C x + D
+// u + v with entries that are numbers or multiples of named parameters.
 #pragma once
 
-#include <Eigen/Core>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "lib/parameter.h"
 #include "lib/state_space.h"
 
 namespace identikal {
 
-/// constant + sum over entries of factor * parameter at (row, col), or one whole matrix-valued parameter.
+/// constant + sum over entries of factor * parameter at (row, col), or one whole matrix-valued
+/// parameter.
 struct ParametrisedMatrix {
   struct Entry {
     int row, col;
@@ -38,7 +40,9 @@ struct LinearModel {
 /// The matrices at these parameter values. x0 and P0 are filled for InitialState::given only.
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
 
-/// d(matrices) / d(coordinate), one per optimiser coordinate (lib/parameter.h); shapes as in the model.
-std::vector<StateSpace> instantiate_derivatives(const LinearModel& model, const ParameterSet& parameters);
+/// d(matrices) / d(coordinate), one per optimiser coordinate (lib/parameter.h); shapes as in the
+/// model.
+std::vector<StateSpace> instantiate_derivatives(const LinearModel& model,
+                                                const ParameterSet& parameters);
 
 }  // namespace identikal

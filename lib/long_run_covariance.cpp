@@ -42,8 +42,7 @@ Eigen::Index andrews_bandwidth(const Eigen::Ref<const Eigen::MatrixXd>& terms,
     denominator += s4 / std::pow(1.0 - rho, 4);
   }
   if (!(denominator > 0.0)) return 1;
-  const double bandwidth =
-      1.1447 * std::cbrt(numerator / denominator * static_cast<double>(N));
+  const double bandwidth = 1.1447 * std::cbrt(numerator / denominator * static_cast<double>(N));
   const double limited = std::min(bandwidth, static_cast<double>(largest));
   return std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::ceil(limited)));
 }

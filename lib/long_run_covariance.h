@@ -6,15 +6,17 @@
 namespace identikal {
 
 /// Covariance of the sum over t of x_t, from autocovariances under a triangular (Bartlett) window:
-///   sum_t x_t x_t' + sum_(l=1)^(bandwidth-1) (1 - l/bandwidth) sum_t (x_t x_(t+l)' + x_(t+l) x_t').
+///   sum_t x_t x_t' + sum_(l=1)^(bandwidth-1) (1 - l/bandwidth) sum_t (x_t x_(t+l)' + x_(t+l)
+///   x_t').
 /// Always positive semidefinite (Newey & West 1987). bandwidth = 1 stands for uncorrelated terms.
 /// @param terms  k x N, mean zero
 /// @throws std::invalid_argument for a bandwidth below 1
 Eigen::MatrixXd long_run_covariance(const Eigen::Ref<const Eigen::MatrixXd>& terms,
                                     Eigen::Index bandwidth);
 
-/// Bandwidth for it that suits the data: Andrews (1991), eq (6.2) and (6.4), a first-order autoregression
-/// fitted to every row, rows weighted by the inverse of their variance. Between 1 and `largest`.
+/// Bandwidth for it that suits the data: Andrews (1991), eq (6.2) and (6.4), a first-order
+/// autoregression fitted to every row, rows weighted by the inverse of their variance. Between 1
+/// and `largest`.
 Eigen::Index andrews_bandwidth(const Eigen::Ref<const Eigen::MatrixXd>& terms,
                                Eigen::Index largest);
 

@@ -17,8 +17,8 @@ double swing(double time, double begin, double period) {
 
 double steering(const SevereLaneChange& manoeuvre, double time) {
   const double back = manoeuvre.start + manoeuvre.period + manoeuvre.pause;
-  return manoeuvre.amplitude * (swing(time, manoeuvre.start, manoeuvre.period) -
-                                swing(time, back, manoeuvre.period));
+  return manoeuvre.amplitude *
+         (swing(time, manoeuvre.start, manoeuvre.period) - swing(time, back, manoeuvre.period));
 }
 
 Eigen::VectorXd steering(const SevereLaneChange& manoeuvre, const Eigen::VectorXd& time) {

@@ -1,8 +1,9 @@
 #include "lib/matrix_equations.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include <Eigen/Cholesky>
 
 namespace identikal {
 
@@ -37,8 +38,8 @@ std::optional<SteadyState> steady_state(const StateSpace& model, int max_steps) 
     out.K = llt.solve((model.A * out.P * model.C.transpose() + Sw).transpose()).transpose();
     const Eigen::MatrixXd F = model.A - out.K * model.C;
     const Eigen::MatrixXd KS = out.K * Sw.transpose();
-    Eigen::MatrixXd next = F * out.P * F.transpose() + W - KS - KS.transpose() +
-                           out.K * model.R * out.K.transpose();
+    Eigen::MatrixXd next =
+        F * out.P * F.transpose() + W - KS - KS.transpose() + out.K * model.R * out.K.transpose();
     next = 0.5 * (next + next.transpose()).eval();
     if (!next.allFinite()) return std::nullopt;
     const double change = (next - out.P).cwiseAbs().maxCoeff();

@@ -1,8 +1,9 @@
 // Matrix equations of linear systems.
 #pragma once
 
-#include <Eigen/Core>
 #include <optional>
+
+#include <Eigen/Core>
 
 #include "lib/state_space.h"
 
@@ -23,8 +24,8 @@ struct SteadyState {
   Eigen::MatrixXd Sigma;  ///< ny x ny
 };
 
-/// Iterates the Joseph form of the Riccati recursion from P = 0 (or from the identity when A is not stable) until P changes by less than
-/// 1e-13 of itself.
+/// Iterates the Joseph form of the Riccati recursion from P = 0 (or from the identity when A is not
+/// stable) until P changes by less than 1e-13 of itself.
 /// @return nothing when it has not settled after `max_steps`, or Sigma is singular.
 std::optional<SteadyState> steady_state(const StateSpace& model, int max_steps = 200000);
 

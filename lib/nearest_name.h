@@ -7,8 +7,8 @@
 
 namespace identikal {
 
-/// The candidate nearest to `name` in Damerau-Levenshtein distance, ignoring case; empty when none is
-/// within max(2, size/3) edits or when there are no candidates.
+/// The candidate nearest to `name` in Damerau-Levenshtein distance, ignoring case; empty when none
+/// is within max(2, size/3) edits or when there are no candidates.
 std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates);
 
 /// "did you mean 'x'?", or "" when nothing is near. Ready to be the hint of an InputError.

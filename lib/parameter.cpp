@@ -1,10 +1,11 @@
 #include "lib/parameter.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 #include "lib/random.h"
 
@@ -25,12 +26,14 @@ Eigen::Index coordinate_count(const Parameter& parameter) {
   return 0;
 }
 
-// A lower triangular factor that exists for semidefinite matrices too: the triangle of a QR of any factor's transpose.
+// A lower triangular factor that exists for semidefinite matrices too: the triangle of a QR of any
+// factor's transpose.
 Eigen::MatrixXd lower_factor(const Eigen::MatrixXd& value) {
   const Eigen::LLT<Eigen::MatrixXd> llt(value);
   if (llt.info() == Eigen::Success) return llt.matrixL();
   const Eigen::MatrixXd F = semidefinite_factor(value);
-  Eigen::MatrixXd L = F.transpose().householderQr().matrixQR().triangularView<Eigen::Upper>().transpose();
+  Eigen::MatrixXd L =
+      F.transpose().householderQr().matrixQR().triangularView<Eigen::Upper>().transpose();
   for (Eigen::Index j = 0; j < L.cols(); ++j) {
     if (L(j, j) < 0.0) L.col(j) *= -1.0;
   }

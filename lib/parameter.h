@@ -1,10 +1,11 @@
 // What is unknown, where it may lie, and how an optimiser moves it.
 #pragma once
 
-#include <Eigen/Core>
 #include <limits>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 namespace identikal {
 
@@ -13,7 +14,8 @@ enum class Domain {
   scalar,             ///< one number in [min, max]; its own coordinate
   diagonal,           ///< covariance with free diagonal >= 0; the diagonal is the coordinate vector
   scaled_identity,    ///< q I with q >= 0; q is the coordinate
-  positive_definite,  ///< covariance L L'; the lower triangle of L, column by column, is the coordinate vector
+  positive_definite,  ///< covariance L L'; the lower triangle of L, column by column, is the
+                      ///< coordinate vector
 };
 
 /// A named unknown (or known, when fixed) number or covariance matrix, in SI.
@@ -42,8 +44,9 @@ struct Box {
 Eigen::VectorXd coordinates(const ParameterSet& parameters);
 Box coordinate_box(const ParameterSet& parameters);
 
-/// The set with its free parameters moved to `coordinate`. Scalars are taken as they are: a caller that leaves the box
-/// gets values outside it. @throws std::invalid_argument when the number of coordinates differs.
+/// The set with its free parameters moved to `coordinate`. Scalars are taken as they are: a caller
+/// that leaves the box gets values outside it. @throws std::invalid_argument when the number of
+/// coordinates differs.
 ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& coordinate);
 
 /// Derivative of one parameter's value with respect to one optimiser coordinate.

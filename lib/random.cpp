@@ -1,9 +1,10 @@
 #include "lib/random.h"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
+
+#include <Eigen/Eigenvalues>
 
 namespace identikal {
 

@@ -1,14 +1,15 @@
 // Random numbers that are the same on every machine and library for the same seed.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <random>
 
+#include <Eigen/Core>
+
 namespace identikal {
 
-/// Mersenne Twister (its output is fixed by the C++ standard) with our own transforms, because those of
-/// <random> differ between standard libraries.
+/// Mersenne Twister (its output is fixed by the C++ standard) with our own transforms, because
+/// those of <random> differ between standard libraries.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -24,7 +25,8 @@ class Random {
   bool has_spare_ = false;
 };
 
-/// A factor L with L L' = M for a symmetric positive semidefinite M (eigenvalues below zero by rounding count as zero).
+/// A factor L with L L' = M for a symmetric positive semidefinite M (eigenvalues below zero by
+/// rounding count as zero).
 /// @throws std::invalid_argument when M has an eigenvalue below -1e-9 of its largest.
 Eigen::MatrixXd semidefinite_factor(const Eigen::Ref<const Eigen::MatrixXd>& M);
 

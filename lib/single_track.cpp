@@ -1,23 +1,35 @@
 #include "lib/single_track.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
+
+#include <Eigen/LU>
 
 #include "lib/interpolation.h"
 
 namespace identikal {
 namespace {
 
-constexpr std::array<std::string_view, kVehicleParameters> kNames = {
-    "m",      "a",       "b",       "Iz",   "Cf",         "Cr",         "steering_ratio",
-    "steering_gain", "steering_offset", "bias_r", "bias_vy", "bias_ay", "bank",
-    "softening_f",   "softening_r"};
+constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
+                                                                     "a",
+                                                                     "b",
+                                                                     "Iz",
+                                                                     "Cf",
+                                                                     "Cr",
+                                                                     "steering_ratio",
+                                                                     "steering_gain",
+                                                                     "steering_offset",
+                                                                     "bias_r",
+                                                                     "bias_vy",
+                                                                     "bias_ay",
+                                                                     "bank",
+                                                                     "softening_f",
+                                                                     "softening_r"};
 
-// Largest step in units of the fastest time constant. One Runge-Kutta step of this length errs by about
-// 0.35^5 / 120 = 4e-5 of a mode that has already decayed to 70 % within it.
+// Largest step in units of the fastest time constant. One Runge-Kutta step of this length errs by
+// about 0.35^5 / 120 = 4e-5 of a mode that has already decayed to 70 % within it.
 constexpr double kStepPerTimeConstant = 0.35;
 
 }  // namespace
@@ -85,8 +97,7 @@ DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
 
 Eigen::Vector2d steady_state(const SingleTrack<double>& car, const DrivenStretch::Node& at) {
   const SingleTrackMatrices model = single_track_matrices(car, at.vx);
-  const double delta =
-      car.steering_gain * (at.steering + car.steering_offset) / car.steering_ratio;
+  const double delta = car.steering_gain * (at.steering + car.steering_offset) / car.steering_ratio;
   Eigen::Vector2d forcing = model.B * delta;
   forcing[0] -= kStandardGravity * std::sin(car.bank);
   const Eigen::Vector2d x = -model.A.inverse() * forcing;

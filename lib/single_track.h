@@ -1,17 +1,18 @@
 // How does a car answer to steering? The single-track ("bicycle") model, its outputs and its
-// characteristic values. Everything is a template on the scalar, so that numbers with derivatives can run
-// through it.
+// characteristic values. Everything is a template on the scalar, so that numbers with derivatives
+// can run through it.
 //
-// Axes and signs: ISO 8855. x forward, y to the left, z up; steering, yaw rate and sideslip are positive to
-// the left. Units: SI, angles in radians.
+// Axes and signs: ISO 8855. x forward, y to the left, z up; steering, yaw rate and sideslip are
+// positive to the left. Units: SI, angles in radians.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cmath>
 #include <optional>
 #include <string_view>
 #include <vector>
+
+#include <Eigen/Core>
 
 namespace identikal {
 
@@ -39,9 +40,9 @@ T tanh_ratio(const T& z) {
   return tanh(root) / root;
 }
 
-/// Axle whose force saturates: F = -tanh(s C alpha) / s with s = sqrt(softening), that is a largest force of
-/// 1/s. Written in softening = s^2 the linear axle is the point 0, where the force is differentiable:
-/// dF/d(softening) = (C alpha)^3 / 3.
+/// Axle whose force saturates: F = -tanh(s C alpha) / s with s = sqrt(softening), that is a largest
+/// force of 1/s. Written in softening = s^2 the linear axle is the point 0, where the force is
+/// differentiable: dF/d(softening) = (C alpha)^3 / 3.
 template <typename T>
 struct SofteningAxle {
   T stiffness = T(0.0);  ///< C at zero slip [N/rad], > 0
@@ -54,11 +55,11 @@ struct SofteningAxle {
 };
 
 /// Parameters of the car. The road-wheel angle is delta = steering_gain (angle + steering_offset) /
-/// steering_ratio: the offset is added where the angle is measured. When that is at the road wheel, the
-/// ratio is 1.
+/// steering_ratio: the offset is added where the angle is measured. When that is at the road wheel,
+/// the ratio is 1.
 ///
-/// `bank` is the slope of the road across the car, a positive turn about x (left side up): gravity pulls to
-/// the right with g sin(bank). Body roll is not part of it.
+/// `bank` is the slope of the road across the car, a positive turn about x (left side up): gravity
+/// pulls to the right with g sin(bank). Body roll is not part of it.
 template <typename T, typename Axle = LinearAxle<T>>
 struct SingleTrack {
   T m = T(1.0);   ///< mass [kg]
@@ -103,8 +104,8 @@ std::optional<VehicleParameter> vehicle_parameter(std::string_view name);
 template <typename T>
 using VehicleParameters = std::array<T, kVehicleParameters>;
 
-/// Neutral values: gain and ratio 1, no offsets, biases, bank or softening; NaN where there is no neutral
-/// value (m, a, b, Iz, Cf, Cr).
+/// Neutral values: gain and ratio 1, no offsets, biases, bank or softening; NaN where there is no
+/// neutral value (m, a, b, Iz, Cf, Cr).
 VehicleParameters<double> neutral_vehicle();
 
 namespace detail {
@@ -145,8 +146,8 @@ SingleTrack<T, SofteningAxle<T>> softening_car(const VehicleParameters<T>& p) {
 }
 
 /// x' = A x + B delta with x = (vy, r) and delta the road-wheel angle, at constant vx > 0.
-/// Sladka (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz vx); the
-/// source prints -(a Cf + b Cr). Without bank.
+/// Sladka (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz
+/// vx); the source prints -(a Cf + b Cr). Without bank.
 struct SingleTrackMatrices {
   Eigen::Matrix2d A;
   Eigen::Vector2d B;
@@ -159,16 +160,16 @@ SingleTrackMatrices single_track_matrices(const SingleTrack<double>& car, double
 /// What moves: the state, and the accelerations that follow from it.
 template <typename T>
 struct Motion {
-  T vy;                ///< lateral velocity of the centre of gravity [m/s]
-  T r;                 ///< yaw rate [rad/s]
-  T ay;                ///< axle forces / m [m/s^2]: what an accelerometer at the centre of gravity feels,
-                       ///< vy' + vx r + g sin(bank)
-  T yaw_acceleration;  ///< r' [rad/s^2]
+  T vy;  ///< lateral velocity of the centre of gravity [m/s]
+  T r;   ///< yaw rate [rad/s]
+  T ay;  ///< axle forces / m [m/s^2]: what an accelerometer at the centre of gravity feels,
+         ///< vy' + vx r + g sin(bank)
+  T yaw_acceleration;       ///< r' [rad/s^2]
   T slip_front, slip_rear;  ///< axle slip angles [rad]
 };
 
-/// Inputs of one uninterrupted stretch of a recording, at every point of time that the integrator visits.
-/// They do not depend on the parameters and are interpolated once.
+/// Inputs of one uninterrupted stretch of a recording, at every point of time that the integrator
+/// visits. They do not depend on the parameters and are interpolated once.
 struct DrivenStretch {
   struct Node {
     double steering;  ///< as measured [rad]
@@ -180,20 +181,20 @@ struct DrivenStretch {
     double step;  ///< of this length [s]
   };
   std::vector<Interval> intervals;  ///< N - 1
-  std::vector<Node> nodes;          ///< begin, middle and end of every step; neighbours share theirs
+  std::vector<Node> nodes;  ///< begin, middle and end of every step; neighbours share theirs
   Eigen::Index rows() const { return static_cast<Eigen::Index>(intervals.size()) + 1; }
 };
 
-/// Sum of the decay rates of both modes times vx [m/s^2]: (Cf + Cr)/m + (a^2 Cf + b^2 Cr)/Iz. Divided by
-/// vx it bounds the fastest pole, which grows without limit as the car slows down.
+/// Sum of the decay rates of both modes times vx [m/s^2]: (Cf + Cr)/m + (a^2 Cf + b^2 Cr)/Iz.
+/// Divided by vx it bounds the fastest pole, which grows without limit as the car slows down.
 template <typename Car>
 double decay_rate_times_speed(const Car& car) {
   return (car.front.stiffness + car.rear.stiffness) / car.m +
          (car.a * car.a * car.front.stiffness + car.b * car.b * car.rear.stiffness) / car.Iz;
 }
 
-/// Prepares a stretch: steering and vx between samples by Pchip, Runge-Kutta steps of at most `max_step`
-/// and at most 0.35 / (decay_rate / vx).
+/// Prepares a stretch: steering and vx between samples by Pchip, Runge-Kutta steps of at most
+/// `max_step` and at most 0.35 / (decay_rate / vx).
 /// @param time      N >= 2 strictly increasing time stamps [s], any spacing
 /// @param steering  N measured steering angles [rad]
 /// @param vx        N forward speeds [m/s], > 0
@@ -222,7 +223,7 @@ class Balance {
     gravity_ = kStandardGravity * sin(car.bank);
   }
 
-  // Inlined by force: handed back through memory, numbers with derivatives make it four times slower.
+  // Inlined by force: handed back through memory, numbers with derivatives make it twice as slow.
   [[gnu::always_inline]] Motion<T> motion(const T& vy, const T& r,
                                           const DrivenStretch::Node& at) const {
     Motion<T> now;
@@ -244,8 +245,8 @@ class Balance {
   T a_, b_, inverse_m_, inverse_Iz_, per_angle_, delta_offset_, gravity_;
 };
 
-/// Runs the car along a stretch by the classical fourth-order Runge-Kutta method from the state (vy, r) and
-/// calls observe(row, motion, vx) at every row of it, 0-based, in order.
+/// Runs the car along a stretch by the classical fourth-order Runge-Kutta method from the state
+/// (vy, r) and calls observe(row, motion, vx) at every row of it, 0-based, in order.
 template <typename T, typename Axle, typename Observe>
 void simulate(const SingleTrack<T, Axle>& car, const DrivenStretch& stretch, T vy, T r,
               Observe&& observe) {
@@ -258,11 +259,9 @@ void simulate(const SingleTrack<T, Axle>& car, const DrivenStretch& stretch, T v
       const Motion<T> m1 = balance.motion(vy, r, node[0]);
       if (step == 0) observe(row, m1, node[0].vx);
       const T v1 = balance.lateral_rate(m1, node[0].vx);
-      const Motion<T> m2 =
-          balance.motion(vy + half * v1, r + half * m1.yaw_acceleration, node[1]);
+      const Motion<T> m2 = balance.motion(vy + half * v1, r + half * m1.yaw_acceleration, node[1]);
       const T v2 = balance.lateral_rate(m2, node[1].vx);
-      const Motion<T> m3 =
-          balance.motion(vy + half * v2, r + half * m2.yaw_acceleration, node[1]);
+      const Motion<T> m3 = balance.motion(vy + half * v2, r + half * m2.yaw_acceleration, node[1]);
       const T v3 = balance.lateral_rate(m3, node[1].vx);
       const Motion<T> m4 = balance.motion(vy + h * v3, r + h * m3.yaw_acceleration, node[2]);
       const T v4 = balance.lateral_rate(m4, node[2].vx);
@@ -275,8 +274,8 @@ void simulate(const SingleTrack<T, Axle>& car, const DrivenStretch& stretch, T v
   observe(row, balance.motion(vy, r, *node), node->vx);
 }
 
-/// State (vy, r) of steady driving under constant inputs, for a start when nothing better is known; zero
-/// when there is no steady state (at the critical speed).
+/// State (vy, r) of steady driving under constant inputs, for a start when nothing better is known;
+/// zero when there is no steady state (at the critical speed).
 Eigen::Vector2d steady_state(const SingleTrack<double>& car, const DrivenStretch::Node& at);
 
 // ---------------------------------------------------------------------------------------------------------
@@ -314,8 +313,8 @@ T measured(const VehicleSensor& sensor, const SingleTrack<T, Axle>& car, const M
 }
 
 // ---------------------------------------------------------------------------------------------------------
-// Characteristic values of the linear car (Mitschke & Wallentowitz 2014, part D; Bundorf & Leffert 1976 for
-// the cornering compliances). All for the road-wheel angle, whatever the steering ratio.
+// Characteristic values of the linear car (Mitschke & Wallentowitz 2014, part D; Bundorf & Leffert
+// 1976 for the cornering compliances). All for the road-wheel angle, whatever the steering ratio.
 
 /// K = m (b Cr - a Cf) / (L Cf Cr) [rad/(m/s^2)], L = a + b; > 0 understeers. Equals
 /// front_compliance - rear_compliance.
@@ -337,8 +336,8 @@ T rear_compliance(const SingleTrack<T>& car) {
   return car.m * car.a / ((car.a + car.b) * car.rear.stiffness);
 }
 
-/// sqrt(L / |K|) [m/s]: the characteristic speed of a car that understeers, the critical speed of one that
-/// oversteers, where it becomes unstable. Infinite for K = 0.
+/// sqrt(L / |K|) [m/s]: the characteristic speed of a car that understeers, the critical speed of
+/// one that oversteers, where it becomes unstable. Infinite for K = 0.
 template <typename T>
 T characteristic_speed(const SingleTrack<T>& car) {
   using std::abs;
@@ -350,12 +349,12 @@ T characteristic_speed(const SingleTrack<T>& car) {
 /// r/delta(s) = yaw_gain (1 + Tz s) / (1 + 2 zeta s/wn + s^2/wn^2).
 template <typename T>
 struct SteeringResponse {
-  T yaw_gain;               ///< steady r / delta [1/s]
-  T ay_gain;                ///< steady ay / delta [m/s^2 per rad]
-  T sideslip_gain;          ///< steady beta / delta [-]
-  T natural_frequency;      ///< wn [rad/s]; NaN above the critical speed
-  T damping;                ///< zeta [-]
-  T yaw_lead_time;          ///< Tz = m a u / (L Cr) [s]
+  T yaw_gain;           ///< steady r / delta [1/s]
+  T ay_gain;            ///< steady ay / delta [m/s^2 per rad]
+  T sideslip_gain;      ///< steady beta / delta [-]
+  T natural_frequency;  ///< wn [rad/s]; NaN above the critical speed
+  T damping;            ///< zeta [-]
+  T yaw_lead_time;      ///< Tz = m a u / (L Cr) [s]
 };
 
 /// @param u  forward speed [m/s], > 0
@@ -365,8 +364,8 @@ SteeringResponse<T> steering_response(const SingleTrack<T>& car, double u) {
   const T &Cf = car.front.stiffness, &Cr = car.rear.stiffness;
   const T L = car.a + car.b;
   const T effective = L + understeer_gradient(car) * (u * u);
-  const T wn_squared = Cf * Cr * L * L / (car.m * car.Iz * (u * u)) +
-                       (car.b * Cr - car.a * Cf) / car.Iz;
+  const T wn_squared =
+      Cf * Cr * L * L / (car.m * car.Iz * (u * u)) + (car.b * Cr - car.a * Cf) / car.Iz;
   const T decay =
       (Cf + Cr) / (car.m * u) + (car.a * car.a * Cf + car.b * car.b * Cr) / (car.Iz * u);
   SteeringResponse<T> out;

@@ -20,11 +20,11 @@ struct Unit {
   double from_si(double value) const { return (value - offset) / scale; }
 };
 
-/// Parses a unit: a product or quotient of table units with integer powers, e.g. "deg", "km/h",
-/// "kg m^2", "kg*m2", "N/rad", "m/s^2", "m/s2", "1/s", "g" (standard gravity, as vehicle files use
-/// it), "ms", "degC". Blanks around signs are allowed; "" and "-" and "1" are dimensionless. What
-/// "g" and "min" mean is fixed by the table in units.cpp. Case counts, except where a file writes
-/// "KPH", "kph", "Km/h", "DEG".
+/// Parses a unit: a product or quotient, from left to right, of units of the table in units.cpp
+/// with integer powers, parentheses and numbers, e.g. "deg", "km/h", "kg m^2", "kg*m2", "N/(rad
+/// s)", "m/s**2", "1/s", "1e8 m^3", "degC" (its offset counts only when it stands alone). "g" is
+/// standard gravity and "min" the minute. "", "-" and "1" are dimensionless. Case counts, but a
+/// name in capitals ("KPH", "DEG") is known where it leaves no doubt.
 /// @return nothing when the text is not a unit.
 std::optional<Unit> parse_unit(std::string_view text);
 

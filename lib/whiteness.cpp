@@ -60,8 +60,8 @@ ChiSquareStatistic ljung_box(const Eigen::Ref<const Eigen::VectorXd>& e, int lag
   Eigen::VectorXd pairs;
   const Eigen::VectorXd r = autocorrelation(e, lags, &pairs);
   const double n = (e.array() == e.array()).cast<double>().sum();
-  // Var of the pairwise r_k is n_k^-1 (n/(n+2)) for a complete white Gaussian sequence, which is Ljung and Box' weight
-  // n (n+2) / (n-k) rewritten for r_k with its own count of pairs.
+  // Var of the pairwise r_k is n_k^-1 (n/(n+2)) for a complete white Gaussian sequence, which is
+  // Ljung and Box' weight n (n+2) / (n-k) rewritten for r_k with its own count of pairs.
   ChiSquareStatistic out;
   for (int k = 0; k < lags; ++k) {
     if (pairs[k] > 0.0 && !std::isnan(r[k])) {

@@ -1,14 +1,14 @@
-#include <ceres/cost_function.h>
-#include <ceres/iteration_callback.h>
-#include <ceres/manifold.h>
-#include <ceres/problem.h>
-#include <ceres/solver.h>
-
 #include <chrono>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
+
+#include <ceres/cost_function.h>
+#include <ceres/iteration_callback.h>
+#include <ceres/manifold.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
 
 #include "solvers/solve.h"
 
@@ -31,9 +31,10 @@ void check(const LeastSquares& problem, const Eigen::VectorXd& start) {
   }
 }
 
-/// The box of a problem, and which coordinates are held at its sides. Ceres projects its steps onto the box without
-/// taking the active bounds out of the linear system; a minimum on a bound is then approached at a crawl. So
-/// coordinates that press against a bound are held there, and let go when the gradient turns.
+/// The box of a problem, and which coordinates are held at its sides. Ceres projects its steps onto
+/// the box without taking the active bounds out of the linear system; a minimum on a bound is then
+/// approached at a crawl. So coordinates that press against a bound are held there, and let go when
+/// the gradient turns.
 class ActiveSet {
  public:
   explicit ActiveSet(const LeastSquares& problem) : problem_(problem), held_(problem.lower.size()) {
@@ -64,8 +65,8 @@ class ActiveSet {
     }
   }
 
-  /// Lets the coordinate go that gains most by leaving its bound, if one does: of a Gauss-Newton step of that
-  /// coordinate alone, the gain is (gradient / column norm)^2 / 2.
+  /// Lets the coordinate go that gains most by leaving its bound, if one does: of a Gauss-Newton
+  /// step of that coordinate alone, the gain is (gradient / column norm)^2 / 2.
   bool release_one(const Eigen::VectorXd& x, const Eigen::VectorXd& gradient,
                    const Eigen::VectorXd& column_norm, double least_gain) {
     Eigen::Index best = -1;
@@ -112,7 +113,8 @@ class Residuals : public ceres::CostFunction {
     return true;
   }
 
-  /// At the last point where the Jacobian was asked for: the best one so far, when an iteration ends.
+  /// At the last point where the Jacobian was asked for: the best one so far, when an iteration
+  /// ends.
   const Eigen::VectorXd& gradient() const { return gradient_; }
   int evaluations() const { return evaluations_; }
 
@@ -246,7 +248,10 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
   Residuals residuals(problem, start.size());
   ActiveSet active(problem);
   ceres::Solver::Options ceres_options = translate(options);
-  while (true) {
+  // Every round holds at least one coordinate more or lets one go; a set that keeps changing is
+  // given up on.
+  const Eigen::Index most_rounds = 20 + 4 * start.size();
+  for (Eigen::Index round = 0; round < most_rounds; ++round) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     if (std::isfinite(options.max_seconds)) {
       ceres_options.max_solver_time_in_seconds = options.max_seconds - elapsed.count();
@@ -264,8 +269,8 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
       summary.message = "stopped by the caller";
       break;
     }
-    const bool more = summary.iterations < options.max_iterations &&
-                      elapsed.count() < options.max_seconds;
+    const bool more =
+        summary.iterations < options.max_iterations && elapsed.count() < options.max_seconds;
     if (active.pressing(x, residuals.gradient()) > 0) {
       active.hold_pressing(x, residuals.gradient());
       if (more) continue;

@@ -1,9 +1,10 @@
 // What does the curvature at an optimum say about errors?
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <optional>
+
+#include <Eigen/Core>
 
 namespace identikal {
 

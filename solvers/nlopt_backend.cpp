@@ -1,9 +1,10 @@
 #include <chrono>
 #include <cmath>
 #include <exception>
-#include <nlopt.hpp>
 #include <stdexcept>
 #include <vector>
+
+#include <nlopt.hpp>
 
 #include "solvers/solve.h"
 
@@ -18,8 +19,8 @@ struct Call {
 
 double objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
   const Call& call = *static_cast<Call*>(data);
-  const Eigen::VectorXd at = Eigen::Map<const Eigen::VectorXd>(
-      x.data(), static_cast<Eigen::Index>(x.size()));
+  const Eigen::VectorXd at =
+      Eigen::Map<const Eigen::VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
   double f = 0.0;
   Eigen::VectorXd g;
   ++call.summary->evaluations;

@@ -1,30 +1,33 @@
 // What can be solved, how long to try, and what came of it.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <limits>
 #include <string>
+
+#include <Eigen/Core>
 
 namespace identikal {
 
 /// Why a solver stopped.
 enum class Termination {
   not_called,
-  converged,       ///< one of the tolerances below is met
-  no_progress,     ///< no step improves the objective although the tolerances are not met
+  converged,    ///< one of the tolerances below is met
+  no_progress,  ///< no step improves the objective although the tolerances are not met
   iteration_limit,
   time_limit,
-  start_undefined, ///< evaluate() is undefined at the start
+  start_undefined,  ///< evaluate() is undefined at the start
 };
 
 struct SolverOptions {
   int max_iterations = 200;
   double max_seconds = std::numeric_limits<double>::infinity();
-  double function_tolerance = 1e-12;   ///< stop when |df| <= function_tolerance * |f|
-  double gradient_tolerance = 1e-10;   ///< stop when max |projected gradient| <= it (least squares)
-  double parameter_tolerance = 1e-10;  ///< stop when |dx| <= parameter_tolerance * (|x| + parameter_tolerance)
-  double decrement_tolerance = 1e-9;   ///< scoring: stop when g' J^-1 g / 2, the gain still expected, is below it
+  double function_tolerance = 1e-12;  ///< stop when |df| <= function_tolerance * |f|
+  double gradient_tolerance = 1e-10;  ///< stop when max |projected gradient| <= it (least squares)
+  double parameter_tolerance =
+      1e-10;  ///< stop when |dx| <= parameter_tolerance * (|x| + parameter_tolerance)
+  double decrement_tolerance =
+      1e-9;  ///< scoring: stop when g' J^-1 g / 2, the gain still expected, is below it
   /// Called after every iteration with its number and objective; return false to stop.
   std::function<bool(int, double)> progress;
 };

@@ -1,11 +1,12 @@
 #include "solvers/scoring.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <vector>
+
+#include <Eigen/Eigenvalues>
 
 namespace identikal {
 namespace {
@@ -31,8 +32,8 @@ std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Poin
   return out;
 }
 
-// (J + lambda diag J)^-1 g on the given coordinates, zero elsewhere. Directions without information get
-// no step: the scaled system's eigenvalues below 1e-13 of the largest are left out.
+// (J + lambda diag J)^-1 g on the given coordinates, zero elsewhere. Directions without information
+// get no step: the scaled system's eigenvalues below 1e-13 of the largest are left out.
 VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lambda) {
   const auto m = static_cast<Index>(free.size());
   VectorXd scale(m), g(m);
@@ -45,8 +46,9 @@ VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lam
   }
   for (Index i = 0; i < m; ++i) {
     for (Index j = 0; j < m; ++j) {
-      J(i, j) = at.information(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]) *
-                scale[i] * scale[j];
+      J(i, j) =
+          at.information(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]) *
+          scale[i] * scale[j];
     }
   }
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(J);
@@ -62,8 +64,8 @@ VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lam
   return step;
 }
 
-// The step that stays in the box: coordinates that would leave it stop at the bound and the others are
-// solved again without them.
+// The step that stays in the box: coordinates that would leave it stop at the bound and the others
+// are solved again without them.
 VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vector<Index> free,
                     double lambda) {
   VectorXd stopped = VectorXd::Zero(at.x.size());
@@ -145,15 +147,14 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       const VectorXd moved = next.x - at.x;
       const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(at.information * moved);
       ++summary.evaluations;
-      const bool defined =
-          problem.evaluate(next.x, next.L, &next.gradient, &next.information) &&
-          std::isfinite(next.L);
+      const bool defined = problem.evaluate(next.x, next.L, &next.gradient, &next.information) &&
+                           std::isfinite(next.L);
       // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
       const double rounding = 1e-14 * (1.0 + std::abs(at.L));
       const double gain = defined ? next.L - at.L : 0.0;
       const bool small = defined && predicted < 1e3 * rounding && gain > -1e3 * rounding;
-      // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance much too small),
-      // so a gain that counts in units of log-likelihood is enough.
+      // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance
+      // much too small), so a gain that counts in units of log-likelihood is enough.
       if (defined && (gain > 1e-4 * std::min(predicted, 1.0) || small)) {
         const bool good = small || gain > 0.5 * std::min(predicted, 1.0);
         lambda = good ? (lambda < 1e-3 ? 0.0 : lambda / 8.0) : lambda;
@@ -167,7 +168,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
         lambda = std::max(1e-2, 4.0 * lambda);
         if (lambda > 1e12) {
           return finish(decrement < 1e3 * options.decrement_tolerance ? Termination::converged
-                                                                       : Termination::no_progress,
+                                                                      : Termination::no_progress,
                         "no step increases the likelihood");
         }
       }

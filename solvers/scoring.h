@@ -1,8 +1,9 @@
 // Where is the likelihood largest? Fisher scoring with a trust region inside a box.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
+
+#include <Eigen/Core>
 
 #include "solvers/problem.h"
 
@@ -10,19 +11,20 @@ namespace identikal {
 
 /// maximise L(x) with lower <= x <= upper, knowing the expected information.
 struct LikelihoodProblem {
-  /// L and, when the pointers are not null, its gradient (n) and Fisher information (n x n, positive
-  /// semidefinite). false = undefined at x, back off.
+  /// L and, when the pointers are not null, its gradient (n) and Fisher information (n x n,
+  /// positive semidefinite). false = undefined at x, back off.
   std::function<bool(const Eigen::VectorXd& x, double& L, Eigen::VectorXd* gradient,
                      Eigen::MatrixXd* information)>
       evaluate;
   Eigen::VectorXd lower, upper;  ///< n each; +-infinity = free
 };
 
-/// Levenberg-Marquardt steps (J + lambda diag J) d = g on the coordinates that the box leaves free, projected into the
-/// box, so that a variance of exactly zero is reachable and left again when the gradient says so. For variances the
-/// natural coordinate is the right one: with independent samples one full step from any start is the maximum.
-/// Converged when g' J^-1 g / 2, the increase still expected, is below options.decrement_tolerance.
-/// summary.objective is L. Source: Osborne (1992), "Fisher's method of scoring", Int. Stat. Rev. 60.
+/// Levenberg-Marquardt steps (J + lambda diag J) d = g on the coordinates that the box leaves free,
+/// projected into the box, so that a variance of exactly zero is reachable and left again when the
+/// gradient says so. For variances the natural coordinate is the right one: with independent
+/// samples one full step from any start is the maximum. Converged when g' J^-1 g / 2, the increase
+/// still expected, is below options.decrement_tolerance. summary.objective is L. Source: Osborne
+/// (1992), "Fisher's method of scoring", Int. Stat. Rev. 60.
 /// @throws std::invalid_argument when shapes disagree or the start lies outside the box.
 Solution maximise(const LikelihoodProblem& problem, const Eigen::VectorXd& start,
                   const SolverOptions& options = {});

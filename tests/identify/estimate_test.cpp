@@ -1,10 +1,10 @@
 #include "identify/estimate.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include <cmath>
 
 #include <Eigen/LU>
-#include <cmath>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 
 #include "identify/report.h"
 #include "lib/error.h"
@@ -80,9 +80,15 @@ TEST(ExitCode, FollowsTheContract) {
 
 TEST(Report, LinesStayOnThePage) {
   Estimate e = with_parameters({1234567.0, -0.00012345});
-  e.warnings.push_back({"some_code", "serious", {"p1"}, std::string(300, 'x') + " y " + std::string(70, 'z'),
-                        "do this and that until all of it is mended and then look at the result once more"});
-  e.notes.push_back("a note of many words that goes on and on until it has to be broken into more than a line of text");
+  e.warnings.push_back(
+      {"some_code",
+       "serious",
+       {"p1"},
+       std::string(300, 'x') + " y " + std::string(70, 'z'),
+       "do this and that until all of it is mended and then look at the result once more"});
+  e.notes.push_back(
+      "a note of many words that goes on and on until it has to be broken into more than a line of "
+      "text");
   const std::string text = console_report(e);
   EXPECT_THAT(text, HasSubstr("SERIOUS"));
   std::size_t begin = 0;

@@ -1,9 +1,9 @@
 #include "solvers/scoring.h"
 
-#include <gtest/gtest.h>
+#include <cmath>
 
 #include <Eigen/LU>
-#include <cmath>
+#include <gtest/gtest.h>
 
 #include "solvers/covariance.h"
 #include "solvers/solve.h"
@@ -16,7 +16,8 @@ using Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Independent groups of samples with variances q_i: L = -1/2 sum n_i (log v_i + s_i / v_i), v = M q.
+// Independent groups of samples with variances q_i: L = -1/2 sum n_i (log v_i + s_i / v_i), v = M
+// q.
 LikelihoodProblem variances(const MatrixXd& M, const VectorXd& s, double n) {
   LikelihoodProblem p;
   p.lower = VectorXd::Zero(M.cols());
@@ -38,8 +39,8 @@ TEST(Scoring, OneStepFromAnywhereWhenVariancesAreSeparate) {
   for (const double start : {1e-6, 1.0, 1e8}) {
     SolverOptions options;
     options.decrement_tolerance = 1e-20;
-    const Solution x =
-        maximise(variances(MatrixXd::Identity(2, 2), s, 100), VectorXd::Constant(2, start), options);
+    const Solution x = maximise(variances(MatrixXd::Identity(2, 2), s, 100),
+                                VectorXd::Constant(2, start), options);
     EXPECT_EQ(x.summary.termination, Termination::converged);
     EXPECT_LE(x.summary.iterations, 3);  // the second only mends rounding
     EXPECT_NEAR(x.x[0] / s[0], 1.0, 1e-9);
@@ -48,12 +49,15 @@ TEST(Scoring, OneStepFromAnywhereWhenVariancesAreSeparate) {
 }
 
 TEST(Scoring, ReachesZeroAndLeavesIt) {
-  // Sample variances 1 and 0.4 of q1 + q2 and q1: the maximum without a box has q2 > 0; swapped it is at q2 = 0.
+  // Sample variances 1 and 0.4 of q1 + q2 and q1: the maximum without a box has q2 > 0; swapped it
+  // is at q2 = 0.
   const MatrixXd M = (MatrixXd(2, 2) << 1, 1, 1, 0).finished();
-  const Solution inside = maximise(variances(M, Eigen::Vector2d(1.0, 0.4), 50), Eigen::Vector2d(3.0, 0.0));
+  const Solution inside =
+      maximise(variances(M, Eigen::Vector2d(1.0, 0.4), 50), Eigen::Vector2d(3.0, 0.0));
   EXPECT_EQ(inside.summary.termination, Termination::converged);
   EXPECT_NEAR(inside.x[1], 0.6, 1e-9);
-  const Solution at_bound = maximise(variances(M, Eigen::Vector2d(0.4, 1.0), 50), Eigen::Vector2d(3.0, 5.0));
+  const Solution at_bound =
+      maximise(variances(M, Eigen::Vector2d(0.4, 1.0), 50), Eigen::Vector2d(3.0, 5.0));
   EXPECT_EQ(at_bound.summary.termination, Termination::converged);
   EXPECT_EQ(at_bound.x[1], 0.0);
   EXPECT_NEAR(at_bound.x[0], 0.7, 1e-9);
@@ -89,7 +93,8 @@ TEST(Scoring, SaysWhyItStopped) {
   EXPECT_EQ(maximise(p, VectorXd::Zero(1)).summary.termination, Termination::start_undefined);
   SolverOptions none;
   none.max_iterations = 0;
-  EXPECT_EQ(maximise(p, VectorXd::Constant(1, 5.0), none).summary.termination, Termination::iteration_limit);
+  EXPECT_EQ(maximise(p, VectorXd::Constant(1, 5.0), none).summary.termination,
+            Termination::iteration_limit);
   EXPECT_THROW(maximise(p, VectorXd::Constant(1, -1.0)), std::invalid_argument);
   EXPECT_EQ(SolverSummary{}.message, "solve was not called");
 }
