@@ -360,7 +360,9 @@ Estimate fit_vehicle(const ModelFile& model, const Dataset& data, const VehicleF
   report_derived(found, covariance, estimate);
 
   check_signs(run, p, estimate);
-  check_fit(found.problem, found.best.sd, estimate);
+  Eigen::VectorXd e;
+  output_error(found.problem, found.best.z, e, nullptr);
+  check_fit(found.problem, rms_per_output(found.problem, e), estimate);
   check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance), estimate);
   check_whiteness(found.problem, covariance, estimate);
   check_plausibility(found.problem, p, estimate);

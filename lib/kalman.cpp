@@ -99,27 +99,29 @@ class Recursion {
     start(initial, derivatives);
   }
 
-  // Runs over the record. `store` receives states and innovations when it is not null.
-  Likelihood run(FilterResult* store) {
+  // Runs over the record. `store` receives innovations, and states too when `keep` says so, when it
+  // is not null.
+  Likelihood run(FilterResult* store, Keep keep) {
     Likelihood out;
+    const bool states = store != nullptr && keep == Keep::everything;
     const auto k = static_cast<Index>(sensitivities_.size());
     out.gradient = VectorXd::Zero(k);
     out.information = MatrixXd::Zero(k, k);
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
       find_present(t);
       if (present_.empty()) {
-        if (store != nullptr) store_prediction(*store, t);
-        if (store != nullptr) store_filtered(*store, t, false);
+        if (states) store_states(*store, t, false);
         predict_without_measurement(t);
       } else {
         innovate(t);
         if (status_ != FilterStatus::ok) break;
-        if (store != nullptr) store_prediction(*store, t);
-        if (store != nullptr) store_filtered(*store, t, true);
+        if (states) store_states(*store, t, true);
+        if (store != nullptr && diffuse_ == 0) store_innovation(*store, t);
         add_terms(out);
         update();
       }
       fold_in_when_determined(t, out, store);
+      if (settled_ && diffuse_ == 0 && !states) t = run_steady(t + 1, out, store) - 1;
     }
     if (status_ == FilterStatus::ok && diffuse_ > 0) status_ = FilterStatus::undetermined;
     out.value -= 0.5 * log_two_pi_ * static_cast<double>(samples_ - folded_);
@@ -273,6 +275,7 @@ class Recursion {
 
   void update() {
     const Index t = at_;
+    settled_ = static_cast<Index>(present_.size()) == y_.rows();
     for (Sensitivity& s : sensitivities_) {
       // The gain minimises P+, so its own derivative drops out of dP+.
       MatrixXd dF = s.A;
@@ -280,7 +283,9 @@ class Recursion {
       const MatrixXd half = dF * P_ * F_.transpose() - K_ * s.now.Sw.transpose();
       MatrixXd dP =
           F_ * s.P * F_.transpose() + half + half.transpose() + s.W + K_ * s.now.R * K_.transpose();
-      s.P = 0.5 * (dP + dP.transpose());
+      dP = 0.5 * (dP + dP.transpose()).eval();
+      settled_ = settled_ && has_settled(s.P, dP, 1e-12);
+      s.P.swap(dP);
       MatrixXd dZ = s.A * Z_ + model_.A * s.Z + s.K * E_ + K_ * s.E;
       if (u_.rows() > 0) dZ.col(0).noalias() += s.B * u_.col(t);
       s.Z.swap(dZ);
@@ -292,10 +297,13 @@ class Recursion {
     const MatrixXd KS = K_ * now_.Sw.transpose();
     MatrixXd P = F_ * P_ * F_.transpose() + W_ - KS - KS.transpose();
     P.noalias() += K_ * now_.R * K_.transpose();
-    P_ = 0.5 * (P + P.transpose());
+    P = 0.5 * (P + P.transpose()).eval();
+    settled_ = settled_ && has_settled(P_, P, 1e-14);
+    P_.swap(P);
   }
 
   void predict_without_measurement(Index t) {
+    settled_ = false;
     for (Sensitivity& s : sensitivities_) {
       const MatrixXd half = s.A * P_ * model_.A.transpose();
       s.P = (model_.A * s.P * model_.A.transpose() + half + half.transpose() + s.W).eval();
@@ -340,38 +348,134 @@ class Recursion {
     if (store != nullptr) store->first_proper = t + 1;
   }
 
-  void store_prediction(FilterResult& store, Index t) const {
-    store.x_pred.col(t) = Z_.col(0);
-    store.P_pred[static_cast<std::size_t>(t)] = P_;
-    if (diffuse_ > 0) {
-      store.x_pred.col(t).setConstant(kNaN);
-      store.P_pred[static_cast<std::size_t>(t)].setConstant(kNaN);
+  void store_innovation(FilterResult& store, Index t) const {
+    const VectorXd z = llt_.matrixL().solve(E_.col(0));
+    for (std::size_t i = 0; i < present_.size(); ++i) {
+      store.e(present_[i], t) = E_(static_cast<Index>(i), 0);
+      store.standardised(present_[i], t) = z[static_cast<Index>(i)];
     }
   }
 
-  void store_filtered(FilterResult& store, Index t, bool measured) const {
+  void store_states(FilterResult& store, Index t, bool measured) const {
     const auto at = static_cast<std::size_t>(t);
+    const Index n = P_.rows(), ny = y_.rows();
     if (diffuse_ > 0) {
-      store.x_filt.col(t).setConstant(kNaN);
-      store.P_filt[at] = MatrixXd::Constant(P_.rows(), P_.cols(), kNaN);
-      store.Sigma[at] = MatrixXd::Constant(y_.rows(), y_.rows(), kNaN);
+      store.P_pred[at] = store.P_filt[at] = MatrixXd::Constant(n, n, kNaN);
+      store.Sigma[at] = MatrixXd::Constant(ny, ny, kNaN);
       return;
     }
     MatrixXd x = Z_.col(0), P = P_;
+    store.x_pred.col(t) = x;
+    store.P_pred[at] = P;
     if (measured) {
       const MatrixXd Kf = llt_.solve(PC_.transpose()).transpose();
       x += Kf * E_.col(0);
-      const MatrixXd F = MatrixXd::Identity(P.rows(), P.cols()) - Kf * now_.C;
+      const MatrixXd F = MatrixXd::Identity(n, n) - Kf * now_.C;
       P = F * P_ * F.transpose() + Kf * now_.R * Kf.transpose();
-      const VectorXd z = llt_.matrixL().solve(E_.col(0));
-      for (std::size_t i = 0; i < present_.size(); ++i) {
-        store.e(present_[i], t) = E_(static_cast<Index>(i), 0);
-        store.standardised(present_[i], t) = z[static_cast<Index>(i)];
-      }
     }
     store.x_filt.col(t) = x;
     store.P_filt[at] = P;
     store.Sigma[at] = full_.C * P_ * full_.C.transpose() + full_.R;
+  }
+
+  // Has the covariance stopped changing, to rounding? Entries are measured against the standard
+  // deviations they belong to. The derivatives settle together with it, a few steps later.
+  bool has_settled(const MatrixXd& before, const MatrixXd& after, double tolerance) const {
+    const VectorXd sd = P_.diagonal().cwiseSqrt().cwiseMax(1e-150);
+    const MatrixXd weight = (sd * sd.transpose()).cwiseInverse();
+    const double size = after.cwiseProduct(weight).cwiseAbs().maxCoeff();
+    return (after - before).cwiseProduct(weight).cwiseAbs().maxCoeff() <= tolerance * size;
+  }
+
+  // From sample t on with constant gain, as long as no sample is missing; returns the first sample
+  // it did not process. Sensitivities run stacked: column i of dX is dx/d(theta_i).
+  Index run_steady(Index t, Likelihood& out, FilterResult* store) {
+    const Index n = model_.states(), ny = y_.rows(), nu = u_.rows();
+    const auto k = static_cast<Index>(sensitivities_.size());
+    MatrixXd K_theta(n * k, ny), A_theta(n * k, n), B_theta(n * k, nu), C_theta(ny * k, n),
+        D_theta(ny * k, nu), dX(n, k);
+    for (Index i = 0; i < k; ++i) {
+      const Sensitivity& s = sensitivities_[static_cast<std::size_t>(i)];
+      K_theta.middleRows(i * n, n) = s.K;
+      A_theta.middleRows(i * n, n) = s.A - K_ * s.now.C;
+      B_theta.middleRows(i * n, n) = s.B - K_ * s.now.D;
+      C_theta.middleRows(i * ny, ny) = s.now.C;
+      D_theta.middleRows(i * ny, ny) = s.now.D;
+      dX.col(i) = s.Z.col(0);
+    }
+    // Most often only noise is unknown, and these vanish.
+    const bool dynamics = !(A_theta.isZero(0.0) && C_theta.isZero(0.0));
+    const bool inputs = nu > 0 && !(B_theta.isZero(0.0) && D_theta.isZero(0.0));
+
+    VectorXd x = Z_.col(0), next(n), e(ny), z(ny), Sie(ny), moved(n * k), seen(ny * k);
+    MatrixXd dE(ny, k), dX_next(n, k), power = MatrixXd::Zero(ny, ny);
+    MatrixXd spread = MatrixXd::Zero(k, k);
+    VectorXd slope = VectorXd::Zero(k);
+    double squares = 0.0;
+    const Index begin = t;
+    for (; t < y_.cols() && !y_.col(t).hasNaN(); ++t) {
+      e = y_.col(t);
+      e.noalias() -= full_.C * x;
+      if (nu > 0) e.noalias() -= full_.D * u_.col(t);
+      z = e;
+      llt_.matrixL().solveInPlace(z);
+      squares += z.squaredNorm();
+      if (store != nullptr) {
+        store->e.col(t) = e;
+        store->standardised.col(t) = z;
+      }
+      if (k > 0) {
+        Sie = z;
+        llt_.matrixU().solveInPlace(Sie);
+        dE.noalias() = -full_.C * dX;
+        dX_next.noalias() = F_ * dX;
+        moved.noalias() = K_theta * e;
+        if (dynamics) {
+          moved.noalias() += A_theta * x;
+          seen.noalias() = C_theta * x;
+          dE -= seen.reshaped(ny, k);
+        }
+        if (inputs) {
+          moved.noalias() += B_theta * u_.col(t);
+          seen.noalias() = D_theta * u_.col(t);
+          dE -= seen.reshaped(ny, k);
+        }
+        dX_next += moved.reshaped(n, k);
+        dX.swap(dX_next);
+        slope.noalias() -= dE.transpose() * Sie;
+        power.noalias() += Sie * Sie.transpose();
+        llt_.matrixL().solveInPlace(dE);
+        spread.noalias() += dE.transpose() * dE;
+      }
+      next.noalias() = model_.A * x;
+      next.noalias() += K_ * e;
+      if (nu > 0) next.noalias() += model_.B * u_.col(t);
+      x.swap(next);
+    }
+
+    const auto count = static_cast<double>(t - begin);
+    samples_ += (t - begin) * ny;
+    const double log_det = 2.0 * llt_.matrixLLT().diagonal().array().log().sum();
+    out.value -= 0.5 * (count * log_det + squares);
+    out.gradient += slope;
+    out.information += spread;
+    std::vector<MatrixXd> relative;  // Sigma^-1 dSigma
+    for (Index i = 0; i < k; ++i) {
+      Sensitivity& s = sensitivities_[static_cast<std::size_t>(i)];
+      s.Z.col(0) = dX.col(i);
+      relative.push_back(llt_.solve(s.Sigma));
+      out.gradient[i] +=
+          0.5 * (s.Sigma.cwiseProduct(power).sum() - count * relative.back().trace());
+      for (Index j = 0; j <= i; ++j) {
+        const MatrixXd& other = relative[static_cast<std::size_t>(j)];
+        const double term = 0.5 * count * other.transpose().cwiseProduct(relative.back()).sum();
+        out.information(i, j) += term;
+        if (i != j) out.information(j, i) += term;
+      }
+    }
+    Z_.col(0) = x;
+    settled_ = false;
+    return t;
   }
 
   const StateSpace& model_;
@@ -393,6 +497,7 @@ class Recursion {
   MatrixXd E_, PC_, Sigma_, M_, K_, F_, SiE_;
   Eigen::LLT<MatrixXd> llt_;
   Index at_ = 0;
+  bool settled_ = false;  // gain and its derivatives are constant from here on
 };
 
 }  // namespace
@@ -416,19 +521,21 @@ const char* describe(FilterStatus status) {
 }
 
 FilterResult kalman_filter(const StateSpace& model, InitialState initial,
-                           const Eigen::Ref<const MatrixXd>& y,
-                           const Eigen::Ref<const MatrixXd>& u) {
+                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                           Keep keep) {
   Recursion recursion(model, initial, y, u, {});
   FilterResult out;
   const Index n = model.states(), N = y.cols();
-  out.x_pred = MatrixXd::Constant(n, N, kNaN);
-  out.x_filt = out.x_pred;
   out.e = MatrixXd::Constant(y.rows(), N, kNaN);
   out.standardised = out.e;
-  out.P_pred.resize(static_cast<std::size_t>(N));
-  out.P_filt.resize(static_cast<std::size_t>(N));
-  out.Sigma.resize(static_cast<std::size_t>(N));
-  const Likelihood likelihood = recursion.run(&out);
+  if (keep == Keep::everything) {
+    out.x_pred = MatrixXd::Constant(n, N, kNaN);
+    out.x_filt = out.x_pred;
+    out.P_pred.resize(static_cast<std::size_t>(N));
+    out.P_filt.resize(static_cast<std::size_t>(N));
+    out.Sigma.resize(static_cast<std::size_t>(N));
+  }
+  const Likelihood likelihood = recursion.run(&out, keep);
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
   return out;
@@ -437,7 +544,7 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives) {
-  return Recursion(model, initial, y, u, derivatives).run(nullptr);
+  return Recursion(model, initial, y, u, derivatives).run(nullptr, Keep::innovations);
 }
 
 }  // namespace identikal

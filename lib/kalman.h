@@ -37,6 +37,9 @@ struct FilterResult {
   std::vector<Eigen::MatrixXd> Sigma;  ///< N of ny x ny innovation covariances
 };
 
+/// What kalman_filter() stores. States and covariances of a long record take much memory.
+enum class Keep { everything, innovations };
+
 /// Runs the filter over a record.
 ///
 ///   e = y - C x - D u,  Sigma = C P C' + R,  K = (A P C' + G S) Sigma^-1,  x+ = A x + B u + K e,
@@ -46,7 +49,8 @@ struct FilterResult {
 /// A missing sample (NaN) takes its channel out of C, D, R and S at that time. A diffuse start uses
 /// the augmented form of de Jong (1991): x(1) = s^(1/2) xi + delta with delta diffuse; the finite
 /// part changes nothing (it is absorbed by delta) but keeps Sigma regular from the first sample.
-/// The states are folded in as soon as delta is determined.
+/// The states are folded in as soon as delta is determined. Once covariance and derivatives have
+/// stopped changing (to 1e-14 and 1e-12 of themselves), the gain is kept until a sample is missing.
 /// @param model    shapes checked; x0 and P0 are used with InitialState::given
 /// @param y        ny x N, NaN = missing
 /// @param u        nu x N
@@ -55,7 +59,8 @@ struct FilterResult {
 /// chapter 5.
 FilterResult kalman_filter(const StateSpace& model, InitialState initial,
                            const Eigen::Ref<const Eigen::MatrixXd>& y,
-                           const Eigen::Ref<const Eigen::MatrixXd>& u);
+                           const Eigen::Ref<const Eigen::MatrixXd>& u,
+                           Keep keep = Keep::everything);
 
 struct Likelihood {
   FilterStatus status = FilterStatus::ok;

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 namespace identikal {
@@ -31,6 +32,50 @@ std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Poin
   }
   return out;
 }
+
+// Expected and observed curvature differ at finite N, which makes pure scoring converge linearly.
+// Near the maximum the difference is learnt from the gradients (symmetric rank one, as in Dennis,
+// Gay & Welsch 1981 for least squares).
+class CurvatureCorrection {
+ public:
+  explicit CurvatureCorrection(Index n) : E_(MatrixXd::Zero(n, n)) {}
+
+  // `gain` is the increase of the step: curvature far from the maximum is not worth keeping.
+  void learn(const Point& before, const Point& after, double gain) {
+    if (gain > 1.0) {
+      E_.setZero();
+      return;
+    }
+    const VectorXd s = after.x - before.x;
+    const VectorXd r = before.gradient - after.gradient - (after.information + E_) * s;
+    const double curvature = r.dot(s), size = s.dot(after.information * s);
+    if (std::abs(curvature) > 1e-8 * size) E_ += r * r.transpose() / curvature;
+  }
+
+  // The information with what was learnt added, as long as that stays positive definite and within
+  // a factor of ten of the information on every free coordinate combination; else the information
+  // alone.
+  MatrixXd apply(const Point& at, const std::vector<Index>& free) const {
+    const MatrixXd corrected = at.information + E_;
+    const auto m = static_cast<Index>(free.size());
+    MatrixXd J(m, m), B(m, m);
+    for (Index i = 0; i < m; ++i) {
+      for (Index j = 0; j < m; ++j) {
+        const Index ii = free[static_cast<std::size_t>(i)], jj = free[static_cast<std::size_t>(j)];
+        const double scale = std::sqrt(at.information(ii, ii) * at.information(jj, jj));
+        if (!(scale > 0.0)) return at.information;
+        J(i, j) = at.information(ii, jj) / scale;
+        B(i, j) = corrected(ii, jj) / scale;
+      }
+    }
+    const Eigen::LLT<MatrixXd> above(B - 0.1 * J), below(10.0 * J - B);
+    const bool trusted = above.info() == Eigen::Success && below.info() == Eigen::Success;
+    return trusted ? corrected : at.information;
+  }
+
+ private:
+  MatrixXd E_;
+};
 
 // (J + lambda diag J)^-1 g on the given coordinates, zero elsewhere. Directions without information
 // get no step: the scaled system's eigenvalues below 1e-13 of the largest are left out.
@@ -125,9 +170,12 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   if (start.size() == 0) return finish(Termination::converged, "nothing is free");
 
   double lambda = 0.0;
+  CurvatureCorrection correction(start.size());
   while (true) {
     const std::vector<Index> free = free_coordinates(problem, at);
     const double decrement = 0.5 * at.gradient.dot(damped_step(at, free, 0.0));
+    Point model = at;
+    model.information = correction.apply(at, free);
     if (decrement <= options.decrement_tolerance) {
       return finish(Termination::converged, "the increase still expected is below the tolerance");
     }
@@ -142,10 +190,10 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     bool accepted = false;
     while (!accepted) {
       Point next;
-      const VectorXd step = boxed_step(problem, at, free, lambda);
+      const VectorXd step = boxed_step(problem, model, free, lambda);
       next.x = (at.x + step).cwiseMax(problem.lower).cwiseMin(problem.upper);
       const VectorXd moved = next.x - at.x;
-      const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(at.information * moved);
+      const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(model.information * moved);
       ++summary.evaluations;
       const bool defined = problem.evaluate(next.x, next.L, &next.gradient, &next.information) &&
                            std::isfinite(next.L);
@@ -159,6 +207,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
         const bool good = small || gain > 0.5 * std::min(predicted, 1.0);
         lambda = good ? (lambda < 1e-3 ? 0.0 : lambda / 8.0) : lambda;
         const bool stalled = small && moved.cwiseAbs().maxCoeff() == 0.0;
+        correction.learn(at, next, gain);
         at = std::move(next);
         out.x = at.x;
         summary.objective = at.L;

@@ -293,6 +293,42 @@ TEST(Kalman, StaysDefiniteOnStiffNoise) {
   }
 }
 
+TEST(Kalman, ConstantGainEqualsTheFullRecursion) {
+  // Keep::everything never switches to the constant gain. Gaps make the other one leave it and come
+  // back.
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Random random(seed);
+    Case c = random_case(seed, false);
+    const Index ny = c.y.rows(), N = 3000;
+    c.y = random_matrix(random, ny, N);
+    c.u = random_matrix(random, c.u.rows(), N);
+    c.y(0, 1000) = std::nan("");
+    StateSpace d = c.model;
+    d.A = 0.1 * random_matrix(random, d.A.rows(), d.A.cols());
+    d.B = random_matrix(random, d.B.rows(), d.B.cols());
+    d.G.setZero(), d.Q.setZero(), d.S.setZero(), d.x0.setZero(), d.P0.setZero();
+    d.R = MatrixXd::Identity(ny, ny);
+    const auto full = [&](double h) {
+      StateSpace m = c.model;
+      m.A += h * d.A, m.B += h * d.B, m.C += h * d.C, m.D += h * d.D, m.R += h * d.R;
+      return kalman_filter(m, InitialState::diffuse, c.y, c.u);
+    };
+    const Likelihood l = log_likelihood(c.model, InitialState::diffuse, c.y, c.u, {d});
+    const FilterResult all = full(0.0);
+    ASSERT_EQ(l.status, FilterStatus::ok);
+    expect_relative(l.value, all.log_likelihood, 1e-12);
+    const double h = 1e-5,
+                 difference = (full(h).log_likelihood - full(-h).log_likelihood) / (2.0 * h);
+    EXPECT_NEAR(l.gradient[0], difference, 1e-6 * std::max(1.0, std::abs(difference)));
+    const FilterResult few =
+        kalman_filter(c.model, InitialState::diffuse, c.y, c.u, Keep::innovations);
+    const MatrixXd difference_e = (few.standardised - all.standardised).cwiseAbs();
+    EXPECT_LT(difference_e.unaryExpr([](double v) { return std::isnan(v) ? 0.0 : v; }).maxCoeff(),
+              1e-9);
+    EXPECT_EQ(few.e.array().isNaN().count(), all.e.array().isNaN().count());
+  }
+}
+
 TEST(Kalman, SaysWhatIsWrong) {
   Random random(1);
   Case c = random_case(3, false);

@@ -1,0 +1,189 @@
+#include <ceres/jet.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "lib/dual.h"
+#include "lib/manoeuvre.h"
+#include "lib/single_track.h"
+#include "solvers/solve.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Rosenbrock's valley: minimum 0 at (1, 1).
+LeastSquares rosenbrock() {
+  LeastSquares problem;
+  problem.residuals = 2;
+  problem.lower = VectorXd::Constant(2, -kInfinity);
+  problem.upper = VectorXd::Constant(2, kInfinity);
+  problem.evaluate = [](const VectorXd& x, VectorXd& r, LeastSquares::RowMatrix* J) {
+    r << 10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0];
+    if (J != nullptr) *J << -20.0 * x[0], 10.0, -1.0, 0.0;
+    return true;
+  };
+  return problem;
+}
+
+/// Straight line through three points; the columns differ in scale by 1e6.
+LeastSquares line(double slope, double offset) {
+  LeastSquares problem;
+  problem.residuals = 3;
+  problem.lower = VectorXd::Constant(2, -kInfinity);
+  problem.upper = VectorXd::Constant(2, kInfinity);
+  problem.evaluate = [=](const VectorXd& x, VectorXd& r, LeastSquares::RowMatrix* J) {
+    for (int i = 0; i < 3; ++i) {
+      r[i] = 1e6 * i * (x[0] - slope) + (x[1] - offset) + (i == 1 ? 0.1 : -0.05);
+      if (J != nullptr) J->row(i) << 1e6 * i, 1.0;
+    }
+    return true;
+  };
+  return problem;
+}
+
+VectorXd at(double a, double b) { return (VectorXd(2) << a, b).finished(); }
+
+TEST(CeresBackend, FindsTheMinimum) {
+  const Solution solution = solve(rosenbrock(), at(-1.2, 1.0));
+  EXPECT_EQ(solution.summary.termination, Termination::converged) << solution.summary.message;
+  EXPECT_TRUE(solution.x.isApprox(at(1.0, 1.0), 1e-9)) << solution.x.transpose();
+  EXPECT_NEAR(solution.summary.initial_objective, 0.5 * 24.2, 1e-12);
+  EXPECT_LT(solution.summary.objective, 1e-18);
+  EXPECT_GT(solution.summary.iterations, 1);
+  EXPECT_GT(solution.summary.evaluations, solution.summary.iterations);
+}
+
+TEST(CeresBackend, ScalesTheColumns) {
+  const Solution solution = solve(line(3e-6, 2.0), at(0.0, 0.0));
+  EXPECT_TRUE(solution.summary.usable());
+  // As near as the function tolerance asks for: sqrt(1e-12 * 2 f) in the residuals, f = 0.0075.
+  EXPECT_NEAR(1e6 * solution.x[0], 3.0, 2e-7);
+  EXPECT_NEAR(solution.x[1], 2.0, 2e-7);
+}
+
+// The valley cut off at x0 <= 0.5: the minimum lies on the bound, at (0.5, 0.25).
+TEST(CeresBackend, EndsOnABoundWithoutCrawling) {
+  LeastSquares problem = rosenbrock();
+  problem.upper[0] = 0.5;
+  for (const VectorXd& start : {at(-1.2, 1.0), at(0.5, 3.0), at(-3.0, -3.0)}) {
+    const Solution solution = solve(problem, start);
+    EXPECT_EQ(solution.summary.termination, Termination::converged) << solution.summary.message;
+    EXPECT_EQ(solution.x[0], 0.5);
+    EXPECT_NEAR(solution.x[1], 0.25, 1e-7);  // sqrt(function tolerance * 2 f) / 10, f = 1/8
+    EXPECT_LT(solution.summary.iterations, 40);
+  }
+}
+
+TEST(CeresBackend, LetsACoordinateGoThatStartedOnItsBound) {
+  LeastSquares problem = rosenbrock();
+  problem.lower << -2.0, -0.5;
+  problem.upper << 2.0, 3.0;
+  for (const VectorXd& start : {at(-2.0, -0.5), at(2.0, -0.5), at(-2.0, 3.0), at(2.0, 3.0)}) {
+    const Solution solution = solve(problem, start);
+    EXPECT_TRUE(solution.summary.usable()) << solution.summary.message;
+    EXPECT_TRUE(solution.x.isApprox(at(1.0, 1.0), 1e-8)) << solution.x.transpose();
+  }
+}
+
+TEST(CeresBackend, KeepsACoordinateWithoutRoom) {
+  LeastSquares problem = rosenbrock();
+  problem.lower[1] = problem.upper[1] = 4.0;
+  const Solution solution = solve(problem, at(1.0, 4.0));
+  EXPECT_EQ(solution.x[1], 4.0);
+  EXPECT_NEAR(solution.x[0], 2.0, 0.01);
+  problem.lower[0] = problem.upper[0] = 1.0;
+  const Solution fixed = solve(problem, at(1.0, 4.0));
+  EXPECT_EQ(fixed.x, at(1.0, 4.0));
+  EXPECT_TRUE(fixed.summary.usable()) << fixed.summary.message;
+}
+
+TEST(CeresBackend, BacksOffWhereTheModelIsUndefined) {
+  LeastSquares problem = rosenbrock();
+  const auto inner = problem.evaluate;
+  problem.evaluate = [&](const VectorXd& x, VectorXd& r, LeastSquares::RowMatrix* J) {
+    if (x[1] < -0.2 || x[1] > 4.5) return false;
+    if (x[0] > 1.6) r.setConstant(std::nan(""));  // an evaluation that does not notice itself
+    if (x[0] > 1.6) return true;
+    return inner(x, r, J);
+  };
+  const Solution solution = solve(problem, at(-1.2, 1.0));
+  EXPECT_TRUE(solution.x.isApprox(at(1.0, 1.0), 1e-8)) << solution.summary.message;
+  const Solution nowhere = solve(problem, at(0.0, 5.0));
+  EXPECT_EQ(nowhere.summary.termination, Termination::start_undefined);
+  EXPECT_FALSE(nowhere.summary.usable());
+  EXPECT_EQ(nowhere.x, at(0.0, 5.0));
+}
+
+TEST(CeresBackend, StopsWhenTold) {
+  SolverOptions options;
+  options.max_iterations = 3;
+  EXPECT_EQ(solve(rosenbrock(), at(-1.2, 1.0), options).summary.termination,
+            Termination::iteration_limit);
+  options = {};
+  int calls = 0;
+  options.progress = [&](int, double) { return ++calls < 4; };
+  const Solution stopped = solve(rosenbrock(), at(-1.2, 1.0), options);
+  EXPECT_EQ(stopped.summary.termination, Termination::iteration_limit);
+  EXPECT_EQ(stopped.summary.message, "stopped by the caller");
+  EXPECT_EQ(calls, 4);
+  options = {};
+  options.max_seconds = 0.0;
+  EXPECT_FALSE(solve(rosenbrock(), at(-1.2, 1.0), options).summary.usable());
+}
+
+TEST(CeresBackend, RefusesWhatDoesNotFit) {
+  LeastSquares problem = rosenbrock();
+  EXPECT_THROW(solve(problem, VectorXd::Zero(3)), std::invalid_argument);
+  EXPECT_THROW(solve(problem, VectorXd()), std::invalid_argument);
+  problem.upper[0] = -5.0;
+  EXPECT_THROW(solve(problem, at(0.0, 0.0)), std::invalid_argument);
+  problem = rosenbrock();
+  EXPECT_THROW(solve(problem, at(std::nan(""), 0.0)), std::invalid_argument);
+}
+
+// Ceres' own numbers run through the vehicle too, and agree with ours.
+TEST(CeresBackend, JetsAgreeWithDuals) {
+  constexpr int N = 4;
+  VehicleParameters<double> p = neutral_vehicle();
+  p[kMass] = 1446.0;
+  p[kA] = 0.987;
+  p[kB] = 1.525;
+  p[kYawInertia] = 2319.0;
+  p[kCf] = p[kCr] = 88107.7;
+  p[kSteeringRatio] = 21.0;
+  p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
+  const VectorXd time = VectorXd::LinSpaced(71, 0.0, 7.0);
+  const DrivenStretch stretch =
+      drive(time, steering(SevereLaneChange{}, time), VectorXd::Constant(71, 16.7), 300.0);
+  const auto last = [&](auto variable) {
+    using T = decltype(variable(0.0, 0));
+    VehicleParameters<T> q;
+    for (std::size_t i = 0; i < q.size(); ++i) q[i] = T(p[i]);
+    q[kCf] = variable(p[kCf], 0);
+    q[kYawInertia] = variable(p[kYawInertia], 1);
+    q[kSofteningRear] = variable(p[kSofteningRear], 2);
+    const auto car = softening_car(q);
+    T beta(0.0);
+    simulate(car, stretch, T(0.0), variable(0.1, 3),
+             [&](Eigen::Index k, const Motion<T>& motion, double vx) {
+               if (k == 25) beta = measured({VehicleQuantity::beta, 1.0, 0.2}, car, motion, vx);
+             });
+    return beta;
+  };
+  const Dual<N> ours = last([](double value, int i) { return Dual<N>(value, i); });
+  const ceres::Jet<double, N> theirs =
+      last([](double value, int i) { return ceres::Jet<double, N>(value, i); });
+  EXPECT_DOUBLE_EQ(ours.a, theirs.a);
+  for (int i = 0; i < N; ++i) {
+    EXPECT_NEAR(ours.v[static_cast<std::size_t>(i)], theirs.v[i], 1e-12 * std::abs(theirs.v[i]));
+  }
+}
+
+}  // namespace
+}  // namespace identikal
