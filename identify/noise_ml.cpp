@@ -397,7 +397,8 @@ void describe_filter(Estimate& estimate, const ModelFile& model, const Parameter
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;
   }
-  const FilterResult filter = kalman_filter(system, model.linear.initial, data.y, data.u, Keep::innovations);
+  const FilterResult filter =
+      kalman_filter(system, model.linear.initial, data.y, data.u, Keep::innovations);
   if (filter.status != FilterStatus::ok) {
     estimate.status = Status::not_converged;
     estimate.message = describe(filter.status);

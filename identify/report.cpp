@@ -116,8 +116,11 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
 }  // namespace
 
 std::string console_report(const Estimate& estimate) {
-  std::string out = wrapped(
-      fmt::format("{}: {} ({})", estimate.verb, estimate.model_name, estimate.objective.method), 4);
+  const std::string& method = estimate.objective.method;
+  std::string out =
+      wrapped(fmt::format("{}: {}{}", estimate.verb, estimate.model_name,
+                          method == estimate.verb ? "" : fmt::format(" ({})", method)),
+              4);
   for (const InputRecord& input : estimate.inputs) {
     out += fmt::format("data   {}: {} rows, {} used\n", input.path, input.rows, input.used);
   }

@@ -1,8 +1,9 @@
 #include "identify/tyre_saturation.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+
+#include <Eigen/LU>
 
 #include "identify/distribution.h"
 
@@ -22,7 +23,8 @@ VehicleProblem softening_problem(const VehicleProblem& linear) {
   for (int axle = 0; axle < 2; ++axle) {
     unknowns.free.push_back(axle == 0 ? kSofteningFront : kSofteningRear);
     unknowns.position.push_back(0);
-    // The unit is an axle that gives its own load at most (friction 1); below friction 0.1 nobody drives.
+    // The unit is an axle that gives its own load at most (friction 1); below friction 0.1 nobody
+    // drives.
     unknowns.scale[k + axle] = 1.0 / (load[axle] * load[axle]);
     unknowns.lower[k + axle] = 0.0;
     unknowns.upper[k + axle] = 100.0 * unknowns.scale[k + axle];
@@ -52,8 +54,7 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   TyreSaturation out;
   const VehicleProblem problem = softening_problem(linear);
   const Eigen::Index k = linear.parameters();
-  const Eigen::VectorXd at_linear =
-      with_softening(linear, optimum.z, Eigen::Vector2d::Zero());
+  const Eigen::VectorXd at_linear = with_softening(linear, optimum.z, Eigen::Vector2d::Zero());
   Eigen::VectorXd e;
   LeastSquares::RowMatrix J;
   if (!output_error(problem, at_linear, e, &J)) return out;
@@ -75,7 +76,8 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   out.score_p = chi_square_upper_tail(statistic, 2.0);
   if (out.score_p > kScoreLevel) return out;
 
-  // The score suggests a step; where it says that an axle does not soften, the refit may still find that it does.
+  // The score suggests a step; where it says that an axle does not soften, the refit may still find
+  // that it does.
   const Eigen::Vector2d step = (information.inverse() * score).cwiseMax(0.05).cwiseMin(4.0);
   const VehicleOptimum best =
       maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});

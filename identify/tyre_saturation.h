@@ -7,8 +7,9 @@ namespace identikal {
 
 /// A fit with axles that soften, F = -tanh(s C alpha)/s, beside the linear one.
 struct TyreSaturation {
-  double score_p = kNone;  ///< p-value of "both axles are linear", from the linear fit, white residuals
-  bool refitted = false;   ///< the rest is filled: the score test found something
+  double score_p =
+      kNone;  ///< p-value of "both axles are linear", from the linear fit, white residuals
+  bool refitted = false;                 ///< the rest is filled: the score test found something
   VehicleParameters<double> softened{};  ///< of the refit; softening = 1/(largest force)^2
   double gain = 0.0;                     ///< in log-likelihood over the linear fit
   struct Axle {
@@ -20,10 +21,11 @@ struct TyreSaturation {
   Eigen::VectorXd rms;  ///< per output of the refit, SI
 };
 
-/// Score test (Rao 1948) for the softening of both axles at the linear optimum; when it rejects at 1 %, the softening
-/// car is fitted. The score test takes the residuals as white: it only decides whether the refit is worth its time.
-/// What counts is the refit's softening over its standard error, which allows for coloured residuals (under a wrong
-/// linear model those of the linear fit are so coloured that no robust score test finds anything).
+/// Score test (Rao 1948) for the softening of both axles at the linear optimum; when it rejects at
+/// 1 %, the softening car is fitted. The score test takes the residuals as white: it only decides
+/// whether the refit is worth its time. What counts is the refit's softening over its standard
+/// error, which allows for coloured residuals (under a wrong linear model those of the linear fit
+/// are so coloured that no robust score test finds anything).
 TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
                                     const VehicleCovariance& covariance);
 

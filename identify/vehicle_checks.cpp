@@ -1,9 +1,9 @@
 #include "identify/vehicle_checks.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
+
+#include <fmt/format.h>
 
 #include "lib/units.h"
 
@@ -11,10 +11,10 @@ namespace identikal {
 namespace {
 
 constexpr double kDegrees = 57.295779513082323;
-constexpr double kFlippedBelow = -0.2;        // correlation; noise alone stays near 0
-constexpr double kPoorFit = 50.0;             // [%]
-constexpr double kSeriousForceLoss = 0.10;    // of the linear axle force
-constexpr double kNoiseFactor = 1.5;          // between residual and given noise
+constexpr double kFlippedBelow = -0.2;      // correlation; noise alone stays near 0
+constexpr double kPoorFit = 50.0;           // [%]
+constexpr double kSeriousForceLoss = 0.10;  // of the linear axle force
+constexpr double kNoiseFactor = 1.5;        // between residual and given noise
 
 /// Correlation of x with y over the usable rows; 0 when either is constant.
 double correlation(const VehicleRun& run, const Eigen::VectorXd& x, const Eigen::VectorXd& y) {
@@ -71,8 +71,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
     }
   }
   if (jr >= 0 && ja >= 0) {
-    const double c =
-        correlation(run, vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
+    const double c = correlation(run, vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
     if (c < kFlippedBelow) {
       estimate.warnings.push_back(
           {"sign_ay",
@@ -148,8 +147,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
   }
 }
 
-void check_whiteness(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                     Estimate& estimate) {
+void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
   if (!covariance.coloured) return;
   double widened = 0.0;
   for (Eigen::Index i = 0; i < covariance.white.rows(); ++i) {
@@ -164,16 +162,11 @@ void check_whiteness(const VehicleProblem& problem, const VehicleCovariance& cov
     names += (names.empty() ? "" : ", ") + test.channel;
   }
   estimate.warnings.push_back(
-      {"coloured_residuals",
-       "warning",
-       about,
-       fmt::format("residuals of {} are correlated in time: the model misses something. Standard "
-                   "errors allow for it over {:.2g} s; white ones would be up to {:.1f} times smaller",
-                   names,
-                   static_cast<double>(covariance.bandwidth) *
-                       (problem.run->time.tail(1)[0] - problem.run->time[0]) /
-                       std::max(1.0, static_cast<double>(problem.run->time.size() - 1)),
-                   std::max(widened, 1.0)),
+      {"coloured_residuals", "warning", about,
+       fmt::format(
+           "residuals of {} are correlated in time: the model misses something. Standard "
+           "errors allow for it over {:.2g} s; white ones would be up to {:.1f} times smaller",
+           names, covariance.memory, std::max(widened, 1.0)),
        "plot the residuals; validate on another recording"});
 }
 
@@ -192,8 +185,8 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
     if (!axle.significant) continue;
     about.emplace_back(is_front ? "Cf" : "Cr");
     text += fmt::format("{} {} axle {:.0f} % below it at {:.1f} deg of slip",
-                        about.size() > 1 ? "," : "", is_front ? "front" : "rear",
-                        100.0 * axle.loss, kDegrees * axle.slip);
+                        about.size() > 1 ? "," : "", is_front ? "front" : "rear", 100.0 * axle.loss,
+                        kDegrees * axle.slip);
   }
   text += ". With tyres that saturate (tanh):";
   const auto& free = problem.unknowns.free;
@@ -231,11 +224,11 @@ void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& 
   replay(problem, optimum.z, [&](Eigen::Index t, const Motion<double>& motion, double vx) {
     ay[t] = motion.ay;
     for (Eigen::Index j = 0; j < outputs; ++j) {
-      predicted(j, t) =
-          measured(run.outputs[static_cast<std::size_t>(j)].sensor, car, motion, vx);
+      predicted(j, t) = measured(run.outputs[static_cast<std::size_t>(j)].sensor, car, motion, vx);
     }
   });
-  // A car whose tyres saturate does not reach what the linear model predicts: measured values go first.
+  // A car whose tyres saturate does not reach what the linear model predicts: measured values go
+  // first.
   if (ja >= 0) {
     ay = run.y.row(ja).transpose();
   } else if (jr >= 0) {
@@ -263,9 +256,8 @@ void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& 
       }
     }
     if (rows == 0) continue;
-    std::string line =
-        last ? fmt::format("  over {:g}", edges[bin])
-             : fmt::format("  {:g} to {:g}", edges[bin], edges[bin + 1]);
+    std::string line = last ? fmt::format("  over {:g}", edges[bin])
+                            : fmt::format("  {:g} to {:g}", edges[bin], edges[bin + 1]);
     line = fmt::format("{:<10} {:>3.0f} % of rows", line,
                        100.0 * static_cast<double>(rows) / static_cast<double>(present));
     for (Eigen::Index j = 0; j < outputs; ++j) {

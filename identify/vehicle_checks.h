@@ -1,4 +1,5 @@
-// What would an experienced engineer say about this vehicle fit? Warnings and notes; nothing is changed.
+// What would an experienced engineer say about this vehicle fit? Warnings and notes; nothing is
+// changed.
 #pragma once
 
 #include "identify/estimate.h"
@@ -13,7 +14,8 @@ double in_unit(const VehicleRun::Output& output, double si);
 /// vx delta must go with r, and vx r with ay (ISO 8855): a negative correlation is a flipped axis.
 void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Estimate& estimate);
 
-/// Iz/(m a b) outside 0.8 to 1.3 and axle stiffness per load outside 5 to 25 per rad, for determined values.
+/// Iz/(m a b) outside 0.8 to 1.3 and axle stiffness per load outside 5 to 25 per rad, for
+/// determined values.
 void check_plausibility(const VehicleProblem& problem, const VehicleParameters<double>& p,
                         Estimate& estimate);
 
@@ -22,8 +24,7 @@ void check_plausibility(const VehicleProblem& problem, const VehicleParameters<d
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate);
 
 /// Says when the standard errors had to be widened.
-void check_whiteness(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                     Estimate& estimate);
+void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate);
 
 /// Says whether, and by how much, the tyres leave the linear range.
 void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,

@@ -1,9 +1,10 @@
 #include "identify/vehicle_covariance.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 
 #include "identify/distribution.h"
 #include "lib/long_run_covariance.h"
@@ -12,8 +13,8 @@
 namespace identikal {
 namespace {
 
-// Eigenvalues of the unit-diagonal information below this share of the largest carry no information, as in
-// judge_parameters().
+// Eigenvalues of the unit-diagonal information below this share of the largest carry no
+// information, as in judge_parameters().
 constexpr double kFlat = 1e-9;
 constexpr double kColouredLevel = 0.01;
 
@@ -63,9 +64,9 @@ void test_whiteness(const VehicleProblem& problem, VehicleCovariance& out) {
   }
 }
 
-/// Long-run covariance at Andrews' bandwidth or a multiple of it up to an eighth of the record, whichever gives
-/// the widest errors on average over the parameters: his rule looks at neighbouring rows only, and misses slow
-/// model errors under fast noise.
+/// Long-run covariance at Andrews' bandwidth or a multiple of it up to an eighth of the record,
+/// whichever gives the widest errors on average over the parameters: his rule looks at neighbouring
+/// rows only, and misses slow model errors under fast noise.
 Eigen::MatrixXd widest_long_run_covariance(const Eigen::MatrixXd& scores,
                                            const Eigen::MatrixXd& white, Eigen::Index& bandwidth) {
   const Eigen::Index largest = std::max<Eigen::Index>(1, scores.cols() / 8);
@@ -115,14 +116,15 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
 
   for (Eigen::Index i = 0; i < k; ++i) {
     const double near = 1e-8 * std::max(1.0, std::abs(optimum.z[i]));
-    const bool at_bound = optimum.z[i] - problem.lower[i] <= near ||
-                          problem.upper[i] - optimum.z[i] <= near;
+    const bool at_bound =
+        optimum.z[i] - problem.lower[i] <= near || problem.upper[i] - optimum.z[i] <= near;
     out.at_bound.push_back(at_bound);
     if (!at_bound) out.inner.push_back(i);
   }
   const auto inner = static_cast<Eigen::Index>(out.inner.size());
 
-  // Weigh, and take the initial states out: what they can explain tells nothing about the parameters.
+  // Weigh, and take the initial states out: what they can explain tells nothing about the
+  // parameters.
   for (std::size_t i = 0; i < problem.output.size(); ++i) {
     const auto n = static_cast<Eigen::Index>(i);
     J.row(n) /= optimum.sd[problem.output[i]];
@@ -135,7 +137,8 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   const Eigen::MatrixXd states = range_of(J.rightCols(problem.coordinates() - k));
   X -= states * (states.transpose() * X);
 
-  // Eigenvectors of the information scaled to unit diagonal: X basis is orthonormal, `null` is flat.
+  // Eigenvectors of the information scaled to unit diagonal: X basis is orthonormal, `null` is
+  // flat.
   Eigen::VectorXd size = X.colwise().norm().transpose();
   for (Eigen::Index i = 0; i < inner; ++i) {
     if (!(size[i] > 0.0)) size[i] = 1.0;
@@ -179,8 +182,8 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     scale[i] = problem.unknowns.scale[out.inner[static_cast<std::size_t>(i)]];
   }
   const Eigen::MatrixXd information = X.transpose() * X;
-  out.information = scale.cwiseInverse().asDiagonal() * information *
-                    scale.cwiseInverse().asDiagonal();
+  out.information =
+      scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
   out.null_space = null.cols() == 0
                        ? null
                        : Eigen::MatrixXd(null.householderQr().householderQ() *
@@ -198,8 +201,12 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     const Eigen::MatrixXd spread = widest_long_run_covariance(scores, inverse, out.bandwidth);
     const double correction = static_cast<double>(m) / out.freedom;
     out.covariance = correction * (scale.asDiagonal() * spread * scale.asDiagonal());
-    // The spread is itself an estimate: with these degrees of freedom Student's t has the critical values of Kiefer
-    // & Vogelsang (2005, table 1) for Bartlett's window at this share of the record, within 2 %.
+    const Eigen::VectorXd& time = problem.run->time;
+    out.memory = static_cast<double>(out.bandwidth) * (time.tail(1)[0] - time[0]) /
+                 static_cast<double>(time.size() - 1);
+    // The spread is itself an estimate: with these degrees of freedom Student's t has the critical
+    // values of Kiefer & Vogelsang (2005, table 1) for Bartlett's window at this share of the
+    // record, within 2 %.
     out.freedom = std::max(
         1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
   }

@@ -1,9 +1,10 @@
 // How far can the vehicle's parameters be trusted, and which of them do the data determine at all?
 #pragma once
 
-#include <Eigen/Core>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "identify/vehicle_problem.h"
 
@@ -11,38 +12,40 @@ namespace identikal {
 
 /// Everything about the free parameters is SI and belongs to `inner`, in that order.
 struct VehicleCovariance {
-  Eigen::VectorXd sd;           ///< noise per output: given, or corrected for the degrees of freedom used
-  Eigen::VectorXd residuals;    ///< simulated minus measured over sd, one per residual of the problem
-  std::vector<bool> at_bound;   ///< of every free parameter; those are held there
+  Eigen::VectorXd sd;  ///< noise per output: given, or corrected for the degrees of freedom used
+  Eigen::VectorXd residuals;  ///< simulated minus measured over sd, one per residual of the problem
+  std::vector<bool> at_bound;       ///< of every free parameter; those are held there
   std::vector<Eigen::Index> inner;  ///< free parameters that are not at a bound
-  Eigen::MatrixXd information;  ///< J' J with the initial states eliminated
-  Eigen::MatrixXd null_space;   ///< orthonormal directions of parameter/scale that change no output
-  Eigen::MatrixXd white;        ///< inverse of the information off the null space: Cramer-Rao bound
-  Eigen::MatrixXd covariance;   ///< `white`, or the sandwich when residuals are coloured
+  Eigen::MatrixXd information;      ///< J' J with the initial states eliminated
+  Eigen::MatrixXd null_space;  ///< orthonormal directions of parameter/scale that change no output
+  Eigen::MatrixXd white;       ///< inverse of the information off the null space: Cramer-Rao bound
+  Eigen::MatrixXd covariance;  ///< `white`, or the sandwich when residuals are coloured
   std::vector<TestResult> whiteness;  ///< Ljung-Box per output
   bool coloured = false;
-  Eigen::Index bandwidth = 1;   ///< rows over which scores are taken as correlated
-  double freedom = 1.0;         ///< degrees of freedom of Student's t to go with `covariance`
+  Eigen::Index bandwidth = 1;  ///< rows over which scores are taken as correlated
+  double memory = 0.0;         ///< the same in seconds
+  double freedom = 1.0;        ///< degrees of freedom of Student's t to go with `covariance`
 };
 
-/// At an optimum of the problem. White residuals: (J' J)^-1. Coloured ones (Ljung-Box at 1 % over all outputs):
-/// (J' J)^-1 S (J' J)^-1 with S the long-run covariance of the scores summed over outputs (White 1982,
-/// Newey & West 1987). Of bandwidths from Andrews' (1991) up to an eighth of the rows the one with the widest errors
-/// is taken.
+/// At an optimum of the problem. White residuals: (J' J)^-1. Coloured ones (Ljung-Box at 1 % over
+/// all outputs): (J' J)^-1 S (J' J)^-1 with S the long-run covariance of the scores summed over
+/// outputs (White 1982, Newey & West 1987). Of bandwidths from Andrews' (1991) up to an eighth of
+/// the rows the one with the widest errors is taken.
 VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum);
 
-/// Residual maker: the part of the columns of B that is orthogonal to those of A. Columns of A that depend on
-/// each other do no harm.
+/// Residual maker: the part of the columns of B that is orthogonal to those of A. Columns of A that
+/// depend on each other do no harm.
 Eigen::MatrixXd orthogonal_part(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 
-/// Sums over the outputs of each row: column t holds sum of weight(i) * rows of X belonging to that row of the
-/// recording. One column per row that has a residual.
+/// Sums over the outputs of each row: column t holds sum of weight(i) * rows of X belonging to that
+/// row of the recording. One column per row that has a residual.
 Eigen::MatrixXd summed_by_row(const VehicleProblem& problem, const Eigen::MatrixXd& X,
                               const Eigen::VectorXd& weight);
 
 /// Standard error of a function of the free parameters (delta method).
 /// @param gradient  by the free parameters, SI
-/// @return NaN when the function changes along a direction that the data do not determine, or depends on a
+/// @return NaN when the function changes along a direction that the data do not determine, or
+/// depends on a
 ///   parameter at a bound
 double standard_error(const VehicleProblem& problem, const VehicleCovariance& covariance,
                       const Eigen::VectorXd& gradient);

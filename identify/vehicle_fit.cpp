@@ -1,9 +1,9 @@
 #include "identify/vehicle_fit.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
+
+#include <fmt/format.h>
 
 #include "identify/distribution.h"
 #include "identify/tyre_saturation.h"
@@ -19,9 +19,10 @@
 namespace identikal {
 namespace {
 
-constexpr std::size_t kOptimised = 3;     // of the starts, those with the best likelihood
-constexpr double kSameMaximum = 0.01;     // in log-likelihood
-constexpr double kTooStiffForSteps = 1.6;  // decay rate over what the integration steps were made for
+constexpr std::size_t kOptimised = 3;  // of the starts, those with the best likelihood
+constexpr double kSameMaximum = 0.01;  // in log-likelihood
+constexpr double kTooStiffForSteps =
+    1.6;  // decay rate over what the integration steps were made for
 
 struct Search {
   VehicleProblem problem;
@@ -39,11 +40,13 @@ Search search(const VehicleRun& run, const VehicleUnknowns& unknowns,
               const VehicleFitOptions& options) {
   const std::vector<VehicleParameters<double>> starts =
       vehicle_starts(run, unknowns, options.starts, options.seed);
-  // Any start may be far off; integration steps are made for the least stiff, and remade for the answer.
+  // Any start may be far off; integration steps are made for the least stiff, and remade for the
+  // answer.
   Search out;
-  const auto softest = std::min_element(starts.begin(), starts.end(), [](const auto& p, const auto& q) {
-    return decay_rate_times_speed(linear_car(p)) < decay_rate_times_speed(linear_car(q));
-  });
+  const auto softest =
+      std::min_element(starts.begin(), starts.end(), [](const auto& p, const auto& q) {
+        return decay_rate_times_speed(linear_car(p)) < decay_rate_times_speed(linear_car(q));
+      });
   out.problem = problem_for(run, unknowns, *softest);
 
   struct Candidate {
@@ -64,7 +67,7 @@ Search search(const VehicleRun& run, const VehicleUnknowns& unknowns,
   if (candidates.size() > kOptimised) candidates.resize(kOptimised);
 
   SolverOptions solver;
-  if (options.progress != nullptr) solver.progress = options.progress;
+  solver.progress = options.progress;
   std::vector<VehicleOptimum> summits;
   for (const Candidate& candidate : candidates) {
     summits.push_back(maximise_likelihood(out.problem, candidate.z, solver));
@@ -91,29 +94,26 @@ Search search(const VehicleRun& run, const VehicleUnknowns& unknowns,
   return out;
 }
 
-void report_parameters(const ModelFile& model, const Search& found,
-                       const VehicleCovariance& covariance, Estimate& estimate) {
-  const VehicleUnknowns& unknowns = found.problem.unknowns;
-  const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
-  std::vector<double> scale(model.parameters.size(), 1.0);
-  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
-    const Parameter& given = model.parameters[i];
-    const auto unit = parse_unit(given.unit);
-    const auto in_users_unit = [&](double si) { return unit ? unit->from_si(si) : si; };
-    if (unit) scale[i] = unit->scale;
+/// The model file's parameters in its units; free ones still stand at their start.
+void list_parameters(const ModelFile& model, Estimate& estimate) {
+  for (const Parameter& given : model.parameters) {
     EstimatedParameter result;
     result.name = given.name;
     result.unit = given.unit;
     result.fixed = given.fixed;
-    result.start = in_users_unit(given.scalar());
+    result.start = parse_unit(given.unit).value_or(Unit{}).from_si(given.scalar());
     result.value = result.start;
     estimate.parameters.push_back(result);
   }
+}
+
+void report_parameters(const Search& found, const VehicleCovariance& covariance,
+                       Estimate& estimate) {
+  const VehicleUnknowns& unknowns = found.problem.unknowns;
+  const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
-    const auto unit = parse_unit(result.unit);
-    const double si = p[unknowns.free[i]];
-    result.value = unit ? unit->from_si(si) : si;
+    result.value = parse_unit(result.unit).value_or(Unit{}).from_si(p[unknowns.free[i]]);
   }
 
   // A parameter at a bound has no interval; the others are judged as if it were known.
@@ -121,7 +121,8 @@ void report_parameters(const ModelFile& model, const Search& found,
   Eigen::VectorXd to_user(k);
   for (Eigen::Index i = 0; i < k; ++i) {
     const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
-    to_user[i] = 1.0 / scale[unknowns.position[n]];
+    const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
+    to_user[i] = 1.0 / parse_unit(unit).value_or(Unit{}).scale;
   }
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     if (covariance.at_bound[i]) {
@@ -142,15 +143,10 @@ void report_parameters(const ModelFile& model, const Search& found,
     EstimatedParameter& result = estimate.parameters[unknowns.position[n]];
     if (!std::isnan(result.se)) result.crb_se = std::sqrt(covariance.white(i, i)) * to_user[i];
   }
-  const VehicleRun& run = *found.problem.run;
-  if (!covariance.coloured) {
-    estimate.covariance_kind = "inverse information, white residuals (Cramer-Rao)";
-  } else {
-    estimate.covariance_kind = fmt::format(
-        "sandwich, residuals correlated over {:.2g} s",
-        static_cast<double>(covariance.bandwidth) * (run.time.tail(1)[0] - run.time[0]) /
-            static_cast<double>(std::max<Eigen::Index>(1, run.time.size() - 1)));
-  }
+  estimate.covariance_kind =
+      covariance.coloured
+          ? fmt::format("sandwich, residuals correlated over {:.2g} s", covariance.memory)
+          : "inverse information, white residuals (Cramer-Rao)";
 }
 
 void report_series(const Search& found, const VehicleCovariance& covariance, Estimate& estimate) {
@@ -172,8 +168,7 @@ void report_series(const Search& found, const VehicleCovariance& covariance, Est
   replay(problem, found.best.z, [&](Eigen::Index t, const Motion<double>& motion, double vx) {
     for (Eigen::Index j = 0; j < ny; ++j) {
       const auto n = static_cast<std::size_t>(j);
-      series.predicted(j, t) =
-          units[n].from_si(measured(run.outputs[n].sensor, car, motion, vx));
+      series.predicted(j, t) = units[n].from_si(measured(run.outputs[n].sensor, car, motion, vx));
       series.measured(j, t) = units[n].from_si(run.y(j, t));
     }
   });
@@ -239,7 +234,7 @@ void report_derived(const Search& found, const VehicleCovariance& covariance, Es
 
   constexpr double kDegreePerG = 57.295779513082323 * kStandardGravity;
   add("K", "rad/(m/s^2)", 1.0, [](const auto& car) { return understeer_gradient(car); });
-  add("K_deg", "deg/g", kDegreePerG, [](const auto& car) { return understeer_gradient(car); });
+  add("K per g", "deg/g", kDegreePerG, [](const auto& car) { return understeer_gradient(car); });
   add("DF", "deg/g", kDegreePerG, [](const auto& car) { return front_compliance(car); });
   add("DR", "deg/g", kDegreePerG, [](const auto& car) { return rear_compliance(car); });
   const bool understeers = p[kB] * p[kCr] > p[kA] * p[kCf];
@@ -273,7 +268,7 @@ void report_derived(const Search& found, const VehicleCovariance& covariance, Es
 void report_objective(const Search& found, Eigen::Index flat, Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
-  objective.method = "output error (maximum likelihood)";
+  objective.method = "output_error";
   objective.log_likelihood = found.best.log_likelihood;
   Eigen::VectorXd e;
   if (output_error(problem, coordinates_of(problem, problem.unknowns.value), e, nullptr)) {
@@ -320,33 +315,40 @@ void conclude(const Search& found, Estimate& estimate) {
     estimate.message = "do not use these values: " + listed(serious);
   } else {
     estimate.status = Status::ok;
-    estimate.message = free == 0
-                           ? fmt::format("simulated {} rows, nothing to fit", found.problem.run->used)
-                           : fmt::format("{} parameter{} fitted to {} samples", free,
-                                         free == 1 ? "" : "s", found.problem.residuals());
+    estimate.message =
+        free == 0 ? fmt::format("simulated {} rows, nothing to fit", found.problem.run->used)
+                  : fmt::format("{} parameter{} fitted to {} samples", free, free == 1 ? "" : "s",
+                                found.problem.residuals());
   }
 }
 
 }  // namespace
 
-Estimate fit_vehicle(const ModelFile& model, const Dataset& data, const VehicleFitOptions& options) {
+Estimate fit_vehicle(const ModelFile& model, const Dataset& data,
+                     const VehicleFitOptions& options) {
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, data);
   Estimate estimate;
   estimate.verb = "fit";
   estimate.model_name = model.name;
-  estimate.inputs.push_back({data.name, "", static_cast<long>(data.size()), static_cast<long>(run.used)});
+  estimate.inputs.push_back(
+      {data.name, "", static_cast<long>(data.size()), static_cast<long>(run.used)});
   estimate.warnings = run.warnings;
   estimate.notes = run.notes;
 
-  const Search found = search(run, unknowns, options);
-  if (found.problem.residuals() <= found.problem.coordinates()) {
+  list_parameters(model, estimate);
+
+  const std::size_t sought = unknowns.free.size() + 2 * run.stretches.size();
+  Eigen::Index samples = 0;
+  for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
+  if (samples <= static_cast<Eigen::Index>(sought)) {
     throw InputError(
         Location{data.name, 0, 0},
         fmt::format("{} samples of the outputs for {} unknowns (parameters and initial states)",
-                    found.problem.residuals(), found.problem.coordinates()),
+                    samples, sought),
         "more samples than unknowns");
   }
+  const Search found = search(run, unknowns, options);
   if (found.best.z.size() == 0) {
     conclude(found, estimate);
     return estimate;
@@ -355,7 +357,7 @@ Estimate fit_vehicle(const ModelFile& model, const Dataset& data, const VehicleF
   const VehicleCovariance covariance = vehicle_covariance(found.problem, found.best);
   estimate.tests = covariance.whiteness;
   report_objective(found, covariance.null_space.cols(), estimate);
-  report_parameters(model, found, covariance, estimate);
+  report_parameters(found, covariance, estimate);
   report_series(found, covariance, estimate);
   report_derived(found, covariance, estimate);
 
@@ -364,7 +366,7 @@ Estimate fit_vehicle(const ModelFile& model, const Dataset& data, const VehicleF
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);
   check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance), estimate);
-  check_whiteness(found.problem, covariance, estimate);
+  check_whiteness(covariance, estimate);
   check_plausibility(found.problem, p, estimate);
   describe_acceleration(found.problem, found.best, estimate);
   conclude(found, estimate);

@@ -1,10 +1,10 @@
 #include "identify/vehicle_problem.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include <fmt/format.h>
 
 #include "lib/dual.h"
 #include "lib/error.h"
@@ -14,8 +14,8 @@
 namespace identikal {
 namespace {
 
-// Bounds of positive parameters that have none in the model file, in units of the typical size. What ends here
-// is reported as at its bound: the data want a rigid car.
+// Bounds of positive parameters that have none in the model file, in units of the typical size.
+// What ends here is reported as at its bound: the data want a rigid car.
 constexpr double kSmallest = 1e-3, kLargest = 20.0;
 
 bool must_be_positive(VehicleParameter p) {
@@ -63,14 +63,12 @@ void predict(const VehicleProblem& problem, const Car& car, std::size_t s, const
              std::size_t& residual, Each&& each) {
   const VehicleRun& run = *problem.run;
   const Eigen::Index first = run.stretches[s].first;
-  simulate(car, problem.driven[s], vy, r,
-           [&](Eigen::Index k, const Motion<T>& motion, double vx) {
-             for (; residual < problem.row.size() && problem.row[residual] == first + k;
-                  ++residual) {
-               const auto output = static_cast<std::size_t>(problem.output[residual]);
-               each(residual, measured(run.outputs[output].sensor, car, motion, vx));
-             }
-           });
+  simulate(car, problem.driven[s], vy, r, [&](Eigen::Index k, const Motion<T>& motion, double vx) {
+    for (; residual < problem.row.size() && problem.row[residual] == first + k; ++residual) {
+      const auto output = static_cast<std::size_t>(problem.output[residual]);
+      each(residual, measured(run.outputs[output].sensor, car, motion, vx));
+    }
+  });
 }
 
 }  // namespace
@@ -95,8 +93,12 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
       throw InputError(at, "parameter '" + given.name + "'", "one of the single-track vehicle's",
                        did_you_mean(given.name, known));
     }
-    // Without a ratio the road-wheel angle itself is the input, whatever the file says about the ratio.
-    if (*parameter == kSteeringRatio && model.vehicle.steering_at_road_wheel) continue;
+    if (*parameter == kSteeringRatio && model.vehicle.steering_at_road_wheel) {
+      if (given.fixed) continue;
+      throw InputError(at,
+                       "steering_ratio is to be fitted, but the angle is that of the road wheel",
+                       "", "fit steering_gain instead");
+    }
     out.value[*parameter] = given.scalar();
     if (given.fixed) continue;
     out.free.push_back(*parameter);
@@ -152,8 +154,8 @@ VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns
       }
     }
   }
-  problem.sample = Eigen::Map<const Eigen::VectorXd>(samples.data(),
-                                                     static_cast<Eigen::Index>(samples.size()));
+  problem.sample =
+      Eigen::Map<const Eigen::VectorXd>(samples.data(), static_cast<Eigen::Index>(samples.size()));
   const Eigen::Index k = problem.parameters();
   const auto states = 2 * static_cast<Eigen::Index>(run.stretches.size());
   problem.lower.resize(k + states);

@@ -1,9 +1,11 @@
-// Output error of the vehicle: simulated minus measured, with exact derivatives, and its maximum likelihood.
+// Output error of the vehicle: simulated minus measured, with exact derivatives, and its maximum
+// likelihood.
 #pragma once
 
-#include <Eigen/Core>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "identify/vehicle_run.h"
 #include "lib/parameter.h"
@@ -22,16 +24,17 @@ struct VehicleUnknowns {
 };
 
 /// Reads the parameters of the model file; what it does not name is neutral (neutral_vehicle()).
-/// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a mass,
+/// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a
+/// mass,
 ///   length, inertia, stiffness or steering ratio that is not positive
 VehicleUnknowns vehicle_unknowns(const ModelFile& model);
 
 /// Axle loads at standstill [N], front and rear.
 Eigen::Vector2d axle_loads(const VehicleParameters<double>& p);
 
-/// The least squares problem. Its coordinates are the free parameters over their scale, then (vy, r) over
-/// kStateScale at the begin of every stretch. Residuals are ordered by row, then output; missing samples
-/// have none.
+/// The least squares problem. Its coordinates are the free parameters over their scale, then (vy,
+/// r) over kStateScale at the begin of every stretch. Residuals are ordered by row, then output;
+/// missing samples have none.
 struct VehicleProblem {
   const VehicleRun* run = nullptr;
   VehicleUnknowns unknowns;
@@ -56,8 +59,8 @@ VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns
 /// All parameters at these coordinates, clipped to nothing.
 VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z);
 
-/// Coordinates that stand for these parameters (clipped to the bounds) and for initial states read off the
-/// first samples, or taken as steady where vy or r is not measured.
+/// Coordinates that stand for these parameters (clipped to the bounds) and for initial states read
+/// off the first samples, or taken as steady where vy or r is not measured.
 Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParameters<double>& p);
 
 /// Simulated minus measured, SI, and when `J` is not null its derivative by the coordinates.
@@ -87,8 +90,9 @@ void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& o
 /// Root mean square of the errors of each output.
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e);
 
-/// Standard deviations to weigh with: the given ones, else the root mean square of the errors, but no less
-/// than 1e-7 of the output's largest value, below which only rounding and integration errors are left.
+/// Standard deviations to weigh with: the given ones, else the root mean square of the errors, but
+/// no less than 1e-7 of the output's largest value, below which only rounding and integration
+/// errors are left.
 Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e);
 
 /// Gaussian log-likelihood with these standard deviations per output.
@@ -106,8 +110,8 @@ struct VehicleOptimum {
   int evaluations = 0;
 };
 
-/// Least squares with fixed weights and re-estimation of the noise in turn, until neither moves: this climbs
-/// the likelihood to its maximum for white noise of unknown size.
+/// Least squares with fixed weights and re-estimation of the noise in turn, until neither moves:
+/// this climbs the likelihood to its maximum for white noise of unknown size.
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options);
 

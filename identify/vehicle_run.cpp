@@ -1,9 +1,9 @@
 #include "identify/vehicle_run.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
+
+#include <fmt/format.h>
 
 #include "lib/error.h"
 #include "lib/nearest_name.h"
@@ -16,7 +16,7 @@ constexpr Eigen::Index kFewestRows = 8;
 constexpr double kShortest = 1.0;    // [s]
 constexpr double kLongestGap = 3.0;  // [sampling periods]
 constexpr std::size_t kMostStretches = 60;
-constexpr double kSlowestModel = 0.5;   // [m/s]; the model divides by the speed
+constexpr double kSlowestModel = 0.5;    // [m/s]; the model divides by the speed
 constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
 
 Location in(const Dataset& data) { return Location{data.name, 0, 0}; }
@@ -201,6 +201,11 @@ VehicleRun usable_run(const ModelFile& model, const Dataset& data) {
   if (data.u.rows() != 2 || data.u.cols() != data.size()) {
     throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
                      "two: the steering angle, then vx");
+  }
+  if (data.y.rows() != static_cast<Eigen::Index>(model.outputs.size()) ||
+      data.y.cols() != data.size()) {
+    throw InputError(in(data), fmt::format("{} outputs", data.y.rows()),
+                     fmt::format("the {} of the model", model.outputs.size()));
   }
   VehicleRun run;
   Losses lost;

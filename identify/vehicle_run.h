@@ -1,9 +1,10 @@
 // Which rows of a recording can the vehicle be fitted to?
 #pragma once
 
-#include <Eigen/Core>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "identify/estimate.h"
 #include "identify/model_file.h"
@@ -12,7 +13,8 @@
 
 namespace identikal {
 
-/// The usable part of a recording, SI. Columns of `y` and entries of the vectors follow the recording's rows.
+/// The usable part of a recording, SI. Columns of `y` and entries of the vectors follow the
+/// recording's rows.
 struct VehicleRun {
   struct Output {
     std::string name;
@@ -39,8 +41,9 @@ struct VehicleRun {
   Eigen::Index find(VehicleQuantity quantity) const;
 };
 
-/// Splits the recording where steering or vx is missing, vx is below the minimum speed or time jumps by more
-/// than three sampling periods; leaves out stretches under 1 s or 8 rows and outputs that are dead.
+/// Splits the recording where steering or vx is missing, vx is below the minimum speed or time
+/// jumps by more than three sampling periods; leaves out stretches under 1 s or 8 rows and outputs
+/// that are dead.
 /// @throws InputError, in words, when nothing usable is left or the steering never moves
 VehicleRun usable_run(const ModelFile& model, const Dataset& data);
 

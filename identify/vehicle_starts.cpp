@@ -1,8 +1,9 @@
 #include "identify/vehicle_starts.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+
+#include <Eigen/QR>
 
 #include "lib/random.h"
 
@@ -131,8 +132,7 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& str
 bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unknowns,
                                VehicleParameters<double>& p) {
   const Eigen::Index ja = run.find(VehicleQuantity::ay);
-  const bool vy_known =
-      run.find(VehicleQuantity::vy) >= 0 || run.find(VehicleQuantity::beta) >= 0;
+  const bool vy_known = run.find(VehicleQuantity::vy) >= 0 || run.find(VehicleQuantity::beta) >= 0;
   if (run.find(VehicleQuantity::r) < 0 || (!vy_known && ja < 0)) return false;
   const double ay_lever = ja >= 0 ? run.outputs[static_cast<std::size_t>(ja)].sensor.x : 0.0;
 
@@ -179,8 +179,7 @@ bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unk
   if (is_free(unknowns, kYawInertia)) {
     const Eigen::VectorXd moment =
         p[kA] * stiffness[0] * X.col(0) - p[kB] * stiffness[1] * X.col(1);
-    const double inertia =
-        moment.squaredNorm() / moment.dot(as_vector(yaw_acceleration));
+    const double inertia = moment.squaredNorm() / moment.dot(as_vector(yaw_acceleration));
     const double typical = p[kMass] * p[kA] * p[kB];
     if (!(inertia > 0.1 * typical) || !(inertia < 10.0 * typical)) return false;
     found[kYawInertia] = inertia;
@@ -202,8 +201,8 @@ std::vector<VehicleParameters<double>> vehicle_starts(const VehicleRun& run,
   for (int i = 2; i < besides; ++i) {
     VehicleParameters<double> p = typical;
     for (const VehicleParameter parameter : unknowns.free) {
-      // Spreads by a factor of 2 (stiffness) and 1.3 (inertia) either way; small additive quantities keep
-      // their neutral value, which is nearly always near the truth.
+      // Spreads by a factor of 2 (stiffness) and 1.3 (inertia) either way; small additive
+      // quantities keep their neutral value, which is nearly always near the truth.
       if (parameter == kCf || parameter == kCr) p[parameter] *= std::exp2(random.normal());
       if (parameter == kYawInertia) p[parameter] *= std::exp2(0.4 * random.normal());
     }

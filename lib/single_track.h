@@ -154,7 +154,7 @@ struct SingleTrackMatrices {
 };
 SingleTrackMatrices single_track_matrices(const SingleTrack<double>& car, double vx);
 
-// ---------------------------------------------------------------------------------------------------------
+// ---------------------------------------------------------------------------------------------
 // Simulation
 
 /// What moves: the state, and the accelerations that follow from it.
@@ -278,7 +278,7 @@ void simulate(const SingleTrack<T, Axle>& car, const DrivenStretch& stretch, T v
 /// zero when there is no steady state (at the critical speed).
 Eigen::Vector2d steady_state(const SingleTrack<double>& car, const DrivenStretch::Node& at);
 
-// ---------------------------------------------------------------------------------------------------------
+// ---------------------------------------------------------------------------------------------
 // Outputs
 
 enum class VehicleQuantity { r, vy, ay, beta };
@@ -312,7 +312,7 @@ T measured(const VehicleSensor& sensor, const SingleTrack<T, Axle>& car, const M
   return atan2(T(motion.vy + motion.r * sensor.x), T(vx - motion.r * sensor.y));
 }
 
-// ---------------------------------------------------------------------------------------------------------
+// ---------------------------------------------------------------------------------------------
 // Characteristic values of the linear car (Mitschke & Wallentowitz 2014, part D; Bundorf & Leffert
 // 1976 for the cornering compliances). All for the road-wheel angle, whatever the steering ratio.
 

@@ -255,7 +255,8 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
   for (Eigen::Index round = 0; round < most_rounds; ++round) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     if (std::isfinite(options.max_seconds)) {
-      ceres_options.max_solver_time_in_seconds = std::max(0.0, options.max_seconds - elapsed.count());
+      ceres_options.max_solver_time_in_seconds =
+          std::max(0.0, options.max_seconds - elapsed.count());
     }
     ceres_options.max_num_iterations = options.max_iterations - summary.iterations;
     Watch watch(options, residuals, active, x, summary.iterations);

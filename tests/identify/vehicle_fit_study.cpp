@@ -1,12 +1,13 @@
-// Does the vehicle fit reach the statistical limit? Monte Carlo on the manoeuvre of Sladka (2010), chapter 8: severe
-// lane change at 60 km/h, the car of table 8.1, noise of 0.01 rad/s on r and 0.03 m/s on vy; Cf, Cr and Iz free.
-// Fixed seeds; the figures are printed. The truth comes from a fine integration of the continuous steering, so that
-// what happens between the samples is an error like any other; a second pass takes the tool's own path.
-#include <gtest/gtest.h>
-
+// Does the vehicle fit reach the statistical limit? Monte Carlo on the manoeuvre of Sladka (2010),
+// chapter 8: severe lane change at 60 km/h, the car of table 8.1, noise of 0.01 rad/s on r and 0.03
+// m/s on vy; Cf, Cr and Iz free. Fixed seeds; the figures are printed. The truth comes from a fine
+// integration of the continuous steering, so that what happens between the samples is an error like
+// any other; a second pass takes the tool's own path.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+
+#include <gtest/gtest.h>
 
 #include "identify/vehicle_fit.h"
 #include "lib/single_track.h"
@@ -90,8 +91,8 @@ TEST(VehicleFitStudy, LaneChangeAtAHundredHertz) {
   expect_at_the_limit(study("100 Hz, 7 s", lane_change({}, 100.0), 1000));
 }
 
-// The same noise on what the tool itself simulates from the samples: the difference to the first study is what the
-// interpolation between 10 Hz samples costs.
+// The same noise on what the tool itself simulates from the samples: the difference to the first
+// study is what the interpolation between 10 Hz samples costs.
 TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
   Dataset data = lane_change({}, 10.0);
   VehicleParameters<double> p = neutral_vehicle();
@@ -110,7 +111,8 @@ TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
   expect_at_the_limit(study("10 Hz, own path", data, 500));
 }
 
-// A linear car must not be said to saturate; one whose rear axle has lost a quarter of its linear force must.
+// A linear car must not be said to saturate; one whose rear axle has lost a quarter of its linear
+// force must.
 TEST(VehicleFitStudy, TyreSaturationAlarm) {
   constexpr int kRuns = 200;
   const ModelFile model = thesis_model();

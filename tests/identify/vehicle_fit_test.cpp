@@ -1,10 +1,10 @@
 #include "identify/vehicle_fit.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 
 #include "identify/tyre_saturation.h"
 #include "identify/vehicle_covariance.h"
@@ -75,7 +75,7 @@ TEST(VehicleFit, FindsTheThesisCar) {
     EXPECT_LT(d->se, 0.02 * truth) << name;
   };
   near("K", 0.003515);
-  near("K_deg", 1.97497);
+  near("K per g", 1.97497);
   near("v_ch", 96.24);
   near("yaw gain at 60 km/h", 4.7778);
   near("wn at 60 km/h", 8.546);
@@ -96,7 +96,8 @@ TEST(VehicleFit, FindsTheThesisCar) {
   expect_no_pretence(fit);
 }
 
-// The Gaussian log-likelihood, its AIC and BIC by hand from the residuals; 3 parameters, 2 states, 2 variances.
+// The Gaussian log-likelihood, its AIC and BIC by hand from the residuals; 3 parameters, 2 states,
+// 2 variances.
 TEST(VehicleFit, ReportsTheLikelihood) {
   const Dataset data = with_noise(lane_change({}, 10.0), {0.01, 0.03}, 2);
   const Estimate fit = fit_vehicle(thesis_model(), data);
@@ -133,8 +134,8 @@ TEST(VehicleFit, StartValueDecidesNothing) {
 }
 
 TEST(VehicleFit, EquationErrorStartsNearby) {
-  const Dataset data = with_noise(lane_change({}, 100.0, {"r", "vy", "ay", "beta"}),
-                                  {0.01, 0.03, 0.1, 0.003}, 4);
+  const Dataset data =
+      with_noise(lane_change({}, 100.0, {"r", "vy", "ay", "beta"}), {0.01, 0.03, 0.1, 0.003}, 4);
   for (const std::vector<std::string>& outputs :
        {std::vector<std::string>{"r", "vy"}, {"r", "beta"}, {"r", "ay"}, {"r", "vy", "ay"}}) {
     ModelFile model = thesis_model(outputs);
@@ -205,13 +206,13 @@ TEST(VehicleFit, RunsInStretches) {
   for (Eigen::Index i = 0; i < time.size(); ++i) {
     time[i] = 0.01 * static_cast<double>(i) + (i < 900 ? 0.0 : 2.0);  // two seconds are missing
   }
-  Dataset data = with_noise(
-      record(car, time, {"r", "vy"},
-             [&](double t) { return steering(first, t) + steering(second, t); },
-             [](double t) { return 16.0 + 3.0 * std::sin(0.5 * t); }),
-      {0.01, 0.03}, 7);
+  Dataset data = with_noise(record(
+                                car, time, {"r", "vy"},
+                                [&](double t) { return steering(first, t) + steering(second, t); },
+                                [](double t) { return 16.0 + 3.0 * std::sin(0.5 * t); }),
+                            {0.01, 0.03}, 7);
   data.dt = 0.01;
-  data.u(0, 700) = kMissing;                      // one steering angle
+  data.u(0, 700) = kMissing;                         // one steering angle
   data.u.row(1).segment(1300, 20).setConstant(1.0);  // stands still
   data.u(1, 1310) = kMissing;
   data.u(0, 1325) = kMissing;  // leaves a fragment behind the stop
@@ -236,10 +237,11 @@ TEST(VehicleFit, TakesUnevenTimeStamps) {
   time[0] = 3.0;
   for (Eigen::Index i = 1; i < 600; ++i) time[i] = time[i - 1] + 0.004 + 0.014 * random.uniform();
   const SevereLaneChange manoeuvre{1.87, 3.5, 2.25, 0.3};
-  Dataset data = with_noise(record({}, time, {"r", "vy"},
-                                   [&](double t) { return steering(manoeuvre, t); },
-                                   [](double t) { return 18.0 - 0.5 * (t - 3.0); }),
-                            {0.005, 0.02}, 8);
+  Dataset data =
+      with_noise(record(
+                     {}, time, {"r", "vy"}, [&](double t) { return steering(manoeuvre, t); },
+                     [](double t) { return 18.0 - 0.5 * (t - 3.0); }),
+                 {0.005, 0.02}, 8);
   data.dt = 0.011;
   const Estimate fit = fit_vehicle(thesis_model(), data);
   for (const char* name : {"Cf", "Cr"}) {
@@ -247,16 +249,18 @@ TEST(VehicleFit, TakesUnevenTimeStamps) {
   }
 }
 
-// Accelerometer and sideslip sensor away from the centre of gravity, steering gain and offset, two speeds.
+// Accelerometer and sideslip sensor away from the centre of gravity, steering gain and offset, two
+// speeds.
 TEST(VehicleFit, SensorsAndSteering) {
   TrueCar car;
   car.steering_gain = 1.08;
   car.steering_offset = 0.06;
   SevereLaneChange late;
   late.start = 12.0;
-  Dataset data = record(car, uniform_time(24.0, 50.0), {"r", "vy", "ay", "beta"},
-                        [&](double t) { return steering(SevereLaneChange{}, t) + steering(late, t); },
-                        [](double t) { return 12.0 + 0.7 * t; });
+  Dataset data = record(
+      car, uniform_time(24.0, 50.0), {"r", "vy", "ay", "beta"},
+      [&](double t) { return steering(SevereLaneChange{}, t) + steering(late, t); },
+      [](double t) { return 12.0 + 0.7 * t; });
   // To where the sensors are: rigid body, r' by central differences of the true yaw rate.
   const SensorPosition ay_at{-0.6, 0.3}, beta_at{2.109, -0.027};
   const Eigen::RowVectorXd r = data.y.row(0), vy = data.y.row(1);
@@ -277,9 +281,12 @@ TEST(VehicleFit, SensorsAndSteering) {
   model.parameters.push_back(unknown("bias_r", "rad/s", 0.0));
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
-  for (const auto& [name, truth] :
-       {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}, {"steering_gain", 1.08},
-        {"steering_offset", 0.06 * 180.0 / std::numbers::pi}, {"bias_r", 0.004}}) {
+  for (const auto& [name, truth] : {std::pair{"Cf", 88107.7},
+                                    {"Cr", 88107.7},
+                                    {"Iz", 2319.0},
+                                    {"steering_gain", 1.08},
+                                    {"steering_offset", 0.06 * 180.0 / std::numbers::pi},
+                                    {"bias_r", 0.004}}) {
     EXPECT_NEAR(parameter(fit, name).value, truth, 4.0 * parameter(fit, name).se) << name;
   }
   expect_no_pretence(fit);
@@ -350,15 +357,15 @@ TEST(VehicleFit, GivenNoiseIsUsedAndChecked) {
   ASSERT_NE(warning(fit_vehicle(model, data), "noise_differs"), nullptr);
 }
 
-// Process disturbance that the model does not know: errors that assume white residuals are far too small.
+// Process disturbance that the model does not know: errors that assume white residuals are far too
+// small.
 TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.002, 0.005}, 14);
   Random random(14);
-  double drift = 0.0;
+  Eigen::Vector2d drift = Eigen::Vector2d::Zero();
   for (Eigen::Index t = 0; t < data.size(); ++t) {
-    drift = 0.9 * drift + 0.004 * random.normal();
-    data.y(0, t) += drift;
-    data.y(1, t) -= 3.0 * drift;
+    drift = 0.9 * drift + random.normal(2);
+    data.y.col(t) += drift.cwiseProduct(Eigen::Vector2d(0.004, 0.012));
   }
   const Estimate fit = fit_vehicle(thesis_model(), data);
   ASSERT_NE(warning(fit, "coloured_residuals"), nullptr);
@@ -451,18 +458,23 @@ TEST(VehicleFit, RoadWheelAngleNeedsNoRatio) {
   std::erase_if(model.parameters, [](const Parameter& p) { return p.name == "steering_ratio"; });
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 4.0 * parameter(fit, "Cf").se);
+  model.parameters.push_back(unknown("steering_ratio", "", 21.0));
+  EXPECT_THAT(refusal(model, data), HasSubstr("fit steering_gain instead"));
 }
 
-// ------------------------------------------------------------------------ what cannot be used, in words
+// ------------------------------------------------------------------------ what cannot be used, in
+// words
 
 TEST(VehicleFitRefuses, NoSteering) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(0).setZero();
   EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("no steering"));
-  data.u.row(0).setConstant(1.0);  // a circle from the first row to the last is allowed, but not praised
+  data.u.row(0).setConstant(
+      1.0);  // a circle from the first row to the last is allowed, but not praised
   const Estimate circle = fit_vehicle(
-      thesis_model(), with_noise(record({}, uniform_time(10.0, 50.0), {"r", "vy"},
-                                        [](double) { return 1.0; }, [](double) { return 15.0; }),
+      thesis_model(), with_noise(record(
+                                     {}, uniform_time(10.0, 50.0), {"r", "vy"},
+                                     [](double) { return 1.0; }, [](double) { return 15.0; }),
                                  {0.01, 0.03}, 1));
   EXPECT_NE(warning(circle, "constant_steering"), nullptr);
   expect_no_pretence(circle);
@@ -553,7 +565,8 @@ TEST(VehicleFit, PureNoiseIsNotTrusted) {
   expect_no_pretence(fit);
 }
 
-// ------------------------------------------------------------------------------------- reference recordings
+// ------------------------------------------------------------------------------------- reference
+// recordings
 
 /// Channels of a recording by column: name in the model, column, unit to SI factor.
 struct Columns {
@@ -567,9 +580,9 @@ Dataset read_recording(const std::string& path, const std::string& time, const C
   const auto column = [&](const std::string& name, double factor) {
     const Column* found = table.find(name);
     if (found == nullptr) throw std::out_of_range(name);
-    return Eigen::VectorXd(factor *
-                           Eigen::Map<const Eigen::VectorXd>(
-                               found->values.data(), static_cast<Eigen::Index>(found->values.size())));
+    return Eigen::VectorXd(
+        factor * Eigen::Map<const Eigen::VectorXd>(
+                     found->values.data(), static_cast<Eigen::Index>(found->values.size())));
   };
   Dataset data;
   data.name = path;
@@ -587,15 +600,15 @@ Dataset read_recording(const std::string& path, const std::string& time, const C
   return data;
 }
 
-// A chirp at 100 km/h through somebody else's simulator, whose characteristic values are printed with it.
+// A chirp at 100 km/h through somebody else's simulator, whose characteristic values are printed
+// with it.
 TEST(VehicleFitRecordings, Chirp) {
   const char* file = "recordings/cobb_sim_marc2.txt";
   IDENTIKAL_NEEDS_SHARED_FILE(file);
   constexpr double kDegree = std::numbers::pi / 180.0;
-  const Dataset data = read_recording(shared_file(file), "TIME",
-                                      {"steering_wheel_angle", "STEER", "deg", kDegree},
-                                      {"vx", "SPEED", "km/h", 1.0 / 3.6},
-                                      {{"r", "YAWVEL", "deg/s", kDegree}});
+  const Dataset data =
+      read_recording(shared_file(file), "TIME", {"steering_wheel_angle", "STEER", "deg", kDegree},
+                     {"vx", "SPEED", "km/h", 1.0 / 3.6}, {{"r", "YAWVEL", "deg/s", kDegree}});
   ModelFile model = thesis_model({"r"});
   constexpr double kWheelbase = 2.745;
   model.parameters = {known("m", "kg", 1600.0),
@@ -607,11 +620,13 @@ TEST(VehicleFitRecordings, Chirp) {
                       unknown("Cr", "N/rad", 5e4)};
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
-  const double K = derived(fit, "K_deg")->value, DF = derived(fit, "DF")->value,
+  const double K = derived(fit, "K per g")->value, DF = derived(fit, "DF")->value,
                DR = derived(fit, "DR")->value, wn = derived(fit, "wn at 100 km/h")->value,
                zeta = derived(fit, "zeta at 100 km/h")->value;
-  std::printf("chirp: K %.4f (2.00), DF %.3f (4.99), DR %.3f (2.99) deg/g, wn %.3f (7.37), zeta %.4f (.73)\n", K, DF,
-              DR, wn, zeta);
+  std::printf(
+      "chirp: K %.4f (2.00), DF %.3f (4.99), DR %.3f (2.99) deg/g, wn %.3f (7.37), zeta %.4f "
+      "(.73)\n",
+      K, DF, DR, wn, zeta);
   EXPECT_NEAR(K, 2.00, 0.03);
   EXPECT_NEAR(DF, 4.99, 0.02 * 4.99);
   EXPECT_NEAR(DR, 2.99, 0.02 * 2.99);
@@ -624,20 +639,21 @@ TEST(VehicleFitRecordings, Chirp) {
 TEST(VehicleFitRecordings, RaceCar) {
   const char* file = "recordings/revs_250lm_first_half.csv";
   IDENTIKAL_NEEDS_SHARED_FILE(file);
-  const Dataset data =
-      read_recording(shared_file(file), "t", {"road_wheel_angle", "delta", "rad", 1.0},
-                     {"vx", "vx", "m/s", 1.0},
-                     {{"r", "yawRate", "rad/s", 1.0}, {"vy", "vy", "m/s", 1.0}});
+  const Dataset data = read_recording(
+      shared_file(file), "t", {"road_wheel_angle", "delta", "rad", 1.0}, {"vx", "vx", "m/s", 1.0},
+      {{"r", "yawRate", "rad/s", 1.0}, {"vy", "vy", "m/s", 1.0}});
   ModelFile model = thesis_model();
   model.vehicle.steering_at_road_wheel = true;
-  model.parameters = {known("m", "kg", 982.0),          known("a", "m", 1.33),
-                      known("b", "m", 1.07),            unknown("Iz", "kg m^2", 1400.0),
-                      unknown("Cf", "N/rad", 8e4),      unknown("Cr", "N/rad", 8e4)};
+  model.parameters = {known("m", "kg", 982.0),     known("a", "m", 1.33),
+                      known("b", "m", 1.07),       unknown("Iz", "kg m^2", 1400.0),
+                      unknown("Cf", "N/rad", 8e4), unknown("Cr", "N/rad", 8e4)};
   const Estimate fit = fit_vehicle(model, data);
-  std::printf("race car, linear: Cf %.0f +- %.0f (white %.0f), Cr %.0f +- %.0f (white %.0f), r fit %.1f %%\n",
-              parameter(fit, "Cf").value, parameter(fit, "Cf").se, parameter(fit, "Cf").crb_se,
-              parameter(fit, "Cr").value, parameter(fit, "Cr").se, parameter(fit, "Cr").crb_se,
-              fit.simulation[0].fit_percent);
+  std::printf(
+      "race car, linear: Cf %.0f +- %.0f (white %.0f), Cr %.0f +- %.0f (white %.0f), r fit %.1f "
+      "%%\n",
+      parameter(fit, "Cf").value, parameter(fit, "Cf").se, parameter(fit, "Cf").crb_se,
+      parameter(fit, "Cr").value, parameter(fit, "Cr").se, parameter(fit, "Cr").crb_se,
+      fit.simulation[0].fit_percent);
   EXPECT_NEAR(parameter(fit, "Cf").value, 40e3, 6e3);
   EXPECT_NEAR(parameter(fit, "Cr").value, 75e3, 12e3);
   EXPECT_NEAR(fit.simulation[0].fit_percent, 81.0, 2.0);
@@ -649,7 +665,8 @@ TEST(VehicleFitRecordings, RaceCar) {
   EXPECT_NE(warning(fit, "coloured_residuals"), nullptr);
   EXPECT_GT(parameter(fit, "Cf").se, 6.0 * parameter(fit, "Cf").crb_se);
   bool histogram = false;
-  for (const std::string& note : fit.notes) histogram = histogram || note.find("8 to 12") != note.npos;
+  for (const std::string& note : fit.notes)
+    histogram = histogram || note.find("8 to 12") != note.npos;
   EXPECT_TRUE(histogram);
 }
 

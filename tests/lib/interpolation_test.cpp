@@ -1,9 +1,9 @@
 #include "lib/interpolation.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <stdexcept>
+
+#include <gtest/gtest.h>
 
 namespace identikal {
 namespace {
@@ -74,7 +74,8 @@ TEST(Pchip, TakesOneOrTwoSamples) {
 TEST(Pchip, RefusesWhatIsNoFunction) {
   EXPECT_THROW(Pchip(VectorXd(), VectorXd()), std::invalid_argument);
   EXPECT_THROW(Pchip(VectorXd::LinSpaced(3, 0, 1), VectorXd::Zero(2)), std::invalid_argument);
-  EXPECT_THROW(Pchip((VectorXd(3) << 0, 1, 1).finished(), VectorXd::Zero(3)), std::invalid_argument);
+  EXPECT_THROW(Pchip((VectorXd(3) << 0, 1, 1).finished(), VectorXd::Zero(3)),
+               std::invalid_argument);
   EXPECT_THROW(Pchip((VectorXd(3) << 0, std::nan(""), 1).finished(), VectorXd::Zero(3)),
                std::invalid_argument);
 }

@@ -1,9 +1,9 @@
 #include "lib/long_run_covariance.h"
 
-#include <gtest/gtest.h>
+#include <stdexcept>
 
 #include <Eigen/Eigenvalues>
-#include <stdexcept>
+#include <gtest/gtest.h>
 
 #include "lib/random.h"
 
@@ -42,8 +42,9 @@ TEST(LongRunCovariance, IsNeverIndefinite) {
   }
 }
 
-// Variance of a sum of N terms of an AR(1) sequence: N / (1 - memory)^2 for unit innovations. Bartlett's window of
-// length L leaves out the share 2 memory / (1 - memory^2) / L of it: 11 % at the bandwidth of 88 for this memory.
+// Variance of a sum of N terms of an AR(1) sequence: N / (1 - memory)^2 for unit innovations.
+// Bartlett's window of length L leaves out the share 2 memory / (1 - memory^2) / L of it: 11 % at
+// the bandwidth of 88 for this memory.
 TEST(LongRunCovariance, FindsTheScatterOfACorrelatedSum) {
   double sum = 0.0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {

@@ -1,9 +1,9 @@
 #include "lib/manoeuvre.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
+
+#include <gtest/gtest.h>
 
 #include "lib/interpolation.h"
 #include "lib/single_track.h"
@@ -20,7 +20,8 @@ TEST(SevereLaneChange, SwingsOutAndBackAndStops) {
   EXPECT_NEAR(angle.minCoeff(), -2.0, 1e-6);
   EXPECT_EQ(steering(manoeuvre, manoeuvre.start), 0.0);
   EXPECT_EQ(steering(manoeuvre, 6.9), 0.0);
-  EXPECT_GT(steering(manoeuvre, manoeuvre.start + 0.3 * manoeuvre.period), 0.0);  // to the left first
+  EXPECT_GT(steering(manoeuvre, manoeuvre.start + 0.3 * manoeuvre.period),
+            0.0);  // to the left first
 }
 
 TEST(SevereLaneChange, IsSmooth) {
@@ -50,13 +51,12 @@ TEST(SevereLaneChange, MovesThePassengerCarByALane) {
       drive(time, steering(SevereLaneChange{}, time), Eigen::VectorXd::Constant(3501, 60.0 / 3.6),
             decay_rate_times_speed(car));
   double heading = 0.0, side = 0.0, farthest = 0.0, hardest = 0.0;
-  simulate(car, stretch, 0.0, 0.0,
-           [&](Eigen::Index, const Motion<double>& motion, double vx) {
-             side += h * (vx * std::sin(heading) + motion.vy * std::cos(heading));
-             heading += h * motion.r;
-             farthest = std::max(farthest, side);
-             hardest = std::max(hardest, std::abs(motion.ay));
-           });
+  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index, const Motion<double>& motion, double vx) {
+    side += h * (vx * std::sin(heading) + motion.vy * std::cos(heading));
+    heading += h * motion.r;
+    farthest = std::max(farthest, side);
+    hardest = std::max(hardest, std::abs(motion.ay));
+  });
   EXPECT_GT(farthest, 3.0);
   EXPECT_LT(farthest, 3.5);
   EXPECT_NEAR(hardest, 6.0, 0.3);

@@ -1,11 +1,11 @@
 #include "lib/single_track.h"
 
-#include <gtest/gtest.h>
+#include <cmath>
+#include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <cmath>
-#include <stdexcept>
+#include <gtest/gtest.h>
 
 #include "lib/dual.h"
 #include "lib/manoeuvre.h"
@@ -88,8 +88,10 @@ TEST(SingleTrack, MatricesHaveTheCharacteristicPolynomial) {
   }
 }
 
-// The source prints -(a Cf + b Cr) in row 2, column 1 of (7.4); the moment balance (7.3) of the same page has
-// -(a Cf - b Cr): sideslip to the left makes both axles push to the right, the rear one turns the nose left.
+// The source prints -(a Cf + b Cr) in row 2, column 1 of (7.4); the moment balance (7.3) of the
+// same page has
+// -(a Cf - b Cr): sideslip to the left makes both axles push to the right, the rear one turns the
+// nose left.
 TEST(SingleTrack, FollowsTheMomentBalanceNotThePrintedMatrix) {
   const SingleTrack<double> car = linear_car(thesis_car());
   const double u = 60.0 / 3.6;
@@ -107,9 +109,11 @@ struct Final {
 template <typename Car>
 Final drive_constant(const Car& car, double delta_measured, double vx, double seconds,
                      double vy = 0.0, double r = 0.0) {
-  const VectorXd time = VectorXd::LinSpaced(static_cast<Eigen::Index>(seconds * 100.0) + 1, 0.0, seconds);
-  const DrivenStretch stretch = drive(time, VectorXd::Constant(time.size(), delta_measured),
-                                      VectorXd::Constant(time.size(), vx), decay_rate_times_speed(car));
+  const VectorXd time =
+      VectorXd::LinSpaced(static_cast<Eigen::Index>(seconds * 100.0) + 1, 0.0, seconds);
+  const DrivenStretch stretch =
+      drive(time, VectorXd::Constant(time.size(), delta_measured),
+            VectorXd::Constant(time.size(), vx), decay_rate_times_speed(car));
   Final last;
   simulate(car, stretch, vy, r, [&](Eigen::Index, const Motion<double>& motion, double) {
     last = {motion.vy, motion.r, motion.ay};
@@ -142,8 +146,8 @@ TEST(SingleTrack, SteeringGainAndOffsetActOnTheMeasuredAngle) {
   EXPECT_NEAR(altered.r, plain.r, 1e-12);
 }
 
-// Left side of the road up: the car slides to the right unless it steers left; standing on the slope an
-// accelerometer feels the road push to the left.
+// Left side of the road up: the car slides to the right unless it steers left; standing on the
+// slope an accelerometer feels the road push to the left.
 TEST(SingleTrack, BankPullsDownTheSlope) {
   VehicleParameters<double> p = thesis_car();
   p[kBank] = 0.03;
@@ -215,8 +219,8 @@ TEST(SofteningAxle, SeriesMeetsTheClosedForm) {
   EXPECT_NEAR(slope_below.v[0], slope_above.v[0], 1e-11);
 }
 
-// Constant inputs: the exact answer is the matrix exponential. At walking pace the fastest pole is at -100 1/s, where
-// steps of 0.01 s would err by percents.
+// Constant inputs: the exact answer is the matrix exponential. At walking pace the fastest pole is
+// at -100 1/s, where steps of 0.01 s would err by percents.
 TEST(Simulation, IsAccurateAtWalkingPace) {
   const SingleTrack<double> car = linear_car(thesis_car());
   const double u = 1.5, wheel = 2.0;
@@ -224,8 +228,8 @@ TEST(Simulation, IsAccurateAtWalkingPace) {
   const Eigen::EigenSolver<Eigen::Matrix2d> eigen(model.A);
   const Eigen::Vector2d steady = -model.A.inverse() * model.B * (wheel / 21.0);
   const VectorXd time = VectorXd::LinSpaced(51, 0.0, 0.5);
-  const DrivenStretch stretch = drive(time, VectorXd::Constant(51, wheel), VectorXd::Constant(51, u),
-                                      decay_rate_times_speed(car));
+  const DrivenStretch stretch = drive(time, VectorXd::Constant(51, wheel),
+                                      VectorXd::Constant(51, u), decay_rate_times_speed(car));
   EXPECT_GT(stretch.intervals.front().steps, 1);
   double worst = 0.0;
   simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index k, const Motion<double>& motion, double) {
@@ -259,14 +263,16 @@ TEST(Simulation, DoesNotDependOnTheSampling) {
     stamps.push_back(even[k]);
     same.push_back(k);
   }
-  const VectorXd uneven = Eigen::Map<VectorXd>(stamps.data(), static_cast<Eigen::Index>(stamps.size()));
+  const VectorXd uneven =
+      Eigen::Map<VectorXd>(stamps.data(), static_cast<Eigen::Index>(stamps.size()));
   const VectorXd r_even = run(even), r_uneven = run(uneven);
   for (std::size_t i = 0; i < same.size(); ++i) {
     EXPECT_NEAR(r_uneven[static_cast<Eigen::Index>(i)], r_even[same[i]], 2e-4);
   }
 }
 
-// Derivatives by every parameter and by the initial state against central differences of the same simulation.
+// Derivatives by every parameter and by the initial state against central differences of the same
+// simulation.
 TEST(Simulation, CarriesExactDerivatives) {
   VehicleParameters<double> p = thesis_car();
   p[kCr] = 110000.0;

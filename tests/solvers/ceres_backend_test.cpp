@@ -1,9 +1,9 @@
-#include <ceres/jet.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include <ceres/jet.h>
+#include <gtest/gtest.h>
 
 #include "lib/dual.h"
 #include "lib/manoeuvre.h"

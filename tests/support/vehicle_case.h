@@ -1,13 +1,14 @@
-// A car, a manoeuvre and a recording of it, for tests: the car of Sladka (2010), table 8.1, simulated by an
-// integration of its own that shares no code with the library.
+// A car, a manoeuvre and a recording of it, for tests: the car of Sladka (2010), table 8.1,
+// simulated by an integration of its own that shares no code with the library.
 #pragma once
 
-#include <Eigen/Core>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "identify/estimate.h"
 #include "identify/model_file.h"
@@ -24,8 +25,9 @@ struct TrueCar {
   double steering_gain = 1.0, steering_offset = 0.0;
 };
 
-/// Rows: r [rad/s], vy [m/s], ay [m/s^2], beta [rad] at the centre of gravity, at each time. Steering (at the wheel
-/// the driver holds) and speed are functions of time; midpoint rule with steps of at most 0.1 ms.
+/// Rows: r [rad/s], vy [m/s], ay [m/s^2], beta [rad] at the centre of gravity, at each time.
+/// Steering (at the wheel the driver holds) and speed are functions of time; midpoint rule with
+/// steps of at most 0.1 ms.
 inline Eigen::MatrixXd true_motion(const TrueCar& car, const Eigen::VectorXd& time,
                                    const std::function<double(double)>& steering,
                                    const std::function<double(double)>& speed) {
@@ -76,7 +78,8 @@ inline Dataset record(const TrueCar& car, const Eigen::VectorXd& time,
                       const std::function<double(double)>& steering_angle,
                       const std::function<double(double)>& speed) {
   const Eigen::MatrixXd motion = true_motion(car, time, steering_angle, speed);
-  const std::vector<std::string> known = {"r", "vy", "ay", "beta"}, units = {"rad/s", "m/s", "m/s^2", "rad"};
+  const std::vector<std::string> known = {"r", "vy", "ay", "beta"},
+                                 units = {"rad/s", "m/s", "m/s^2", "rad"};
   Dataset data;
   data.name = "simulated.csv";
   data.time = time;
@@ -101,9 +104,9 @@ inline Dataset record(const TrueCar& car, const Eigen::VectorXd& time,
 inline Dataset lane_change(const TrueCar& car, double rate,
                            const std::vector<std::string>& outputs = {"r", "vy"}) {
   const SevereLaneChange manoeuvre;
-  return record(car, uniform_time(7.0, rate), outputs,
-                [=](double t) { return steering(manoeuvre, t); },
-                [](double) { return 60.0 / 3.6; });
+  return record(
+      car, uniform_time(7.0, rate), outputs, [=](double t) { return steering(manoeuvre, t); },
+      [](double) { return 60.0 / 3.6; });
 }
 
 /// White noise of this standard deviation on every output, in their order.
