@@ -10,6 +10,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "lib/matrix_equations.h"
+#include "lib/recursion.h"
 
 namespace identikal {
 namespace {
@@ -99,15 +100,24 @@ class Recursion {
     start(initial, derivatives);
   }
 
-  // Runs over the record. `store` receives innovations, and states too when `keep` says so, when it
-  // is not null.
-  Likelihood run(FilterResult* store, Keep keep) {
+  // Runs over the record, by shortcuts where they are allowed. `store` receives innovations, and
+  // states too when `keep` says so, when it is not null.
+  Likelihood run(FilterResult* store, Keep keep, Shortcuts& shortcuts) {
     Likelihood out;
     const bool states = store != nullptr && keep == Keep::everything;
     const auto k = static_cast<Index>(sensitivities_.size());
     out.gradient = VectorXd::Zero(k);
     out.information = MatrixXd::Zero(k, k);
+    std::size_t stretch = 0;
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
+      if (shortcuts.kernel != nullptr && stretch < shortcuts.stretches->size() &&
+          (*shortcuts.stretches)[stretch].begin == t) {
+        const Stretch& here = (*shortcuts.stretches)[stretch++];
+        if (jump(here, shortcuts, out)) {
+          t += here.sums.samples() - 1;
+          continue;
+        }
+      }
       find_present(t);
       if (present_.empty()) {
         if (states) store_states(*store, t, false);
@@ -121,7 +131,9 @@ class Recursion {
         update();
       }
       fold_in_when_determined(t, out, store);
-      if (settled_ && diffuse_ == 0 && !states) t = run_steady(t + 1, out, store) - 1;
+      if (settled_ && diffuse_ == 0 && !states && shortcuts.constant_gain) {
+        t = run_steady(t + 1, out, store) - 1;
+      }
     }
     if (status_ == FilterStatus::ok && diffuse_ > 0) status_ = FilterStatus::undetermined;
     out.value -= 0.5 * log_two_pi_ * static_cast<double>(samples_ - folded_);
@@ -387,6 +399,48 @@ class Recursion {
     return (after - before).cwiseProduct(weight).cwiseAbs().maxCoeff() <= tolerance * size;
   }
 
+  // A whole gapless stretch at once. false: it is too short, or sums would lose digits.
+  bool jump(const Stretch& stretch, Shortcuts& shortcuts, Likelihood& out) {
+    StretchKernel& kernel = *shortcuts.kernel;
+    const std::size_t k = sensitivities_.size();
+    if (stretch.sums.samples() <= kernel.memory()) return false;
+    FilterState state;
+    state.x_theta.resize(k);
+    state.P_theta.resize(k);
+    if (diffuse_ > 0) {
+      // Only an untouched start is known to the kernel.
+      if (samples_ > 0 || stretch.begin > 0) return false;
+      if (!kernel.add_from_model(stretch, InitialState::diffuse, out)) {
+        shortcuts.cancelled = true;
+        return false;
+      }
+      folded_ = diffuse_;
+      diffuse_ = 0;
+    } else {
+      state.x = Z_.col(0);
+      state.P = P_;
+      for (std::size_t i = 0; i < k; ++i) {
+        state.x_theta[i] = sensitivities_[i].Z.col(0);
+        state.P_theta[i] = sensitivities_[i].P;
+      }
+      if (!kernel.add_from_state(stretch, state, out)) {
+        shortcuts.cancelled = true;
+        return false;
+      }
+    }
+    kernel.end_of_stretch(stretch, state);
+    Z_ = state.x;
+    P_ = state.P;
+    for (std::size_t i = 0; i < k; ++i) {
+      sensitivities_[i].Z = state.x_theta[i];
+      sensitivities_[i].P = state.P_theta[i];
+    }
+    settled_ = false;
+    samples_ += stretch.sums.samples() * y_.rows();
+    shortcuts.jumped += stretch.sums.samples();
+    return true;
+  }
+
   // From sample t on with constant gain, as long as no sample is missing; returns the first sample
   // it did not process. Sensitivities run stacked: column i of dX is dx/d(theta_i).
   Index run_steady(Index t, Likelihood& out, FilterResult* store) {
@@ -535,7 +589,8 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
     out.P_filt.resize(static_cast<std::size_t>(N));
     out.Sigma.resize(static_cast<std::size_t>(N));
   }
-  const Likelihood likelihood = recursion.run(&out, keep);
+  Shortcuts shortcuts;
+  const Likelihood likelihood = recursion.run(&out, keep, shortcuts);
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
   return out;
@@ -544,7 +599,14 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives) {
-  return Recursion(model, initial, y, u, derivatives).run(nullptr, Keep::innovations);
+  Shortcuts shortcuts;
+  return run_recursion(model, initial, y, u, derivatives, shortcuts);
+}
+
+Likelihood run_recursion(const StateSpace& model, InitialState initial,
+                         const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                         const std::vector<StateSpace>& derivatives, Shortcuts& shortcuts) {
+  return Recursion(model, initial, y, u, derivatives).run(nullptr, Keep::innovations, shortcuts);
 }
 
 }  // namespace identikal

@@ -10,6 +10,7 @@
 
 #include "lib/matrix_equations.h"
 #include "lib/random.h"
+#include "tests/support/random_model.h"
 
 namespace identikal {
 namespace {
@@ -17,32 +18,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd random_matrix(Random& random, Index rows, Index cols) {
-  MatrixXd M(rows, cols);
-  for (Index j = 0; j < cols; ++j) M.col(j) = random.normal(rows);
-  return M;
-}
-
-// A stable random model with inputs, feed-through and cross-covariance.
-StateSpace random_model(Random& random, Index n, Index nu, Index ny, Index nw) {
-  StateSpace m;
-  m.A = random_matrix(random, n, n);
-  m.A *= 0.9 / m.A.eigenvalues().cwiseAbs().maxCoeff();
-  m.B = random_matrix(random, n, nu);
-  m.C = random_matrix(random, ny, n);
-  m.D = random_matrix(random, ny, nu);
-  m.G = random_matrix(random, n, nw);
-  const MatrixXd L = random_matrix(random, nw + ny, nw + ny);
-  const MatrixXd joint = L * L.transpose() + 0.1 * MatrixXd::Identity(nw + ny, nw + ny);
-  m.Q = joint.topLeftCorner(nw, nw);
-  m.S = joint.topRightCorner(nw, ny);
-  m.R = joint.bottomRightCorner(ny, ny);
-  m.x0 = random.normal(n);
-  const MatrixXd F = random_matrix(random, n, n);
-  m.P0 = F * F.transpose();
-  return m;
-}
 
 // y stacked over time is M [x1; w1; v1; w2; v2; ...] + known. Its mean, covariance, and the
 // response to x1.

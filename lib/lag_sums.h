@@ -1,0 +1,42 @@
+// What of a stationary recording does a constant-gain filter ever need? Its lag sums, and its first
+// and last samples.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace identikal {
+
+/// Lag sums of one gapless stretch z(0..N-1), continued with zeros on both sides:
+///
+///   Gamma_m = sum_{t=m}^{N-1} z(t) z(t-m)',   m = 0, 1, ..., lags - 1.
+///
+/// They are computed once, at close to the speed of the processor's multipliers, and extended when
+/// a filter with a longer memory asks for more.
+class LagSums {
+ public:
+  /// @param z  channels x N; the sums keep a copy, one channel after the other
+  explicit LagSums(const Eigen::Ref<const Eigen::MatrixXd>& z);
+
+  /// Makes at least `lags` sums available, at most N.
+  void extend_to(Eigen::Index lags);
+
+  Eigen::Index lags() const { return lags_; }
+  Eigen::Index samples() const { return samples_; }
+  Eigen::Index channels() const { return channels_; }
+  double sample(Eigen::Index channel, Eigen::Index t) const {
+    return channel_major_[static_cast<std::size_t>(channel * samples_ + t)];
+  }
+  /// channels x channels
+  Eigen::Map<const Eigen::MatrixXd> at(Eigen::Index m) const {
+    return {sums_.data() + m * channels_ * channels_, channels_, channels_};
+  }
+
+ private:
+  Eigen::Index channels_, samples_, lags_ = 0;
+  std::vector<double> channel_major_;  ///< N samples of the first channel, then of the next
+  std::vector<double> sums_;
+};
+
+}  // namespace identikal
