@@ -35,7 +35,7 @@ int main(int argc, char** argv) {
     years.step = 1.0;
     const Dataset data =
         make_dataset(read_csv(argv[1]), years, {}, {{"level", "volume", "", "", {}}});
-    const Estimate estimate = tune_ml(model, data);
+    const Estimate estimate = tune_ml(model, {data});
     for (const EstimatedParameter& p : estimate.parameters) {
       std::printf("%s = %.2f +- %.2f (%s)\n", p.name.c_str(), p.value, p.se,
                   to_string(p.verdict).c_str());

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include "identify/noise_ml.h"
+#include "identify/filter_report.h"
 #include "lib/units.h"
 
 namespace identikal {
 
-Estimate check_filter(const ModelFile& model, const Dataset& data) {
+Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings) {
   if (model.form != ModelFile::Form::linear) {
     throw InputError({model.path, 0, 0},
                      "'check' tests a Kalman filter, this model is a vehicle without noise",
@@ -28,10 +28,11 @@ Estimate check_filter(const ModelFile& model, const Dataset& data) {
     p.fixed = true;
     estimate.parameters.push_back(std::move(p));
   }
-  describe_filter(estimate, model, model.parameters, data);
+  describe_filter(estimate, model, model.parameters, recordings);
   if (estimate.status != Status::ok) return estimate;
   if (estimate.tests.empty()) {
-    throw InputError({data.name, 0, 0}, "no sample is left to test", "at least one measured row");
+    throw InputError({recordings[0].name, 0, 0}, "no sample is left to test",
+                     "at least one measured row");
   }
 
   std::string failed;

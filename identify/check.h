@@ -2,6 +2,8 @@
 // the model file gives.
 #pragma once
 
+#include <vector>
+
 #include "identify/estimate.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
@@ -13,6 +15,6 @@ namespace identikal {
 /// innovations. All tests together have a false-alarm rate of 5 % (Bonferroni). Status answer_no
 /// when one fails; the message says which and in which direction.
 /// @throws InputError for a model that is not in linear form
-Estimate check_filter(const ModelFile& model, const Dataset& data);
+Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

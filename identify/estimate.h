@@ -96,8 +96,9 @@ struct Objective {
   double bic = kNone;
   int iterations = 0;
   int evaluations = 0;
-  int starts = 0;        ///< optimisations run
-  int starts_agree = 0;  ///< of them, how many ended at the best value
+  int starts = 0;                 ///< optimisations run
+  int starts_agree = 0;           ///< of them, how many ended at the best value
+  std::string path, path_reason;  ///< of the likelihood (lib/likelihood.h), why not a faster one
 };
 
 /// What the result was computed from, one per data file.
@@ -111,6 +112,7 @@ struct InputRecord {
 /// Series behind the result, for residuals.csv; SI converted back to the channel's unit.
 struct Series {
   Eigen::VectorXd time;
+  std::vector<int> recording;  ///< 1, 2, ... of each sample; empty = there is one
   std::vector<std::string> channels, units;
   Eigen::MatrixXd measured, predicted;  ///< channels x N; NaN where there is none
   Eigen::MatrixXd standardised;         ///< residual / its standard deviation; may be empty

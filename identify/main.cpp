@@ -36,6 +36,7 @@ struct Arguments {
   std::uint64_t seed = 1;
   int starts = 5;
   std::vector<std::string> settings;
+  std::string path = "automatic";
   std::string range, method, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
 };
@@ -78,24 +79,41 @@ ModelFile load_model(const Arguments& args) {
   return model;
 }
 
-struct Recording {
-  Table table;
-  Dataset data;
+Dataset load_data(const Arguments& args, const std::string& path, const ModelFile& model,
+                  long* rows, bool with_outputs = true) {
+  const Table table = read_csv(path);
+  if (rows != nullptr) *rows = static_cast<long>(table.rows);
+  const std::vector<ChannelSource> no_outputs;
+  Dataset data = make_dataset(table, model.time, model.inputs,
+                              with_outputs ? model.outputs : no_outputs, parse_range(args.range));
+  if (model.form == ModelFile::Form::linear) {
+    const double step = model.time.step > 0.0 ? model.time.step : data.dt;
+    data = on_uniform_raster(data, step);
+  }
+  return data;
+}
+
+struct Recordings {
+  std::vector<Dataset> data;
+  std::vector<InputRecord> records;
 };
 
-Recording load_data(const Arguments& args, const ModelFile& model, bool with_outputs = true) {
-  if (args.data.size() != 1) {
-    throw InputError({}, fmt::format("{} recordings on the command line", args.data.size()),
-                     fmt::format("one: identikal {} MODEL DATA", args.verb));
-  }
-  Recording out;
-  out.table = read_csv(args.data.front());
-  const std::vector<ChannelSource> no_outputs;
-  out.data = make_dataset(out.table, model.time, model.inputs,
-                          with_outputs ? model.outputs : no_outputs, parse_range(args.range));
-  if (model.form == ModelFile::Form::linear) {
-    const double step = model.time.step > 0.0 ? model.time.step : out.data.dt;
-    out.data = on_uniform_raster(out.data, step);
+Recordings load_recordings(const Arguments& args, const ModelFile& model) {
+  Recordings out;
+  for (const std::string& path : args.data) {
+    long rows = 0;
+    out.data.push_back(load_data(args, path, model, &rows));
+    out.records.push_back(
+        {path, sha256_of_file(path), rows, static_cast<long>(out.data.back().size())});
+    const double dt = out.data.front().dt;
+    if (model.form == ModelFile::Form::linear && model.time.step == 0.0 &&
+        std::abs(out.data.back().dt - dt) > 1e-6 * dt) {
+      throw InputError({path, 0, 0},
+                       fmt::format("sampled every {:.6g} s, {} every {:.6g} s", out.data.back().dt,
+                                   args.data.front(), dt),
+                       "recordings with the same sampling period",
+                       "a discrete-time model belongs to one sampling period");
+    }
   }
   return out;
 }
@@ -123,14 +141,13 @@ class Progress {
   bool dirty_ = false;
 };
 
-int finish(const Arguments& args, const Recording& recording, Estimate& estimate,
+int finish(const Arguments& args, const Recordings& recordings, Estimate& estimate,
            std::chrono::steady_clock::time_point begin) {
   estimate.verb = args.verb;
   // The vehicle fit says itself how many rows it used.
-  const long used = estimate.inputs.empty() ? static_cast<long>(recording.data.size())
-                                            : estimate.inputs.front().used;
-  estimate.inputs = {{args.data.front(), sha256_of_file(args.data.front()),
-                      static_cast<long>(recording.table.rows), used}};
+  const std::vector<InputRecord> used = estimate.inputs;
+  estimate.inputs = recordings.records;
+  for (std::size_t i = 0; i < used.size(); ++i) estimate.inputs[i].used = used[i].used;
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
@@ -152,36 +169,43 @@ int run_estimator(const Arguments& args) {
                      "'tune' estimates the noise of a linear model, this is a vehicle",
                      "a model with A, C, Q, R", "use 'fit'");
   }
-  const Recording recording = load_data(args, model);
+  if (vehicle && args.data.size() > 1) {
+    throw InputError({}, fmt::format("{} recordings of a vehicle", args.data.size()),
+                     "one: identikal fit MODEL DATA", "fit them one by one");
+  }
+  const Recordings recordings = load_recordings(args, model);
   Progress progress(args);
   Estimate estimate;
   if (args.verb == "check") {
-    estimate = check_filter(model, recording.data);
+    estimate = check_filter(model, recordings.data);
   } else if (vehicle) {
     VehicleFitOptions options;
     options.starts = args.starts;
     options.seed = args.seed;
     progress.show("fitting the vehicle ...");
-    estimate = fit_vehicle(model, recording.data, options);
+    estimate = fit_vehicle(model, recordings.data.front(), options);
   } else {
     NoiseMlOptions options;
     options.starts = args.starts;
     options.seed = args.seed;
+    for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
+      if (args.path == to_string(path)) options.path = path;
+    }
     options.progress = [&](int start, int iteration, double L) {
       progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
                                 args.starts, iteration, L));
     };
-    estimate = tune_ml(model, recording.data, options);
+    estimate = tune_ml(model, recordings.data, options);
   }
   progress.clear();
-  return finish(args, recording, estimate, begin);
+  return finish(args, recordings, estimate, begin);
 }
 
 int run_simulate(const Arguments& args) {
   const ModelFile model = load_model(args);
-  std::optional<Recording> recording;
-  if (!args.data.empty()) recording = load_data(args, model, false);
-  const Dataset* inputs = recording ? &recording->data : nullptr;
+  std::optional<Dataset> recording;
+  if (!args.data.empty()) recording = load_data(args, args.data.front(), model, nullptr, false);
+  const Dataset* inputs = recording ? &*recording : nullptr;
   Simulated simulated;
   if (model.form == ModelFile::Form::single_track) {
     if (inputs == nullptr && !args.manoeuvre.empty() && args.manoeuvre != "severe-lane-change") {
@@ -272,7 +296,7 @@ int run(int argc, char** argv) {
   for (const auto& [name, help] : estimators) {
     CLI::App* verb = app.add_subcommand(name, help);
     verb->add_option("MODEL", args.model, "model file (YAML)")->required();
-    verb->add_option("DATA", args.data, "recording (CSV)")->required()->expected(1);
+    verb->add_option("DATA", args.data, "recordings (CSV)")->required();
     add_common(*verb, args, true);
     if (std::string(name) == "check") continue;
     verb->add_option("--seed", args.seed, "seed of the scattered starts")->capture_default_str();
@@ -282,6 +306,8 @@ int run(int argc, char** argv) {
     if (std::string(name) == "tune") {
       verb->add_option("--method", args.method, "ml: maximum likelihood")
           ->check(CLI::IsMember({"ml"}));
+      verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")
+          ->check(CLI::IsMember({"automatic", "direct", "steady", "compressed"}));
     }
   }
 

@@ -4,16 +4,16 @@
 #include <cmath>
 #include <optional>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
-#include "lib/kalman.h"
-#include "lib/matrix_equations.h"
+#include "identify/filter_report.h"
+#include "lib/likelihood.h"
 #include "lib/random.h"
 #include "lib/units.h"
-#include "lib/whiteness.h"
 #include "solvers/covariance.h"
 #include "solvers/scoring.h"
 
@@ -27,76 +27,101 @@ using Eigen::VectorXd;
 // Log-likelihoods closer than this are the same maximum.
 constexpr double kSameMaximum = 1e-4;
 
+// Is M positive semidefinite, to rounding?
 bool semidefinite(const MatrixXd& M) {
   if (M.size() == 0) return true;
+  if (!M.allFinite()) return false;
+  if (Eigen::LLT<MatrixXd>(M).info() == Eigen::Success) return true;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(M, Eigen::EigenvaluesOnly);
   return eigen.eigenvalues().minCoeff() >= -1e-12 * eigen.eigenvalues().cwiseAbs().maxCoeff();
 }
 
 bool admissible(const StateSpace& model) {
+  if (model.S.isZero(0.0)) return semidefinite(model.Q) && semidefinite(model.R);
   const Index nw = model.Q.rows(), ny = model.R.rows();
   MatrixXd joint(nw + ny, nw + ny);
   joint << model.Q, model.S, model.S.transpose(), model.R;
-  return joint.allFinite() && semidefinite(joint);
+  return semidefinite(joint);
 }
 
-LikelihoodProblem make_problem(const ModelFile& model, const ParameterSet& parameters,
-                               const Dataset& data) {
-  LikelihoodProblem problem;
-  const Box box = coordinate_box(parameters);
-  problem.lower = box.lower;
-  problem.upper = box.upper;
-  problem.evaluate = [&model, &parameters, &data](const VectorXd& x, double& L, VectorXd* gradient,
-                                                  MatrixXd* information) {
-    const ParameterSet at = with_coordinates(parameters, x);
-    const StateSpace system = instantiate(model.linear, at);
-    if (!admissible(system)) return false;
-    std::vector<StateSpace> derivatives;
-    if (gradient != nullptr) derivatives = instantiate_derivatives(model.linear, at);
-    const Likelihood result =
-        log_likelihood(system, model.linear.initial, data.y, data.u, derivatives);
-    if (result.status != FilterStatus::ok) return false;
-    L = result.value;
-    if (gradient != nullptr) *gradient = result.gradient;
-    if (information != nullptr) *information = result.information;
-    return true;
-  };
-  return problem;
+// The likelihood of all recordings as a function of the optimiser's coordinates.
+class RecordingsLikelihood {
+ public:
+  RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings, Path path)
+      : model_(model), path_(path) {
+    for (const Dataset& data : recordings) engine_.add_recording(data.y, data.u);
+  }
+
+  LikelihoodProblem problem() {
+    LikelihoodProblem out;
+    const Box box = coordinate_box(model_.parameters);
+    out.lower = box.lower;
+    out.upper = box.upper;
+    out.evaluate = [this](const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) {
+      const ParameterSet at = with_coordinates(model_.parameters, x);
+      instantiate(model_.linear, at, system_);
+      if (!admissible(system_)) return false;
+      if (gradient != nullptr) instantiate_derivatives(model_.linear, at, derivatives_);
+      static const std::vector<StateSpace> none;
+      const Likelihood& result = engine_.evaluate(system_, model_.linear.initial,
+                                                  gradient != nullptr ? derivatives_ : none, path_);
+      if (result.status != FilterStatus::ok) return false;
+      L = result.value;
+      if (gradient != nullptr) *gradient = result.gradient;
+      if (information != nullptr) *information = result.information;
+      return true;
+    };
+    return out;
+  }
+
+  const PathTaken& path_taken() const { return engine_.path_taken(); }
+
+ private:
+  const ModelFile& model_;
+  Path path_;
+  LikelihoodEngine engine_;
+  StateSpace system_;
+  std::vector<StateSpace> derivatives_;
+};
+
+Index samples_present(const std::vector<Dataset>& recordings) {
+  Index samples = 0;
+  for (const Dataset& data : recordings) {
+    samples += static_cast<Index>((data.y.array() == data.y.array()).count());
+  }
+  return samples;
 }
 
-Index samples_present(const Dataset& data) {
-  return static_cast<Index>((data.y.array() == data.y.array()).count());
-}
-
-void check_usable(const ModelFile& model, const Dataset& data, Index unknowns) {
+void check_usable(const ModelFile& model, const std::vector<Dataset>& recordings, Index unknowns) {
   if (unknowns == 0) {
     throw InputError({model.path, 0, 0}, "nothing is free to be estimated",
                      "at least one parameter with {value: ...} or a structured Q or R",
                      "use 'check' to test a filter whose noise is given");
   }
-  const Index samples = samples_present(data);
+  const Index samples = samples_present(recordings);
   if (samples <= unknowns) {
-    throw InputError({data.name, 0, 0},
+    throw InputError({recordings[0].name, 0, 0},
                      fmt::format("{} samples for {} unknowns", samples, unknowns),
                      "more samples than unknowns", "use a longer recording or fix parameters");
   }
-  for (Index i = 0; i < data.y.rows(); ++i) {
-    double low = HUGE_VAL, high = -HUGE_VAL;
-    for (Index t = 0; t < data.y.cols(); ++t) {
-      if (std::isnan(data.y(i, t))) continue;
-      low = std::min(low, data.y(i, t));
-      high = std::max(high, data.y(i, t));
+  for (const Dataset& data : recordings) {
+    for (Index i = 0; i < data.y.rows(); ++i) {
+      double low = HUGE_VAL, high = -HUGE_VAL;
+      for (Index t = 0; t < data.y.cols(); ++t) {
+        if (std::isnan(data.y(i, t))) continue;
+        low = std::min(low, data.y(i, t));
+        high = std::max(high, data.y(i, t));
+      }
+      if (low >= high) {
+        throw InputError({data.name, 0, 0},
+                         fmt::format("output '{}' never changes (it is {:.6g} throughout)",
+                                     data.outputs[static_cast<std::size_t>(i)].name, low),
+                         "a channel with noise", "remove it from the model's outputs");
+      }
     }
-    if (low >= high) {
-      throw InputError({data.name, 0, 0},
-                       fmt::format("output '{}' never changes (it is {:.6g} throughout)",
-                                   data.outputs[static_cast<std::size_t>(i)].name, low),
-                       "a channel with noise", "remove it from the model's outputs");
-    }
-  }
-  for (Index i = 0; i < data.u.rows(); ++i) {
-    for (Index t = 0; t < data.u.cols(); ++t) {
-      if (!std::isfinite(data.u(i, t))) {
+    for (Index i = 0; i < data.u.rows(); ++i) {
+      for (Index t = 0; t < data.u.cols(); ++t) {
+        if (std::isfinite(data.u(i, t))) continue;
         throw InputError({data.name, 0, 0},
                          fmt::format("input '{}' is missing at {:.6g} s",
                                      data.inputs[static_cast<std::size_t>(i)].name, data.time[t]),
@@ -357,6 +382,23 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
   }
 }
 
+// Which path served the evaluation at the maximum, and what a person should know about it.
+void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
+  estimate.objective.path = to_string(taken.path);
+  if (taken.detour == Detour::none || taken.detour == Detour::not_asked) return;
+  estimate.objective.path_reason = describe(taken.detour);
+  if (taken.detour == Detour::long_memory) {
+    estimate.objective.path_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
+  }
+  if (asked != Path::compressed || taken.path == Path::compressed) return;
+  estimate.warnings.push_back({"path",
+                               "warning",
+                               {},
+                               fmt::format("the {} path ran instead of the compressed one: {}",
+                                           estimate.objective.path, estimate.objective.path_reason),
+                               "the result is the same, only slower"});
+}
+
 void conclude(Estimate& estimate, const Search& found) {
   const Identifiability& id = estimate.identifiability;
   if (std::isnan(found.best.summary.objective)) {
@@ -386,92 +428,16 @@ void conclude(Estimate& estimate, const Search& found) {
 
 }  // namespace
 
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const Dataset& data) {
-  const StateSpace system = instantiate(model.linear, parameters);
-  estimate.noise.Q = system.Q;
-  estimate.noise.R = system.R;
-  if (!system.S.isZero(0.0)) estimate.noise.S = system.S;
-  estimate.noise.Q_kind = "per-sample";
-  if (const auto steady = steady_state(system)) {
-    estimate.noise.K_steady = steady->K;
-    estimate.noise.P_steady = steady->P;
-  }
-  const FilterResult filter =
-      kalman_filter(system, model.linear.initial, data.y, data.u, Keep::innovations);
-  if (filter.status != FilterStatus::ok) {
-    estimate.status = Status::not_converged;
-    estimate.message = describe(filter.status);
-    return;
-  }
-  estimate.objective.log_likelihood = filter.log_likelihood;
-
-  const Index ny = data.y.rows();
-  Series& series = estimate.series;
-  series.time = data.time;
-  series.measured = data.y;
-  series.predicted = data.y - filter.e;
-  series.standardised = filter.standardised;
-  for (Index i = 0; i < ny; ++i) {
-    const Channel& channel = data.outputs[static_cast<std::size_t>(i)];
-    const Unit unit = parse_unit(channel.unit).value_or(Unit{});
-    series.channels.push_back(channel.name);
-    series.units.push_back(channel.unit);
-    double sum = 0.0, count = 0.0, total = 0.0, squares = 0.0;
-    for (Index t = 0; t < data.y.cols(); ++t) {
-      if (std::isnan(filter.e(i, t))) continue;
-      sum += data.y(i, t);
-      count += 1.0;
-    }
-    for (Index t = 0; t < data.y.cols(); ++t) {
-      if (std::isnan(filter.e(i, t))) continue;
-      squares += filter.e(i, t) * filter.e(i, t);
-      total += std::pow(data.y(i, t) - sum / count, 2);
-    }
-    ChannelFit fit{channel.name, channel.unit, kNone, kNone};
-    if (count > 0.0) fit.rmse = std::sqrt(squares / count) / unit.scale;
-    if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
-    estimate.one_step.push_back(fit);
-    series.measured.row(i) = (series.measured.row(i).array() - unit.offset) / unit.scale;
-    series.predicted.row(i) = (series.predicted.row(i).array() - unit.offset) / unit.scale;
-  }
-
-  // All tests together keep a level of 5 % (Bonferroni).
-  const double level = 0.05 / static_cast<double>(1 + ny);
-  const ChiSquareStatistic nis = normalised_innovation_squared(filter.standardised);
-  if (nis.dof > 0.0) {
-    TestResult test;
-    test.id = "nis";
-    test.value = nis.value / nis.dof;
-    test.interval = {chi_square_quantile(0.5 * level, nis.dof) / nis.dof,
-                     chi_square_quantile(1.0 - 0.5 * level, nis.dof) / nis.dof};
-    const double upper = chi_square_upper_tail(nis.value, nis.dof);
-    test.p = std::min(1.0, 2.0 * std::min(upper, 1.0 - upper));
-    test.pass = test.value >= test.interval[0] && test.value <= test.interval[1];
-    estimate.tests.push_back(test);
-  }
-  for (Index i = 0; i < ny; ++i) {
-    const ChiSquareStatistic q =
-        ljung_box(filter.standardised.row(i).transpose(), default_lags(data.size()));
-    TestResult test;
-    test.id = "ljung_box";
-    test.channel = data.outputs[static_cast<std::size_t>(i)].name;
-    test.value = q.value;
-    test.p = chi_square_upper_tail(q.value, q.dof);
-    if (q.dof > 0.0) test.interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
-    test.pass = test.p >= level;
-    estimate.tests.push_back(test);
-  }
-}
-
-Estimate tune_ml(const ModelFile& model, const Dataset& data, const NoiseMlOptions& options) {
+Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
+                 const NoiseMlOptions& options) {
   const ParameterSet& parameters = model.parameters;
   Estimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "ml";
-  check_usable(model, data, coordinates(parameters).size());
+  check_usable(model, recordings, coordinates(parameters).size());
 
-  const LikelihoodProblem problem = make_problem(model, parameters, data);
+  RecordingsLikelihood likelihood(model, recordings, options.path);
+  const LikelihoodProblem problem = likelihood.problem();
   const Search found = search(problem, parameters, options);
   const ParameterSet end = with_coordinates(parameters, found.best.x);
   list_parameters(estimate, parameters, end);
@@ -483,6 +449,7 @@ Estimate tune_ml(const ModelFile& model, const Dataset& data, const NoiseMlOptio
   objective.starts_agree = found.agree;
   if (!std::isnan(found.best.summary.objective)) {
     judge(estimate, problem, end, found.best);
+    report_path(estimate, likelihood.path_taken(), options.path);
     limit_boundary(estimate, problem, end, found.best);
     const ReportedEntries entries = reported_entries(end);
     for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
@@ -498,11 +465,11 @@ Estimate tune_ml(const ModelFile& model, const Dataset& data, const NoiseMlOptio
   if (estimate.status == Status::not_converged && std::isnan(found.best.summary.objective)) {
     return estimate;
   }
-  describe_filter(estimate, model, end, data);
+  describe_filter(estimate, model, end, recordings);
   const double k = static_cast<double>(coordinates(parameters).size());
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
-  objective.bic =
-      k * std::log(static_cast<double>(samples_present(data))) - 2.0 * objective.log_likelihood;
+  objective.bic = k * std::log(static_cast<double>(samples_present(recordings))) -
+                  2.0 * objective.log_likelihood;
   if (found.agree < found.tried) {
     estimate.warnings.push_back(
         {"several_maxima",

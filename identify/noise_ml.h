@@ -3,32 +3,31 @@
 
 #include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "identify/estimate.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
+#include "lib/likelihood.h"
 
 namespace identikal {
 
 struct NoiseMlOptions {
   int starts = 5;          ///< optimisations: the file's start, then scattered ones
   std::uint64_t seed = 1;  ///< of the scattered starts
+  Path path = Path::automatic;
   std::function<void(int start, int iteration, double log_likelihood)> progress;
 };
 
-/// Maximises the innovations' log-likelihood (lib/kalman.h) over every free parameter of a linear
-/// model: covariances, and any other entry. Standard errors from the observed information
-/// (differences of the exact gradient); beside them the Cramér-Rao bound from the expected
-/// information. A variance that ends at zero gets no interval but an upper limit from the profile
-/// likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman (2012),
-/// section 7.3.
+/// Maximises the innovations' log-likelihood (lib/likelihood.h) of all recordings over every free
+/// parameter of a linear model: covariances, and any other entry. Standard errors from the observed
+/// information (differences of the exact gradient); beside them the Cramér-Rao bound from the
+/// expected information. A variance that ends at zero gets no interval but an upper limit from the
+/// profile likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman
+/// (2012), section 7.3.
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps
-Estimate tune_ml(const ModelFile& model, const Dataset& data, const NoiseMlOptions& options = {});
-
-/// The linear model's share of every result: noise matrices, steady gain, one-step fit, whiteness
-/// tests, series.
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const Dataset& data);
+Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
+                 const NoiseMlOptions& options = {});
 
 }  // namespace identikal

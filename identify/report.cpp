@@ -146,9 +146,13 @@ std::string console_report(const Estimate& estimate) {
     out += "\n";
   }
   if (objective.starts > 0) {
-    out += fmt::format("search {} of {} starts agree, {} iterations, {} evaluations\n",
+    out += fmt::format("search {} of {} starts agree, {} iterations, {} evaluations{}\n",
                        objective.starts_agree, objective.starts, objective.iterations,
-                       objective.evaluations);
+                       objective.evaluations,
+                       objective.path.empty() ? "" : ", " + objective.path + " likelihood");
+    if (!objective.path_reason.empty()) {
+      out += wrapped("       not compressed: " + objective.path_reason, 7);
+    }
   }
   out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation);
   for (const TestResult& test : estimate.tests) {
@@ -177,7 +181,8 @@ std::string console_report(const Estimate& estimate) {
 
 std::string residuals_csv(const Estimate& estimate) {
   const Series& s = estimate.series;
-  std::string out = "time [s]";
+  const bool several = !s.recording.empty() && s.recording.back() > 1;
+  std::string out = several ? "recording,time [s]" : "time [s]";
   for (std::size_t i = 0; i < s.channels.size(); ++i) {
     const std::string unit = s.units[i].empty() ? "" : " [" + s.units[i] + "]";
     out += fmt::format(",{0}{1},{0}_predicted{1},{0}_standardised", s.channels[i], unit);
@@ -187,6 +192,7 @@ std::string residuals_csv(const Estimate& estimate) {
     return std::isnan(value) ? std::string() : fmt::format("{:.9g}", value);
   };
   for (Eigen::Index t = 0; t < s.time.size(); ++t) {
+    if (several) out += fmt::format("{},", s.recording[static_cast<std::size_t>(t)]);
     out += fmt::format("{:.12g}", s.time[t]);
     for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
       out += "," + cell(s.measured(i, t)) + "," + cell(s.predicted(i, t)) + ",";

@@ -84,7 +84,9 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                       {"iterations", objective.iterations},
                       {"evaluations", objective.evaluations},
                       {"starts", objective.starts},
-                      {"starts_agree", objective.starts_agree}};
+                      {"starts_agree", objective.starts_agree},
+                      {"path", objective.path},
+                      {"path_reason", objective.path_reason}};
   out["fit"] = {{"one_step", fits(estimate.one_step)},
                 {"simulation", fits(estimate.simulation)},
                 {"hold_out", Json::object()}};

@@ -3,70 +3,95 @@
 namespace identikal {
 namespace {
 
-Eigen::MatrixXd value_of(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {
-  if (matrix.block >= 0) return parameters[static_cast<std::size_t>(matrix.block)].value;
-  Eigen::MatrixXd M = matrix.constant;
-  for (const ParametrisedMatrix::Entry& e : matrix.entries) {
-    M(e.row, e.col) += e.factor * parameters[static_cast<std::size_t>(e.parameter)].scalar();
+double& entry(Eigen::MatrixXd& M, const ParametrisedMatrix::Entry& e) { return M(e.row, e.col); }
+double& entry(Eigen::VectorXd& v, const ParametrisedMatrix::Entry& e) { return v(e.row); }
+
+template <class Matrix>
+void set_value(const ParametrisedMatrix& matrix, const ParameterSet& parameters, Matrix& out) {
+  if (matrix.block >= 0) {
+    out = parameters[static_cast<std::size_t>(matrix.block)].value;
+    return;
   }
-  return M;
+  out = matrix.constant;
+  for (const ParametrisedMatrix::Entry& e : matrix.entries) {
+    entry(out, e) += e.factor * parameters[static_cast<std::size_t>(e.parameter)].scalar();
+  }
 }
 
-Eigen::MatrixXd derivative_of(const ParametrisedMatrix& matrix, const CoordinateDerivative& d,
-                              Eigen::Index rows, Eigen::Index cols) {
-  if (matrix.block == d.parameter) return d.value;
-  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(rows, cols);
-  for (const ParametrisedMatrix::Entry& e : matrix.entries) {
-    if (e.parameter == d.parameter) M(e.row, e.col) += e.factor * d.value(0, 0);
+template <class Matrix>
+void set_derivative(const ParametrisedMatrix& matrix, const ParameterSet& parameters,
+                    const CoordinateDerivative& d, Matrix& out) {
+  if (matrix.block >= 0) {
+    if (matrix.block == d.parameter) {
+      out = d.value;
+    } else {
+      const Eigen::MatrixXd& value = parameters[static_cast<std::size_t>(matrix.block)].value;
+      out = Matrix::Zero(value.rows(), value.cols());
+    }
+    return;
   }
-  return M;
+  out = Matrix::Zero(matrix.constant.rows(), matrix.constant.cols());
+  for (const ParametrisedMatrix::Entry& e : matrix.entries) {
+    if (e.parameter == d.parameter) entry(out, e) += e.factor * d.value(0, 0);
+  }
 }
 
 }  // namespace
 
-StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters) {
-  StateSpace out;
-  out.A = value_of(model.A, parameters);
-  out.B = value_of(model.B, parameters);
-  out.C = value_of(model.C, parameters);
-  out.D = value_of(model.D, parameters);
-  out.G = value_of(model.G, parameters);
-  out.Q = value_of(model.Q, parameters);
-  out.R = value_of(model.R, parameters);
-  out.S = value_of(model.S, parameters);
+void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out) {
+  set_value(model.A, parameters, out.A);
+  set_value(model.B, parameters, out.B);
+  set_value(model.C, parameters, out.C);
+  set_value(model.D, parameters, out.D);
+  set_value(model.G, parameters, out.G);
+  set_value(model.Q, parameters, out.Q);
+  set_value(model.R, parameters, out.R);
+  set_value(model.S, parameters, out.S);
   out.dt = model.dt;
   if (model.initial == InitialState::given) {
-    out.x0 = value_of(model.x0, parameters);
-    out.P0 = value_of(model.P0, parameters);
+    set_value(model.x0, parameters, out.x0);
+    set_value(model.P0, parameters, out.P0);
   } else {
-    out.x0 = Eigen::VectorXd::Zero(out.states());
-    out.P0 = Eigen::MatrixXd::Zero(out.states(), out.states());
+    out.x0.setZero(out.states());
+    out.P0.setZero(out.states(), out.states());
   }
+}
+
+StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters) {
+  StateSpace out;
+  instantiate(model, parameters, out);
   return out;
+}
+
+void instantiate_derivatives(const LinearModel& model, const ParameterSet& parameters,
+                             std::vector<StateSpace>& out) {
+  const std::vector<CoordinateDerivative> by = coordinate_derivatives(parameters);
+  out.resize(by.size());
+  for (std::size_t i = 0; i < by.size(); ++i) {
+    StateSpace& s = out[i];
+    set_derivative(model.A, parameters, by[i], s.A);
+    set_derivative(model.B, parameters, by[i], s.B);
+    set_derivative(model.C, parameters, by[i], s.C);
+    set_derivative(model.D, parameters, by[i], s.D);
+    set_derivative(model.G, parameters, by[i], s.G);
+    set_derivative(model.Q, parameters, by[i], s.Q);
+    set_derivative(model.R, parameters, by[i], s.R);
+    set_derivative(model.S, parameters, by[i], s.S);
+    s.dt = model.dt;
+    if (model.initial == InitialState::given) {
+      set_derivative(model.x0, parameters, by[i], s.x0);
+      set_derivative(model.P0, parameters, by[i], s.P0);
+    } else {
+      s.x0.setZero(s.states());
+      s.P0.setZero(s.states(), s.states());
+    }
+  }
 }
 
 std::vector<StateSpace> instantiate_derivatives(const LinearModel& model,
                                                 const ParameterSet& parameters) {
-  const StateSpace at = instantiate(model, parameters);
   std::vector<StateSpace> out;
-  for (const CoordinateDerivative& d : coordinate_derivatives(parameters)) {
-    const auto of = [&d](const ParametrisedMatrix& matrix, const auto& value) {
-      return derivative_of(matrix, d, value.rows(), value.cols());
-    };
-    StateSpace s;
-    s.A = of(model.A, at.A);
-    s.B = of(model.B, at.B);
-    s.C = of(model.C, at.C);
-    s.D = of(model.D, at.D);
-    s.G = of(model.G, at.G);
-    s.Q = of(model.Q, at.Q);
-    s.R = of(model.R, at.R);
-    s.S = of(model.S, at.S);
-    s.x0 = of(model.x0, at.x0);
-    s.P0 = of(model.P0, at.P0);
-    s.dt = model.dt;
-    out.push_back(std::move(s));
-  }
+  instantiate_derivatives(model, parameters, out);
   return out;
 }
 

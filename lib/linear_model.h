@@ -39,10 +39,15 @@ struct LinearModel {
 
 /// The matrices at these parameter values. x0 and P0 are filled for InitialState::given only.
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
+/// The same into `out`, whose memory is used again.
+void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);
 
 /// d(matrices) / d(coordinate), one per optimiser coordinate (lib/parameter.h); shapes as in the
 /// model.
 std::vector<StateSpace> instantiate_derivatives(const LinearModel& model,
                                                 const ParameterSet& parameters);
+/// The same into `out`, whose memory is used again.
+void instantiate_derivatives(const LinearModel& model, const ParameterSet& parameters,
+                             std::vector<StateSpace>& out);
 
 }  // namespace identikal

@@ -29,7 +29,7 @@ TEST(NoiseMl, NileWithGaps) {
       make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
   data.y.middleCols(20, 20).setConstant(std::nan(""));
   data.y.middleCols(60, 20).setConstant(std::nan(""));
-  const Estimate e = tune_ml(model, data);
+  const Estimate e = tune_ml(model, {data});
   EXPECT_EQ(e.status, Status::ok);
   EXPECT_NEAR(e.noise.R(0, 0) / 17899.845, 1.0, 1e-5);
   EXPECT_NEAR(e.noise.Q(0, 0) / 685.8209, 1.0, 1e-5);
@@ -75,7 +75,7 @@ TEST(NoiseMl, PublishedMaxima) {
                        InitialState::stationary, data.y, data.u);
     std::printf("%s: at the truth %.10f\n", c.file, at_truth.value);
     EXPECT_NEAR(at_truth.value, c.at_truth, 1e-6);
-    const Estimate e = tune_ml(model, data);
+    const Estimate e = tune_ml(model, {data});
     EXPECT_EQ(e.status, Status::ok);
     std::printf("%s: maximum %.10f\n", c.file, e.objective.log_likelihood);
     EXPECT_NEAR(e.objective.log_likelihood, c.at_maximum, 1e-6);
@@ -92,8 +92,8 @@ TEST(NoiseMl, PublishedMaxima) {
 TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
   // No measurement noise in the data: in about half of the records the maximum lies at r = 0.
   for (std::uint64_t seed = 1; seed < 20; ++seed) {
-    const Estimate e =
-        tune_ml(scalar_model(0.9, 1.0, 1.0), dataset_of(simulate_scalar(0.9, 1.0, 0.0, 400, seed)));
+    const Estimate e = tune_ml(scalar_model(0.9, 1.0, 1.0),
+                               {dataset_of(simulate_scalar(0.9, 1.0, 0.0, 400, seed))});
     ASSERT_EQ(e.status, Status::ok);
     const EstimatedParameter& r = e.parameters[1];
     if (r.verdict != Verdict::at_bound) continue;
@@ -109,12 +109,12 @@ TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
 
 TEST(NoiseMl, RefusesInWords) {
   ModelFile model = scalar_model(0.5, 1.0, 1.0);
-  EXPECT_THROW(tune_ml(model, dataset_of(MatrixXd::Constant(1, 100, 3.0))), InputError);
-  EXPECT_THROW(tune_ml(model, dataset_of(MatrixXd::Random(1, 2))), InputError);
+  EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Constant(1, 100, 3.0))}), InputError);
+  EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 2))}), InputError);
   model.parameters[0].fixed = model.parameters[1].fixed = true;
-  EXPECT_THROW(tune_ml(model, dataset_of(MatrixXd::Random(1, 100))), InputError);
+  EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 100))}), InputError);
   // An unstable A with a stationary start is a value with a sentence, not an exception.
-  const Estimate e = tune_ml(scalar_model(1.5, 1.0, 1.0), dataset_of(MatrixXd::Random(1, 100)));
+  const Estimate e = tune_ml(scalar_model(1.5, 1.0, 1.0), {dataset_of(MatrixXd::Random(1, 100))});
   EXPECT_EQ(e.status, Status::not_converged);
   EXPECT_THAT(e.message, testing::HasSubstr("undefined"));
 }

@@ -1,0 +1,146 @@
+#include "identify/filter_report.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "identify/distribution.h"
+#include "lib/kalman.h"
+#include "lib/matrix_equations.h"
+#include "lib/units.h"
+#include "lib/whiteness.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+// All recordings side by side.
+struct Joined {
+  MatrixXd y, e, standardised;
+  Eigen::VectorXd time;
+  std::vector<int> recording;
+  MatrixXd apart;  // standardised, with as much missing between recordings as a test looks across
+};
+
+Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters,
+            Index gap) {
+  const Index ny = recordings[0].y.rows();
+  Index total = 0;
+  for (const Dataset& data : recordings) total += data.size();
+  Joined out;
+  out.y.resize(ny, total);
+  out.e.resize(ny, total);
+  out.standardised.resize(ny, total);
+  out.time.resize(total);
+  const auto gaps = gap * static_cast<Index>(recordings.size() - 1);
+  out.apart = MatrixXd::Constant(ny, total + gaps, kNone);
+  Index at = 0;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Index N = recordings[r].size();
+    out.y.middleCols(at, N) = recordings[r].y;
+    out.e.middleCols(at, N) = filters[r].e;
+    out.standardised.middleCols(at, N) = filters[r].standardised;
+    out.apart.middleCols(at + gap * static_cast<Index>(r), N) = filters[r].standardised;
+    out.time.segment(at, N) = recordings[r].time;
+    out.recording.insert(out.recording.end(), static_cast<std::size_t>(N), static_cast<int>(r) + 1);
+    at += N;
+  }
+  return out;
+}
+
+void report_tests(Estimate& estimate, const std::vector<Channel>& outputs, const Joined& all,
+                  int lags) {
+  const double level = 0.05 / static_cast<double>(1 + outputs.size());
+  const ChiSquareStatistic nis = normalised_innovation_squared(all.standardised);
+  if (nis.dof > 0.0) {
+    TestResult test;
+    test.id = "nis";
+    test.value = nis.value / nis.dof;
+    test.interval = {chi_square_quantile(0.5 * level, nis.dof) / nis.dof,
+                     chi_square_quantile(1.0 - 0.5 * level, nis.dof) / nis.dof};
+    const double upper = chi_square_upper_tail(nis.value, nis.dof);
+    test.p = std::min(1.0, 2.0 * std::min(upper, 1.0 - upper));
+    test.pass = test.value >= test.interval[0] && test.value <= test.interval[1];
+    estimate.tests.push_back(test);
+  }
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const ChiSquareStatistic q = ljung_box(all.apart.row(static_cast<Index>(i)).transpose(), lags);
+    TestResult test;
+    test.id = "ljung_box";
+    test.channel = outputs[i].name;
+    test.value = q.value;
+    test.p = chi_square_upper_tail(q.value, q.dof);
+    if (q.dof > 0.0) test.interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
+    test.pass = test.p >= level;
+    estimate.tests.push_back(test);
+  }
+}
+
+void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const Joined& all) {
+  Series& series = estimate.series;
+  series.time = all.time;
+  series.recording = all.recording;
+  series.measured = all.y;
+  series.predicted = all.y - all.e;
+  series.standardised = all.standardised;
+  for (std::size_t n = 0; n < outputs.size(); ++n) {
+    const auto i = static_cast<Index>(n);
+    const Unit unit = parse_unit(outputs[n].unit).value_or(Unit{});
+    series.channels.push_back(outputs[n].name);
+    series.units.push_back(outputs[n].unit);
+    double sum = 0.0, count = 0.0, total = 0.0, squares = 0.0;
+    for (Index t = 0; t < all.y.cols(); ++t) {
+      if (std::isnan(all.e(i, t))) continue;
+      sum += all.y(i, t);
+      count += 1.0;
+    }
+    for (Index t = 0; t < all.y.cols(); ++t) {
+      if (std::isnan(all.e(i, t))) continue;
+      squares += all.e(i, t) * all.e(i, t);
+      total += std::pow(all.y(i, t) - sum / count, 2);
+    }
+    ChannelFit fit{outputs[n].name, outputs[n].unit, kNone, kNone};
+    if (count > 0.0) fit.rmse = std::sqrt(squares / count) / unit.scale;
+    if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
+    estimate.one_step.push_back(fit);
+    series.measured.row(i) = (series.measured.row(i).array() - unit.offset) / unit.scale;
+    series.predicted.row(i) = (series.predicted.row(i).array() - unit.offset) / unit.scale;
+  }
+}
+
+}  // namespace
+
+void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                     const std::vector<Dataset>& recordings) {
+  const StateSpace system = instantiate(model.linear, parameters);
+  estimate.noise.Q = system.Q;
+  estimate.noise.R = system.R;
+  if (!system.S.isZero(0.0)) estimate.noise.S = system.S;
+  estimate.noise.Q_kind = "per-sample";
+  if (const auto steady = steady_state(system)) {
+    estimate.noise.K_steady = steady->K;
+    estimate.noise.P_steady = steady->P;
+  }
+  std::vector<FilterResult> filters;
+  estimate.objective.log_likelihood = 0.0;
+  Index shortest = recordings[0].size();
+  for (const Dataset& data : recordings) {
+    filters.push_back(
+        kalman_filter(system, model.linear.initial, data.y, data.u, Keep::innovations));
+    if (filters.back().status != FilterStatus::ok) {
+      estimate.status = Status::not_converged;
+      estimate.message = describe(filters.back().status);
+      estimate.objective.log_likelihood = kNone;
+      return;
+    }
+    estimate.objective.log_likelihood += filters.back().log_likelihood;
+    shortest = std::min(shortest, data.size());
+  }
+  const int lags = default_lags(shortest);
+  const Joined all = join(recordings, filters, lags);
+  report_fit(estimate, recordings[0].outputs, all);
+  report_tests(estimate, recordings[0].outputs, all, lags);
+}
+
+}  // namespace identikal

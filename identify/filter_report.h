@@ -1,0 +1,20 @@
+// What does a Kalman filter with known noise make of recordings? Noise matrices, steady gain, fit,
+// whiteness tests, series: the part that every result about a linear model shares.
+#pragma once
+
+#include <vector>
+
+#include "identify/estimate.h"
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+
+namespace identikal {
+
+/// Runs the filter over every recording, each from the model's initial state, and fills noise,
+/// log-likelihood, one-step fit, tests and series of the estimate. The tests take the recordings
+/// together and keep a level of 5 % in all (Bonferroni); no autocorrelation reaches across from one
+/// recording to the next. A filter that cannot run sets status and message.
+void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                     const std::vector<Dataset>& recordings);
+
+}  // namespace identikal
