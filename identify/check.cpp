@@ -29,7 +29,6 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
     estimate.parameters.push_back(std::move(p));
   }
   describe_filter(estimate, model, model.parameters, recordings);
-  if (estimate.status != Status::ok) return estimate;
   if (estimate.tests.empty()) {
     throw InputError({recordings[0].name, 0, 0}, "no sample is left to test",
                      "at least one measured row");

@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
 #include "identify/distribution.h"
-#include "lib/kalman.h"
+#include "lib/error.h"
 #include "lib/matrix_equations.h"
 #include "lib/units.h"
 #include "lib/whiteness.h"
@@ -66,6 +69,11 @@ void report_tests(Estimate& estimate, const std::vector<Channel>& outputs, const
   }
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const ChiSquareStatistic q = ljung_box(all.apart.row(static_cast<Index>(i)).transpose(), lags);
+    if (!std::isfinite(q.value)) {
+      estimate.notes.push_back("ljung_box of '" + outputs[i].name +
+                               "' is not computed: its innovations are constant or missing");
+      continue;
+    }
     TestResult test;
     test.id = "ljung_box";
     test.channel = outputs[i].name;
@@ -111,6 +119,37 @@ void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const J
 
 }  // namespace
 
+void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+                   FilterStatus status) {
+  const StateSpace system = instantiate(model.linear, model.parameters);
+  const Location here{model.path, 0, 0};
+  switch (status) {
+    case FilterStatus::ok:
+      break;
+    case FilterStatus::unstable:
+      throw InputError(here,
+                       fmt::format("the filter starts stationary, and A has an eigenvalue of size "
+                                   "{:.6g}",
+                                   system.A.eigenvalues().cwiseAbs().maxCoeff()),
+                       "a stable A: every eigenvalue inside the unit circle",
+                       "say 'initial: diffuse' where nothing is known of the state");
+    case FilterStatus::indefinite:
+      throw InputError(here, "an innovation covariance is not positive definite at these values",
+                       "noise in every output: Q and R positive semidefinite, and no output or "
+                       "combination of outputs without any");
+    case FilterStatus::undetermined:
+      throw InputError({recordings[0].name, 0, 0},
+                       "the recording does not determine the diffuse initial state",
+                       "outputs that show every state, and more rows than states",
+                       "say 'initial: stationary', or give x0 and P0");
+    case FilterStatus::not_finite:
+      throw InputError({recordings[0].name, 0, 0}, "the filter overflows, or an input is missing",
+                       "numbers of a size whose square is finite, and a value of every input in "
+                       "every row");
+  }
+  throw InputError(here, "the filter cannot run");
+}
+
 void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
                      const std::vector<Dataset>& recordings) {
   const StateSpace system = instantiate(model.linear, parameters);
@@ -129,10 +168,7 @@ void describe_filter(Estimate& estimate, const ModelFile& model, const Parameter
     filters.push_back(
         kalman_filter(system, model.linear.initial, data.y, data.u, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {
-      estimate.status = Status::not_converged;
-      estimate.message = describe(filters.back().status);
-      estimate.objective.log_likelihood = kNone;
-      return;
+      refuse_filter(model, recordings, filters.back().status);
     }
     estimate.objective.log_likelihood += filters.back().log_likelihood;
     shortest = std::min(shortest, data.size());

@@ -7,13 +7,20 @@
 #include "identify/estimate.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
+#include "lib/kalman.h"
 
 namespace identikal {
+
+/// The model's values do not make a filter for these recordings: says why.
+/// @throws InputError always
+[[noreturn]] void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+                                FilterStatus status);
 
 /// Runs the filter over every recording, each from the model's initial state, and fills noise,
 /// log-likelihood, one-step fit, tests and series of the estimate. The tests take the recordings
 /// together and keep a level of 5 % in all (Bonferroni); no autocorrelation reaches across from one
-/// recording to the next. A filter that cannot run sets status and message.
+/// recording to the next.
+/// @throws InputError when the filter cannot run
 void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
                      const std::vector<Dataset>& recordings);
 

@@ -33,7 +33,7 @@ struct Arguments {
   std::vector<std::string> data;
   std::string output;
   bool json = false, strict = false, quiet = false;
-  std::uint64_t seed = 1;
+  std::int64_t seed = 1;
   int starts = 5;
   std::vector<std::string> settings;
   std::string path = "automatic";
@@ -151,9 +151,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
-    write_file(args.output, "result.json", json);
-    if (estimate.series.time.size() > 0)
-      write_file(args.output, "residuals.csv", residuals_csv(estimate));
+    write_files(args.output, {{"result.json", json}, {"residuals.csv", residuals_csv(estimate)}});
   }
   std::cout << (args.json ? json : console_report(estimate)) << std::flush;
   if (!std::cout) throw OutputError("standard output: cannot write");
@@ -181,13 +179,13 @@ int run_estimator(const Arguments& args) {
   } else if (vehicle) {
     VehicleFitOptions options;
     options.starts = args.starts;
-    options.seed = args.seed;
+    options.seed = static_cast<std::uint64_t>(args.seed);
     progress.show("fitting the vehicle ...");
     estimate = fit_vehicle(model, recordings.data.front(), options);
   } else {
     NoiseMlOptions options;
     options.starts = args.starts;
-    options.seed = args.seed;
+    options.seed = static_cast<std::uint64_t>(args.seed);
     for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
       if (args.path == to_string(path)) options.path = path;
     }
@@ -206,8 +204,17 @@ int run_simulate(const Arguments& args) {
   std::optional<Dataset> recording;
   if (!args.data.empty()) recording = load_data(args, args.data.front(), model, nullptr, false);
   const Dataset* inputs = recording ? &*recording : nullptr;
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  if (args.rows > 0 && (inputs != nullptr || vehicle)) {
+    throw InputError({}, "-n has no meaning here",
+                     inputs != nullptr ? "as many rows as the recording of the inputs has"
+                                       : "--duration and --rate");
+  }
+  if (!args.manoeuvre.empty() && (inputs != nullptr || !vehicle)) {
+    throw InputError({}, "--manoeuvre has no meaning here", "a vehicle without a recording");
+  }
   Simulated simulated;
-  if (model.form == ModelFile::Form::single_track) {
+  if (vehicle) {
     if (inputs == nullptr && !args.manoeuvre.empty() && args.manoeuvre != "severe-lane-change") {
       throw InputError({}, fmt::format("unknown manoeuvre '{}'", args.manoeuvre),
                        "severe-lane-change");
@@ -221,18 +228,18 @@ int run_simulate(const Arguments& args) {
       throw InputError({}, "--speed, --rate and --duration describe no recording",
                        "positive values and 2 to 1e8 rows");
     }
-    simulated = simulate_vehicle(model, settings, inputs, args.seed);
+    simulated = simulate_vehicle(model, settings, inputs, static_cast<std::uint64_t>(args.seed));
   } else {
     if (inputs == nullptr && args.rows < 1) {
       throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
     }
-    simulated = simulate_linear(model, args.rows, inputs, args.seed);
+    simulated = simulate_linear(model, args.rows, inputs, static_cast<std::uint64_t>(args.seed));
   }
   if (args.output.empty()) {
     std::cout << simulated.csv << std::flush;
     if (!std::cout) throw OutputError("standard output: cannot write");
   } else {
-    write_file(args.output, "simulated.csv", simulated.csv);
+    write_files(args.output, {{"simulated.csv", simulated.csv}});
     fmt::print("{} rows written to {}\n", simulated.rows,
                (std::filesystem::path(args.output) / "simulated.csv").string());
   }
@@ -268,8 +275,17 @@ int run_info(const Arguments& args) {
   return 0;
 }
 
+std::string whole_number(const std::string& text) {
+  const bool digits = !text.empty() && text.size() <= 18 &&
+                      text.find_first_not_of("0123456789") == std::string::npos;
+  return digits ? "" : "'" + text + "' is not a whole number from 0 to 999999999999999999";
+}
+
 void add_common(CLI::App& verb, Arguments& args, bool estimates) {
-  verb.add_option("-o,--output", args.output, "folder for the result files");
+  verb.add_option("-o,--output", args.output, "folder for the result files")
+      ->check([](const std::string& folder) {
+        return folder.empty() ? "no folder is named" : std::string();
+      });
   verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")
       ->allow_extra_args(false);
   verb.add_option("--range", args.range, "FROM:TO: use these rows, in seconds, e.g. 10s:95s");
@@ -299,7 +315,9 @@ int run(int argc, char** argv) {
     verb->add_option("DATA", args.data, "recordings (CSV)")->required();
     add_common(*verb, args, true);
     if (std::string(name) == "check") continue;
-    verb->add_option("--seed", args.seed, "seed of the scattered starts")->capture_default_str();
+    verb->add_option("--seed", args.seed, "seed of the scattered starts")
+        ->check(whole_number)
+        ->capture_default_str();
     verb->add_option("--starts", args.starts, "number of starts")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
@@ -315,7 +333,9 @@ int run(int argc, char** argv) {
   simulate->add_option("MODEL", args.model, "model file (YAML)")->required();
   simulate->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
   add_common(*simulate, args, false);
-  simulate->add_option("--seed", args.seed, "seed of the noise")->capture_default_str();
+  simulate->add_option("--seed", args.seed, "seed of the noise")
+      ->check(whole_number)
+      ->capture_default_str();
   simulate->add_option("-n,--rows", args.rows, "rows of a linear model's record")
       ->check(CLI::Range(1L, 100000000L));
   simulate->add_option("--manoeuvre", args.manoeuvre, "vehicle without DATA: severe-lane-change");

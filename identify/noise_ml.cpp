@@ -6,7 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
+#include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
@@ -44,12 +44,26 @@ bool admissible(const StateSpace& model) {
   return semidefinite(joint);
 }
 
-// The likelihood of all recordings as a function of the optimiser's coordinates.
+// The likelihood of all recordings as a function of the free entries, in which the model is linear,
+// or of the optimiser's coordinates.
 class RecordingsLikelihood {
  public:
   RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings, Path path)
       : model_(model), path_(path) {
     for (const Dataset& data : recordings) engine_.add_recording(data.y, data.u);
+    derivatives_ = model_derivatives(model.linear, model.parameters);
+    for (const Parameter& p : model.parameters) {
+      curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
+    }
+  }
+
+  // nullptr: undefined there. Valid until the next call.
+  const Likelihood* evaluate(const ParameterSet& at, bool with_gradient) {
+    instantiate(model_.linear, at, system_);
+    if (!admissible(system_)) return nullptr;
+    const Likelihood& result = engine_.evaluate(system_, model_.linear.initial,
+                                                with_gradient ? derivatives_ : none_, path_);
+    return result.status == FilterStatus::ok ? &result : nullptr;
   }
 
   LikelihoodProblem problem() {
@@ -58,17 +72,20 @@ class RecordingsLikelihood {
     out.lower = box.lower;
     out.upper = box.upper;
     out.evaluate = [this](const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) {
-      const ParameterSet at = with_coordinates(model_.parameters, x);
-      instantiate(model_.linear, at, system_);
-      if (!admissible(system_)) return false;
-      if (gradient != nullptr) instantiate_derivatives(model_.linear, at, derivatives_);
-      static const std::vector<StateSpace> none;
-      const Likelihood& result = engine_.evaluate(system_, model_.linear.initial,
-                                                  gradient != nullptr ? derivatives_ : none, path_);
-      if (result.status != FilterStatus::ok) return false;
-      L = result.value;
-      if (gradient != nullptr) *gradient = result.gradient;
-      if (information != nullptr) *information = result.information;
+      const Likelihood* result =
+          evaluate(with_coordinates(model_.parameters, x), gradient != nullptr);
+      if (result == nullptr) return false;
+      L = result->value;
+      if (gradient == nullptr) return true;
+      *gradient = result->gradient;
+      if (information != nullptr) *information = result->information;
+      if (!curved_) return true;
+      const MatrixXd J = entry_jacobian(model_.parameters, x);
+      *gradient = J.transpose() * result->gradient;
+      if (information != nullptr) {
+        *information = J.transpose() * result->information * J +
+                       coordinate_curvature(model_.parameters, result->gradient);
+      }
       return true;
     };
     return out;
@@ -76,11 +93,20 @@ class RecordingsLikelihood {
 
   const PathTaken& path_taken() const { return engine_.path_taken(); }
 
+  // How the evaluation at the model's own values ends.
+  FilterStatus at_start() {
+    instantiate(model_.linear, model_.parameters, system_);
+    if (!admissible(system_)) return FilterStatus::indefinite;
+    return engine_.evaluate(system_, model_.linear.initial, none_, path_).status;
+  }
+
  private:
   const ModelFile& model_;
   Path path_;
+  bool curved_ = false;
   LikelihoodEngine engine_;
   StateSpace system_;
+  const std::vector<StateSpace> none_;
   std::vector<StateSpace> derivatives_;
 };
 
@@ -249,85 +275,93 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
   }
 }
 
-// Errors of everything that was estimated, from the information at the maximum.
-void judge(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
-           const Solution& best) {
-  const VectorXd& x = best.x;
-  double L = 0.0;
-  VectorXd gradient;
-  MatrixXd expected;
-  if (!problem.evaluate(x, L, &gradient, &expected)) return;
-
-  // Coordinates at a bound leave the problem: they have no two-sided error.
-  std::vector<Index> inside;
-  for (Index i = 0; i < x.size(); ++i) {
-    if (x[i] > problem.lower[i] && x[i] < problem.upper[i]) inside.push_back(i);
-  }
-  const ReportedEntries entries = reported_entries(end);
-  std::vector<Index> free_entries;
-  for (Index e = 0; e < entries.value.size(); ++e) {
-    EstimatedParameter& p = estimate.parameters[static_cast<std::size_t>(e)];
+// Which free entries have no two-sided error: those whose coordinate ended at its bound, and those
+// of a covariance matrix that ended singular.
+std::vector<bool> at_boundary(const ParameterSet& end, const LikelihoodProblem& problem,
+                              const VectorXd& x) {
+  constexpr double kSingular = 1e-9;
+  std::vector<bool> out;
+  Index at = 0;
+  for (const Parameter& p : end) {
     if (p.fixed) continue;
-    double reach = 0.0;
-    for (const Index i : inside) reach = std::max(reach, std::abs(entries.J(e, i)));
-    if (reach > 0.0) {
-      free_entries.push_back(e);
-    } else {
-      p.verdict = Verdict::at_bound;
+    const Index own = free_entries({p}).size();
+    bool singular = false;
+    if (p.domain == Domain::positive_definite) {
+      const VectorXd sd = p.value.diagonal().cwiseSqrt();
+      const MatrixXd scaled =
+          sd.cwiseInverse().asDiagonal() * p.value * sd.cwiseInverse().asDiagonal();
+      singular = !scaled.allFinite() ||
+                 Eigen::SelfAdjointEigenSolver<MatrixXd>(scaled, Eigen::EigenvaluesOnly)
+                         .eigenvalues()
+                         .minCoeff() < kSingular;
     }
-  }
-  MatrixXd J(static_cast<Index>(free_entries.size()), static_cast<Index>(inside.size()));
-  for (Index r = 0; r < J.rows(); ++r) {
-    const Index e = free_entries[static_cast<std::size_t>(r)];
-    const double unit = unit_scale(entries.units[static_cast<std::size_t>(e)]);
-    for (Index c = 0; c < J.cols(); ++c) {
-      J(r, c) = entries.J(e, inside[static_cast<std::size_t>(c)]) / unit;
+    for (Index i = at; i < at + own; ++i) {
+      out.push_back(singular || x[i] <= problem.lower[i] || x[i] >= problem.upper[i]);
     }
+    at += own;
   }
+  return out;
+}
 
-  // A singular covariance matrix estimate (rank-deficient L) makes entries depend on each other.
-  const Eigen::FullPivLU<MatrixXd> lu(J);
-  if (J.rows() != J.cols() || lu.rank() < J.rows()) {
-    estimate.covariance_kind = "none: a covariance matrix lies on the boundary of definiteness";
-    for (const Index e : free_entries) {
-      EstimatedParameter& p = estimate.parameters[static_cast<std::size_t>(e)];
-      if (end[static_cast<std::size_t>(entries.parameter[static_cast<std::size_t>(e)])].domain ==
-          Domain::positive_definite) {
-        p.verdict = Verdict::at_bound;
-      }
+// Errors of everything that was estimated, from the information at the maximum.
+void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const LikelihoodProblem& problem,
+           const ParameterSet& end, const Solution& best) {
+  const Likelihood* result = likelihood.evaluate(end, true);
+  if (result == nullptr) return;
+  const MatrixXd all = result->information;
+  const VectorXd z = free_entries(end);
+  const std::vector<bool> boundary = at_boundary(end, problem, best.x);
+  std::vector<Index> inside;
+  std::vector<EstimatedParameter*> judged;
+  std::vector<double> units;
+  Index i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    if (boundary[static_cast<std::size_t>(i)]) {
+      p.verdict = Verdict::at_bound;
+    } else {
+      inside.push_back(i);
+      judged.push_back(&p);
+      units.push_back(unit_scale(p.unit));
     }
+    ++i;
+  }
+  const auto k = static_cast<Index>(inside.size());
+  if (k == 0) {
+    estimate.covariance_kind = "none: every estimate lies on a boundary";
     return;
   }
-  const MatrixXd J_inverse = lu.inverse();
-  const MatrixXd information = select(expected, inside);
-  const MatrixXd entry_information = J_inverse.transpose() * information * J_inverse;
+  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const auto in_units = [&unit](const MatrixXd& information) {
+    return MatrixXd(unit.asDiagonal() * information * unit.asDiagonal());
+  };
+  const MatrixXd information = in_units(select(all, inside));
 
-  const auto k = static_cast<Index>(inside.size());
-  MatrixXd covariance = MatrixXd::Zero(k, k);
-  const std::optional<MatrixXd> bound = scaled_inverse(entry_information, 1e-9);
+  MatrixXd covariance;
+  const std::optional<MatrixXd> bound = scaled_inverse(information, 1e-9);
   if (bound) {
-    VectorXd step(x.size());
-    const MatrixXd inverse = J_inverse * *bound * J_inverse.transpose();
-    VectorXd inside_x(k);
-    for (Index i = 0; i < k; ++i) {
-      const Index at = inside[static_cast<std::size_t>(i)];
-      inside_x[i] = x[at];
+    VectorXd inside_z(k), step(k);
+    for (Index j = 0; j < k; ++j) {
+      const Index at = inside[static_cast<std::size_t>(j)];
+      inside_z[j] = z[at];
       // Small against the error, but never across a bound.
-      const double room = std::min(x[at] - problem.lower[at], problem.upper[at] - x[at]);
-      step[i] = std::min(1e-3 * std::sqrt(inverse(i, i)), 0.5 * room);
+      step[j] = 1e-3 * std::sqrt((*bound)(j, j)) * unit[j];
+      if (z[at] == best.x[at]) {
+        step[j] = std::min(
+            {step[j], 0.5 * (z[at] - problem.lower[at]), 0.5 * (problem.upper[at] - z[at])});
+      }
     }
-    const auto gradient_at = [&](const VectorXd& z, VectorXd& g) {
-      VectorXd full = x, full_gradient;
-      for (Index i = 0; i < k; ++i) full[inside[static_cast<std::size_t>(i)]] = z[i];
-      double value = 0.0;
-      if (!problem.evaluate(full, value, &full_gradient, nullptr)) return false;
+    const auto gradient_at = [&](const VectorXd& at, VectorXd& g) {
+      VectorXd full = z;
+      for (Index j = 0; j < k; ++j) full[inside[static_cast<std::size_t>(j)]] = at[j];
+      const Likelihood* there = likelihood.evaluate(with_entries(end, full), true);
+      if (there == nullptr) return false;
       g.resize(k);
-      for (Index i = 0; i < k; ++i) g[i] = full_gradient[inside[static_cast<std::size_t>(i)]];
+      for (Index j = 0; j < k; ++j) g[j] = there->gradient[inside[static_cast<std::size_t>(j)]];
       return true;
     };
-    const auto observed = observed_information(gradient_at, inside_x, step.head(k));
-    const auto inverse_observed =
-        observed ? scaled_inverse(J_inverse.transpose() * *observed * J_inverse) : std::nullopt;
+    const auto observed = observed_information(gradient_at, inside_z, step);
+    const auto inverse_observed = observed ? scaled_inverse(in_units(*observed)) : std::nullopt;
     covariance = inverse_observed ? *inverse_observed : *bound;
     estimate.covariance_kind = inverse_observed ? "observed information"
                                                 : "expected information (the observed one is not "
@@ -335,50 +369,46 @@ void judge(Estimate& estimate, const LikelihoodProblem& problem, const Parameter
   } else {
     estimate.covariance_kind = "partial: some directions carry no information";
     // Entries outside the flat directions keep an error: the pseudo-inverse holds it.
-    covariance = entry_information.completeOrthogonalDecomposition().pseudoInverse();
+    covariance = information.completeOrthogonalDecomposition().pseudoInverse();
   }
-  judge_parameters(estimate, entry_information, covariance);
-  for (Index r = 0; r < k && bound; ++r) {
-    const auto e = static_cast<std::size_t>(free_entries[static_cast<std::size_t>(r)]);
-    estimate.parameters[e].crb_se = std::sqrt((*bound)(r, r));
+  judge_parameters(estimate, information, covariance);
+  for (Index j = 0; j < k && bound; ++j) {
+    judged[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*bound)(j, j));
   }
 }
 
 // A variance that ended at zero: how large could it be?
-void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
-                    const Solution& best) {
-  const ReportedEntries entries = reported_entries(end);
+void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const Solution& best) {
   double L = 0.0;
   VectorXd gradient;
   MatrixXd information;
   if (!problem.evaluate(best.x, L, &gradient, &information)) return;
-  for (Index i = 0; i < best.x.size(); ++i) {
+  Index i = -1;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++i;
     const bool lower = best.x[i] <= problem.lower[i], upper = best.x[i] >= problem.upper[i];
     if (!lower && !upper) continue;
-    for (Index e = 0; e < entries.value.size(); ++e) {
-      EstimatedParameter& p = estimate.parameters[static_cast<std::size_t>(e)];
-      if (p.verdict != Verdict::at_bound || entries.J(e, i) == 0.0) continue;
-      Warning warning{"at_bound", "note", {p.name}, "", ""};
-      if (lower && problem.lower[i] == 0.0) {
-        const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
-                                                     : best.x.cwiseAbs().maxCoeff();
-        const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
-        if (limit) {
-          p.ci95 = {0.0, *limit * entries.J(e, i) / unit_scale(p.unit)};
-          warning.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
-                                     p.name, p.ci95[1]);
-        } else {
-          warning.text =
-              fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
-        }
+    Warning warning{"at_bound", "note", {p.name}, "", ""};
+    if (lower && problem.lower[i] == 0.0) {
+      const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
+                                                   : best.x.cwiseAbs().maxCoeff();
+      const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
+      if (limit) {
+        p.ci95 = {0.0, *limit / unit_scale(p.unit)};
+        warning.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
+                                   p.name, p.ci95[1]);
       } else {
-        warning.severity = "warning";
-        warning.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
-                                   lower ? "lower" : "upper", p.value);
-        warning.todo = "widen the bound in the model file if it is not physical";
+        warning.text =
+            fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
       }
-      estimate.warnings.push_back(std::move(warning));
+    } else {
+      warning.severity = "warning";
+      warning.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
+                                 lower ? "lower" : "upper", p.value);
+      warning.todo = "widen the bound in the model file if it is not physical";
     }
+    estimate.warnings.push_back(std::move(warning));
   }
 }
 
@@ -390,21 +420,29 @@ void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
   if (taken.detour == Detour::long_memory) {
     estimate.objective.path_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
   }
-  if (asked != Path::compressed || taken.path == Path::compressed) return;
-  estimate.warnings.push_back({"path",
-                               "warning",
-                               {},
-                               fmt::format("the {} path ran instead of the compressed one: {}",
-                                           estimate.objective.path, estimate.objective.path_reason),
-                               "the result is the same, only slower"});
+  const bool expected = taken.detour == Detour::short_stretch && asked != Path::compressed;
+  if (expected || taken.path == Path::compressed) return;
+  estimate.warnings.push_back(
+      {"path",
+       "note",
+       {},
+       fmt::format("the likelihood took the {} path, the same value only slower: {}",
+                   estimate.objective.path, estimate.objective.path_reason),
+       ""});
 }
 
 void conclude(Estimate& estimate, const Search& found) {
   const Identifiability& id = estimate.identifiability;
-  if (std::isnan(found.best.summary.objective)) {
-    estimate.status = Status::not_converged;
-    estimate.message = "the likelihood is undefined at every start: " + found.best.summary.message;
-    return;
+  const bool converged = found.best.summary.usable();
+  if (!converged) {
+    // The shape of the likelihood away from its maximum says nothing about errors.
+    for (EstimatedParameter& p : estimate.parameters) {
+      if (p.fixed) continue;
+      p.se = p.crb_se = kNone;
+      p.ci95 = {kNone, kNone};
+      if (p.verdict == Verdict::ok) p.verdict = Verdict::weak;
+    }
+    estimate.covariance_kind = "none: the search did not converge";
   }
   if (id.rank < id.of) {
     estimate.status = Status::answer_no;
@@ -415,9 +453,10 @@ void conclude(Estimate& estimate, const Search& found) {
     }
     estimate.message = fmt::format("the data determine {} of {} unknowns; not determined: {}",
                                    id.rank, id.of, names);
+    if (!converged) estimate.message += "; the search did not converge";
     return;
   }
-  if (!found.best.summary.usable()) {
+  if (!converged) {
     estimate.status = Status::not_converged;
     estimate.message = found.best.summary.message;
     return;
@@ -437,6 +476,9 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   check_usable(model, recordings, coordinates(parameters).size());
 
   RecordingsLikelihood likelihood(model, recordings, options.path);
+  if (const FilterStatus start = likelihood.at_start(); start != FilterStatus::ok) {
+    refuse_filter(model, recordings, start);
+  }
   const LikelihoodProblem problem = likelihood.problem();
   const Search found = search(problem, parameters, options);
   const ParameterSet end = with_coordinates(parameters, found.best.x);
@@ -447,24 +489,16 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   objective.evaluations = found.evaluations;
   objective.starts = found.tried;
   objective.starts_agree = found.agree;
-  if (!std::isnan(found.best.summary.objective)) {
-    judge(estimate, problem, end, found.best);
-    report_path(estimate, likelihood.path_taken(), options.path);
-    limit_boundary(estimate, problem, end, found.best);
-    const ReportedEntries entries = reported_entries(end);
-    for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-      // A variance's interval does not reach below zero.
-      const Parameter& from = end[static_cast<std::size_t>(entries.parameter[i])];
-      const bool variance = from.domain == Domain::diagonal ||
-                            from.domain == Domain::scaled_identity || from.min == 0.0;
-      double& low = estimate.parameters[i].ci95[0];
-      if (variance && low < 0.0) low = 0.0;
-    }
+  judge(estimate, likelihood, problem, end, found.best);
+  report_path(estimate, likelihood.path_taken(), options.path);
+  limit_boundary(estimate, problem, found.best);
+  const ReportedEntries entries = reported_entries(end);
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    // A variance's interval does not reach below zero.
+    double& low = estimate.parameters[i].ci95[0];
+    if (entries.variance[i] && low < 0.0) low = 0.0;
   }
   conclude(estimate, found);
-  if (estimate.status == Status::not_converged && std::isnan(found.best.summary.objective)) {
-    return estimate;
-  }
   describe_filter(estimate, model, end, recordings);
   const double k = static_cast<double>(coordinates(parameters).size());
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;

@@ -150,9 +150,6 @@ std::string console_report(const Estimate& estimate) {
                        objective.starts_agree, objective.starts, objective.iterations,
                        objective.evaluations,
                        objective.path.empty() ? "" : ", " + objective.path + " likelihood");
-    if (!objective.path_reason.empty()) {
-      out += wrapped("       not compressed: " + objective.path_reason, 7);
-    }
   }
   out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation);
   for (const TestResult& test : estimate.tests) {
@@ -203,30 +200,34 @@ std::string residuals_csv(const Estimate& estimate) {
   return out;
 }
 
-void write_file(const std::string& folder, const std::string& name, const std::string& content) {
+void write_files(const std::string& folder, const std::vector<ResultFile>& files) {
   namespace fs = std::filesystem;
-  const fs::path target = fs::path(folder) / name,
-                 temporary = fs::path(folder) / ("." + name + ".part");
   std::error_code error;
   fs::create_directories(folder, error);
   if (error || !fs::is_directory(folder)) {
     throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") +
                       "; give another with -o");
   }
-  {
-    std::ofstream file(temporary, std::ios::binary);
-    file << content;
-    file.close();
-    if (!file) {
-      fs::remove(temporary, error);
-      throw OutputError(target.string() + ": cannot write; give another folder with -o");
-    }
+  const auto target = [&](const ResultFile& f) { return fs::path(folder) / f.name; };
+  const auto part = [&](const ResultFile& f) {
+    return fs::path(folder) / ("." + f.name + ".part");
+  };
+  const auto fail = [&](const ResultFile& f, const std::string& reason) {
+    std::error_code ignored;
+    for (const ResultFile& each : files) fs::remove(part(each), ignored);
+    throw OutputError(target(f).string() + ": cannot write" + reason +
+                      "; give another folder with -o");
+  };
+  for (const ResultFile& f : files) {
+    if (fs::is_directory(target(f))) fail(f, ": it is a folder");
+    std::ofstream out(part(f), std::ios::binary);
+    out << f.content;
+    out.close();
+    if (!out) fail(f, "");
   }
-  fs::rename(temporary, target, error);
-  if (error) {
-    const std::string reason = error.message();
-    fs::remove(temporary, error);
-    throw OutputError(target.string() + ": cannot write: " + reason);
+  for (const ResultFile& f : files) {
+    fs::rename(part(f), target(f), error);
+    if (error) fail(f, ": " + error.message());
   }
 }
 

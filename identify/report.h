@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "identify/estimate.h"
 
@@ -18,10 +19,12 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s);
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
 std::string residuals_csv(const Estimate& estimate);
 
-/// Writes a file so that it is either complete or absent: to a temporary name beside it, then
-/// renamed. Folders are made.
+struct ResultFile {
+  std::string name, content;
+};
+/// Writes all files or none: each to a temporary name beside it, then renamed. Folders are made.
 /// @throws OutputError naming the path and the reason
-void write_file(const std::string& folder, const std::string& name, const std::string& content);
+void write_files(const std::string& folder, const std::vector<ResultFile>& files);
 
 /// SHA-256 of a file's bytes in hexadecimal. @throws InputError when it cannot be read.
 std::string sha256_of_file(const std::string& path);

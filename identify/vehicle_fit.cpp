@@ -125,9 +125,16 @@ void report_parameters(const Search& found, const VehicleCovariance& covariance,
     to_user[i] = 1.0 / parse_unit(unit).value_or(Unit{}).scale;
   }
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
-    if (covariance.at_bound[i]) {
-      estimate.parameters[unknowns.position[i]].verdict = Verdict::at_bound;
-    }
+    if (!covariance.at_bound[i]) continue;
+    EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
+    result.verdict = Verdict::at_bound;
+    estimate.warnings.push_back(
+        {"at_bound",
+         "warning",
+         {result.name},
+         fmt::format("{} ended at its bound {:.6g}; the errors of the others take it as known",
+                     result.name, result.value),
+         "widen the bound in the model file if it is not physical"});
   }
   if (k > 0) {
     const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() *

@@ -48,6 +48,8 @@ struct Losses {
   Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, stretches = 0;
 };
 
+constexpr double kLongestStep = 1.0;  // [s]
+
 std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Losses& lost) {
   std::vector<VehicleRun::Stretch> out;
   Eigen::Index first = -1;
@@ -206,6 +208,12 @@ VehicleRun usable_run(const ModelFile& model, const Dataset& data) {
       data.y.cols() != data.size()) {
     throw InputError(in(data), fmt::format("{} outputs", data.y.rows()),
                      fmt::format("the {} of the model", model.outputs.size()));
+  }
+  if (data.dt > kLongestStep) {
+    throw InputError(
+        in(data), fmt::format("rows are {:.6g} s apart", data.dt),
+        fmt::format("at most {:g} s: a car's yaw motion is over within a second", kLongestStep),
+        "is the time column in ms? Its unit belongs into its header or the model");
   }
   VehicleRun run;
   Losses lost;

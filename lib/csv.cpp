@@ -62,6 +62,8 @@ Text read_file(const std::string& path) {
   for (;;) {
     text.size += std::fread(text.bytes.get() + text.size, 1, capacity - 1 - text.size, file.get());
     if (text.size < capacity - 1) break;
+    // Not a text, and perhaps without an end (/dev/zero); check_is_text() says so.
+    if (std::find(text.begin(), text.begin() + 4096, '\0') != text.begin() + 4096) break;
     auto larger = std::make_unique_for_overwrite<char[]>(2 * capacity);
     std::copy(text.begin(), text.end(), larger.get());
     text.bytes = std::move(larger);
@@ -525,15 +527,26 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
   DecimalMark mark = initial_mark(separator);
   std::size_t row = 0;
   bool in_run = false;
+  std::size_t blank_lines = 0;  // since the last row
   for (; p != end; ++number) {
     const char* const begin = p;
     while (is_blank(*p, separator)) ++p;
     if (*p == '\n' || *p == '#') {
+      blank_lines += *p == '\n' ? 1 : 0;
       const std::string_view line = next_line(p, end);
       if (!line.empty()) table.metadata.push_back(to_utf8(trim(line, '\0')));
       in_run = false;
       continue;
     }
+    if (width == 1) {
+      // Between rows of a single column, a blank line is an empty cell.
+      for (; row > 0 && blank_lines > 0; --blank_lines) {
+        table.line_runs.push_back({row, number - static_cast<int>(blank_lines)});
+        out[0][row++] = kNaN;
+        ++table.columns[0].missing;
+      }
+    }
+    blank_lines = 0;
     if (!in_run) table.line_runs.push_back({row, number});
     in_run = true;
 

@@ -55,7 +55,8 @@ Measurement measurement_derivative(const StateSpace& model, const StateSpace& d)
 }
 
 // A diffuse start has N(0, s I) added to it, which the diffuse part absorbs; s only has to be of
-// the size of the states for the arithmetic to be well conditioned.
+// the size that the states have, or that one sample tells them by, for the arithmetic to be well
+// conditioned. It is no function of the parameters.
 double proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
   double sum = 0.0, count = 0.0;
   for (Index t = 0; t < y.cols(); ++t) {
@@ -65,8 +66,9 @@ double proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y
       count += 1.0;
     }
   }
-  const double gain = model.C.squaredNorm() / static_cast<double>(std::max<Index>(1, y.rows()));
-  const double scale = count > 0.0 && gain > 0.0 ? sum / count / gain : 1.0;
+  const auto outputs = static_cast<double>(std::max<Index>(1, y.rows()));
+  const double gain = model.C.squaredNorm() / outputs, noise = model.R.trace() / outputs;
+  const double scale = count > 0.0 && gain > 0.0 ? (sum / count + noise) / gain : 1.0;
   return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;
 }
 

@@ -20,7 +20,7 @@ void set_value(const ParametrisedMatrix& matrix, const ParameterSet& parameters,
 
 template <class Matrix>
 void set_derivative(const ParametrisedMatrix& matrix, const ParameterSet& parameters,
-                    const CoordinateDerivative& d, Matrix& out) {
+                    const EntryDerivative& d, Matrix& out) {
   if (matrix.block >= 0) {
     if (matrix.block == d.parameter) {
       out = d.value;
@@ -63,35 +63,29 @@ StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters)
   return out;
 }
 
-void instantiate_derivatives(const LinearModel& model, const ParameterSet& parameters,
-                             std::vector<StateSpace>& out) {
-  const std::vector<CoordinateDerivative> by = coordinate_derivatives(parameters);
-  out.resize(by.size());
-  for (std::size_t i = 0; i < by.size(); ++i) {
-    StateSpace& s = out[i];
-    set_derivative(model.A, parameters, by[i], s.A);
-    set_derivative(model.B, parameters, by[i], s.B);
-    set_derivative(model.C, parameters, by[i], s.C);
-    set_derivative(model.D, parameters, by[i], s.D);
-    set_derivative(model.G, parameters, by[i], s.G);
-    set_derivative(model.Q, parameters, by[i], s.Q);
-    set_derivative(model.R, parameters, by[i], s.R);
-    set_derivative(model.S, parameters, by[i], s.S);
+std::vector<StateSpace> model_derivatives(const LinearModel& model,
+                                          const ParameterSet& parameters) {
+  std::vector<StateSpace> out;
+  for (const EntryDerivative& by : entry_derivatives(parameters)) {
+    StateSpace s;
+    set_derivative(model.A, parameters, by, s.A);
+    set_derivative(model.B, parameters, by, s.B);
+    set_derivative(model.C, parameters, by, s.C);
+    set_derivative(model.D, parameters, by, s.D);
+    set_derivative(model.G, parameters, by, s.G);
+    set_derivative(model.Q, parameters, by, s.Q);
+    set_derivative(model.R, parameters, by, s.R);
+    set_derivative(model.S, parameters, by, s.S);
     s.dt = model.dt;
     if (model.initial == InitialState::given) {
-      set_derivative(model.x0, parameters, by[i], s.x0);
-      set_derivative(model.P0, parameters, by[i], s.P0);
+      set_derivative(model.x0, parameters, by, s.x0);
+      set_derivative(model.P0, parameters, by, s.P0);
     } else {
       s.x0.setZero(s.states());
       s.P0.setZero(s.states(), s.states());
     }
+    out.push_back(std::move(s));
   }
-}
-
-std::vector<StateSpace> instantiate_derivatives(const LinearModel& model,
-                                                const ParameterSet& parameters) {
-  std::vector<StateSpace> out;
-  instantiate_derivatives(model, parameters, out);
   return out;
 }
 

@@ -42,12 +42,8 @@ StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters)
 /// The same into `out`, whose memory is used again.
 void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);
 
-/// d(matrices) / d(coordinate), one per optimiser coordinate (lib/parameter.h); shapes as in the
-/// model.
-std::vector<StateSpace> instantiate_derivatives(const LinearModel& model,
-                                                const ParameterSet& parameters);
-/// The same into `out`, whose memory is used again.
-void instantiate_derivatives(const LinearModel& model, const ParameterSet& parameters,
-                             std::vector<StateSpace>& out);
+/// d(matrices) / d(entry), one per free entry (lib/parameter.h), whatever the values: the matrices
+/// are linear in the entries. Shapes as in the model.
+std::vector<StateSpace> model_derivatives(const LinearModel& model, const ParameterSet& parameters);
 
 }  // namespace identikal

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
 #include "lib/random.h"
@@ -40,23 +41,25 @@ Eigen::MatrixXd lower_factor(const Eigen::MatrixXd& value) {
   return L;
 }
 
+Eigen::VectorXd lower_triangle(const Eigen::MatrixXd& M) {
+  const Eigen::Index n = M.rows();
+  Eigen::VectorXd out(n * (n + 1) / 2);
+  Eigen::Index k = 0;
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index i = j; i < n; ++i) out[k++] = M(i, j);
+  }
+  return out;
+}
+
 Eigen::VectorXd own_coordinates(const Parameter& parameter) {
-  const Eigen::Index n = parameter.value.rows();
   switch (parameter.domain) {
     case Domain::scalar:
     case Domain::scaled_identity:
       return Eigen::VectorXd::Constant(1, parameter.value(0, 0));
     case Domain::diagonal:
       return parameter.value.diagonal();
-    case Domain::positive_definite: {
-      const Eigen::MatrixXd L = lower_factor(parameter.value);
-      Eigen::VectorXd out(coordinate_count(parameter));
-      Eigen::Index k = 0;
-      for (Eigen::Index j = 0; j < n; ++j) {
-        for (Eigen::Index i = j; i < n; ++i) out[k++] = L(i, j);
-      }
-      return out;
-    }
+    case Domain::positive_definite:
+      return lower_triangle(lower_factor(parameter.value));
   }
   return {};
 }
@@ -87,6 +90,12 @@ Eigen::MatrixXd value_at(const Parameter& parameter, const Eigen::VectorXd& coor
   return {};
 }
 
+Eigen::Index free_count(const ParameterSet& parameters) {
+  Eigen::Index count = 0;
+  for (const Parameter& p : parameters) count += p.fixed ? 0 : coordinate_count(p);
+  return count;
+}
+
 }  // namespace
 
 int find_parameter(const ParameterSet& parameters, const std::string& name) {
@@ -97,9 +106,7 @@ int find_parameter(const ParameterSet& parameters, const std::string& name) {
 }
 
 Eigen::VectorXd coordinates(const ParameterSet& parameters) {
-  Eigen::Index count = 0;
-  for (const Parameter& p : parameters) count += p.fixed ? 0 : coordinate_count(p);
-  Eigen::VectorXd out(count);
+  Eigen::VectorXd out(free_count(parameters));
   Eigen::Index at = 0;
   for (const Parameter& p : parameters) {
     if (p.fixed) continue;
@@ -112,7 +119,7 @@ Eigen::VectorXd coordinates(const ParameterSet& parameters) {
 
 Box coordinate_box(const ParameterSet& parameters) {
   const double infinity = std::numeric_limits<double>::infinity();
-  const Eigen::Index count = coordinates(parameters).size();
+  const Eigen::Index count = free_count(parameters);
   Box box{Eigen::VectorXd::Constant(count, -infinity), Eigen::VectorXd::Constant(count, infinity)};
   Eigen::Index at = 0;
   for (const Parameter& p : parameters) {
@@ -146,8 +153,40 @@ ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& co
   return parameters;
 }
 
-std::vector<CoordinateDerivative> coordinate_derivatives(const ParameterSet& parameters) {
-  std::vector<CoordinateDerivative> out;
+Eigen::VectorXd free_entries(const ParameterSet& parameters) {
+  Eigen::VectorXd out(free_count(parameters));
+  Eigen::Index at = 0;
+  for (const Parameter& p : parameters) {
+    if (p.fixed) continue;
+    const Eigen::Index own = coordinate_count(p);
+    out.segment(at, own) =
+        p.domain == Domain::positive_definite ? lower_triangle(p.value) : own_coordinates(p);
+    at += own;
+  }
+  return out;
+}
+
+ParameterSet with_entries(ParameterSet parameters, const Eigen::VectorXd& entries) {
+  if (entries.size() != free_count(parameters)) {
+    throw std::invalid_argument("with_entries: the number of entries does not fit the set");
+  }
+  Eigen::Index at = 0;
+  for (Parameter& p : parameters) {
+    if (p.fixed) continue;
+    const Eigen::Index own = coordinate_count(p);
+    if (p.domain == Domain::positive_definite) {
+      const Eigen::MatrixXd lower = triangle(entries.segment(at, own), p.value.rows());
+      p.value = lower.selfadjointView<Eigen::Lower>();
+    } else {
+      p.value = value_at(p, entries.segment(at, own));
+    }
+    at += own;
+  }
+  return parameters;
+}
+
+std::vector<EntryDerivative> entry_derivatives(const ParameterSet& parameters) {
+  std::vector<EntryDerivative> out;
   for (std::size_t index = 0; index < parameters.size(); ++index) {
     const Parameter& p = parameters[index];
     if (p.fixed) continue;
@@ -156,8 +195,7 @@ std::vector<CoordinateDerivative> coordinate_derivatives(const ParameterSet& par
       const Eigen::VectorXd unit = Eigen::VectorXd::Unit(own, k);
       Eigen::MatrixXd d;
       if (p.domain == Domain::positive_definite) {
-        const Eigen::MatrixXd L = lower_factor(p.value), dL = triangle(unit, n);
-        d = dL * L.transpose() + L * dL.transpose();
+        d = triangle(unit, n).selfadjointView<Eigen::Lower>();
       } else {
         d = value_at(p, unit);  // linear in its coordinates
       }
@@ -167,13 +205,53 @@ std::vector<CoordinateDerivative> coordinate_derivatives(const ParameterSet& par
   return out;
 }
 
+Eigen::MatrixXd entry_jacobian(const ParameterSet& parameters, const Eigen::VectorXd& coordinate) {
+  Eigen::MatrixXd J = Eigen::MatrixXd::Identity(coordinate.size(), coordinate.size());
+  Eigen::Index at = 0;
+  for (const Parameter& p : parameters) {
+    if (p.fixed) continue;
+    const Eigen::Index n = p.value.rows(), own = coordinate_count(p);
+    if (p.domain == Domain::positive_definite) {
+      const Eigen::MatrixXd L = triangle(coordinate.segment(at, own), n);
+      for (Eigen::Index k = 0; k < own; ++k) {
+        const Eigen::MatrixXd half = triangle(Eigen::VectorXd::Unit(own, k), n) * L.transpose();
+        J.block(at, at + k, own, 1) = lower_triangle(half + half.transpose());
+      }
+    }
+    at += own;
+  }
+  return J;
+}
+
+Eigen::MatrixXd coordinate_curvature(const ParameterSet& parameters,
+                                     const Eigen::VectorXd& entry_gradient) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(entry_gradient.size(), entry_gradient.size());
+  Eigen::Index at = 0;
+  for (const Parameter& p : parameters) {
+    if (p.fixed) continue;
+    const Eigen::Index n = p.value.rows(), own = coordinate_count(p);
+    if (p.domain == Domain::positive_definite) {
+      // d^2 (L L') / dL_ij dL_kj = e_i e_k' + e_k e_i', for every column j by itself. An
+      // off-diagonal entry stands twice in the matrix.
+      Eigen::MatrixXd G = triangle(entry_gradient.segment(at, own), n);
+      G = 0.5 * (G + G.transpose()).eval();
+      Eigen::Index column = at;
+      for (Eigen::Index j = 0; j < n; ++j) {
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+            -2.0 * G.bottomRightCorner(n - j, n - j));
+        out.block(column, column, n - j, n - j) = eigen.eigenvectors() *
+                                                  eigen.eigenvalues().cwiseMax(0.0).asDiagonal() *
+                                                  eigen.eigenvectors().transpose();
+        column += n - j;
+      }
+    }
+    at += own;
+  }
+  return out;
+}
+
 ReportedEntries reported_entries(const ParameterSet& parameters) {
-  const std::vector<CoordinateDerivative> derivatives = coordinate_derivatives(parameters);
-  struct Place {
-    Eigen::Index row, col;
-  };
   ReportedEntries out;
-  std::vector<Place> places;
   std::vector<double> values;
   for (std::size_t index = 0; index < parameters.size(); ++index) {
     const Parameter& p = parameters[index];
@@ -181,8 +259,8 @@ ReportedEntries reported_entries(const ParameterSet& parameters) {
       out.names.push_back(name);
       out.units.push_back(p.unit);
       out.parameter.push_back(static_cast<int>(index));
-      places.push_back({i, j});
       values.push_back(p.value(i, j));
+      out.variance.push_back(p.domain == Domain::scalar ? p.min >= 0.0 : i == j);
     };
     if (p.domain == Domain::scalar || p.domain == Domain::scaled_identity) {
       add(p.name, 0, 0);
@@ -195,16 +273,8 @@ ReportedEntries reported_entries(const ParameterSet& parameters) {
       }
     }
   }
-  const auto rows = static_cast<Eigen::Index>(places.size());
-  out.value = Eigen::Map<const Eigen::VectorXd>(values.data(), rows);
-  out.J = Eigen::MatrixXd::Zero(rows, static_cast<Eigen::Index>(derivatives.size()));
-  for (Eigen::Index e = 0; e < rows; ++e) {
-    const auto i = static_cast<std::size_t>(e);
-    for (std::size_t k = 0; k < derivatives.size(); ++k) {
-      if (derivatives[k].parameter != out.parameter[i]) continue;
-      out.J(e, static_cast<Eigen::Index>(k)) = derivatives[k].value(places[i].row, places[i].col);
-    }
-  }
+  out.value =
+      Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
   return out;
 }
 

@@ -49,21 +49,38 @@ Box coordinate_box(const ParameterSet& parameters);
 /// coordinates differs.
 ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& coordinate);
 
-/// Derivative of one parameter's value with respect to one optimiser coordinate.
-struct CoordinateDerivative {
+/// The free parameters' distinct entries: themselves for scalars, q of q I, the diagonal, the lower
+/// triangle column by column. As many as there are coordinates, and the same but for
+/// Domain::positive_definite.
+Eigen::VectorXd free_entries(const ParameterSet& parameters);
+/// The set with its free parameters' entries as given. @throws std::invalid_argument when their
+/// number differs.
+ParameterSet with_entries(ParameterSet parameters, const Eigen::VectorXd& entries);
+
+/// Derivative of one parameter's value with respect to one free entry; a constant.
+struct EntryDerivative {
   int parameter;          ///< index into the set
-  Eigen::MatrixXd value;  ///< d value / d coordinate, shape of the parameter's value
+  Eigen::MatrixXd value;  ///< d value / d entry, shape of the parameter's value, symmetric
 };
-/// One entry per coordinate, in the order of coordinates().
-std::vector<CoordinateDerivative> coordinate_derivatives(const ParameterSet& parameters);
+/// One per free entry, in the order of free_entries().
+std::vector<EntryDerivative> entry_derivatives(const ParameterSet& parameters);
+
+/// d entries / d coordinates at `coordinate`, square.
+Eigen::MatrixXd entry_jacobian(const ParameterSet& parameters, const Eigen::VectorXd& coordinate);
+
+/// The positive semidefinite part of -sum_e g_e d^2 entry_e / d coordinate^2: what a function with
+/// the entry gradient g loses by the curvature of the coordinates. Near the boundary of
+/// definiteness it is all the curvature there is. Zero but for Domain::positive_definite.
+Eigen::MatrixXd coordinate_curvature(const ParameterSet& parameters,
+                                     const Eigen::VectorXd& entry_gradient);
 
 /// The numbers a person reads: every scalar, and every distinct entry of every matrix ("Q(2,1)").
-/// J is d value / d coordinate (entries x coordinates), for the delta method.
+/// Those of free parameters are free_entries().
 struct ReportedEntries {
   std::vector<std::string> names, units;
   std::vector<int> parameter;  ///< which parameter each entry belongs to
+  std::vector<bool> variance;  ///< cannot be negative
   Eigen::VectorXd value;
-  Eigen::MatrixXd J;
 };
 ReportedEntries reported_entries(const ParameterSet& parameters);
 

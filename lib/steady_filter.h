@@ -212,9 +212,14 @@ struct SteadyFilter {
   // R is singular, or nearly: the recursion itself, which only ever inverts Sigma.
   bool start_by_iteration(const StateSpace& model) {
     Powers<n> open_loop;
-    P.setZero(A.rows(), A.cols());
-    // From P = 0 an unstable mode that no noise enters would never be corrected.
-    if (!open_loop.compute(A)) P.setIdentity();
+    // The covariance without measurements, from which the recursion descends; where A is not stable
+    // there is none, and any positive definite start will do.
+    P = W;
+    if (open_loop.compute(A)) {
+      open_loop.sum_forward(P);
+    } else {
+      P.diagonal().array() += 1.0;
+    }
     Square next, step;
     for (int k = 0; k < 20000; ++k) {
       if (!gain(model)) return false;

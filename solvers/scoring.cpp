@@ -81,6 +81,7 @@ class CurvatureCorrection {
 // get no step: the scaled system's eigenvalues below 1e-13 of the largest are left out.
 VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lambda) {
   const auto m = static_cast<Index>(free.size());
+  if (m == 0) return VectorXd::Zero(at.x.size());
   VectorXd scale(m), g(m);
   MatrixXd J(m, m);
   for (Index i = 0; i < m; ++i) {

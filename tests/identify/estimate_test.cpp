@@ -106,8 +106,8 @@ TEST(Report, JsonHasNullForWhatDoesNotExist) {
   EXPECT_THAT(json, testing::Not(HasSubstr("nan")));
 }
 
-TEST(WriteFile, NamesWhatItCannotWrite) {
-  EXPECT_THROW(write_file("/proc/nowhere", "result.json", "{}"), OutputError);
+TEST(WriteFiles, NamesWhatItCannotWrite) {
+  EXPECT_THROW(write_files("/proc/nowhere", {{"result.json", "{}"}}), OutputError);
 }
 
 }  // namespace

@@ -113,10 +113,18 @@ TEST(NoiseMl, RefusesInWords) {
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 2))}), InputError);
   model.parameters[0].fixed = model.parameters[1].fixed = true;
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 100))}), InputError);
-  // An unstable A with a stationary start is a value with a sentence, not an exception.
-  const Estimate e = tune_ml(scalar_model(1.5, 1.0, 1.0), {dataset_of(MatrixXd::Random(1, 100))});
-  EXPECT_EQ(e.status, Status::not_converged);
-  EXPECT_THAT(e.message, testing::HasSubstr("undefined"));
+  const auto message = [](const ModelFile& m, const Dataset& data) {
+    try {
+      tune_ml(m, {data});
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(message(scalar_model(1.5, 1.0, 1.0), dataset_of(MatrixXd::Random(1, 100))),
+              testing::HasSubstr("A has an eigenvalue of size 1.5"));
+  EXPECT_THAT(message(scalar_model(0.5, 0.0, 0.0), dataset_of(MatrixXd::Random(1, 100))),
+              testing::HasSubstr("not positive definite"));
 }
 
 }  // namespace

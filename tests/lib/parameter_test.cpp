@@ -1,5 +1,6 @@
 #include "lib/parameter.h"
 
+#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
 #include "lib/linear_model.h"
@@ -57,21 +58,49 @@ TEST(Parameter, VarianceBoxReachesZero) {
   EXPECT_TRUE((box.lower.head(7).array() < -1e300).all());
 }
 
-TEST(Parameter, DerivativesMatchDifferences) {
+TEST(Parameter, EntriesAreLinearInTheValues) {
   const ParameterSet set = one_of_each();
-  const VectorXd x = coordinates(set);
-  const auto derivatives = coordinate_derivatives(set);
-  const ReportedEntries entries = reported_entries(set);
-  const double h = 1e-6;
-  for (Eigen::Index k = 0; k < x.size(); ++k) {
-    const ParameterSet above = with_coordinates(set, x + h * VectorXd::Unit(x.size(), k));
-    const ParameterSet below = with_coordinates(set, x - h * VectorXd::Unit(x.size(), k));
-    const CoordinateDerivative& d = derivatives[static_cast<std::size_t>(k)];
-    const auto i = static_cast<std::size_t>(d.parameter);
-    EXPECT_TRUE(((above[i].value - below[i].value) / (2 * h)).isApprox(d.value, 1e-8));
-    const VectorXd column =
-        (reported_entries(above).value - reported_entries(below).value) / (2 * h);
-    EXPECT_TRUE(column.isApprox(entries.J.col(k), 1e-8));
+  const VectorXd entries = free_entries(set);
+  const auto derivatives = entry_derivatives(set);
+  for (std::size_t p = 0; p < set.size(); ++p) {
+    if (set[p].fixed) continue;
+    MatrixXd sum = MatrixXd::Zero(set[p].value.rows(), set[p].value.cols());
+    for (std::size_t e = 0; e < derivatives.size(); ++e) {
+      if (derivatives[e].parameter == static_cast<int>(p)) {
+        sum += entries[static_cast<Eigen::Index>(e)] * derivatives[e].value;
+      }
+    }
+    EXPECT_TRUE(sum.isApprox(set[p].value, 1e-14)) << set[p].name;
+    EXPECT_TRUE(with_entries(set, entries)[p].value.isApprox(set[p].value, 1e-14));
+  }
+  EXPECT_THROW(with_entries(set, entries.head(3)), std::invalid_argument);
+}
+
+// Also where a diagonal of the factor is negative: an optimiser may go there.
+TEST(Parameter, CoordinateDerivativesMatchDifferences) {
+  const ParameterSet set = one_of_each();
+  VectorXd x = coordinates(set);
+  for (const double sign : {1.0, -1.0}) {
+    x[1] *= sign;
+    const auto entries = [&](const VectorXd& at) {
+      return free_entries(with_coordinates(set, at));
+    };
+    const MatrixXd J = entry_jacobian(set, x);
+    const Eigen::Index k = x.size();
+    VectorXd g = VectorXd::LinSpaced(k, -2.0, -1.0);  // the boundary is where it wants to go
+    MatrixXd second = MatrixXd::Zero(k, k);
+    const double h = 1e-5;
+    for (Eigen::Index i = 0; i < k; ++i) {
+      const VectorXd di = h * VectorXd::Unit(k, i);
+      EXPECT_TRUE(((entries(x + di) - entries(x - di)) / (2 * h)).isApprox(J.col(i), 1e-8));
+      second.col(i) =
+          -(entry_jacobian(set, x + di) - entry_jacobian(set, x - di)).transpose() * g / (2 * h);
+    }
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(second);
+    const MatrixXd positive = eigen.eigenvectors() *
+                              eigen.eigenvalues().cwiseMax(0.0).asDiagonal() *
+                              eigen.eigenvectors().transpose();
+    EXPECT_TRUE(coordinate_curvature(set, g).isApprox(positive, 1e-6));
   }
 }
 
@@ -99,19 +128,17 @@ TEST(LinearModel, DerivativesMatchDifferences) {
   model.R.constant = MatrixXd::Zero(1, 1);
   model.R.entries = {{0, 0, 2, 1.0}};
   model.S.constant = MatrixXd::Zero(2, 1);
-  const VectorXd x = coordinates(set);
-  const auto exact = instantiate_derivatives(model, set);
-  ASSERT_EQ(exact.size(), static_cast<std::size_t>(x.size()));
-  const double h = 1e-6;
-  for (Eigen::Index k = 0; k < x.size(); ++k) {
-    const StateSpace above =
-        instantiate(model, with_coordinates(set, x + h * VectorXd::Unit(x.size(), k)));
-    const StateSpace below =
-        instantiate(model, with_coordinates(set, x - h * VectorXd::Unit(x.size(), k)));
+  const VectorXd z = free_entries(set);
+  const auto exact = model_derivatives(model, set);
+  ASSERT_EQ(exact.size(), static_cast<std::size_t>(z.size()));
+  for (Eigen::Index k = 0; k < z.size(); ++k) {
+    const VectorXd unit = VectorXd::Unit(z.size(), k);
+    const StateSpace above = instantiate(model, with_entries(set, z + unit));
+    const StateSpace below = instantiate(model, with_entries(set, z - unit));
     const StateSpace& d = exact[static_cast<std::size_t>(k)];
-    EXPECT_LT(((above.A - below.A) / (2 * h) - d.A).norm(), 1e-8);
-    EXPECT_LT(((above.Q - below.Q) / (2 * h) - d.Q).norm(), 1e-8);
-    EXPECT_LT(((above.R - below.R) / (2 * h) - d.R).norm(), 1e-8);
+    EXPECT_LT(((above.A - below.A) / 2.0 - d.A).norm(), 1e-12);
+    EXPECT_LT(((above.Q - below.Q) / 2.0 - d.Q).norm(), 1e-12);
+    EXPECT_LT(((above.R - below.R) / 2.0 - d.R).norm(), 1e-12);
   }
 }
 
