@@ -24,9 +24,9 @@ struct SteadyState {
   Eigen::MatrixXd Sigma;  ///< ny x ny
 };
 
-/// Iterates the Joseph form of the Riccati recursion from P = 0 (or from the identity when A is not
-/// stable) until P changes by less than 1e-13 of itself.
-/// @return nothing when it has not settled after `max_steps`, or Sigma is singular.
-std::optional<SteadyState> steady_state(const StateSpace& model, int max_steps = 200000);
+/// By structure-preserving doubling (Chu, Fan & Lin 2005), polished by Newton's method (Kleinman
+/// 1968).
+/// @return nothing when no gain makes A - K C stable, or Sigma is singular.
+std::optional<SteadyState> steady_state(const StateSpace& model);
 
 }  // namespace identikal

@@ -17,12 +17,13 @@ namespace identikal {
 
 /// Outputs, or outputs and inputs together, that matrices kept on the stack have room for.
 inline constexpr int kMaxChannels = 16;
-using SmallMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxChannels, kMaxChannels>;
+template <int channels>
+using ChannelSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, channels, channels>;
+using SmallMatrix = ChannelSquare<kMaxChannels>;
 /// One column of n numbers per channel.
-template <int n>
+template <int n, int channels = kMaxChannels>
 using ChannelColumns = Eigen::Matrix<double, n, Eigen::Dynamic,
-                                     n == 1 ? Eigen::RowMajor : Eigen::ColMajor, n, kMaxChannels>;
+                                     n == 1 ? Eigen::RowMajor : Eigen::ColMajor, n, channels>;
 
 /// F, F^2, F^4, ... of a stable matrix, with what they solve.
 template <int n>
@@ -93,15 +94,17 @@ class Powers {
 
 /// P = A P A' + G Q G' - K Sigma K',  Sigma = C P C' + R,  K = (A P C' + G S) Sigma^-1,  F = A - K
 /// C.
-template <int n>
+/// @tparam channels  most outputs; Dynamic = any, on the heap
+template <int n, int channels = kMaxChannels>
 struct SteadyFilter {
   using Square = Eigen::Matrix<double, n, n>;
-  using Columns = ChannelColumns<n>;
+  using Columns = ChannelColumns<n, channels>;
+  using OutputSquare = ChannelSquare<channels>;
 
   Square A, W, P, F;       // W = G Q G'
   Columns Ct, Sw, PCt, K;  // C', G S, P C', gain
-  SmallMatrix Sigma, Sigma_inverse;
-  Eigen::LLT<SmallMatrix> llt;
+  OutputSquare Sigma, Sigma_inverse;
+  Eigen::LLT<OutputSquare> llt;
   Powers<n> powers;
 
   /// @return false when there is no stabilising solution: a mode that does not decay and is not
@@ -130,7 +133,7 @@ struct SteadyFilter {
 
  private:
   Eigen::MatrixXd work_;  // G Q
-  SmallMatrix R_inverse_;
+  OutputSquare R_inverse_;
 
   bool gain(const StateSpace& model) {
     set_product(PCt, P, Ct);
