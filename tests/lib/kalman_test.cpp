@@ -10,6 +10,7 @@
 
 #include "lib/matrix_equations.h"
 #include "lib/random.h"
+#include "tests/support/joint_density.h"
 #include "tests/support/random_model.h"
 
 namespace identikal {
@@ -18,81 +19,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// y stacked over time is M [x1; w1; v1; w2; v2; ...] + known. Its mean, covariance, and the
-// response to x1.
-struct Stacked {
-  VectorXd mean;
-  MatrixXd covariance, from_x1;
-};
-Stacked stack(const StateSpace& m, const MatrixXd& u, Index N, const VectorXd& x0,
-              const MatrixXd& P0) {
-  const Index n = m.states(), ny = m.outputs(), nw = m.G.cols(), block = nw + ny;
-  MatrixXd joint(block, block);
-  joint << m.Q, m.S, m.S.transpose(), m.R;
-  MatrixXd from_noise = MatrixXd::Zero(N * ny, N * block),
-           state_noise = MatrixXd::Zero(n, N * block);
-  Stacked out;
-  out.mean.resize(N * ny);
-  out.from_x1.resize(N * ny, n);
-  VectorXd mean = x0;
-  MatrixXd power = MatrixXd::Identity(n, n);
-  for (Index t = 0; t < N; ++t) {
-    out.mean.segment(t * ny, ny) = m.C * mean;
-    if (m.inputs() > 0) out.mean.segment(t * ny, ny) += m.D * u.col(t);
-    out.from_x1.middleRows(t * ny, ny) = m.C * power;
-    from_noise.middleRows(t * ny, ny) = m.C * state_noise;
-    from_noise.block(t * ny, t * block + nw, ny, ny) += MatrixXd::Identity(ny, ny);
-    state_noise = (m.A * state_noise).eval();
-    state_noise.block(0, t * block, n, nw) += m.G;
-    mean = (m.A * mean).eval();
-    if (m.inputs() > 0) mean += m.B * u.col(t);
-    power = (m.A * power).eval();
-  }
-  MatrixXd noise = MatrixXd::Zero(N * block, N * block);
-  for (Index t = 0; t < N; ++t) noise.block(t * block, t * block, block, block) = joint;
-  out.covariance =
-      from_noise * noise * from_noise.transpose() + out.from_x1 * P0 * out.from_x1.transpose();
-  return out;
-}
-
-struct Present {
-  std::vector<Index> rows;
-  VectorXd y;
-};
-Present present(const MatrixXd& y) {
-  Present out;
-  for (Index i = 0; i < y.size(); ++i) {
-    if (!std::isnan(y(i % y.rows(), i / y.rows()))) out.rows.push_back(i);
-  }
-  out.y.resize(static_cast<Index>(out.rows.size()));
-  for (Index i = 0; i < out.y.size(); ++i)
-    out.y[i] = y.reshaped()[out.rows[static_cast<std::size_t>(i)]];
-  return out;
-}
-
-double joint_log_density(const Stacked& s, const MatrixXd& y) {
-  const Present p = present(y);
-  const VectorXd e = p.y - s.mean(p.rows);
-  const MatrixXd V = s.covariance(p.rows, p.rows);
-  const Eigen::LLT<MatrixXd> llt(V);
-  const double log_det = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
-  return -0.5 * (log_det + e.dot(llt.solve(e)) +
-                 static_cast<double>(e.size()) * std::log(2.0 * std::numbers::pi));
-}
-
-// log L + (n/2) log kappa for x1 ~ N(0, kappa I), kappa to infinity, in closed form.
-double diffuse_log_density(const Stacked& s, const MatrixXd& y) {
-  const Present p = present(y);
-  const VectorXd e = p.y - s.mean(p.rows);
-  const MatrixXd V = s.covariance(p.rows, p.rows), X = s.from_x1(p.rows, Eigen::all);
-  const Eigen::LLT<MatrixXd> llt(V), info(X.transpose() * llt.solve(X));
-  const VectorXd r = e - X * info.solve(X.transpose() * llt.solve(e));
-  const double log_det = 2.0 * llt.matrixLLT().diagonal().array().log().sum() +
-                         2.0 * info.matrixLLT().diagonal().array().log().sum();
-  return -0.5 * (log_det + r.dot(llt.solve(r)) +
-                 static_cast<double>(e.size() - X.cols()) * std::log(2.0 * std::numbers::pi));
-}
 
 struct Case {
   StateSpace model;

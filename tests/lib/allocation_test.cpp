@@ -1,0 +1,49 @@
+// No memory is allocated inside an evaluation. A program of its own: it counts what malloc() is
+// asked for.
+#include <atomic>
+#include <cstdlib>
+
+#include <gtest/gtest.h>
+
+#include "lib/likelihood.h"
+#include "tests/support/random_model.h"
+
+namespace {
+std::atomic<bool> counting{false};
+std::atomic<long> allocations{0};
+}  // namespace
+
+extern "C" void* __libc_malloc(std::size_t size);
+extern "C" void* malloc(std::size_t size) noexcept {
+  if (counting) ++allocations;
+  return __libc_malloc(size);
+}
+
+namespace identikal {
+namespace {
+
+TEST(Allocation, NoneInsideAnEvaluation) {
+  for (Eigen::Index n = 1; n <= 6; ++n) {
+    for (Eigen::Index ny = 1; ny <= 3; ++ny) {
+      Random random(static_cast<std::uint64_t>(10 * n + ny));
+      const StateSpace m = random_model(random, n, 0, ny, n);
+      const Eigen::MatrixXd u(0, 3000), y = simulate_outputs(random, m, u, 3000);
+      std::vector<StateSpace> derivatives;
+      for (int i = 0; i < 5; ++i) derivatives.push_back(noise_direction(random, m));
+      const std::vector<StateSpace> none;
+      LikelihoodEngine engine;
+      engine.add_recording(y, u);
+      engine.evaluate(m, InitialState::stationary, derivatives);
+      ASSERT_EQ(engine.path_taken().path, Path::compressed) << n << " " << ny;
+      allocations = 0;
+      counting = true;
+      const double value = engine.evaluate(m, InitialState::stationary, derivatives).value;
+      counting = false;
+      EXPECT_EQ(allocations, 0) << n << " states, " << ny << " outputs";
+      EXPECT_TRUE(std::isfinite(value));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace identikal

@@ -1,0 +1,96 @@
+// Systems 1, 5, 6 and 7 of Matisko (2013), chapter 6, with Q and R diagonal and free.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/model_file.h"
+#include "lib/matrix_equations.h"
+#include "lib/random.h"
+
+namespace identikal {
+
+struct MatiskoSystem {
+  int number;
+  Eigen::Index samples;
+  ModelFile model;        ///< every variance starts at 1
+  Eigen::VectorXd truth;  ///< diagonal of Q, then of R
+};
+
+inline MatiskoSystem matisko_system(int number) {
+  using Eigen::MatrixXd;
+  MatiskoSystem out;
+  out.number = number;
+  LinearModel& m = out.model.linear;
+  out.model.name = "System " + std::to_string(number);
+  Eigen::VectorXd q, r;
+  const MatrixXd four =
+      (MatrixXd(4, 4) << 0.9, 0, 1, 1, 0, -0.8, 0, -1, 0, -0.1, 0.85, 1, -0.2, 0, 0, -0.9)
+          .finished();
+  if (number == 1) {
+    out.samples = 1000;
+    m.A.constant = MatrixXd::Constant(1, 1, 0.5);
+    m.G.constant = m.C.constant = MatrixXd::Identity(1, 1);
+    q = Eigen::VectorXd::Constant(1, 10.0);
+    r = Eigen::VectorXd::Constant(1, 1.0);
+  } else if (number == 5) {
+    out.samples = 2000;
+    m.A.constant = four;
+    m.G.constant = Eigen::Vector4d(0.1, 1, 10, 0.1);
+    m.C.constant = Eigen::RowVector4d(1, 0, 0, 1);
+    q = Eigen::VectorXd::Constant(1, 10.0);
+    r = Eigen::VectorXd::Constant(1, 1.0);
+  } else if (number == 6) {
+    out.samples = 3000;
+    m.A.constant = (MatrixXd(2, 2) << 0.8, 1, 0, -0.9).finished();
+    m.G.constant = m.C.constant = MatrixXd::Identity(2, 2);
+    q = Eigen::Vector2d(10, 5);
+    r = Eigen::Vector2d(1.5, 3);
+  } else {
+    out.samples = 3000;
+    m.A.constant = four;
+    m.G.constant = (MatrixXd(4, 3) << 0, 0, 0.1, 1, 0, 0, 0, 1, 0, 0, 0, 1).finished();
+    m.C.constant = (MatrixXd(2, 4) << 1, 0, 0, 1, 0, 1, 1, 0).finished();
+    q = Eigen::Vector3d(10, 3, 7);
+    r = Eigen::Vector2d(1.5, 3);
+  }
+  const Eigen::Index n = m.A.constant.rows(), ny = m.C.constant.rows();
+  m.B.constant.resize(n, 0);
+  m.D.constant.resize(ny, 0);
+  m.S.constant = MatrixXd::Zero(q.size(), ny);
+  for (const auto& [name, size] : {std::pair{"Q", q.size()}, std::pair{"R", ny}}) {
+    Parameter block;
+    block.name = name;
+    block.domain = Domain::diagonal;
+    block.value = MatrixXd::Identity(size, size);
+    out.model.parameters.push_back(block);
+  }
+  m.Q.block = 0;
+  m.R.block = 1;
+  m.initial = InitialState::stationary;
+  out.truth.resize(q.size() + r.size());
+  out.truth << q, r;
+  return out;
+}
+
+/// The model at its true values.
+inline StateSpace true_system(const MatiskoSystem& system) {
+  return instantiate(system.model.linear, with_entries(system.model.parameters, system.truth));
+}
+
+/// A realisation that starts stationary.
+inline Eigen::MatrixXd simulate_matisko(const MatiskoSystem& system, Random& random) {
+  const StateSpace m = true_system(system);
+  const Eigen::MatrixXd P = *solve_discrete_lyapunov(m.A, m.G * m.Q * m.G.transpose());
+  Eigen::VectorXd x = semidefinite_factor(P) * random.normal(m.states());
+  const Eigen::MatrixXd Lq = m.G * semidefinite_factor(m.Q), Lr = semidefinite_factor(m.R);
+  Eigen::MatrixXd y(m.outputs(), system.samples);
+  for (Eigen::Index t = 0; t < system.samples; ++t) {
+    y.col(t) = m.C * x + Lr * random.normal(m.outputs());
+    x = (m.A * x + Lq * random.normal(m.Q.rows())).eval();
+  }
+  return y;
+}
+
+}  // namespace identikal
