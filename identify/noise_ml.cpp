@@ -4,13 +4,13 @@
 #include <cmath>
 #include <optional>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
 #include "identify/filter_report.h"
+#include "identify/recordings_likelihood.h"
 #include "lib/likelihood.h"
 #include "lib/random.h"
 #include "lib/units.h"
@@ -26,89 +26,6 @@ using Eigen::VectorXd;
 
 // Log-likelihoods closer than this are the same maximum.
 constexpr double kSameMaximum = 1e-4;
-
-// Is M positive semidefinite, to rounding?
-bool semidefinite(const MatrixXd& M) {
-  if (M.size() == 0) return true;
-  if (!M.allFinite()) return false;
-  if (Eigen::LLT<MatrixXd>(M).info() == Eigen::Success) return true;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(M, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues().minCoeff() >= -1e-12 * eigen.eigenvalues().cwiseAbs().maxCoeff();
-}
-
-bool admissible(const StateSpace& model) {
-  if (model.S.isZero(0.0)) return semidefinite(model.Q) && semidefinite(model.R);
-  const Index nw = model.Q.rows(), ny = model.R.rows();
-  MatrixXd joint(nw + ny, nw + ny);
-  joint << model.Q, model.S, model.S.transpose(), model.R;
-  return semidefinite(joint);
-}
-
-// The likelihood of all recordings as a function of the free entries, in which the model is linear,
-// or of the optimiser's coordinates.
-class RecordingsLikelihood {
- public:
-  RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings, Path path)
-      : model_(model), path_(path) {
-    for (const Dataset& data : recordings) engine_.add_recording(data.y, data.u);
-    derivatives_ = model_derivatives(model.linear, model.parameters);
-    for (const Parameter& p : model.parameters) {
-      curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
-    }
-  }
-
-  // nullptr: undefined there. Valid until the next call.
-  const Likelihood* evaluate(const ParameterSet& at, bool with_gradient) {
-    instantiate(model_.linear, at, system_);
-    if (!admissible(system_)) return nullptr;
-    const Likelihood& result = engine_.evaluate(system_, model_.linear.initial,
-                                                with_gradient ? derivatives_ : none_, path_);
-    return result.status == FilterStatus::ok ? &result : nullptr;
-  }
-
-  LikelihoodProblem problem() {
-    LikelihoodProblem out;
-    const Box box = coordinate_box(model_.parameters);
-    out.lower = box.lower;
-    out.upper = box.upper;
-    out.evaluate = [this](const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) {
-      const Likelihood* result =
-          evaluate(with_coordinates(model_.parameters, x), gradient != nullptr);
-      if (result == nullptr) return false;
-      L = result->value;
-      if (gradient == nullptr) return true;
-      *gradient = result->gradient;
-      if (information != nullptr) *information = result->information;
-      if (!curved_) return true;
-      const MatrixXd J = entry_jacobian(model_.parameters, x);
-      *gradient = J.transpose() * result->gradient;
-      if (information != nullptr) {
-        *information = J.transpose() * result->information * J +
-                       coordinate_curvature(model_.parameters, result->gradient);
-      }
-      return true;
-    };
-    return out;
-  }
-
-  const PathTaken& path_taken() const { return engine_.path_taken(); }
-
-  // How the evaluation at the model's own values ends.
-  FilterStatus at_start() {
-    instantiate(model_.linear, model_.parameters, system_);
-    if (!admissible(system_)) return FilterStatus::indefinite;
-    return engine_.evaluate(system_, model_.linear.initial, none_, path_).status;
-  }
-
- private:
-  const ModelFile& model_;
-  Path path_;
-  bool curved_ = false;
-  LikelihoodEngine engine_;
-  StateSpace system_;
-  const std::vector<StateSpace> none_;
-  std::vector<StateSpace> derivatives_;
-};
 
 Index samples_present(const std::vector<Dataset>& recordings) {
   Index samples = 0;
@@ -476,7 +393,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   check_usable(model, recordings, coordinates(parameters).size());
 
   RecordingsLikelihood likelihood(model, recordings, options.path);
-  if (const FilterStatus start = likelihood.at_start(); start != FilterStatus::ok) {
+  if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
     refuse_filter(model, recordings, start);
   }
   const LikelihoodProblem problem = likelihood.problem();

@@ -64,15 +64,7 @@ class CompressedKernel final : public StretchKernel {
     return find_directions();
   }
 
-  Eigen::Index memory() const override {
-    constexpr double kForgotten = -41.5;  // log 1e-18
-    const double radius = filter_.powers.radius();
-    const auto margin = model_->states() + 2;
-    if (!(radius > 1e-8)) return margin + 2;
-    return margin +
-           static_cast<Eigen::Index>(std::min(1e9, std::ceil(kForgotten / std::log(radius))));
-  }
-
+  Eigen::Index memory() const override { return filter_.powers.memory(); }
   double pole() const override { return filter_.powers.radius(); }
 
   bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) override {

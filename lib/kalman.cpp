@@ -11,6 +11,8 @@
 
 #include "lib/matrix_equations.h"
 #include "lib/recursion.h"
+#include "lib/simd_kernels.h"
+#include "lib/steady_filter.h"
 
 namespace identikal {
 namespace {
@@ -111,12 +113,13 @@ class Recursion {
     out.gradient = VectorXd::Zero(k);
     out.information = MatrixXd::Zero(k, k);
     std::size_t stretch = 0;
+    Stretch* here = nullptr;  // begun last
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
-      if (shortcuts.kernel != nullptr && stretch < shortcuts.stretches->size() &&
+      if (shortcuts.stretches != nullptr && stretch < shortcuts.stretches->size() &&
           (*shortcuts.stretches)[stretch].begin == t) {
-        const Stretch& here = (*shortcuts.stretches)[stretch++];
-        if (jump(here, shortcuts, out)) {
-          t += here.sums.samples() - 1;
+        here = &(*shortcuts.stretches)[stretch++];
+        if (shortcuts.kernel != nullptr && jump(*here, shortcuts, out)) {
+          t += here->sums.samples() - 1;
           continue;
         }
       }
@@ -134,7 +137,11 @@ class Recursion {
       }
       fold_in_when_determined(t, out, store);
       if (settled_ && diffuse_ == 0 && !states && shortcuts.constant_gain) {
-        t = run_steady(t + 1, out, store) - 1;
+        Index next = t + 1;
+        if (here != nullptr && sensitivities_.empty() && store == nullptr && u_.rows() == 0) {
+          next = run_in_lanes(next, *here, out);
+        }
+        t = run_steady(next, out, store) - 1;
       }
     }
     if (status_ == FilterStatus::ok && diffuse_ > 0) status_ = FilterStatus::undetermined;
@@ -441,6 +448,45 @@ class Recursion {
     samples_ += stretch.sums.samples() * y_.rows();
     shortcuts.jumped += stretch.sums.samples();
     return true;
+  }
+
+  // From sample t of a stretch on with constant gain, in chunks side by side. Returns the first
+  // sample it did not process: t itself where it does not pay or the filter forgets too slowly.
+  Index run_in_lanes(Index t, Stretch& stretch, Likelihood& out) {
+    const Index n = model_.states(), ny = y_.rows();
+    const auto lanes = static_cast<Index>(simd::lanes());
+    const Index length = stretch.sums.samples() / lanes, skip = t - stretch.begin;
+    constexpr Index kWorthIt = 64;
+    if (n > simd::kMostLaneStates || ny > simd::kMostLaneOutputs || length < kWorthIt ||
+        skip >= length) {
+      return t;
+    }
+    Powers<Eigen::Dynamic> powers;
+    if (!powers.compute(F_) || powers.memory() > length) return t;
+    if (stretch.lanes.empty()) {
+      stretch.lanes.assign(static_cast<std::size_t>(1 + length * ny * lanes), 0.0);
+      for (Index c = 0; c < lanes; ++c) {
+        for (Index s = 0; s < length; ++s) {
+          for (Index j = 0; j < ny; ++j) {
+            stretch.lanes[static_cast<std::size_t>(1 + (s * ny + j) * lanes + c)] =
+                y_(j, stretch.begin + c * length + s);
+          }
+        }
+      }
+    }
+    VectorXd x = Z_.col(0);
+    MatrixXd squares(ny, ny);
+    const simd::LaneFilter filter{static_cast<int>(n), static_cast<int>(ny), F_.data(), K_.data(),
+                                  full_.C.data()};
+    simd::sum_squares_in_lanes(filter, stretch.lanes.data() + 1, static_cast<std::size_t>(length),
+                               static_cast<std::size_t>(powers.memory()),
+                               static_cast<std::size_t>(skip), x.data(), squares.data());
+    const Index count = length * lanes - skip;
+    const double log_det = 2.0 * llt_.matrixLLT().diagonal().array().log().sum();
+    out.value -= 0.5 * (static_cast<double>(count) * log_det + llt_.solve(squares).trace());
+    samples_ += count * ny;
+    Z_.col(0) = x;
+    return t + count;
   }
 
   // From sample t on with constant gain, as long as no sample is missing; returns the first sample

@@ -36,11 +36,11 @@ Stretch make_stretch(const MatrixXd& y, const MatrixXd& u, Index begin, Index le
     const double variance = (z.row(i).array() - mean[i]).square().mean();
     far = far || mean[i] * mean[i] > kFarFromZero * kFarFromZero * variance;
   }
-  if (!far) return {begin, VectorXd(), LagSums(z)};
+  if (!far) return {begin, VectorXd(), LagSums(z), {}};
   z.colwise() -= mean;
   z.conservativeResize(z.rows() + 1, Eigen::NoChange);
   z.bottomRows(1).setOnes();
-  return {begin, mean, LagSums(z)};
+  return {begin, mean, LagSums(z), {}};
 }
 
 struct Recording {
@@ -192,10 +192,8 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     }
     Shortcuts shortcuts;
     shortcuts.constant_gain = path != Path::direct;
-    if (why == Detour::none) {
-      shortcuts.kernel = r.kernel.get();
-      shortcuts.stretches = &recording.stretches;
-    }
+    shortcuts.stretches = &recording.stretches;
+    if (why == Detour::none) shortcuts.kernel = r.kernel.get();
     const Likelihood one =
         run_recursion(model, initial, *recording.y, *recording.u, derivatives, shortcuts);
     if (one.status != FilterStatus::ok) {

@@ -1,6 +1,7 @@
 #include "lib/simd_kernels.h"
 
 #include <algorithm>
+#include <iterator>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lib/simd_kernels.cpp"
@@ -94,6 +95,98 @@ void AddLagProducts(const double* const* z, std::size_t channels, std::size_t co
   }
 }
 
+// Two vectors of chunks: the chain from one state to the next leaves room for both.
+constexpr std::size_t kVectors = 2;
+
+std::size_t LaneCount() { return kVectors * hn::Lanes(Tag()); }
+
+template <int n, int r>
+void SumSquares(const LaneFilter& f, const double* z, std::size_t length, std::size_t warmup,
+                std::size_t skip, double* state, double* squares) {
+  const Tag d;
+  const std::size_t width = hn::Lanes(d), lanes = kVectors * width;
+  Vector x[kVectors][n], sum[kVectors][r * (r + 1) / 2];
+  for (std::size_t u = 0; u < kVectors; ++u) {
+    for (int i = 0; i < n; ++i) x[u][i] = hn::Zero(d);
+    for (auto& s : sum[u]) s = hn::Zero(d);
+  }
+  // kSum: 0 not, 1 all chunks but the first, 2 all chunks. kShift: each lane reads its neighbour's
+  // chunk.
+  const auto run = [&]<int kSum, int kShift>(std::size_t from, std::size_t to) HWY_ATTR {
+    const auto not_first = hn::Not(hn::FirstN(d, 1));
+    for (std::size_t s = from; s < to; ++s) {
+      const double* row = z + s * r * lanes - kShift;
+      for (std::size_t u = 0; u < kVectors; ++u) {
+        Vector y[r], e[r], next[n];
+        for (int j = 0; j < r; ++j) {
+          y[j] = hn::LoadU(d, row + static_cast<std::size_t>(j) * lanes + u * width);
+        }
+        for (int i = 0; i < n; ++i) {
+          next[i] = hn::Mul(hn::Set(d, f.K[i]), y[0]);
+          for (int j = 1; j < r; ++j) {
+            next[i] = hn::MulAdd(hn::Set(d, f.K[j * n + i]), y[j], next[i]);
+          }
+          for (int k = 0; k < n; ++k) {
+            next[i] = hn::MulAdd(hn::Set(d, f.F[k * n + i]), x[u][k], next[i]);
+          }
+        }
+        if constexpr (kSum > 0) {
+          for (int j = 0; j < r; ++j) {
+            e[j] = y[j];
+            for (int k = 0; k < n; ++k) {
+              e[j] = hn::NegMulAdd(hn::Set(d, f.C[k * r + j]), x[u][k], e[j]);
+            }
+            if (kSum == 1 && u == 0) e[j] = hn::IfThenElseZero(not_first, e[j]);
+          }
+          int at = 0;
+          for (int j = 0; j < r; ++j) {
+            for (int k = 0; k <= j; ++k, ++at) sum[u][at] = hn::MulAdd(e[j], e[k], sum[u][at]);
+          }
+        }
+        for (int i = 0; i < n; ++i) x[u][i] = next[i];
+      }
+    }
+  };
+  run.template operator()<0, 1>(length - warmup, length);
+  run.template operator()<1, 0>(0, skip);
+  const auto first = hn::FirstN(d, 1);
+  for (int i = 0; i < n; ++i) x[0][i] = hn::IfThenElse(first, hn::Set(d, state[i]), x[0][i]);
+  run.template operator()<2, 0>(skip, length);
+
+  alignas(64) double lane[HWY_MAX_BYTES / sizeof(double)];
+  for (int i = 0; i < n; ++i) {
+    hn::Store(x[kVectors - 1][i], d, lane);
+    state[i] = lane[width - 1];
+  }
+  int at = 0;
+  for (int j = 0; j < r; ++j) {
+    for (int k = 0; k <= j; ++k, ++at) {
+      double total = 0.0;
+      for (std::size_t u = 0; u < kVectors; ++u)
+        total += hn::GetLane(hn::SumOfLanes(d, sum[u][at]));
+      squares[k * r + j] = squares[j * r + k] = total;
+    }
+  }
+}
+
+template <int n>
+void SumSquaresOf(const LaneFilter& f, const double* z, std::size_t length, std::size_t warmup,
+                  std::size_t skip, double* x, double* squares) {
+  if (f.outputs == 1) SumSquares<n, 1>(f, z, length, warmup, skip, x, squares);
+  if (f.outputs == 2) SumSquares<n, 2>(f, z, length, warmup, skip, x, squares);
+  if (f.outputs == 3) SumSquares<n, 3>(f, z, length, warmup, skip, x, squares);
+}
+
+void SumSquaresInLanes(const LaneFilter& f, const double* z, std::size_t length, std::size_t warmup,
+                       std::size_t skip, double* x, double* squares) {
+  constexpr void (*kBy[])(const LaneFilter&, const double*, std::size_t, std::size_t, std::size_t,
+                          double*, double*) = {SumSquaresOf<1>, SumSquaresOf<2>, SumSquaresOf<3>,
+                                               SumSquaresOf<4>, SumSquaresOf<5>, SumSquaresOf<6>,
+                                               SumSquaresOf<7>, SumSquaresOf<8>};
+  static_assert(std::size(kBy) == kMostLaneStates && kMostLaneOutputs == 3);
+  kBy[f.states - 1](f, z, length, warmup, skip, x, squares);
+}
+
 std::size_t Padding() { return 8 * hn::Lanes(Tag()); }
 
 }  // namespace HWY_NAMESPACE
@@ -109,6 +202,16 @@ HWY_EXPORT(Padding);
 void add_lag_products(const double* const* z, std::size_t channels, std::size_t count,
                       std::size_t first_lag, std::size_t lags, double* sums) {
   HWY_DYNAMIC_DISPATCH(AddLagProducts)(z, channels, count, first_lag, lags, sums);
+}
+
+HWY_EXPORT(LaneCount);
+HWY_EXPORT(SumSquaresInLanes);
+
+std::size_t lanes() { return HWY_DYNAMIC_DISPATCH(LaneCount)(); }
+
+void sum_squares_in_lanes(const LaneFilter& filter, const double* z, std::size_t length,
+                          std::size_t warmup, std::size_t skip, double* x, double* squares) {
+  HWY_DYNAMIC_DISPATCH(SumSquaresInLanes)(filter, z, length, warmup, skip, x, squares);
 }
 
 std::size_t padding() { return HWY_DYNAMIC_DISPATCH(Padding)(); }

@@ -20,4 +20,25 @@ void add_lag_products(const double* const* z, std::size_t channels, std::size_t 
 /// How many samples before the oldest lag are read (and not used).
 std::size_t padding();
 
+/// Several chunks of a recording side by side: chunk c holds samples c T .. (c + 1) T - 1, and its
+/// sample s of channel j stands at z[(s channels + j) lanes() + c].
+std::size_t lanes();
+
+inline constexpr int kMostLaneStates = 8, kMostLaneOutputs = 3;
+
+/// A filter with constant gain over all chunks at once: x+ = F x + K y, e = y - C x. Every chunk
+/// but the first is entered with x = 0 `warmup` samples earlier, in the chunk before it, by when
+/// that has been forgotten.
+struct LaneFilter {
+  int states, outputs;      ///< at most kMostLaneStates, kMostLaneOutputs
+  const double *F, *K, *C;  ///< states x states, states x outputs, outputs x states; by columns
+};
+/// @param z       lane-interleaved samples, with one readable double before them
+/// @param length  T >= warmup, skip
+/// @param skip    samples of the first chunk that do not count; there it enters with state x
+/// @param x       in: state of the first chunk at sample `skip`; out: state behind the last chunk
+/// @param squares outputs x outputs, by columns: receives sum e e'
+void sum_squares_in_lanes(const LaneFilter& filter, const double* z, std::size_t length,
+                          std::size_t warmup, std::size_t skip, double* x, double* squares);
+
 }  // namespace identikal::simd

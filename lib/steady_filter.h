@@ -65,6 +65,15 @@ class Powers {
 
   double radius() const { return radius_; }
 
+  /// Steps after which F^t has vanished, to rounding.
+  Eigen::Index memory() const {
+    constexpr double kForgotten = -41.5;  // log 1e-18
+    const Eigen::Index margin = power_[0].rows() + 2;
+    if (!(radius_ > 1e-8)) return margin + 2;
+    return margin +
+           static_cast<Eigen::Index>(std::min(1e9, std::ceil(kForgotten / std::log(radius_))));
+  }
+
   /// X = F X F' + Omega, in place.
   void sum_forward(Square& X) const {
     Square step;

@@ -15,6 +15,8 @@ struct Stretch {
   Eigen::Index begin = 0;
   Eigen::VectorXd mean;  ///< ny + nu; empty when it was left in
   LagSums sums;
+  /// Lane-interleaved outputs (lib/simd_kernels.h) behind one zero; made when first asked for.
+  std::vector<double> lanes;
 };
 
 /// Prediction of the state at some sample, with derivatives.

@@ -1,0 +1,48 @@
+// How likely are recordings as a function of a model file's free parameters? What every estimator
+// of noise climbs.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+#include "lib/likelihood.h"
+#include "solvers/scoring.h"
+
+namespace identikal {
+
+/// The likelihood of all recordings, as a function of the free entries, in which the model is
+/// linear, or of the optimiser's coordinates (lib/parameter.h). Keeps references to model and
+/// recordings; one per thread.
+class RecordingsLikelihood {
+ public:
+  RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
+                       Path path = Path::automatic);
+
+  /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
+  /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable
+  /// stationary start, ...). Valid until the next call.
+  const Likelihood* evaluate(const ParameterSet& at, bool with_gradient);
+
+  /// In the optimiser's coordinates. To the information is added what the coordinates' own
+  /// curvature takes from the likelihood, where that is positive. Refers to this object.
+  LikelihoodProblem problem();
+
+  /// How the evaluation at the model's own values ends.
+  FilterStatus status_at_start();
+
+  const PathTaken& path_taken() const { return engine_.path_taken(); }
+
+ private:
+  const ModelFile& model_;
+  Path path_;
+  bool curved_ = false;
+  LikelihoodEngine engine_;
+  StateSpace system_;
+  const std::vector<StateSpace> none_;
+  std::vector<StateSpace> derivatives_;
+};
+
+}  // namespace identikal
