@@ -17,23 +17,22 @@ void LagSums::extend_to(Index lags) {
   lags = std::min(lags, samples_);
   if (lags <= lags_) return;
   sums_.resize(static_cast<std::size_t>(lags * channels_ * channels_), 0.0);
-  // In pieces, each with its own past: the kernel reads across the begin of the recording.
+  // In pieces, each with the samples that follow it, zeros behind the last.
   constexpr Index kPiece = 1 << 16;
-  const auto past = lags + static_cast<Index>(simd::padding());
-  Eigen::MatrixXd piece(past + std::min(kPiece, samples_), channels_);
+  const auto after = lags + static_cast<Index>(simd::padding());
+  Eigen::MatrixXd piece(std::min(kPiece, samples_) + after, channels_);
   const Eigen::Map<const Eigen::MatrixXd> all(channel_major_.data(), samples_, channels_);
   std::vector<const double*> pointers(static_cast<std::size_t>(channels_));
+  for (Index c = 0; c < channels_; ++c) {
+    pointers[static_cast<std::size_t>(c)] = piece.col(c).data();
+  }
   for (Index begin = 0; begin < samples_; begin += kPiece) {
-    const Index count = std::min(kPiece, samples_ - begin), before = std::min(past, begin);
-    piece.topRows(past - before).setZero();
-    piece.middleRows(past - before, before + count) =
-        all.middleRows(begin - before, before + count);
-    for (Index c = 0; c < channels_; ++c) {
-      pointers[static_cast<std::size_t>(c)] = piece.col(c).data() + past;
-    }
+    const Index filled = std::min(piece.rows(), samples_ - begin);
+    piece.topRows(filled) = all.middleRows(begin, filled);
+    piece.bottomRows(piece.rows() - filled).setZero();
     simd::add_lag_products(pointers.data(), static_cast<std::size_t>(channels_),
-                           static_cast<std::size_t>(count), static_cast<std::size_t>(lags_),
-                           static_cast<std::size_t>(lags - lags_),
+                           static_cast<std::size_t>(std::min(kPiece, samples_ - begin)),
+                           static_cast<std::size_t>(lags_), static_cast<std::size_t>(lags - lags_),
                            sums_.data() + lags_ * channels_ * channels_);
   }
   lags_ = lags;

@@ -16,80 +16,87 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Tag = hn::ScalableTag<double>;
 using Vector = hn::Vec<Tag>;
 
-// Longest run of products that is summed directly.
-constexpr std::size_t kBlock = 1024;
+// Longest run that is summed before it is added to the totals: it stays in the nearest cache.
+constexpr std::size_t kRun = 4096;
+// Accumulators that fit the registers beside what they are fed with.
+constexpr int kAccumulators = HWY_TARGET <= HWY_AVX3 ? 24 : 12;
 
-// Lags first .. first + kVectors * Lanes - 1 of channels (i.., j), kRows channels i at a time. Lane
-// l of a vector holds lag (its last lag - l), so that its samples lie contiguously in memory.
-template <int kRows, int kVectors>
-void block_of_lags(const double* const* rows, const double* column, std::size_t count,
-                   std::size_t first, std::size_t lags, std::size_t row_stride,
-                   std::size_t lag_stride, double* sums) {
+// Products of kColumns channels, a vector of consecutive samples each, with single samples of one
+// other channel: accumulator a, lane l sums now(p + first + a) past(p + l) over vectors p, that is
+// lag first + a - l. Only the past is read as a vector, and always aligned with the run.
+template <int kColumns>
+void SumProducts(const double* now, const double* const* past, std::size_t count, long first,
+                 std::size_t lags, std::size_t column_stride, std::size_t lag_stride,
+                 double* sums) {
+  constexpr int kDeep = kAccumulators / kColumns;
   const Tag d;
   const std::size_t width = hn::Lanes(d);
+  Vector sum[kColumns][kDeep];
+  for (auto& column : sum) {
+    for (Vector& s : column) s = hn::Zero(d);
+  }
+  std::size_t p = 0;
+  if constexpr (kColumns == 1) {
+    // Two vectors share their single samples: loading those would take longer than the products.
+    constexpr int kWidth = hn::MaxLanes(d);
+    for (; p + 2 * width <= count; p += 2 * width) {
+      const Vector then = hn::LoadU(d, past[0] + p), later = hn::LoadU(d, past[0] + p + width);
+      const double* at = now + static_cast<long>(p) + first;
+#pragma GCC unroll 64
+      for (int a = 0; a < kDeep + kWidth; ++a) {
+        const Vector here = hn::Set(d, at[a]);
+        if (a < kDeep) sum[0][a] = hn::MulAdd(here, then, sum[0][a]);
+        if (a >= kWidth) sum[0][a - kWidth] = hn::MulAdd(here, later, sum[0][a - kWidth]);
+      }
+    }
+  }
+  for (; p < count; p += width) {
+    Vector then[kColumns];
+    for (int c = 0; c < kColumns; ++c) then[c] = hn::LoadU(d, past[c] + p);
+    const double* at = now + static_cast<long>(p) + first;
+    for (int a = 0; a < kDeep; ++a) {
+      const Vector here = hn::Set(d, at[a]);
+      for (int c = 0; c < kColumns; ++c) sum[c][a] = hn::MulAdd(here, then[c], sum[c][a]);
+    }
+  }
   alignas(64) double lane[HWY_MAX_BYTES / sizeof(double)];
-  for (std::size_t begin = 0; begin < count; begin += kBlock) {
-    const std::size_t end = std::min(count, begin + kBlock);
-    Vector acc[kRows][kVectors];
-    for (int i = 0; i < kRows; ++i) {
-      for (int v = 0; v < kVectors; ++v) acc[i][v] = hn::Zero(d);
-    }
-    const double* base = column - first - (width - 1);
-    for (std::size_t t = begin; t < end; ++t) {
-      Vector past[kVectors];
-      for (int v = 0; v < kVectors; ++v) {
-        past[v] = hn::LoadU(d, base + t - static_cast<std::size_t>(v) * width);
-      }
-      for (int i = 0; i < kRows; ++i) {
-        const Vector now = hn::Set(d, rows[i][t]);
-        for (int v = 0; v < kVectors; ++v) acc[i][v] = hn::MulAdd(now, past[v], acc[i][v]);
-      }
-    }
-    for (int i = 0; i < kRows; ++i) {
-      for (int v = 0; v < kVectors; ++v) {
-        hn::Store(acc[i][v], d, lane);
-        for (std::size_t l = 0; l < width; ++l) {
-          const std::size_t m = static_cast<std::size_t>(v) * width + (width - 1 - l);
-          if (m < lags) sums[m * lag_stride + static_cast<std::size_t>(i) * row_stride] += lane[l];
-        }
+  for (int c = 0; c < kColumns; ++c) {
+    for (int a = 0; a < kDeep; ++a) {
+      hn::Store(sum[c][a], d, lane);
+      for (std::size_t l = 0; l < width; ++l) {
+        const long lag = first + a - static_cast<long>(l);
+        if (lag < 0 || lag >= static_cast<long>(lags)) continue;
+        sums[static_cast<std::size_t>(lag) * lag_stride +
+             static_cast<std::size_t>(c) * column_stride] += lane[l];
       }
     }
   }
 }
 
-template <int kRows, int kVectors>
-void all_lags(const double* const* rows, const double* column, std::size_t count, std::size_t first,
-              std::size_t lags, std::size_t lag_stride, double* sums) {
-  const std::size_t step = static_cast<std::size_t>(kVectors) * hn::Lanes(Tag());
-  for (std::size_t m = 0; m < lags; m += step) {
-    block_of_lags<kRows, kVectors>(rows, column, count, first + m, std::min(step, lags - m), 1,
-                                   lag_stride, sums + m * lag_stride);
+template <int kColumns>
+void SumLags(const double* now, const double* const* past, std::size_t count, std::size_t lags,
+             std::size_t column_stride, std::size_t lag_stride, double* sums) {
+  const auto end = static_cast<long>(lags + hn::Lanes(Tag()) - 1);
+  for (long first = 0; first < end; first += kAccumulators / kColumns) {
+    SumProducts<kColumns>(now, past, count, first, lags, column_stride, lag_stride, sums);
   }
 }
 
 void AddLagProducts(const double* const* z, std::size_t channels, std::size_t count,
                     std::size_t first_lag, std::size_t lags, double* sums) {
-  const std::size_t lag_stride = channels * channels;
-  // A stretch of the recording that stays in the cache meets all its lags before the next one.
-  constexpr std::size_t kStretch = 2 * kBlock;
-  for (std::size_t begin = 0; begin < count; begin += kStretch) {
-    const std::size_t here = std::min(kStretch, count - begin);
-    for (std::size_t j = 0; j < channels; ++j) {
-      const double* column = z[j] + begin;
-      std::size_t i = 0;
-      while (i < channels) {
-        const double* rows[3];
-        const std::size_t left = std::min<std::size_t>(3, channels - i);
-        for (std::size_t k = 0; k < left; ++k) rows[k] = z[i + k] + begin;
-        double* to = sums + j * channels + i;
-        if (left == 3) {
-          all_lags<3, 3>(rows, column, here, first_lag, lags, lag_stride, to);
-        } else if (left == 2) {
-          all_lags<2, 5>(rows, column, here, first_lag, lags, lag_stride, to);
-        } else {
-          all_lags<1, 8>(rows, column, here, first_lag, lags, lag_stride, to);
-        }
-        i += left;
+  const std::size_t column_stride = channels, lag_stride = channels * channels;
+  for (std::size_t begin = 0; begin < count; begin += kRun) {
+    const std::size_t here = std::min(kRun, count - begin);
+    for (std::size_t i = 0; i < channels; ++i) {
+      const double* now = z[i] + begin + first_lag;
+      for (std::size_t j = 0; j < channels; j += 3) {
+        const double* past[3];
+        const std::size_t columns = std::min<std::size_t>(3, channels - j);
+        for (std::size_t c = 0; c < columns; ++c) past[c] = z[j + c] + begin;
+        double* to = sums + j * column_stride + i;
+        if (columns == 3) SumLags<3>(now, past, here, lags, column_stride, lag_stride, to);
+        if (columns == 2) SumLags<2>(now, past, here, lags, column_stride, lag_stride, to);
+        if (columns == 1) SumLags<1>(now, past, here, lags, column_stride, lag_stride, to);
       }
     }
   }
@@ -187,7 +194,7 @@ void SumSquaresInLanes(const LaneFilter& f, const double* z, std::size_t length,
   kBy[f.states - 1](f, z, length, warmup, skip, x, squares);
 }
 
-std::size_t Padding() { return 8 * hn::Lanes(Tag()); }
+std::size_t Padding() { return kAccumulators + 2 * hn::Lanes(Tag()); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace identikal::simd

@@ -7,17 +7,16 @@
 
 namespace identikal::simd {
 
-/// sums[(m * channels + j) * channels + i] += sum_{t=0}^{count-1} z_i(t) z_j(t - m) for
-/// first_lag <= m < first_lag + lags, summed in blocks so that rounding grows with the square root
-/// of count at most.
-/// @param z          channels pointers to sample 0 of each channel; samples before it are read,
-/// down
-///                   to -(first_lag + lags + padding())
-/// @param sums       starts at m = first_lag
+/// sums[((m - first_lag) * channels + j) * channels + i] += sum_{p=0}^{count-1} z_i(p + m) z_j(p)
+/// for first_lag <= m < first_lag + lags, summed in runs, so that rounding grows with the square
+/// root of count at most.
+/// @param z      channels pointers to sample 0 of each channel; samples up to
+///               count + first_lag + lags + padding() are read
+/// @param count  a multiple of 16, or zeros follow
 void add_lag_products(const double* const* z, std::size_t channels, std::size_t count,
                       std::size_t first_lag, std::size_t lags, double* sums);
 
-/// How many samples before the oldest lag are read (and not used).
+/// How many samples behind the last product are read (and not used).
 std::size_t padding();
 
 /// Several chunks of a recording side by side: chunk c holds samples c T .. (c + 1) T - 1, and its
