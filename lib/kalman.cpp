@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "lib/direct_kernel.h"
 #include "lib/matrix_equations.h"
 #include "lib/recursion.h"
 #include "lib/simd_kernels.h"
@@ -113,13 +114,24 @@ class Recursion {
     out.gradient = VectorXd::Zero(k);
     out.information = MatrixXd::Zero(k, k);
     std::size_t stretch = 0;
-    Stretch* here = nullptr;  // begun last
+    Stretch *here = nullptr, *unrolled = nullptr;  // begun last; the same, once run_unrolled() ran
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
       if (shortcuts.stretches != nullptr && stretch < shortcuts.stretches->size() &&
           (*shortcuts.stretches)[stretch].begin == t) {
         here = &(*shortcuts.stretches)[stretch++];
         if (shortcuts.kernel != nullptr && jump(*here, shortcuts, out)) {
           t += here->sums.samples() - 1;
+          continue;
+        }
+      }
+      if (here != nullptr && here != unrolled && diffuse_ == 0 && sensitivities_.empty() &&
+          store == nullptr) {
+        unrolled = here;
+        const Index end = here->begin + here->sums.samples();
+        if (t < end) t = run_unrolled(t, end, shortcuts.constant_gain, out);
+        if (status_ != FilterStatus::ok) break;
+        if (t >= end) {
+          --t;
           continue;
         }
       }
@@ -448,6 +460,24 @@ class Recursion {
     samples_ += stretch.sums.samples() * y_.rows();
     shortcuts.jumped += stretch.sums.samples();
     return true;
+  }
+
+  // Gapless samples t .. end - 1 by code made for these sizes, if there is any. Returns the first
+  // sample it did not process.
+  Index run_unrolled(Index t, Index end, bool stop_when_settled, Likelihood& out) {
+    DirectRun run;
+    run.x = Z_.col(0);
+    run.P = P_;
+    const Index next = run_direct(model_, W_, full_.Sw, y_, u_, t, end, stop_when_settled, run);
+    if (!run.definite) {
+      status_ = FilterStatus::indefinite;
+      return next;
+    }
+    Z_.col(0) = run.x;
+    P_ = run.P;
+    out.value += run.value;
+    samples_ += (next - t) * y_.rows();
+    return next;
   }
 
   // From sample t of a stretch on with constant gain, in chunks side by side. Returns the first

@@ -9,7 +9,7 @@ namespace identikal {
 
 /// out += factor a b; out must not be part of a or b.
 template <class Out, class A, class B>
-inline void add_product(Out&& out, const A& a, const B& b, double factor = 1.0) {
+[[gnu::always_inline]] inline void add_product(Out&& out, const A& a, const B& b, double factor = 1.0) {
   const Eigen::Index rows = a.rows(), inner = a.cols(), cols = b.cols();
   for (Eigen::Index j = 0; j < cols; ++j) {
     for (Eigen::Index k = 0; k < inner; ++k) {
@@ -21,9 +21,11 @@ inline void add_product(Out&& out, const A& a, const B& b, double factor = 1.0) 
 
 /// out = factor a b; out must not be part of a or b.
 template <class Out, class A, class B>
-inline void set_product(Out&& out, const A& a, const B& b, double factor = 1.0) {
+[[gnu::always_inline]] inline void set_product(Out&& out, const A& a, const B& b, double factor = 1.0) {
   out.resize(a.rows(), b.cols());
-  out.setZero();
+  for (Eigen::Index j = 0; j < out.cols(); ++j) {
+    for (Eigen::Index i = 0; i < out.rows(); ++i) out.coeffRef(i, j) = 0.0;
+  }
   add_product(out, a, b, factor);
 }
 
@@ -39,7 +41,7 @@ inline double inner_product(const A& a, const B& b) {
 
 /// M = (M + M') / 2
 template <class Square>
-inline void symmetrise(Square& M) {
+[[gnu::always_inline]] inline void symmetrise(Square& M) {
   for (Eigen::Index j = 0; j < M.cols(); ++j) {
     for (Eigen::Index i = 0; i < j; ++i) {
       M.coeffRef(i, j) = M.coeffRef(j, i) = 0.5 * (M.coeff(i, j) + M.coeff(j, i));

@@ -180,7 +180,9 @@ TEST(NoiseMlStudy, ReferenceRecordings) {
     const Study s = study(system, recordings);
     EXPECT_EQ(s.not_ok, 0);
     EXPECT_LE(s.ratio.maxCoeff(), 1.35);
-    if (number == 6 || number == 7) EXPECT_GE(s.ratio.minCoeff(), 0.75);
+    if (number == 6 || number == 7) {
+      EXPECT_GE(s.ratio.minCoeff(), 0.75);
+    }
     // Four standard errors of the mean.
     const VectorXd bound = bound_sd(system).cwiseQuotient(system.truth);
     for (Eigen::Index i = 0; i < s.mean.size(); ++i) {
