@@ -33,6 +33,8 @@ struct EstimatedParameter {
   double value = kNone;
   double se = kNone;
   std::array<double, 2> ci95{kNone, kNone};
+  std::array<double, 2> profile95{kNone, kNone};  ///< interval of the profile likelihood
+  double se_sandwich = kNone;                     ///< allows for noise that is not Gaussian
   double crb_se = kNone;  ///< Cramér-Rao standard deviation at the estimate, white noise assumed
   double start = kNone;
   bool fixed = false;

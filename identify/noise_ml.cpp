@@ -289,8 +289,79 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
     covariance = information.completeOrthogonalDecomposition().pseudoInverse();
   }
   judge_parameters(estimate, information, covariance);
+  if (bound) {
+    const MatrixXd products = likelihood.score_products(end);
+    if (products.size() > 0) {
+      const MatrixXd sandwich = covariance * in_units(select(products, inside)) * covariance;
+      for (Index j = 0; j < k; ++j) {
+        EstimatedParameter& p = *judged[static_cast<std::size_t>(j)];
+        if (!std::isnan(p.se)) p.se_sandwich = std::sqrt(sandwich(j, j));
+      }
+    }
+  }
   for (Index j = 0; j < k && bound; ++j) {
     judged[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*bound)(j, j));
+  }
+}
+
+// Where the profile likelihood of coordinate i has fallen by half a chi-square quantile, on one
+// side (sign) of the maximum: the coordinate, or its bound where it does not fall that far.
+std::optional<double> profile_end(const LikelihoodProblem& problem, const Solution& best,
+                                  double maximum, Index i, double se, double sign) {
+  const double target = std::sqrt(chi_square_quantile(0.95, 1.0));
+  LikelihoodProblem held = problem;
+  VectorXd x = best.x;
+  // Signed root of the drop, close to linear in the coordinate; nothing where it is undefined.
+  const auto root = [&](double value) -> std::optional<double> {
+    held.lower[i] = held.upper[i] = value;
+    x[i] = value;
+    const Solution solution = maximise(held, x);
+    if (!solution.summary.usable()) return std::nullopt;
+    x = solution.x;
+    return std::sqrt(2.0 * std::max(0.0, maximum - solution.summary.objective));
+  };
+  const double bound = sign < 0.0 ? problem.lower[i] : problem.upper[i];
+  double near = best.x[i], near_root = 0.0, far = near + sign * target * se;
+  for (int k = 0; k < 60; ++k) {
+    const bool stopped = sign * (far - bound) >= 0.0;
+    if (stopped) far = bound;
+    const auto far_root = root(far);
+    if (!far_root) return std::nullopt;
+    if (std::abs(*far_root - target) < 1e-5) return far;
+    if (*far_root < target && stopped) return bound;
+    if (*far_root < target) {  // not far enough yet
+      const double slope = (*far_root - near_root) / (far - near);
+      near = far;
+      near_root = *far_root;
+      const double step = slope * sign > 0.0 ? (target - near_root) / slope : sign * se;
+      far = near + sign * std::clamp(std::abs(step), 1e-9 * se, 4.0 * se);
+    } else {
+      far = near + (far - near) * (target - near_root) / (*far_root - near_root);
+    }
+  }
+  return std::nullopt;
+}
+
+// Profile intervals, where an evaluation is cheap. Coordinates of a full covariance matrix are not
+// its entries, and get none.
+void profile(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
+             const Solution& best, const PathTaken& taken, Index samples) {
+  constexpr Index kCheap = 20000;  // samples
+  if (taken.path != Path::compressed && samples > kCheap) return;
+  double maximum = 0.0;
+  if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
+  const ReportedEntries entries = reported_entries(end);
+  Index i = -1;
+  for (std::size_t e = 0; e < estimate.parameters.size(); ++e) {
+    EstimatedParameter& p = estimate.parameters[e];
+    if (p.fixed) continue;
+    ++i;
+    const Domain domain = end[static_cast<std::size_t>(entries.parameter[e])].domain;
+    if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
+    const double unit = unit_scale(p.unit);
+    const auto low = profile_end(problem, best, maximum, i, p.se * unit, -1.0);
+    const auto high = profile_end(problem, best, maximum, i, p.se * unit, 1.0);
+    if (low && high) p.profile95 = {*low / unit, *high / unit};
   }
 }
 
@@ -355,7 +426,7 @@ void conclude(Estimate& estimate, const Search& found) {
     // The shape of the likelihood away from its maximum says nothing about errors.
     for (EstimatedParameter& p : estimate.parameters) {
       if (p.fixed) continue;
-      p.se = p.crb_se = kNone;
+      p.se = p.se_sandwich = p.crb_se = kNone;
       p.ci95 = {kNone, kNone};
       if (p.verdict == Verdict::ok) p.verdict = Verdict::weak;
     }
@@ -409,6 +480,10 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   judge(estimate, likelihood, problem, end, found.best);
   report_path(estimate, likelihood.path_taken(), options.path);
   limit_boundary(estimate, problem, found.best);
+  if (found.best.summary.usable()) {
+    profile(estimate, problem, end, found.best, likelihood.path_taken(),
+            samples_present(recordings));
+  }
   const ReportedEntries entries = reported_entries(end);
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     // A variance's interval does not reach below zero.

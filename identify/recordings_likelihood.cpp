@@ -71,6 +71,12 @@ LikelihoodProblem RecordingsLikelihood::problem() {
   return out;
 }
 
+MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
+  instantiate(model_.linear, at, system_);
+  if (!admissible(system_)) return {};
+  return engine_.score_products(system_, model_.linear.initial, derivatives_);
+}
+
 FilterStatus RecordingsLikelihood::status_at_start() {
   instantiate(model_.linear, model_.parameters, system_);
   if (!admissible(system_)) return FilterStatus::indefinite;

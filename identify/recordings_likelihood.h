@@ -33,6 +33,9 @@ class RecordingsLikelihood {
   /// How the evaluation at the model's own values ends.
   FilterStatus status_at_start();
 
+  /// sum s s' of the samples' scores by the free entries (lib/kalman.h); empty where undefined.
+  Eigen::MatrixXd score_products(const ParameterSet& at);
+
   const PathTaken& path_taken() const { return engine_.path_taken(); }
 
  private:

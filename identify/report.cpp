@@ -89,6 +89,13 @@ std::string parameter_table(const Estimate& estimate) {
                        interval ? fmt::format("{:.5g} .. {:.5g}", p.ci95[0], p.ci95[1]) : "-",
                        error_text(p.crb_se), verdict);
   }
+  std::string profiles;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (std::isnan(p.profile95[0])) continue;
+    profiles += fmt::format("{} {} {:.5g} .. {:.5g}", profiles.empty() ? "profile 95 % " : ",",
+                            p.name, p.profile95[0], p.profile95[1]);
+  }
+  if (!profiles.empty()) out += wrapped(profiles, 13);
   return known.empty() ? out : out + wrapped(known, 7);
 }
 

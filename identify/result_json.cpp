@@ -30,6 +30,8 @@ Json parameters(const Estimate& estimate) {
                    {"value", number(p.value)},
                    {"se", number(p.se)},
                    {"ci95", {number(p.ci95[0]), number(p.ci95[1])}},
+                   {"profile95", {number(p.profile95[0]), number(p.profile95[1])}},
+                   {"se_sandwich", number(p.se_sandwich)},
                    {"crb_se", number(p.crb_se)},
                    {"start", number(p.start)},
                    {"fixed", p.fixed},

@@ -113,6 +113,8 @@ class Recursion {
     const auto k = static_cast<Index>(sensitivities_.size());
     out.gradient = VectorXd::Zero(k);
     out.information = MatrixXd::Zero(k, k);
+    VectorXd scored = out.gradient;  // up to the last sample
+    if (shortcuts.score_products != nullptr) shortcuts.score_products->setZero(k, k);
     std::size_t stretch = 0;
     Stretch *here = nullptr, *unrolled = nullptr;  // begun last; the same, once run_unrolled() ran
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
@@ -148,12 +150,18 @@ class Recursion {
         update();
       }
       fold_in_when_determined(t, out, store);
+      if (shortcuts.score_products != nullptr && diffuse_ == 0) {
+        const VectorXd score = out.gradient - scored;
+        *shortcuts.score_products += score * score.transpose();
+        scored = out.gradient;
+      }
       if (settled_ && diffuse_ == 0 && !states && shortcuts.constant_gain) {
         Index next = t + 1;
         if (here != nullptr && sensitivities_.empty() && store == nullptr && u_.rows() == 0) {
           next = run_in_lanes(next, *here, out);
         }
-        t = run_steady(next, out, store) - 1;
+        t = run_steady(next, out, store, shortcuts.score_products) - 1;
+        scored = out.gradient;
       }
     }
     if (status_ == FilterStatus::ok && diffuse_ > 0) status_ = FilterStatus::undetermined;
@@ -521,7 +529,7 @@ class Recursion {
 
   // From sample t on with constant gain, as long as no sample is missing; returns the first sample
   // it did not process. Sensitivities run stacked: column i of dX is dx/d(theta_i).
-  Index run_steady(Index t, Likelihood& out, FilterResult* store) {
+  Index run_steady(Index t, Likelihood& out, FilterResult* store, MatrixXd* score_products) {
     const Index n = model_.states(), ny = y_.rows(), nu = u_.rows();
     const auto k = static_cast<Index>(sensitivities_.size());
     MatrixXd K_theta(n * k, ny), A_theta(n * k, n), B_theta(n * k, nu), C_theta(ny * k, n),
@@ -544,6 +552,10 @@ class Recursion {
     MatrixXd spread = MatrixXd::Zero(k, k);
     VectorXd slope = VectorXd::Zero(k);
     double squares = 0.0;
+    VectorXd score(k), half_trace(k);
+    for (Index i = 0; i < k; ++i) {
+      half_trace[i] = 0.5 * llt_.solve(sensitivities_[static_cast<std::size_t>(i)].Sigma).trace();
+    }
     const Index begin = t;
     for (; t < y_.cols() && !y_.col(t).hasNaN(); ++t) {
       e = y_.col(t);
@@ -575,6 +587,13 @@ class Recursion {
         dX_next += moved.reshaped(n, k);
         dX.swap(dX_next);
         slope.noalias() -= dE.transpose() * Sie;
+        if (score_products != nullptr) {
+          score.noalias() = -dE.transpose() * Sie - half_trace;
+          for (Index i = 0; i < k; ++i) {
+            score[i] += 0.5 * Sie.dot(sensitivities_[static_cast<std::size_t>(i)].Sigma * Sie);
+          }
+          *score_products += score * score.transpose();
+        }
         power.noalias() += Sie * Sie.transpose();
         llt_.matrixL().solveInPlace(dE);
         spread.noalias() += dE.transpose() * dE;
@@ -679,6 +698,16 @@ Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const std::vector<StateSpace>& derivatives) {
   Shortcuts shortcuts;
   return run_recursion(model, initial, y, u, derivatives, shortcuts);
+}
+
+MatrixXd score_products(const StateSpace& model, InitialState initial,
+                        const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                        const std::vector<StateSpace>& derivatives) {
+  MatrixXd out;
+  Shortcuts shortcuts;
+  shortcuts.score_products = &out;
+  const Likelihood l = run_recursion(model, initial, y, u, derivatives, shortcuts);
+  return l.status == FilterStatus::ok ? out : MatrixXd();
 }
 
 Likelihood run_recursion(const StateSpace& model, InitialState initial,

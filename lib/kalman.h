@@ -82,4 +82,13 @@ Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const Eigen::MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives = {});
 
+/// sum_t s_t s_t' of the samples' own scores, s_t = d/d(theta) of the log-density of y(t) given
+/// what came before: with the observed information H, H^-1 (sum s s') H^-1 is the covariance of the
+/// estimate also where the noise is not Gaussian (White 1982). The samples of a diffuse start count
+/// as one. Arguments and exceptions as log_likelihood; empty when the filter does not run.
+Eigen::MatrixXd score_products(const StateSpace& model, InitialState initial,
+                               const Eigen::Ref<const Eigen::MatrixXd>& y,
+                               const Eigen::Ref<const Eigen::MatrixXd>& u,
+                               const std::vector<StateSpace>& derivatives);
+
 }  // namespace identikal

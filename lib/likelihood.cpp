@@ -131,6 +131,19 @@ void LikelihoodEngine::add_recording(const MatrixXd& y, const MatrixXd& u) {
   recordings_->all.push_back(prepare(y, u));
 }
 
+MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState initial,
+                                          const std::vector<StateSpace>& derivatives) const {
+  const auto k = static_cast<Index>(derivatives.size());
+  MatrixXd sum = MatrixXd::Zero(k, k);
+  for (const Recording& recording : recordings_->all) {
+    const MatrixXd one =
+        identikal::score_products(model, initial, *recording.y, *recording.u, derivatives);
+    if (one.size() == 0) return {};
+    sum += one;
+  }
+  return sum;
+}
+
 const PathTaken& LikelihoodEngine::path_taken() const { return recordings_->taken; }
 
 const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialState initial,

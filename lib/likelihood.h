@@ -66,6 +66,11 @@ class LikelihoodEngine {
                              const std::vector<StateSpace>& derivatives = {},
                              Path path = Path::automatic);
 
+  /// The sum over all recordings of score_products() in lib/kalman.h; empty when a filter does not
+  /// run.
+  Eigen::MatrixXd score_products(const StateSpace& model, InitialState initial,
+                                 const std::vector<StateSpace>& derivatives) const;
+
   const PathTaken& path_taken() const;  ///< of the last evaluation
 
  private:

@@ -13,6 +13,7 @@ struct Shortcuts {
   StretchKernel* kernel = nullptr;  ///< prepared for this model and its derivatives; or none
   std::vector<Stretch>* stretches = nullptr;  ///< of this recording, in time order
   Eigen::Index jumped = 0;                    ///< out: samples that the kernel served
+  Eigen::MatrixXd* score_products = nullptr;  ///< k x k, or none: receives sum_t s_t s_t'
   bool cancelled = false;                     ///< out: a stretch was refused by the kernel
 };
 

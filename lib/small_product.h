@@ -9,7 +9,8 @@ namespace identikal {
 
 /// out += factor a b; out must not be part of a or b.
 template <class Out, class A, class B>
-[[gnu::always_inline]] inline void add_product(Out&& out, const A& a, const B& b, double factor = 1.0) {
+[[gnu::always_inline]] inline void add_product(Out&& out, const A& a, const B& b,
+                                               double factor = 1.0) {
   const Eigen::Index rows = a.rows(), inner = a.cols(), cols = b.cols();
   for (Eigen::Index j = 0; j < cols; ++j) {
     for (Eigen::Index k = 0; k < inner; ++k) {
@@ -21,7 +22,8 @@ template <class Out, class A, class B>
 
 /// out = factor a b; out must not be part of a or b.
 template <class Out, class A, class B>
-[[gnu::always_inline]] inline void set_product(Out&& out, const A& a, const B& b, double factor = 1.0) {
+[[gnu::always_inline]] inline void set_product(Out&& out, const A& a, const B& b,
+                                               double factor = 1.0) {
   out.resize(a.rows(), b.cols());
   for (Eigen::Index j = 0; j < out.cols(); ++j) {
     for (Eigen::Index i = 0; i < out.rows(); ++i) out.coeffRef(i, j) = 0.0;

@@ -8,6 +8,7 @@
 #include <benchmark/benchmark.h>
 
 #include "identify/recordings_likelihood.h"
+#include "lib/csv.h"
 #include "lib/lag_sums.h"
 #include "tests/bench/roof.h"
 #include "tests/support/matisko_systems.h"
@@ -45,10 +46,25 @@ const char* label(int number) {
   return number == 0 ? "n6r3" : number == 1 ? "sys1" : number == 6 ? "sys6" : "sys7";
 }
 
+// Recordings of a folder, N = 0; else simulated.
+std::string files;
+
+MatrixXd read_recording(int number) {
+  const Table table = read_csv(files + "/" + label(number) + ".csv");
+  MatrixXd y(static_cast<Index>(table.columns.size()), static_cast<Index>(table.rows));
+  for (Index i = 0; i < y.rows(); ++i) {
+    y.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
+        table.columns[static_cast<std::size_t>(i)].values.data(), y.cols());
+  }
+  return y;
+}
+
 const MatrixXd& recording(int number, Index N) {
   static std::map<std::pair<int, Index>, MatrixXd> all;
   const auto [at, fresh] = all.try_emplace({number, N});
-  if (fresh) {
+  if (fresh && N == 0) {
+    at->second = read_recording(number);
+  } else if (fresh) {
     MatiskoSystem system = system_of(number);
     system.samples = N;
     Random random(static_cast<std::uint64_t>(100 + number));
@@ -70,7 +86,7 @@ double roof() {
 
 void evaluate(benchmark::State& state, int number, Index N, Path path, bool derivatives) {
   const MatiskoSystem system = system_of(number);
-  const MatrixXd &y = recording(number, N), u(0, N);
+  const MatrixXd &y = recording(number, N), u(0, y.cols());
   const StateSpace m = true_system(system);
   const auto d = derivatives ? model_derivatives(system.model.linear, system.model.parameters)
                              : std::vector<StateSpace>{};
@@ -81,7 +97,7 @@ void evaluate(benchmark::State& state, int number, Index N, Path path, bool deri
   for (auto _ : state) {
     benchmark::DoNotOptimize(engine.evaluate(m, InitialState::stationary, d, path).value);
   }
-  const auto samples = static_cast<double>(N);
+  const auto samples = static_cast<double>(y.cols());
   state.counters["ns_per_sample"] = benchmark::Counter(
       samples * 1e-9, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
   if (path == Path::steady && !derivatives) {
@@ -127,6 +143,18 @@ void lag_sums(benchmark::State& state, int channels, Index N, Index lags) {
       benchmark::Counter(operations / roof(), benchmark::Counter::kIsIterationInvariantRate);
 }
 
+void register_files() {
+  for (const int number : {1, 6, 7}) {
+    const std::string name = label(number);
+    benchmark::RegisterBenchmark(("file/fit/" + name).c_str(), [=](benchmark::State& state) {
+      fit(state, number, 0, true);
+    })->Unit(benchmark::kMicrosecond);
+    benchmark::RegisterBenchmark(("file/value/" + name).c_str(), [=](benchmark::State& state) {
+      evaluate(state, number, 0, Path::compressed, false);
+    })->Unit(benchmark::kMicrosecond);
+  }
+}
+
 void register_all() {
   const auto named = [](const std::string& name, auto&& run) {
     return benchmark::RegisterBenchmark(name.c_str(), run);
@@ -165,13 +193,21 @@ void register_all() {
 
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
+  if (const std::string last = argv[argc - 1]; last.starts_with("--files=")) {
+    identikal::files = last.substr(8);
+    --argc;
+  }
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   char text[40];
   std::snprintf(text, sizeof text, "%.4g", identikal::fma_roof() * 1e-9);
   benchmark::AddCustomContext("fma_roof_gflop_per_s", text);
   std::snprintf(text, sizeof text, "%.4g", identikal::copy_roof() * 1e-9);
   benchmark::AddCustomContext("copy_roof_gb_per_s", text);
-  identikal::register_all();
+  if (identikal::files.empty()) {
+    identikal::register_all();
+  } else {
+    identikal::register_files();
+  }
   benchmark::RunSpecifiedBenchmarks();
   return 0;
 }

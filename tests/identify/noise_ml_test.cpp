@@ -107,6 +107,44 @@ TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
   FAIL() << "no record ended at the bound";
 }
 
+TEST(NoiseMl, ProfileIntervalsEndWhereTheLikelihoodHasFallenByHalfAChiSquare) {
+  ModelFile model = scalar_model(0.9, 1.0, 1.0);
+  const Dataset data = dataset_of(simulate_scalar(0.9, 1.0, 2.0, 300, 5));
+  const Estimate best = tune_ml(model, {data});
+  ASSERT_EQ(best.status, Status::ok);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (const double end : best.parameters[i].profile95) {
+      ModelFile held = model;
+      held.parameters[i].value(0, 0) = end;
+      held.parameters[i].fixed = true;
+      const double drop =
+          best.objective.log_likelihood - tune_ml(held, {data}).objective.log_likelihood;
+      EXPECT_NEAR(drop, 0.5 * 3.841458820694124, 1e-3);
+    }
+    EXPECT_LT(best.parameters[i].profile95[0], best.parameters[i].value);
+    EXPECT_GT(best.parameters[i].profile95[1], best.parameters[i].value);
+  }
+}
+
+// Noise with the tails of a Laplace distribution has a fourth moment of 6 sd^4, not 3 sd^4: the
+// variance of a variance is 2.5 times as large.
+TEST(NoiseMl, SandwichAllowsForHeavyTails) {
+  Random random(4);
+  MatrixXd y(1, 20000);
+  for (Eigen::Index t = 0; t < y.cols(); ++t) {
+    const double u = random.uniform() - 0.5;
+    y(0, t) = -std::copysign(std::log(1.0 - 2.0 * std::abs(u)), u) / std::sqrt(2.0);
+  }
+  ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  model.parameters[0].value(0, 0) = 0.0;
+  model.parameters[0].fixed = true;
+  const Estimate e = tune_ml(model, {dataset_of(y)});
+  const EstimatedParameter& r = e.parameters[1];
+  printf("sandwich / observed error %.3f, sqrt(2.5) = 1.581\n", r.se_sandwich / r.se);
+  // The sample's own fourth moment is known to 5 %.
+  EXPECT_NEAR(r.se_sandwich / r.se, std::sqrt(2.5), 0.12);
+}
+
 TEST(NoiseMl, RefusesInWords) {
   ModelFile model = scalar_model(0.5, 1.0, 1.0);
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Constant(1, 100, 3.0))}), InputError);

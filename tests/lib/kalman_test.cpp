@@ -169,6 +169,25 @@ TEST(Kalman, ExpectedInformationIsTheCovarianceOfTheScore) {
   }
 }
 
+TEST(Kalman, ScoreProductsAreThoseOfEachSamplesOwnDensity) {
+  Random random(8);
+  const StateSpace m = random_model(random, 2, 1, 2, 2);
+  const Index N = 120;
+  const MatrixXd u = random_matrix(random, 1, N);
+  MatrixXd y = simulate_outputs(random, m, u, N);
+  y(1, 3) = std::nan("");
+  const std::vector<StateSpace> d{random_direction(random, m), random_direction(random, m)};
+  MatrixXd expected = MatrixXd::Zero(2, 2);
+  VectorXd before = VectorXd::Zero(2);
+  for (Index t = 1; t <= N; ++t) {
+    const VectorXd gradient =
+        log_likelihood(m, InitialState::given, y.leftCols(t), u.leftCols(t), d).gradient;
+    expected += (gradient - before) * (gradient - before).transpose();
+    before = gradient;
+  }
+  EXPECT_TRUE(score_products(m, InitialState::given, y, u, d).isApprox(expected, 1e-8));
+}
+
 TEST(Kalman, StaysDefiniteOnStiffNoise) {
   // System 7 of the second source, where the unsymmetrised plain recursion overflows, and nearly no
   // R.
