@@ -153,10 +153,12 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
 void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
                      const std::vector<Dataset>& recordings) {
   const StateSpace system = instantiate(model.linear, parameters);
-  estimate.noise.Q = system.Q;
-  estimate.noise.R = system.R;
-  if (!system.S.isZero(0.0)) estimate.noise.S = system.S;
-  estimate.noise.Q_kind = "per-sample";
+  const StateSpace written = written_matrices(model.linear, parameters);
+  estimate.noise.Q = written.Q;
+  estimate.noise.R = written.R;
+  if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
+  const bool density = model.linear.continuous && model.linear.noise == ProcessNoise::density;
+  estimate.noise.Q_kind = density ? "density" : "per-sample";
   if (const auto steady = steady_state(system)) {
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;

@@ -446,14 +446,26 @@ void read_linear(const YamlNode& root, ModelFile& out) {
   model.S = optional("S", {nw, ny, "process noises x outputs"}, Eigen::MatrixXd::Zero(nw, ny));
   read_initial(root, n, names, model);
   if (out.time.step > 0.0) model.dt = out.time.step;
+  if (const YamlNode* kind = find(required(root, "time", top, ""), "kind")) {
+    model.continuous = text_of(*kind, "kind") == "continuous";
+  }
 
   if (const YamlNode* noise = find(root, "noise")) {
     check_keys(*noise, "noise", {"process"});
     const YamlNode& process = required(*noise, "process", "noise", "process: per-sample");
     if (word_of(process, "process", {"per-sample", "density"}) == "density") {
-      throw InputError(process.at, "process noise is a density in a discrete-time model",
-                       "process: per-sample");
+      if (!model.continuous) {
+        throw InputError(process.at, "process noise is a density in a discrete-time model",
+                         "process: per-sample, or time: {kind: continuous, ...}");
+      }
+      model.noise = ProcessNoise::density;
+      if (const YamlNode* S = find(root, "S")) {
+        throw InputError(S->at, "S has no meaning with a noise density", "process: per-sample");
+      }
     }
+  } else if (model.continuous) {
+    throw InputError(root.at, "a continuous-time model does not say what its Q is",
+                     "noise: {process: density} or noise: {process: per-sample}");
   }
   for (std::size_t i = 0; i < names.used.size(); ++i) {
     if (!names.used[i]) {

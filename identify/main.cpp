@@ -160,7 +160,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
 
 int run_estimator(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
-  const ModelFile model = load_model(args);
+  ModelFile model = load_model(args);
   const bool vehicle = model.form == ModelFile::Form::single_track;
   if (args.verb == "tune" && vehicle) {
     throw InputError({model.path, 0, 0},
@@ -172,6 +172,7 @@ int run_estimator(const Arguments& args) {
                      "one: identikal fit MODEL DATA", "fit them one by one");
   }
   const Recordings recordings = load_recordings(args, model);
+  if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   Progress progress(args);
   Estimate estimate;
   if (args.verb == "check") {
@@ -200,10 +201,11 @@ int run_estimator(const Arguments& args) {
 }
 
 int run_simulate(const Arguments& args) {
-  const ModelFile model = load_model(args);
+  ModelFile model = load_model(args);
   std::optional<Dataset> recording;
   if (!args.data.empty()) recording = load_data(args, args.data.front(), model, nullptr, false);
   const Dataset* inputs = recording ? &*recording : nullptr;
+  if (inputs != nullptr && model.time.step == 0.0) model.linear.dt = inputs->dt;
   const bool vehicle = model.form == ModelFile::Form::single_track;
   if (args.rows > 0 && (inputs != nullptr || vehicle)) {
     throw InputError({}, "-n has no meaning here",
@@ -288,7 +290,8 @@ void add_common(CLI::App& verb, Arguments& args, bool estimates) {
       });
   verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")
       ->allow_extra_args(false);
-  verb.add_option("--range", args.range, "FROM:TO: use these rows, in seconds, e.g. 10s:95s");
+  verb.add_option("--range", args.range,
+                  "FROM:TO: use these rows, in seconds from the first, e.g. 10s:95s");
   verb.add_flag("--quiet", args.quiet, "no progress line");
   if (!estimates) return;
   verb.add_flag("--json", args.json, "print the result as JSON instead of text");
@@ -303,7 +306,7 @@ int run(int argc, char** argv) {
 
   CLI::App* info = app.add_subcommand("info", "columns, units, rates, gaps of a recording");
   info->add_option("files", args.data, "[MODEL] DATA...")->required();
-  info->add_option("--range", args.range, "FROM:TO: use these rows, in seconds");
+  info->add_option("--range", args.range, "FROM:TO: use these rows, in seconds from the first");
 
   const std::pair<const char*, const char*> estimators[] = {
       {"tune", "estimate Q and R of a Kalman filter"},

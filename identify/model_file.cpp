@@ -61,10 +61,6 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
   check_keys(node, "time", {"kind", "step", "column", "unit"});
   if (const YamlNode* kind = find(node, "kind")) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
-    if (continuous && form == ModelFile::Form::linear) {
-      throw InputError(kind->at, "continuous-time linear models are not available yet", "",
-                       "discretise, or use model: single-track");
-    }
     if (!continuous && form == ModelFile::Form::single_track) {
       throw InputError(kind->at, "kind is 'discrete'", "continuous: the vehicle's equations are");
     }

@@ -41,6 +41,9 @@ RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
   instantiate(model_.linear, at, system_);
   if (!admissible(system_)) return nullptr;
+  if (with_gradient && model_.linear.continuous) {
+    derivatives_ = model_derivatives(model_.linear, at);
+  }
   const Likelihood& result =
       engine_.evaluate(system_, model_.linear.initial, with_gradient ? derivatives_ : none_, path_);
   return result.status == FilterStatus::ok ? &result : nullptr;
@@ -74,6 +77,7 @@ LikelihoodProblem RecordingsLikelihood::problem() {
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
   instantiate(model_.linear, at, system_);
   if (!admissible(system_)) return {};
+  if (model_.linear.continuous) derivatives_ = model_derivatives(model_.linear, at);
   return engine_.score_products(system_, model_.linear.initial, derivatives_);
 }
 

@@ -112,22 +112,33 @@ void check_plausibility(const VehicleProblem& problem, const VehicleParameters<d
 
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate) {
   const auto& outputs = problem.run->outputs;
-  double best = -std::numeric_limits<double>::infinity(), yaw = kNone;
+  // The yaw rate has to follow the steering, or else the output that does best; any other may be
+  // poor, but no worse than its mean.
+  std::size_t leading = 0;
+  for (std::size_t j = 1; j < outputs.size(); ++j) {
+    if (estimate.simulation[j].fit_percent > estimate.simulation[leading].fit_percent) leading = j;
+  }
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    if (outputs[j].sensor.quantity == VehicleQuantity::r) leading = j;
+  }
   for (std::size_t j = 0; j < outputs.size(); ++j) {
     const double fit = estimate.simulation[j].fit_percent;
-    best = std::max(best, fit);
-    if (outputs[j].sensor.quantity == VehicleQuantity::r) yaw = fit;
-  }
-  const double fit = std::isnan(yaw) ? best : yaw;
-  if (fit < kPoorFit) {
-    const bool noisy = outputs.size() == 1 && estimate.tests.size() == 1 && estimate.tests[0].pass;
+    if (!(fit < (j == leading ? kPoorFit : 0.0))) continue;
+    const std::string& name = outputs[j].name;
+    const auto test = std::find_if(estimate.tests.begin(), estimate.tests.end(),
+                                   [&](const TestResult& t) { return t.channel == name; });
+    const bool white = test != estimate.tests.end() && test->pass;
+    // A sensor as noisy as the model file says is no reason for distrust.
+    if (white && rms[static_cast<Eigen::Index>(j)] <= kNoiseFactor * outputs[j].given_sd) continue;
+    const bool noisy = outputs.size() == 1 && white;
     estimate.warnings.push_back(
         {"poor_fit",
          "serious",
-         {std::isnan(yaw) ? outputs.front().name : std::string("r")},
-         fmt::format("the simulation explains only {:.0f} % of {}{}", std::max(fit, 0.0),
-                     std::isnan(yaw) ? "the best output" : "the yaw rate",
-                     noisy ? "; the rest is white noise" : ""),
+         {name},
+         fit < 0.0 ? fmt::format("the simulation of {} is farther off than its mean (fit {:.0f} %)",
+                                 name, fit)
+                   : fmt::format("the simulation explains only {:.0f} % of {}{}", fit, name,
+                                 noisy ? "; the rest is white noise" : ""),
          noisy ? "steer more, or use a better sensor"
                : "check signs, units, clocks and delays of the channels; plot the residuals"});
   }

@@ -130,7 +130,7 @@ void report_parameters(const Search& found, const VehicleCovariance& covariance,
     result.verdict = Verdict::at_bound;
     estimate.warnings.push_back(
         {"at_bound",
-         "warning",
+         unknowns.free[i] == kCf || unknowns.free[i] == kCr ? "serious" : "warning",
          {result.name},
          fmt::format("{} ended at its bound {:.6g}; the errors of the others take it as known",
                      result.name, result.value),
@@ -307,6 +307,12 @@ void conclude(const Search& found, Estimate& estimate) {
     if (p.fixed) continue;
     ++free;
     if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) open.push_back(p.name);
+  }
+  // A stiffness, mass or length whose interval holds zero is not determined either.
+  const VehicleUnknowns& unknowns = found.problem.unknowns;
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
+    if (must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0) open.push_back(p.name);
   }
   for (const Warning& warning : estimate.warnings) {
     if (warning.severity == "serious") serious.push_back(warning.code);

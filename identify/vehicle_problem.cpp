@@ -11,17 +11,16 @@
 #include "lib/nearest_name.h"
 #include "solvers/solve.h"
 
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
 namespace identikal {
 namespace {
 
 // Bounds of positive parameters that have none in the model file, in units of the typical size.
 // What ends here is reported as at its bound: the data want a rigid car.
 constexpr double kSmallest = 1e-3, kLargest = 20.0;
-
-bool must_be_positive(VehicleParameter p) {
-  return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
-         p == kSteeringRatio;
-}
 
 double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
   switch (parameter) {
@@ -71,7 +70,31 @@ void predict(const VehicleProblem& problem, const Car& car, std::size_t s, const
   });
 }
 
+// A long recording forgets its initial state: derivatives by it decay below 1e-308, where the
+// processor is a hundred times slower. In this scope they become zero.
+class FlushDenormals {
+ public:
+#if defined(__SSE2__)
+  FlushDenormals() : before_(_mm_getcsr()) { _mm_setcsr(before_ | 0x8040u); }
+  ~FlushDenormals() { _mm_setcsr(before_); }
+
+ private:
+  unsigned before_;
+
+ public:
+#else
+  FlushDenormals() = default;
+#endif
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+};
+
 }  // namespace
+
+bool must_be_positive(VehicleParameter p) {
+  return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
+         p == kSteeringRatio;
+}
 
 Eigen::Vector2d axle_loads(const VehicleParameters<double>& p) {
   const double weight = p[kMass] * kStandardGravity / (p[kA] + p[kB]);
@@ -215,6 +238,7 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J) {
+  const FlushDenormals flush;
   const VehicleParameters<double> p = parameters_at(problem, z);
   const Eigen::Index k = problem.parameters();
   e.resize(problem.residuals());

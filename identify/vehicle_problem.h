@@ -23,6 +23,9 @@ struct VehicleUnknowns {
   Eigen::VectorXd scale;               ///< typical size of the free ones, for the optimiser
 };
 
+/// Mass, lengths, inertia, stiffnesses, steering ratio.
+bool must_be_positive(VehicleParameter parameter);
+
 /// Reads the parameters of the model file; what it does not name is neutral (neutral_vehicle()).
 /// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a
 /// mass,

@@ -8,7 +8,7 @@ namespace identikal {
 /// Piecewise cubic Hermite interpolation that keeps the data's shape: continuous slope, no
 /// overshoot between samples. Slopes are the weighted harmonic mean of the neighbouring chords
 /// (Fritsch & Butland 1984) within the monotonicity region of Fritsch & Carlson (1980); this is the
-/// "pchip" that Sladka (2010), section 9.1, puts between the samples of the inputs.
+/// "pchip" that Sladká (2010), section 9.1, puts between the samples of the inputs.
 class Pchip {
  public:
   /// @param x  N >= 1 strictly increasing abscissae

@@ -38,7 +38,9 @@ void set_derivative(const ParametrisedMatrix& matrix, const ParameterSet& parame
 
 }  // namespace
 
-void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out) {
+namespace {
+
+void set_written(const LinearModel& model, const ParameterSet& parameters, StateSpace& out) {
   set_value(model.A, parameters, out.A);
   set_value(model.B, parameters, out.B);
   set_value(model.C, parameters, out.C);
@@ -54,6 +56,22 @@ void instantiate(const LinearModel& model, const ParameterSet& parameters, State
   } else {
     out.x0.setZero(out.states());
     out.P0.setZero(out.states(), out.states());
+  }
+}
+
+}  // namespace
+
+StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters) {
+  StateSpace out;
+  set_written(model, parameters, out);
+  return out;
+}
+
+void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out) {
+  if (model.continuous) {
+    out = discretise(written_matrices(model, parameters), model.noise, model.dt);
+  } else {
+    set_written(model, parameters, out);
   }
 }
 
@@ -83,6 +101,9 @@ std::vector<StateSpace> model_derivatives(const LinearModel& model,
     } else {
       s.x0.setZero(s.states());
       s.P0.setZero(s.states(), s.states());
+    }
+    if (model.continuous) {
+      s = discretise_derivative(written_matrices(model, parameters), s, model.noise, model.dt);
     }
     out.push_back(std::move(s));
   }

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "lib/discretise.h"
 #include "lib/parameter.h"
 #include "lib/state_space.h"
 
@@ -34,16 +35,22 @@ enum class InitialState {
 struct LinearModel {
   ParametrisedMatrix A, B, C, D, G, Q, R, S, x0, P0;
   InitialState initial = InitialState::stationary;
-  double dt = 1.0;  ///< sampling period [s]
+  double dt = 1.0;          ///< sampling period [s]
+  bool continuous = false;  ///< A, B and G are those of dx/dt; sampled every dt
+  ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is, in continuous time
 };
 
-/// The matrices at these parameter values. x0 and P0 are filled for InitialState::given only.
+/// The matrices as the model has them, at these parameter values: dx/dt = ... in continuous time.
+/// x0 and P0 are filled for InitialState::given only.
+StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters);
+
+/// The discrete-time model at these parameter values.
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
 /// The same into `out`, whose memory is used again.
 void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);
 
-/// d(matrices) / d(entry), one per free entry (lib/parameter.h), whatever the values: the matrices
-/// are linear in the entries. Shapes as in the model.
+/// d(instantiate) / d(entry), one per free entry (lib/parameter.h). In discrete time whatever the
+/// values, as the matrices are linear in the entries. Shapes as instantiate() gives them.
 std::vector<StateSpace> model_derivatives(const LinearModel& model, const ParameterSet& parameters);
 
 }  // namespace identikal

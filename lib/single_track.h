@@ -146,7 +146,7 @@ SingleTrack<T, SofteningAxle<T>> softening_car(const VehicleParameters<T>& p) {
 }
 
 /// x' = A x + B delta with x = (vy, r) and delta the road-wheel angle, at constant vx > 0.
-/// Sladka (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz
+/// Sladká (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz
 /// vx); the source prints -(a Cf + b Cr). Without bank.
 struct SingleTrackMatrices {
   Eigen::Matrix2d A;
@@ -206,7 +206,7 @@ DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
 /// Right-hand side of the model, with everything that is constant along the run computed once.
 ///   m (vy' + vx r) = Ff + Fr - m g sin(bank),  Iz r' = a Ff - b Fr,
 ///   alpha_f = (vy + a r)/vx - delta,  alpha_r = (vy - b r)/vx
-/// (Sladka 2010, eq (7.3) with the angles of section 7.2 taken as small).
+/// (Sladká 2010, eq (7.3) with the angles of section 7.2 taken as small).
 template <typename T, typename Axle>
 class Balance {
  public:

@@ -123,6 +123,26 @@ class Simulate(unittest.TestCase):
                 self.assertLess(abs(p["value"] - 1), 4 * p["se"])
 
 
+    def test_round_trip_continuous(self):
+        """An Ornstein-Uhlenbeck process: decay rate and noise density come back whatever the sampling."""
+        text = ("identikal: 1\ntime: {kind: continuous, step: %s}\n"
+                "parameters:\n  a: {value: -2, max: -0.01}\n  q: {value: 1, min: 0}\n  r: {value: 1, min: 0}\n"
+                "A: [[a]]\nC: [[1]]\nQ: [[q]]\nR: [[r]]\nnoise: {process: density}\n"
+                "outputs: [{name: y, column: y}]\n")
+        for step in ("0.05 s", "200 ms"):
+            with Folder() as folder:
+                model = folder.write("m.yaml", text % step)
+                run("simulate", model, "-n", 20000, "--seed", 7, "--set", "a=-1.5", "--set", "q=4", "--set", "r=0.5",
+                    "-o", folder.path, code=0)
+                out = result("tune", model, folder.path / "simulated.csv")
+                self.assertEqual(out["noise"]["Q"]["kind"], "density")
+                for p, truth in zip(out["parameters"], (-1.5, 4, 0.5), strict=True):
+                    print(f"continuous, step {step}: {p['name']} {p['value']:.4f} +- {p['se']:.4f}, truth {truth}")
+                    self.assertLess(abs(p["value"] - truth), 4 * p["se"])
+                folder.write("m.yaml", (text % step).replace("noise: {process: density}\n", ""))
+                self.assertIn("does not say what its Q is", run("tune", model, folder.path / "simulated.csv", code=2).stderr)
+
+
 class Info(unittest.TestCase):
     def test_every_recording(self):
         for path in sorted(pathlib.Path(shared("recordings")).glob("*")):

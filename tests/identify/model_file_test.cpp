@@ -432,8 +432,8 @@ constexpr Mistake kLinearMistakes[] = {
      "1:1: 'time' is missing in the model file; expected time: {column: t, unit: s} or time: "
      "{step: 0.1 s}"},
     {"kind: discrete, step: 0.5 s", "kind: continuous, step: 0.5 s",
-     "3:14: continuous-time linear models are not available yet; discretise, or use model: "
-     "single-track"},
+     "1:1: a continuous-time model does not say what its Q is; expected noise: {process: density} "
+     "or noise: {process: per-sample}"},
     {"kind: discrete, step: 0.5 s", "kind: discreet, step: 1",
      "3:14: kind is 'discreet'; expected one of discrete, continuous; did you mean 'discrete'?"},
     {"step: 0.5 s", "step: 0.5 kg", "3:30: step is in 'kg'; expected a unit like 's'"},
@@ -633,7 +633,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"R: [[r]]\n", "",
      "1:1: 'R' is missing in the model file; expected R: covariance of the measurement noise"},
     {"R: [[r]]", "R: [[r]]\nnoise: {process: density}",
-     "11:18: process noise is a density in a discrete-time model; expected process: per-sample"},
+     "11:18: process noise is a density in a discrete-time model; expected process: per-sample, or "
+     "time: {kind: continuous, ...}"},
     {"R: [[r]]", "R: [[r]]\nnoise: {proces: density}",
      "11:9: unknown key 'proces' in noise; expected process"},
     {"R: [[r]]", "R: [[r]]\nnoise: {}",

@@ -1,4 +1,4 @@
-// Does the vehicle fit reach the statistical limit? Monte Carlo on the manoeuvre of Sladka (2010),
+// Does the vehicle fit reach the statistical limit? Monte Carlo on the manoeuvre of Sladká (2010),
 // chapter 8: severe lane change at 60 km/h, the car of table 8.1, noise of 0.01 rad/s on r and 0.03
 // m/s on vy; Cf, Cr and Iz free. Fixed seeds; the figures are printed. The truth comes from a fine
 // integration of the continuous steering, so that what happens between the samples is an error like

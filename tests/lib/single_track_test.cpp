@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-// Sladka (2010), table 8.1.
+// Sladká (2010), table 8.1.
 VehicleParameters<double> thesis_car() {
   VehicleParameters<double> p = neutral_vehicle();
   p[kMass] = 1446.0;

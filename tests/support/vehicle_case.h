@@ -1,4 +1,4 @@
-// A car, a manoeuvre and a recording of it, for tests: the car of Sladka (2010), table 8.1,
+// A car, a manoeuvre and a recording of it, for tests: the car of Sladká (2010), table 8.1,
 // simulated by an integration of its own that shares no code with the library.
 #pragma once
 

@@ -1,0 +1,99 @@
+#include "lib/discretise.h"
+
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+#include <gtest/gtest.h>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "lib/random.h"
+#include "tests/support/random_model.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+StateSpace random_continuous(std::uint64_t seed, Index n) {
+  Random random(seed);
+  StateSpace m = random_model(random, n, 1, 1, n);
+  m.A = random_matrix(random, n, n) - 2.0 * MatrixXd::Identity(n, n);
+  m.S.setZero();
+  return m;
+}
+
+TEST(Discretise, DoubleIntegratorInClosedForm) {
+  StateSpace m;
+  m.A = (MatrixXd(2, 2) << 0, 1, 0, 0).finished();
+  m.B = m.G = Eigen::Vector2d(0, 1);
+  m.C = Eigen::RowVector2d(1, 0);
+  m.D = MatrixXd::Zero(1, 1);
+  m.Q = MatrixXd::Constant(1, 1, 3.0);
+  m.R = MatrixXd::Identity(1, 1);
+  m.S = MatrixXd::Zero(1, 1);
+  const double h = 0.2;
+  const StateSpace d = discretise(m, ProcessNoise::density, h);
+  EXPECT_TRUE(d.A.isApprox((MatrixXd(2, 2) << 1, h, 0, 1).finished(), 1e-14));
+  EXPECT_TRUE(d.B.isApprox(Eigen::Vector2d(h * h / 2, h), 1e-14));
+  const MatrixXd Qd = (MatrixXd(2, 2) << h * h * h / 3, h * h / 2, h * h / 2, h).finished() * 3.0;
+  EXPECT_TRUE(d.Q.isApprox(Qd, 1e-13));
+  EXPECT_EQ(d.dt, h);
+  const StateSpace per_sample = discretise(m, ProcessNoise::per_sample, h);
+  EXPECT_EQ(per_sample.Q, m.Q);
+  EXPECT_EQ(per_sample.G, m.G);
+}
+
+TEST(Discretise, EqualsTheIntegralsByQuadrature) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const auto n = static_cast<Index>(1 + seed % 4);
+    const StateSpace m = random_continuous(seed, n);
+    const double h = 0.3;
+    const StateSpace d = discretise(m, ProcessNoise::density, h);
+    // Simpson's rule.
+    const int steps = 400;
+    MatrixXd Gamma = MatrixXd::Zero(n, 1), Qd = MatrixXd::Zero(n, n);
+    for (int i = 0; i <= steps; ++i) {
+      const double s = h * i / steps;
+      const double weight = (i == 0 || i == steps ? 1.0 : i % 2 == 1 ? 4.0 : 2.0) * h / steps / 3.0;
+      const MatrixXd e = (s * m.A).exp();
+      Gamma += weight * e * m.B;
+      Qd += weight * e * m.G * m.Q * m.G.transpose() * e.transpose();
+    }
+    EXPECT_TRUE(d.B.isApprox(Gamma, 1e-10));
+    EXPECT_TRUE(d.Q.isApprox(Qd, 1e-10));
+  }
+}
+
+TEST(Discretise, DerivativesMatchDifferences) {
+  for (const ProcessNoise noise : {ProcessNoise::density, ProcessNoise::per_sample}) {
+    const StateSpace m = random_continuous(7, 3);
+    Random random(9);
+    StateSpace by = random_direction(random, m);
+    by.S.setZero();
+    const double h = 1e-5;
+    const auto moved = [&](double by_how_much) {
+      StateSpace out = m;
+      out.A += by_how_much * by.A, out.B += by_how_much * by.B, out.G += by_how_much * by.G;
+      out.Q += by_how_much * by.Q;
+      return discretise(out, noise, 0.1);
+    };
+    const StateSpace up = moved(h), down = moved(-h);
+    const StateSpace d = discretise_derivative(m, by, noise, 0.1);
+    EXPECT_LT(((up.A - down.A) / (2 * h) - d.A).norm(), 1e-8);
+    EXPECT_LT(((up.B - down.B) / (2 * h) - d.B).norm(), 1e-8);
+    EXPECT_LT(((up.G - down.G) / (2 * h) - d.G).norm(), 1e-8);
+    EXPECT_LT(((up.Q - down.Q) / (2 * h) - d.Q).norm(), 1e-7);
+  }
+}
+
+TEST(Discretise, RefusesWhatHasNoMeaning) {
+  StateSpace m = random_continuous(1, 2);
+  EXPECT_THROW(discretise(m, ProcessNoise::density, 0.0), std::invalid_argument);
+  m.S.setOnes();
+  EXPECT_THROW(discretise(m, ProcessNoise::density, 0.1), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace identikal
