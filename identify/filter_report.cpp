@@ -167,8 +167,8 @@ void describe_filter(Estimate& estimate, const ModelFile& model, const Parameter
   estimate.objective.log_likelihood = 0.0;
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) {
-    filters.push_back(
-        kalman_filter(system, model.linear.initial, data.y, data.u, Keep::innovations));
+    filters.push_back(kalman_filter(system, model.linear.initial, data.y,
+                                    model_inputs(model.linear, data.u), Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {
       refuse_filter(model, recordings, filters.back().status);
     }

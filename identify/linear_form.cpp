@@ -54,27 +54,49 @@ Names read_names(const YamlNode& root) {
   return out;
 }
 
-/// factor * parameter, or just the factor when the parameter is -1.
-struct Term {
-  int parameter;
-  double factor;
-};
+/// A linear form in the parameters: position in the set to factor, and the constant under -1.
+using Terms = std::map<int, double>;
 
-Term read_term(const YamlNode& node, const std::string& matrix, Names& names) {
-  const std::string& text = text_of(node, "an entry of " + matrix);
-  if (const auto number = plain_number(text)) return {-1, *number};
-  std::string_view rest = text;
-  const double sign = rest.starts_with('-') ? -1.0 : 1.0;
-  if (sign < 0.0) rest = trimmed(rest.substr(1));
-  const std::size_t star = rest.find('*');
-  std::string_view name = trimmed(rest.substr(0, star));
-  std::string_view other = star == std::string_view::npos ? "1" : trimmed(rest.substr(star + 1));
+// "2*q1 - 0.5*q2 + 1e-3" at the signs between terms: not at those of an exponent.
+std::vector<std::string_view> split_terms(std::string_view text) {
+  std::vector<std::string_view> out;
+  std::size_t begin = 0;
+  bool number = true, empty = true;  // of the factor that is being read
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    const bool exponent = number && !empty && (text[i - 1] == 'e' || text[i - 1] == 'E');
+    if ((c == '+' || c == '-') && !empty && !exponent) {
+      out.push_back(trimmed(text.substr(begin, i - begin)));
+      begin = i;
+      empty = true;
+    } else if (c == '*') {
+      empty = true;
+    } else if (c != ' ' && c != '+' && c != '-') {
+      if (empty) number = c == '.' || std::isdigit(static_cast<unsigned char>(c)) != 0;
+      empty = false;
+    }
+  }
+  out.push_back(trimmed(text.substr(begin)));
+  return out;
+}
+
+void add_term(std::string_view term, const YamlNode& node, const std::string& matrix, Names& names,
+              Terms& out) {
+  const double sign = term.starts_with('-') ? -1.0 : 1.0;
+  if (term.starts_with('-') || term.starts_with('+')) term = trimmed(term.substr(1));
+  if (const auto number = plain_number(term)) {
+    out[-1] += sign * *number;
+    return;
+  }
+  const std::size_t star = term.find('*');
+  std::string_view name = trimmed(term.substr(0, star));
+  std::string_view other = star == std::string_view::npos ? "1" : trimmed(term.substr(star + 1));
   if (plain_number(name)) std::swap(name, other);
   const std::optional<double> factor = plain_number(other);
   if (!factor || !is_name(name)) {
     throw InputError(node.at, fmt::format("an entry of {} is {}", matrix, describe(node)),
-                     "a finite number, a parameter name, or a number times a name",
-                     "expressions are not available yet");
+                     "a number, a parameter name, or a sum of such with factors: 2*q1 + q2",
+                     "other expressions are not available yet");
   }
   const auto hit = names.index.find(name);
   if (hit == names.index.end()) {
@@ -84,7 +106,15 @@ Term read_term(const YamlNode& node, const std::string& matrix, Names& names) {
                      "a number or a name from 'parameters'", did_you_mean(name, known));
   }
   names.used[static_cast<std::size_t>(hit->second)] = true;
-  return {hit->second, sign * *factor};
+  out[hit->second] += sign * *factor;
+}
+
+Terms read_terms(const YamlNode& node, const std::string& matrix, Names& names) {
+  Terms out;
+  for (const std::string_view term : split_terms(text_of(node, "an entry of " + matrix))) {
+    add_term(term, node, matrix, names, out);
+  }
+  return out;
 }
 
 /// The nodes of a matrix's entries, row by row; rectangular and not empty.
@@ -120,12 +150,13 @@ ParametrisedMatrix read_entries(const Grid& grid, const std::string& name, Names
                        static_cast<Eigen::Index>(grid.front().size()));
   for (int i = 0; i < out.constant.rows(); ++i) {
     for (int j = 0; j < out.constant.cols(); ++j) {
-      const Term term =
-          read_term(*grid[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)], name, names);
-      if (term.parameter < 0) {
-        out.constant(i, j) = term.factor;
-      } else {
-        out.entries.push_back({i, j, term.parameter, term.factor});
+      for (const auto& [parameter, factor] : read_terms(
+               *grid[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)], name, names)) {
+        if (parameter < 0) {
+          out.constant(i, j) = factor;
+        } else {
+          out.entries.push_back({i, j, parameter, factor});
+        }
       }
     }
   }
@@ -185,29 +216,31 @@ ParametrisedMatrix read_covariance(const YamlNode& node, const std::string& name
   const Grid grid = read_grid(node, name);
   check_shape(grid, node, name, want);
   ParametrisedMatrix out = read_entries(grid, name, names);
-  Eigen::MatrixXd factor = out.constant;
-  Eigen::MatrixXi parameter = Eigen::MatrixXi::Constant(factor.rows(), factor.cols(), -1);
+  std::map<std::pair<int, int>, Terms> terms;
   for (const ParametrisedMatrix::Entry& e : out.entries) {
-    factor(e.row, e.col) = e.factor;
-    parameter(e.row, e.col) = e.parameter;
+    terms[{e.row, e.col}].emplace(e.parameter, e.factor);
   }
-  for (Eigen::Index i = 0; i < factor.rows(); ++i) {
+  for (int i = 0; i < out.constant.rows(); ++i) {
     const auto& row = grid[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j < i; ++j) {
-      if (factor(i, j) != factor(j, i) || parameter(i, j) != parameter(j, i)) {
+    for (int j = 0; j < i; ++j) {
+      if (out.constant(i, j) != out.constant(j, i) || terms[{i, j}] != terms[{j, i}]) {
         throw InputError(
             row[static_cast<std::size_t>(j)]->at,
             fmt::format("{} is not symmetric in row {}, column {}", name, i + 1, j + 1));
       }
     }
+    // A variance that is one parameter's alone bounds it; a sum may stay positive in other ways.
+    const Terms& variance = terms[{i, i}];
     const YamlNode& entry = *row[static_cast<std::size_t>(i)];
-    if (factor(i, i) < 0.0) {
+    const double fixed = out.constant(i, i);
+    if (fixed < 0.0 ? variance.empty()
+                    : fixed == 0.0 && variance.size() == 1 && variance.begin()->second < 0.0) {
       throw InputError(entry.at,
                        fmt::format("variance {} in {} is negative", describe(entry), name));
     }
-    if (parameter(i, i) >= 0) {
-      Parameter& variance = names.set[static_cast<std::size_t>(parameter(i, i))];
-      bound_variance(variance, *find(*names.declared, variance.name), name);
+    if (variance.size() == 1 && fixed == 0.0) {
+      Parameter& parameter = names.set[static_cast<std::size_t>(variance.begin()->first)];
+      bound_variance(parameter, *find(*names.declared, parameter.name), name);
     }
   }
   return out;
@@ -446,8 +479,17 @@ void read_linear(const YamlNode& root, ModelFile& out) {
   model.S = optional("S", {nw, ny, "process noises x outputs"}, Eigen::MatrixXd::Zero(nw, ny));
   read_initial(root, n, names, model);
   if (out.time.step > 0.0) model.dt = out.time.step;
-  if (const YamlNode* kind = find(required(root, "time", top, ""), "kind")) {
+  const YamlNode& time = required(root, "time", top, "");
+  if (const YamlNode* kind = find(time, "kind")) {
     model.continuous = text_of(*kind, "kind") == "continuous";
+  }
+  if (const YamlNode* hold = find(time, "inputs")) {
+    const bool linear = word_of(*hold, "inputs", {"zoh", "foh"}) == "foh";
+    if (!model.continuous) {
+      throw InputError(hold->at, "a discrete-time model knows nothing between samples",
+                       "no 'inputs' here, or kind: continuous");
+    }
+    model.hold = linear ? InputHold::linear : InputHold::constant;
   }
 
   if (const YamlNode* noise = find(root, "noise")) {

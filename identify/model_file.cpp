@@ -58,7 +58,9 @@ const ParameterRule* vehicle_rule(std::string_view name) {
 TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
   const YamlNode& node =
       required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
-  check_keys(node, "time", {"kind", "step", "column", "unit"});
+  std::vector<std::string> keys = {"kind", "step", "column", "unit"};
+  if (form == ModelFile::Form::linear) keys.emplace_back("inputs");
+  check_keys(node, "time", keys);
   if (const YamlNode* kind = find(node, "kind")) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
     if (!continuous && form == ModelFile::Form::single_track) {

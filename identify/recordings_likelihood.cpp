@@ -32,7 +32,10 @@ bool admissible(const StateSpace& model) {
 RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
                                            const std::vector<Dataset>& recordings, Path path)
     : model_(model), path_(path), derivatives_(model_derivatives(model.linear, model.parameters)) {
-  for (const Dataset& data : recordings) engine_.add_recording(data.y, data.u);
+  for (const Dataset& data : recordings) inputs_.push_back(model_inputs(model.linear, data.u));
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    engine_.add_recording(recordings[i].y, inputs_[i]);
+  }
   for (const Parameter& p : model.parameters) {
     curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
   }

@@ -42,6 +42,7 @@ class RecordingsLikelihood {
   const ModelFile& model_;
   Path path_;
   bool curved_ = false;
+  std::vector<Eigen::MatrixXd> inputs_;  // the engine refers to them
   LikelihoodEngine engine_;
   StateSpace system_;
   const std::vector<StateSpace> none_;

@@ -98,14 +98,15 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
     x = system.x0 + semidefinite_factor(system.P0) * random.normal(n);
   }
 
+  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd(0, N);
   MatrixXd y(ny, N);
   for (Index t = 0; t < N; ++t) {
     const VectorXd noise = factor * random.normal(nw + ny);
     VectorXd next = system.A * x + system.G * noise.head(nw);
     y.col(t) = system.C * x + noise.tail(ny);
-    if (inputs != nullptr && system.inputs() > 0) {
-      y.col(t) += system.D * inputs->u.col(t);
-      next += system.B * inputs->u.col(t);
+    if (u.rows() > 0) {
+      y.col(t) += system.D * u.col(t);
+      next += system.B * u.col(t);
     }
     x.swap(next);
   }
@@ -119,9 +120,10 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
     const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
     columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
   }
-  for (Index i = 0; i < system.inputs(); ++i) {
-    const ChannelSource& source = model.inputs[static_cast<std::size_t>(i)];
-    columns.push_back({column_name(source), source.unit, inputs->u.row(i).transpose()});
+  for (std::size_t i = 0; i < model.inputs.size(); ++i) {
+    const ChannelSource& source = model.inputs[i];
+    const VectorXd values = inputs->u.row(static_cast<Index>(i)).transpose();
+    columns.push_back({column_name(source), source.unit, values});
   }
   columns.push_back(time_column(model, time));
   return {csv_text(model, seed, columns), N};

@@ -86,8 +86,9 @@ template <int n, int r>
     add_product(next, AP, F.transpose());
     add_product(next, KR, K.transpose());
     if (crossed) add_product(next, K, Sw.transpose(), -1.0);
-    // Rounding makes P less symmetric by a factor of order one per step: now and then is enough.
-    if (stop_when_settled || (t & 3) == 0) symmetrise(next);
+    // A filter that forgets lets asymmetry from rounding decay: now and then is enough. Each time
+    // stalls on entries stored singly and loaded by fours.
+    if (stop_when_settled || (t & 15) == 0) symmetrise(next);
 
     set_product(moved, A, x);
     add_product(moved, K, e);

@@ -32,13 +32,33 @@ void check(const StateSpace& m, ProcessNoise noise, double step) {
   }
 }
 
-// [A, B; 0, 0] h: its exponential holds Phi and Gamma.
-MatrixXd driven(const MatrixXd& A, const MatrixXd& B, double step) {
-  const Index n = A.rows();
-  MatrixXd X = MatrixXd::Zero(n + B.cols(), n + B.cols());
+// [A, B; 0, 0] h: its exponential holds Phi and Gamma. With inputs held linearly the states of the
+// exponent are x, u(t) and the way from u(t) to u(t+1), which enters u with the rate 1/h.
+MatrixXd driven(const MatrixXd& A, const MatrixXd& B, double step, InputHold hold, double ramp) {
+  const Index n = A.rows(), nu = B.cols();
+  const Index size = n + (hold == InputHold::linear ? 2 : 1) * nu;
+  MatrixXd X = MatrixXd::Zero(size, size);
   X.topLeftCorner(n, n) = step * A;
-  X.topRightCorner(n, B.cols()) = step * B;
+  X.block(0, n, n, nu) = step * B;
+  if (hold == InputHold::linear) X.block(n, n + nu, nu, nu).diagonal().setConstant(ramp);
   return X;
+}
+
+// B of the sampled model (or its derivative) from the exponential (or its derivative).
+MatrixXd input_matrix(const MatrixXd& e, Index n, Index nu, InputHold hold) {
+  const MatrixXd Gamma = e.block(0, n, n, nu);
+  if (hold == InputHold::constant) return Gamma;
+  const MatrixXd Gamma1 = e.block(0, n + nu, n, nu);
+  MatrixXd B(n, 2 * nu);
+  B << Gamma - Gamma1, Gamma1;
+  return B;
+}
+
+MatrixXd feed_through(const MatrixXd& D, InputHold hold) {
+  if (hold == InputHold::constant) return D;
+  MatrixXd out = MatrixXd::Zero(D.rows(), 2 * D.cols());
+  out.leftCols(D.cols()) = D;
+  return out;
 }
 
 // [-A, W; 0, A'] h: its exponential holds Phi^-1 Qd and Phi'.
@@ -53,14 +73,16 @@ MatrixXd noisy(const MatrixXd& A, const MatrixXd& W, double step) {
 
 }  // namespace
 
-StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double step) {
+StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double step,
+                      InputHold hold) {
   check(continuous, noise, step);
   const Index n = continuous.states(), nu = continuous.inputs();
   StateSpace out = continuous;
   out.dt = step;
-  const MatrixXd e = driven(continuous.A, continuous.B, step).exp();
+  const MatrixXd e = driven(continuous.A, continuous.B, step, hold, 1.0).exp();
   out.A = e.topLeftCorner(n, n);
-  out.B = e.topRightCorner(n, nu);
+  out.B = input_matrix(e, n, nu, hold);
+  out.D = feed_through(continuous.D, hold);
   if (noise == ProcessNoise::density) {
     const MatrixXd W = continuous.G * continuous.Q * continuous.G.transpose();
     const MatrixXd half = noisy(continuous.A, W, step).exp().topRightCorner(n, n);
@@ -73,16 +95,17 @@ StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double s
 }
 
 StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace& by,
-                                 ProcessNoise noise, double step) {
+                                 ProcessNoise noise, double step, InputHold hold) {
   check(continuous, noise, step);
   const Index n = continuous.states(), nu = continuous.inputs();
   StateSpace out = by;
   out.dt = step;
-  const MatrixXd dX = driven(by.A, by.B, step);
-  const Exponential e = exponential(driven(continuous.A, continuous.B, step), &dX);
+  const MatrixXd dX = driven(by.A, by.B, step, hold, 0.0);
+  const Exponential e = exponential(driven(continuous.A, continuous.B, step, hold, 1.0), &dX);
   const MatrixXd Phi = e.value.topLeftCorner(n, n);
   out.A = e.derivative.topLeftCorner(n, n);
-  out.B = e.derivative.topRightCorner(n, nu);
+  out.B = input_matrix(e.derivative, n, nu, hold);
+  out.D = feed_through(by.D, hold);
   if (noise == ProcessNoise::density) {
     const MatrixXd& G = continuous.G;
     const MatrixXd cross = by.G * continuous.Q * G.transpose();
@@ -95,6 +118,16 @@ StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace&
     out.G = MatrixXd::Zero(n, n);
     out.S = MatrixXd::Zero(n, continuous.outputs());
   }
+  return out;
+}
+
+MatrixXd with_next_sample(const MatrixXd& u) {
+  const Index nu = u.rows(), N = u.cols();
+  MatrixXd out(2 * nu, N);
+  out.topRows(nu) = u;
+  if (N == 0) return out;
+  out.bottomRows(nu).leftCols(N - 1) = u.rightCols(N - 1);
+  out.bottomRows(nu).col(N - 1) = u.col(N - 1);
   return out;
 }
 

@@ -1,10 +1,12 @@
 #include "lib/kalman.h"
 
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -79,7 +81,7 @@ class Recursion {
  public:
   Recursion(const StateSpace& model, InitialState initial, const Eigen::Ref<const MatrixXd>& y,
             const Eigen::Ref<const MatrixXd>& u, const std::vector<StateSpace>& derivatives)
-      : model_(model), y_(y), u_(u) {
+      : model_(model), y_(y), u_(u), sensitivities_(derivatives.size()) {
     check_shapes(model);
     if (y.rows() != model.outputs() || u.rows() != model.inputs() ||
         (model.inputs() > 0 && u.cols() != y.cols())) {
@@ -89,20 +91,24 @@ class Recursion {
            << model.inputs() << " inputs";
       throw std::invalid_argument(text.str());
     }
-    full_ = {model.C, model.D, model.R, model.G * model.S};
-    now_ = full_;
-    W_ = model.G * model.Q * model.G.transpose();
-    for (const StateSpace& d : derivatives) {
-      Sensitivity s;
-      s.A = d.A;
-      s.B = d.B;
-      const MatrixXd half = d.G * model.Q * model.G.transpose();
-      s.W = half + half.transpose() + model.G * d.Q * model.G.transpose();
-      s.full = measurement_derivative(model, d);
-      s.now = s.full;
-      sensitivities_.push_back(std::move(s));
-    }
+    take_model(derivatives);
     start(initial, derivatives);
+  }
+
+  // Calls `next` before every sample but the first: it changes the model and the derivatives that
+  // the recursion was made with.
+  void set_model_change(std::function<void(Index)> next,
+                        const std::vector<StateSpace>& derivatives) {
+    change_model_ = [this, next = std::move(next), &derivatives](Index t) {
+      const Index n = model_.states(), nu = model_.inputs(), ny = model_.outputs();
+      next(t);
+      check_shapes(model_);
+      if (model_.states() != n || model_.inputs() != nu || model_.outputs() != ny ||
+          derivatives.size() != sensitivities_.size()) {
+        throw std::invalid_argument("kalman filter: the sizes of the model change with time");
+      }
+      take_model(derivatives);
+    };
   }
 
   // Runs over the record, by shortcuts where they are allowed. `store` receives innovations, and
@@ -117,7 +123,10 @@ class Recursion {
     if (shortcuts.score_products != nullptr) shortcuts.score_products->setZero(k, k);
     std::size_t stretch = 0;
     Stretch *here = nullptr, *unrolled = nullptr;  // begun last; the same, once run_unrolled() ran
+    // A model that changes has no shortcuts.
+    const bool constant_gain = shortcuts.constant_gain && !change_model_;
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
+      if (change_model_ && t > 0) change_model_(t);
       if (shortcuts.stretches != nullptr && stretch < shortcuts.stretches->size() &&
           (*shortcuts.stretches)[stretch].begin == t) {
         here = &(*shortcuts.stretches)[stretch++];
@@ -130,7 +139,7 @@ class Recursion {
           store == nullptr) {
         unrolled = here;
         const Index end = here->begin + here->sums.samples();
-        if (t < end) t = run_unrolled(t, end, shortcuts.constant_gain, out);
+        if (t < end) t = run_unrolled(t, end, constant_gain, out);
         if (status_ != FilterStatus::ok) break;
         if (t >= end) {
           --t;
@@ -155,7 +164,7 @@ class Recursion {
         *shortcuts.score_products += score * score.transpose();
         scored = out.gradient;
       }
-      if (settled_ && diffuse_ == 0 && !states && shortcuts.constant_gain) {
+      if (settled_ && diffuse_ == 0 && !states && constant_gain) {
         Index next = t + 1;
         if (here != nullptr && sensitivities_.empty() && store == nullptr && u_.rows() == 0) {
           next = run_in_lanes(next, *here, out);
@@ -174,6 +183,23 @@ class Recursion {
   }
 
  private:
+  void take_model(const std::vector<StateSpace>& derivatives) {
+    full_ = {model_.C, model_.D, model_.R, model_.G * model_.S};
+    now_ = full_;
+    W_ = model_.G * model_.Q * model_.G.transpose();
+    selected_ = {-1};
+    for (std::size_t i = 0; i < derivatives.size(); ++i) {
+      const StateSpace& d = derivatives[i];
+      Sensitivity& s = sensitivities_[i];
+      s.A = d.A;
+      s.B = d.B;
+      const MatrixXd half = d.G * model_.Q * model_.G.transpose();
+      s.W = half + half.transpose() + model_.G * d.Q * model_.G.transpose();
+      s.full = measurement_derivative(model_, d);
+      s.now = s.full;
+    }
+  }
+
   void start(InitialState initial, const std::vector<StateSpace>& derivatives) {
     const Index n = model_.states();
     P_ = MatrixXd::Zero(n, n);
@@ -630,6 +656,7 @@ class Recursion {
   }
 
   const StateSpace& model_;
+  std::function<void(Index)> change_model_;  // empty: it stays as it is
   const Eigen::Ref<const MatrixXd>& y_;
   const Eigen::Ref<const MatrixXd>& u_;
   Measurement full_, now_;
@@ -671,12 +698,11 @@ const char* describe(FilterStatus status) {
   return "";
 }
 
-FilterResult kalman_filter(const StateSpace& model, InitialState initial,
-                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
-                           Keep keep) {
-  Recursion recursion(model, initial, y, u, {});
+namespace {
+
+FilterResult filter(Recursion& recursion, Index n, const Eigen::Ref<const MatrixXd>& y, Keep keep) {
   FilterResult out;
-  const Index n = model.states(), N = y.cols();
+  const Index N = y.cols();
   out.e = MatrixXd::Constant(y.rows(), N, kNaN);
   out.standardised = out.e;
   if (keep == Keep::everything) {
@@ -691,6 +717,39 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
   return out;
+}
+
+}  // namespace
+
+FilterResult kalman_filter(const StateSpace& model, InitialState initial,
+                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                           Keep keep) {
+  Recursion recursion(model, initial, y, u, {});
+  return filter(recursion, model.states(), y, keep);
+}
+
+FilterResult kalman_filter(const ModelAt& model, InitialState initial,
+                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                           Keep keep) {
+  StateSpace now;
+  const std::vector<StateSpace> none;
+  model(0, now, nullptr);
+  Recursion recursion(now, initial, y, u, none);
+  recursion.set_model_change([&](Index t) { model(t, now, nullptr); }, none);
+  return filter(recursion, now.states(), y, keep);
+}
+
+Likelihood log_likelihood(const ModelAt& model, InitialState initial,
+                          const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                          bool with_derivatives) {
+  StateSpace now;
+  std::vector<StateSpace> derivatives;
+  std::vector<StateSpace>* const wanted = with_derivatives ? &derivatives : nullptr;
+  model(0, now, wanted);
+  Recursion recursion(now, initial, y, u, derivatives);
+  recursion.set_model_change([&](Index t) { model(t, now, wanted); }, derivatives);
+  Shortcuts shortcuts;
+  return recursion.run(nullptr, Keep::innovations, shortcuts);
 }
 
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,

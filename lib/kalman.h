@@ -2,6 +2,7 @@
 // log-likelihood, with its exact gradient when derivatives of the model are given.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -62,6 +63,19 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
                            const Eigen::Ref<const Eigen::MatrixXd>& u,
                            Keep keep = Keep::everything);
 
+/// A model that changes from sample to sample. Sets the model of sample t (what links x(t) to y(t)
+/// and to x(t+1)), and its derivatives unless they are null; called for t = 0, 1, ... in turn. The
+/// sizes must not change.
+using ModelAt =
+    std::function<void(Eigen::Index t, StateSpace& model, std::vector<StateSpace>* derivatives)>;
+
+/// The same for a time-varying model. A stationary start is that of the model at t = 0.
+/// @throws std::invalid_argument also when sizes change.
+FilterResult kalman_filter(const ModelAt& model, InitialState initial,
+                           const Eigen::Ref<const Eigen::MatrixXd>& y,
+                           const Eigen::Ref<const Eigen::MatrixXd>& u,
+                           Keep keep = Keep::everything);
+
 struct Likelihood {
   FilterStatus status = FilterStatus::ok;
   /// -1/2 sum_t [ log|Sigma| + e' Sigma^-1 e ] - 1/2 (samples - diffuse states) log 2 pi, the exact
@@ -81,6 +95,11 @@ Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const Eigen::MatrixXd>& y,
                           const Eigen::Ref<const Eigen::MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives = {});
+
+/// The same for a time-varying model: the full recursion at every sample.
+Likelihood log_likelihood(const ModelAt& model, InitialState initial,
+                          const Eigen::Ref<const Eigen::MatrixXd>& y,
+                          const Eigen::Ref<const Eigen::MatrixXd>& u, bool with_derivatives);
 
 /// sum_t s_t s_t' of the samples' own scores, s_t = d/d(theta) of the log-density of y(t) given
 /// what came before: with the observed information H, H^-1 (sum s s') H^-1 is the covariance of the

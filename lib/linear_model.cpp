@@ -69,7 +69,7 @@ StateSpace written_matrices(const LinearModel& model, const ParameterSet& parame
 
 void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out) {
   if (model.continuous) {
-    out = discretise(written_matrices(model, parameters), model.noise, model.dt);
+    out = discretise(written_matrices(model, parameters), model.noise, model.dt, model.hold);
   } else {
     set_written(model, parameters, out);
   }
@@ -79,6 +79,10 @@ StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters)
   StateSpace out;
   instantiate(model, parameters, out);
   return out;
+}
+
+Eigen::MatrixXd model_inputs(const LinearModel& model, const Eigen::MatrixXd& u) {
+  return model.continuous && model.hold == InputHold::linear ? with_next_sample(u) : u;
 }
 
 std::vector<StateSpace> model_derivatives(const LinearModel& model,
@@ -103,7 +107,8 @@ std::vector<StateSpace> model_derivatives(const LinearModel& model,
       s.P0.setZero(s.states(), s.states());
     }
     if (model.continuous) {
-      s = discretise_derivative(written_matrices(model, parameters), s, model.noise, model.dt);
+      s = discretise_derivative(written_matrices(model, parameters), s, model.noise, model.dt,
+                                model.hold);
     }
     out.push_back(std::move(s));
   }

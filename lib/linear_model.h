@@ -38,16 +38,21 @@ struct LinearModel {
   double dt = 1.0;          ///< sampling period [s]
   bool continuous = false;  ///< A, B and G are those of dx/dt; sampled every dt
   ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is, in continuous time
+  InputHold hold = InputHold::constant;           ///< in continuous time
 };
 
 /// The matrices as the model has them, at these parameter values: dx/dt = ... in continuous time.
 /// x0 and P0 are filled for InitialState::given only.
 StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters);
 
-/// The discrete-time model at these parameter values.
+/// The discrete-time model at these parameter values. Its inputs are [u(t); u(t+1)] where they are
+/// held linearly (lib/discretise.h).
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
 /// The same into `out`, whose memory is used again.
 void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);
+
+/// The inputs that instantiate()'s model takes, of the model file's, nu x N.
+Eigen::MatrixXd model_inputs(const LinearModel& model, const Eigen::MatrixXd& u);
 
 /// d(instantiate) / d(entry), one per free entry (lib/parameter.h). In discrete time whatever the
 /// values, as the matrices are linear in the entries. Shapes as instantiate() gives them.

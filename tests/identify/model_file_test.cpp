@@ -288,6 +288,39 @@ TEST_F(ModelFileTest, EntriesAreMultiplesOfParameters) {
   EXPECT_EQ(model.linear.A.entries.size(), 4U);
 }
 
+TEST_F(ModelFileTest, EntriesAreSumsOfMultiplesOfParameters) {
+  // Q = q1 B1 + q2 B2, and an A whose entries share a parameter.
+  const ModelFile m = read(replaced(
+      replaced(
+          replaced(kLinear, "q: {value: 2, min: 0}", "q1: {value: 2}\n  q2e: {value: 1, min: 0}"),
+          "[[q, 0], [0, 1]]", "[[q1 + 2*q2e, q2e - 1e-1*q1], [-0.1*q1+q2e, q1 + 2e+0]]"),
+      "[[0.9, 0.1], [0, 0.5]]", "[[0.9 - 0.2*q2e-.1, 0.1], [0, 1 -0.5 * q2e]]"));
+  const StateSpace at = instantiate(m.linear, m.parameters);
+  EXPECT_TRUE(at.Q.isApprox((Eigen::Matrix2d() << 4, 0.8, 0.8, 4).finished(), 1e-15)) << at.Q;
+  EXPECT_TRUE(at.A.isApprox((Eigen::Matrix2d() << 0.6, 0.1, 0, 0.5).finished(), 1e-15)) << at.A;
+  const std::vector<StateSpace> d = model_derivatives(m.linear, m.parameters);
+  EXPECT_TRUE(d[0].Q.isApprox((Eigen::Matrix2d() << 1, -0.1, -0.1, 1).finished(), 1e-15));
+  EXPECT_TRUE(d[1].Q.isApprox((Eigen::Matrix2d() << 2, 1, 1, 0).finished(), 1e-15));
+  EXPECT_TRUE(d[1].A.isApprox((Eigen::Matrix2d() << -0.2, 0, 0, -0.5).finished(), 1e-15));
+  EXPECT_EQ(m.parameters[0].min, -std::numeric_limits<double>::infinity());
+}
+
+TEST_F(ModelFileTest, InputsHeldBetweenSamples) {
+  const std::string text = replaced(replaced(kLinear, "kind: discrete, step: 0.5 s",
+                                             "kind: continuous, step: 0.5 s, inputs: foh"),
+                                    "outputs:",
+                                    "B: [[1], [2]]\nD: [[3]]\ninputs: [{name: u, column: u}]\n"
+                                    "noise: {process: per-sample}\noutputs:");
+  const ModelFile m = read(text);
+  EXPECT_EQ(m.linear.hold, InputHold::linear);
+  const StateSpace at = instantiate(m.linear, m.parameters);
+  EXPECT_EQ(at.inputs(), 2);
+  EXPECT_EQ(at.D, Eigen::RowVector2d(3, 0));
+  EXPECT_EQ(model_inputs(m.linear, Eigen::RowVector3d(1, 5, 7)),
+            (Eigen::MatrixXd(2, 3) << 1, 5, 7, 5, 7, 7).finished());
+  EXPECT_EQ(read(replaced(text, "foh", "zoh")).linear.hold, InputHold::constant);
+}
+
 TEST_F(ModelFileTest, ParameterUnitsOfTheLinearFormAreConverted) {
   const ModelFile model = read(replaced(kLinear, "{value: 2, min: 0}",
                                         "{value: 4 cm, min: 1, max: 1 m, role: process-noise}"));
@@ -439,7 +472,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"step: 0.5 s", "step: 0.5 kg", "3:30: step is in 'kg'; expected a unit like 's'"},
     {"step: 0.5 s", "step: 0 s", "3:30: step is '0 s'; expected a time above 0"},
     {"step: 0.5 s", "step: 0,5 s",
-     "3:32: unknown key '5 s' in time; expected one of kind, step, column, unit"},
+     "3:32: unknown key '5 s' in time; expected one of kind, step, column, unit, inputs"},
     {"{kind: discrete, step: 0.5 s}", "{kind: discrete, step: \"0,5 s\"}",
      "3:30: step is '0,5 s'; expected a finite number, with or without a unit; write a decimal "
      "point"},
@@ -460,7 +493,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"{kind: discrete, step: 0.5 s}", "1 s",
      "3:7: time is '1 s'; expected a mapping of 'key: value'"},
     {"step: 0.5 s", "stepp: 1",
-     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit; did you mean "
+     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, inputs; did you mean "
      "'step'?"},
     {"{value: 2, min: 0}", "{value: 2, min: 3}",
      "5:14: parameter 'q' is 2; expected 3 (min) or above"},
@@ -535,29 +568,35 @@ constexpr Mistake kLinearMistakes[] = {
     {"0.1]", "qq]",
      "7:11: unknown parameter 'qq' in A; expected a number or a name from 'parameters'; did you "
      "mean 'q'?"},
-    {"0.1]", "q+1]",
-     "7:11: an entry of A is 'q+1'; expected a finite number, a parameter name, or a number times "
-     "a name; expressions are not available yet"},
     {"0.1]", "q*r]",
-     "7:11: an entry of A is 'q*r'; expected a finite number, a parameter name, or a number times "
-     "a name; expressions are not available yet"},
+     "7:11: an entry of A is 'q*r'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
+    {"0.1]", "q+1/2]",
+     "7:11: an entry of A is 'q+1/2'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
     {"0.1]", "2*q*3]",
-     "7:11: an entry of A is '2*q*3'; expected a finite number, a parameter name, or a number "
-     "times a name; expressions are not available yet"},
+     "7:11: an entry of A is '2*q*3'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
     {"0.1]", "sin(q)]",
-     "7:11: an entry of A is 'sin(q)'; expected a finite number, a parameter name, or a number "
-     "times a name; expressions are not available yet"},
+     "7:11: an entry of A is 'sin(q)'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
     {"0.1]", "--q]",
-     "7:11: an entry of A is '--q'; expected a finite number, a parameter name, or a number times "
-     "a name; expressions are not available yet"},
+     "7:11: an entry of A is '--q'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
+    {"0.1]", "q +]",
+     "7:11: an entry of A is 'q +'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
     {"0.1]", ".inf]",
-     "7:11: an entry of A is '.inf'; expected a finite number, a parameter name, or a number times "
-     "a name; expressions are not available yet"},
+     "7:11: an entry of A is '.inf'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
     {"0.1]", "nan]",
      "7:11: unknown parameter 'nan' in A; expected a number or a name from 'parameters'"},
     {"0.1]", "1 kg]",
-     "7:11: an entry of A is '1 kg'; expected a finite number, a parameter name, or a number times "
-     "a name; expressions are not available yet"},
+     "7:11: an entry of A is '1 kg'; expected a number, a parameter name, or a sum of such with "
+     "factors: 2*q1 + q2; other expressions are not available yet"},
+    {"step: 0.5 s", "step: 0.5 s, inputs: foh",
+     "3:45: a discrete-time model knows nothing between samples; expected no 'inputs' here, or "
+     "kind: continuous"},
     {"0.1]", "~]", "7:11: an entry of A is empty; expected a single value"},
     {"0.1]", "[1]]", "7:11: an entry of A is a list; expected a single value"},
     {"0.1]", "1e308*q]", "7:4: A is too large"},

@@ -1,6 +1,7 @@
 #include "lib/discretise.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
@@ -66,8 +67,30 @@ TEST(Discretise, EqualsTheIntegralsByQuadrature) {
   }
 }
 
+TEST(Discretise, InputsHeldLinearly) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const auto n = static_cast<Index>(1 + seed % 4);
+    const StateSpace m = random_continuous(seed, n);
+    const double h = 0.3;
+    const StateSpace d = discretise(m, ProcessNoise::density, h, InputHold::linear);
+    // x(h) of dx/dt = A x + B (u0 + (u1 - u0) s / h) in many exact steps with u constant, each at
+    // its middle: of second order in the step.
+    const double u0 = 0.7, u1 = -1.3;
+    const int steps = 20000;
+    const StateSpace small = discretise(m, ProcessNoise::density, h / steps);
+    VectorXd x = VectorXd::LinSpaced(n, 1.0, 2.0);
+    const VectorXd expected = d.A * x + d.B * Eigen::Vector2d(u0, u1);
+    for (int i = 0; i < steps; ++i) {
+      x = small.A * x + small.B * (u0 + (u1 - u0) * (i + 0.5) / steps);
+    }
+    EXPECT_LT((x - expected).norm(), 1e-9);
+    EXPECT_EQ(d.D.rightCols(1), MatrixXd::Zero(1, 1));
+  }
+}
+
 TEST(Discretise, DerivativesMatchDifferences) {
-  for (const ProcessNoise noise : {ProcessNoise::density, ProcessNoise::per_sample}) {
+  for (const auto& [noise, hold] : {std::pair{ProcessNoise::density, InputHold::constant},
+                                    std::pair{ProcessNoise::per_sample, InputHold::linear}}) {
     const StateSpace m = random_continuous(7, 3);
     Random random(9);
     StateSpace by = random_direction(random, m);
@@ -76,13 +99,14 @@ TEST(Discretise, DerivativesMatchDifferences) {
     const auto moved = [&](double by_how_much) {
       StateSpace out = m;
       out.A += by_how_much * by.A, out.B += by_how_much * by.B, out.G += by_how_much * by.G;
-      out.Q += by_how_much * by.Q;
-      return discretise(out, noise, 0.1);
+      out.Q += by_how_much * by.Q, out.D += by_how_much * by.D;
+      return discretise(out, noise, 0.1, hold);
     };
     const StateSpace up = moved(h), down = moved(-h);
-    const StateSpace d = discretise_derivative(m, by, noise, 0.1);
+    const StateSpace d = discretise_derivative(m, by, noise, 0.1, hold);
     EXPECT_LT(((up.A - down.A) / (2 * h) - d.A).norm(), 1e-8);
     EXPECT_LT(((up.B - down.B) / (2 * h) - d.B).norm(), 1e-8);
+    EXPECT_LT(((up.D - down.D) / (2 * h) - d.D).norm(), 1e-8);
     EXPECT_LT(((up.G - down.G) / (2 * h) - d.G).norm(), 1e-8);
     EXPECT_LT(((up.Q - down.Q) / (2 * h) - d.Q).norm(), 1e-7);
   }

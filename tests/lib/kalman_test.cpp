@@ -3,6 +3,8 @@
 
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -67,6 +69,75 @@ TEST(Kalman, LikelihoodEqualsTheJointDensityOfAShortRecord) {
         diffuse_log_density(stack(m, c.u, N, zero, MatrixXd::Zero(m.states(), m.states())), c.y),
         1e-9);
   }
+}
+
+// A(t), B(t), ..., R(t) each on a way of its own between the given model and a second one.
+StateSpace moving(const StateSpace& from, const StateSpace& to, Index t) {
+  const double share = 0.5 + 0.5 * std::sin(0.7 * static_cast<double>(t));
+  StateSpace m = from;
+  const auto mix = [share](auto& M, const auto& other) {
+    M = ((1.0 - share) * M + share * other).eval();
+  };
+  mix(m.A, to.A), mix(m.B, to.B), mix(m.C, to.C), mix(m.D, to.D), mix(m.G, to.G);
+  mix(m.Q, to.Q), mix(m.R, to.R), mix(m.S, to.S);
+  return m;
+}
+
+TEST(Kalman, ModelsThatChangeWithTime) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Case c = random_case(seed, seed % 2 == 0);
+    const StateSpace& m = c.model;
+    const Index N = c.y.cols();
+    Random random(1000 + seed);
+    const StateSpace other = random_model(random, m.states(), m.inputs(), m.outputs(), m.G.cols());
+    const StateSpace direction = random_direction(random, m);
+    // The direction moves the first of the two models.
+    const auto at = [&](double by) {
+      return [&, by](Index t, StateSpace& model, std::vector<StateSpace>* derivatives) {
+        StateSpace from = m;
+        from.A += by * direction.A, from.B += by * direction.B, from.C += by * direction.C;
+        from.D += by * direction.D, from.G += by * direction.G, from.Q += by * direction.Q;
+        from.R += by * direction.R, from.S += by * direction.S;
+        from.x0 += by * direction.x0, from.P0 += by * direction.P0;
+        model = moving(from, other, t);
+        if (derivatives == nullptr) return;
+        StateSpace still = other;
+        for (MatrixXd* M :
+             {&still.A, &still.B, &still.C, &still.D, &still.G, &still.Q, &still.R, &still.S}) {
+          M->setZero();
+        }
+        *derivatives = {moving(direction, still, t)};
+      };
+    };
+    const auto joint = [&](const VectorXd& x0, const MatrixXd& P0) {
+      return stack([&](Index t) { return moving(m, other, t); }, c.u, N, x0, P0);
+    };
+    const Likelihood given = log_likelihood(at(0.0), InitialState::given, c.y, c.u, true);
+    expect_relative(given.value, joint_log_density(joint(m.x0, m.P0), c.y), 1e-9);
+    const VectorXd zero = VectorXd::Zero(m.states());
+    const Likelihood diffuse = log_likelihood(at(0.0), InitialState::diffuse, c.y, c.u, true);
+    expect_relative(diffuse.value,
+                    diffuse_log_density(joint(zero, MatrixXd::Zero(m.states(), m.states())), c.y),
+                    1e-9);
+    for (const InitialState initial : {InitialState::given, InitialState::diffuse}) {
+      const double h = 1e-5;
+      const double up = log_likelihood(at(h), initial, c.y, c.u, false).value;
+      const double down = log_likelihood(at(-h), initial, c.y, c.u, false).value;
+      const double slope = (initial == InitialState::given ? given : diffuse).gradient[0];
+      EXPECT_NEAR((up - down) / (2.0 * h), slope, 1e-5 * (1.0 + std::abs(slope))) << seed;
+    }
+    const FilterResult filter = kalman_filter(at(0.0), InitialState::given, c.y, c.u);
+    EXPECT_EQ(filter.log_likelihood, given.value);
+  }
+}
+
+TEST(Kalman, SizesMustNotChangeWithTime) {
+  const ModelAt grows = [](Index t, StateSpace& model, std::vector<StateSpace>*) {
+    Random random(1);
+    model = random_model(random, 1 + t / 3, 0, 1, 1);
+  };
+  EXPECT_THROW(kalman_filter(grows, InitialState::diffuse, MatrixXd::Ones(1, 9), MatrixXd(0, 9)),
+               std::invalid_argument);
 }
 
 TEST(Kalman, DiffuseStartHoldsForIntegratorsAndWithoutMeasurementNoise) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <vector>
 
@@ -18,11 +19,12 @@ struct Stacked {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance, from_x1;
 };
-inline Stacked stack(const StateSpace& m, const Eigen::MatrixXd& u, Eigen::Index N,
-                     const Eigen::VectorXd& x0, const Eigen::MatrixXd& P0) {
-  const Eigen::Index n = m.states(), ny = m.outputs(), nw = m.G.cols(), block = nw + ny;
-  Eigen::MatrixXd joint(block, block);
-  joint << m.Q, m.S, m.S.transpose(), m.R;
+inline Stacked stack(const std::function<StateSpace(Eigen::Index)>& model_at,
+                     const Eigen::MatrixXd& u, Eigen::Index N, const Eigen::VectorXd& x0,
+                     const Eigen::MatrixXd& P0) {
+  const StateSpace first = model_at(0);
+  const Eigen::Index n = first.states(), ny = first.outputs(), nw = first.G.cols(), block = nw + ny;
+  Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(N * block, N * block);
   Eigen::MatrixXd from_noise = Eigen::MatrixXd::Zero(N * ny, N * block),
                   state_noise = Eigen::MatrixXd::Zero(n, N * block);
   Stacked out;
@@ -31,6 +33,8 @@ inline Stacked stack(const StateSpace& m, const Eigen::MatrixXd& u, Eigen::Index
   Eigen::VectorXd mean = x0;
   Eigen::MatrixXd power = Eigen::MatrixXd::Identity(n, n);
   for (Eigen::Index t = 0; t < N; ++t) {
+    const StateSpace m = model_at(t);
+    noise.block(t * block, t * block, block, block) << m.Q, m.S, m.S.transpose(), m.R;
     out.mean.segment(t * ny, ny) = m.C * mean;
     if (m.inputs() > 0) out.mean.segment(t * ny, ny) += m.D * u.col(t);
     out.from_x1.middleRows(t * ny, ny) = m.C * power;
@@ -42,11 +46,14 @@ inline Stacked stack(const StateSpace& m, const Eigen::MatrixXd& u, Eigen::Index
     if (m.inputs() > 0) mean += m.B * u.col(t);
     power = (m.A * power).eval();
   }
-  Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(N * block, N * block);
-  for (Eigen::Index t = 0; t < N; ++t) noise.block(t * block, t * block, block, block) = joint;
   out.covariance =
       from_noise * noise * from_noise.transpose() + out.from_x1 * P0 * out.from_x1.transpose();
   return out;
+}
+
+inline Stacked stack(const StateSpace& model, const Eigen::MatrixXd& u, Eigen::Index N,
+                     const Eigen::VectorXd& x0, const Eigen::MatrixXd& P0) {
+  return stack([&model](Eigen::Index) { return model; }, u, N, x0, P0);
 }
 
 struct Present {
