@@ -1,0 +1,245 @@
+#include "lib/information.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <Eigen/Cholesky>
+
+#include "lib/matrix_equations.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// What the innovations' second moments depend on, at one sample, and by one parameter.
+struct Direction {
+  MatrixXd P, Sigma, K;  // derivatives
+};
+
+class Expectation {
+ public:
+  Expectation(const StateSpace& model, const std::vector<StateSpace>& derivatives)
+      : m_(model),
+        d_(derivatives),
+        n_(model.states()),
+        k_(static_cast<Index>(derivatives.size())),
+        W_(model.G * model.Q * model.G.transpose()),
+        Sw_(model.G * model.S),
+        by_(derivatives.size()),
+        Pi_(MatrixXd::Zero(n_ * (k_ + 1), n_ * (k_ + 1))),
+        mean_(VectorXd::Zero(n_ * (k_ + 1))) {
+    for (const StateSpace& d : d_) {
+      const MatrixXd half = d.G * m_.Q * m_.G.transpose();
+      W_theta_.push_back(half + half.transpose() + m_.G * d.Q * m_.G.transpose());
+      Sw_theta_.push_back(d.G * m_.S + m_.G * d.S);
+    }
+  }
+
+  FilterStatus start(InitialState initial) {
+    if (initial == InitialState::given) {
+      P_ = m_.P0;
+      mean_.head(n_) = m_.x0;
+      for (Index i = 0; i < k_; ++i) {
+        by(i).P = derivative(i).P0;
+        mean_.segment(n_ * (i + 1), n_) = derivative(i).x0;
+      }
+      return FilterStatus::ok;
+    }
+    // A stationary start is the steady state of a filter that sees nothing: F = A, K = 0.
+    MatrixXd F = m_.A, K = MatrixXd::Zero(n_, m_.outputs());
+    if (initial == InitialState::diffuse) {
+      const auto steady = steady_state(m_);
+      if (!steady) return FilterStatus::unstable;
+      P_ = steady->P;
+      K = steady->K;
+      F -= K * m_.C;
+    } else {
+      const auto P = solve_discrete_lyapunov(m_.A, W_);
+      if (!P) return FilterStatus::unstable;
+      P_ = *P;
+    }
+    for (Index i = 0; i < k_; ++i) {
+      const auto dP = solve_discrete_lyapunov(F, drive_of_dP(i, F, K));
+      if (!dP) return FilterStatus::unstable;
+      by(i).P = *dP;
+    }
+    return FilterStatus::ok;
+  }
+
+  // Innovation, gain and their derivatives from P. false: Sigma is not positive definite.
+  bool innovate() {
+    const MatrixXd PC = P_ * m_.C.transpose();
+    llt_.compute(m_.C * PC + m_.R);
+    if (llt_.info() != Eigen::Success) return false;
+    K_ = llt_.solve((m_.A * PC + Sw_).transpose()).transpose();
+    F_ = m_.A - K_ * m_.C;
+    for (Index i = 0; i < k_; ++i) {
+      const StateSpace& d = derivative(i);
+      Direction& b = by(i);
+      const MatrixXd half = d.C * PC;
+      b.Sigma = half + half.transpose() + m_.C * b.P * m_.C.transpose() + d.R;
+      const MatrixXd dM = Sw_theta_[static_cast<std::size_t>(i)] + d.A * PC +
+                          m_.A * b.P * m_.C.transpose() + m_.A * P_ * d.C.transpose() -
+                          K_ * b.Sigma;
+      b.K = llt_.solve(dM.transpose()).transpose();
+    }
+    return true;
+  }
+
+  // 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(Sigma^-1 cov(de_i, de_j)).
+  MatrixXd information() const {
+    MatrixXd out(k_, k_);
+    std::vector<MatrixXd> relative, seen;
+    for (Index i = 0; i < k_; ++i) {
+      relative.push_back(llt_.solve(by(i).Sigma));
+      seen.push_back(llt_.matrixL().solve(response(i)));
+    }
+    for (Index i = 0; i < k_; ++i) {
+      const auto a = static_cast<std::size_t>(i);
+      const MatrixXd weighted = seen[a] * Pi_;
+      for (Index j = 0; j <= i; ++j) {
+        const auto b = static_cast<std::size_t>(j);
+        out(i, j) = out(j, i) = 0.5 * relative[a].cwiseProduct(relative[b].transpose()).sum() +
+                                weighted.cwiseProduct(seen[b]).sum();
+      }
+    }
+    return out;
+  }
+
+  // What the mean adds at a sample with input u, which then moves on.
+  MatrixXd information_of_mean(const VectorXd& u) {
+    const bool inputs = m_.inputs() > 0;
+    MatrixXd seen(m_.outputs(), k_);
+    VectorXd next(mean_.size());
+    const VectorXd x = mean_.head(n_);
+    next.head(n_) = m_.A * x;
+    if (inputs) next.head(n_) += m_.B * u;
+    for (Index i = 0; i < k_; ++i) {
+      const StateSpace& d = derivative(i);
+      seen.col(i) = response(i) * mean_;
+      if (inputs) seen.col(i) -= d.D * u;
+      next.segment(n_ * (i + 1), n_) =
+          d.A * x + m_.A * mean_.segment(n_ * (i + 1), n_) + K_ * seen.col(i);
+      if (inputs) next.segment(n_ * (i + 1), n_) += d.B * u;
+    }
+    mean_ = next;
+    llt_.matrixL().solveInPlace(seen);
+    return seen.transpose() * seen;
+  }
+
+  bool mean_is_zero() const { return mean_.isZero(0.0); }
+
+  // To the next sample. true: nothing changed but for rounding.
+  bool advance() {
+    const Index size = n_ * (k_ + 1);
+    MatrixXd Phi = MatrixXd::Zero(size, size), Gain(size, m_.outputs());
+    Phi.topLeftCorner(n_, n_) = m_.A;
+    Gain.topRows(n_) = K_;
+    for (Index i = 0; i < k_; ++i) {
+      const Index row = n_ * (i + 1);
+      Phi.block(row, 0, n_, n_) = derivative(i).A - K_ * derivative(i).C;
+      Phi.block(row, row, n_, n_) = F_;
+      Gain.middleRows(row, n_) = by(i).K;
+    }
+    const MatrixXd drive = Gain * llt_.matrixL();
+    bool settled = move_to(Pi_, Phi * Pi_ * Phi.transpose() + drive * drive.transpose());
+    for (Index i = 0; i < k_; ++i) {
+      const MatrixXd dP = F_ * by(i).P * F_.transpose() + drive_of_dP(i, F_, K_);
+      const double size_of_dP = dP.cwiseAbs().maxCoeff();
+      settled = settled && (dP - by(i).P).cwiseAbs().maxCoeff() <= 1e-13 * size_of_dP;
+      by(i).P = 0.5 * (dP + dP.transpose());
+    }
+    const MatrixXd KS = K_ * Sw_.transpose();
+    return move_to(P_, F_ * P_ * F_.transpose() + W_ + K_ * m_.R * K_.transpose() - KS -
+                           KS.transpose()) &&
+           settled;
+  }
+
+ private:
+  const StateSpace& derivative(Index i) const { return d_[static_cast<std::size_t>(i)]; }
+  Direction& by(Index i) { return by_[static_cast<std::size_t>(i)]; }
+  const Direction& by(Index i) const { return by_[static_cast<std::size_t>(i)]; }
+
+  // de_i = response(i) [x, dx_1, ..., dx_k].
+  MatrixXd response(Index i) const {
+    MatrixXd out = MatrixXd::Zero(m_.outputs(), n_ * (k_ + 1));
+    out.leftCols(n_) = -derivative(i).C;
+    out.middleCols(n_ * (i + 1), n_) -= m_.C;
+    return out;
+  }
+
+  // dP+ - F dP F': the gain minimises P+, so its own derivative is not in it.
+  MatrixXd drive_of_dP(Index i, const MatrixXd& F, const MatrixXd& K) const {
+    const StateSpace& d = derivative(i);
+    const auto at = static_cast<std::size_t>(i);
+    const MatrixXd half = (d.A - K * d.C) * P_ * F.transpose() - K * Sw_theta_[at].transpose();
+    return half + half.transpose() + W_theta_[at] + K * d.R * K.transpose();
+  }
+
+  static bool move_to(MatrixXd& M, const MatrixXd& next) {
+    const VectorXd sd = next.diagonal().cwiseAbs().cwiseSqrt().cwiseMax(1e-150);
+    const MatrixXd change =
+        sd.cwiseInverse().asDiagonal() * (next - M) * sd.cwiseInverse().asDiagonal();
+    M = 0.5 * (next + next.transpose());
+    return change.cwiseAbs().maxCoeff() <= 1e-13;
+  }
+
+  const StateSpace& m_;
+  const std::vector<StateSpace>& d_;
+  Index n_, k_;
+  MatrixXd W_, Sw_, P_, K_, F_;
+  std::vector<MatrixXd> W_theta_, Sw_theta_;
+  std::vector<Direction> by_;
+  MatrixXd Pi_;    // covariance of [x, dx_1, ..., dx_k], as predicted
+  VectorXd mean_;  // its mean
+  Eigen::LLT<MatrixXd> llt_;
+};
+
+}  // namespace
+
+ExpectedInformation expected_information(const StateSpace& model, InitialState initial,
+                                         Index samples, const std::vector<StateSpace>& derivatives,
+                                         const Eigen::Ref<const MatrixXd>& u) {
+  check_shapes(model);
+  for (const StateSpace& d : derivatives) check_shapes(d);
+  if (samples < 1) throw std::invalid_argument("expected information: no samples");
+  if (u.rows() != model.inputs() || (model.inputs() > 0 && u.cols() != samples)) {
+    throw std::invalid_argument("expected information: u does not fit model and samples");
+  }
+  const auto k = static_cast<Index>(derivatives.size());
+  ExpectedInformation out;
+  out.total = MatrixXd::Zero(k, k);
+  Expectation expectation(model, derivatives);
+  out.status = expectation.start(initial);
+  if (out.status != FilterStatus::ok) return out;
+  const bool excited = !u.isZero(0.0) || !expectation.mean_is_zero();
+  MatrixXd information;
+  bool settled = false;
+  for (Index t = 0; t < samples; ++t) {
+    if (!settled) {
+      if (!expectation.innovate()) {
+        out.status = FilterStatus::indefinite;
+        return out;
+      }
+      information = expectation.information();
+      settled = expectation.advance();
+      if (settled) out.per_sample = information;
+    }
+    if (settled && !excited) {
+      out.total += static_cast<double>(samples - t) * information;
+      break;
+    }
+    out.total += information;
+    if (excited) {
+      out.total += expectation.information_of_mean(u.rows() > 0 ? VectorXd(u.col(t)) : VectorXd());
+    }
+  }
+  if (!out.total.allFinite()) out.status = FilterStatus::not_finite;
+  return out;
+}
+
+}  // namespace identikal
