@@ -4,6 +4,7 @@
 
 #include <array>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -103,6 +104,17 @@ struct Objective {
   std::string path, path_reason;  ///< of the likelihood (lib/likelihood.h), why not a faster one
 };
 
+/// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
+/// and hold kNone for those that are fixed.
+struct Bound {
+  Eigen::Index samples = 0;
+  double accuracy = kNone;                   ///< wanted standard deviation / value
+  std::vector<double> complete_se;           ///< if the states were observed too
+  std::vector<double> samples_needed;        ///< for the accuracy
+  std::vector<Eigen::MatrixXd> gain_change;  ///< of the steady gain, for 1 % more of the parameter
+  Eigen::MatrixXd gain_se;                   ///< that the bound leaves to the steady gain
+};
+
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;
@@ -135,6 +147,7 @@ struct Estimate {
   std::vector<ChannelFit> one_step, simulation;
   std::vector<TestResult> tests;
   Identifiability identifiability;
+  std::optional<Bound> bound;  ///< verb bound only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

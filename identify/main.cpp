@@ -12,9 +12,11 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "identify/bound.h"
 #include "identify/check.h"
 #include "identify/info.h"
 #include "identify/model_file.h"
+#include "identify/noise_als.h"
 #include "identify/noise_ml.h"
 #include "identify/report.h"
 #include "identify/simulate.h"
@@ -37,7 +39,10 @@ struct Arguments {
   int starts = 5;
   std::vector<std::string> settings;
   std::string path = "automatic";
-  std::string range, method, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
+  std::string method = "ml", accuracy;
+  bool regain = false;
+  long lags = 0;
+  std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
 };
 
@@ -151,7 +156,9 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
-    write_files(args.output, {{"result.json", json}, {"residuals.csv", residuals_csv(estimate)}});
+    std::vector<ResultFile> files{{"result.json", json}};
+    if (!estimate.bound) files.push_back({"residuals.csv", residuals_csv(estimate)});
+    write_files(args.output, files);
   }
   std::cout << (args.json ? json : console_report(estimate)) << std::flush;
   if (!std::cout) throw OutputError("standard output: cannot write");
@@ -171,6 +178,11 @@ int run_estimator(const Arguments& args) {
     throw InputError({}, fmt::format("{} recordings of a vehicle", args.data.size()),
                      "one: identikal fit MODEL DATA", "fit them one by one");
   }
+  if (args.method == "ml" && (args.lags > 0 || args.regain)) {
+    throw InputError(
+        {}, fmt::format("{} has no meaning with --method ml", args.regain ? "--regain" : "--lags"),
+        "--method als or als-weighted");
+  }
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   Progress progress(args);
@@ -183,6 +195,12 @@ int run_estimator(const Arguments& args) {
     options.seed = static_cast<std::uint64_t>(args.seed);
     progress.show("fitting the vehicle ...");
     estimate = fit_vehicle(model, recordings.data.front(), options);
+  } else if (args.method == "als" || args.method == "als-weighted") {
+    NoiseAlsOptions options;
+    options.weighted = args.method == "als-weighted";
+    options.lags = args.lags;
+    options.regain = args.regain;
+    estimate = tune_als(model, recordings.data, options);
   } else {
     NoiseMlOptions options;
     options.starts = args.starts;
@@ -197,6 +215,40 @@ int run_estimator(const Arguments& args) {
     estimate = tune_ml(model, recordings.data, options);
   }
   progress.clear();
+  return finish(args, recordings, estimate, begin);
+}
+
+int run_bound(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  ModelFile model = load_model(args);
+  if (model.form != ModelFile::Form::linear) {
+    throw InputError({model.path, 0, 0}, "'bound' takes a linear model, this is a vehicle",
+                     "a model with A, C, Q, R");
+  }
+  Recordings recordings;
+  if (!args.data.empty()) {
+    long rows = 0;
+    recordings.data.push_back(load_data(args, args.data.front(), model, &rows, false));
+    recordings.records.push_back({args.data.front(), sha256_of_file(args.data.front()), rows,
+                                  static_cast<long>(recordings.data.front().size())});
+    if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
+  }
+  const bool given = !recordings.data.empty();
+  if (given == (args.rows > 0)) {
+    throw InputError({},
+                     given ? "both -n and a recording of inputs are given"
+                           : "how many samples are planned is not said",
+                     "-n SAMPLES, or a recording that holds the inputs");
+  }
+  BoundOptions options;
+  options.samples = given ? recordings.data.front().size() : args.rows;
+  if (!args.accuracy.empty()) {
+    options.accuracy = quantity("--accuracy", args.accuracy, "%");
+    if (!(options.accuracy > 0.0)) {
+      throw InputError({}, fmt::format("--accuracy '{}' is not above 0", args.accuracy), "10%");
+    }
+  }
+  Estimate estimate = bound_of(model, options, given ? &recordings.data.front() : nullptr);
   return finish(args, recordings, estimate, begin);
 }
 
@@ -325,12 +377,25 @@ int run(int argc, char** argv) {
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
     if (std::string(name) == "tune") {
-      verb->add_option("--method", args.method, "ml: maximum likelihood")
-          ->check(CLI::IsMember({"ml"}));
+      verb->add_option("--method", args.method,
+                       "ml: maximum likelihood; als-weighted, als: autocovariance least squares")
+          ->check(CLI::IsMember({"ml", "als", "als-weighted"}))
+          ->capture_default_str();
+      verb->add_option("--lags", args.lags, "als: autocovariances used; 0: as many as tell")
+          ->check(CLI::Range(0L, 1000L));
+      verb->add_flag("--regain", args.regain, "als: repeat with the estimate's own gain");
       verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")
           ->check(CLI::IsMember({"automatic", "direct", "steady", "compressed"}));
     }
   }
+
+  CLI::App* bound = app.add_subcommand("bound", "the best that any method can do, before any data");
+  bound->add_option("MODEL", args.model, "model file (YAML), its values are the truth")->required();
+  bound->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
+  add_common(*bound, args, true);
+  bound->add_option("-n,--samples", args.rows, "length of the recording that is planned")
+      ->check(CLI::Range(1L, 1000000000L));
+  bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
 
   CLI::App* simulate = app.add_subcommand("simulate", "make data with known truth");
   simulate->add_option("MODEL", args.model, "model file (YAML)")->required();
@@ -348,10 +413,10 @@ int run(int argc, char** argv) {
   simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info", "tune", "fit", "check", "simulate"};
+    const std::vector<std::string> verbs{"info", "tune", "fit", "check", "bound", "simulate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, fit or check", did_you_mean(argv[1], verbs));
+                       "info, simulate, tune, fit, check or bound", did_you_mean(argv[1], verbs));
     }
   }
   try {
@@ -363,6 +428,7 @@ int run(int argc, char** argv) {
   }
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);
+  if (args.verb == "bound") return run_bound(args);
   if (args.verb == "simulate") return run_simulate(args);
   return run_estimator(args);
 }

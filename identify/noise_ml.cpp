@@ -10,10 +10,10 @@
 
 #include "identify/distribution.h"
 #include "identify/filter_report.h"
+#include "identify/noise_estimate.h"
 #include "identify/recordings_likelihood.h"
 #include "lib/likelihood.h"
 #include "lib/random.h"
-#include "lib/units.h"
 #include "solvers/covariance.h"
 #include "solvers/scoring.h"
 
@@ -26,53 +26,6 @@ using Eigen::VectorXd;
 
 // Log-likelihoods closer than this are the same maximum.
 constexpr double kSameMaximum = 1e-4;
-
-Index samples_present(const std::vector<Dataset>& recordings) {
-  Index samples = 0;
-  for (const Dataset& data : recordings) {
-    samples += static_cast<Index>((data.y.array() == data.y.array()).count());
-  }
-  return samples;
-}
-
-void check_usable(const ModelFile& model, const std::vector<Dataset>& recordings, Index unknowns) {
-  if (unknowns == 0) {
-    throw InputError({model.path, 0, 0}, "nothing is free to be estimated",
-                     "at least one parameter with {value: ...} or a structured Q or R",
-                     "use 'check' to test a filter whose noise is given");
-  }
-  const Index samples = samples_present(recordings);
-  if (samples <= unknowns) {
-    throw InputError({recordings[0].name, 0, 0},
-                     fmt::format("{} samples for {} unknowns", samples, unknowns),
-                     "more samples than unknowns", "use a longer recording or fix parameters");
-  }
-  for (const Dataset& data : recordings) {
-    for (Index i = 0; i < data.y.rows(); ++i) {
-      double low = HUGE_VAL, high = -HUGE_VAL;
-      for (Index t = 0; t < data.y.cols(); ++t) {
-        if (std::isnan(data.y(i, t))) continue;
-        low = std::min(low, data.y(i, t));
-        high = std::max(high, data.y(i, t));
-      }
-      if (low >= high) {
-        throw InputError({data.name, 0, 0},
-                         fmt::format("output '{}' never changes (it is {:.6g} throughout)",
-                                     data.outputs[static_cast<std::size_t>(i)].name, low),
-                         "a channel with noise", "remove it from the model's outputs");
-      }
-    }
-    for (Index i = 0; i < data.u.rows(); ++i) {
-      for (Index t = 0; t < data.u.cols(); ++t) {
-        if (std::isfinite(data.u(i, t))) continue;
-        throw InputError({data.name, 0, 0},
-                         fmt::format("input '{}' is missing at {:.6g} s",
-                                     data.inputs[static_cast<std::size_t>(i)].name, data.time[t]),
-                         "a value in every row", "select rows with --range, or fill the gap");
-      }
-    }
-  }
-}
 
 // Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
 // anywhere between two finite bounds.
@@ -169,27 +122,6 @@ MatrixXd select(const MatrixXd& M, const std::vector<Index>& keep) {
     }
   }
   return out;
-}
-
-double unit_scale(const std::string& unit) {
-  const auto parsed = parse_unit(unit);
-  return parsed ? parsed->scale : 1.0;
-}
-
-// Values of all reported entries in the user's units.
-void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end) {
-  const ReportedEntries before = reported_entries(start), after = reported_entries(end);
-  for (std::size_t i = 0; i < after.names.size(); ++i) {
-    const auto at = static_cast<Index>(i);
-    EstimatedParameter p;
-    p.name = after.names[i];
-    p.unit = after.units[i];
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
-    p.value = unit.from_si(after.value[at]);
-    p.start = unit.from_si(before.value[at]);
-    p.fixed = end[static_cast<std::size_t>(after.parameter[i])].fixed;
-    estimate.parameters.push_back(std::move(p));
-  }
 }
 
 // Which free entries have no two-sided error: those whose coordinate ended at its bound, and those
@@ -419,40 +351,6 @@ void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
        ""});
 }
 
-void conclude(Estimate& estimate, const Search& found) {
-  const Identifiability& id = estimate.identifiability;
-  const bool converged = found.best.summary.usable();
-  if (!converged) {
-    // The shape of the likelihood away from its maximum says nothing about errors.
-    for (EstimatedParameter& p : estimate.parameters) {
-      if (p.fixed) continue;
-      p.se = p.se_sandwich = p.crb_se = kNone;
-      p.ci95 = {kNone, kNone};
-      if (p.verdict == Verdict::ok) p.verdict = Verdict::weak;
-    }
-    estimate.covariance_kind = "none: the search did not converge";
-  }
-  if (id.rank < id.of) {
-    estimate.status = Status::answer_no;
-    std::string names;
-    for (const EstimatedParameter& p : estimate.parameters) {
-      if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
-      names += (names.empty() ? "" : ", ") + p.name;
-    }
-    estimate.message = fmt::format("the data determine {} of {} unknowns; not determined: {}",
-                                   id.rank, id.of, names);
-    if (!converged) estimate.message += "; the search did not converge";
-    return;
-  }
-  if (!converged) {
-    estimate.status = Status::not_converged;
-    estimate.message = found.best.summary.message;
-    return;
-  }
-  estimate.status = Status::ok;
-  estimate.message = "converged";
-}
-
 }  // namespace
 
 Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
@@ -461,7 +359,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   Estimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "ml";
-  check_usable(model, recordings, coordinates(parameters).size());
+  check_recordings(model, recordings);
 
   RecordingsLikelihood likelihood(model, recordings, options.path);
   if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
@@ -484,18 +382,8 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
     profile(estimate, problem, end, found.best, likelihood.path_taken(),
             samples_present(recordings));
   }
-  const ReportedEntries entries = reported_entries(end);
-  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    // A variance's interval does not reach below zero.
-    double& low = estimate.parameters[i].ci95[0];
-    if (entries.variance[i] && low < 0.0) low = 0.0;
-  }
-  conclude(estimate, found);
-  describe_filter(estimate, model, end, recordings);
-  const double k = static_cast<double>(coordinates(parameters).size());
-  objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
-  objective.bic = k * std::log(static_cast<double>(samples_present(recordings))) -
-                  2.0 * objective.log_likelihood;
+  conclude_noise_estimate(estimate, found.best.summary);
+  describe_noise_estimate(estimate, model, end, recordings);
   if (found.agree < found.tried) {
     estimate.warnings.push_back(
         {"several_maxima",
@@ -503,18 +391,6 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
          {},
          fmt::format("{} of {} starts ended at the best value", found.agree, found.tried),
          "raise --starts; if they still disagree, the likelihood has several maxima"});
-  }
-  for (const TestResult& test : estimate.tests) {
-    if (test.pass || test.id != "ljung_box") continue;
-    estimate.warnings.push_back(
-        {"coloured_innovations",
-         "warning",
-         {test.channel},
-         fmt::format(
-             "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
-             "dynamics or coloured noise, and the errors above are too small",
-             test.channel, test.p),
-         "extend the model; a filter tuned on a wrong model is not optimal"});
   }
   return estimate;
 }

@@ -99,6 +99,44 @@ std::string parameter_table(const Estimate& estimate) {
   return known.empty() ? out : out + wrapped(known, 7);
 }
 
+// The table of a bound: there are no estimates, and so no errors.
+std::string bound_table(const Estimate& estimate) {
+  const Bound& bound = *estimate.bound;
+  std::size_t name = 9;
+  for (const EstimatedParameter& p : estimate.parameters) name = std::max(name, p.name.size());
+  const bool wanted = !std::isnan(bound.accuracy);
+  std::string out = fmt::format(
+      "{:<{}} {:>10} {:<6} {:>9} {:>8} {:>13}{}  {}\n", "parameter", name, "value", "unit",
+      "bound se", "%", "states known",
+      wanted ? fmt::format(" {:>12}", fmt::format("n for {:.4g} %", 100.0 * bound.accuracy)) : "",
+      "verdict");
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    const EstimatedParameter& p = estimate.parameters[i];
+    if (p.fixed) continue;
+    const double percent = 100.0 * p.crb_se / std::abs(p.value);
+    std::string verdict = to_string(p.verdict);
+    if (!p.with.empty()) {
+      verdict += " with";
+      for (const std::string& other : p.with) verdict += " " + other;
+    }
+    out += fmt::format(
+        "{:<{}} {:>10} {:<6} {:>9} {:>8} {:>13}{}  {}\n", p.name, name, value_text(p.value),
+        p.unit.empty() ? "-" : p.unit, error_text(p.crb_se),
+        std::isfinite(percent) ? fmt::format("{:.4g}", percent) : "-",
+        error_text(bound.complete_se[i]),
+        wanted ? fmt::format(" {:>12}", std::isnan(bound.samples_needed[i])
+                                            ? "-"
+                                            : fmt::format("{:.0f}", bound.samples_needed[i]))
+               : "",
+        verdict);
+  }
+  out += wrapped(
+      "bound se: the smallest standard deviation from outputs alone. states known: if the states "
+      "were measured as well, which no method can stand in for.",
+      2);
+  return out;
+}
+
 std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {
   if (M.size() == 0) return "";
   std::string out = name + " = [";
@@ -108,6 +146,20 @@ std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {
     }
   }
   return wrapped(out + "]", 4);
+}
+
+// What the uncertainty of the noise means for the filter.
+std::string gain_text(const Estimate& estimate) {
+  const Bound& bound = *estimate.bound;
+  if (bound.gain_se.size() == 0) return "";
+  std::string out = "\n" + matrix_text("K", estimate.noise.K_steady) +
+                    matrix_text("standard deviation of K", bound.gain_se);
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    if (bound.gain_change[i].size() == 0) continue;
+    out += matrix_text("change of K for 1 % more of " + estimate.parameters[i].name,
+                       bound.gain_change[i]);
+  }
+  return out;
 }
 
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
@@ -122,7 +174,35 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
 
 }  // namespace
 
+namespace {
+
+std::string flat_text(const Estimate& estimate) {
+  std::string out;
+  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
+    std::string line = "flat   the data do not determine the combination";
+    for (std::size_t i = 0; i < d.names.size(); ++i)
+      line += fmt::format(" {:+.2f} {}", d.weights[i], d.names[i]);
+    out += wrapped(line + " (relative to each one's own error)", 7);
+  }
+  return out;
+}
+
+std::string status_text(const Estimate& estimate) {
+  return wrapped("\nstatus " + to_string(estimate.status) + ": " + estimate.message, 7);
+}
+
+std::string bound_report(const Estimate& estimate) {
+  std::string out = wrapped(
+      fmt::format("bound: {}, {} samples", estimate.model_name, estimate.bound->samples), 4);
+  for (const InputRecord& input : estimate.inputs) out += "inputs " + input.path + "\n";
+  return out + "\n" + bound_table(estimate) + gain_text(estimate) + flat_text(estimate) +
+         status_text(estimate);
+}
+
+}  // namespace
+
 std::string console_report(const Estimate& estimate) {
+  if (estimate.bound) return bound_report(estimate);
   const std::string& method = estimate.objective.method;
   std::string out =
       wrapped(fmt::format("{}: {}{}", estimate.verb, estimate.model_name,
@@ -165,12 +245,7 @@ std::string console_report(const Estimate& estimate) {
                        test.pass ? "pass" : "FAIL");
   }
   for (const std::string& note : estimate.notes) out += wrapped(note, 7);
-  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
-    std::string line = "flat   the data do not determine the combination";
-    for (std::size_t i = 0; i < d.names.size(); ++i)
-      line += fmt::format(" {:+.2f} {}", d.weights[i], d.names[i]);
-    out += wrapped(line + " (relative to each one's own error)", 7);
-  }
+  out += flat_text(estimate);
   for (const Warning& w : estimate.warnings) {
     out += wrapped(fmt::format("{:<7}{}: {}",
                                w.severity == "note"      ? "note"
@@ -180,7 +255,7 @@ std::string console_report(const Estimate& estimate) {
                    7);
     if (!w.todo.empty()) out += wrapped("       -> " + w.todo, 10);
   }
-  return out + wrapped("\nstatus " + to_string(estimate.status) + ": " + estimate.message, 7);
+  return out + status_text(estimate);
 }
 
 std::string residuals_csv(const Estimate& estimate) {

@@ -50,6 +50,22 @@ Json fits(const std::vector<ChannelFit>& channels) {
   return out;
 }
 
+Json bound(const Estimate& estimate) {
+  if (!estimate.bound) return nullptr;
+  const Bound& b = *estimate.bound;
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    rows.push_back({{"name", estimate.parameters[i].name},
+                    {"complete_se", number(b.complete_se[i])},
+                    {"samples_needed", number(b.samples_needed[i])},
+                    {"gain_change", matrix(b.gain_change[i])}});
+  }
+  return {{"samples", b.samples},
+          {"accuracy", number(b.accuracy)},
+          {"parameters", rows},
+          {"gain_se", matrix(b.gain_se)}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -109,6 +125,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                             {"of", estimate.identifiability.of},
                             {"cond", number(estimate.identifiability.condition)},
                             {"flat_directions", directions}};
+  out["bound"] = bound(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(

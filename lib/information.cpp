@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
@@ -14,6 +15,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+constexpr double kTiny = 1e-300;
 
 // What the innovations' second moments depend on, at one sample, and by one parameter.
 struct Direction {
@@ -90,6 +93,12 @@ class Expectation {
     return true;
   }
 
+  GainSensitivity gain() const {
+    GainSensitivity out{K_, {}};
+    for (const Direction& b : by_) out.K_theta.push_back(b.K);
+    return out;
+  }
+
   // 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(Sigma^-1 cov(de_i, de_j)).
   MatrixXd information() const {
     MatrixXd out(k_, k_);
@@ -146,17 +155,20 @@ class Expectation {
       Gain.middleRows(row, n_) = by(i).K;
     }
     const MatrixXd drive = Gain * llt_.matrixL();
-    bool settled = move_to(Pi_, Phi * Pi_ * Phi.transpose() + drive * drive.transpose());
+    double change = move_to(Pi_, Phi * Pi_ * Phi.transpose() + drive * drive.transpose());
     for (Index i = 0; i < k_; ++i) {
       const MatrixXd dP = F_ * by(i).P * F_.transpose() + drive_of_dP(i, F_, K_);
-      const double size_of_dP = dP.cwiseAbs().maxCoeff();
-      settled = settled && (dP - by(i).P).cwiseAbs().maxCoeff() <= 1e-13 * size_of_dP;
+      const double largest = std::max(dP.cwiseAbs().maxCoeff(), kTiny);
+      change = std::max(change, (dP - by(i).P).cwiseAbs().maxCoeff() / largest);
       by(i).P = 0.5 * (dP + dP.transpose());
     }
     const MatrixXd KS = K_ * Sw_.transpose();
-    return move_to(P_, F_ * P_ * F_.transpose() + W_ + K_ * m_.R * K_.transpose() - KS -
-                           KS.transpose()) &&
-           settled;
+    const MatrixXd P = F_ * P_ * F_.transpose() + W_ + K_ * m_.R * K_.transpose();
+    change = std::max(change, move_to(P_, P - KS - KS.transpose()));
+    // Rounding may keep it above the tolerance for ever.
+    since_smallest_ = change < smallest_change_ ? 0 : since_smallest_ + 1;
+    smallest_change_ = std::min(smallest_change_, change);
+    return change <= 1e-13 || (smallest_change_ <= 1e-9 && since_smallest_ > 100);
   }
 
  private:
@@ -180,12 +192,17 @@ class Expectation {
     return half + half.transpose() + W_theta_[at] + K * d.R * K.transpose();
   }
 
-  static bool move_to(MatrixXd& M, const MatrixXd& next) {
-    const VectorXd sd = next.diagonal().cwiseAbs().cwiseSqrt().cwiseMax(1e-150);
+  // Returns the change against the standard deviations, of each group of n the largest.
+  double move_to(MatrixXd& M, const MatrixXd& next) const {
+    VectorXd sd(next.rows());
+    for (Index i = 0; i < next.rows(); i += n_) {
+      const double largest = next.diagonal().segment(i, n_).cwiseAbs().maxCoeff();
+      sd.segment(i, n_).setConstant(std::sqrt(std::max(largest, kTiny)));
+    }
     const MatrixXd change =
         sd.cwiseInverse().asDiagonal() * (next - M) * sd.cwiseInverse().asDiagonal();
     M = 0.5 * (next + next.transpose());
-    return change.cwiseAbs().maxCoeff() <= 1e-13;
+    return change.cwiseAbs().maxCoeff();
   }
 
   const StateSpace& m_;
@@ -197,6 +214,8 @@ class Expectation {
   MatrixXd Pi_;    // covariance of [x, dx_1, ..., dx_k], as predicted
   VectorXd mean_;  // its mean
   Eigen::LLT<MatrixXd> llt_;
+  double smallest_change_ = std::numeric_limits<double>::infinity();
+  int since_smallest_ = 0;
 };
 
 }  // namespace
@@ -207,7 +226,8 @@ ExpectedInformation expected_information(const StateSpace& model, InitialState i
   check_shapes(model);
   for (const StateSpace& d : derivatives) check_shapes(d);
   if (samples < 1) throw std::invalid_argument("expected information: no samples");
-  if (u.rows() != model.inputs() || (model.inputs() > 0 && u.cols() != samples)) {
+  const bool silent = u.size() == 0;
+  if (!silent && (u.rows() != model.inputs() || u.cols() != samples)) {
     throw std::invalid_argument("expected information: u does not fit model and samples");
   }
   const auto k = static_cast<Index>(derivatives.size());
@@ -216,7 +236,7 @@ ExpectedInformation expected_information(const StateSpace& model, InitialState i
   Expectation expectation(model, derivatives);
   out.status = expectation.start(initial);
   if (out.status != FilterStatus::ok) return out;
-  const bool excited = !u.isZero(0.0) || !expectation.mean_is_zero();
+  const bool excited = (!silent && !u.isZero(0.0)) || !expectation.mean_is_zero();
   MatrixXd information;
   bool settled = false;
   for (Index t = 0; t < samples; ++t) {
@@ -235,10 +255,44 @@ ExpectedInformation expected_information(const StateSpace& model, InitialState i
     }
     out.total += information;
     if (excited) {
-      out.total += expectation.information_of_mean(u.rows() > 0 ? VectorXd(u.col(t)) : VectorXd());
+      const VectorXd now = silent ? VectorXd::Zero(model.inputs()) : VectorXd(u.col(t));
+      out.total += expectation.information_of_mean(now);
     }
   }
   if (!out.total.allFinite()) out.status = FilterStatus::not_finite;
+  return out;
+}
+
+std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
+                                                       const std::vector<StateSpace>& derivatives) {
+  check_shapes(model);
+  for (const StateSpace& d : derivatives) check_shapes(d);
+  Expectation expectation(model, derivatives);
+  if (expectation.start(InitialState::diffuse) != FilterStatus::ok) return std::nullopt;
+  if (!expectation.innovate()) return std::nullopt;
+  return expectation.gain();
+}
+
+std::optional<MatrixXd> complete_data_information(const StateSpace& model,
+                                                  const std::vector<StateSpace>& derivatives) {
+  const auto joint = [](const StateSpace& m) {
+    MatrixXd V(m.Q.rows() + m.R.rows(), m.Q.rows() + m.R.rows());
+    V << m.Q, m.S, m.S.transpose(), m.R;
+    return V;
+  };
+  const Eigen::LLT<MatrixXd> llt(joint(model));
+  if (llt.info() != Eigen::Success) return std::nullopt;
+  std::vector<MatrixXd> relative;
+  for (const StateSpace& d : derivatives) relative.push_back(llt.solve(joint(d)));
+  const auto k = static_cast<Index>(derivatives.size());
+  MatrixXd out(k, k);
+  for (Index i = 0; i < k; ++i) {
+    for (Index j = 0; j < k; ++j) {
+      out(i, j) = 0.5 * relative[static_cast<std::size_t>(i)]
+                            .cwiseProduct(relative[static_cast<std::size_t>(j)].transpose())
+                            .sum();
+    }
+  }
   return out;
 }
 

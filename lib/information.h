@@ -2,6 +2,7 @@
 // output, before any data; its inverse is the Cramer-Rao bound.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -26,16 +27,34 @@ struct ExpectedInformation {
 /// start has no expectation of its own (what the first samples say of the state has no size): all
 /// samples are then counted with the steady filter, started at zero.
 /// @param derivatives  d(model)/d(theta_i), i = 1..k, of constant size
-/// @param u            nu x samples; inputs are known, and what they excite adds information
+/// @param u  nu x samples, or empty for inputs that are zero; inputs are known, and what they
+/// excite
+///   adds information
 /// @return status unstable when a stationary start or, with a diffuse one, a steady filter does not
 ///   exist; indefinite and not_finite as kalman_filter().
 /// @throws std::invalid_argument when shapes disagree or samples < 1.
-/// Source: Matisko (2013), section 4.4 has the complete-data bound; this is the bound from outputs
-/// alone, by the innovations form of the likelihood (Cavanaugh & Shumway 1996, "On computing the
-/// expected Fisher information matrix for state-space model parameters").
+/// Source: Cavanaugh & Shumway (1996), "On computing the expected Fisher information matrix for
+/// state-space model parameters". The bound of Matisko (2013), chapter 6, is another one: see
+/// complete_data_information().
 ExpectedInformation expected_information(const StateSpace& model, InitialState initial,
                                          Eigen::Index samples,
                                          const std::vector<StateSpace>& derivatives,
                                          const Eigen::Ref<const Eigen::MatrixXd>& u);
+
+/// The steady gain and its derivatives, by the derivative of the Riccati equation.
+struct GainSensitivity {
+  Eigen::MatrixXd K;                     ///< n x ny
+  std::vector<Eigen::MatrixXd> K_theta;  ///< k of n x ny
+};
+/// @return nothing where steady_state() does not exist. Source: Matisko (2013), (4.33).
+std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
+                                                       const std::vector<StateSpace>& derivatives);
+
+/// The information per sample about the noise if the states were observed too,
+///   J_ij = 1/2 tr(V^-1 dV_i V^-1 dV_j), V = [Q S; S' R]:
+/// no method reaches it from outputs alone. Zero for parameters that are not of the noise.
+/// @return nothing where V is singular. Source: Matisko (2013), (6.36), for matrices.
+std::optional<Eigen::MatrixXd> complete_data_information(
+    const StateSpace& model, const std::vector<StateSpace>& derivatives);
 
 }  // namespace identikal

@@ -199,24 +199,40 @@ void follow_path(const ConicProblem& p, Iterate& at, const SolverOptions& option
   }
 }
 
-// A y of size one with all blocks positive definite. The minimum of (t + 1)^2 / 2 + small |y|^2
-// with X_i(y) + t I positive semidefinite has t < 0 if and only if there is one.
-std::optional<VectorXd> interior_point(const Blocks& blocks, Index k) {
-  VectorXd weight = VectorXd::Constant(k + 1, 1e-2);
+double largest_constant(const Blocks& blocks) {
+  double out = 0.0;
+  for (const PsdBlock& b : blocks) {
+    if (b.constant.size() > 0) out = std::max(out, b.constant.cwiseAbs().maxCoeff());
+  }
+  return out;
+}
+
+// A y with all blocks positive definite, scaled to `size` where the cone allows it. The minimum of
+// (t + 1)^2 / 2 + small |y|^2 with X_i(y) + t I positive semidefinite has t < 0 if and only if
+// there is one.
+std::optional<VectorXd> interior_point(const Blocks& blocks, Index k, double size) {
+  const double constant = largest_constant(blocks);
+  VectorXd weight = VectorXd::Constant(k + 1, 1e-2 / std::max(1.0, constant));
   weight[k] = 1.0;
   ConicProblem p{weight.asDiagonal(), weight.cwiseInverse().asDiagonal(), -VectorXd::Unit(k + 1, k),
                  blocks};
   Iterate at{VectorXd::Unit(k + 1, k), {}, {}};
   for (PsdBlock& block : p.blocks) {
     for (Index i = 0; i < block.size; ++i) block.entries.push_back({k, i, i, 1.0});
-    at.L.push_back(MatrixXd::Identity(block.size, block.size));
-    at.F.push_back(at.L.back() / std::sqrt(static_cast<double>(block.size) * blocks.size()));
+    const double lowest = eigenvalues(value(block, VectorXd::Zero(k + 1)))[0];
+    at.y[k] = std::max(at.y[k], 1.0 - lowest);
+  }
+  factorise(p.blocks, at.y, at.L);
+  for (const MatrixXd& L : at.L) {
+    at.F.push_back(L.transpose().inverse() *
+                   (at.y[k] / std::sqrt(static_cast<double>(L.rows()) * blocks.size())));
   }
   SolverSummary summary;
   const auto done = [k](const VectorXd& y, double gap) { return y[k] < -0.1 || gap < 1e-10; };
   follow_path(p, at, {}, Clock::now(), done, summary);
   if (at.y[k] > -1e-6) return std::nullopt;
-  return at.y.head(k) / std::max(1e-300, at.y.head(k).cwiseAbs().maxCoeff());
+  if (constant > 0.0) return at.y.head(k);
+  return size * at.y.head(k) / std::max(1e-300, at.y.head(k).cwiseAbs().maxCoeff());
 }
 
 // What the path only tends to. The apex x = 0 is one; an unknown that a block of size 1 holds at
@@ -227,7 +243,9 @@ void round_to_zero(const Blocks& blocks, bool apex, Iterate& at) {
     for (const PsdBlock::Entry& e : block.entries) ++uses[e.unknown];
   }
   for (std::size_t i = 0; i < blocks.size(); ++i) {
-    if (blocks[i].size > 1 || blocks[i].entries.size() != 1) continue;
+    if (blocks[i].size > 1 || blocks[i].entries.size() != 1 || blocks[i].constant.size() > 0) {
+      continue;
+    }
     const Index unknown = blocks[i].entries[0].unknown;
     if (uses[unknown] == 1 && at.L[i](0, 0) < at.F[i](0, 0)) at.y[unknown] = 0.0;
   }
@@ -256,6 +274,10 @@ Scaled scale(const PsdLeastSquares& problem, bool within_blocks) {
     s.row.push_back(diagonal.unaryExpr(
         [](double d) { return d > 0.0 ? power_of_two(1.0 / std::sqrt(d)) : 1.0; }));
     for (PsdBlock::Entry& e : block.entries) e.value *= s.row.back()[e.row] * s.row.back()[e.col];
+    if (block.constant.size() > 0) {
+      const auto row = s.row.back().asDiagonal();
+      block.constant = (row * block.constant * row).eval();
+    }
   }
   for (const PsdBlock& block : s.blocks) {
     for (const PsdBlock::Entry& e : block.entries) {
@@ -296,6 +318,10 @@ void check(const PsdLeastSquares& problem) {
   for (std::size_t b = 0; b < problem.blocks.size(); ++b) {
     const Index m = problem.blocks[b].size;
     require(m > 0, "block ", b, " has size ", m);
+    const MatrixXd& constant = problem.blocks[b].constant;
+    require(constant.size() == 0 || (constant.rows() == m && constant.cols() == m &&
+                                     constant.allFinite() && constant == constant.transpose()),
+            "the constant of block ", b, " is not a symmetric ", m, " x ", m, " matrix");
     for (const PsdBlock::Entry& e : problem.blocks[b].entries) {
       require(e.unknown >= 0 && e.unknown < k && std::min(e.row, e.col) >= 0 &&
                   std::max(e.row, e.col) < m && std::isfinite(e.value),
@@ -331,7 +357,7 @@ bool inside_with_margin(const Blocks& blocks, const VectorXd& y) {
 }  // namespace
 
 PsdBlock full_block(Index first, Index size) {
-  PsdBlock block{size, {}};
+  PsdBlock block{size, {}, {}};
   for (Index j = 0; j < size; ++j) {
     for (Index i = j; i < size; ++i) block.entries.push_back({first++, i, j, 1.0});
   }
@@ -340,6 +366,7 @@ PsdBlock full_block(Index first, Index size) {
 
 MatrixXd value(const PsdBlock& block, const VectorXd& x) {
   MatrixXd X = MatrixXd::Zero(block.size, block.size);
+  if (block.constant.size() > 0) X = block.constant;
   for (const PsdBlock::Entry& e : block.entries) {
     X(e.row, e.col) += e.value * x[e.unknown];
     if (e.row != e.col) X(e.col, e.row) += e.value * x[e.unknown];
@@ -352,7 +379,9 @@ PsdSolution minimise(const PsdLeastSquares& problem, const SolverOptions& option
   check(problem);
   Scaled s = scale(problem, false);
   ConicProblem p = conic(s, kFlatCurvatures[0]);
-  const double natural = 0.5 * std::pow(s.g.lpNorm<Eigen::Infinity>(), 2);
+  const bool homogeneous = largest_constant(s.blocks) == 0.0;
+  const double natural =
+      0.5 * std::pow(std::max(s.g.lpNorm<Eigen::Infinity>(), largest_constant(s.blocks)), 2);
   PsdSolution out;
   out.rank = p.rank;
   out.gap = kInfinity;
@@ -389,19 +418,20 @@ PsdSolution minimise(const PsdLeastSquares& problem, const SolverOptions& option
 
   s = scale(problem, true);
   Iterate best{VectorXd::Zero(s.g.size()), {}, plain.F};
-  const std::optional<VectorXd> start = interior_point(s.blocks, s.g.size());
+  const double size =  // of X and Z
+      std::max(s.g.lpNorm<Eigen::Infinity>(), largest_constant(s.blocks));
+  const std::optional<VectorXd> start = interior_point(s.blocks, s.g.size(), size);
   if (!start) {
     return finish(best, Termination::start_undefined, "no x makes all blocks positive definite");
   }
-  const double size = s.g.lpNorm<Eigen::Infinity>();  // of X and Z
   for (const double curvature : kFlatCurvatures) {
     p = conic(s, curvature);
-    Iterate at{size * *start, {}, {}};
+    Iterate at{*start, {}, {}};
     factorise(s.blocks, at.y, at.L);
     for (const MatrixXd& L : at.L) at.F.push_back(size * L.transpose().inverse());
     const auto done = [&](const VectorXd& y, double gap) { return small(y, 2.0 * gap); };
     follow_path(p, at, options, begin, done, summary);
-    round_to_zero(s.blocks, objective(at.y) >= 0.0, at);
+    round_to_zero(s.blocks, homogeneous && objective(at.y) >= 0.0, at);
     const double added = 0.5 * (p.root * at.y).head(s.g.size() - p.rank).squaredNorm();
     const double gap = duality_gap(p, at.y, at.F) + added;
     if (gap < out.gap) {

@@ -11,7 +11,8 @@
 
 namespace identikal {
 
-/// X(x) = sum_k x_k B_k, symmetric size x size, every B_k given by its entries that are not zero.
+/// X(x) = constant + sum_k x_k B_k, symmetric size x size, every B_k given by its entries that are
+/// not zero.
 struct PsdBlock {
   /// X(row, col) += value * x[unknown], and the same to X(col, row) when row != col.
   struct Entry {
@@ -20,6 +21,7 @@ struct PsdBlock {
   };
   Eigen::Index size = 0;
   std::vector<Entry> entries;
+  Eigen::MatrixXd constant = {};  ///< size x size, or empty = zero
 };
 
 /// The block whose lower triangle, column by column, is x[first], x[first + 1], ...;
@@ -87,7 +89,7 @@ struct PsdSolution {
 /// CVXOPT linear and quadratic cone program solvers; for the use, Odelson, Rajamani & Rawlings
 /// (2006), Automatica 42, and Rajamani & Rawlings (2009), Automatica 45.
 /// @throws std::invalid_argument when shapes disagree, an entry lies outside its block, a number is
-///   not finite, H is not symmetric (to 1e-10 of sqrt(H_ii H_jj)) or not positive semidefinite (a
+///   not finite, a constant or H is not symmetric (H to 1e-10 of sqrt(H_ii H_jj)) or not positive semidefinite (a
 ///   negative diagonal, or an eigenvalue below -1e-8 of the largest after scaling).
 PsdSolution minimise(const PsdLeastSquares& problem,
                      const SolverOptions& options = {.function_tolerance = 1e-9, .progress = {}});

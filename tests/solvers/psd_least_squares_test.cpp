@@ -14,6 +14,8 @@
 #include <Eigen/QR>
 #include <gtest/gtest.h>
 
+#include "lib/random.h"
+
 namespace identikal {
 namespace {
 
@@ -307,6 +309,46 @@ TEST(PsdLeastSquares, VarianceAtTheBoundaryIsExactlyZero) {
   EXPECT_EQ(s.blocks[0].zero_eigenvalues, 0);
   EXPECT_EQ(s.blocks[1].zero_eigenvalues, 1);
   EXPECT_NEAR(s.blocks[1].Z(0, 0), 0.4, 1e-9);  // the slope of the objective there
+}
+
+TEST(PsdLeastSquares, BlocksWithAConstantPart) {
+  // x >= -1 and the minimum at -3.
+  PsdLeastSquares bounded{
+      MatrixXd::Identity(1, 1), VectorXd::Constant(1, -3.0), {full_block(0, 1)}};
+  bounded.blocks[0].constant = MatrixXd::Ones(1, 1);
+  EXPECT_NEAR(minimise(bounded).x[0], -1.0, 1e-8);
+  // 2 <= x <= 1e3, far from where the minimum, at 0, lies.
+  PsdLeastSquares far{MatrixXd::Identity(1, 1), VectorXd::Zero(1), {full_block(0, 1), {}}};
+  far.blocks[0].constant = MatrixXd::Constant(1, 1, -2.0);
+  far.blocks[1] = {1, {{0, 0, 0, -1.0}}, MatrixXd::Constant(1, 1, 1e3)};
+  EXPECT_NEAR(minimise(far).x[0], 2.0, 1e-7);
+  // [x1, 1/2; 1/2, x2] with x near (0.1, 0.1).
+  PsdLeastSquares corner{MatrixXd::Identity(2, 2), VectorXd::Constant(2, 0.1), {{2, {}, {}}}};
+  corner.blocks[0].entries = {{0, 0, 0, 1.0}, {1, 1, 1, 1.0}};
+  corner.blocks[0].constant = (MatrixXd(2, 2) << 0, 0.5, 0.5, 0).finished();
+  EXPECT_LT((minimise(corner).x - VectorXd::Constant(2, 0.5)).norm(), 1e-7);
+  // No x makes [x, 1; 1, -2] definite.
+  PsdLeastSquares none{MatrixXd::Identity(1, 1), VectorXd::Ones(1), {{2, {{0, 0, 0, 1.0}}, {}}}};
+  none.blocks[0].constant = (MatrixXd(2, 2) << 0, 1, 1, -2).finished();
+  EXPECT_EQ(minimise(none).summary.termination, Termination::start_undefined);
+
+  // Moving the origin of x moves the solution, and nothing else.
+  double worst = 0.0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    Random random(seed);
+    const Index n = 1 + static_cast<Index>(seed % 4), k = n * (n + 1) / 2;
+    MatrixXd A(2 * k, k);
+    for (Index j = 0; j < k; ++j) A.col(j) = random.normal(2 * k);
+    const VectorXd b = random.normal(2 * k), origin = 3.0 * random.normal(k);
+    const PsdLeastSquares plain{A.transpose() * A, A.transpose() * b, {full_block(0, n)}};
+    PsdLeastSquares moved{plain.H, plain.g - plain.H * origin, plain.blocks};
+    moved.blocks[0].constant = value(plain.blocks[0], origin);
+    const VectorXd difference = minimise(moved).x + origin - minimise(plain).x;
+    // Along a flat bowl the square root of the objective's accuracy.
+    worst = std::max(worst, (A * difference).norm() / (A * minimise(plain).x - b).norm());
+  }
+  std::printf("with a constant part: %.1e of the moved problem\n", worst);
+  EXPECT_LT(worst, 1e-4);
 }
 
 TEST(PsdLeastSquares, SaysWhatHasNoSolution) {

@@ -1,0 +1,139 @@
+#include "identify/bound.h"
+
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "identify/noise_estimate.h"
+#include "lib/information.h"
+#include "lib/units.h"
+#include "solvers/covariance.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// A pseudo-inverse leaves the determined parameters their variance when others are flat.
+MatrixXd covariance_of(const MatrixXd& information) {
+  const auto inverse = scaled_inverse(information, 1e-9);
+  return inverse ? *inverse : information.completeOrthogonalDecomposition().pseudoInverse();
+}
+
+// Standard deviations of the steady gain's entries by the delta method.
+MatrixXd gain_deviation(const GainSensitivity& gain, const MatrixXd& covariance) {
+  MatrixXd slopes(gain.K.size(), covariance.rows());
+  for (Index i = 0; i < covariance.rows(); ++i) {
+    slopes.col(i) = gain.K_theta[static_cast<std::size_t>(i)].reshaped();
+  }
+  const VectorXd variance = (slopes * covariance * slopes.transpose()).diagonal();
+  return variance.cwiseMax(0.0).cwiseSqrt().reshaped(gain.K.rows(), gain.K.cols());
+}
+
+void conclude(Estimate& estimate) {
+  const Identifiability& id = estimate.identifiability;
+  if (id.rank == id.of) {
+    estimate.status = Status::ok;
+    estimate.message = "every free parameter can be determined";
+    return;
+  }
+  std::string names;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
+    names += (names.empty() ? "" : ", ") + p.name;
+  }
+  estimate.status = Status::answer_no;
+  estimate.message = fmt::format("outputs alone determine {} of {} unknowns; not determined: {}",
+                                 id.rank, id.of, names);
+}
+
+}  // namespace
+
+Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs) {
+  const Location here{model.path, 0, 0};
+  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, model.parameters);
+  if (derivatives.empty()) {
+    throw InputError(here, "nothing is free, so there is nothing to bound",
+                     "at least one parameter with {value: ...} or a structured Q or R");
+  }
+  const StateSpace system = instantiate(model.linear, model.parameters);
+  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
+  const ExpectedInformation information =
+      expected_information(system, model.linear.initial, options.samples, derivatives, u);
+  if (information.status != FilterStatus::ok) {
+    throw InputError(here, describe(information.status), "values of a filter that runs",
+                     model.linear.initial == InitialState::stationary
+                         ? "say 'initial: diffuse' where A is not stable"
+                         : "");
+  }
+
+  Estimate estimate;
+  estimate.verb = "bound";
+  estimate.model_name = model.name;
+  estimate.objective.method = "bound";
+  list_parameters(estimate, model.parameters, model.parameters);
+  Bound& bound = estimate.bound.emplace();
+  bound.samples = options.samples;
+  bound.accuracy = options.accuracy;
+  std::vector<double> units;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed) units.push_back(unit_scale(p.unit));
+  }
+  const auto k = static_cast<Index>(units.size());
+  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const auto in_units = [&unit](const MatrixXd& J) {
+    return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());
+  };
+  const MatrixXd total = in_units(information.total);
+  const MatrixXd covariance = covariance_of(total);
+  judge_parameters(estimate, total, covariance);
+
+  const auto complete = complete_data_information(system, derivatives);
+  const auto gain = steady_gain_sensitivity(system, derivatives);
+  std::optional<MatrixXd> complete_covariance;
+  if (complete) {
+    complete_covariance =
+        scaled_inverse(static_cast<double>(options.samples) * in_units(*complete), 1e-12);
+  }
+  // Further samples add what a steady filter sees; of inputs, as much as so far.
+  const MatrixXd rate = information.per_sample.size() > 0 && u.size() == 0
+                            ? in_units(information.per_sample)
+                            : MatrixXd(total / static_cast<double>(options.samples));
+  const MatrixXd covariance_rate = covariance_of(rate);
+  Index i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    double complete_se = kNone, needed = kNone;
+    MatrixXd change;
+    if (!p.fixed) {
+      p.crb_se = p.se;
+      p.se = kNone;
+      p.ci95 = {kNone, kNone};
+      if (complete_covariance) complete_se = std::sqrt((*complete_covariance)(i, i));
+      if (!std::isnan(p.crb_se)) {
+        const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
+        needed = std::ceil(std::pow(relative / options.accuracy, 2));
+        if (!std::isfinite(needed)) needed = kNone;
+      }
+      if (gain) {
+        change = 0.01 * p.value * unit[i] * gain->K_theta[static_cast<std::size_t>(i)];
+      }
+      ++i;
+    }
+    bound.complete_se.push_back(complete_se);
+    bound.samples_needed.push_back(needed);
+    bound.gain_change.push_back(change);
+  }
+  if (gain) {
+    estimate.noise.K_steady = gain->K;
+    bound.gain_se = gain_deviation(*gain, unit.asDiagonal() * covariance * unit.asDiagonal());
+  }
+  conclude(estimate);
+  return estimate;
+}
+
+}  // namespace identikal

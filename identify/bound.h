@@ -1,0 +1,26 @@
+// How well could any method know the parameters? The Cramer-Rao bound of a model, before any data.
+#pragma once
+
+#include "identify/estimate.h"
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+
+namespace identikal {
+
+struct BoundOptions {
+  Eigen::Index samples = 0;  ///< of the recording that is planned
+  double accuracy = kNone;   ///< standard deviation / value that is wanted
+};
+
+/// Takes the model's values as the truth: the smallest standard deviation that an unbiased estimate
+/// of each free parameter can have from `samples` samples of the outputs alone
+/// (lib/information.h), that with the states observed (the bound of Matisko 2013, chapter 6), how
+/// many samples give the wanted accuracy, which parameters or combinations no recording can
+/// determine, and what the uncertainty means for the steady gain (4.33).
+/// @param inputs  recording whose inputs excite the model, of `samples` samples; null = none, which
+/// a
+///   model without inputs needs not and one with inputs counts as silence
+/// @throws InputError when nothing is free or the model's values give no filter
+Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs);
+
+}  // namespace identikal

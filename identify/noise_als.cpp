@@ -1,0 +1,414 @@
+#include "identify/noise_als.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "identify/noise_estimate.h"
+#include "lib/autocovariance.h"
+#include "lib/information.h"
+#include "lib/matrix_equations.h"
+#include "solvers/covariance.h"
+#include "solvers/psd_least_squares.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Of an initial error, and of what autocovariances say about the noise, this much is let go.
+constexpr double kForgotten = 1e-3;
+constexpr double kUninformative = 0.02;
+constexpr Index kFewestLags = 5, kMostLags = 200;
+// Rows of the least-squares problem: its weight is a dense matrix of that size.
+constexpr Index kMostRows = 3000;
+
+// Smallest k with |F^k| <= tolerance; `most` when it is not reached before.
+Index memory(const MatrixXd& F, double tolerance, Index most) {
+  MatrixXd power = MatrixXd::Identity(F.rows(), F.cols());
+  for (Index k = 0; k < most; ++k) {
+    if (power.norm() <= tolerance) return k;
+    power = (F * power).eval();
+  }
+  return most;
+}
+
+bool only_noise(const StateSpace& d) {
+  return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0) &&
+         d.G.isZero(0.0) && d.x0.isZero(0.0) && d.P0.isZero(0.0);
+}
+
+MatrixXd joint(const StateSpace& m) {
+  MatrixXd out(m.Q.rows() + m.R.rows(), m.Q.rows() + m.R.rows());
+  out << m.Q, m.S, m.S.transpose(), m.R;
+  return out;
+}
+
+// The parts of [Q S; S' R] that no entry, free or fixed, connects: each has to be semidefinite by
+// itself, and parts of one variance are cheaper and exact.
+std::vector<PsdBlock> constraint_blocks(const MatrixXd& fixed, const std::vector<MatrixXd>& basis) {
+  const Index n = fixed.rows();
+  MatrixXd used = fixed.cwiseAbs();
+  for (const MatrixXd& B : basis) used += B.cwiseAbs();
+  std::vector<Index> part(static_cast<std::size_t>(n));
+  std::iota(part.begin(), part.end(), 0);
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < j; ++i) {
+      if (used(i, j) == 0.0) continue;
+      const Index from = part[static_cast<std::size_t>(j)], to = part[static_cast<std::size_t>(i)];
+      std::replace(part.begin(), part.end(), from, to);
+    }
+  }
+  std::vector<PsdBlock> out;
+  for (Index p = 0; p < n; ++p) {
+    std::vector<Index> rows;
+    for (Index i = 0; i < n; ++i) {
+      if (part[static_cast<std::size_t>(i)] == p) rows.push_back(i);
+    }
+    PsdBlock block;
+    block.size = static_cast<Index>(rows.size());
+    const MatrixXd constant = fixed(rows, rows);
+    if (!constant.isZero(0.0)) block.constant = constant;
+    for (std::size_t e = 0; e < basis.size(); ++e) {
+      for (Index c = 0; c < block.size; ++c) {
+        for (Index r = c; r < block.size; ++r) {
+          const double value =
+              basis[e](rows[static_cast<std::size_t>(r)], rows[static_cast<std::size_t>(c)]);
+          if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
+        }
+      }
+    }
+    if (!block.entries.empty()) out.push_back(std::move(block));
+  }
+  return out;
+}
+
+// x(0) that explains the first innovations best: what is left of the true one then fades from a
+// smaller size.
+VectorXd likely_start(const StateSpace& model, const MatrixXd& L, const MatrixXd& y,
+                      const MatrixXd& u, Index window) {
+  const Index ny = model.outputs(), n = model.states();
+  const Index N = std::min(y.cols(), window + n);
+  const MatrixXd e = constant_gain_innovations(model, L, VectorXd::Zero(n), y.leftCols(N),
+                                               u.leftCols(u.rows() > 0 ? N : 0));
+  MatrixXd response = MatrixXd::Zero(N * ny, n), power = MatrixXd::Identity(n, n);
+  VectorXd seen = VectorXd::Zero(N * ny);
+  for (Index t = 0; t < N; ++t) {
+    const MatrixXd now = model.C * power;
+    for (Index i = 0; i < ny; ++i) {
+      if (std::isnan(e(i, t))) continue;
+      response.row(t * ny + i) = now.row(i);
+      seen[t * ny + i] = e(i, t);
+    }
+    power = ((model.A - L * model.C) * power).eval();
+  }
+  return response.completeOrthogonalDecomposition().solve(seen);
+}
+
+struct Recording {
+  const MatrixXd& y;
+  MatrixXd u;
+};
+
+// The least-squares problem under one gain: sample = constant + design theta + error.
+struct Regression {
+  Index lags = 0;
+  MatrixXd design;
+  VectorXd constant, sample, pairs;
+};
+
+class Als {
+ public:
+  Als(const ModelFile& model, const std::vector<Dataset>& recordings)
+      : linear_(model.linear),
+        parameters_(model.parameters),
+        basis_(model_derivatives(model.linear, model.parameters)) {
+    const VectorXd zero = VectorXd::Zero(static_cast<Index>(basis_.size()));
+    fixed_ = instantiate(linear_, with_entries(parameters_, zero));
+    std::vector<MatrixXd> joint_basis;
+    for (const StateSpace& d : basis_) joint_basis.push_back(joint(d));
+    blocks_ = constraint_blocks(joint(fixed_), joint_basis);
+    for (const Dataset& data : recordings) {
+      recordings_.push_back({data.y, model_inputs(linear_, data.u)});
+      gaps_ = gaps_ || data.y.hasNaN();
+    }
+  }
+
+  StateSpace at(const VectorXd& theta) const {
+    return instantiate(linear_, with_entries(parameters_, theta));
+  }
+  const std::vector<StateSpace>& basis() const { return basis_; }
+  const std::vector<PsdBlock>& blocks() const { return blocks_; }
+
+  // Nothing when the recordings are no longer than the filter's memory.
+  std::optional<Regression> regression(const MatrixXd& L, Index lags) const {
+    const MatrixXd F = fixed_.A - L * fixed_.C;
+    const Index ny = fixed_.outputs();
+    Index longest = 0;
+    for (const Recording& r : recordings_) longest = std::max(longest, r.y.cols());
+    const Index first = memory(F, kForgotten, longest);
+    Regression out;
+    out.lags = lags;
+    if (lags == 0) {
+      const Index most = std::min({kMostLags, longest / 5, kMostRows / (ny * ny)});
+      out.lags = std::clamp(memory(F, kUninformative, kMostLags) + 1, kFewestLags,
+                            std::max(most, kFewestLags));
+    }
+    if (first + 2 * out.lags > longest) return std::nullopt;
+
+    const auto count = static_cast<std::size_t>(out.lags);
+    const MatrixXd nothing = MatrixXd::Zero(ny, ny);
+    Autocovariances sum(count, nothing), pairs = sum, constant = sum;
+    std::vector<Autocovariances> columns(basis_.size(), sum);
+    for (const Recording& r : recordings_) {
+      if (r.y.cols() < first + out.lags) continue;
+      const VectorXd x0 = likely_start(fixed_, L, r.y, r.u, first);
+      const MatrixXd e = constant_gain_innovations(fixed_, L, x0, r.y, r.u);
+      const SampleAutocovariances sample =
+          sample_autocovariances(e.rightCols(e.cols() - first), out.lags);
+      const auto expected = [&](const StateSpace& noise) {
+        return gaps_ ? innovation_autocovariances(noise, L, e, first, out.lags)
+                     : innovation_autocovariances(noise, L, out.lags);
+      };
+      // Entries without a pair are NaN, with weight zero.
+      const auto add = [&](Autocovariances& to, const Autocovariances& from) {
+        for (std::size_t k = 0; k < count; ++k) {
+          to[k] += (sample.pairs[k].array() > 0.0)
+                       .select(from[k].cwiseProduct(sample.pairs[k]), nothing);
+        }
+      };
+      add(sum, sample.value);
+      add(constant, expected(with_noise(fixed_)));
+      for (std::size_t e_ = 0; e_ < basis_.size(); ++e_) {
+        add(columns[e_], expected(with_noise(basis_[e_])));
+      }
+      for (std::size_t k = 0; k < count; ++k) pairs[k] += sample.pairs[k];
+    }
+    out.pairs = stacked(pairs);
+    const VectorXd share = (out.pairs.array() > 0.0).select(out.pairs.cwiseInverse(), 0.0);
+    out.sample = stacked(sum).cwiseProduct(share);
+    out.constant = stacked(constant).cwiseProduct(share);
+    out.design.resize(out.sample.size(), static_cast<Index>(basis_.size()));
+    for (std::size_t e = 0; e < basis_.size(); ++e) {
+      out.design.col(static_cast<Index>(e)) = stacked(columns[e]).cwiseProduct(share);
+    }
+    return out;
+  }
+
+  // Factor of the covariance of the sample autocovariances, if theta were true.
+  Eigen::LLT<MatrixXd> error_factor(const Regression& r, const MatrixXd& L,
+                                    const VectorXd& theta) const {
+    const MatrixXd F = fixed_.A - L * fixed_.C;
+    const Index reach = r.lags + memory(F, 1e-6, 2000);
+    const Autocovariances Y = innovation_autocovariances(at(theta), L, reach);
+    MatrixXd V = covariance_of_autocovariances(Y, r.lags);
+    const VectorXd scale = r.pairs.cwiseMax(1.0).cwiseSqrt().cwiseInverse();
+    V = (scale.asDiagonal() * V * scale.asDiagonal()).eval();
+    // Noise-free outputs leave it singular.
+    const double largest = V.diagonal().maxCoeff();
+    V.diagonal() += 1e-10 * (V.diagonal().array() + largest).matrix();
+    return Eigen::LLT<MatrixXd>(V);
+  }
+
+ private:
+  // The system with the noise of `noise`, which may be a derivative.
+  StateSpace with_noise(const StateSpace& noise) const {
+    StateSpace out = fixed_;
+    out.Q = noise.Q;
+    out.R = noise.R;
+    out.S = noise.S;
+    return out;
+  }
+
+  const LinearModel& linear_;
+  const ParameterSet& parameters_;
+  std::vector<StateSpace> basis_;
+  StateSpace fixed_;  // with every free entry at zero
+  std::vector<PsdBlock> blocks_;
+  std::vector<Recording> recordings_;
+  bool gaps_ = false;
+};
+
+PsdSolution solve(const MatrixXd& design, const VectorXd& target,
+                  const std::vector<PsdBlock>& blocks) {
+  return minimise({design.transpose() * design, design.transpose() * target, blocks});
+}
+
+struct Fit {
+  Regression regression;
+  MatrixXd L;
+  PsdSolution solution;
+  std::optional<Eigen::LLT<MatrixXd>> weight;  // inverse of it; none = all alike
+  int passes = 0;
+};
+
+// Under one gain. With weights: those of the last estimate, until they change nothing.
+Fit fit_under_gain(const Als& als, Regression regression, const MatrixXd& L, bool weighted,
+                   const std::optional<VectorXd>& start) {
+  constexpr int kMostPasses = 30;
+  constexpr double kSettled = 1e-3;  // of a standard error
+  Fit out{std::move(regression), L, {}, {}, 0};
+  const Regression& r = out.regression;
+  const VectorXd target = r.sample - r.constant;
+  if (!weighted || !start) {
+    out.solution = solve(r.design, target, als.blocks());
+    out.passes = 1;
+    if (!weighted || !out.solution.summary.usable()) return out;
+  }
+  VectorXd theta = start ? *start : out.solution.x;
+  for (bool settled = false; !settled && out.passes < kMostPasses; ++out.passes) {
+    out.weight = als.error_factor(r, L, theta);
+    const auto W = out.weight->matrixL();
+    const MatrixXd design = W.solve(r.design);
+    out.solution = solve(design, W.solve(target), als.blocks());
+    if (!out.solution.summary.usable()) return out;
+    // Weighted residuals have unit variance, and so has theta by design' design.
+    settled = (design * (out.solution.x - theta)).norm() <= kSettled;
+    theta = out.solution.x;
+    if (!settled && out.passes + 1 == kMostPasses) {
+      out.solution.summary.termination = Termination::no_progress;
+      out.solution.summary.message =
+          fmt::format("the weights have not settled in {} passes", kMostPasses);
+    }
+  }
+  return out;
+}
+
+[[noreturn]] void refuse_gain(const ModelFile& model) {
+  throw InputError({model.path, 0, 0}, "the model's Q and R give no stable filter",
+                   "a start from which every state is seen by the outputs or decays",
+                   "give Q and R a positive start");
+}
+
+Fit fit(const ModelFile& model, const Als& als, const std::vector<Dataset>& recordings,
+        const NoiseAlsOptions& options) {
+  constexpr int kMostGains = 20;
+  const auto steady = steady_state(als.at(free_entries(model.parameters)));
+  if (!steady) refuse_gain(model);
+  MatrixXd L = steady->K;
+  const auto regression = [&](const MatrixXd& gain) {
+    auto out = als.regression(gain, options.lags);
+    if (!out) {
+      throw InputError(
+          {recordings[0].name, 0, 0},
+          fmt::format("{} samples are no longer than the filter's memory", recordings[0].size()),
+          "a longer recording, fewer --lags, or a faster start of Q and R");
+    }
+    return *out;
+  };
+  Fit out = fit_under_gain(als, regression(L), L, options.weighted, {});
+  for (int pass = 0; options.regain && pass < kMostGains && out.solution.summary.usable(); ++pass) {
+    const auto next = steady_state(als.at(out.solution.x));
+    if (!next) break;  // the present gain stays
+    const bool settled = (next->K - L).norm() <= 1e-3 * L.norm();
+    if (settled) break;
+    L = next->K;
+    const int passes = out.passes;
+    out = fit_under_gain(als, regression(L), L, options.weighted,
+                         options.weighted ? std::optional(out.solution.x) : std::nullopt);
+    out.passes += passes;
+  }
+  return out;
+}
+
+// Entries of a block that the constraint holds at its boundary.
+std::vector<bool> at_boundary(const Fit& fit, const std::vector<PsdBlock>& blocks) {
+  std::vector<bool> out(static_cast<std::size_t>(fit.solution.x.size()), false);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    if (fit.solution.blocks[b].zero_eigenvalues == 0) continue;
+    for (const PsdBlock::Entry& e : blocks[b].entries) {
+      out[static_cast<std::size_t>(e.unknown)] = true;
+    }
+  }
+  return out;
+}
+
+void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& model,
+           const std::vector<Dataset>& recordings) {
+  const std::vector<bool> boundary = at_boundary(fit, als.blocks());
+  std::vector<Index> inside;
+  std::vector<EstimatedParameter*> judged;
+  std::vector<double> units;
+  Index i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    if (boundary[static_cast<std::size_t>(i)]) {
+      p.verdict = Verdict::at_bound;
+      estimate.warnings.push_back(
+          {"at_bound", "note", {p.name}, p.name + " is held at the boundary of definiteness", ""});
+    } else {
+      inside.push_back(i);
+      judged.push_back(&p);
+      units.push_back(unit_scale(p.unit));
+    }
+    ++i;
+  }
+  const auto k = static_cast<Index>(inside.size());
+  if (k == 0) {
+    estimate.covariance_kind = "none: every estimate lies on a boundary";
+    return;
+  }
+  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const Regression& r = fit.regression;
+  const MatrixXd design = r.design(Eigen::all, inside) * unit.asDiagonal();
+  const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
+  const MatrixXd whitened = error.matrixL().solve(design);
+  const MatrixXd information = whitened.transpose() * whitened;
+  // theta - truth = map (sample - its expectation).
+  const MatrixXd weighted = fit.weight ? MatrixXd(fit.weight->matrixL().solve(design)) : design;
+  MatrixXd map = weighted.completeOrthogonalDecomposition().pseudoInverse();
+  if (fit.weight) map = fit.weight->matrixU().solve(map.transpose()).transpose().eval();
+  const MatrixXd spread = map * error.matrixL();
+  estimate.covariance_kind = "covariance of the sample autocovariances at the estimate";
+  judge_parameters(estimate, information, spread * spread.transpose());
+
+  Index samples = 0;
+  for (const Dataset& data : recordings) samples += data.size();
+  const StateSpace system = als.at(fit.solution.x);
+  std::vector<StateSpace> derivatives;
+  for (const Index e : inside) derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
+  // Inputs tell nothing about noise.
+  const ExpectedInformation bound = expected_information(
+      system, model.linear.initial, samples, derivatives, MatrixXd::Zero(system.inputs(), samples));
+  if (bound.status != FilterStatus::ok) return;
+  const auto covariance = scaled_inverse(unit.asDiagonal() * bound.total * unit.asDiagonal(), 1e-9);
+  for (Index j = 0; j < k && covariance; ++j) {
+    judged[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*covariance)(j, j));
+  }
+}
+
+}  // namespace
+
+Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings,
+                  const NoiseAlsOptions& options) {
+  check_recordings(model, recordings);
+  const Als als(model, recordings);
+  if (!std::all_of(als.basis().begin(), als.basis().end(), only_noise)) {
+    throw InputError({model.path, 0, 0}, "als estimates noise, and other parameters are free",
+                     "free entries of Q, R and S only", "fix the others, or use --method ml");
+  }
+  const Fit found = fit(model, als, recordings, options);
+  Estimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = options.weighted ? "als-weighted" : "als";
+  estimate.objective.iterations = found.passes;
+  const ParameterSet end = with_entries(model.parameters, found.solution.x);
+  list_parameters(estimate, model.parameters, end);
+  judge(estimate, als, found, model, recordings);
+  estimate.notes.push_back(fmt::format("{} autocovariances of the innovations under the gain of {}",
+                                       found.regression.lags,
+                                       options.regain ? "the estimate" : "the start"));
+  conclude_noise_estimate(estimate, found.solution.summary);
+  describe_noise_estimate(estimate, model, end, recordings);
+  return estimate;
+}
+
+}  // namespace identikal

@@ -1,0 +1,144 @@
+#include "identify/noise_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "identify/filter_report.h"
+#include "lib/units.h"
+
+namespace identikal {
+
+using Eigen::Index;
+
+Index samples_present(const std::vector<Dataset>& recordings) {
+  Index samples = 0;
+  for (const Dataset& data : recordings) {
+    samples += static_cast<Index>((data.y.array() == data.y.array()).count());
+  }
+  return samples;
+}
+
+void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  const Index unknowns = coordinates(model.parameters).size();
+  if (unknowns == 0) {
+    throw InputError({model.path, 0, 0}, "nothing is free to be estimated",
+                     "at least one parameter with {value: ...} or a structured Q or R",
+                     "use 'check' to test a filter whose noise is given");
+  }
+  const Index samples = samples_present(recordings);
+  if (samples <= unknowns) {
+    throw InputError({recordings[0].name, 0, 0},
+                     fmt::format("{} samples for {} unknowns", samples, unknowns),
+                     "more samples than unknowns", "use a longer recording or fix parameters");
+  }
+  for (const Dataset& data : recordings) {
+    for (Index i = 0; i < data.y.rows(); ++i) {
+      double low = HUGE_VAL, high = -HUGE_VAL;
+      for (Index t = 0; t < data.y.cols(); ++t) {
+        if (std::isnan(data.y(i, t))) continue;
+        low = std::min(low, data.y(i, t));
+        high = std::max(high, data.y(i, t));
+      }
+      if (low >= high) {
+        throw InputError({data.name, 0, 0},
+                         fmt::format("output '{}' never changes (it is {:.6g} throughout)",
+                                     data.outputs[static_cast<std::size_t>(i)].name, low),
+                         "a channel with noise", "remove it from the model's outputs");
+      }
+    }
+    for (Index i = 0; i < data.u.rows(); ++i) {
+      for (Index t = 0; t < data.u.cols(); ++t) {
+        if (std::isfinite(data.u(i, t))) continue;
+        throw InputError({data.name, 0, 0},
+                         fmt::format("input '{}' is missing at {:.6g} s",
+                                     data.inputs[static_cast<std::size_t>(i)].name, data.time[t]),
+                         "a value in every row", "select rows with --range, or fill the gap");
+      }
+    }
+  }
+}
+
+double unit_scale(const std::string& unit) {
+  const auto parsed = parse_unit(unit);
+  return parsed ? parsed->scale : 1.0;
+}
+
+void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end) {
+  const ReportedEntries before = reported_entries(start), after = reported_entries(end);
+  for (std::size_t i = 0; i < after.names.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    EstimatedParameter p;
+    p.name = after.names[i];
+    p.unit = after.units[i];
+    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    p.value = unit.from_si(after.value[at]);
+    p.start = unit.from_si(before.value[at]);
+    p.fixed = end[static_cast<std::size_t>(after.parameter[i])].fixed;
+    estimate.parameters.push_back(std::move(p));
+  }
+}
+
+void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
+  const Identifiability& id = estimate.identifiability;
+  const bool converged = summary.usable();
+  if (!converged) {
+    // The shape of the likelihood away from its maximum says nothing about errors.
+    for (EstimatedParameter& p : estimate.parameters) {
+      if (p.fixed) continue;
+      p.se = p.se_sandwich = p.crb_se = kNone;
+      p.ci95 = {kNone, kNone};
+      if (p.verdict == Verdict::ok) p.verdict = Verdict::weak;
+    }
+    estimate.covariance_kind = "none: the search did not converge";
+  }
+  if (id.rank < id.of) {
+    estimate.status = Status::answer_no;
+    std::string names;
+    for (const EstimatedParameter& p : estimate.parameters) {
+      if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
+      names += (names.empty() ? "" : ", ") + p.name;
+    }
+    estimate.message = fmt::format("the data determine {} of {} unknowns; not determined: {}",
+                                   id.rank, id.of, names);
+    if (!converged) estimate.message += "; the search did not converge";
+    return;
+  }
+  if (!converged) {
+    estimate.status = Status::not_converged;
+    estimate.message = summary.message;
+    return;
+  }
+  estimate.status = Status::ok;
+  estimate.message = "converged";
+}
+
+void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
+                             const std::vector<Dataset>& recordings) {
+  const ReportedEntries entries = reported_entries(end);
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    double& low = estimate.parameters[i].ci95[0];
+    if (entries.variance[i] && low < 0.0) low = 0.0;
+  }
+  describe_filter(estimate, model, end, recordings);
+  Objective& objective = estimate.objective;
+  const double k = static_cast<double>(free_entries(end).size());
+  objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
+  objective.bic = k * std::log(static_cast<double>(samples_present(recordings))) -
+                  2.0 * objective.log_likelihood;
+  for (const TestResult& test : estimate.tests) {
+    if (test.pass || test.id != "ljung_box") continue;
+    estimate.warnings.push_back(
+        {"coloured_innovations",
+         "warning",
+         {test.channel},
+         fmt::format(
+             "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
+             "dynamics or coloured noise, and the errors above are too small",
+             test.channel, test.p),
+         "extend the model; a filter tuned on a wrong model is not optimal"});
+  }
+}
+
+}  // namespace identikal

@@ -1,0 +1,39 @@
+// What do all estimators of noise covariances do before and after their own work?
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/estimate.h"
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+#include "solvers/problem.h"
+
+namespace identikal {
+
+/// Measured values in all recordings together.
+Eigen::Index samples_present(const std::vector<Dataset>& recordings);
+
+/// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
+/// changes or an input has gaps
+void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings);
+
+/// SI value of one `unit`; 1 for an unknown one.
+double unit_scale(const std::string& unit);
+
+/// Values of all reported entries in the user's units, and where they started.
+void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end);
+
+/// Status and message: converged or not, and whether the data determine the unknowns. Without
+/// convergence no error is left standing.
+void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
+
+/// Intervals of variances end at zero; the filter at `end`, its tests and AIC and BIC; a warning
+/// for innovations that are not white.
+/// @throws InputError when the filter cannot run
+void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
+                             const std::vector<Dataset>& recordings);
+
+}  // namespace identikal

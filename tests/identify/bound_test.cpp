@@ -1,0 +1,121 @@
+// Cramer-Rao bounds before any data, against published ones.
+#include "identify/bound.h"
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "lib/error.h"
+#include "tests/support/matisko_systems.h"
+#include "tests/support/shared_data.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+
+ModelFile true_model(const MatiskoSystem& system, Domain domain) {
+  ModelFile model = system.model;
+  model.parameters = with_entries(model.parameters, system.truth);
+  for (Parameter& p : model.parameters) p.domain = domain;
+  return model;
+}
+
+const EstimatedParameter& named(const Estimate& estimate, const std::string& name) {
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.name == name) return p;
+  }
+  throw std::logic_error("no parameter " + name);
+}
+
+TEST(BoundOf, EqualsTheReferenceToFourDigits) {
+  IDENTIKAL_NEEDS_SHARED_FILE("noise/crb.json");
+  const auto reference = nlohmann::json::parse(std::ifstream(shared_file("noise/crb.json")));
+  // The reference is asymptotic; so is a very long recording.
+  constexpr Index kLong = 1000000000;
+  double worst = 0.0, finite = 0.0;
+  for (const auto& [key, number, domain] :
+       {std::tuple{"sys1", 1, Domain::diagonal}, std::tuple{"sys5", 5, Domain::diagonal},
+        std::tuple{"sys6", 6, Domain::diagonal}, std::tuple{"sys7", 7, Domain::diagonal},
+        std::tuple{"sys6_full", 6, Domain::positive_definite},
+        std::tuple{"sys7_full", 7, Domain::positive_definite}}) {
+    const MatiskoSystem system = matisko_system(number);
+    BoundOptions options;
+    options.samples = kLong;
+    const Estimate estimate = bound_of(true_model(system, domain), options, nullptr);
+    options.samples = system.samples;
+    const Estimate planned = bound_of(true_model(system, domain), options, nullptr);
+    const double longer = static_cast<double>(kLong) / static_cast<double>(system.samples);
+    ASSERT_EQ(estimate.status, Status::ok) << key;
+    for (const auto& [entry, value] : reference.at(key).items()) {
+      // "Q12" there is Q(2,1) here.
+      const std::string name = std::string(1, entry[0]) + "(" + entry[2] + "," + entry[1] + ")";
+      const double expected = value.at("std").get<double>();
+      const double actual = named(estimate, name).crb_se * std::sqrt(longer);
+      worst = std::max(worst, std::abs(actual / expected - 1.0));
+      finite = std::max(finite, std::abs(named(planned, name).crb_se / expected - 1.0));
+    }
+  }
+  std::printf("bounds of crb.json: %.1e apart, %.1e for the finite recording\n", worst, finite);
+  EXPECT_LT(worst, 5e-5);
+  EXPECT_LT(finite, 2e-3);
+}
+
+TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
+  const ModelFile model = true_model(matisko_system(1), Domain::diagonal);
+  BoundOptions options;
+  options.samples = 1000;
+  options.accuracy = 0.1;
+  const Estimate estimate = bound_of(model, options, nullptr);
+  const EstimatedParameter& R = named(estimate, "R(1,1)");
+  const double needed = estimate.bound->samples_needed[1];
+  std::printf("System 1: R %.1f %% at N = 1000, %.0f samples for 10 %%\n", 100.0 * R.crb_se,
+              needed);
+  EXPECT_NEAR(100.0 * R.crb_se, 71.1, 0.05);
+  options.samples = static_cast<Index>(needed);
+  EXPECT_NEAR(named(bound_of(model, options, nullptr), "R(1,1)").crb_se, 0.1, 1e-4);
+  // 2 Q^2 / t and 2 R^2 / t of the source, chapter 6.
+  EXPECT_NEAR(estimate.bound->complete_se[0], 10.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(estimate.bound->complete_se[1], 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+}
+
+TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
+  const MatiskoSystem system = matisko_system(7);
+  const ModelFile model = true_model(system, Domain::diagonal);
+  BoundOptions options;
+  options.samples = 3000;
+  const Estimate estimate = bound_of(model, options, nullptr);
+  for (Index i = 0; i < system.truth.size(); ++i) {
+    Eigen::VectorXd up = system.truth, down = up;
+    up[i] *= 1.0 + 1e-5;
+    down[i] *= 1.0 - 1e-5;
+    const auto gain = [&](const Eigen::VectorXd& at) {
+      return steady_state(instantiate(model.linear, with_entries(model.parameters, at)))->K;
+    };
+    const Eigen::MatrixXd change = (gain(up) - gain(down)) * (0.01 / 2e-5);
+    EXPECT_LT((estimate.bound->gain_change[static_cast<std::size_t>(i)] - change).norm(), 1e-9);
+  }
+}
+
+TEST(BoundOf, WhatNoRecordingDetermines) {
+  // Two noises into one output: only their sum shows.
+  MatiskoSystem system = matisko_system(1);
+  system.model.linear.G.constant = Eigen::RowVector2d(1.0, 1.0);
+  system.model.linear.S.constant = Eigen::MatrixXd::Zero(2, 1);
+  system.model.parameters[0].value = Eigen::MatrixXd::Identity(2, 2);
+  BoundOptions options;
+  options.samples = 1000;
+  const Estimate estimate = bound_of(system.model, options, nullptr);
+  EXPECT_EQ(estimate.status, Status::answer_no);
+  EXPECT_EQ(estimate.identifiability.rank, 2);
+  EXPECT_TRUE(std::isnan(named(estimate, "Q(1,1)").crb_se));
+  EXPECT_FALSE(std::isnan(named(estimate, "R(1,1)").crb_se));
+  for (Parameter& p : system.model.parameters) p.fixed = true;
+  EXPECT_THROW(bound_of(system.model, options, nullptr), InputError);
+}
+
+}  // namespace
+}  // namespace identikal
