@@ -2,16 +2,11 @@
 #include <cmath>
 #include <cstdio>
 
-#include <Eigen/LU>
 #include <gtest/gtest.h>
 
 #include "identify/noise_ml.h"
-#include "lib/csv.h"
-#include "lib/likelihood.h"
 #include "lib/random.h"
-#include "tests/support/matisko_systems.h"
-#include "tests/support/scalar_case.h"
-#include "tests/support/shared_data.h"
+#include "tests/support/noise_study.h"
 
 namespace identikal {
 namespace {
@@ -86,70 +81,20 @@ TEST(NoiseMlStudy, FullCovarianceFindsTheTruth) {
   }
 }
 
-struct Study {
-  VectorXd ratio;     // standard deviation / Cramér-Rao bound of each entry
-  VectorXd mean;      // / truth
-  VectorXd coverage;  // of 95 % intervals
-  int runs = 0, not_ok = 0;
-};
-
-// The bound at the truth, from the information of one long simulated recording.
-VectorXd bound_sd(const MatiskoSystem& system) {
-  Random random(1);
-  const MatrixXd y = simulate_matisko(system, random), u(0, y.cols());
-  LikelihoodEngine engine;
-  engine.add_recording(y, u);
-  const Likelihood l =
-      engine.evaluate(true_system(system), InitialState::stationary,
-                      model_derivatives(system.model.linear, system.model.parameters));
-  EXPECT_EQ(engine.path_taken().path, Path::compressed);  // where it is the exact expectation
-  return l.information.inverse().diagonal().cwiseSqrt();
-}
-
-Study study(const MatiskoSystem& system, const std::vector<MatrixXd>& recordings) {
-  const Eigen::Index k = system.truth.size();
-  const auto runs = static_cast<Eigen::Index>(recordings.size());
-  MatrixXd estimates(k, runs);
-  Study out;
-  out.runs = static_cast<int>(runs);
-  out.coverage = VectorXd::Zero(k);
+NoiseStudy ml_study(const MatiskoSystem& system, const std::vector<MatrixXd>& recordings) {
   NoiseMlOptions options;
   options.starts = 1;
-  for (Eigen::Index run = 0; run < runs; ++run) {
-    const Estimate e =
-        tune_ml(system.model, {dataset_of(recordings[static_cast<std::size_t>(run)])}, options);
-    out.not_ok += e.status != Status::ok;
-    for (Eigen::Index i = 0; i < k; ++i) {
-      const EstimatedParameter& p = e.parameters[static_cast<std::size_t>(i)];
-      estimates(i, run) = p.value;
-      out.coverage[i] += (p.ci95[0] <= system.truth[i] && system.truth[i] <= p.ci95[1]) /
-                         static_cast<double>(runs);
-    }
-  }
-  const VectorXd mean = estimates.rowwise().mean();
-  const VectorXd sd =
-      ((estimates.colwise() - mean).rowwise().squaredNorm() / static_cast<double>(runs - 1))
-          .cwiseSqrt();
-  out.mean = mean.cwiseQuotient(system.truth);
-  out.ratio = sd.cwiseQuotient(bound_sd(system));
-  printf("System %d, %d runs, %d not ok\n  mean / truth", system.number, out.runs, out.not_ok);
-  for (const double v : out.mean) printf(" %.3f", v);
-  printf("\n  sd / bound  ");
-  for (const double v : out.ratio) printf(" %.3f", v);
-  printf("\n  coverage    ");
-  for (const double v : out.coverage) printf(" %.3f", v);
-  printf("\n");
-  return out;
+  return study(
+      "ml, System " + std::to_string(system.number), system, recordings,
+      [&](const std::vector<Dataset>& data) { return tune_ml(system.model, data, options); });
 }
 
 // 500 runs know a standard deviation to 3 % and a coverage of 95 % to 1 %.
 TEST(NoiseMlStudy, SystemsSixAndSevenReachTheBound) {
   for (const int number : {6, 7}) {
     const MatiskoSystem system = matisko_system(number);
-    Random random(static_cast<std::uint64_t>(number));
-    std::vector<MatrixXd> recordings;
-    for (int run = 0; run < 500; ++run) recordings.push_back(simulate_matisko(system, random));
-    const Study s = study(system, recordings);
+    const NoiseStudy s =
+        ml_study(system, simulated_recordings(system, 500, static_cast<std::uint64_t>(number)));
     EXPECT_EQ(s.not_ok, 0);
     EXPECT_GE(s.ratio.minCoeff(), 0.85);
     EXPECT_LE(s.ratio.maxCoeff(), 1.15);
@@ -165,19 +110,7 @@ TEST(NoiseMlStudy, ReferenceRecordings) {
     const std::string file = "noise/sys" + std::to_string(number) + ".csv";
     IDENTIKAL_NEEDS_SHARED_FILE(file);
     const MatiskoSystem system = matisko_system(number);
-    const Table table = read_csv(shared_file(file));
-    const Eigen::Index ny = system.model.linear.C.constant.rows();
-    std::vector<MatrixXd> recordings;
-    for (std::size_t c = 0; c < table.columns.size(); c += static_cast<std::size_t>(ny)) {
-      MatrixXd y(ny, static_cast<Eigen::Index>(table.rows));
-      for (Eigen::Index i = 0; i < ny; ++i) {
-        y.row(i) = Eigen::Map<const Eigen::RowVectorXd>(
-            table.columns[c + static_cast<std::size_t>(i)].values.data(), y.cols());
-      }
-      recordings.push_back(y);
-    }
-    ASSERT_EQ(recordings.size(), 50u);
-    const Study s = study(system, recordings);
+    const NoiseStudy s = ml_study(system, reference_recordings(system));
     EXPECT_EQ(s.not_ok, 0);
     EXPECT_LE(s.ratio.maxCoeff(), 1.35);
     if (number == 6 || number == 7) {

@@ -1,6 +1,8 @@
-// Systems 1, 5, 6 and 7 of Matisko (2013), chapter 6, with Q and R diagonal and free.
+// Systems 1, 5, 6 and 7 of Matisko (2013), chapter 6, and two others that papers on noise
+// estimation use, with Q and R diagonal and free.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,11 +14,32 @@
 namespace identikal {
 
 struct MatiskoSystem {
-  int number;
+  int number = 0;  ///< 0 = not one of the source's
   Eigen::Index samples;
   ModelFile model;        ///< every variance starts at 1
   Eigen::VectorXd truth;  ///< diagonal of Q, then of R
 };
+
+/// What follows from A, G, C and the variances.
+inline void complete(MatiskoSystem& system, const Eigen::VectorXd& q, const Eigen::VectorXd& r) {
+  LinearModel& m = system.model.linear;
+  const Eigen::Index n = m.A.constant.rows(), ny = m.C.constant.rows();
+  m.B.constant.resize(n, 0);
+  m.D.constant.resize(ny, 0);
+  m.S.constant = Eigen::MatrixXd::Zero(q.size(), ny);
+  for (const auto& [name, size] : {std::pair{"Q", q.size()}, std::pair{"R", ny}}) {
+    Parameter block;
+    block.name = name;
+    block.domain = Domain::diagonal;
+    block.value = Eigen::MatrixXd::Identity(size, size);
+    system.model.parameters.push_back(block);
+  }
+  m.Q.block = 0;
+  m.R.block = 1;
+  m.initial = InitialState::stationary;
+  system.truth.resize(q.size() + r.size());
+  system.truth << q, r;
+}
 
 inline MatiskoSystem matisko_system(int number) {
   using Eigen::MatrixXd;
@@ -55,22 +78,42 @@ inline MatiskoSystem matisko_system(int number) {
     q = Eigen::Vector3d(10, 3, 7);
     r = Eigen::Vector2d(1.5, 3);
   }
-  const Eigen::Index n = m.A.constant.rows(), ny = m.C.constant.rows();
-  m.B.constant.resize(n, 0);
-  m.D.constant.resize(ny, 0);
-  m.S.constant = MatrixXd::Zero(q.size(), ny);
-  for (const auto& [name, size] : {std::pair{"Q", q.size()}, std::pair{"R", ny}}) {
-    Parameter block;
-    block.name = name;
-    block.domain = Domain::diagonal;
-    block.value = MatrixXd::Identity(size, size);
-    out.model.parameters.push_back(block);
-  }
-  m.Q.block = 0;
-  m.R.block = 1;
-  m.initial = InitialState::stationary;
-  out.truth.resize(q.size() + r.size());
-  out.truth << q, r;
+  complete(out, q, r);
+  return out;
+}
+
+/// A double integrator, position measured: Zhang et al. (2020), IEEE Access 8, case 1.
+inline MatiskoSystem zhang_kinematic() {
+  MatiskoSystem out;
+  LinearModel& m = out.model.linear;
+  out.model.name = "kinematic";
+  out.samples = 1000;
+  m.A.constant = (Eigen::MatrixXd(2, 2) << 1, 0.1, 0, 1).finished();
+  m.G.constant = Eigen::Vector2d(0.005, 0.1);
+  m.C.constant = Eigen::RowVector2d(1, 0);
+  complete(out, Eigen::VectorXd::Constant(1, 0.0025), Eigen::VectorXd::Constant(1, 0.01));
+  for (Parameter& p : out.model.parameters) p.value.setConstant(0.1);  // as published
+  m.initial = InitialState::diffuse;
+  return out;
+}
+
+/// An inertial navigation system: Mehra (1970), IEEE Trans. Automatic Control 15.
+inline MatiskoSystem mehra_inertial() {
+  MatiskoSystem out;
+  LinearModel& m = out.model.linear;
+  out.model.name = "inertial";
+  out.samples = 10000;
+  m.A.constant = (Eigen::MatrixXd(5, 5) << 0.75, -1.74, -0.3, 0, -0.15, 0.09, 0.91, -0.0015, 0,
+                  -0.008, 0, 0, 0.95, 0, 0, 0, 0, 0, 0.55, 0, 0, 0, 0, 0, 0.905)
+                     .finished();
+  m.G.constant = Eigen::MatrixXd::Zero(5, 3);
+  m.G.constant(2, 0) = 24.64;
+  m.G.constant(3, 1) = 0.835;
+  m.G.constant(4, 2) = 1.83;
+  m.C.constant = (Eigen::MatrixXd(2, 5) << 1, 0, 0, 0, 1, 0, 1, 0, 1, 0).finished();
+  complete(out, Eigen::VectorXd::Ones(3), Eigen::VectorXd::Ones(2));
+  out.model.parameters[0].value.diagonal() = Eigen::Vector3d(0.25, 0.5, 0.75);
+  out.model.parameters[1].value.diagonal() = Eigen::Vector2d(0.4, 0.6);
   return out;
 }
 
@@ -79,11 +122,14 @@ inline StateSpace true_system(const MatiskoSystem& system) {
   return instantiate(system.model.linear, with_entries(system.model.parameters, system.truth));
 }
 
-/// A realisation that starts stationary.
+/// A realisation that starts stationary, or at zero where there is no stationary state.
 inline Eigen::MatrixXd simulate_matisko(const MatiskoSystem& system, Random& random) {
   const StateSpace m = true_system(system);
-  const Eigen::MatrixXd P = *solve_discrete_lyapunov(m.A, m.G * m.Q * m.G.transpose());
-  Eigen::VectorXd x = semidefinite_factor(P) * random.normal(m.states());
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(m.states());
+  if (system.model.linear.initial == InitialState::stationary) {
+    const Eigen::MatrixXd P = *solve_discrete_lyapunov(m.A, m.G * m.Q * m.G.transpose());
+    x = semidefinite_factor(P) * random.normal(m.states());
+  }
   const Eigen::MatrixXd Lq = m.G * semidefinite_factor(m.Q), Lr = semidefinite_factor(m.R);
   Eigen::MatrixXd y(m.outputs(), system.samples);
   for (Eigen::Index t = 0; t < system.samples; ++t) {
