@@ -17,6 +17,7 @@
 #include "identify/info.h"
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
+#include "identify/noise_auto.h"
 #include "identify/noise_ml.h"
 #include "identify/report.h"
 #include "identify/simulate.h"
@@ -178,10 +179,12 @@ int run_estimator(const Arguments& args) {
     throw InputError({}, fmt::format("{} recordings of a vehicle", args.data.size()),
                      "one: identikal fit MODEL DATA", "fit them one by one");
   }
-  if (args.method == "ml" && (args.lags > 0 || args.regain)) {
-    throw InputError(
-        {}, fmt::format("{} has no meaning with --method ml", args.regain ? "--regain" : "--lags"),
-        "--method als or als-weighted");
+  const bool als = args.method == "als" || args.method == "als-weighted";
+  if (!als && (args.lags > 0 || args.regain)) {
+    throw InputError({},
+                     fmt::format("{} has no meaning with --method {}",
+                                 args.regain ? "--regain" : "--lags", args.method),
+                     "--method als or als-weighted");
   }
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
@@ -195,7 +198,7 @@ int run_estimator(const Arguments& args) {
     options.seed = static_cast<std::uint64_t>(args.seed);
     progress.show("fitting the vehicle ...");
     estimate = fit_vehicle(model, recordings.data.front(), options);
-  } else if (args.method == "als" || args.method == "als-weighted") {
+  } else if (als) {
     NoiseAlsOptions options;
     options.weighted = args.method == "als-weighted";
     options.lags = args.lags;
@@ -212,7 +215,8 @@ int run_estimator(const Arguments& args) {
       progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
                                 args.starts, iteration, L));
     };
-    estimate = tune_ml(model, recordings.data, options);
+    estimate = args.method == "auto" ? tune_auto(model, recordings.data, options)
+                                     : tune_ml(model, recordings.data, options);
   }
   progress.clear();
   return finish(args, recordings, estimate, begin);
@@ -378,8 +382,9 @@ int run(int argc, char** argv) {
         ->capture_default_str();
     if (std::string(name) == "tune") {
       verb->add_option("--method", args.method,
-                       "ml: maximum likelihood; als-weighted, als: autocovariance least squares")
-          ->check(CLI::IsMember({"ml", "als", "als-weighted"}))
+                       "ml: maximum likelihood; als-weighted, als: autocovariance least squares; "
+                       "auto: ml from the start that als-weighted finds, and both compared")
+          ->check(CLI::IsMember({"ml", "als", "als-weighted", "auto"}))
           ->capture_default_str();
       verb->add_option("--lags", args.lags, "als: autocovariances used; 0: as many as tell")
           ->check(CLI::Range(0L, 1000L));

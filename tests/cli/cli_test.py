@@ -66,6 +66,35 @@ class Tune(unittest.TestCase):
         self.assertAlmostEqual(out["objective"]["log_likelihood"], -17811.7503130, delta=1e-6)
         self.assertEqual(out["objective"]["starts_agree"], out["objective"]["starts"])
 
+    def test_als_of_system_7(self):
+        data = shared("likelihood/sys7.csv")
+        ml = result("tune", ROOT / "examples/system7.yaml", data)
+        for extra in ([], ["--regain"], ["--lags", 30]):
+            out = result("tune", ROOT / "examples/system7.yaml", data, "--method", "als-weighted", *extra)
+            for a, b in zip(out["parameters"], ml["parameters"], strict=True):
+                self.assertLess(abs(a["value"] - b["value"]), 0.5 * b["se"], a["name"])
+                self.assertAlmostEqual(a["crb_se"] / b["crb_se"], 1, delta=0.05)
+        self.assertEqual(result("tune", ROOT / "examples/system7.yaml", data, "--method", "als")["objective"]["method"],
+                         "als")
+
+    def test_auto_is_ml_with_a_second_opinion(self):
+        data = shared("likelihood/sys7.csv")
+        auto = result("tune", ROOT / "examples/system7.yaml", data, "--method", "auto")
+        ml = result("tune", ROOT / "examples/system7.yaml", data)
+        self.assertEqual(auto["objective"]["method"], "auto")
+        self.assertEqual([], [w for w in auto["warnings"] if w["code"] == "methods_disagree"])
+        for a, b in zip(auto["parameters"], ml["parameters"], strict=True):
+            self.assertAlmostEqual(a["value"] / b["value"], 1, delta=1e-6)
+
+    def test_bound(self):
+        out = result("bound", NILE[0], "-n", 100, "--set", "q=1469.1", "--set", "r=15099", "--accuracy", "10%")
+        self.assertEqual(out["bound"]["samples"], 100)
+        needed = [p["samples_needed"] for p in out["bound"]["parameters"]]
+        self.assertAlmostEqual(needed[0], 100 * (out["parameters"][0]["crb_se"] / 146.91) ** 2, delta=0.05 * needed[0])
+        with Folder() as folder:
+            run("bound", NILE[0], "-n", 100, "-o", folder.path, code=0)
+            self.assertEqual(["result.json"], [f.name for f in folder.path.iterdir()])
+
     def test_same_bytes_but_for_the_time(self):
         first, second = (result("tune", *NILE) for _ in range(2))
         first["timing_s"] = second["timing_s"] = 0
@@ -246,6 +275,9 @@ class BadInput(unittest.TestCase):
         self.refused(["'p'"], "tune", *NILE, "--set", "p=1")
         self.refused(["range"], "tune", *NILE, "--range", "1to5")
         self.refused(["-n"], "simulate", NILE[0])
+        self.refused(["-n"], "bound", NILE[0])
+        self.refused(["--accuracy"], "bound", NILE[0], "-n", 100, "--accuracy", "-1")
+        self.refused(["--lags"], "tune", *NILE, "--lags", 5)
 
     def test_output_folder(self):
         blocked = self.folder.write("file", "not a folder")
