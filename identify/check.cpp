@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter_report.h"
+#include "identify/suspect_data.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -34,6 +35,7 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
                      "at least one measured row");
   }
 
+  warn_of_suspect_data(estimate, model, model.parameters, recordings);
   std::string failed;
   for (const TestResult& test : estimate.tests) {
     if (test.pass) continue;

@@ -21,6 +21,7 @@
 #include "identify/noise_ml.h"
 #include "identify/report.h"
 #include "identify/simulate.h"
+#include "identify/suspect_data.h"
 #include "identify/vehicle_fit.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
@@ -41,7 +42,7 @@ struct Arguments {
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy;
-  bool regain = false;
+  bool regain = false, robust = false;
   long lags = 0;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
@@ -124,6 +125,8 @@ Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   return out;
 }
 
+bool is_als(const Arguments& args) { return args.method == "als" || args.method == "als-weighted"; }
+
 // One line that rewrites itself, on a terminal only.
 class Progress {
  public:
@@ -166,6 +169,29 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   return exit_code(estimate, args.strict);
 }
 
+Estimate tune_noise(const Arguments& args, const ModelFile& model,
+                    const std::vector<Dataset>& recordings, Progress& progress) {
+  if (is_als(args)) {
+    NoiseAlsOptions options;
+    options.weighted = args.method == "als-weighted";
+    options.lags = args.lags;
+    options.regain = args.regain;
+    return tune_als(model, recordings, options);
+  }
+  NoiseMlOptions options;
+  options.starts = args.starts;
+  options.seed = static_cast<std::uint64_t>(args.seed);
+  for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
+    if (args.path == to_string(path)) options.path = path;
+  }
+  options.progress = [&](int start, int iteration, double L) {
+    progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
+                              args.starts, iteration, L));
+  };
+  return args.method == "auto" ? tune_auto(model, recordings, options)
+                               : tune_ml(model, recordings, options);
+}
+
 int run_estimator(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
@@ -179,8 +205,7 @@ int run_estimator(const Arguments& args) {
     throw InputError({}, fmt::format("{} recordings of a vehicle", args.data.size()),
                      "one: identikal fit MODEL DATA", "fit them one by one");
   }
-  const bool als = args.method == "als" || args.method == "als-weighted";
-  if (!als && (args.lags > 0 || args.regain)) {
+  if (!is_als(args) && (args.lags > 0 || args.regain)) {
     throw InputError({},
                      fmt::format("{} has no meaning with --method {}",
                                  args.regain ? "--regain" : "--lags", args.method),
@@ -198,25 +223,11 @@ int run_estimator(const Arguments& args) {
     options.seed = static_cast<std::uint64_t>(args.seed);
     progress.show("fitting the vehicle ...");
     estimate = fit_vehicle(model, recordings.data.front(), options);
-  } else if (als) {
-    NoiseAlsOptions options;
-    options.weighted = args.method == "als-weighted";
-    options.lags = args.lags;
-    options.regain = args.regain;
-    estimate = tune_als(model, recordings.data, options);
   } else {
-    NoiseMlOptions options;
-    options.starts = args.starts;
-    options.seed = static_cast<std::uint64_t>(args.seed);
-    for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
-      if (args.path == to_string(path)) options.path = path;
-    }
-    options.progress = [&](int start, int iteration, double L) {
-      progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
-                                args.starts, iteration, L));
+    const auto tune = [&](const std::vector<Dataset>& data) {
+      return tune_noise(args, model, data, progress);
     };
-    estimate = args.method == "auto" ? tune_auto(model, recordings.data, options)
-                                     : tune_ml(model, recordings.data, options);
+    estimate = args.robust ? tune_robust(model, recordings.data, tune) : tune(recordings.data);
   }
   progress.clear();
   return finish(args, recordings, estimate, begin);
@@ -388,6 +399,7 @@ int run(int argc, char** argv) {
           ->capture_default_str();
       verb->add_option("--lags", args.lags, "als: autocovariances used; 0: as many as tell")
           ->check(CLI::Range(0L, 1000L));
+      verb->add_flag("--robust", args.robust, "leave out samples that are outliers");
       verb->add_flag("--regain", args.regain, "als: repeat with the estimate's own gain");
       verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")
           ->check(CLI::IsMember({"automatic", "direct", "steady", "compressed"}));

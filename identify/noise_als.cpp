@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -331,6 +332,26 @@ std::vector<bool> at_boundary(const Fit& fit, const std::vector<PsdBlock>& block
   return out;
 }
 
+// S with theta - truth = S n, n of unit covariance, for the columns of `design`.
+MatrixXd map_of_errors(const Als& als, const Fit& fit, const MatrixXd& design) {
+  const MatrixXd weighted = fit.weight ? MatrixXd(fit.weight->matrixL().solve(design)) : design;
+  MatrixXd map = weighted.completeOrthogonalDecomposition().pseudoInverse();
+  if (fit.weight) map = fit.weight->matrixU().solve(map.transpose()).transpose().eval();
+  return map * als.error_factor(fit.regression, fit.L, fit.solution.x).matrixL();
+}
+
+// A variance that is held at zero has an upper limit: what its error would be without the
+// constraint, one-sided 95 %.
+std::string boundary_text(EstimatedParameter& p, const Als& als, const Fit& fit, Index unknown) {
+  constexpr double kOneSided = 1.6448536269514722;
+  if (fit.solution.x[unknown] != 0.0) return p.name + " is held at the boundary of definiteness";
+  const MatrixXd spread = map_of_errors(als, fit, fit.regression.design);
+  const double se = spread.row(unknown).norm() / unit_scale(p.unit);
+  p.ci95 = {0.0, kOneSided * se};
+  return fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
+                     p.ci95[1]);
+}
+
 void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& model,
            const std::vector<Dataset>& recordings) {
   const std::vector<bool> boundary = at_boundary(fit, als.blocks());
@@ -343,7 +364,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
     if (boundary[static_cast<std::size_t>(i)]) {
       p.verdict = Verdict::at_bound;
       estimate.warnings.push_back(
-          {"at_bound", "note", {p.name}, p.name + " is held at the boundary of definiteness", ""});
+          {"at_bound", "note", {p.name}, boundary_text(p, als, fit, i), ""});
     } else {
       inside.push_back(i);
       judged.push_back(&p);
@@ -362,11 +383,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
   const MatrixXd whitened = error.matrixL().solve(design);
   const MatrixXd information = whitened.transpose() * whitened;
-  // theta - truth = map (sample - its expectation).
-  const MatrixXd weighted = fit.weight ? MatrixXd(fit.weight->matrixL().solve(design)) : design;
-  MatrixXd map = weighted.completeOrthogonalDecomposition().pseudoInverse();
-  if (fit.weight) map = fit.weight->matrixU().solve(map.transpose()).transpose().eval();
-  const MatrixXd spread = map * error.matrixL();
+  const MatrixXd spread = map_of_errors(als, fit, design);
   estimate.covariance_kind = "covariance of the sample autocovariances at the estimate";
   judge_parameters(estimate, information, spread * spread.transpose());
 

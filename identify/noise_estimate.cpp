@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter_report.h"
+#include "identify/suspect_data.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -122,6 +123,13 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
     if (entries.variance[i] && low < 0.0) low = 0.0;
   }
   describe_filter(estimate, model, end, recordings);
+  warn_of_suspect_data(estimate, model, end, recordings);
+  const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                   [](const Warning& w) { return w.severity == "serious"; });
+  if (serious && estimate.status == Status::ok) {
+    estimate.status = Status::untrusted;
+    estimate.message += ", but the data do not fit the model: see the warnings";
+  }
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;

@@ -1,0 +1,251 @@
+#include "identify/suspect_data.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include <Eigen/LU>
+#include <fmt/format.h>
+
+#include "lib/kalman.h"
+#include "lib/matrix_equations.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kOutlier = 6.0;   // robust standard deviations
+constexpr double kOffset = 5.0;    // standard errors of the mean
+constexpr double kSerious = 0.05;  // share of the innovations' power
+
+std::vector<MatrixXd> innovations(const ModelFile& model, const ParameterSet& parameters,
+                                  const std::vector<Dataset>& recordings) {
+  const StateSpace system = instantiate(model.linear, parameters);
+  std::vector<MatrixXd> out;
+  for (const Dataset& data : recordings) {
+    const FilterResult filter =
+        kalman_filter(system, model.linear.initial, data.y, model_inputs(model.linear, data.u),
+                      Keep::innovations);
+    out.push_back(filter.status == FilterStatus::ok
+                      ? filter.e
+                      : MatrixXd::Constant(data.y.rows(), data.size(), kNone));
+  }
+  return out;
+}
+
+// 1.4826 median |e| of one channel over all recordings; 0 when there is nothing.
+double robust_deviation(const std::vector<MatrixXd>& e, Index channel) {
+  std::vector<double> sizes;
+  for (const MatrixXd& one : e) {
+    for (Index t = 0; t < one.cols(); ++t) {
+      if (!std::isnan(one(channel, t))) sizes.push_back(std::abs(one(channel, t)));
+    }
+  }
+  if (sizes.empty()) return 0.0;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return 1.4826 * *middle;
+}
+
+// How long a disturbed prediction stays disturbed.
+Index memory(const StateSpace& system) {
+  constexpr Index kMost = 1000;
+  const auto steady = steady_state(system);
+  if (!steady) return kMost;
+  const MatrixXd F = system.A - steady->K * system.C;
+  MatrixXd power = F;
+  Index k = 1;
+  while (k < kMost && power.norm() > 0.01) {
+    power = (F * power).eval();
+    ++k;
+  }
+  return k;
+}
+
+std::string first_times(const std::vector<Dataset>& recordings,
+                        const std::vector<Outlier>& outliers) {
+  constexpr std::size_t kShown = 3;
+  std::string out;
+  for (std::size_t i = 0; i < std::min(kShown, outliers.size()); ++i) {
+    const Dataset& data = recordings[outliers[i].recording];
+    out += fmt::format("{}{:.6g} s{}", i > 0 ? ", " : "", data.time[outliers[i].sample],
+                       recordings.size() > 1 ? " of " + data.name : "");
+  }
+  return out + (outliers.size() > kShown ? ", ..." : "");
+}
+
+void warn_of_outliers(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                      const std::vector<Dataset>& recordings, const std::vector<MatrixXd>& e) {
+  const std::vector<Outlier> outliers = find_outliers(model, parameters, recordings);
+  for (std::size_t c = 0; c < model.outputs.size(); ++c) {
+    std::vector<Outlier> here;
+    std::copy_if(outliers.begin(), outliers.end(), std::back_inserter(here),
+                 [c](const Outlier& o) { return o.channel == static_cast<Index>(c); });
+    if (here.empty()) continue;
+    double power = 0.0, of_outliers = 0.0;
+    for (std::size_t r = 0; r < e.size(); ++r) {
+      const auto row = e[r].row(static_cast<Index>(c)).array();
+      power += row.isNaN().select(0.0, row.square()).sum();
+    }
+    for (const Outlier& o : here) of_outliers += std::pow(e[o.recording](o.channel, o.sample), 2);
+    const double share = of_outliers / power;
+    estimate.warnings.push_back(
+        {"outliers",
+         share > kSerious ? "serious" : "warning",
+         {model.outputs[c].name},
+         fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
+                     "and make{} up {:.2g} % of the innovations' power",
+                     here.size(), here.size() > 1 ? "s" : "", model.outputs[c].name,
+                     first_times(recordings, here), here.size() > 1 ? "" : "s",
+                     std::max_element(here.begin(), here.end(),
+                                      [](const Outlier& a, const Outlier& b) {
+                                        return a.deviations < b.deviations;
+                                      })
+                         ->deviations,
+                     here.size() > 1 ? "" : "s", 100.0 * share),
+         "--robust leaves them out; or empty their cells: missing samples are exact"});
+  }
+}
+
+// Innovations with a mean: what constant in the outputs would give it?
+void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                    const std::vector<MatrixXd>& e) {
+  const auto ny = static_cast<Index>(model.outputs.size());
+  VectorXd mean(ny), power(ny), count = VectorXd::Zero(ny);
+  mean.setZero();
+  power.setZero();
+  for (const MatrixXd& one : e) {
+    const auto present = (one.array() == one.array());
+    mean += present.select(one, 0.0).rowwise().sum();
+    power += present.select(one, 0.0).rowwise().squaredNorm();
+    count += present.cast<double>().matrix().rowwise().sum();
+  }
+  mean = mean.cwiseQuotient(count);
+  power = power.cwiseQuotient(count);
+  const StateSpace system = instantiate(model.linear, parameters);
+  VectorXd offset = VectorXd::Constant(ny, kNone);
+  if (const auto steady = steady_state(system)) {
+    const Index n = system.states();
+    const MatrixXd F = system.A - steady->K * system.C;
+    const MatrixXd seen = MatrixXd::Identity(ny, ny) -
+                          system.C * (MatrixXd::Identity(n, n) - F).partialPivLu().solve(steady->K);
+    const Eigen::FullPivLU<MatrixXd> lu(seen);
+    if (lu.rcond() > 1e-8) offset = lu.solve(mean);
+  }
+  for (Index i = 0; i < ny; ++i) {
+    const double share = mean[i] * mean[i] / power[i];
+    if (!(share * count[i] > kOffset * kOffset)) continue;
+    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
+    const double scale = parse_unit(source.unit).value_or(Unit{}).scale;
+    const std::string unit = source.unit.empty() ? "" : " " + source.unit;
+    const bool known = std::isfinite(offset[i]);
+    estimate.warnings.push_back(
+        {"offset",
+         share > kSerious ? "serious" : "warning",
+         {source.name},
+         fmt::format("the innovations of '{}' have the mean {:.4g}{}, {:.2g} % of their power; the "
+                     "model takes it for noise{}",
+                     source.name, mean[i] / scale, unit, 100.0 * share,
+                     known ? fmt::format(". An offset of {:.4g}{} in '{}' would explain it",
+                                         offset[i] / scale, unit, source.name)
+                           : ""),
+         known ? "subtract the offset, or add it to the model as a constant state"
+               : "add a drift or a constant input to the model"});
+  }
+}
+
+}  // namespace
+
+std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings) {
+  constexpr int kMostPasses = 200;
+  const Index apart = memory(instantiate(model.linear, parameters));
+  std::vector<Outlier> out;
+  std::vector<Dataset> rest = recordings;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    const std::vector<MatrixXd> e = innovations(model, parameters, rest);
+    std::vector<Outlier> found;
+    const Index ny = rest[0].y.rows();
+    VectorXd deviation(ny);
+    for (Index i = 0; i < ny; ++i) deviation[i] = robust_deviation(e, i);
+    for (std::size_t r = 0; r < rest.size(); ++r) {
+      for (Index t = 0; t < rest[r].size(); ++t) {
+        // The worst channel: by correlation it disturbs the others of its sample.
+        Index worst = 0;
+        const VectorXd size = e[r].col(t).cwiseAbs().cwiseQuotient(deviation);
+        for (Index i = 0; i < ny; ++i) {
+          if (std::isnan(size[worst]) || size[i] > size[worst]) worst = i;
+        }
+        if (!(deviation[worst] > 0.0 && size[worst] > kOutlier)) continue;
+        found.push_back({r, worst, t, size[worst]});
+        t += apart;
+      }
+    }
+    if (found.empty()) break;
+    out.insert(out.end(), found.begin(), found.end());
+    rest = without(std::move(rest), found);
+  }
+  std::sort(out.begin(), out.end(), [](const Outlier& a, const Outlier& b) {
+    return std::tie(a.recording, a.sample, a.channel) < std::tie(b.recording, b.sample, b.channel);
+  });
+  return out;
+}
+
+std::vector<Dataset> without(std::vector<Dataset> recordings,
+                             const std::vector<Outlier>& outliers) {
+  for (const Outlier& o : outliers) recordings[o.recording].y(o.channel, o.sample) = kNone;
+  return recordings;
+}
+
+void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
+                          const ParameterSet& parameters, const std::vector<Dataset>& recordings) {
+  const std::vector<MatrixXd> e = innovations(model, parameters, recordings);
+  warn_of_outliers(estimate, model, parameters, recordings, e);
+  warn_of_offset(estimate, model, parameters, e);
+}
+
+Estimate tune_robust(
+    const ModelFile& model, const std::vector<Dataset>& recordings,
+    const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator) {
+  constexpr int kMostPasses = 10;
+  std::vector<Outlier> left_out;
+  Estimate out = estimator(recordings);
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    // Judged anew on all samples: those that the first, too wide estimate took for outliers wrongly
+    // come back.
+    Eigen::VectorXd entries = free_entries(model.parameters);
+    Index i = 0;
+    for (const EstimatedParameter& p : out.parameters) {
+      if (!p.fixed) entries[i++] = parse_unit(p.unit).value_or(Unit{}).to_si(p.value);
+    }
+    const std::vector<Outlier> found =
+        find_outliers(model, with_entries(model.parameters, entries), recordings);
+    const bool same = std::equal(found.begin(), found.end(), left_out.begin(), left_out.end(),
+                                 [](const Outlier& a, const Outlier& b) {
+                                   return a.recording == b.recording && a.sample == b.sample &&
+                                          a.channel == b.channel;
+                                 });
+    if (same) break;
+    left_out = found;
+    out = estimator(without(recordings, left_out));
+  }
+  if (!left_out.empty()) {
+    out.warnings.push_back(
+        {"outliers_left_out",
+         "note",
+         {},
+         fmt::format("{} sample{} left out as outliers ({})", left_out.size(),
+                     left_out.size() > 1 ? "s" : "", first_times(recordings, left_out)),
+         ""});
+  }
+  return out;
+}
+
+}  // namespace identikal
