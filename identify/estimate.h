@@ -115,6 +115,18 @@ struct Bound {
   Eigen::MatrixXd gain_se;                   ///< that the bound leaves to the steady gain
 };
 
+/// What stands behind a Bayesian estimate; there `value` is the posterior mean, `se` its standard
+/// deviation and `ci95` the central credible interval. Vectors go with Estimate::parameters and
+/// hold kNone, or nothing, for those that are fixed.
+struct Posterior {
+  std::string method;        ///< "grid" or "sequential Monte Carlo"
+  Eigen::Index points = 0;   ///< grid points or draws
+  double effective = kNone;  ///< of them, as many count: (sum w)^2 / sum w^2, or distinct draws
+  double log_evidence = kNone;
+  std::vector<double> map;         ///< the most probable point, in the coordinates of the prior
+  std::vector<std::string> prior;  ///< in words
+};
+
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;
@@ -147,7 +159,8 @@ struct Estimate {
   std::vector<ChannelFit> one_step, simulation;
   std::vector<TestResult> tests;
   Identifiability identifiability;
-  std::optional<Bound> bound;  ///< verb bound only
+  std::optional<Bound> bound;          ///< verb bound only
+  std::optional<Posterior> posterior;  ///< method bayes only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

@@ -302,7 +302,7 @@ constexpr Structure kStructures[] = {{"full", Domain::positive_definite},
 ParametrisedMatrix read_noise_covariance(const YamlNode& node, const std::string& name,
                                          const Shape& want, Names& names) {
   if (node.kind != YamlNode::Kind::mapping) return read_covariance(node, name, want, names);
-  check_keys(node, name, {"structure", "start", "fixed"});
+  check_keys(node, name, {"structure", "start", "fixed", "prior"});
   const std::string& structure =
       word_of(required(node, "structure", name, "structure: full, diagonal or scaled-identity"),
               "structure", names_of(kStructures));
@@ -314,6 +314,9 @@ ParametrisedMatrix read_noise_covariance(const YamlNode& node, const std::string
       })->domain;
   if (const YamlNode* fixed = find(node, "fixed")) {
     parameter.fixed = word_of(*fixed, "fixed", {"true", "false"}) == "true";
+  }
+  if (const YamlNode* prior = find(node, "prior")) {
+    parameter.prior = read_prior(*prior, "", "the variances of " + name);
   }
   parameter.value = read_start(find(node, "start"), name, want.rows, want.sides);
   const YamlNode& start = part_or_whole(node, "start");

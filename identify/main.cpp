@@ -18,6 +18,7 @@
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
 #include "identify/noise_auto.h"
+#include "identify/noise_bayes.h"
 #include "identify/noise_ml.h"
 #include "identify/report.h"
 #include "identify/simulate.h"
@@ -43,7 +44,7 @@ struct Arguments {
   std::string path = "automatic";
   std::string method = "ml", accuracy;
   bool regain = false, robust = false;
-  long lags = 0;
+  long lags = 0, draws = 2000;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
 };
@@ -177,6 +178,15 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
     options.lags = args.lags;
     options.regain = args.regain;
     return tune_als(model, recordings, options);
+  }
+  if (args.method == "bayes") {
+    NoiseBayesOptions options;
+    options.draws = args.draws;
+    options.seed = static_cast<std::uint64_t>(args.seed);
+    options.progress = [&](double temperature) {
+      progress.show(fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature));
+    };
+    return tune_bayes(model, recordings, options);
   }
   NoiseMlOptions options;
   options.starts = args.starts;
@@ -394,11 +404,15 @@ int run(int argc, char** argv) {
     if (std::string(name) == "tune") {
       verb->add_option("--method", args.method,
                        "ml: maximum likelihood; als-weighted, als: autocovariance least squares; "
-                       "auto: ml from the start that als-weighted finds, and both compared")
-          ->check(CLI::IsMember({"ml", "als", "als-weighted", "auto"}))
+                       "auto: ml from the start that als-weighted finds, and both compared; "
+                       "bayes: posterior")
+          ->check(CLI::IsMember({"ml", "als", "als-weighted", "auto", "bayes"}))
           ->capture_default_str();
       verb->add_option("--lags", args.lags, "als: autocovariances used; 0: as many as tell")
           ->check(CLI::Range(0L, 1000L));
+      verb->add_option("--draws", args.draws, "bayes: draws from the posterior")
+          ->check(CLI::Range(10L, 1000000L))
+          ->capture_default_str();
       verb->add_flag("--robust", args.robust, "leave out samples that are outliers");
       verb->add_flag("--regain", args.regain, "als: repeat with the estimate's own gain");
       verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")

@@ -123,7 +123,7 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
     throw InputError(node.at, what + " is a list", "a number, or {value, min, max}");
   }
   if (!out.fixed) {
-    check_keys(node, what, {"value", "min", "max", "fixed", "unit", "role"}, {"prior"});
+    check_keys(node, what, {"value", "min", "max", "fixed", "unit", "role", "prior"});
     required(node, "value", what, "value: NUMBER, the start");
     if (const YamlNode* fixed = find(node, "fixed")) {
       out.fixed = word_of(*fixed, "fixed", {"true", "false"}) == "true";
@@ -156,10 +156,58 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
                                  in_unit_of(out, out.max)));
   }
   check_value(out, rule, value.at);
+  if (const YamlNode* prior = find(node, "prior")) out.prior = read_prior(*prior, out.unit, what);
   // The equations divide by what must be positive: an optimiser has to stay clear of zero itself.
   if (rule != nullptr && rule->positive && !out.fixed && !(out.min > 0.0)) {
     out.min = 1e-3 * out.scalar();
   }
+  return out;
+}
+
+Prior read_prior(const YamlNode& node, const std::string& unit, const std::string& what) {
+  struct Form {
+    const char* name;
+    Prior::Kind kind;
+    const char *first, *second;  // keys; none: a list
+  };
+  constexpr Form kForms[] = {{"uniform", Prior::Kind::uniform, nullptr, nullptr},
+                             {"log-uniform", Prior::Kind::log_uniform, nullptr, nullptr},
+                             {"normal", Prior::Kind::normal, "mean", "sd"},
+                             {"log-normal", Prior::Kind::log_normal, "median", "factor"}};
+  const std::string prior = "prior of " + what;
+  check_keys(node, prior, names_of(kForms));
+  if (node.keys.size() != 1) {
+    throw InputError(node.at, fmt::format("{} has {} forms", prior, node.keys.size()), "one");
+  }
+  const Form& form = *std::find_if(std::begin(kForms), std::end(kForms),
+                                   [&](const Form& f) { return node.keys[0].text == f.name; });
+  const YamlNode& body = node.items[0];
+  Prior out{form.kind, 0.0, 0.0};
+  if (form.first == nullptr) {
+    if (body.kind != YamlNode::Kind::list || body.items.size() != 2) {
+      throw InputError(body.at, fmt::format("{} {} is {}", form.name, prior, describe(body)),
+                       fmt::format("{}: [LOW, HIGH]", form.name));
+    }
+    out.a = read_si(body.items[0], unit, prior);
+    out.b = read_si(body.items[1], unit, prior);
+    if (out.a >= out.b) throw InputError(body.at, prior + " is empty", "LOW below HIGH");
+  } else {
+    check_keys(body, prior, {form.first, form.second});
+    const std::string example =
+        fmt::format("{}: {{{}: ..., {}: ...}}", form.name, form.first, form.second);
+    const YamlNode& second = required(body, form.second, prior, example);
+    const bool factor = form.kind == Prior::Kind::log_normal;
+    out.a = read_si(required(body, form.first, prior, example), unit, prior);
+    out.b = factor ? read_plain_number(second, prior) : read_si(second, unit, prior);
+    if (!(out.b > (factor ? 1.0 : 0.0))) {
+      throw InputError(second.at,
+                       fmt::format("{} of {} is {}", form.second, prior, describe(second)),
+                       factor ? "above 1" : "above 0");
+    }
+  }
+  const bool logarithm =
+      form.kind == Prior::Kind::log_uniform || form.kind == Prior::Kind::log_normal;
+  if (logarithm && !(out.a > 0.0)) throw InputError(body.at, prior + " reaches 0", "above 0");
   return out;
 }
 

@@ -61,6 +61,11 @@ void check_value(const Parameter& parameter, const ParameterRule* rule, const Lo
 /// @param rule  nullptr: any unit, any sign
 Parameter read_parameter(const std::string& name, const YamlNode& node, const ParameterRule* rule);
 
+/// {uniform: [LOW, HIGH]}, {log-uniform: [LOW, HIGH]}, {normal: {mean, sd}} or {log-normal:
+/// {median, factor}}; numbers in `unit` unless they carry one. Throws unless LOW < HIGH, sd > 0,
+/// factor > 1, and what a logarithm is taken of is above 0.
+Prior read_prior(const YamlNode& node, const std::string& unit, const std::string& what);
+
 /// What a channel of a built-in model is.
 struct ChannelRule {
   const char* name;

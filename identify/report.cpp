@@ -148,6 +148,24 @@ std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {
   return wrapped(out + "]", 4);
 }
 
+// Where a Bayesian estimate comes from.
+std::string posterior_text(const Estimate& estimate) {
+  if (!estimate.posterior) return "";
+  const Posterior& p = *estimate.posterior;
+  std::string most, prior;
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    if (estimate.parameters[i].fixed) continue;
+    const std::string& name = estimate.parameters[i].name;
+    most += fmt::format("{} {} {:.5g}", most.empty() ? "most probable" : ",", name, p.map[i]);
+    prior += fmt::format("{} {} {}", prior.empty() ? "prior" : ",", name, p.prior[i]);
+  }
+  return wrapped(most, 14) + wrapped(prior, 6) +
+         wrapped(fmt::format("posterior by {}: {} points, {:.0f} of them effective; log evidence "
+                             "{:.3f}",
+                             p.method, p.points, p.effective, p.log_evidence),
+                 10);
+}
+
 // What the uncertainty of the noise means for the filter.
 std::string gain_text(const Estimate& estimate) {
   const Bound& bound = *estimate.bound;
@@ -213,7 +231,7 @@ std::string console_report(const Estimate& estimate) {
   }
   out += "\n" + parameter_table(estimate);
   if (!estimate.covariance_kind.empty()) out += wrapped("se from " + estimate.covariance_kind, 8);
-  out += "\n";
+  out += posterior_text(estimate) + "\n";
   const Noise& noise = estimate.noise;
   out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
          matrix_text("K", noise.K_steady);

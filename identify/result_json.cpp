@@ -66,6 +66,21 @@ Json bound(const Estimate& estimate) {
           {"gain_se", matrix(b.gain_se)}};
 }
 
+Json posterior(const Estimate& estimate) {
+  if (!estimate.posterior) return nullptr;
+  const Posterior& p = *estimate.posterior;
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    rows.push_back(
+        {{"name", estimate.parameters[i].name}, {"map", number(p.map[i])}, {"prior", p.prior[i]}});
+  }
+  return {{"method", p.method},
+          {"points", p.points},
+          {"effective", number(p.effective)},
+          {"log_evidence", number(p.log_evidence)},
+          {"parameters", rows}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -126,6 +141,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                             {"cond", number(estimate.identifiability.condition)},
                             {"flat_directions", directions}};
   out["bound"] = bound(estimate);
+  out["posterior"] = posterior(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(

@@ -18,6 +18,20 @@ enum class Domain {
                       ///< coordinate vector
 };
 
+/// What is known of a number before the data: of a scalar, or of each variance of a covariance
+/// matrix.
+struct Prior {
+  enum class Kind {
+    none,
+    uniform,      ///< between a and b
+    log_uniform,  ///< its logarithm between those of a and b
+    normal,       ///< mean a, standard deviation b
+    log_normal,   ///< median a, and a factor b up or down is one standard deviation
+  };
+  Kind kind = Kind::none;
+  double a = 0.0, b = 0.0;  ///< SI
+};
+
 /// A named unknown (or known, when fixed) number or covariance matrix, in SI.
 struct Parameter {
   std::string name;
@@ -27,6 +41,7 @@ struct Parameter {
   double min = -std::numeric_limits<double>::infinity();  ///< SI; scalars only
   double max = std::numeric_limits<double>::infinity();   ///< SI; scalars only
   bool fixed = false;
+  Prior prior;
 
   double scalar() const { return value(0, 0); }
 };

@@ -305,6 +305,24 @@ TEST_F(ModelFileTest, EntriesAreSumsOfMultiplesOfParameters) {
   EXPECT_EQ(m.parameters[0].min, -std::numeric_limits<double>::infinity());
 }
 
+TEST_F(ModelFileTest, Priors) {
+  const auto prior = [&](const std::string& text) {
+    return read(replaced(kLinear, "{value: 2, min: 0}", "{value: 20 mm, prior: " + text + "}"))
+        .parameters[0]
+        .prior;
+  };
+  EXPECT_EQ(prior("{uniform: [1, 2 m]}").kind, Prior::Kind::uniform);
+  EXPECT_DOUBLE_EQ(prior("{uniform: [1, 2 m]}").a, 0.001);
+  EXPECT_DOUBLE_EQ(prior("{uniform: [1, 2 m]}").b, 2.0);
+  EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").a, 0.005);
+  EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").b, 3.0);
+  const ModelFile m =
+      read(replaced(replaced(kLinear, "[[r]]", "[[q]]\nS: [[r], [0]]"), "[[q, 0], [0, 1]]",
+                    "{structure: diagonal, prior: {log-uniform: [0.01, 15]}}"));
+  EXPECT_EQ(m.parameters.back().prior.kind, Prior::Kind::log_uniform);
+  EXPECT_EQ(m.parameters.back().prior.b, 15.0);
+}
+
 TEST_F(ModelFileTest, InputsHeldBetweenSamples) {
   const std::string text = replaced(replaced(kLinear, "kind: discrete, step: 0.5 s",
                                              "kind: continuous, step: 0.5 s, inputs: foh"),
@@ -493,7 +511,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"{kind: discrete, step: 0.5 s}", "1 s",
      "3:7: time is '1 s'; expected a mapping of 'key: value'"},
     {"step: 0.5 s", "stepp: 1",
-     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, inputs; did you mean "
+     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, inputs; did you "
+     "mean "
      "'step'?"},
     {"{value: 2, min: 0}", "{value: 2, min: 3}",
      "5:14: parameter 'q' is 2; expected 3 (min) or above"},
@@ -526,7 +545,19 @@ constexpr Mistake kLinearMistakes[] = {
     {"{value: 2, min: 0}", "{value: 2 m, min: 1 s}",
      "5:24: min of parameter 'q' is in 's'; expected a unit like 'm'"},
     {"{value: 2, min: 0}", "{value: 2, prior: 3}",
-     "5:17: 'prior' is not available yet; known: value, min, max, fixed, unit, role"},
+     "5:24: prior of parameter 'q' is '3'; expected a mapping"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {uniform: 3}}",
+     "5:34: uniform prior of parameter 'q' is '3'; expected uniform: [LOW, HIGH]"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {uniform: [3, 2]}}",
+     "5:34: prior of parameter 'q' is empty; expected LOW below HIGH"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {log-uniform: [0, 2]}}",
+     "5:38: prior of parameter 'q' reaches 0; expected above 0"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {log-normal: {median: 1, factor: 0.5}}}",
+     "5:57: factor of prior of parameter 'q' is '0.5'; expected above 1"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1}}}",
+     "5:33: prior of parameter 'q' needs the key 'sd'; expected normal: {mean: ..., sd: ...}"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1, sd: 1}, uniform: [1, 2]}}",
+     "5:24: prior of parameter 'q' has 2 forms; expected one"},
     {"{value: 2, min: 0}", "{value: 2, mim: 3}",
      "5:17: unknown key 'mim' in parameter 'q'; expected one of value, min, max, fixed, unit, "
      "role; did you mean 'min'?"},
