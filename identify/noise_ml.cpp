@@ -34,6 +34,8 @@ VectorXd scattered_start(const ParameterSet& parameters, Random& random) {
   for (Parameter& p : start) {
     if (p.fixed) continue;
     if (p.domain != Domain::scalar || p.min >= 0.0) {
+      // A variance at zero has no size of its own to be scattered about.
+      if (p.value.isZero(0.0)) p.value.diagonal().setOnes();
       p.value *= std::pow(10.0, 4.0 * random.uniform() - 2.0);
     } else if (std::isfinite(p.min) && std::isfinite(p.max)) {
       p.value(0, 0) = p.min + (p.max - p.min) * random.uniform();
@@ -71,6 +73,11 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
     ++out.tried;
     out.iterations += solution.summary.iterations;
     out.evaluations += solution.summary.evaluations;
+    // A scattered start where the likelihood is undefined says nothing of other maxima.
+    if (s > 0 && solution.summary.termination == Termination::start_undefined) {
+      --out.tried;
+      continue;
+    }
     ends.push_back(solution.summary.objective);
     // A converged end beats an unconverged one unless that one is really higher.
     const double lead = solution.summary.objective - out.best.summary.objective;
@@ -100,10 +107,12 @@ std::optional<double> profile_upper_limit(const LikelihoodProblem& problem, cons
     x = solution.x;
     return solution.summary.objective - maximum + drop;
   };
-  double low = optimum[i], high = std::max(guess, 1e-12);
+  const double bound = problem.upper[i];
+  double low = optimum[i], high = std::min(std::max(guess, 1e-12), bound);
   for (int k = 0; profile(high) > 0.0; ++k) {
+    if (high == bound) return bound;
     low = high;
-    high *= 2.0;
+    high = std::min(2.0 * high, bound);
     if (k == 100) return std::nullopt;
   }
   while (high - low > 1e-4 * high) {

@@ -22,6 +22,9 @@
 #include <cmath>
 #include <vector>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
 #include "lib/kalman.h"
 #include "lib/small_product.h"
 #include "lib/steady_filter.h"
@@ -66,6 +69,7 @@ class CompressedKernel final : public StretchKernel {
 
   Eigen::Index memory() const override { return filter_.powers.memory(); }
   double pole() const override { return filter_.powers.radius(); }
+  Refusal refusal() const override { return refusal_; }
 
   bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) override {
     const auto states = filter_.A.rows();
@@ -119,11 +123,17 @@ class CompressedKernel final : public StretchKernel {
   void respond(std::size_t i, const Stretch& stretch, Response& r) const;
   bool add(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
   void augment(const Stretch& stretch);
+  bool well_conditioned(const Square& Pi) const;
+  template <class Sums>
+  double size_of_terms(const Sums& Gamma_0);
   void sum_lags(const LagSums& sums, Eigen::Index lags);
   void add_gradient(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
   void add_noise_information(double samples, Likelihood& out) const;
   void add_full_information(const Stretch& stretch, Likelihood& out);
 
+  Refusal refusal_ = Refusal::none;
+  Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> white_C_;
+  SmallMatrix white_H_;
   const StateSpace* model_ = nullptr;
   const std::vector<StateSpace>* derivatives_ = nullptr;
   SteadyFilter<n> filter_;
@@ -257,6 +267,53 @@ void CompressedKernel<n>::sum_lags(const LagSums& sums, Eigen::Index lags) {
   }
 }
 
+/// Can I + Pi M be inverted without loss? Its eigenvalues are those of I + M^(1/2) Pi M^(1/2); a
+/// start known much better than the steady state, Pi = P0 - P < 0, brings them near zero, and its
+/// first samples then tell more than the steady ones that the information counts.
+template <int n>
+bool CompressedKernel<n>::well_conditioned(const Square& Pi) const {
+  constexpr double kLeast = 1e-2;
+  const Eigen::SelfAdjointEigenSolver<Square> root(M_);
+  const Square half = root.eigenvectors() *
+                      root.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
+                      root.eigenvectors().transpose();
+  const Square relative = half * Pi * half;
+  return Eigen::SelfAdjointEigenSolver<Square>(relative, Eigen::EigenvaluesOnly)
+             .eigenvalues()
+             .minCoeff() > kLeast - 1.0;
+}
+
+/// tr(Sigma^-1 S_e) with every product of S_e = C X C' - C Yt H' - H Yt' C' + H Gamma_0 H' taken
+/// positive, whitened by L^-1, Sigma = L L': how large the numbers are that cancel in it.
+template <int n>
+template <class Sums>
+double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
+  const SteadyFilter<n>& f = filter_;
+  white_C_ = f.Ct.transpose();
+  f.llt.matrixL().solveInPlace(white_C_);
+  white_C_ = white_C_.cwiseAbs();
+  white_H_ = H_;
+  f.llt.matrixL().solveInPlace(white_H_);
+  white_H_ = white_H_.cwiseAbs();
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < white_C_.rows(); ++i) {
+    for (Eigen::Index k = 0; k < white_C_.cols(); ++k) {
+      double row = 0.0;
+      for (Eigen::Index j = 0; j < white_C_.cols(); ++j) row += std::abs(X_(k, j)) * white_C_(i, j);
+      for (Eigen::Index c = 0; c < channels_; ++c) {
+        row += 2.0 * std::abs(Yt_(k, c)) * white_H_(i, c);
+      }
+      sum += white_C_(i, k) * row;
+    }
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      for (Eigen::Index d = 0; d < channels_; ++d) {
+        sum += white_H_(i, c) * std::abs(Gamma_0(c, d)) * white_H_(i, d);
+      }
+    }
+  }
+  return sum;
+}
+
 template <int n>
 bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& start,
                               Likelihood& out) {
@@ -265,6 +322,7 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
   const Eigen::Index states = model_->states(), ny = model_->outputs(), N = sums.samples();
   const Eigen::Index L = memory();
   augment(stretch);
+  refusal_ = Refusal::cancellation;
 
   // The first innovations, from the mean of the start, say where it really was.
   head_.resize(states, std::max(L, head_.cols()));
@@ -296,7 +354,7 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
     if (llt.info() != Eigen::Success) return false;
     for (Eigen::Index i = 0; i < states; ++i) {
       const double pivot = llt.matrixLLT()(i, i);
-      if (!(pivot * pivot > 1e-11 * M_(i, i))) return false;
+      if (!(pivot * pivot > kDetermined * M_(i, i))) return false;
       log_det += 2.0 * std::log(pivot);
     }
     Z_.setIdentity(states, states);
@@ -310,6 +368,10 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
     const Eigen::PartialPivLU<Square> lu(sum);
     const double determinant = lu.determinant();
     if (!(determinant > 0.0) || !std::isfinite(determinant)) return false;
+    if (start.kind == InitialState::given && !well_conditioned(Pi)) {
+      refusal_ = Refusal::known_start;
+      return false;
+    }
     log_det = std::log(determinant);
     inverse_ = lu.inverse();
     set_product(Z_, inverse_, Pi);
@@ -361,12 +423,12 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
   const SmallMatrix G_H = small_;
   set_product(small_, G_H, H_.transpose());
   S_e_ += small_;
-  // Each term above is as large as H Gamma_0 H'; what is left of it must be more than rounding.
+  // What is left of the terms must be more than the rounding of the largest.
   constexpr double kWorstCancellation = 1e5;
-  const double large = inner_product(small_, f.Sigma_inverse);
   const double squares = inner_product(S_e_, f.Sigma_inverse);
-  if (!(squares > 0.0) || large > kWorstCancellation * squares) return false;
+  if (!(squares > 0.0) || size_of_terms(Gamma_0) > kWorstCancellation * squares) return false;
 
+  refusal_ = Refusal::none;
   const double log_det_Sigma = 2.0 * f.llt.matrixLLT().diagonal().array().log().sum();
   out.value -= 0.5 * (static_cast<double>(N) * log_det_Sigma + squares + log_det + penalty);
   if (directions_.empty()) return true;

@@ -98,17 +98,17 @@ template <int n, int r>
       for (int k = 0; k < j; ++k) e[j] -= L(j, k) * e[k];
       squares += e[j] * e[j] * inverse[j];
       determinant *= D[j];
-    }
-    // The logarithm is dear: one for many samples.
-    if (!(determinant > 1e-100 && determinant < 1e100)) {
-      log_det += std::log(determinant);
-      determinant = 1.0;
+      // The logarithm is dear: one for many samples.
+      if (!(determinant > 1e-100 && determinant < 1e100)) {
+        log_det += std::log(determinant);
+        determinant = 1.0;
+      }
     }
     if (stop_when_settled) {
       settled = true;
       for (int j = 0; j < n && settled; ++j) {
         for (int i = 0; i <= j && settled; ++i) {
-          const double scale = std::sqrt(next(i, i) * next(j, j));
+          const double scale = std::sqrt(next(i, i)) * std::sqrt(next(j, j));
           settled = std::abs(next(i, j) - P(i, j)) <= 1e-14 * scale;
         }
       }

@@ -1,5 +1,7 @@
 #include "lib/discretise.h"
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include <unsupported/Eigen/MatrixFunctions>
@@ -71,6 +73,13 @@ MatrixXd noisy(const MatrixXd& A, const MatrixXd& W, double step) {
   return X;
 }
 
+// The exponent of noisy() holds e^(-A h), which drowns e^(A h) where poles are fast: it is taken
+// over a step so short that neither is large, and doubled, Qd(2 h) = Qd(h) + Phi Qd(h) Phi'.
+int halvings_to_one(const MatrixXd& A, double step) {
+  const double size = step * A.cwiseAbs().rowwise().sum().maxCoeff();
+  return size > 1.0 && std::isfinite(size) ? static_cast<int>(std::ceil(std::log2(size))) : 0;
+}
+
 }  // namespace
 
 StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double step,
@@ -85,8 +94,14 @@ StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double s
   out.D = feed_through(continuous.D, hold);
   if (noise == ProcessNoise::density) {
     const MatrixXd W = continuous.G * continuous.Q * continuous.G.transpose();
-    const MatrixXd half = noisy(continuous.A, W, step).exp().topRightCorner(n, n);
-    out.Q = out.A * half;
+    const int halvings = halvings_to_one(continuous.A, step);
+    const double part = std::ldexp(step, -halvings);
+    MatrixXd Phi = (part * continuous.A).exp();
+    out.Q = Phi * noisy(continuous.A, W, part).exp().topRightCorner(n, n);
+    for (int i = 0; i < halvings; ++i) {
+      out.Q += (Phi * out.Q * Phi.transpose()).eval();
+      Phi = (Phi * Phi).eval();
+    }
     out.Q = 0.5 * (out.Q + out.Q.transpose()).eval();
     out.G = MatrixXd::Identity(n, n);
     out.S = MatrixXd::Zero(n, continuous.outputs());
@@ -102,7 +117,6 @@ StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace&
   out.dt = step;
   const MatrixXd dX = driven(by.A, by.B, step, hold, 0.0);
   const Exponential e = exponential(driven(continuous.A, continuous.B, step, hold, 1.0), &dX);
-  const MatrixXd Phi = e.value.topLeftCorner(n, n);
   out.A = e.derivative.topLeftCorner(n, n);
   out.B = input_matrix(e.derivative, n, nu, hold);
   out.D = feed_through(by.D, hold);
@@ -111,9 +125,21 @@ StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace&
     const MatrixXd cross = by.G * continuous.Q * G.transpose();
     const MatrixXd W = G * continuous.Q * G.transpose(),
                    dW = cross + cross.transpose() + G * by.Q * G.transpose();
-    const MatrixXd dN = noisy(by.A, dW, step);
-    const Exponential half = exponential(noisy(continuous.A, W, step), &dN);
-    out.Q = out.A * half.value.topRightCorner(n, n) + Phi * half.derivative.topRightCorner(n, n);
+    const int halvings = halvings_to_one(continuous.A, step);
+    const double part = std::ldexp(step, -halvings);
+    const MatrixXd dN = noisy(by.A, dW, part), dA = part * by.A;
+    const Exponential half = exponential(noisy(continuous.A, W, part), &dN);
+    Exponential Phi = exponential(part * continuous.A, &dA);
+    MatrixXd Q = Phi.value * half.value.topRightCorner(n, n);
+    out.Q = Phi.derivative * half.value.topRightCorner(n, n) +
+            Phi.value * half.derivative.topRightCorner(n, n);
+    for (int i = 0; i < halvings; ++i) {
+      const MatrixXd moved = Phi.derivative * Q * Phi.value.transpose();
+      out.Q += (Phi.value * out.Q * Phi.value.transpose() + moved + moved.transpose()).eval();
+      Q += (Phi.value * Q * Phi.value.transpose()).eval();
+      Phi.derivative = (Phi.derivative * Phi.value + Phi.value * Phi.derivative).eval();
+      Phi.value = (Phi.value * Phi.value).eval();
+    }
     out.Q = 0.5 * (out.Q + out.Q.transpose()).eval();
     out.G = MatrixXd::Zero(n, n);
     out.S = MatrixXd::Zero(n, continuous.outputs());

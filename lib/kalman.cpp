@@ -59,10 +59,10 @@ Measurement measurement_derivative(const StateSpace& model, const StateSpace& d)
   return {d.C, d.D, d.R, d.G * model.S + model.G * d.S};
 }
 
-// A diffuse start has N(0, s I) added to it, which the diffuse part absorbs; s only has to be of
-// the size that the states have, or that one sample tells them by, for the arithmetic to be well
-// conditioned. It is no function of the parameters.
-double proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
+// A diffuse start has N(0, diag(s)) added to it, which the diffuse part absorbs; s only has to be
+// of the size that the states have, or that the first samples tell them by, for the arithmetic to
+// be well conditioned. It is no function of the parameters, and follows the states' units.
+VectorXd proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
   double sum = 0.0, count = 0.0;
   for (Index t = 0; t < y.cols(); ++t) {
     for (Index i = 0; i < y.rows(); ++i) {
@@ -71,10 +71,18 @@ double proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y
       count += 1.0;
     }
   }
-  const auto outputs = static_cast<double>(std::max<Index>(1, y.rows()));
-  const double gain = model.C.squaredNorm() / outputs, noise = model.R.trace() / outputs;
-  const double scale = count > 0.0 && gain > 0.0 ? (sum / count + noise) / gain : 1.0;
-  return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;
+  const auto outputs = static_cast<double>(y.rows());
+  const double power = (count > 0.0 ? sum / count : 1.0) + model.R.trace() / outputs;
+  VectorXd seen = VectorXd::Zero(model.states());
+  MatrixXd response = model.C;
+  for (Index t = 0; t < model.states(); ++t) {
+    seen += response.colwise().squaredNorm().transpose() / outputs;
+    response = (response * model.A).eval();
+  }
+  return seen.unaryExpr([power](double gain) {
+    const double scale = power / gain;
+    return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;
+  });
 }
 
 class Recursion {
@@ -82,7 +90,7 @@ class Recursion {
   Recursion(const StateSpace& model, InitialState initial, const Eigen::Ref<const MatrixXd>& y,
             const Eigen::Ref<const MatrixXd>& u, const std::vector<StateSpace>& derivatives)
       : model_(model), y_(y), u_(u), sensitivities_(derivatives.size()) {
-    check_shapes(model);
+    check_shapes(model, initial, derivatives);
     if (y.rows() != model.outputs() || u.rows() != model.inputs() ||
         (model.inputs() > 0 && u.cols() != y.cols())) {
       std::ostringstream text;
@@ -210,9 +218,6 @@ class Recursion {
     }
     switch (initial) {
       case InitialState::given:
-        if (model_.x0.size() != n || model_.P0.rows() != n || model_.P0.cols() != n) {
-          throw std::invalid_argument("kalman filter: x0 and P0 do not have the size of the state");
-        }
         P_ = model_.P0;
         Z_.col(0) = model_.x0;
         for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
@@ -241,7 +246,7 @@ class Recursion {
       case InitialState::diffuse:
         diffuse_ = n;
         scale_ = proper_scale(model_, y_);
-        P_ = scale_ * MatrixXd::Identity(n, n);
+        P_ = scale_.asDiagonal();
         Z_ = MatrixXd::Zero(n, 1 + n);
         Z_.rightCols(n).setIdentity();
         info_ = MatrixXd::Zero(n, n);
@@ -386,11 +391,12 @@ class Recursion {
   // proper one.
   void fold_in_when_determined(Index t, Likelihood& out, FilterResult* store) {
     if (diffuse_ == 0 || status_ != FilterStatus::ok) return;
-    // scale * info has eigenvalues in [0, 1): 1 - (what of the prior's variance is left).
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale_ * info_, Eigen::EigenvaluesOnly);
+    // Scaled, info has eigenvalues in [0, 1): 1 - (what of the prior's variance is left).
+    const auto sd = scale_.cwiseSqrt().asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sd * info_ * sd, Eigen::EigenvaluesOnly);
     const double smallest = eigen.eigenvalues().minCoeff();
     const bool last = t + 1 == y_.cols();
-    if (smallest < (last ? 1e-11 : 1e-6)) return;
+    if (smallest < (last ? kDetermined : 1e-6)) return;
     const Index d = diffuse_;
     const Eigen::LLT<MatrixXd> llt(info_);
     if (llt.info() != Eigen::Success) return;
@@ -448,10 +454,23 @@ class Recursion {
   // Has the covariance stopped changing, to rounding? Entries are measured against the standard
   // deviations they belong to. The derivatives settle together with it, a few steps later.
   bool has_settled(const MatrixXd& before, const MatrixXd& after, double tolerance) const {
-    const VectorXd sd = P_.diagonal().cwiseSqrt().cwiseMax(1e-150);
-    const MatrixXd weight = (sd * sd.transpose()).cwiseInverse();
-    const double size = after.cwiseProduct(weight).cwiseAbs().maxCoeff();
-    return (after - before).cwiseProduct(weight).cwiseAbs().maxCoeff() <= tolerance * size;
+    const Index n = after.rows();
+    const VectorXd sd = P_.diagonal().cwiseSqrt(), own = after.diagonal().cwiseAbs().cwiseSqrt();
+    double largest = 0.0;  // against the standard deviations, where there are any
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) {
+        const double scale = sd[i] * sd[j];
+        if (scale > 0.0) largest = std::max(largest, std::abs(after(i, j)) / scale);
+      }
+    }
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) {
+        const double scale =
+            std::max({std::abs(after(i, j)), own[i] * own[j], 1e-3 * largest * sd[i] * sd[j]});
+        if (std::abs(after(i, j) - before(i, j)) > tolerance * scale) return false;
+      }
+    }
+    return true;
   }
 
   // A whole gapless stretch at once. false: it is too short, or sums would lose digits.
@@ -464,7 +483,10 @@ class Recursion {
     state.P_theta.resize(k);
     if (diffuse_ > 0) {
       // Only an untouched start is known to the kernel.
-      if (samples_ > 0 || stretch.begin > 0) return false;
+      if (samples_ > 0 || stretch.begin > 0) {
+        shortcuts.late = true;
+        return false;
+      }
       if (!kernel.add_from_model(stretch, InitialState::diffuse, out)) {
         shortcuts.cancelled = true;
         return false;
@@ -668,7 +690,7 @@ class Recursion {
   MatrixXd info_;   // information and score of delta, while it is diffuse
   VectorXd score_;
   Index diffuse_ = 0, folded_ = 0, samples_ = 0;
-  double scale_ = 1.0;
+  VectorXd scale_;
   const double log_two_pi_ = std::log(2.0 * std::numbers::pi);
 
   std::vector<Index> present_, selected_{-1};
@@ -767,6 +789,27 @@ MatrixXd score_products(const StateSpace& model, InitialState initial,
   shortcuts.score_products = &out;
   const Likelihood l = run_recursion(model, initial, y, u, derivatives, shortcuts);
   return l.status == FilterStatus::ok ? out : MatrixXd();
+}
+
+void check_shapes(const StateSpace& model, InitialState initial,
+                  const std::vector<StateSpace>& derivatives) {
+  const auto check_start = [&](const StateSpace& m) {
+    const Index n = model.states();
+    if (initial != InitialState::given) return;
+    if (m.x0.size() != n || m.P0.rows() != n || m.P0.cols() != n) {
+      throw std::invalid_argument("kalman filter: x0 and P0 do not have the size of the state");
+    }
+  };
+  check_shapes(model);
+  check_start(model);
+  for (const StateSpace& d : derivatives) {
+    check_shapes(d);
+    check_start(d);
+    if (d.states() != model.states() || d.inputs() != model.inputs() ||
+        d.outputs() != model.outputs() || d.G.cols() != model.G.cols()) {
+      throw std::invalid_argument("kalman filter: a derivative does not have the model's shape");
+    }
+  }
 }
 
 Likelihood run_recursion(const StateSpace& model, InitialState initial,

@@ -110,7 +110,11 @@ const char* describe(Detour detour) {
     case Detour::cancellation:
       return "the innovations are so much smaller than the signal that lag sums lose digits";
     case Detour::too_many_channels:
-      return "more than 16 outputs and inputs";
+      return "more than 15 outputs and inputs";
+    case Detour::unknown_start:
+      return "the start of the state is estimated";
+    case Detour::known_start:
+      return "the start of the state is known too well, or not at the first sample";
   }
   return "";
 }
@@ -151,7 +155,7 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
                                              Path path) {
   Recordings& r = *recordings_;
   if (r.all.empty()) throw std::invalid_argument("likelihood: there is no recording");
-  check_shapes(model);
+  check_shapes(model, initial, derivatives);
   if (r.all[0].y->rows() != model.outputs() || r.all[0].u->rows() != model.inputs()) {
     throw std::invalid_argument("likelihood: recording and model differ in their channels");
   }
@@ -169,6 +173,11 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     why = Detour::not_asked;
   } else if (model.outputs() + model.inputs() >= kMaxChannels) {
     why = Detour::too_many_channels;
+  } else if (initial == InitialState::given &&
+             std::any_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
+               return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
+             })) {
+    why = Detour::unknown_start;
   } else {
     if (r.kernel_states != model.states()) {
       r.kernel = make_stretch_kernel(model.states());
@@ -218,7 +227,11 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     out.information += one.information;
     compressed += shortcuts.jumped;
     if (why == Detour::none && shortcuts.jumped < recording.y->cols()) {
-      r.taken.detour = shortcuts.cancelled ? Detour::cancellation : Detour::short_stretch;
+      const bool known =
+          shortcuts.late || (shortcuts.cancelled && r.kernel->refusal() == Refusal::known_start);
+      r.taken.detour = known                 ? Detour::known_start
+                       : shortcuts.cancelled ? Detour::cancellation
+                                             : Detour::short_stretch;
     }
   }
   if (why != Detour::none) r.taken.detour = why;
@@ -227,7 +240,7 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   } else {
     r.taken.path = path == Path::direct ? Path::direct : Path::steady;
   }
-  if (!(std::isfinite(out.value) && out.gradient.allFinite())) {
+  if (!(std::isfinite(out.value) && out.gradient.allFinite() && out.information.allFinite())) {
     out.status = FilterStatus::not_finite;
   }
   return out;

@@ -30,7 +30,11 @@ enum class Detour {
                     ///< save
   no_steady_state,  ///< the gain does not converge to a stable filter
   cancellation,     ///< innovations so much smaller than the signal that sums lose digits
-  too_many_channels,  ///< more than 16 outputs and inputs
+  too_many_channels,  ///< more than 15 outputs and inputs
+  unknown_start,      ///< x0 or P0 is differentiated by: its information is that of few samples
+  known_start,        ///< x0 is known so much better than a steady filter knows it that its first
+                      ///< samples count for more than the others; or it is diffuse and the first
+                      ///< sample of the stretch has gone by
 };
 /// A sentence for people.
 const char* describe(Detour detour);
@@ -42,7 +46,8 @@ struct PathTaken {
 };
 
 /// Recordings prepared for many evaluations. Holds workspace: one engine per thread. It keeps
-/// references to the recordings, which must outlive it.
+/// references to the recordings, which must outlive it. After a move the source may only be
+/// assigned to or destroyed.
 class LikelihoodEngine {
  public:
   LikelihoodEngine();
@@ -53,9 +58,14 @@ class LikelihoodEngine {
   /// @param y  ny x N, NaN = missing     @param u  nu x N
   /// @throws std::invalid_argument when the shapes differ from those of earlier recordings.
   void add_recording(const Eigen::MatrixXd& y, const Eigen::MatrixXd& u);
+  // Temporaries would not outlive it.
+  void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd& u) = delete;
+  void add_recording(const Eigen::MatrixXd& y, const Eigen::MatrixXd&& u) = delete;
+  void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd&& u) = delete;
 
   /// The sum over all recordings of log_likelihood() in lib/kalman.h, to 1e-9 of itself, whatever
-  /// the path; every recording starts from `initial`. On the compressed path the information is
+  /// the path; every recording starts from `initial`. Derivatives have the model's shapes, x0 and
+  /// P0 included where the start is given. On the compressed path the information is
   /// the Fisher information of a stationary filter: the expectation
   ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
   /// when all parameters are of the noise, else with the sums that the recording supplied for x, z.

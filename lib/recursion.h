@@ -15,7 +15,12 @@ struct Shortcuts {
   Eigen::Index jumped = 0;                    ///< out: samples that the kernel served
   Eigen::MatrixXd* score_products = nullptr;  ///< k x k, or none: receives sum_t s_t s_t'
   bool cancelled = false;                     ///< out: a stretch was refused by the kernel
+  bool late = false;                          ///< out: a diffuse start came after its first sample
 };
+
+/// check_shapes() of the model and its derivatives, x0 and P0 included where the start is given.
+void check_shapes(const StateSpace& model, InitialState initial,
+                  const std::vector<StateSpace>& derivatives);
 
 /// log_likelihood() of lib/kalman.h, handing gapless stretches that are longer than the filter's
 /// memory to the kernel.

@@ -19,6 +19,7 @@ void check(const char* name, const Eigen::MatrixXd& M, Eigen::Index rows, Eigen:
 void check_shapes(const StateSpace& model) {
   const Eigen::Index n = model.A.rows(), ny = model.C.rows(), nu = model.B.cols(),
                      nw = model.G.cols();
+  if (n == 0 || ny == 0) throw std::invalid_argument("a model without states or outputs");
   check("A", model.A, n, n);
   check("B", model.B, n, nu);
   check("C", model.C, ny, n);

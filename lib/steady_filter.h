@@ -135,7 +135,7 @@ struct SteadyFilter {
       if (!next.allFinite()) return false;
       const bool done = close(P, next, 1e-11);
       P = next;
-      if (done) return gain(model);
+      if (done) return gain(model) && powers.compute(F);
     }
     return false;
   }
@@ -154,7 +154,13 @@ struct SteadyFilter {
     llt.solveInPlace(Sigma_inverse);
     K_Sigma_ = Sw;
     add_product(K_Sigma_, A, PCt);
-    set_product(K, K_Sigma_, Sigma_inverse);
+    K.resize(K_Sigma_.rows(), K_Sigma_.cols());
+    // Not by the inverse, which loses digits where outputs are nearly copies of each other.
+    for (Eigen::Index i = 0; i < K_Sigma_.rows(); ++i) {
+      row_ = K_Sigma_.row(i).transpose();
+      llt.solveInPlace(row_);
+      K.row(i) = row_.transpose();
+    }
     F = A;
     add_product(F, K, Ct.transpose(), -1.0);
     return true;
@@ -173,7 +179,7 @@ struct SteadyFilter {
     const Eigen::Index size = after.rows();
     for (Eigen::Index j = 0; j < size; ++j) {
       for (Eigen::Index i = 0; i <= j; ++i) {
-        const double scale = std::sqrt(std::abs(after(i, i) * after(j, j)));
+        const double scale = std::sqrt(std::abs(after(i, i))) * std::sqrt(std::abs(after(j, j)));
         if (std::abs(after(i, j) - before(i, j)) > tolerance * scale) return false;
       }
     }
@@ -233,7 +239,7 @@ struct SteadyFilter {
       P.diagonal().array() += 1.0;
     }
     Square next, step;
-    for (int k = 0; k < 20000; ++k) {
+    for (int k = 0; k < 2000; ++k) {
       if (!gain(model)) return false;
       set_product(step, F, P);
       next = W;
@@ -249,6 +255,7 @@ struct SteadyFilter {
   }
 
   Columns K_Sigma_;
+  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, channels, 1> row_;
 };
 
 }  // namespace identikal

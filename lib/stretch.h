@@ -27,6 +27,18 @@ struct FilterState {
   std::vector<Eigen::MatrixXd> P_theta;
 };
 
+/// What part of a diffuse start's uncertainty may be left, squared, for the start to count as
+/// determined: less and the likelihood would lose more than 1e-9 of itself.
+inline constexpr double kDetermined = 1e-8;
+
+/// Why a kernel did not add a stretch.
+enum class Refusal {
+  none,
+  cancellation,  ///< it would cost more digits than the result may lose, or the start is undefined
+  known_start,   ///< the start is known so much better than a steady filter knows it that the same
+                 ///< would happen, and the information would be wrong
+};
+
 /// The constant-gain filter of one model over any number of stretches.
 class StretchKernel {
  public:
@@ -41,11 +53,12 @@ class StretchKernel {
 
   /// Adds value, gradient and information of a stretch, which must be longer than memory() and have
   /// its lag sums extended to it; without the constant -(samples - diffuse)/2 log 2 pi.
-  /// @return false when cancellation would cost more digits than the result may lose, or the start
-  ///         is undefined; nothing is added then.
+  /// @return false where refusal() then says why; nothing is added.
   virtual bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) = 0;
   virtual bool add_from_state(const Stretch& stretch, const FilterState& state,
                               Likelihood& out) = 0;
+  /// Of the last stretch.
+  virtual Refusal refusal() const = 0;
   /// The state after the stretch that was added last.
   virtual void end_of_stretch(const Stretch& stretch, FilterState& state) = 0;
 };

@@ -204,7 +204,8 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       const bool small = defined && predicted < 1e3 * rounding && gain > -1e3 * rounding;
       // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance
       // much too small), so a gain that counts in units of log-likelihood is enough.
-      if (defined && (gain > 1e-4 * std::min(predicted, 1.0) || small)) {
+      if (defined && predicted > -1e3 * rounding &&
+          (gain > 1e-4 * std::min(predicted, 1.0) || small)) {
         const bool good = small || gain > 0.5 * std::min(predicted, 1.0);
         lambda = good ? (lambda < 1e-3 ? 0.0 : lambda / 8.0) : lambda;
         const bool stalled = small && moved.cwiseAbs().maxCoeff() == 0.0;

@@ -316,9 +316,8 @@ TEST_F(ModelFileTest, Priors) {
   EXPECT_DOUBLE_EQ(prior("{uniform: [1, 2 m]}").b, 2.0);
   EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").a, 0.005);
   EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").b, 3.0);
-  const ModelFile m =
-      read(replaced(replaced(kLinear, "[[r]]", "[[q]]\nS: [[r], [0]]"), "[[q, 0], [0, 1]]",
-                    "{structure: diagonal, prior: {log-uniform: [0.01, 15]}}"));
+  const ModelFile m = read(replaced(replaced(kLinear, "[[r]]", "[[q + r]]"), "[[q, 0], [0, 1]]",
+                                    "{structure: diagonal, prior: {log-uniform: [0.01, 15]}}"));
   EXPECT_EQ(m.parameters.back().prior.kind, Prior::Kind::log_uniform);
   EXPECT_EQ(m.parameters.back().prior.b, 15.0);
 }
@@ -545,7 +544,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"{value: 2, min: 0}", "{value: 2 m, min: 1 s}",
      "5:24: min of parameter 'q' is in 's'; expected a unit like 'm'"},
     {"{value: 2, min: 0}", "{value: 2, prior: 3}",
-     "5:24: prior of parameter 'q' is '3'; expected a mapping"},
+     "5:24: prior of parameter 'q' is '3'; expected a mapping of 'key: value'"},
     {"{value: 2, min: 0}", "{value: 2, prior: {uniform: 3}}",
      "5:34: uniform prior of parameter 'q' is '3'; expected uniform: [LOW, HIGH]"},
     {"{value: 2, min: 0}", "{value: 2, prior: {uniform: [3, 2]}}",
@@ -555,7 +554,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"{value: 2, min: 0}", "{value: 2, prior: {log-normal: {median: 1, factor: 0.5}}}",
      "5:57: factor of prior of parameter 'q' is '0.5'; expected above 1"},
     {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1}}}",
-     "5:33: prior of parameter 'q' needs the key 'sd'; expected normal: {mean: ..., sd: ...}"},
+     "5:33: 'sd' is missing in prior of parameter 'q'; expected normal: {mean: ..., sd: ...}"},
     {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1, sd: 1}, uniform: [1, 2]}}",
      "5:24: prior of parameter 'q' has 2 forms; expected one"},
     {"{value: 2, min: 0}", "{value: 2, mim: 3}",
@@ -694,7 +693,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"Q: [[q, 0], [0, 1]]", "Q: {structure: full, start: []}",
      "9:29: start of Q is not a matrix; expected a list of rows such as [[1, 0], [0, 1]]"},
     {"Q: [[q, 0], [0, 1]]", "Q: {structure: full, begin: 1}",
-     "9:22: unknown key 'begin' in Q; expected one of structure, start, fixed"},
+     "9:22: unknown key 'begin' in Q; expected one of structure, start, fixed, prior"},
     {"Q: [[q, 0], [0, 1]]", "Q: {structure: full, fixed: 1}",
      "9:29: fixed is '1'; expected one of true, false"},
     {"R: [[r]]", "R: {structure: full}", "6:3: parameter 'r' is not used anywhere"},

@@ -1,5 +1,7 @@
 #include "lib/discretise.h"
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -65,6 +67,34 @@ TEST(Discretise, EqualsTheIntegralsByQuadrature) {
     EXPECT_TRUE(d.B.isApprox(Gamma, 1e-10));
     EXPECT_TRUE(d.Q.isApprox(Qd, 1e-10));
   }
+}
+
+TEST(Discretise, FastPolesKeepTheirDigits) {
+  // A = T diag(p) T^-1: Qd_ij = V_ij (1 - e^((p_i + p_j) h)) / -(p_i + p_j) in those coordinates.
+  double worst = 0.0;
+  for (const double fast : {20.0, 40.0, 60.0, 800.0}) {
+    StateSpace m = random_continuous(3, 2);
+    const Eigen::Matrix2d T = (Eigen::Matrix2d() << 1, 0.4, -0.3, 1).finished();
+    const Eigen::Vector2d p(-fast, -1.0);
+    m.A = T * p.asDiagonal() * T.inverse();
+    m.B = m.B.topRows(2).eval(), m.C = m.C.leftCols(2).eval();
+    m.G.setIdentity(2, 2);
+    m.Q.setIdentity(2, 2);
+    m.S = MatrixXd::Zero(2, 1);
+    Eigen::Matrix2d V = T.inverse() * T.inverse().transpose();
+    for (int i = 0; i < 2; ++i) {
+      for (int j = 0; j < 2; ++j) V(i, j) *= std::expm1(p[i] + p[j]) / (p[i] + p[j]);
+    }
+    const MatrixXd expected = T * V * T.transpose();
+    const MatrixXd Q = discretise(m, ProcessNoise::density, 1.0).Q;
+    worst = std::max(worst, (Q - expected).norm() / expected.norm());
+    // The derivative in the direction of Q is the integral itself.
+    StateSpace by = m;
+    by.A.setZero(), by.B.setZero(), by.C.setZero(), by.D.setZero(), by.G.setZero(), by.R.setZero();
+    const MatrixXd dQ = discretise_derivative(m, by, ProcessNoise::density, 1.0).Q;
+    worst = std::max(worst, (dQ - expected).norm() / expected.norm());
+  }
+  EXPECT_LT(worst, 1e-12);
 }
 
 TEST(Discretise, InputsHeldLinearly) {

@@ -280,13 +280,163 @@ TEST(Likelihood, RecordingsAddUp) {
   EXPECT_LT(relative(l.gradient, sum.gradient + second.gradient), 1e-8);
 }
 
+// A scalar system, started at x0 with variance P0.
+StateSpace scalar(double a, double Q, double R, double x0, double P0) {
+  StateSpace m;
+  const auto one = [](double v) { return MatrixXd::Constant(1, 1, v); };
+  m.A = one(a), m.C = one(1), m.G = one(1), m.Q = one(Q), m.R = one(R), m.S = one(0);
+  m.B.resize(1, 0), m.D.resize(1, 0);
+  m.x0 = VectorXd::Constant(1, x0);
+  m.P0 = one(P0);
+  return m;
+}
+
+StateSpace zero_like(const StateSpace& m) {
+  StateSpace d = m;
+  for (MatrixXd* M : {&d.A, &d.B, &d.C, &d.D, &d.G, &d.Q, &d.R, &d.S, &d.P0}) M->setZero();
+  d.x0.setZero();
+  return d;
+}
+
+// Automatic against direct: value, gradient, information.
+void expect_same(const StateSpace& m, InitialState initial, const MatrixXd& y, const MatrixXd& u,
+                 const std::vector<StateSpace>& derivatives, double information_tolerance,
+                 double gradient_tolerance = 1e-6) {
+  LikelihoodEngine engine;
+  engine.add_recording(y, u);
+  const Likelihood direct = engine.evaluate(m, initial, derivatives, Path::direct);
+  ASSERT_EQ(direct.status, FilterStatus::ok);
+  const Likelihood automatic = engine.evaluate(m, initial, derivatives);
+  ASSERT_EQ(automatic.status, FilterStatus::ok);
+  EXPECT_NEAR(automatic.value, direct.value, 1e-9 * std::abs(direct.value));
+  EXPECT_LT(relative(automatic.gradient, direct.gradient), gradient_tolerance);
+  EXPECT_LT(relative(automatic.information, direct.information), information_tolerance);
+}
+
+TEST(Likelihood, AStartThatIsEstimated) {
+  Random random(1);
+  const StateSpace m = scalar(0.9, 1.0, 1.0, 2.0, 0.1);
+  const MatrixXd y = simulate_outputs(random, m, MatrixXd(0, 500), 500), u(0, 500);
+  StateSpace by_x0 = zero_like(m), by_P0 = by_x0;
+  by_x0.x0.setOnes();
+  by_P0.P0.setOnes();
+  expect_same(m, InitialState::given, y, u, {by_x0, by_P0}, 1e-6);
+}
+
+TEST(Likelihood, AStartKnownMuchBetterThanTheSteadyState) {
+  for (const auto& [a, Q, R] :
+       {std::tuple{1.5, 1e-20, 1.0}, std::tuple{1.2, 1e-16, 1.0}, std::tuple{1.5, 1e-12, 1.0},
+        std::tuple{0.5, 1.0, 1e-10}, std::tuple{0.5, 1.0, 1e-4}, std::tuple{0.5, 1.0, 1.0}}) {
+    Random random(2);
+    const StateSpace m = scalar(a, Q, R, 0.0, 0.0);
+    // Not this model's own output: that of an unstable one would overflow.
+    const MatrixXd y = random_matrix(random, 1, 150), u(0, 150);
+    StateSpace by_R = zero_like(m);
+    by_R.R.setOnes();
+    expect_same(m, InitialState::given, y, u, {by_R}, 0.2);
+  }
+}
+
+TEST(Likelihood, CancellationIsSeen) {
+  for (const double s : {1e1, 1e3, 1e4, 1e6}) {
+    SCOPED_TRACE(s);
+    // Two states driven hard by one input, of which the output sees the difference.
+    Random random(3);
+    StateSpace m = random_model(random, 2, 1, 1, 2);
+    m.A << 0.9, 0, 0, 0.9 + 0.1 / s;
+    m.B << s, s;
+    m.C << 1, -1;
+    m.D.setZero(), m.S.setZero();
+    m.G.setIdentity(), m.Q.setIdentity(), m.R.setIdentity();
+    m.x0.setZero();
+    const MatrixXd u = random_matrix(random, 1, 2000);
+    const MatrixXd y = simulate_outputs(random, m, u, 2000);
+    expect_same(m, InitialState::stationary, y, u, {noise_direction(random, m)}, 0.2);
+  }
+  for (const double R : {1e-2, 1e-4, 1e-6, 1e-8}) {
+    SCOPED_TRACE(R);
+    // Two sensors of one state: nearly copies of each other.
+    Random random(4);
+    StateSpace m = random_model(random, 1, 1, 2, 1);
+    m.A << 0.5;
+    m.B << 1;
+    m.C << 1, 1.3;
+    m.D.setZero(), m.S.setZero();
+    m.G.setOnes(), m.Q.setOnes();
+    m.R = R * MatrixXd::Identity(2, 2);
+    m.x0.setZero();
+    const MatrixXd u = 100.0 * random_matrix(random, 1, 2000);
+    const MatrixXd y = simulate_outputs(random, m, u, 2000);
+    StateSpace by_Q = zero_like(m);
+    by_Q.Q.setOnes();
+    // At 1e-8 the condition of Sigma, 4e8, takes half of all digits on every path.
+    expect_same(m, InitialState::stationary, y, u, {by_Q}, 0.2, R < 1e-7 ? 1e-5 : 1e-6);
+  }
+}
+
+TEST(Likelihood, AVarianceAtZeroStillHasADerivative) {
+  Random random(5);
+  StateSpace m = random_model(random, 2, 0, 2, 2);
+  m.A << 0.1, 0, 0, 0.999;
+  m.C.setIdentity(), m.G.setIdentity(), m.R.setIdentity(), m.S.setZero();
+  m.Q << 0, 0, 0, 1e-4;
+  m.x0.setZero();
+  m.P0 = MatrixXd::Zero(2, 2);
+  m.P0(1, 1) = steady_state(scalar(0.999, 1e-4, 1.0, 0, 0))->P(0, 0);
+  const MatrixXd y = random_matrix(random, 2, 3000), u(0, 3000);
+  StateSpace by_Q = zero_like(m);
+  by_Q.Q.setIdentity();
+  LikelihoodEngine engine;
+  engine.add_recording(y, u);
+  const Likelihood direct = engine.evaluate(m, InitialState::given, {by_Q}, Path::direct);
+  const Likelihood steady = engine.evaluate(m, InitialState::given, {by_Q}, Path::steady);
+  EXPECT_LT(relative(steady.gradient, direct.gradient), 1e-9);
+  EXPECT_LT(relative(steady.information, direct.information), 1e-9);
+}
+
+TEST(Likelihood, DiffuseStartsDoNotDependOnTheUnitsOfTheStates) {
+  Random random(6);
+  StateSpace m = random_model(random, 2, 0, 1, 2);
+  m.A << 1, 1, 0, 0.9;
+  m.C << 1, 0;
+  m.G.setIdentity(), m.Q.setIdentity(), m.R.setIdentity(), m.S.setZero();
+  m.x0.setZero();
+  const MatrixXd y = simulate_outputs(random, m, MatrixXd(0, 300), 300), u(0, 300);
+  const double expected = log_likelihood(m, InitialState::diffuse, y, u).value;
+  for (const double unit : {1e-8, 1e-6, 1e-3, 1e3, 1e6, 1e8}) {
+    StateSpace other = m;  // the second state counted in `unit`
+    other.A(0, 1) *= unit;
+    other.G(1, 1) /= unit;
+    for (const Path path : {Path::direct, Path::compressed}) {
+      LikelihoodEngine engine;
+      engine.add_recording(y, u);
+      const Likelihood l = engine.evaluate(other, InitialState::diffuse, {}, path);
+      ASSERT_EQ(l.status, FilterStatus::ok) << unit;
+      // A diffuse density is one per unit of the states.
+      EXPECT_NEAR(l.value + std::log(unit), expected, 1e-9 * std::abs(expected)) << unit;
+    }
+  }
+}
+
 TEST(Likelihood, RefusesShapesThatDisagree) {
   const Case c = random_case(3, 100, false);
   LikelihoodEngine engine;
   EXPECT_THROW(engine.evaluate(c.model, InitialState::stationary), std::invalid_argument);
   engine.add_recording(c.y, c.u);
-  EXPECT_THROW(engine.add_recording(MatrixXd::Zero(c.y.rows() + 1, 10), c.u.leftCols(10)),
-               std::invalid_argument);
+  const MatrixXd more = MatrixXd::Zero(c.y.rows() + 1, 10), inputs = c.u.leftCols(10);
+  EXPECT_THROW(engine.add_recording(more, inputs), std::invalid_argument);
+  StateSpace no_start = c.model, larger = c.model;
+  no_start.x0.resize(0);
+  larger.A = MatrixXd::Zero(1 + larger.A.rows(), 1 + larger.A.rows());
+  for (const Path path : {Path::direct, Path::automatic}) {
+    EXPECT_THROW(engine.evaluate(no_start, InitialState::given, {}, path), std::invalid_argument);
+    EXPECT_THROW(engine.evaluate(c.model, InitialState::given, {no_start}, path),
+                 std::invalid_argument);
+    EXPECT_THROW(engine.evaluate(c.model, InitialState::stationary, {larger}, path),
+                 std::invalid_argument);
+    EXPECT_THROW(engine.evaluate(StateSpace(), InitialState::stationary, {}, path),
+                 std::invalid_argument);
+  }
 }
 
 }  // namespace
