@@ -249,7 +249,7 @@ PosteriorPoints on_grid(const Space& space, const Density& log_density) {
   }
   PosteriorPoints out;
   for (int round = 0;; ++round) {
-    constexpr int kLast = 6;
+    constexpr int kLast = 4;
     const Index side = round == kLast ? kFine : kCoarse;
     const Index count = k == 1 ? side : side * side;
     const VectorXd pitch = (high - low) / static_cast<double>(side);

@@ -160,9 +160,9 @@ std::string posterior_text(const Estimate& estimate) {
     prior += fmt::format("{} {} {}", prior.empty() ? "prior" : ",", name, p.prior[i]);
   }
   return wrapped(most, 14) + wrapped(prior, 6) +
-         wrapped(fmt::format("posterior by {}: {} points, {:.0f} of them effective; log evidence "
-                             "{:.3f}",
-                             p.method, p.points, p.effective, p.log_evidence),
+         wrapped(fmt::format("posterior by {}: {} points, {:.0f} {}; log evidence {:.3f}", p.method,
+                             p.points, p.effective, p.method == "grid" ? "effective" : "distinct",
+                             p.log_evidence),
                  10);
 }
 

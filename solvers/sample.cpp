@@ -70,7 +70,9 @@ MatrixXd spread(const MatrixXd& draws) {
 
 PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& options) {
   constexpr int kMostMoves = 50;
-  constexpr double kMovesEach = 4.0;  // accepted, on average
+  // Accepted by every draw, on average: on the way, and at the end, where copies of one draw have to
+  // part.
+  constexpr double kOnTheWay = 3.0, kAtTheEnd = 10.0;
   if (options.draws < 10) throw std::invalid_argument("sample: fewer than 10 draws");
   const auto begin = std::chrono::steady_clock::now();
   const Index n = options.draws;
@@ -118,7 +120,8 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
     out.log_likelihood = VectorXd(out.log_likelihood(kept));
     const MatrixXd L = spread(out.draws);
     double accepted = 0.0;
-    for (int move = 0; move < kMostMoves && accepted < kMovesEach; ++move) {
+    const double wanted = temperature < 1.0 ? kOnTheWay : kAtTheEnd;
+    for (int move = 0; move < kMostMoves && accepted < wanted; ++move) {
       Index count = 0;
       for (Index i = 0; i < n; ++i) {
         const VectorXd x = out.draws.col(i) + scale * (L * random.normal(out.draws.rows()));
