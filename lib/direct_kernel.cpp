@@ -94,15 +94,17 @@ template <int n, int r>
     add_product(moved, K, e);
     if (inputs) moved.noalias() += model.B * u.col(t);
     copy(moved, x);
+    const double before = determinant;
     for (int j = 0; j < r; ++j) {
       for (int k = 0; k < j; ++k) e[j] -= L(j, k) * e[k];
       squares += e[j] * e[j] * inverse[j];
       determinant *= D[j];
-      // The logarithm is dear: one for many samples.
-      if (!(determinant > 1e-100 && determinant < 1e100)) {
-        log_det += std::log(determinant);
-        determinant = 1.0;
-      }
+    }
+    // The logarithm is dear: one for many samples, unless a single one leaves the range.
+    if (!(determinant > 1e-100 && determinant < 1e100)) {
+      log_det += std::log(before);
+      for (int j = 0; j < r; ++j) log_det += std::log(D[j]);
+      determinant = 1.0;
     }
     if (stop_when_settled) {
       settled = true;
