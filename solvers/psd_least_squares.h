@@ -89,8 +89,8 @@ struct PsdSolution {
 /// CVXOPT linear and quadratic cone program solvers; for the use, Odelson, Rajamani & Rawlings
 /// (2006), Automatica 42, and Rajamani & Rawlings (2009), Automatica 45.
 /// @throws std::invalid_argument when shapes disagree, an entry lies outside its block, a number is
-///   not finite, a constant or H is not symmetric (H to 1e-10 of sqrt(H_ii H_jj)) or not positive semidefinite (a
-///   negative diagonal, or an eigenvalue below -1e-8 of the largest after scaling).
+///   not finite, a constant or H is not symmetric (H to 1e-10 of sqrt(H_ii H_jj)) or not positive
+///   semidefinite (a negative diagonal, or an eigenvalue below -1e-8 of the largest after scaling).
 PsdSolution minimise(const PsdLeastSquares& problem,
                      const SolverOptions& options = {.function_tolerance = 1e-9, .progress = {}});
 

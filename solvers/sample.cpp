@@ -70,8 +70,8 @@ MatrixXd spread(const MatrixXd& draws) {
 
 PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& options) {
   constexpr int kMostMoves = 50;
-  // Accepted by every draw, on average: on the way, and at the end, where copies of one draw have to
-  // part.
+  // Accepted by every draw, on average: on the way, and at the end, where copies of one draw have
+  // to part.
   constexpr double kOnTheWay = 3.0, kAtTheEnd = 10.0;
   if (options.draws < 10) throw std::invalid_argument("sample: fewer than 10 draws");
   const auto begin = std::chrono::steady_clock::now();
