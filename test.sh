@@ -13,7 +13,7 @@ esac
 
 git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
 
-cmake --preset release
+cmake --preset release -DIDENTIKAL_WERROR=ON
 cmake --build build
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()

@@ -22,6 +22,7 @@
 #include "identify/noise_ml.h"
 #include "identify/report.h"
 #include "identify/simulate.h"
+#include "identify/study.h"
 #include "identify/suspect_data.h"
 #include "identify/vehicle_fit.h"
 #include "lib/csv.h"
@@ -39,7 +40,7 @@ struct Arguments {
   std::string output;
   bool json = false, strict = false, quiet = false;
   std::int64_t seed = 1;
-  int starts = 5;
+  int starts = 5, runs = 50;
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy;
@@ -277,6 +278,21 @@ int run_bound(const Arguments& args) {
   return finish(args, recordings, estimate, begin);
 }
 
+int run_study(const Arguments& args) {
+  Progress progress(args);
+  StudyOptions options;
+  options.runs = args.runs;
+  options.seed = static_cast<std::uint64_t>(args.seed);
+  options.progress = [&](int done, int of) {
+    progress.show(fmt::format("{}: run {} of {}", args.model, done, of));
+  };
+  const std::string text = study(args.model, options);
+  progress.clear();
+  std::cout << text << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return 0;
+}
+
 int run_simulate(const Arguments& args) {
   ModelFile model = load_model(args);
   std::optional<Dataset> recording;
@@ -428,6 +444,16 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(1L, 1000000000L));
   bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
 
+  CLI::App* study = app.add_subcommand("study", "rerun a published table beside its figures");
+  study->add_option("NAME", args.model, "matisko-table-3 ... matisko-table-10")->required();
+  study->add_option("--runs", args.runs, "repetitions of each line")
+      ->check(CLI::Range(2, 100000))
+      ->capture_default_str();
+  study->add_option("--seed", args.seed, "seed of the recordings")
+      ->check(whole_number)
+      ->capture_default_str();
+  study->add_flag("--quiet", args.quiet, "no progress line");
+
   CLI::App* simulate = app.add_subcommand("simulate", "make data with known truth");
   simulate->add_option("MODEL", args.model, "model file (YAML)")->required();
   simulate->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
@@ -444,10 +470,12 @@ int run(int argc, char** argv) {
   simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info", "tune", "fit", "check", "bound", "simulate"};
+    const std::vector<std::string> verbs{"info",  "tune",  "fit",     "check",
+                                         "bound", "study", "simulate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, fit, check or bound", did_you_mean(argv[1], verbs));
+                       "info, simulate, tune, fit, check, bound or study",
+                       did_you_mean(argv[1], verbs));
     }
   }
   try {
@@ -460,6 +488,7 @@ int run(int argc, char** argv) {
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);
   if (args.verb == "bound") return run_bound(args);
+  if (args.verb == "study") return run_study(args);
   if (args.verb == "simulate") return run_simulate(args);
   return run_estimator(args);
 }

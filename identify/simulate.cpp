@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <stdexcept>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "identify/vehicle_problem.h"
 #include "lib/manoeuvre.h"
-#include "lib/matrix_equations.h"
 #include "lib/random.h"
+#include "lib/realisation.h"
 #include "lib/single_track.h"
 #include "lib/units.h"
 
@@ -77,38 +78,15 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
                      "add it to the command line");
   }
   const Index N = inputs != nullptr ? inputs->size() : rows;
-  const Index n = system.states(), nw = system.G.cols(), ny = system.outputs();
-  MatrixXd joint(nw + ny, nw + ny);
-  joint << system.Q, system.S, system.S.transpose(), system.R;
-  MatrixXd factor;
-  try {
-    factor = semidefinite_factor(joint);
-  } catch (const std::invalid_argument&) {
-    throw InputError(at, "the noise covariance [Q S; S' R] is not positive semidefinite");
-  }
   Random random(seed);
-  VectorXd x = VectorXd::Zero(n);
-  if (model.linear.initial == InitialState::stationary) {
-    const auto P = solve_discrete_lyapunov(system.A, system.G * system.Q * system.G.transpose());
-    if (!P)
-      throw InputError(at, "'initial: stationary' with an A that is not stable",
-                       "every eigenvalue inside the unit circle");
-    x = semidefinite_factor(*P) * random.normal(n);
-  } else if (model.linear.initial == InitialState::given) {
-    x = system.x0 + semidefinite_factor(system.P0) * random.normal(n);
-  }
-
-  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd(0, N);
-  MatrixXd y(ny, N);
-  for (Index t = 0; t < N; ++t) {
-    const VectorXd noise = factor * random.normal(nw + ny);
-    VectorXd next = system.A * x + system.G * noise.head(nw);
-    y.col(t) = system.C * x + noise.tail(ny);
-    if (u.rows() > 0) {
-      y.col(t) += system.D * u.col(t);
-      next += system.B * u.col(t);
-    }
-    x.swap(next);
+  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
+  MatrixXd y;
+  try {
+    y = realisation(system, model.linear.initial, u, N, random);
+  } catch (const std::invalid_argument&) {
+    throw InputError(
+        at, "the model cannot be simulated",
+        "[Q S; S' R] positive semidefinite, and a stable A with 'initial: stationary'");
   }
   const double step = inputs != nullptr ? inputs->dt : system.dt;
   const VectorXd time =
@@ -116,7 +94,7 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
                         : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
   // Columns that the model names by number must stand where it says, so time comes last.
   std::vector<OutputColumn> columns;
-  for (Index i = 0; i < ny; ++i) {
+  for (Index i = 0; i < y.rows(); ++i) {
     const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
     columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
   }

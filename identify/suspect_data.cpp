@@ -84,7 +84,7 @@ std::string first_times(const std::vector<Dataset>& recordings,
 void warn_of_outliers(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
                       const std::vector<Dataset>& recordings, const std::vector<MatrixXd>& e) {
   const std::vector<Outlier> outliers = find_outliers(model, parameters, recordings);
-  for (std::size_t c = 0; c < model.outputs.size(); ++c) {
+  for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     std::vector<Outlier> here;
     std::copy_if(outliers.begin(), outliers.end(), std::back_inserter(here),
                  [c](const Outlier& o) { return o.channel == static_cast<Index>(c); });
@@ -99,10 +99,10 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
     estimate.warnings.push_back(
         {"outliers",
          share > kSerious ? "serious" : "warning",
-         {model.outputs[c].name},
+         {recordings[0].outputs[c].name},
          fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
                      "and make{} up {:.2g} % of the innovations' power",
-                     here.size(), here.size() > 1 ? "s" : "", model.outputs[c].name,
+                     here.size(), here.size() > 1 ? "s" : "", recordings[0].outputs[c].name,
                      first_times(recordings, here), here.size() > 1 ? "" : "s",
                      std::max_element(here.begin(), here.end(),
                                       [](const Outlier& a, const Outlier& b) {
@@ -116,8 +116,8 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
 
 // Innovations with a mean: what constant in the outputs would give it?
 void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                    const std::vector<MatrixXd>& e) {
-  const auto ny = static_cast<Index>(model.outputs.size());
+                    const std::vector<Channel>& outputs, const std::vector<MatrixXd>& e) {
+  const auto ny = static_cast<Index>(outputs.size());
   VectorXd mean(ny), power(ny), count = VectorXd::Zero(ny);
   mean.setZero();
   power.setZero();
@@ -142,7 +142,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
   for (Index i = 0; i < ny; ++i) {
     const double share = mean[i] * mean[i] / power[i];
     if (!(share * count[i] > kOffset * kOffset)) continue;
-    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
+    const Channel& source = outputs[static_cast<std::size_t>(i)];
     const double scale = parse_unit(source.unit).value_or(Unit{}).scale;
     const std::string unit = source.unit.empty() ? "" : " " + source.unit;
     const bool known = std::isfinite(offset[i]);
@@ -208,7 +208,7 @@ void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
                           const ParameterSet& parameters, const std::vector<Dataset>& recordings) {
   const std::vector<MatrixXd> e = innovations(model, parameters, recordings);
   warn_of_outliers(estimate, model, parameters, recordings, e);
-  warn_of_offset(estimate, model, parameters, e);
+  warn_of_offset(estimate, model, parameters, recordings[0].outputs, e);
 }
 
 Estimate tune_robust(

@@ -22,7 +22,7 @@
 #include <cmath>
 #include <vector>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "lib/kalman.h"
@@ -267,20 +267,22 @@ void CompressedKernel<n>::sum_lags(const LagSums& sums, Eigen::Index lags) {
   }
 }
 
-/// Can I + Pi M be inverted without loss? Its eigenvalues are those of I + M^(1/2) Pi M^(1/2); a
+/// Can I + Pi M be inverted without loss? With M = L L' its eigenvalues are those of I + L' Pi L; a
 /// start known much better than the steady state, Pi = P0 - P < 0, brings them near zero, and its
 /// first samples then tell more than the steady ones that the information counts.
 template <int n>
 bool CompressedKernel<n>::well_conditioned(const Square& Pi) const {
   constexpr double kLeast = 1e-2;
-  const Eigen::SelfAdjointEigenSolver<Square> root(M_);
-  const Square half = root.eigenvectors() *
-                      root.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
-                      root.eigenvectors().transpose();
-  const Square relative = half * Pi * half;
-  return Eigen::SelfAdjointEigenSolver<Square>(relative, Eigen::EigenvaluesOnly)
-             .eigenvalues()
-             .minCoeff() > kLeast - 1.0;
+  Square M = M_;
+  M.diagonal().array() += 1e-14 * M_.trace();  // states that are not seen leave it singular
+  const Eigen::LLT<Square> root(M);
+  if (root.info() != Eigen::Success) return false;
+  const Square L = root.matrixL();
+  Square half, relative = (1.0 - kLeast) * Square::Identity(Pi.rows(), Pi.cols());
+  set_product(half, Pi, L);
+  add_product(relative, L.transpose(), half);
+  symmetrise(relative);
+  return Eigen::LLT<Square>(relative).info() == Eigen::Success;
 }
 
 /// tr(Sigma^-1 S_e) with every product of S_e = C X C' - C Yt H' - H Yt' C' + H Gamma_0 H' taken

@@ -162,6 +162,13 @@ class Tune(unittest.TestCase):
         for a, b in zip(auto["parameters"], ml["parameters"], strict=True):
             self.assertAlmostEqual(a["value"] / b["value"], 1, delta=1e-6)
 
+    def test_study(self):
+        text = run("study", "matisko-table-9", "--runs", 3, "--quiet", code=0).stdout
+        self.assertIn("published: ALS+SDP 30 lags, R0 1", text)
+        self.assertIn("ours: ALS 30 lags, R0 1", text)
+        self.assertIn("Cramer-Rao bound", text)
+        self.assertEqual(text, run("study", "matisko-table-9", "--runs", 3, "--quiet", code=0).stdout)
+
     def test_bound(self):
         out = result("bound", NILE[0], "-n", 100, "--set", "q=1469.1", "--set", "r=15099", "--accuracy", "10%")
         self.assertEqual(out["bound"]["samples"], 100)
@@ -354,6 +361,7 @@ class BadInput(unittest.TestCase):
         self.refused(["-n"], "bound", NILE[0])
         self.refused(["--accuracy"], "bound", NILE[0], "-n", 100, "--accuracy", "-1")
         self.refused(["--lags"], "tune", *NILE, "--lags", 5)
+        self.refused(["matisko-table-3"], "study", "matisko-table-33")
 
     def test_output_folder(self):
         blocked = self.folder.write("file", "not a folder")
