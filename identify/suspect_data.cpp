@@ -25,17 +25,23 @@ constexpr double kOutlier = 6.0;   // robust standard deviations
 constexpr double kOffset = 5.0;    // standard errors of the mean
 constexpr double kSerious = 0.05;  // share of the innovations' power
 
-std::vector<MatrixXd> innovations(const ModelFile& model, const ParameterSet& parameters,
-                                  const std::vector<Dataset>& recordings) {
+// Of every recording, as they are and whitened by the covariance that the filter gives each.
+struct Innovations {
+  std::vector<MatrixXd> e, white;
+};
+
+Innovations innovations(const ModelFile& model, const ParameterSet& parameters,
+                        const std::vector<Dataset>& recordings) {
   const StateSpace system = instantiate(model.linear, parameters);
-  std::vector<MatrixXd> out;
+  Innovations out;
   for (const Dataset& data : recordings) {
     const FilterResult filter =
         kalman_filter(system, model.linear.initial, data.y, model_inputs(model.linear, data.u),
                       Keep::innovations);
-    out.push_back(filter.status == FilterStatus::ok
-                      ? filter.e
-                      : MatrixXd::Constant(data.y.rows(), data.size(), kNone));
+    const MatrixXd nothing = MatrixXd::Constant(data.y.rows(), data.size(), kNone);
+    const bool ran = filter.status == FilterStatus::ok;
+    out.e.push_back(ran ? filter.e : nothing);
+    out.white.push_back(ran ? filter.standardised : nothing);
   }
   return out;
 }
@@ -170,21 +176,30 @@ std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& p
   std::vector<Outlier> out;
   std::vector<Dataset> rest = recordings;
   for (int pass = 0; pass < kMostPasses; ++pass) {
-    const std::vector<MatrixXd> e = innovations(model, parameters, rest);
+    const Innovations now = innovations(model, parameters, rest);
     std::vector<Outlier> found;
     const Index ny = rest[0].y.rows();
-    VectorXd deviation(ny);
-    for (Index i = 0; i < ny; ++i) deviation[i] = robust_deviation(e, i);
+    VectorXd deviation(ny), white_deviation(ny);
+    for (Index i = 0; i < ny; ++i) {
+      deviation[i] = robust_deviation(now.e, i);
+      white_deviation[i] = robust_deviation(now.white, i);
+    }
+    const auto largest = [](const VectorXd& sizes) {
+      Index worst = 0;
+      for (Index i = 0; i < sizes.size(); ++i) {
+        if (std::isnan(sizes[worst]) || sizes[i] > sizes[worst]) worst = i;
+      }
+      return worst;
+    };
     for (std::size_t r = 0; r < rest.size(); ++r) {
       for (Index t = 0; t < rest[r].size(); ++t) {
-        // The worst channel: by correlation it disturbs the others of its sample.
-        Index worst = 0;
-        const VectorXd size = e[r].col(t).cwiseAbs().cwiseQuotient(deviation);
-        for (Index i = 0; i < ny; ++i) {
-          if (std::isnan(size[worst]) || size[i] > size[worst]) worst = i;
-        }
-        if (!(deviation[worst] > 0.0 && size[worst] > kOutlier)) continue;
-        found.push_back({r, worst, t, size[worst]});
+        // Whitened: at the start, and after gaps, innovations are larger by rights.
+        const VectorXd white = now.white[r].col(t).cwiseAbs().cwiseQuotient(white_deviation);
+        const double size = white[largest(white)];
+        if (!(std::isfinite(size) && size > kOutlier)) continue;
+        // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
+        const Index channel = largest(now.e[r].col(t).cwiseAbs().cwiseQuotient(deviation));
+        found.push_back({r, channel, t, size});
         t += apart;
       }
     }
@@ -206,7 +221,7 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
 
 void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
                           const ParameterSet& parameters, const std::vector<Dataset>& recordings) {
-  const std::vector<MatrixXd> e = innovations(model, parameters, recordings);
+  const std::vector<MatrixXd> e = innovations(model, parameters, recordings).e;
   warn_of_outliers(estimate, model, parameters, recordings, e);
   warn_of_offset(estimate, model, parameters, recordings[0].outputs, e);
 }

@@ -16,10 +16,10 @@ struct Outlier {
   double deviations;  ///< of its innovation, in robust standard deviations
 };
 
-/// Samples whose innovation lies more than 6 robust standard deviations (1.4826 median |e|) from
-/// zero: of Gaussian noise one in 5e8. An outlier disturbs the filter for a while; so one is
-/// looked for at a time in every stretch as long as the filter's memory, taken out, and the filter
-/// run again.
+/// Samples whose innovation, whitened by its own covariance, lies more than 6 robust standard
+/// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. An outlier disturbs the
+/// filter for a while; so one is looked for at a time in every stretch as long as the filter's
+/// memory, taken out, and the filter run again.
 std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings);
 
