@@ -393,8 +393,8 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
   std::vector<StateSpace> derivatives;
   for (const Index e : inside) derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
   // Inputs tell nothing about noise.
-  const ExpectedInformation bound = expected_information(
-      system, model.linear.initial, samples, derivatives, MatrixXd::Zero(system.inputs(), samples));
+  const ExpectedInformation bound =
+      expected_information(system, model.linear.initial, samples, derivatives, MatrixXd());
   if (bound.status != FilterStatus::ok) return;
   const auto covariance = scaled_inverse(unit.asDiagonal() * bound.total * unit.asDiagonal(), 1e-9);
   for (Index j = 0; j < k && covariance; ++j) {
