@@ -127,6 +127,21 @@ struct Posterior {
   std::vector<std::string> prior;  ///< in words
 };
 
+/// How the noise was estimated from sample to sample, in the parameters' units.
+struct Course {
+  std::vector<std::string> names, units;  ///< of the free parameters
+  Eigen::MatrixXd mean, sd;               ///< names x N; sd is kNone while nothing is learnt
+  Eigen::VectorXd log_alarm;              ///< N: of the test for a change; kNone without test
+  double log_threshold = kNone;
+  struct Change {
+    double since = kNone;  ///< [s]: when it happened, as estimated
+    double found = kNone;  ///< [s]: when the test rejected
+    Eigen::VectorXd before,
+        after;  ///< names: estimates just before, and at the end of what follows
+  };
+  std::vector<Change> changes;
+};
+
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;
@@ -160,7 +175,8 @@ struct Estimate {
   std::vector<TestResult> tests;
   Identifiability identifiability;
   std::optional<Bound> bound;          ///< verb bound only
-  std::optional<Posterior> posterior;  ///< method bayes only
+  std::optional<Posterior> posterior;  ///< method bayes and verb track only
+  std::optional<Course> course;        ///< verb track only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

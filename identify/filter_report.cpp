@@ -150,22 +150,35 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
   throw InputError(here, "the filter cannot run");
 }
 
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const std::vector<Dataset>& recordings) {
-  const StateSpace system = instantiate(model.linear, parameters);
+void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters) {
   const StateSpace written = written_matrices(model.linear, parameters);
   estimate.noise.Q = written.Q;
   estimate.noise.R = written.R;
   if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
   const bool density = model.linear.continuous && model.linear.noise == ProcessNoise::density;
   estimate.noise.Q_kind = density ? "density" : "per-sample";
-  if (const auto steady = steady_state(system)) {
+  if (const auto steady = steady_state(instantiate(model.linear, parameters))) {
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;
   }
+}
+
+void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters) {
+  Index shortest = recordings[0].size();
+  for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
+  const int lags = default_lags(shortest);
+  const Joined all = join(recordings, filters, lags);
+  report_fit(estimate, recordings[0].outputs, all);
+  report_tests(estimate, recordings[0].outputs, all, lags);
+}
+
+void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                     const std::vector<Dataset>& recordings) {
+  describe_noise(estimate, model, parameters);
+  const StateSpace system = instantiate(model.linear, parameters);
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;
-  Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) {
     filters.push_back(kalman_filter(system, model.linear.initial, data.y,
                                     model_inputs(model.linear, data.u), Keep::innovations));
@@ -173,12 +186,8 @@ void describe_filter(Estimate& estimate, const ModelFile& model, const Parameter
       refuse_filter(model, recordings, filters.back().status);
     }
     estimate.objective.log_likelihood += filters.back().log_likelihood;
-    shortest = std::min(shortest, data.size());
   }
-  const int lags = default_lags(shortest);
-  const Joined all = join(recordings, filters, lags);
-  report_fit(estimate, recordings[0].outputs, all);
-  report_tests(estimate, recordings[0].outputs, all, lags);
+  describe_innovations(estimate, recordings, filters);
 }
 
 }  // namespace identikal

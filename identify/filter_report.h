@@ -16,10 +16,17 @@ namespace identikal {
 [[noreturn]] void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                                 FilterStatus status);
 
-/// Runs the filter over every recording, each from the model's initial state, and fills noise,
-/// log-likelihood, one-step fit, tests and series of the estimate. The tests take the recordings
-/// together and keep a level of 5 % in all (Bonferroni); no autocorrelation reaches across from one
-/// recording to the next.
+/// Q, R, S and the steady state of the filter.
+void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
+
+/// One-step fit, tests and series of innovations that one filter per recording has left. The tests
+/// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation
+/// reaches across from one recording to the next.
+void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters);
+
+/// Runs the filter over every recording, each from the model's initial state, and fills all of the
+/// above and the log-likelihood.
 /// @throws InputError when the filter cannot run
 void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
                      const std::vector<Dataset>& recordings);

@@ -20,6 +20,7 @@
 #include "identify/noise_auto.h"
 #include "identify/noise_bayes.h"
 #include "identify/noise_ml.h"
+#include "identify/noise_track.h"
 #include "identify/report.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
@@ -44,8 +45,8 @@ struct Arguments {
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy;
-  bool regain = false, robust = false;
-  long lags = 0, draws = 2000;
+  bool regain = false, robust = false, adaptive = false;
+  long lags = 0, draws = 0;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
 };
@@ -164,6 +165,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   if (!args.output.empty()) {
     std::vector<ResultFile> files{{"result.json", json}};
     if (!estimate.bound) files.push_back({"residuals.csv", residuals_csv(estimate)});
+    if (estimate.course) files.push_back({"course.csv", course_csv(estimate)});
     write_files(args.output, files);
   }
   std::cout << (args.json ? json : console_report(estimate)) << std::flush;
@@ -182,7 +184,7 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
   }
   if (args.method == "bayes") {
     NoiseBayesOptions options;
-    options.draws = args.draws;
+    if (args.draws > 0) options.draws = args.draws;
     options.seed = static_cast<std::uint64_t>(args.seed);
     options.progress = [&](double temperature) {
       progress.show(fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature));
@@ -275,6 +277,28 @@ int run_bound(const Arguments& args) {
     }
   }
   Estimate estimate = bound_of(model, options, given ? &recordings.data.front() : nullptr);
+  return finish(args, recordings, estimate, begin);
+}
+
+int run_track(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  ModelFile model = load_model(args);
+  if (model.form != ModelFile::Form::linear) {
+    throw InputError({model.path, 0, 0}, "'track' takes a linear model, this is a vehicle",
+                     "a model with A, C, Q, R");
+  }
+  const Recordings recordings = load_recordings(args, model);
+  if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
+  Progress progress(args);
+  NoiseTrackOptions options;
+  options.adaptive = args.adaptive;
+  if (args.draws > 0) options.draws = args.draws;
+  options.seed = static_cast<std::uint64_t>(args.seed);
+  options.progress = [&](Eigen::Index sample, Eigen::Index of) {
+    if (sample % 100 == 0) progress.show(fmt::format("sample {} of {}", sample, of));
+  };
+  Estimate estimate = track(model, recordings.data.front(), options);
+  progress.clear();
   return finish(args, recordings, estimate, begin);
 }
 
@@ -428,13 +452,27 @@ int run(int argc, char** argv) {
           ->check(CLI::Range(0L, 1000L));
       verb->add_option("--draws", args.draws, "bayes: draws from the posterior")
           ->check(CLI::Range(10L, 1000000L))
-          ->capture_default_str();
+          ->default_str("2000");
       verb->add_flag("--robust", args.robust, "leave out samples that are outliers");
       verb->add_flag("--regain", args.regain, "als: repeat with the estimate's own gain");
       verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")
           ->check(CLI::IsMember({"automatic", "direct", "steady", "compressed"}));
     }
   }
+
+  CLI::App* track = app.add_subcommand("track", "estimate Q and R sample by sample");
+  track->add_option("MODEL", args.model, "model file (YAML)")->required();
+  track->add_option("DATA", args.data, "recording (CSV)")->required()->expected(1);
+  add_common(*track, args, true);
+  track->add_flag(
+      "--adaptive", args.adaptive,
+      "start with the file's noise, learn it anew whenever it is found to have changed");
+  track->add_option("--draws", args.draws, "filters that run side by side")
+      ->check(CLI::Range(10L, 1000000L))
+      ->default_str("400");
+  track->add_option("--seed", args.seed, "seed of the draws")
+      ->check(whole_number)
+      ->capture_default_str();
 
   CLI::App* bound = app.add_subcommand("bound", "the best that any method can do, before any data");
   bound->add_option("MODEL", args.model, "model file (YAML), its values are the truth")->required();
@@ -470,11 +508,11 @@ int run(int argc, char** argv) {
   simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "tune",  "fit",     "check",
-                                         "bound", "study", "simulate"};
+    const std::vector<std::string> verbs{"info",  "tune",  "track", "fit",
+                                         "check", "bound", "study", "simulate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, fit, check, bound or study",
+                       "info, simulate, tune, track, fit, check, bound or study",
                        did_you_mean(argv[1], verbs));
     }
   }
@@ -487,6 +525,7 @@ int run(int argc, char** argv) {
   }
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);
+  if (args.verb == "track") return run_track(args);
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "simulate") return run_simulate(args);

@@ -11,6 +11,7 @@
 
 #include "identify/filter_report.h"
 #include "identify/noise_estimate.h"
+#include "identify/parameter_prior.h"
 #include "identify/recordings_likelihood.h"
 #include "lib/random.h"
 #include "solvers/sample.h"
@@ -24,226 +25,17 @@ using Eigen::VectorXd;
 
 constexpr double kNowhere = -std::numeric_limits<double>::infinity();
 
-// One coordinate of the posterior and its prior, which is uniform on [low, high], normal, or that
-// of a partial correlation, (1 - x^2)^(shape - 1) on (-1, 1).
-struct Coordinate {
-  enum class Kind { uniform, normal, partial_correlation };
-  Kind kind = Kind::uniform;
-  bool logarithm = false;
-  double low = kNowhere, high = -kNowhere;  // of the coordinate, bounds included
-  double mean = 0.0, sd = 0.0;              // normal
-  double shape = 1.0;                       // partial correlation
-
-  double draw(Random& random) const {
-    switch (kind) {
-      case Kind::uniform:
-        return low + (high - low) * random.uniform();
-      case Kind::normal:
-        for (;;) {
-          const double x = mean + sd * random.normal();
-          if (low <= x && x <= high) return x;
-        }
-      case Kind::partial_correlation: {
-        // One coordinate of a point on the sphere in 2 shape + 1 dimensions.
-        const VectorXd z = random.normal(static_cast<Index>(std::lround(2.0 * shape)) + 1);
-        return z[0] / z.norm();
-      }
-    }
-    return 0.0;
-  }
-  double log_density(double x) const {
-    if (!(low <= x && x <= high)) return kNowhere;
-    switch (kind) {
-      case Kind::uniform:
-        return 0.0;
-      case Kind::normal:
-        return -0.5 * std::pow((x - mean) / sd, 2);
-      case Kind::partial_correlation:
-        return (shape - 1.0) * std::log1p(-x * x);
-    }
-    return 0.0;
-  }
-  double deviation() const {
-    switch (kind) {
-      case Kind::uniform:
-        return (high - low) / std::sqrt(12.0);
-      case Kind::normal:
-        return sd;
-      case Kind::partial_correlation:
-        return 1.0 / std::sqrt(2.0 * shape + 1.0);
-    }
-    return 0.0;
-  }
-};
-
-Coordinate number(const Prior& prior, double min, double max) {
-  Coordinate out;
-  const bool logarithm =
-      prior.kind == Prior::Kind::log_uniform || prior.kind == Prior::Kind::log_normal;
-  const auto scaled = [logarithm](double x) { return logarithm ? std::log(x) : x; };
-  out.logarithm = logarithm;
-  out.low = logarithm && min <= 0.0 ? kNowhere : scaled(min);
-  out.high = scaled(max);
-  switch (prior.kind) {
-    case Prior::Kind::none:
-      break;
-    case Prior::Kind::uniform:
-    case Prior::Kind::log_uniform:
-      out.low = std::max(out.low, scaled(prior.a));
-      out.high = std::min(out.high, scaled(prior.b));
-      break;
-    case Prior::Kind::normal:
-      out.kind = Coordinate::Kind::normal;
-      out.mean = prior.a;
-      out.sd = prior.b;
-      break;
-    case Prior::Kind::log_normal:
-      out.kind = Coordinate::Kind::normal;
-      out.mean = std::log(prior.a);
-      out.sd = std::log(prior.b);
-      break;
-  }
-  return out;
-}
-
-// The prior that is used where the model file gives none.
-Prior prior_of(const ModelFile& model, const Parameter& p, double start, bool variance) {
-  constexpr double kDecades = 1e4;
-  if (p.prior.kind != Prior::Kind::none) return p.prior;
-  if (variance && start > 0.0) {
-    return {Prior::Kind::log_uniform, start / kDecades, start * kDecades};
-  }
-  if (std::isfinite(p.min) && std::isfinite(p.max)) return {Prior::Kind::uniform, p.min, p.max};
-  throw InputError({model.path, 0, 0},
-                   fmt::format("parameter '{}' has no prior, and none follows from its {}", p.name,
-                               variance ? "start, which is zero" : "bounds"),
-                   "prior: {uniform: [LOW, HIGH]}, {normal: {mean: M, sd: S}} or, for a variance, "
-                   "{log-uniform: [LOW, HIGH]}");
-}
-
-std::string in_words(const Prior& prior) {
-  switch (prior.kind) {
-    case Prior::Kind::none:
-      return "";
-    case Prior::Kind::uniform:
-      return fmt::format("uniform {:.4g} .. {:.4g}", prior.a, prior.b);
-    case Prior::Kind::log_uniform:
-      return fmt::format("log-uniform {:.4g} .. {:.4g}", prior.a, prior.b);
-    case Prior::Kind::normal:
-      return fmt::format("normal {:.4g} +- {:.4g}", prior.a, prior.b);
-    case Prior::Kind::log_normal:
-      return fmt::format("log-normal {:.4g} within a factor {:.4g}", prior.a, prior.b);
-  }
-  return "";
-}
-
-// Free parameters by independent coordinates.
-struct Space {
-  const ParameterSet& parameters;
-  std::vector<Coordinate> coordinates;
-  std::vector<std::string> words;  // of the prior, one per coordinate
-
-  explicit Space(const ModelFile& model) : parameters(model.parameters) {
-    const ReportedEntries all = reported_entries(parameters);
-    for (std::size_t e = 0; e < all.names.size(); ++e) {
-      const Parameter& p = parameters[static_cast<std::size_t>(all.parameter[e])];
-      if (p.fixed) continue;
-      const double value = all.value[static_cast<Index>(e)];
-      const bool full = p.domain == Domain::positive_definite;
-      if (full && !all.variance[e]) {
-        Coordinate partial;
-        partial.kind = Coordinate::Kind::partial_correlation;
-        partial.low = -1.0;
-        partial.high = 1.0;
-        coordinates.push_back(partial);
-        words.emplace_back("uniform over correlation matrices");
-        continue;
-      }
-      const bool scalar = p.domain == Domain::scalar;
-      const Prior prior = prior_of(model, p, value, all.variance[e]);
-      coordinates.push_back(number(prior, scalar ? p.min : 0.0,
-                                   scalar ? p.max : std::numeric_limits<double>::infinity()));
-      words.push_back(in_words(prior));
-    }
-    // Of a full matrix, column by column: the variance, then the partial correlations below it.
-    std::size_t at = 0;
-    for (const Parameter& p : parameters) {
-      if (p.fixed) continue;
-      const Index n = p.value.rows();
-      if (p.domain != Domain::positive_definite) {
-        at += static_cast<std::size_t>(free_entries({p}).size());
-        continue;
-      }
-      for (Index j = 0; j < n; ++j) {
-        for (Index i = j; i < n; ++i, ++at) {
-          if (i > j) coordinates[at].shape = 1.0 + 0.5 * static_cast<double>(n - 2 - j);
-        }
-      }
-    }
-  }
-
-  double log_prior(const VectorXd& x) const {
-    double out = 0.0;
-    for (std::size_t i = 0; i < coordinates.size(); ++i) {
-      out += coordinates[i].log_density(x[static_cast<Index>(i)]);
-    }
-    return out;
-  }
-
-  VectorXd draw(Random& random) const {
-    VectorXd out(static_cast<Index>(coordinates.size()));
-    for (Index i = 0; i < out.size(); ++i) {
-      out[i] = coordinates[static_cast<std::size_t>(i)].draw(random);
-    }
-    return out;
-  }
-
-  VectorXd entries(const VectorXd& x) const {
-    VectorXd out = x;
-    for (Index i = 0; i < x.size(); ++i) {
-      if (coordinates[static_cast<std::size_t>(i)].logarithm) out[i] = std::exp(x[i]);
-    }
-    Index at = 0;
-    for (const Parameter& p : parameters) {
-      if (p.fixed) continue;
-      const Index n = p.value.rows();
-      if (p.domain != Domain::positive_definite) {
-        at += free_entries({p}).size();
-        continue;
-      }
-      // Factor of the correlation matrix, row by row from partial correlations.
-      MatrixXd L = MatrixXd::Zero(n, n);
-      VectorXd sd(n), rest = VectorXd::Ones(n);
-      const Index first = at;
-      for (Index j = 0; j < n; ++j) {
-        sd[j] = std::sqrt(out[at++]);
-        L(j, j) = std::sqrt(rest[j]);
-        for (Index i = j + 1; i < n; ++i) {
-          L(i, j) = out[at++] * std::sqrt(rest[i]);
-          rest[i] -= L(i, j) * L(i, j);
-        }
-      }
-      const MatrixXd V = sd.asDiagonal() * L * L.transpose() * sd.asDiagonal();
-      at = first;
-      for (Index j = 0; j < n; ++j) {
-        for (Index i = j; i < n; ++i) out[at++] = V(i, j);
-      }
-    }
-    return out;
-  }
-};
-
 using Density = std::function<double(const VectorXd&)>;  // log of it
 
 // One or two coordinates. The box is drawn in to where the density is, then finely divided.
-PosteriorPoints on_grid(const Space& space, const Density& log_density) {
+PosteriorPoints on_grid(const ParameterPrior& prior, const Density& log_density) {
   constexpr Index kCoarse = 40, kFine = 160;
   constexpr double kDepth = 16.0;  // e^-16 of the highest density: beyond lies less than 1e-5
-  const auto k = static_cast<Index>(space.coordinates.size());
+  const auto k = static_cast<Index>(prior.coordinates.size());
   VectorXd low(k), high(k);
   for (Index i = 0; i < k; ++i) {
-    const Coordinate& c = space.coordinates[static_cast<std::size_t>(i)];
-    const bool normal = c.kind == Coordinate::Kind::normal;
+    const PriorCoordinate& c = prior.coordinates[static_cast<std::size_t>(i)];
+    const bool normal = c.kind == PriorCoordinate::Kind::normal;
     low[i] = normal ? std::max(c.low, c.mean - 8.0 * c.sd) : c.low;
     high[i] = normal ? std::min(c.high, c.mean + 8.0 * c.sd) : c.high;
   }
@@ -273,8 +65,8 @@ PosteriorPoints on_grid(const Space& space, const Density& log_density) {
       out.weight = (out.log_density.array() - highest).exp();
       // The prior's density over the whole box, and the box's share in the integral.
       double normaliser = 0.0;
-      for (const Coordinate& c : space.coordinates) {
-        normaliser += c.kind == Coordinate::Kind::normal
+      for (const PriorCoordinate& c : prior.coordinates) {
+        normaliser += c.kind == PriorCoordinate::Kind::normal
                           ? std::log(c.sd * std::sqrt(2.0 * std::numbers::pi))
                           : std::log(c.high - c.low);
       }
@@ -298,11 +90,11 @@ PosteriorPoints on_grid(const Space& space, const Density& log_density) {
   return out;
 }
 
-PosteriorPoints by_sampling(const Space& space, const Density& log_likelihood,
+PosteriorPoints by_sampling(const ParameterPrior& prior, const Density& log_likelihood,
                             const NoiseBayesOptions& options) {
   PosteriorProblem problem;
-  problem.draw_prior = [&space](Random& random) { return space.draw(random); };
-  problem.log_prior = [&space](const VectorXd& x) { return space.log_prior(x); };
+  problem.draw_prior = [&prior](Random& random) { return prior.draw(random); };
+  problem.log_prior = [&prior](const VectorXd& x) { return prior.log_density(x); };
   problem.log_likelihood = log_likelihood;
   SampleOptions sampling;
   sampling.draws = options.draws;
@@ -345,41 +137,31 @@ double quantile(const Eigen::Ref<const VectorXd>& value, const VectorXd& weight,
 
 PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& recordings,
                           const NoiseBayesOptions& options) {
-  const Space space(model);
+  const ParameterPrior prior = parameter_prior(model);
   RecordingsLikelihood likelihood(model, recordings);
   const Density log_likelihood = [&](const VectorXd& x) {
-    const Likelihood* at =
-        likelihood.evaluate(with_entries(model.parameters, space.entries(x)), false);
+    const Likelihood* at = likelihood.evaluate(
+        with_entries(model.parameters, entries_at(prior, model.parameters, x)), false);
     return at == nullptr ? kNowhere : at->value;
   };
-  const bool grid = options.grid && space.coordinates.size() <= 2;
+  const bool grid = options.grid && prior.coordinates.size() <= 2;
   PosteriorPoints out =
-      grid ? on_grid(space,
-                     [&](const VectorXd& x) { return space.log_prior(x) + log_likelihood(x); })
-           : by_sampling(space, log_likelihood, options);
+      grid ? on_grid(prior,
+                     [&](const VectorXd& x) { return prior.log_density(x) + log_likelihood(x); })
+           : by_sampling(prior, log_likelihood, options);
   out.entries.resize(out.coordinates.rows(), out.coordinates.cols());
   for (Index p = 0; p < out.coordinates.cols(); ++p) {
-    out.entries.col(p) = space.entries(out.coordinates.col(p));
+    out.entries.col(p) = entries_at(prior, model.parameters, out.coordinates.col(p));
   }
   return out;
 }
 
-Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordings,
-                    const NoiseBayesOptions& options) {
+void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
+                      const std::string& method) {
   constexpr double kAsWide = 0.9;  // of the prior's standard deviation
-  check_recordings(model, recordings);
-  const Space space(model);
-  const PosteriorPoints points = posterior(model, recordings, options);
-  Estimate estimate;
-  estimate.model_name = model.name;
-  estimate.objective.method = "bayes";
-  estimate.objective.evaluations = points.summary.evaluations;
-  if (!points.summary.usable()) {
-    refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());
-  }
+  const ParameterPrior prior = parameter_prior(model);
   const VectorXd mean = points.entries * points.weight;
-  const ParameterSet end = with_entries(model.parameters, mean);
-  list_parameters(estimate, model.parameters, end);
+  list_parameters(estimate, model.parameters, with_entries(model.parameters, mean));
   const MatrixXd centred = points.entries.colwise() - mean;
   const MatrixXd covariance = centred * points.weight.asDiagonal() * centred.transpose();
   const VectorXd sd = covariance.diagonal().cwiseSqrt();
@@ -388,7 +170,7 @@ Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordin
   points.log_density.maxCoeff(&most_probable);
 
   Posterior& report = estimate.posterior.emplace();
-  report.method = options.grid && space.coordinates.size() <= 2 ? "grid" : "sequential Monte Carlo";
+  report.method = method;
   report.points = points.weight.size();
   report.effective = points.effective;
   report.log_evidence = points.log_evidence;
@@ -411,14 +193,14 @@ Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordin
         points.coordinates.row(i).transpose().array() - coordinate_mean[i];
     const double width = std::sqrt((spread.square() * points.weight.array()).sum());
     const auto at = static_cast<std::size_t>(i);
-    if (width > kAsWide * space.coordinates[at].deviation()) {
+    if (width > kAsWide * prior.coordinates[at].deviation()) {
       p.verdict = Verdict::flat;
     } else if (p.se > 0.25 * std::abs(p.value)) {
       p.verdict = Verdict::weak;
     }
     id.rank += p.verdict != Verdict::flat;
     report.map.back() = points.entries(i, most_probable) / unit;
-    report.prior.back() = space.words[at];
+    report.prior.back() = prior.coordinates[at].words;
     estimate.correlation_names.push_back(p.name);
     ++i;
   }
@@ -426,8 +208,25 @@ Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordin
   estimate.correlation =
       sd.cwiseInverse().asDiagonal() * covariance * sd.cwiseInverse().asDiagonal();
   estimate.covariance_kind = "the posterior";
+}
+
+Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordings,
+                    const NoiseBayesOptions& options) {
+  check_recordings(model, recordings);
+  const PosteriorPoints points = posterior(model, recordings, options);
+  if (!points.summary.usable()) {
+    refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());
+  }
+  Estimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = "bayes";
+  estimate.objective.evaluations = points.summary.evaluations;
+  const bool grid = options.grid && points.coordinates.rows() <= 2;
+  report_posterior(estimate, model, points, grid ? "grid" : "sequential Monte Carlo");
   conclude_noise_estimate(estimate, points.summary);
+  const Identifiability& id = estimate.identifiability;
   if (id.rank < id.of) estimate.message += " beyond their priors";
+  const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
   describe_noise_estimate(estimate, model, end, recordings);
   return estimate;
 }

@@ -22,7 +22,7 @@ struct NoiseBayesOptions {
 /// A posterior as points with weights that sum to one.
 struct PosteriorPoints {
   Eigen::MatrixXd entries;      ///< k x n, free entries (lib/parameter.h)
-  Eigen::MatrixXd coordinates;  ///< k x n, in which the prior factorises (see tune_bayes)
+  Eigen::MatrixXd coordinates;  ///< k x n, of identify/parameter_prior.h
   Eigen::VectorXd weight;       ///< n
   Eigen::VectorXd log_density;  ///< n, prior times likelihood by the coordinates, up to a constant
   double log_evidence = 0.0;
@@ -30,19 +30,19 @@ struct PosteriorPoints {
   SolverSummary summary;
 };
 
-/// The posterior of all free parameters. Coordinates are numbers, their logarithms where the prior
-/// is one of the logarithm, and for a full covariance matrix the logarithms of its variances and
-/// its partial correlations, whose prior makes every correlation matrix equally probable
-/// (Lewandowski, Kurowicka & Joe 2009).
-/// @throws InputError when a number that is no variance has neither prior nor two finite bounds
+/// The posterior of all free parameters under parameter_prior() (identify/parameter_prior.h).
+/// @throws InputError as parameter_prior()
 PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& recordings,
                           const NoiseBayesOptions& options = {});
 
-/// Mean, standard deviation, central 95 % credible interval, most probable point. The prior of each
-/// number is Parameter::prior; without one, log-uniform over four decades either way of the start
-/// for a variance, uniform between its bounds for another number. A parameter whose posterior is as
-/// wide as its prior is called flat. Source: Matisko (2013), sections 4.4 and 4.5, with proper
-/// moves instead of (4.31): see solvers/sample.h.
+/// What every Bayesian estimator says of its posterior: of each parameter the mean, the standard
+/// deviation, the central 95 % credible interval and the most probable point; correlation; and
+/// which parameters have a posterior as wide as their prior (flat).
+void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
+                      const std::string& method);
+
+/// The posterior of the recordings' noise and the filter at its mean. Source: Matisko (2013),
+/// sections 4.4 and 4.5, with proper moves instead of (4.31): see solvers/sample.h.
 /// @throws InputError as check_recordings() and posterior()
 Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordings,
                     const NoiseBayesOptions& options = {});

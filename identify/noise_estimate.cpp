@@ -135,6 +135,10 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
   objective.bic = k * std::log(static_cast<double>(samples_present(recordings))) -
                   2.0 * objective.log_likelihood;
+  warn_of_coloured_innovations(estimate);
+}
+
+void warn_of_coloured_innovations(Estimate& estimate) {
   for (const TestResult& test : estimate.tests) {
     if (test.pass || test.id != "ljung_box") continue;
     estimate.warnings.push_back(

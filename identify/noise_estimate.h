@@ -36,4 +36,7 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
 void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
                              const std::vector<Dataset>& recordings);
 
+/// A warning for every channel whose innovations are not white.
+void warn_of_coloured_innovations(Estimate& estimate);
+
 }  // namespace identikal

@@ -161,7 +161,8 @@ std::string posterior_text(const Estimate& estimate) {
   }
   return wrapped(most, 14) + wrapped(prior, 6) +
          wrapped(fmt::format("posterior by {}: {} points, {:.0f} {}; log evidence {:.3f}", p.method,
-                             p.points, p.effective, p.method == "grid" ? "effective" : "distinct",
+                             p.points, p.effective,
+                             p.method == "sequential Monte Carlo" ? "distinct" : "effective",
                              p.log_evidence),
                  10);
 }
@@ -178,6 +179,25 @@ std::string gain_text(const Estimate& estimate) {
                        bound.gain_change[i]);
   }
   return out;
+}
+
+// When the noise changed, and into what.
+std::string course_text(const Estimate& estimate) {
+  if (!estimate.course) return "";
+  const Course& course = *estimate.course;
+  std::string out;
+  for (const Course::Change& change : course.changes) {
+    std::string line =
+        fmt::format("change at {:.6g} s, found at {:.6g} s:", change.since, change.found);
+    for (std::size_t i = 0; i < course.names.size(); ++i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      line += fmt::format("{} {} {:.4g} -> {:.4g}{}", i > 0 ? "," : "", course.names[i],
+                          change.before[at], change.after[at],
+                          course.units[i].empty() ? "" : " " + course.units[i]);
+    }
+    out += wrapped(line, 7);
+  }
+  return out.empty() ? "" : out + "\n";
 }
 
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
@@ -241,6 +261,7 @@ std::string console_report(const Estimate& estimate) {
                        std::isnan(d.se) ? "" : "+- " + error_text(d.se));
   }
   if (!estimate.derived.empty()) out += "\n";
+  out += course_text(estimate);
   const Objective& objective = estimate.objective;
   if (!std::isnan(objective.log_likelihood)) {
     out += fmt::format("log-likelihood {:.6f}", objective.log_likelihood);
@@ -276,6 +297,32 @@ std::string console_report(const Estimate& estimate) {
   return out + status_text(estimate);
 }
 
+namespace {
+std::string cell_text(double value) {
+  return std::isfinite(value) ? fmt::format("{:.9g}", value) : std::string();
+}
+}  // namespace
+
+std::string course_csv(const Estimate& estimate) {
+  const Course& course = *estimate.course;
+  std::string out = "time [s]";
+  for (std::size_t i = 0; i < course.names.size(); ++i) {
+    const std::string unit = course.units[i].empty() ? "" : " [" + course.units[i] + "]";
+    // A comma would end the column: Q(2,1).
+    const bool quoted = course.names[i].find(',') != std::string::npos;
+    out += fmt::format(",{0}{1}{2}{0},{0}{1}_sd{2}{0}", quoted ? "\"" : "", course.names[i], unit);
+  }
+  out += ",log_alarm\n";
+  for (Eigen::Index t = 0; t < course.mean.cols(); ++t) {
+    out += fmt::format("{:.12g}", estimate.series.time[t]);
+    for (Eigen::Index i = 0; i < course.mean.rows(); ++i) {
+      out += "," + cell_text(course.mean(i, t)) + "," + cell_text(course.sd(i, t));
+    }
+    out += "," + cell_text(course.log_alarm[t]) + "\n";
+  }
+  return out;
+}
+
 std::string residuals_csv(const Estimate& estimate) {
   const Series& s = estimate.series;
   const bool several = !s.recording.empty() && s.recording.back() > 1;
@@ -285,15 +332,12 @@ std::string residuals_csv(const Estimate& estimate) {
     out += fmt::format(",{0}{1},{0}_predicted{1},{0}_standardised", s.channels[i], unit);
   }
   out += "\n";
-  const auto cell = [](double value) {
-    return std::isnan(value) ? std::string() : fmt::format("{:.9g}", value);
-  };
   for (Eigen::Index t = 0; t < s.time.size(); ++t) {
     if (several) out += fmt::format("{},", s.recording[static_cast<std::size_t>(t)]);
     out += fmt::format("{:.12g}", s.time[t]);
     for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
-      out += "," + cell(s.measured(i, t)) + "," + cell(s.predicted(i, t)) + ",";
-      if (s.standardised.size() > 0) out += cell(s.standardised(i, t));
+      out += "," + cell_text(s.measured(i, t)) + "," + cell_text(s.predicted(i, t)) + ",";
+      if (s.standardised.size() > 0) out += cell_text(s.standardised(i, t));
     }
     out += "\n";
   }

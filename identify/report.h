@@ -19,6 +19,10 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s);
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
 std::string residuals_csv(const Estimate& estimate);
 
+/// Estimate::course as CSV: mean and standard deviation of every parameter, and the statistic of
+/// the test for a change.
+std::string course_csv(const Estimate& estimate);
+
 struct ResultFile {
   std::string name, content;
 };

@@ -81,6 +81,24 @@ Json posterior(const Estimate& estimate) {
           {"parameters", rows}};
 }
 
+Json course(const Estimate& estimate) {
+  if (!estimate.course) return nullptr;
+  const Course& c = *estimate.course;
+  const auto values = [](const Eigen::VectorXd& v) {
+    Json out = Json::array();
+    for (const double x : v) out.push_back(number(x));
+    return out;
+  };
+  Json changes = Json::array();
+  for (const Course::Change& change : c.changes) {
+    changes.push_back({{"since", number(change.since)},
+                       {"found", number(change.found)},
+                       {"before", values(change.before)},
+                       {"after", values(change.after)}});
+  }
+  return {{"names", c.names}, {"units", c.units}, {"changes", changes}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -142,6 +160,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                             {"flat_directions", directions}};
   out["bound"] = bound(estimate);
   out["posterior"] = posterior(estimate);
+  out["course"] = course(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(

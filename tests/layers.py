@@ -13,7 +13,7 @@ MAY_INCLUDE = {
 ONLY_IN = {
     r"ceres/": r"solvers/(ceres_backend\.cpp|autodiff\.h)",
     r"nlopt": r"solvers/nlopt_backend\.cpp",
-    r"hwy/": r"lib/simd_kernels\.cpp",
+    r"hwy/": r"lib/(simd_kernels|bank_kernel)\.cpp",
     r"CLI/": r"identify/main\.cpp",
     r"nlohmann/": r"identify/result_json\.cpp",
     r"yaml-cpp/": r"identify/yaml_reader\.cpp",

@@ -82,6 +82,23 @@ inline MatiskoSystem matisko_system(int number) {
   return out;
 }
 
+/// The adaptive filter of section 3.4, example 2.
+inline MatiskoSystem matisko_adaptive() {
+  MatiskoSystem out;
+  LinearModel& m = out.model.linear;
+  out.model.name = "adaptive";
+  out.samples = 2000;
+  m.A.constant =
+      (Eigen::MatrixXd(4, 4) << 0.85, 1, 0, 0, 0, -0.6, 1, 0, -0.2, 0, 0.8, -1, 0, 0, 0, 0.9)
+          .finished();
+  m.G.constant = Eigen::MatrixXd::Identity(4, 4);
+  m.C.constant = Eigen::RowVector4d(1, 0.8, -1, 0);
+  complete(out, Eigen::Vector4d(10, 3, 4, 2), Eigen::VectorXd::Ones(1));
+  out.model.parameters[0].value *= 0.01;
+  out.model.parameters[1].value *= 100.0;
+  return out;
+}
+
 /// A double integrator, position measured: Zhang et al. (2020), IEEE Access 8, case 1.
 inline MatiskoSystem zhang_kinematic() {
   MatiskoSystem out;

@@ -1,0 +1,72 @@
+// Which noise of a Kalman filter is probable, as samples arrive?
+#pragma once
+
+#include <functional>
+
+#include <Eigen/Core>
+
+#include "lib/filter_bank.h"
+#include "lib/random.h"
+#include "lib/state_space.h"
+
+namespace identikal {
+
+/// Where a filter stands before its first sample, and the log-density of what it has seen already.
+struct FilterStart {
+  Eigen::VectorXd x;
+  Eigen::MatrixXd P;
+  double log_density = 0.0;
+};
+
+/// One model whose noise has unknown coordinates.
+struct NoiseProblem {
+  StateSpace shared;  ///< A, B, C, D
+  std::function<Eigen::VectorXd(Random&)> draw_prior;
+  /// Up to a constant; -infinity outside the prior's support.
+  std::function<double(const Eigen::VectorXd&)> log_prior;
+  /// G, Q, S, R at these coordinates.
+  std::function<StateSpace(const Eigen::VectorXd&)> noise;
+  std::function<FilterStart(const StateSpace& noise)> start;
+};
+
+/// Draws with weights, a Kalman filter for each, and the samples seen.
+struct RecursivePosterior {
+  Eigen::MatrixXd draws;           ///< d x m
+  Eigen::VectorXd log_weight;      ///< m: log-likelihood since the draws were last equally likely
+  Eigen::VectorXd log_likelihood;  ///< m: of all samples
+  Eigen::VectorXd log_prior;       ///< m
+  FilterBank bank;
+  Eigen::MatrixXd y, u;  ///< seen, one sample per column; columns beyond `samples` are room
+  Eigen::Index samples = 0;
+  Eigen::Index equal_at = 0;  ///< samples seen when the draws were last equally likely
+  int renewals = 0;
+  Random random{1};
+};
+
+/// @param draws  m; one draw never moves: a filter whose noise is taken as known
+/// @throws std::invalid_argument for no draw
+RecursivePosterior start_posterior(const NoiseProblem& problem, Eigen::Index draws,
+                                   std::uint64_t seed);
+
+/// Weights that sum to one.
+Eigen::VectorXd weights(const RecursivePosterior& posterior);
+
+/// Takes a sample: every draw's weight is multiplied by p(y | samples before, draw) of its own
+/// filter. When fewer than half of the draws count, (sum w)^2 < m / 2 sum w^2, the weak ones are
+/// replaced by copies of the strong and all are moved by random-walk Metropolis steps, for which
+/// the bank runs over the samples again. So the draws are from the posterior of all samples at any
+/// time, and the work of a long recording is a few times that of its filters, as renewals become
+/// rarer as fast as they become longer.
+///
+/// Matisko (2013), section 4.6, lets a replaced member inherit weight and state of its nearest
+/// neighbour, "as the likelihood of all data cannot be computed for it", and perturbs it by a noise
+/// of a size that is set by hand: each replacement then widens the posterior, and by more the
+/// larger the units are. Sources: Chopin (2002), Biometrika 89; Del Moral, Doucet & Jasra (2006).
+/// @param y  ny, NaN = missing  @param u  nu
+/// @return log p(y | samples before); -infinity where no draw has a density, and then the sample
+/// does not count
+double observe(RecursivePosterior& posterior, const NoiseProblem& problem,
+               const Eigen::Ref<const Eigen::VectorXd>& y,
+               const Eigen::Ref<const Eigen::VectorXd>& u);
+
+}  // namespace identikal
