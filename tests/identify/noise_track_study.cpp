@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/noise_track.h"
+#include "lib/filter_bank.h"
 #include "lib/matrix_equations.h"
 #include "tests/support/noise_change.h"
 #include "tests/support/noise_study.h"
