@@ -142,6 +142,32 @@ struct Course {
   std::vector<Change> changes;
 };
 
+/// Coloured noise: what was tried, what won, what it is worth (identify/shape.h).
+struct Shaping {
+  double colour_p = kNone;  ///< that white noise looks like this, all tests together
+  double peak = kNone;      ///< [rad/s]: of the white model's innovations' spectrum
+  double peak_p = kNone;    ///< that white noise has one as high
+  std::string place;        ///< "process" or "measurement"; empty: no filter
+  int order = 0;            ///< of each filter
+  int zeros = 0;            ///< of each filter
+  struct Pole {
+    double frequency = kNone;  ///< [rad/s]
+    double radius = kNone;     ///< in the plane of z
+  };
+  std::vector<Pole> poles;     ///< of the filters, one of each pair
+  double output_peak = kNone;  ///< [rad/s]: of the outputs' spectrum, at the slowest of them
+  struct Candidate {
+    std::string place, channels;
+    int order = 0, zeros = 0;
+    double log_likelihood = kNone, bic = kNone;
+  };
+  std::vector<Candidate> candidates;  ///< the white model first, then the best first
+  std::vector<std::string> channels, units;
+  std::vector<int> horizons;      ///< samples
+  Eigen::MatrixXd without, with;  ///< channels x horizons: rms prediction errors on held-out data
+  double held_out_without = kNone, held_out_with = kNone;  ///< log-likelihoods there
+};
+
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;
@@ -177,6 +203,7 @@ struct Estimate {
   std::optional<Bound> bound;          ///< verb bound only
   std::optional<Posterior> posterior;  ///< method bayes and verb track only
   std::optional<Course> course;        ///< verb track only
+  std::optional<Shaping> shaping;      ///< verb shape only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

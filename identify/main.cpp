@@ -22,6 +22,7 @@
 #include "identify/noise_ml.h"
 #include "identify/noise_track.h"
 #include "identify/report.h"
+#include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
 #include "identify/suspect_data.h"
@@ -44,7 +45,8 @@ struct Arguments {
   int starts = 5, runs = 50;
   std::vector<std::string> settings;
   std::string path = "automatic";
-  std::string method = "ml", accuracy;
+  std::string method = "ml", accuracy, place = "both", hold_out = "30%";
+  int order = 4;
   bool regain = false, robust = false, adaptive = false;
   long lags = 0, draws = 0;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
@@ -154,7 +156,8 @@ class Progress {
 };
 
 int finish(const Arguments& args, const Recordings& recordings, Estimate& estimate,
-           std::chrono::steady_clock::time_point begin) {
+           std::chrono::steady_clock::time_point begin,
+           const std::vector<ResultFile>& more_files = {}) {
   estimate.verb = args.verb;
   // The vehicle fit says itself how many rows it used.
   const std::vector<InputRecord> used = estimate.inputs;
@@ -166,6 +169,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     std::vector<ResultFile> files{{"result.json", json}};
     if (!estimate.bound) files.push_back({"residuals.csv", residuals_csv(estimate)});
     if (estimate.course) files.push_back({"course.csv", course_csv(estimate)});
+    files.insert(files.end(), more_files.begin(), more_files.end());
     write_files(args.output, files);
   }
   std::cout << (args.json ? json : console_report(estimate)) << std::flush;
@@ -300,6 +304,42 @@ int run_track(const Arguments& args) {
   Estimate estimate = track(model, recordings.data.front(), options);
   progress.clear();
   return finish(args, recordings, estimate, begin);
+}
+
+int run_shape(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  ModelFile model = load_model(args);
+  if (model.form != ModelFile::Form::linear) {
+    throw InputError({model.path, 0, 0}, "'shape' takes a linear model, this is a vehicle",
+                     "a model with A, C, Q, R");
+  }
+  ShapeOptions options;
+  options.most_order = args.order;
+  options.seed = static_cast<std::uint64_t>(args.seed);
+  if (args.place == "process") options.place = NoisePlace::process;
+  if (args.place == "measurement") options.place = NoisePlace::measurement;
+  options.hold_out = quantity("--hold-out", args.hold_out, "%");
+  if (!(options.hold_out >= 0.05 && options.hold_out <= 0.8)) {
+    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
+                     "5% to 80%");
+  }
+  const Recordings recordings = load_recordings(args, model);
+  if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
+  Progress progress(args);
+  options.progress = [&](const std::string& what) { progress.show(what); };
+  ShapeResult result = shape(model, recordings.data, options);
+  progress.clear();
+  std::vector<ResultFile> files;
+  if (result.model) {
+    const Shaping& s = *result.estimate.shaping;
+    files.push_back(
+        {"shaped.yaml",
+         model_text(*result.model,
+                    {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
+                                 model.name, s.order, s.place),
+                     "The first states are the filter's."})});
+  }
+  return finish(args, recordings, result.estimate, begin, files);
 }
 
 int run_study(const Arguments& args) {
@@ -474,6 +514,22 @@ int run(int argc, char** argv) {
       ->check(whole_number)
       ->capture_default_str();
 
+  CLI::App* shape = app.add_subcommand("shape", "detect coloured noise, fit a shaping filter");
+  shape->add_option("MODEL", args.model, "model file (YAML)")->required();
+  shape->add_option("DATA", args.data, "recordings (CSV)")->required();
+  add_common(*shape, args, true);
+  shape->add_option("--noise", args.place, "which noise is coloured: both are tried otherwise")
+      ->check(CLI::IsMember({"both", "process", "measurement"}))
+      ->capture_default_str();
+  shape->add_option("--order", args.order, "highest order of a filter")
+      ->check(CLI::Range(1, 4))
+      ->capture_default_str();
+  shape->add_option("--hold-out", args.hold_out, "last share of each recording, to compare on")
+      ->capture_default_str();
+  shape->add_option("--seed", args.seed, "seed of the scattered starts")
+      ->check(whole_number)
+      ->capture_default_str();
+
   CLI::App* bound = app.add_subcommand("bound", "the best that any method can do, before any data");
   bound->add_option("MODEL", args.model, "model file (YAML), its values are the truth")->required();
   bound->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
@@ -508,11 +564,11 @@ int run(int argc, char** argv) {
   simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "tune",  "track", "fit",
+    const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",   "fit",
                                          "check", "bound", "study", "simulate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, track, fit, check, bound or study",
+                       "info, simulate, tune, track, check, shape, fit, bound or study",
                        did_you_mean(argv[1], verbs));
     }
   }
@@ -526,6 +582,7 @@ int run(int argc, char** argv) {
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);
   if (args.verb == "track") return run_track(args);
+  if (args.verb == "shape") return run_shape(args);
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "simulate") return run_simulate(args);

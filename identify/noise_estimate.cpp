@@ -149,7 +149,8 @@ void warn_of_coloured_innovations(Estimate& estimate) {
              "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
              "dynamics or coloured noise, and the errors above are too small",
              test.channel, test.p),
-         "extend the model; a filter tuned on a wrong model is not optimal"});
+         "'identikal shape' looks for a filter that colours the noise; else extend the model: a "
+         "filter tuned on a wrong model is not optimal"});
   }
 }
 

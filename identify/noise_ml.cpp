@@ -387,7 +387,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   judge(estimate, likelihood, problem, end, found.best);
   report_path(estimate, likelihood.path_taken(), options.path);
   limit_boundary(estimate, problem, found.best);
-  if (found.best.summary.usable()) {
+  if (options.profiles && found.best.summary.usable()) {
     profile(estimate, problem, end, found.best, likelihood.path_taken(),
             samples_present(recordings));
   }

@@ -200,6 +200,52 @@ std::string course_text(const Estimate& estimate) {
   return out.empty() ? "" : out + "\n";
 }
 
+// Is there colour, which filter explains it best, and what is it worth?
+std::string shaping_text(const Estimate& estimate) {
+  if (!estimate.shaping) return "";
+  constexpr double kTurn = 6.283185307179586;  // rad
+  const Shaping& s = *estimate.shaping;
+  std::string out;
+  if (!std::isnan(s.peak)) {
+    out += wrapped(fmt::format("colour p {:.2g}; highest peak of the white model's innovations at "
+                               "{:.4g} rad/s ({:.4g} Hz), p {:.2g}",
+                               s.colour_p, s.peak, s.peak / kTurn, s.peak_p),
+                   7);
+  }
+  if (s.candidates.size() > 1) {
+    out += "\nnoise        channels     poles zeros  log-likelihood           BIC\n";
+    for (const Shaping::Candidate& c : s.candidates) {
+      const auto count = [&c](int n) { return c.order > 0 ? std::to_string(n) : ""; };
+      out += fmt::format("{:<12} {:<12} {:>5} {:>5}  {:>14.3f}  {:>12.2f}\n", c.place, c.channels,
+                         count(c.order), count(c.zeros), c.log_likelihood, c.bic);
+    }
+  }
+  for (const Shaping::Pole& pole : s.poles) {
+    out += fmt::format("pole   {:.4g} rad/s ({:.4g} Hz), radius {:.5f}\n", pole.frequency,
+                       pole.frequency / kTurn, pole.radius);
+  }
+  if (!std::isnan(s.output_peak)) {
+    out += fmt::format("peak   of the outputs' spectrum at {:.4g} rad/s ({:.4g} Hz)\n",
+                       s.output_peak, s.output_peak / kTurn);
+  }
+  for (std::size_t i = 0; i < s.channels.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    out += fmt::format("\nheld out: rms error of {} {}\n  steps   white    shaped  gain\n",
+                       s.channels[i], s.units[i].empty() ? "" : "[" + s.units[i] + "]");
+    for (std::size_t h = 0; h < s.horizons.size(); ++h) {
+      const auto column = static_cast<Eigen::Index>(h);
+      const double without = s.without(row, column), with = s.with(row, column);
+      out += fmt::format("  {:>5}  {:<8.4g} {:<8.4g} {:>3.0f} %\n", s.horizons[h], without, with,
+                         100.0 * (1.0 - with / without));
+    }
+  }
+  if (!std::isnan(s.held_out_with)) {
+    out += fmt::format("  log-likelihood {:.2f} white, {:.2f} shaped\n", s.held_out_without,
+                       s.held_out_with);
+  }
+  return out + "\n";
+}
+
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
@@ -261,7 +307,7 @@ std::string console_report(const Estimate& estimate) {
                        std::isnan(d.se) ? "" : "+- " + error_text(d.se));
   }
   if (!estimate.derived.empty()) out += "\n";
-  out += course_text(estimate);
+  out += course_text(estimate) + shaping_text(estimate);
   const Objective& objective = estimate.objective;
   if (!std::isnan(objective.log_likelihood)) {
     out += fmt::format("log-likelihood {:.6f}", objective.log_likelihood);

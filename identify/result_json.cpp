@@ -99,6 +99,45 @@ Json course(const Estimate& estimate) {
   return {{"names", c.names}, {"units", c.units}, {"changes", changes}};
 }
 
+Json shaping(const Estimate& estimate) {
+  if (!estimate.shaping) return nullptr;
+  const Shaping& s = *estimate.shaping;
+  Json candidates = Json::array(), poles = Json::array(), predictions = Json::array();
+  for (const Shaping::Candidate& c : s.candidates) {
+    candidates.push_back({{"place", c.place},
+                          {"channels", c.channels},
+                          {"order", c.order},
+                          {"zeros", c.zeros},
+                          {"log_likelihood", number(c.log_likelihood)},
+                          {"bic", number(c.bic)}});
+  }
+  for (const Shaping::Pole& pole : s.poles) {
+    poles.push_back({{"frequency", number(pole.frequency)}, {"radius", number(pole.radius)}});
+  }
+  for (std::size_t i = 0; i < s.channels.size(); ++i) {
+    for (std::size_t h = 0; h < s.horizons.size(); ++h) {
+      const auto row = static_cast<Eigen::Index>(i), column = static_cast<Eigen::Index>(h);
+      predictions.push_back({{"channel", s.channels[i]},
+                             {"unit", s.units[i]},
+                             {"steps", s.horizons[h]},
+                             {"rmse_without", number(s.without(row, column))},
+                             {"rmse_with", number(s.with(row, column))}});
+    }
+  }
+  return {{"colour_p", number(s.colour_p)},
+          {"peak", number(s.peak)},
+          {"peak_p", number(s.peak_p)},
+          {"place", s.place},
+          {"order", s.order},
+          {"zeros", s.zeros},
+          {"poles", poles},
+          {"output_peak", number(s.output_peak)},
+          {"candidates", candidates},
+          {"predictions", predictions},
+          {"held_out_log_likelihood_without", number(s.held_out_without)},
+          {"held_out_log_likelihood_with", number(s.held_out_with)}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -161,6 +200,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   out["bound"] = bound(estimate);
   out["posterior"] = posterior(estimate);
   out["course"] = course(estimate);
+  out["shaping"] = shaping(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(
