@@ -42,17 +42,6 @@ Index memory(const MatrixXd& F, double tolerance, Index most) {
   return most;
 }
 
-bool only_noise(const StateSpace& d) {
-  return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0) &&
-         d.G.isZero(0.0) && d.x0.isZero(0.0) && d.P0.isZero(0.0);
-}
-
-MatrixXd joint(const StateSpace& m) {
-  MatrixXd out(m.Q.rows() + m.R.rows(), m.Q.rows() + m.R.rows());
-  out << m.Q, m.S, m.S.transpose(), m.R;
-  return out;
-}
-
 // The parts of [Q S; S' R] that no entry, free or fixed, connects: each has to be semidefinite by
 // itself, and parts of one variance are cheaper and exact.
 std::vector<PsdBlock> constraint_blocks(const MatrixXd& fixed, const std::vector<MatrixXd>& basis) {
@@ -135,8 +124,8 @@ class Als {
     const VectorXd zero = VectorXd::Zero(static_cast<Index>(basis_.size()));
     fixed_ = instantiate(linear_, with_entries(parameters_, zero));
     std::vector<MatrixXd> joint_basis;
-    for (const StateSpace& d : basis_) joint_basis.push_back(joint(d));
-    blocks_ = constraint_blocks(joint(fixed_), joint_basis);
+    for (const StateSpace& d : basis_) joint_basis.push_back(joint_covariance(d));
+    blocks_ = constraint_blocks(joint_covariance(fixed_), joint_basis);
     for (const Dataset& data : recordings) {
       recordings_.push_back({data.y, model_inputs(linear_, data.u)});
       gaps_ = gaps_ || data.y.hasNaN();
@@ -408,7 +397,7 @@ Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings
                   const NoiseAlsOptions& options) {
   check_recordings(model, recordings);
   const Als als(model, recordings);
-  if (!std::all_of(als.basis().begin(), als.basis().end(), only_noise)) {
+  if (!std::all_of(als.basis().begin(), als.basis().end(), changes_only_noise)) {
     throw InputError({model.path, 0, 0}, "als estimates noise, and other parameters are free",
                      "free entries of Q, R and S only", "fix the others, or use --method ml");
   }

@@ -275,15 +275,10 @@ std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
 
 std::optional<MatrixXd> complete_data_information(const StateSpace& model,
                                                   const std::vector<StateSpace>& derivatives) {
-  const auto joint = [](const StateSpace& m) {
-    MatrixXd V(m.Q.rows() + m.R.rows(), m.Q.rows() + m.R.rows());
-    V << m.Q, m.S, m.S.transpose(), m.R;
-    return V;
-  };
-  const Eigen::LLT<MatrixXd> llt(joint(model));
+  const Eigen::LLT<MatrixXd> llt(joint_covariance(model));
   if (llt.info() != Eigen::Success) return std::nullopt;
   std::vector<MatrixXd> relative;
-  for (const StateSpace& d : derivatives) relative.push_back(llt.solve(joint(d)));
+  for (const StateSpace& d : derivatives) relative.push_back(llt.solve(joint_covariance(d)));
   const auto k = static_cast<Index>(derivatives.size());
   MatrixXd out(k, k);
   for (Index i = 0; i < k; ++i) {
