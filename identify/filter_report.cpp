@@ -150,8 +150,9 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
   throw InputError(here, "the filter cannot run");
 }
 
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const std::vector<Dataset>& recordings) {
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings) {
   const StateSpace system = instantiate(model.linear, parameters);
   const StateSpace written = written_matrices(model.linear, parameters);
   estimate.noise.Q = written.Q;
@@ -179,6 +180,7 @@ void describe_filter(Estimate& estimate, const ModelFile& model, const Parameter
   const Joined all = join(recordings, filters, lags);
   report_fit(estimate, recordings[0].outputs, all);
   report_tests(estimate, recordings[0].outputs, all, lags);
+  return filters;
 }
 
 }  // namespace identikal

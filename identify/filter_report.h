@@ -20,8 +20,10 @@ namespace identikal {
 /// log-likelihood, one-step fit, tests and series of the estimate. The tests take the recordings
 /// together and keep a level of 5 % in all (Bonferroni); no autocorrelation reaches across from one
 /// recording to the next.
+/// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const std::vector<Dataset>& recordings);
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

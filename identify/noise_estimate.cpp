@@ -122,8 +122,8 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
     double& low = estimate.parameters[i].ci95[0];
     if (entries.variance[i] && low < 0.0) low = 0.0;
   }
-  describe_filter(estimate, model, end, recordings);
-  warn_of_suspect_data(estimate, model, end, recordings);
+  const std::vector<FilterResult> filters = describe_filter(estimate, model, end, recordings);
+  warn_of_suspect_data(estimate, model, end, recordings, filters);
   const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
                                    [](const Warning& w) { return w.severity == "serious"; });
   if (serious && estimate.status == Status::ok) {
