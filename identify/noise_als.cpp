@@ -343,32 +343,21 @@ std::string boundary_text(EstimatedParameter& p, const Als& als, const Fit& fit,
 
 void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& model,
            const std::vector<Dataset>& recordings) {
-  const std::vector<bool> boundary = at_boundary(fit, als.blocks());
-  std::vector<Index> inside;
-  std::vector<EstimatedParameter*> judged;
-  std::vector<double> units;
+  const InsideParameters inside = inside_parameters(estimate, at_boundary(fit, als.blocks()));
   Index i = 0;
   for (EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;
-    if (boundary[static_cast<std::size_t>(i)]) {
-      p.verdict = Verdict::at_bound;
+    if (p.verdict == Verdict::at_bound) {
       estimate.warnings.push_back(
           {"at_bound", "note", {p.name}, boundary_text(p, als, fit, i), ""});
-    } else {
-      inside.push_back(i);
-      judged.push_back(&p);
-      units.push_back(unit_scale(p.unit));
     }
     ++i;
   }
-  const auto k = static_cast<Index>(inside.size());
-  if (k == 0) {
-    estimate.covariance_kind = "none: every estimate lies on a boundary";
-    return;
-  }
-  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const auto k = static_cast<Index>(inside.entries.size());
+  if (k == 0) return;
+  const VectorXd& unit = inside.unit;
   const Regression& r = fit.regression;
-  const MatrixXd design = r.design(Eigen::all, inside) * unit.asDiagonal();
+  const MatrixXd design = r.design(Eigen::all, inside.entries) * unit.asDiagonal();
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
   const MatrixXd whitened = error.matrixL().solve(design);
   const MatrixXd information = whitened.transpose() * whitened;
@@ -380,14 +369,15 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
   for (const Dataset& data : recordings) samples += data.size();
   const StateSpace system = als.at(fit.solution.x);
   std::vector<StateSpace> derivatives;
-  for (const Index e : inside) derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
+  for (const Index e : inside.entries)
+    derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
   // Inputs tell nothing about noise.
   const ExpectedInformation bound =
       expected_information(system, model.linear.initial, samples, derivatives, MatrixXd());
   if (bound.status != FilterStatus::ok) return;
   const auto covariance = scaled_inverse(unit.asDiagonal() * bound.total * unit.asDiagonal(), 1e-9);
   for (Index j = 0; j < k && covariance; ++j) {
-    judged[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*covariance)(j, j));
+    inside.reported[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*covariance)(j, j));
   }
 }
 

@@ -81,6 +81,28 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
   }
 }
 
+InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& at_boundary) {
+  InsideParameters out;
+  std::size_t i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    if (at_boundary[i]) {
+      p.verdict = Verdict::at_bound;
+    } else {
+      out.entries.push_back(static_cast<Index>(i));
+      out.reported.push_back(&p);
+    }
+    ++i;
+  }
+  const auto k = static_cast<Index>(out.entries.size());
+  if (k == 0) estimate.covariance_kind = "none: every estimate lies on a boundary";
+  out.unit.resize(k);
+  for (Index j = 0; j < k; ++j) {
+    out.unit[j] = unit_scale(out.reported[static_cast<std::size_t>(j)]->unit);
+  }
+  return out;
+}
+
 void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
   const Identifiability& id = estimate.identifiability;
   const bool converged = summary.usable();
