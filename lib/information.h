@@ -23,9 +23,11 @@ struct ExpectedInformation {
 ///   J_ij = sum_t [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + E de_i' Sigma^-1 de_j ],
 ///
 /// exact for a start that is stationary or given. The expectation is taken by running the
-/// covariance of [x, dx/d(theta_1), ..., dx/d(theta_k)], which the innovations drive. A diffuse
-/// start has no expectation of its own (what the first samples say of the state has no size): all
-/// samples are then counted with the steady filter, started at zero.
+/// covariance of [x, dx/d(theta_1), ..., dx/d(theta_k)], which the innovations drive. Where only
+/// noise changes, x takes no part, and the covariances of pairs of dx/d(theta) follow from one
+/// recursion of n x n, backwards: k parameters of a large system are then as many times n x n, not
+/// the square of it. A diffuse start has no expectation of its own (what the first samples say of
+/// the state has no size): all samples are then counted with the steady filter, started at zero.
 /// @param derivatives  d(model)/d(theta_i), i = 1..k, of constant size
 /// @param u  nu x samples, or empty for inputs that are zero; inputs are known, and what they
 /// excite
