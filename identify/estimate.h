@@ -104,6 +104,13 @@ struct Objective {
   std::string path, path_reason;  ///< of the likelihood (lib/likelihood.h), why not a faster one
 };
 
+/// What the errors of noise parameters cost the filter made with them.
+struct FilterLoss {
+  double relative = kNone;           ///< expected tr P over the optimal, - 1 (lib/information.h)
+  std::vector<std::string> without;  ///< parameters at a boundary: their errors do not count
+  std::string reason;                ///< why there is no number
+};
+
 /// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
 /// and hold kNone for those that are fixed.
 struct Bound {
@@ -161,6 +168,7 @@ struct Estimate {
   Identifiability identifiability;
   std::optional<Bound> bound;          ///< verb bound only
   std::optional<Posterior> posterior;  ///< method bayes only
+  std::optional<FilterLoss> loss;      ///< where noise is estimated, and verb bound
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

@@ -7,6 +7,7 @@
 
 #include "identify/filter_report.h"
 #include "identify/suspect_data.h"
+#include "lib/information.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -137,6 +138,57 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
   estimate.message = "converged";
 }
 
+void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
+  FilterLoss& loss = estimate.loss.emplace();
+  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
+  if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) {
+    loss.reason = "parameters other than noise are free";
+    return;
+  }
+  std::vector<StateSpace> known;
+  std::vector<double> se;
+  std::vector<Index> rows;  // of the correlation
+  std::size_t i = 0, judged = 0;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    const bool has_row =
+        judged < estimate.correlation_names.size() && estimate.correlation_names[judged] == p.name;
+    if (p.verdict == Verdict::at_bound) {
+      loss.without.push_back(p.name);
+    } else if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) {
+      loss.reason = fmt::format("the data do not determine {}", p.name);
+      return;
+    } else if (!has_row || !std::isfinite(p.se)) {
+      loss.reason = fmt::format("the error of {} is not known", p.name);
+      return;
+    } else {
+      known.push_back(derivatives[i]);
+      se.push_back(p.se * unit_scale(p.unit));
+      rows.push_back(static_cast<Index>(judged));
+    }
+    judged += has_row;
+    ++i;
+  }
+  if (known.empty()) {
+    loss.reason = "every estimate lies on a boundary";
+    return;
+  }
+  const StateSpace system = instantiate(model.linear, at);
+  const auto gain = steady_gain_sensitivity(system, known);
+  if (!gain) {
+    loss.reason = "there is no steady filter";
+    return;
+  }
+  const auto sd = Eigen::Map<const Eigen::VectorXd>(se.data(), static_cast<Index>(se.size()));
+  const auto relative = expected_filter_loss(
+      system, *gain, sd.asDiagonal() * estimate.correlation(rows, rows) * sd.asDiagonal());
+  if (relative) {
+    loss.relative = *relative;
+  } else {
+    loss.reason = "the states are known without error";
+  }
+}
+
 void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
                              const std::vector<Dataset>& recordings) {
   const ReportedEntries entries = reported_entries(end);
@@ -144,6 +196,7 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
     double& low = estimate.parameters[i].ci95[0];
     if (entries.variance[i] && low < 0.0) low = 0.0;
   }
+  describe_filter_loss(estimate, model, end);
   const std::vector<FilterResult> filters = describe_filter(estimate, model, end, recordings);
   warn_of_suspect_data(estimate, model, end, recordings, filters);
   const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),

@@ -41,8 +41,12 @@ InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& 
 /// convergence no error is left standing.
 void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
 
-/// Intervals of variances end at zero; the filter at `end`, its tests and AIC and BIC; a warning
-/// for innovations that are not white.
+/// What the errors of the parameters cost the filter (lib/information.h), from their standard
+/// errors and correlations as the estimate has them; or why that has no answer.
+void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at);
+
+/// Intervals of variances end at zero; what the errors cost; the filter at `end`, its tests and AIC
+/// and BIC; a warning for innovations that are not white.
 /// @throws InputError when the filter cannot run
 void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
                              const std::vector<Dataset>& recordings);

@@ -180,6 +180,20 @@ std::string gain_text(const Estimate& estimate) {
   return out;
 }
 
+std::string loss_text(const Estimate& estimate) {
+  if (!estimate.loss) return "";
+  const FilterLoss& loss = *estimate.loss;
+  if (!loss.reason.empty()) return wrapped("loss   not known: " + loss.reason, 7);
+  std::string without;
+  for (const std::string& name : loss.without) without += (without.empty() ? "" : ", ") + name;
+  return wrapped(
+      fmt::format("loss   {} adds {:.2g} % to the prediction error (tr P), in the mean{}",
+                  estimate.bound ? "the least error from these samples" : "the error of the noise",
+                  100.0 * loss.relative,
+                  without.empty() ? "" : "; without what " + without + " at the boundary add"),
+      7);
+}
+
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
@@ -213,8 +227,8 @@ std::string bound_report(const Estimate& estimate) {
   std::string out = wrapped(
       fmt::format("bound: {}, {} samples", estimate.model_name, estimate.bound->samples), 4);
   for (const InputRecord& input : estimate.inputs) out += "inputs " + input.path + "\n";
-  return out + "\n" + bound_table(estimate) + gain_text(estimate) + flat_text(estimate) +
-         status_text(estimate);
+  return out + "\n" + bound_table(estimate) + gain_text(estimate) + loss_text(estimate) +
+         flat_text(estimate) + status_text(estimate);
 }
 
 }  // namespace
@@ -235,6 +249,7 @@ std::string console_report(const Estimate& estimate) {
   const Noise& noise = estimate.noise;
   out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
          matrix_text("K", noise.K_steady);
+  out += loss_text(estimate);
   if (noise.Q.size() > 0) out += "\n";
   for (const DerivedValue& d : estimate.derived) {
     out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, value_text(d.value), d.unit,

@@ -81,6 +81,12 @@ Json posterior(const Estimate& estimate) {
           {"parameters", rows}};
 }
 
+Json loss(const Estimate& estimate) {
+  if (!estimate.loss) return nullptr;
+  const FilterLoss& l = *estimate.loss;
+  return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -107,7 +113,8 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                   {"R", {{"matrix", matrix(noise.R)}}},
                   {"S", matrix(noise.S)},
                   {"K_steady", matrix(noise.K_steady)},
-                  {"P_steady", matrix(noise.P_steady)}};
+                  {"P_steady", matrix(noise.P_steady)},
+                  {"expected_loss", loss(estimate)}};
   const Objective& objective = estimate.objective;
   out["objective"] = {{"method", objective.method},
                       {"log_likelihood", number(objective.log_likelihood)},

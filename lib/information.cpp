@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "lib/matrix_equations.h"
 #include "lib/steady_filter.h"
@@ -96,7 +97,7 @@ class Expectation {
   }
 
   GainSensitivity gain() const {
-    GainSensitivity out{K_, {}};
+    GainSensitivity out{P_, llt_.reconstructedMatrix(), K_, {}};
     for (const Direction& b : by_) out.K_theta.push_back(b.K);
     return out;
   }
@@ -381,6 +382,29 @@ std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
   if (expectation.start(InitialState::diffuse) != FilterStatus::ok) return std::nullopt;
   if (!expectation.innovate()) return std::nullopt;
   return expectation.gain();
+}
+
+std::optional<double> expected_filter_loss(const StateSpace& model, const GainSensitivity& gain,
+                                           const Eigen::Ref<const MatrixXd>& covariance) {
+  const auto k = static_cast<Index>(gain.K_theta.size());
+  if (covariance.rows() != k || covariance.cols() != k) {
+    throw std::invalid_argument("expected filter loss: the covariance does not fit the gain");
+  }
+  const Index n = model.states(), ny = model.outputs();
+  MatrixXd slopes(n * ny, k);
+  for (Index i = 0; i < k; ++i)
+    slopes.col(i) = gain.K_theta[static_cast<std::size_t>(i)].reshaped();
+  // As a sum of squares: cov = V diag(d) V', and each column of slopes V is an error of the gain.
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(covariance);
+  slopes = (slopes * eigen.eigenvectors()).eval();
+  MatrixXd drive = MatrixXd::Zero(n, n);
+  for (Index i = 0; i < k; ++i) {
+    const MatrixXd dK = slopes.col(i).reshaped(n, ny);
+    drive.noalias() += std::max(0.0, eigen.eigenvalues()[i]) * dK * gain.Sigma * dK.transpose();
+  }
+  const auto X = solve_discrete_lyapunov(model.A - gain.K * model.C, drive);
+  const double loss = X ? X->trace() / gain.P.trace() : std::numeric_limits<double>::quiet_NaN();
+  return std::isfinite(loss) ? std::optional(loss) : std::nullopt;
 }
 
 std::optional<MatrixXd> complete_data_information(const StateSpace& model,
