@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <string>
 #include <utility>
@@ -40,45 +39,6 @@ Index memory(const MatrixXd& F, double tolerance, Index most) {
     power = (F * power).eval();
   }
   return most;
-}
-
-// The parts of [Q S; S' R] that no entry, free or fixed, connects: each has to be semidefinite by
-// itself, and parts of one variance are cheaper and exact.
-std::vector<PsdBlock> constraint_blocks(const MatrixXd& fixed, const std::vector<MatrixXd>& basis) {
-  const Index n = fixed.rows();
-  MatrixXd used = fixed.cwiseAbs();
-  for (const MatrixXd& B : basis) used += B.cwiseAbs();
-  std::vector<Index> part(static_cast<std::size_t>(n));
-  std::iota(part.begin(), part.end(), 0);
-  for (Index j = 0; j < n; ++j) {
-    for (Index i = 0; i < j; ++i) {
-      if (used(i, j) == 0.0) continue;
-      const Index from = part[static_cast<std::size_t>(j)], to = part[static_cast<std::size_t>(i)];
-      std::replace(part.begin(), part.end(), from, to);
-    }
-  }
-  std::vector<PsdBlock> out;
-  for (Index p = 0; p < n; ++p) {
-    std::vector<Index> rows;
-    for (Index i = 0; i < n; ++i) {
-      if (part[static_cast<std::size_t>(i)] == p) rows.push_back(i);
-    }
-    PsdBlock block;
-    block.size = static_cast<Index>(rows.size());
-    const MatrixXd constant = fixed(rows, rows);
-    if (!constant.isZero(0.0)) block.constant = constant;
-    for (std::size_t e = 0; e < basis.size(); ++e) {
-      for (Index c = 0; c < block.size; ++c) {
-        for (Index r = c; r < block.size; ++r) {
-          const double value =
-              basis[e](rows[static_cast<std::size_t>(r)], rows[static_cast<std::size_t>(c)]);
-          if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
-        }
-      }
-    }
-    if (!block.entries.empty()) out.push_back(std::move(block));
-  }
-  return out;
 }
 
 // x(0) that explains the first innovations best: what is left of the true one then fades from a
@@ -125,7 +85,7 @@ class Als {
     fixed_ = instantiate(linear_, with_entries(parameters_, zero));
     std::vector<MatrixXd> joint_basis;
     for (const StateSpace& d : basis_) joint_basis.push_back(joint_covariance(d));
-    blocks_ = constraint_blocks(joint_covariance(fixed_), joint_basis);
+    blocks_ = independent_blocks(joint_covariance(fixed_), joint_basis);
     for (const Dataset& data : recordings) {
       recordings_.push_back({data.y, model_inputs(linear_, data.u)});
       gaps_ = gaps_ || data.y.hasNaN();
