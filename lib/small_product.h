@@ -1,6 +1,5 @@
 // Products of matrices of a few rows. Eigen's own, for sizes known at run time only, go through
-// kernels made for large matrices; these are plain loops that the compiler unrolls. Where such a
-// size turns out large, Eigen's kernels take over.
+// kernels made for large matrices; these are plain loops that the compiler unrolls.
 // Internal to lib.
 #pragma once
 
@@ -13,13 +12,6 @@ template <class Out, class A, class B>
 [[gnu::always_inline]] inline void add_product(Out&& out, const A& a, const B& b,
                                                double factor = 1.0) {
   const Eigen::Index rows = a.rows(), inner = a.cols(), cols = b.cols();
-  if constexpr (A::RowsAtCompileTime == Eigen::Dynamic) {
-    constexpr Eigen::Index kLarge = 24 * 24 * 24;  // multiplications
-    if (rows * inner * cols > kLarge) {
-      out.noalias() += factor * a * b;
-      return;
-    }
-  }
   for (Eigen::Index j = 0; j < cols; ++j) {
     for (Eigen::Index k = 0; k < inner; ++k) {
       const double weight = factor * b.coeff(k, j);
