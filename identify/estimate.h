@@ -107,8 +107,19 @@ struct Objective {
 /// What the errors of noise parameters cost the filter made with them.
 struct FilterLoss {
   double relative = kNone;           ///< expected tr P over the optimal, - 1 (lib/information.h)
-  std::vector<std::string> without;  ///< parameters at a boundary: their errors do not count
+  std::vector<std::string> without;  ///< variances that ended at zero: their errors do not count
   std::string reason;                ///< why there is no number
+};
+
+/// How the fit of Q depends on how many independent sources of process noise it has.
+struct Sources {
+  struct Step {
+    double penalty = kNone, objective = kNone, trace = kNone;  ///< of tr Q; of the fit; tr Q
+    Eigen::Index sources = 0;                                  ///< rank of Q
+    double excess = kNone, allowed = kNone;  ///< chi-square of the re-fit with as many sources
+  };
+  std::vector<Step> curve;  ///< from the largest penalty to none
+  Eigen::Index picked = 0, of = 0;
 };
 
 /// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
@@ -169,6 +180,7 @@ struct Estimate {
   std::optional<Bound> bound;          ///< verb bound only
   std::optional<Posterior> posterior;  ///< method bayes only
   std::optional<FilterLoss> loss;      ///< where noise is estimated, and verb bound
+  std::optional<Sources> sources;      ///< tune --sources only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

@@ -153,8 +153,11 @@ void describe_filter_loss(Estimate& estimate, const ModelFile& model, const Para
     if (p.fixed) continue;
     const bool has_row =
         judged < estimate.correlation_names.size() && estimate.correlation_names[judged] == p.name;
-    if (p.verdict == Verdict::at_bound) {
+    if (p.verdict == Verdict::at_bound && p.value == 0.0) {
       loss.without.push_back(p.name);
+    } else if (p.verdict == Verdict::at_bound) {
+      loss.reason = fmt::format("{} lies at a boundary, and its error is not known", p.name);
+      return;
     } else if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) {
       loss.reason = fmt::format("the data do not determine {}", p.name);
       return;
@@ -170,7 +173,7 @@ void describe_filter_loss(Estimate& estimate, const ModelFile& model, const Para
     ++i;
   }
   if (known.empty()) {
-    loss.reason = "every estimate lies on a boundary";
+    loss.reason = "every estimate is zero";
     return;
   }
   const StateSpace system = instantiate(model.linear, at);

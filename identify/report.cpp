@@ -190,8 +190,28 @@ std::string loss_text(const Estimate& estimate) {
       fmt::format("loss   {} adds {:.2g} % to the prediction error (tr P), in the mean{}",
                   estimate.bound ? "the least error from these samples" : "the error of the noise",
                   100.0 * loss.relative,
-                  without.empty() ? "" : "; without what " + without + " at the boundary add"),
+                  without.empty() ? "" : "; without what " + without + ", ended at zero, adds"),
       7);
+}
+
+// The trade-off between fit and number of noise sources.
+std::string sources_text(const Estimate& estimate) {
+  if (!estimate.sources) return "";
+  const Sources& s = *estimate.sources;
+  std::string out = fmt::format("\n{:>10} {:>12} {:>12} {:>8} {:>10} {:>10}\n", "penalty",
+                                "objective", "tr Q", "sources", "excess", "allowed");
+  for (const Sources::Step& step : s.curve) {
+    out += fmt::format("{:>10.3g} {:>12.6g} {:>12.6g} {:>8} {:>10} {:>10}\n", step.penalty,
+                       step.objective, step.trace, step.sources,
+                       std::isnan(step.excess) ? "-" : fmt::format("{:.2f}", step.excess),
+                       std::isnan(step.allowed) ? "-" : fmt::format("{:.2f}", step.allowed));
+  }
+  return out +
+         wrapped(fmt::format("sources {} of {}: the fewest whose fit without penalty is no "
+                             "worse than chance allows (chi-square, 99 %)",
+                             s.picked, s.of),
+                 8) +
+         "\n";
 }
 
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
@@ -249,7 +269,7 @@ std::string console_report(const Estimate& estimate) {
   const Noise& noise = estimate.noise;
   out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
          matrix_text("K", noise.K_steady);
-  out += loss_text(estimate);
+  out += loss_text(estimate) + sources_text(estimate);
   if (noise.Q.size() > 0) out += "\n";
   for (const DerivedValue& d : estimate.derived) {
     out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, value_text(d.value), d.unit,

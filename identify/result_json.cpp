@@ -87,6 +87,20 @@ Json loss(const Estimate& estimate) {
   return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
 }
 
+Json sources(const Estimate& estimate) {
+  if (!estimate.sources) return nullptr;
+  Json curve = Json::array();
+  for (const Sources::Step& step : estimate.sources->curve) {
+    curve.push_back({{"penalty", number(step.penalty)},
+                     {"objective", number(step.objective)},
+                     {"trace", number(step.trace)},
+                     {"sources", step.sources},
+                     {"excess", number(step.excess)},
+                     {"allowed", number(step.allowed)}});
+  }
+  return {{"picked", estimate.sources->picked}, {"of", estimate.sources->of}, {"curve", curve}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -149,6 +163,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                             {"flat_directions", directions}};
   out["bound"] = bound(estimate);
   out["posterior"] = posterior(estimate);
+  out["sources"] = sources(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(
