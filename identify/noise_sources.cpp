@@ -154,8 +154,8 @@ FewestSources fewest_sources(const SourcesProblem& p) {
       Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly).eigenvalues()[nw - 1];
   const double least_excess = objective(p.chance, minimise(normal_equations(p.chance, blocks)).x);
 
-  // From where Q vanishes, or cannot fall any more, over six decades.
-  constexpr int kDoublings = 60, kSteps = 48;
+  // From where Q vanishes, or cannot fall any more, over four decades.
+  constexpr int kDoublings = 60, kSteps = 24;
   const double fixed_trace = p.constant.topLeftCorner(nw, nw).trace();
   double most = std::max(objective(p.fit, free), 1e-300) / std::max(free_Q.trace(), 1e-300);
   for (int i = 0; i < kDoublings; ++i) {
@@ -174,7 +174,7 @@ FewestSources fewest_sources(const SourcesProblem& p) {
   report.of = nw;
   for (int step = 0; step <= kSteps; ++step) {
     const double penalty =
-        step == kSteps ? 0.0 : most * std::pow(10.0, -6.0 * step / (kSteps - 1.0));
+        step == kSteps ? 0.0 : most * std::pow(10.0, -4.0 * step / (kSteps - 1.0));
     const VectorXd theta = step == kSteps ? free : at_penalty(penalty);
     const MatrixXd Q = Q_of(theta);
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(Q);

@@ -183,15 +183,14 @@ std::string gain_text(const Estimate& estimate) {
 std::string loss_text(const Estimate& estimate) {
   if (!estimate.loss) return "";
   const FilterLoss& loss = *estimate.loss;
-  if (!loss.reason.empty()) return wrapped("loss   not known: " + loss.reason, 7);
+  if (!loss.reason.empty()) return wrapped("loss not known: " + loss.reason, 5);
   std::string without;
   for (const std::string& name : loss.without) without += (without.empty() ? "" : ", ") + name;
   return wrapped(
-      fmt::format("loss   {} adds {:.2g} % to the prediction error (tr P), in the mean{}",
-                  estimate.bound ? "the least error from these samples" : "the error of the noise",
-                  100.0 * loss.relative,
-                  without.empty() ? "" : "; without what " + without + ", ended at zero, adds"),
-      7);
+      fmt::format("loss {:.2g} % of tr P in the mean, {}{}", 100.0 * loss.relative,
+                  estimate.bound ? "at the least" : "by the errors above",
+                  without.empty() ? "" : "; what " + without + ", zero here, adds is not known"),
+      5);
 }
 
 // The trade-off between fit and number of noise sources.
@@ -206,12 +205,10 @@ std::string sources_text(const Estimate& estimate) {
                        std::isnan(step.excess) ? "-" : fmt::format("{:.2f}", step.excess),
                        std::isnan(step.allowed) ? "-" : fmt::format("{:.2f}", step.allowed));
   }
-  return out +
-         wrapped(fmt::format("sources {} of {}: the fewest whose fit without penalty is no "
-                             "worse than chance allows (chi-square, 99 %)",
-                             s.picked, s.of),
-                 8) +
-         "\n";
+  return out + wrapped(fmt::format("sources {} of {}: the fewest whose fit without penalty is no "
+                                   "worse than chance allows (chi-square, 99 %)",
+                                   s.picked, s.of),
+                       8);
 }
 
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
