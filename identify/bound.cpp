@@ -92,6 +92,7 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   const MatrixXd total = in_units(information.total);
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
+  describe_filter_loss(estimate, model, model.parameters);
 
   const auto complete = complete_data_information(system, derivatives);
   const auto gain = steady_gain_sensitivity(system, derivatives);

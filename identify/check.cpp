@@ -29,13 +29,14 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
     p.fixed = true;
     estimate.parameters.push_back(std::move(p));
   }
-  describe_filter(estimate, model, model.parameters, recordings);
+  const std::vector<FilterResult> filters =
+      describe_filter(estimate, model, model.parameters, recordings);
   if (estimate.tests.empty()) {
     throw InputError({recordings[0].name, 0, 0}, "no sample is left to test",
                      "at least one measured row");
   }
 
-  warn_of_suspect_data(estimate, model, model.parameters, recordings);
+  warn_of_suspect_data(estimate, model, model.parameters, recordings, filters);
   std::string failed;
   for (const TestResult& test : estimate.tests) {
     if (test.pass) continue;

@@ -104,6 +104,24 @@ struct Objective {
   std::string path, path_reason;  ///< of the likelihood (lib/likelihood.h), why not a faster one
 };
 
+/// What the errors of noise parameters cost the filter made with them.
+struct FilterLoss {
+  double relative = kNone;           ///< expected tr P over the optimal, - 1 (lib/information.h)
+  std::vector<std::string> without;  ///< variances that ended at zero: their errors do not count
+  std::string reason;                ///< why there is no number
+};
+
+/// How the fit of Q depends on how many independent sources of process noise it has.
+struct Sources {
+  struct Step {
+    double penalty = kNone, objective = kNone, trace = kNone;  ///< of tr Q; of the fit; tr Q
+    Eigen::Index sources = 0;                                  ///< rank of Q
+    double excess = kNone, allowed = kNone;  ///< chi-square of the re-fit with as many sources
+  };
+  std::vector<Step> curve;  ///< from the largest penalty to none
+  Eigen::Index picked = 0, of = 0;
+};
+
 /// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
 /// and hold kNone for those that are fixed.
 struct Bound {
@@ -204,6 +222,8 @@ struct Estimate {
   std::optional<Posterior> posterior;  ///< method bayes and verb track only
   std::optional<Course> course;        ///< verb track only
   std::optional<Shaping> shaping;      ///< verb shape only
+  std::optional<FilterLoss> loss;      ///< where noise is estimated, and verb bound
+  std::optional<Sources> sources;      ///< tune --sources only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

@@ -173,8 +173,9 @@ void describe_innovations(Estimate& estimate, const std::vector<Dataset>& record
   report_tests(estimate, recordings[0].outputs, all, lags);
 }
 
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const std::vector<Dataset>& recordings) {
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings) {
   describe_noise(estimate, model, parameters);
   const StateSpace system = instantiate(model.linear, parameters);
   std::vector<FilterResult> filters;
@@ -188,6 +189,7 @@ void describe_filter(Estimate& estimate, const ModelFile& model, const Parameter
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }
   describe_innovations(estimate, recordings, filters);
+  return filters;
 }
 
 }  // namespace identikal

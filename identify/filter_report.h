@@ -27,8 +27,10 @@ void describe_innovations(Estimate& estimate, const std::vector<Dataset>& record
 
 /// Runs the filter over every recording, each from the model's initial state, and fills all of the
 /// above and the log-likelihood.
+/// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const std::vector<Dataset>& recordings);
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -387,12 +387,6 @@ void read_initial(const YamlNode& root, Eigen::Index n, Names& names, LinearMode
   model.initial = InitialState::given;
 }
 
-Eigen::MatrixXd joint_covariance(const StateSpace& model) {
-  Eigen::MatrixXd joint(model.Q.rows() + model.R.rows(), model.Q.rows() + model.R.rows());
-  joint << model.Q, model.S, model.S.transpose(), model.R;
-  return joint;
-}
-
 }  // namespace
 
 std::string domain_fault(const Parameter& parameter) {

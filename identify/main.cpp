@@ -48,6 +48,7 @@ struct Arguments {
   std::string method = "ml", accuracy, place = "both", hold_out = "30%";
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
+  bool full_matrix = false, sources = false;
   long lags = 0, draws = 0;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
@@ -184,6 +185,8 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
     options.weighted = args.method == "als-weighted";
     options.lags = args.lags;
     options.regain = args.regain;
+    options.full_matrix = args.full_matrix;
+    options.sources = args.sources;
     return tune_als(model, recordings, options);
   }
   if (args.method == "bayes") {
@@ -222,11 +225,16 @@ int run_estimator(const Arguments& args) {
     throw InputError({}, fmt::format("{} recordings of a vehicle", args.data.size()),
                      "one: identikal fit MODEL DATA", "fit them one by one");
   }
-  if (!is_als(args) && (args.lags > 0 || args.regain)) {
-    throw InputError({},
-                     fmt::format("{} has no meaning with --method {}",
-                                 args.regain ? "--regain" : "--lags", args.method),
+  for (const auto& [given, option] :
+       {std::pair{args.lags > 0, "--lags"}, std::pair{args.regain, "--regain"},
+        std::pair{args.sources, "--sources"}}) {
+    if (!given || is_als(args)) continue;
+    throw InputError({}, fmt::format("{} has no meaning with --method {}", option, args.method),
                      "--method als or als-weighted");
+  }
+  if (args.full_matrix && args.method != "als") {
+    throw InputError({}, "--full-matrix has no meaning with --method " + args.method,
+                     "--method als: it is a choice of weights, and als-weighted has its own");
   }
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
@@ -495,6 +503,10 @@ int run(int argc, char** argv) {
           ->default_str("2000");
       verb->add_flag("--robust", args.robust, "leave out samples that are outliers");
       verb->add_flag("--regain", args.regain, "als: repeat with the estimate's own gain");
+      verb->add_flag("--sources", args.sources,
+                     "als: Q from the fewest independent noise sources that the data allow");
+      verb->add_flag("--full-matrix", args.full_matrix,
+                     "als: fit the whole matrix of autocovariances, not one column");
       verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")
           ->check(CLI::IsMember({"automatic", "direct", "steady", "compressed"}));
     }

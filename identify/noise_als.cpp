@@ -2,16 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/noise_estimate.h"
+#include "identify/noise_sources.h"
 #include "lib/autocovariance.h"
 #include "lib/information.h"
 #include "lib/matrix_equations.h"
@@ -29,8 +30,9 @@ using Eigen::VectorXd;
 constexpr double kForgotten = 1e-3;
 constexpr double kUninformative = 0.02;
 constexpr Index kFewestLags = 5, kMostLags = 200;
-// Rows of the least-squares problem: its weight is a dense matrix of that size.
-constexpr Index kMostRows = 3000;
+// Rows of the least-squares problem: its weight is a dense matrix of that size. The first where the
+// lags are ours to choose, the second, 0.3 GB, where they are asked for.
+constexpr Index kMostRows = 3000, kMostRowsAsked = 6000;
 
 // Smallest k with |F^k| <= tolerance; `most` when it is not reached before.
 Index memory(const MatrixXd& F, double tolerance, Index most) {
@@ -40,56 +42,6 @@ Index memory(const MatrixXd& F, double tolerance, Index most) {
     power = (F * power).eval();
   }
   return most;
-}
-
-bool only_noise(const StateSpace& d) {
-  return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0) &&
-         d.G.isZero(0.0) && d.x0.isZero(0.0) && d.P0.isZero(0.0);
-}
-
-MatrixXd joint(const StateSpace& m) {
-  MatrixXd out(m.Q.rows() + m.R.rows(), m.Q.rows() + m.R.rows());
-  out << m.Q, m.S, m.S.transpose(), m.R;
-  return out;
-}
-
-// The parts of [Q S; S' R] that no entry, free or fixed, connects: each has to be semidefinite by
-// itself, and parts of one variance are cheaper and exact.
-std::vector<PsdBlock> constraint_blocks(const MatrixXd& fixed, const std::vector<MatrixXd>& basis) {
-  const Index n = fixed.rows();
-  MatrixXd used = fixed.cwiseAbs();
-  for (const MatrixXd& B : basis) used += B.cwiseAbs();
-  std::vector<Index> part(static_cast<std::size_t>(n));
-  std::iota(part.begin(), part.end(), 0);
-  for (Index j = 0; j < n; ++j) {
-    for (Index i = 0; i < j; ++i) {
-      if (used(i, j) == 0.0) continue;
-      const Index from = part[static_cast<std::size_t>(j)], to = part[static_cast<std::size_t>(i)];
-      std::replace(part.begin(), part.end(), from, to);
-    }
-  }
-  std::vector<PsdBlock> out;
-  for (Index p = 0; p < n; ++p) {
-    std::vector<Index> rows;
-    for (Index i = 0; i < n; ++i) {
-      if (part[static_cast<std::size_t>(i)] == p) rows.push_back(i);
-    }
-    PsdBlock block;
-    block.size = static_cast<Index>(rows.size());
-    const MatrixXd constant = fixed(rows, rows);
-    if (!constant.isZero(0.0)) block.constant = constant;
-    for (std::size_t e = 0; e < basis.size(); ++e) {
-      for (Index c = 0; c < block.size; ++c) {
-        for (Index r = c; r < block.size; ++r) {
-          const double value =
-              basis[e](rows[static_cast<std::size_t>(r)], rows[static_cast<std::size_t>(c)]);
-          if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
-        }
-      }
-    }
-    if (!block.entries.empty()) out.push_back(std::move(block));
-  }
-  return out;
 }
 
 // x(0) that explains the first innovations best: what is left of the true one then fades from a
@@ -124,7 +76,21 @@ struct Regression {
   Index lags = 0;
   MatrixXd design;
   VectorXd constant, sample, pairs;
+  VectorXd times;  // how often each row counts where there are no other weights
 };
+
+// In the full matrix of autocovariances, its blocks Y_(i-j) with i, j < lags, lag k stands on
+// 2 (lags - k) places, above and below the diagonal, and so does each covariance of lag 0, whose
+// variances stand on it. Everything else about the form is the single column's, so it is a weight:
+// long lags, which are the noisier ones, count less.
+VectorXd times_in_full_matrix(Index lags, Index ny) {
+  Autocovariances out;
+  for (Index k = 0; k < lags; ++k) {
+    out.emplace_back(MatrixXd::Constant(ny, ny, 2.0 * static_cast<double>(lags - k)));
+  }
+  out[0].diagonal().setConstant(static_cast<double>(lags));
+  return stacked(out);
+}
 
 class Als {
  public:
@@ -134,9 +100,8 @@ class Als {
         basis_(model_derivatives(model.linear, model.parameters)) {
     const VectorXd zero = VectorXd::Zero(static_cast<Index>(basis_.size()));
     fixed_ = instantiate(linear_, with_entries(parameters_, zero));
-    std::vector<MatrixXd> joint_basis;
-    for (const StateSpace& d : basis_) joint_basis.push_back(joint(d));
-    blocks_ = constraint_blocks(joint(fixed_), joint_basis);
+    for (const StateSpace& d : basis_) joint_basis_.push_back(joint_covariance(d));
+    blocks_ = independent_blocks(joint_covariance(fixed_), joint_basis_);
     for (const Dataset& data : recordings) {
       recordings_.push_back({data.y, model_inputs(linear_, data.u)});
       gaps_ = gaps_ || data.y.hasNaN();
@@ -148,9 +113,11 @@ class Als {
   }
   const std::vector<StateSpace>& basis() const { return basis_; }
   const std::vector<PsdBlock>& blocks() const { return blocks_; }
+  const StateSpace& fixed() const { return fixed_; }
+  const std::vector<MatrixXd>& joint_basis() const { return joint_basis_; }
 
   // Nothing when the recordings are no longer than the filter's memory.
-  std::optional<Regression> regression(const MatrixXd& L, Index lags) const {
+  std::optional<Regression> regression(const MatrixXd& L, Index lags, bool full_matrix) const {
     const MatrixXd F = fixed_.A - L * fixed_.C;
     const Index ny = fixed_.outputs();
     Index longest = 0;
@@ -169,16 +136,20 @@ class Als {
     const MatrixXd nothing = MatrixXd::Zero(ny, ny);
     Autocovariances sum(count, nothing), pairs = sum, constant = sum;
     std::vector<Autocovariances> columns(basis_.size(), sum);
+    std::vector<StateSpace> noises{fixed_};
+    for (const StateSpace& noise : basis_) noises.push_back(with_noise(noise));
+    std::vector<Autocovariances> without_gaps;
+    if (!gaps_) without_gaps = innovation_autocovariances(fixed_, noises, L, out.lags);
     for (const Recording& r : recordings_) {
       if (r.y.cols() < first + out.lags) continue;
       const VectorXd x0 = likely_start(fixed_, L, r.y, r.u, first);
       const MatrixXd e = constant_gain_innovations(fixed_, L, x0, r.y, r.u);
       const SampleAutocovariances sample =
           sample_autocovariances(e.rightCols(e.cols() - first), out.lags);
-      const auto expected = [&](const StateSpace& noise) {
-        return gaps_ ? innovation_autocovariances(noise, L, e, first, out.lags)
-                     : innovation_autocovariances(noise, L, out.lags);
-      };
+      std::vector<Autocovariances> expected = without_gaps;
+      for (std::size_t i = 0; gaps_ && i < noises.size(); ++i) {
+        expected.push_back(innovation_autocovariances(noises[i], L, e, first, out.lags));
+      }
       // Entries without a pair are NaN, with weight zero.
       const auto add = [&](Autocovariances& to, const Autocovariances& from) {
         for (std::size_t k = 0; k < count; ++k) {
@@ -187,12 +158,12 @@ class Als {
         }
       };
       add(sum, sample.value);
-      add(constant, expected(with_noise(fixed_)));
-      for (std::size_t e_ = 0; e_ < basis_.size(); ++e_) {
-        add(columns[e_], expected(with_noise(basis_[e_])));
-      }
+      add(constant, expected[0]);
+      for (std::size_t i = 0; i < basis_.size(); ++i) add(columns[i], expected[i + 1]);
       for (std::size_t k = 0; k < count; ++k) pairs[k] += sample.pairs[k];
     }
+    out.times = full_matrix ? times_in_full_matrix(out.lags, ny)
+                            : VectorXd(VectorXd::Ones(stacked(pairs).size()));
     out.pairs = stacked(pairs);
     const VectorXd share = (out.pairs.array() > 0.0).select(out.pairs.cwiseInverse(), 0.0);
     out.sample = stacked(sum).cwiseProduct(share);
@@ -212,7 +183,8 @@ class Als {
     const Autocovariances Y = innovation_autocovariances(at(theta), L, reach);
     MatrixXd V = covariance_of_autocovariances(Y, r.lags);
     const VectorXd scale = r.pairs.cwiseMax(1.0).cwiseSqrt().cwiseInverse();
-    V = (scale.asDiagonal() * V * scale.asDiagonal()).eval();
+    V.array().colwise() *= scale.array();
+    V.array().rowwise() *= scale.transpose().array();
     // Noise-free outputs leave it singular.
     const double largest = V.diagonal().maxCoeff();
     V.diagonal() += 1e-10 * (V.diagonal().array() + largest).matrix();
@@ -232,6 +204,7 @@ class Als {
   const LinearModel& linear_;
   const ParameterSet& parameters_;
   std::vector<StateSpace> basis_;
+  std::vector<MatrixXd> joint_basis_;
   StateSpace fixed_;  // with every free entry at zero
   std::vector<PsdBlock> blocks_;
   std::vector<Recording> recordings_;
@@ -247,8 +220,14 @@ struct Fit {
   Regression regression;
   MatrixXd L;
   PsdSolution solution;
-  std::optional<Eigen::LLT<MatrixXd>> weight;  // inverse of it; none = all alike
+  std::optional<Eigen::LLT<MatrixXd>> weight;  // inverse of it; none = regression.times
   int passes = 0;
+
+  // Rows such that least squares of them is what the method minimises.
+  MatrixXd weighed(const MatrixXd& rows) const {
+    if (weight) return weight->matrixL().solve(rows);
+    return regression.times.cwiseSqrt().asDiagonal() * rows;
+  }
 };
 
 // Under one gain. With weights: those of the last estimate, until they change nothing.
@@ -260,16 +239,15 @@ Fit fit_under_gain(const Als& als, Regression regression, const MatrixXd& L, boo
   const Regression& r = out.regression;
   const VectorXd target = r.sample - r.constant;
   if (!weighted || !start) {
-    out.solution = solve(r.design, target, als.blocks());
+    out.solution = solve(out.weighed(r.design), out.weighed(target), als.blocks());
     out.passes = 1;
     if (!weighted || !out.solution.summary.usable()) return out;
   }
   VectorXd theta = start ? *start : out.solution.x;
   for (bool settled = false; !settled && out.passes < kMostPasses; ++out.passes) {
     out.weight = als.error_factor(r, L, theta);
-    const auto W = out.weight->matrixL();
-    const MatrixXd design = W.solve(r.design);
-    out.solution = solve(design, W.solve(target), als.blocks());
+    const MatrixXd design = out.weighed(r.design);
+    out.solution = solve(design, out.weighed(target), als.blocks());
     if (!out.solution.summary.usable()) return out;
     // Weighted residuals have unit variance, and so has theta by design' design.
     settled = (design * (out.solution.x - theta)).norm() <= kSettled;
@@ -296,7 +274,7 @@ Fit fit(const ModelFile& model, const Als& als, const std::vector<Dataset>& reco
   if (!steady) refuse_gain(model);
   MatrixXd L = steady->K;
   const auto regression = [&](const MatrixXd& gain) {
-    auto out = als.regression(gain, options.lags);
+    auto out = als.regression(gain, options.lags, options.full_matrix);
     if (!out) {
       throw InputError(
           {recordings[0].name, 0, 0},
@@ -332,73 +310,91 @@ std::vector<bool> at_boundary(const Fit& fit, const std::vector<PsdBlock>& block
   return out;
 }
 
-// S with theta - truth = S n, n of unit covariance, for the columns of `design`.
-MatrixXd map_of_errors(const Als& als, const Fit& fit, const MatrixXd& design) {
-  const MatrixXd weighted = fit.weight ? MatrixXd(fit.weight->matrixL().solve(design)) : design;
-  MatrixXd map = weighted.completeOrthogonalDecomposition().pseudoInverse();
-  if (fit.weight) map = fit.weight->matrixU().solve(map.transpose()).transpose().eval();
-  return map * als.error_factor(fit.regression, fit.L, fit.solution.x).matrixL();
+// S with theta - truth = S n, n of unit covariance, for the columns of `design`; error: factor of
+// the sample autocovariances' covariance.
+MatrixXd map_of_errors(const Fit& fit, const Eigen::LLT<MatrixXd>& error, const MatrixXd& design) {
+  const MatrixXd map = fit.weighed(design).completeOrthogonalDecomposition().pseudoInverse();
+  const MatrixXd of_sample =
+      fit.weight ? MatrixXd(fit.weight->matrixU().solve(map.transpose()).transpose())
+                 : MatrixXd(map * fit.regression.times.cwiseSqrt().asDiagonal());
+  return of_sample * error.matrixL();
 }
 
 // A variance that is held at zero has an upper limit: what its error would be without the
 // constraint, one-sided 95 %.
-std::string boundary_text(EstimatedParameter& p, const Als& als, const Fit& fit, Index unknown) {
+void warn_of_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<MatrixXd>& error) {
   constexpr double kOneSided = 1.6448536269514722;
-  if (fit.solution.x[unknown] != 0.0) return p.name + " is held at the boundary of definiteness";
-  const MatrixXd spread = map_of_errors(als, fit, fit.regression.design);
-  const double se = spread.row(unknown).norm() / unit_scale(p.unit);
-  p.ci95 = {0.0, kOneSided * se};
-  return fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
-                     p.ci95[1]);
+  VectorXd se;  // without the constraint
+  Index i = -1;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++i;
+    if (p.verdict != Verdict::at_bound) continue;
+    std::string text = p.name + " is held at the boundary of definiteness";
+    if (fit.solution.x[i] == 0.0) {
+      if (se.size() == 0) {
+        se = map_of_errors(fit, error, fit.regression.design).rowwise().norm();
+      }
+      p.ci95 = {0.0, kOneSided * se[i] / unit_scale(p.unit)};
+      text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
+                         p.ci95[1]);
+    }
+    estimate.warnings.push_back({"at_bound", "note", {p.name}, text, ""});
+  }
 }
 
 void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& model,
            const std::vector<Dataset>& recordings) {
-  const std::vector<bool> boundary = at_boundary(fit, als.blocks());
-  std::vector<Index> inside;
-  std::vector<EstimatedParameter*> judged;
-  std::vector<double> units;
-  Index i = 0;
-  for (EstimatedParameter& p : estimate.parameters) {
-    if (p.fixed) continue;
-    if (boundary[static_cast<std::size_t>(i)]) {
-      p.verdict = Verdict::at_bound;
-      estimate.warnings.push_back(
-          {"at_bound", "note", {p.name}, boundary_text(p, als, fit, i), ""});
-    } else {
-      inside.push_back(i);
-      judged.push_back(&p);
-      units.push_back(unit_scale(p.unit));
-    }
-    ++i;
-  }
-  const auto k = static_cast<Index>(inside.size());
-  if (k == 0) {
-    estimate.covariance_kind = "none: every estimate lies on a boundary";
-    return;
-  }
-  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const InsideParameters inside = inside_parameters(estimate, at_boundary(fit, als.blocks()));
   const Regression& r = fit.regression;
-  const MatrixXd design = r.design(Eigen::all, inside) * unit.asDiagonal();
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
+  warn_of_boundary(estimate, fit, error);
+  const auto k = static_cast<Index>(inside.entries.size());
+  if (k == 0) return;
+  const VectorXd& unit = inside.unit;
+  const MatrixXd design = r.design(Eigen::all, inside.entries) * unit.asDiagonal();
   const MatrixXd whitened = error.matrixL().solve(design);
-  const MatrixXd information = whitened.transpose() * whitened;
-  const MatrixXd spread = map_of_errors(als, fit, design);
+  const MatrixXd spread = map_of_errors(fit, error, design);
   estimate.covariance_kind = "covariance of the sample autocovariances at the estimate";
-  judge_parameters(estimate, information, spread * spread.transpose());
+  judge_parameters(estimate, whitened.transpose() * whitened, spread * spread.transpose());
 
   Index samples = 0;
   for (const Dataset& data : recordings) samples += data.size();
   const StateSpace system = als.at(fit.solution.x);
   std::vector<StateSpace> derivatives;
-  for (const Index e : inside) derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
+  for (const Index e : inside.entries) {
+    derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
+  }
   // Inputs tell nothing about noise.
   const ExpectedInformation bound =
       expected_information(system, model.linear.initial, samples, derivatives, MatrixXd());
   if (bound.status != FilterStatus::ok) return;
   const auto covariance = scaled_inverse(unit.asDiagonal() * bound.total * unit.asDiagonal(), 1e-9);
   for (Index j = 0; j < k && covariance; ++j) {
-    judged[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*covariance)(j, j));
+    inside.reported[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*covariance)(j, j));
+  }
+}
+
+// The fewest sources of process noise instead of the minimum over all Q. They are judged under the
+// weights of als-weighted whatever the method: without, nothing says what is chance.
+void reduce_sources(Estimate& estimate, const Als& als, Fit& fit) {
+  const Regression& r = fit.regression;
+  const VectorXd target = r.sample - r.constant;
+  const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
+  const auto W = error.matrixL();
+  const FewestSources found = fewest_sources({{fit.weighed(r.design), fit.weighed(target)},
+                                              {W.solve(r.design), W.solve(target)},
+                                              joint_covariance(als.fixed()),
+                                              als.joint_basis(),
+                                              als.fixed().Q.rows()});
+  estimate.sources = found.report;
+  fit.solution.x = found.theta;
+  for (std::size_t b = 0; b < als.blocks().size(); ++b) {
+    constexpr double kZero = 1e-9;
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(value(als.blocks()[b], found.theta),
+                                                        Eigen::EigenvaluesOnly);
+    fit.solution.blocks[b].zero_eigenvalues =
+        (eigen.eigenvalues().array() <= kZero * eigen.eigenvalues().maxCoeff()).count();
   }
 }
 
@@ -408,15 +404,24 @@ Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings
                   const NoiseAlsOptions& options) {
   check_recordings(model, recordings);
   const Als als(model, recordings);
-  if (!std::all_of(als.basis().begin(), als.basis().end(), only_noise)) {
+  if (!std::all_of(als.basis().begin(), als.basis().end(), changes_only_noise)) {
     throw InputError({model.path, 0, 0}, "als estimates noise, and other parameters are free",
                      "free entries of Q, R and S only", "fix the others, or use --method ml");
   }
-  const Fit found = fit(model, als, recordings, options);
+  const Index ny = als.fixed().outputs(), rows = std::max(options.lags, kFewestLags) * ny * ny;
+  if (rows > kMostRowsAsked) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("{} autocovariances of {} outputs are {} numbers to weigh",
+                                 std::max(options.lags, kFewestLags), ny, rows),
+                     fmt::format("no more than {}", kMostRowsAsked),
+                     "fewer --lags, or --method ml");
+  }
+  Fit found = fit(model, als, recordings, options);
   Estimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = options.weighted ? "als-weighted" : "als";
   estimate.objective.iterations = found.passes;
+  if (options.sources && found.solution.summary.usable()) reduce_sources(estimate, als, found);
   const ParameterSet end = with_entries(model.parameters, found.solution.x);
   list_parameters(estimate, model.parameters, end);
   judge(estimate, als, found, model, recordings);

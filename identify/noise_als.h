@@ -15,6 +15,9 @@ struct NoiseAlsOptions {
                           ///< sample autocovariances, iterated; false: all alike, as published
   Eigen::Index lags = 0;  ///< autocovariances used, from lag 0 on; 0 = until the filter forgets
   bool regain = false;    ///< filter again with the estimate's own gain, until that settles
+  bool full_matrix = false;  ///< not weighted: fit the whole matrix of autocovariances, Y_(i-j) in
+                             ///< block (i, j), and not one column of it (Odelson et al. 2006)
+  bool sources = false;      ///< the fewest sources of process noise (identify/noise_sources.h)
 };
 
 /// Least squares of the innovations' sample autocovariances (lib/autocovariance.h) of all
@@ -29,7 +32,8 @@ struct NoiseAlsOptions {
 /// can be free. Sources: Odelson, Rajamani & Rawlings (2006), Automatica 42; Rajamani & Rawlings
 /// (2009), Automatica 45 (single column); Akesson et al. (2008) for S; Matisko (2013), section 4.3.
 /// @throws InputError as check_recordings(), when anything but noise is free, when the model's
-/// values give no stable filter, and when the recordings are shorter than its memory
+/// values give no stable filter, when the recordings are shorter than its memory, and when there
+/// are more than 6000 autocovariances to weigh
 Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings,
                   const NoiseAlsOptions& options = {});
 

@@ -7,6 +7,7 @@
 
 #include "identify/filter_report.h"
 #include "identify/suspect_data.h"
+#include "lib/information.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -81,6 +82,28 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
   }
 }
 
+InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& at_boundary) {
+  InsideParameters out;
+  std::size_t i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    if (at_boundary[i]) {
+      p.verdict = Verdict::at_bound;
+    } else {
+      out.entries.push_back(static_cast<Index>(i));
+      out.reported.push_back(&p);
+    }
+    ++i;
+  }
+  const auto k = static_cast<Index>(out.entries.size());
+  if (k == 0) estimate.covariance_kind = "none: every estimate lies on a boundary";
+  out.unit.resize(k);
+  for (Index j = 0; j < k; ++j) {
+    out.unit[j] = unit_scale(out.reported[static_cast<std::size_t>(j)]->unit);
+  }
+  return out;
+}
+
 void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
   const Identifiability& id = estimate.identifiability;
   const bool converged = summary.usable();
@@ -115,6 +138,60 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
   estimate.message = "converged";
 }
 
+void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
+  FilterLoss& loss = estimate.loss.emplace();
+  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
+  if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) {
+    loss.reason = "parameters other than noise are free";
+    return;
+  }
+  std::vector<StateSpace> known;
+  std::vector<double> se;
+  std::vector<Index> rows;  // of the correlation
+  std::size_t i = 0, judged = 0;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    const bool has_row =
+        judged < estimate.correlation_names.size() && estimate.correlation_names[judged] == p.name;
+    if (p.verdict == Verdict::at_bound && p.value == 0.0) {
+      loss.without.push_back(p.name);
+    } else if (p.verdict == Verdict::at_bound) {
+      loss.reason = fmt::format("{} lies at a boundary, and its error is not known", p.name);
+      return;
+    } else if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) {
+      loss.reason = fmt::format("the data do not determine {}", p.name);
+      return;
+    } else if (!has_row || !std::isfinite(p.se)) {
+      loss.reason = fmt::format("the error of {} is not known", p.name);
+      return;
+    } else {
+      known.push_back(derivatives[i]);
+      se.push_back(p.se * unit_scale(p.unit));
+      rows.push_back(static_cast<Index>(judged));
+    }
+    judged += has_row;
+    ++i;
+  }
+  if (known.empty()) {
+    loss.reason = "every estimate is zero";
+    return;
+  }
+  const StateSpace system = instantiate(model.linear, at);
+  const auto gain = steady_gain_sensitivity(system, known);
+  if (!gain) {
+    loss.reason = "there is no steady filter";
+    return;
+  }
+  const auto sd = Eigen::Map<const Eigen::VectorXd>(se.data(), static_cast<Index>(se.size()));
+  const auto relative = expected_filter_loss(
+      system, *gain, sd.asDiagonal() * estimate.correlation(rows, rows) * sd.asDiagonal());
+  if (relative) {
+    loss.relative = *relative;
+  } else {
+    loss.reason = "the states are known without error";
+  }
+}
+
 void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
                              const std::vector<Dataset>& recordings) {
   const ReportedEntries entries = reported_entries(end);
@@ -122,8 +199,9 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
     double& low = estimate.parameters[i].ci95[0];
     if (entries.variance[i] && low < 0.0) low = 0.0;
   }
-  describe_filter(estimate, model, end, recordings);
-  warn_of_suspect_data(estimate, model, end, recordings);
+  describe_filter_loss(estimate, model, end);
+  const std::vector<FilterResult> filters = describe_filter(estimate, model, end, recordings);
+  warn_of_suspect_data(estimate, model, end, recordings, filters);
   const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
                                    [](const Warning& w) { return w.severity == "serious"; });
   if (serious && estimate.status == Status::ok) {

@@ -26,12 +26,27 @@ double unit_scale(const std::string& unit);
 /// Values of all reported entries in the user's units, and where they started.
 void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end);
 
+/// The free parameters that have errors: those that lie inside their bounds.
+struct InsideParameters {
+  std::vector<Eigen::Index> entries;  ///< their positions among the free entries
+  std::vector<EstimatedParameter*> reported;
+  Eigen::VectorXd unit;  ///< SI values of their units
+};
+
+/// The others get the verdict at_bound; where all are, the estimate says that there is no error.
+/// @param at_boundary  of each free entry
+InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& at_boundary);
+
 /// Status and message: converged or not, and whether the data determine the unknowns. Without
 /// convergence no error is left standing.
 void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
 
-/// Intervals of variances end at zero; the filter at `end`, its tests and AIC and BIC; a warning
-/// for innovations that are not white.
+/// What the errors of the parameters cost the filter (lib/information.h), from their standard
+/// errors and correlations as the estimate has them; or why that has no answer.
+void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at);
+
+/// Intervals of variances end at zero; what the errors cost; the filter at `end`, its tests and AIC
+/// and BIC; a warning for innovations that are not white.
 /// @throws InputError when the filter cannot run
 void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
                              const std::vector<Dataset>& recordings);

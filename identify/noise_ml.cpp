@@ -122,17 +122,6 @@ std::optional<double> profile_upper_limit(const LikelihoodProblem& problem, cons
   return 0.5 * (low + high);
 }
 
-MatrixXd select(const MatrixXd& M, const std::vector<Index>& keep) {
-  const auto k = static_cast<Index>(keep.size());
-  MatrixXd out(k, k);
-  for (Index i = 0; i < k; ++i) {
-    for (Index j = 0; j < k; ++j) {
-      out(i, j) = M(keep[static_cast<std::size_t>(i)], keep[static_cast<std::size_t>(j)]);
-    }
-  }
-  return out;
-}
-
 // Which free entries have no two-sided error: those whose coordinate ended at its bound, and those
 // of a covariance matrix that ended singular.
 std::vector<bool> at_boundary(const ParameterSet& end, const LikelihoodProblem& problem,
@@ -168,39 +157,21 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
   if (result == nullptr) return;
   const MatrixXd all = result->information;
   const VectorXd z = free_entries(end);
-  const std::vector<bool> boundary = at_boundary(end, problem, best.x);
-  std::vector<Index> inside;
-  std::vector<EstimatedParameter*> judged;
-  std::vector<double> units;
-  Index i = 0;
-  for (EstimatedParameter& p : estimate.parameters) {
-    if (p.fixed) continue;
-    if (boundary[static_cast<std::size_t>(i)]) {
-      p.verdict = Verdict::at_bound;
-    } else {
-      inside.push_back(i);
-      judged.push_back(&p);
-      units.push_back(unit_scale(p.unit));
-    }
-    ++i;
-  }
-  const auto k = static_cast<Index>(inside.size());
-  if (k == 0) {
-    estimate.covariance_kind = "none: every estimate lies on a boundary";
-    return;
-  }
-  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const InsideParameters inside = inside_parameters(estimate, at_boundary(end, problem, best.x));
+  const auto k = static_cast<Index>(inside.entries.size());
+  if (k == 0) return;
+  const VectorXd& unit = inside.unit;
   const auto in_units = [&unit](const MatrixXd& information) {
     return MatrixXd(unit.asDiagonal() * information * unit.asDiagonal());
   };
-  const MatrixXd information = in_units(select(all, inside));
+  const MatrixXd information = in_units(all(inside.entries, inside.entries));
 
   MatrixXd covariance;
   const std::optional<MatrixXd> bound = scaled_inverse(information, 1e-9);
   if (bound) {
     VectorXd inside_z(k), step(k);
     for (Index j = 0; j < k; ++j) {
-      const Index at = inside[static_cast<std::size_t>(j)];
+      const Index at = inside.entries[static_cast<std::size_t>(j)];
       inside_z[j] = z[at];
       // Small against the error, but never across a bound.
       step[j] = 1e-3 * std::sqrt((*bound)(j, j)) * unit[j];
@@ -211,11 +182,12 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
     }
     const auto gradient_at = [&](const VectorXd& at, VectorXd& g) {
       VectorXd full = z;
-      for (Index j = 0; j < k; ++j) full[inside[static_cast<std::size_t>(j)]] = at[j];
+      for (Index j = 0; j < k; ++j) full[inside.entries[static_cast<std::size_t>(j)]] = at[j];
       const Likelihood* there = likelihood.evaluate(with_entries(end, full), true);
       if (there == nullptr) return false;
       g.resize(k);
-      for (Index j = 0; j < k; ++j) g[j] = there->gradient[inside[static_cast<std::size_t>(j)]];
+      for (Index j = 0; j < k; ++j)
+        g[j] = there->gradient[inside.entries[static_cast<std::size_t>(j)]];
       return true;
     };
     const auto observed = observed_information(gradient_at, inside_z, step);
@@ -233,15 +205,16 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
   if (bound) {
     const MatrixXd products = likelihood.score_products(end);
     if (products.size() > 0) {
-      const MatrixXd sandwich = covariance * in_units(select(products, inside)) * covariance;
+      const MatrixXd sandwich =
+          covariance * in_units(products(inside.entries, inside.entries)) * covariance;
       for (Index j = 0; j < k; ++j) {
-        EstimatedParameter& p = *judged[static_cast<std::size_t>(j)];
+        EstimatedParameter& p = *inside.reported[static_cast<std::size_t>(j)];
         if (!std::isnan(p.se)) p.se_sandwich = std::sqrt(sandwich(j, j));
       }
     }
   }
   for (Index j = 0; j < k && bound; ++j) {
-    judged[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*bound)(j, j));
+    inside.reported[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*bound)(j, j));
   }
 }
 

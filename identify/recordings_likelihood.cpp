@@ -6,7 +6,6 @@
 namespace identikal {
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -21,10 +20,7 @@ bool semidefinite(const MatrixXd& M) {
 
 bool admissible(const StateSpace& model) {
   if (model.S.isZero(0.0)) return semidefinite(model.Q) && semidefinite(model.R);
-  const Index nw = model.Q.rows(), ny = model.R.rows();
-  MatrixXd joint(nw + ny, nw + ny);
-  joint << model.Q, model.S, model.S.transpose(), model.R;
-  return semidefinite(joint);
+  return semidefinite(joint_covariance(model));
 }
 
 }  // namespace

@@ -246,6 +246,37 @@ std::string shaping_text(const Estimate& estimate) {
   return out + "\n";
 }
 
+std::string loss_text(const Estimate& estimate) {
+  if (!estimate.loss) return "";
+  const FilterLoss& loss = *estimate.loss;
+  if (!loss.reason.empty()) return wrapped("loss not known: " + loss.reason, 5);
+  std::string without;
+  for (const std::string& name : loss.without) without += (without.empty() ? "" : ", ") + name;
+  return wrapped(
+      fmt::format("loss {:.2g} % of tr P in the mean, {}{}", 100.0 * loss.relative,
+                  estimate.bound ? "at the least" : "by the errors above",
+                  without.empty() ? "" : "; what " + without + ", zero here, adds is not known"),
+      5);
+}
+
+// The trade-off between fit and number of noise sources.
+std::string sources_text(const Estimate& estimate) {
+  if (!estimate.sources) return "";
+  const Sources& s = *estimate.sources;
+  std::string out = fmt::format("\n{:>10} {:>12} {:>12} {:>8} {:>10} {:>10}\n", "penalty",
+                                "objective", "tr Q", "sources", "excess", "allowed");
+  for (const Sources::Step& step : s.curve) {
+    out += fmt::format("{:>10.3g} {:>12.6g} {:>12.6g} {:>8} {:>10} {:>10}\n", step.penalty,
+                       step.objective, step.trace, step.sources,
+                       std::isnan(step.excess) ? "-" : fmt::format("{:.2f}", step.excess),
+                       std::isnan(step.allowed) ? "-" : fmt::format("{:.2f}", step.allowed));
+  }
+  return out + wrapped(fmt::format("sources {} of {}: the fewest whose fit without penalty is no "
+                                   "worse than chance allows (chi-square, 99 %)",
+                                   s.picked, s.of),
+                       8);
+}
+
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
@@ -279,8 +310,8 @@ std::string bound_report(const Estimate& estimate) {
   std::string out = wrapped(
       fmt::format("bound: {}, {} samples", estimate.model_name, estimate.bound->samples), 4);
   for (const InputRecord& input : estimate.inputs) out += "inputs " + input.path + "\n";
-  return out + "\n" + bound_table(estimate) + gain_text(estimate) + flat_text(estimate) +
-         status_text(estimate);
+  return out + "\n" + bound_table(estimate) + gain_text(estimate) + loss_text(estimate) +
+         flat_text(estimate) + status_text(estimate);
 }
 
 }  // namespace
@@ -301,6 +332,7 @@ std::string console_report(const Estimate& estimate) {
   const Noise& noise = estimate.noise;
   out += matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
          matrix_text("K", noise.K_steady);
+  out += loss_text(estimate) + sources_text(estimate);
   if (noise.Q.size() > 0) out += "\n";
   for (const DerivedValue& d : estimate.derived) {
     out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, value_text(d.value), d.unit,

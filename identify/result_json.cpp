@@ -138,6 +138,26 @@ Json shaping(const Estimate& estimate) {
           {"held_out_log_likelihood_with", number(s.held_out_with)}};
 }
 
+Json loss(const Estimate& estimate) {
+  if (!estimate.loss) return nullptr;
+  const FilterLoss& l = *estimate.loss;
+  return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
+}
+
+Json sources(const Estimate& estimate) {
+  if (!estimate.sources) return nullptr;
+  Json curve = Json::array();
+  for (const Sources::Step& step : estimate.sources->curve) {
+    curve.push_back({{"penalty", number(step.penalty)},
+                     {"objective", number(step.objective)},
+                     {"trace", number(step.trace)},
+                     {"sources", step.sources},
+                     {"excess", number(step.excess)},
+                     {"allowed", number(step.allowed)}});
+  }
+  return {{"picked", estimate.sources->picked}, {"of", estimate.sources->of}, {"curve", curve}};
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -164,7 +184,8 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                   {"R", {{"matrix", matrix(noise.R)}}},
                   {"S", matrix(noise.S)},
                   {"K_steady", matrix(noise.K_steady)},
-                  {"P_steady", matrix(noise.P_steady)}};
+                  {"P_steady", matrix(noise.P_steady)},
+                  {"expected_loss", loss(estimate)}};
   const Objective& objective = estimate.objective;
   out["objective"] = {{"method", objective.method},
                       {"log_likelihood", number(objective.log_likelihood)},
@@ -201,6 +222,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   out["posterior"] = posterior(estimate);
   out["course"] = course(estimate);
   out["shaping"] = shaping(estimate);
+  out["sources"] = sources(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(

@@ -25,33 +25,27 @@ constexpr double kOutlier = 6.0;   // robust standard deviations
 constexpr double kOffset = 5.0;    // standard errors of the mean
 constexpr double kSerious = 0.05;  // share of the innovations' power
 
-// Of every recording, as they are and whitened by the covariance that the filter gives each.
-struct Innovations {
-  std::vector<MatrixXd> e, white;
-};
-
-Innovations innovations(const ModelFile& model, const ParameterSet& parameters,
-                        const std::vector<Dataset>& recordings) {
+// Of every recording; innovations are missing where the filter does not run.
+std::vector<FilterResult> filtered(const ModelFile& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings) {
   const StateSpace system = instantiate(model.linear, parameters);
-  Innovations out;
+  std::vector<FilterResult> out;
   for (const Dataset& data : recordings) {
-    const FilterResult filter =
-        kalman_filter(system, model.linear.initial, data.y, model_inputs(model.linear, data.u),
-                      Keep::innovations);
-    const MatrixXd nothing = MatrixXd::Constant(data.y.rows(), data.size(), kNone);
-    const bool ran = filter.status == FilterStatus::ok;
-    out.e.push_back(ran ? filter.e : nothing);
-    out.white.push_back(ran ? filter.standardised : nothing);
+    out.push_back(kalman_filter(system, model.linear.initial, data.y,
+                                model_inputs(model.linear, data.u), Keep::innovations));
+    if (out.back().status == FilterStatus::ok) continue;
+    out.back().e = out.back().standardised = MatrixXd::Constant(data.y.rows(), data.size(), kNone);
   }
   return out;
 }
 
 // 1.4826 median |e| of one channel over all recordings; 0 when there is nothing.
-double robust_deviation(const std::vector<MatrixXd>& e, Index channel) {
+double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
+                        Index channel) {
   std::vector<double> sizes;
-  for (const MatrixXd& one : e) {
-    for (Index t = 0; t < one.cols(); ++t) {
-      if (!std::isnan(one(channel, t))) sizes.push_back(std::abs(one(channel, t)));
+  for (const FilterResult& filter : filters) {
+    for (const double value : (filter.*e).row(channel)) {
+      if (!std::isnan(value)) sizes.push_back(std::abs(value));
     }
   }
   if (sizes.empty()) return 0.0;
@@ -75,6 +69,52 @@ Index memory(const StateSpace& system) {
   return k;
 }
 
+// find_outliers(), where the filters of the recordings are known already.
+std::vector<Outlier> outliers_of(const ModelFile& model, const ParameterSet& parameters,
+                                 const std::vector<Dataset>& recordings,
+                                 std::vector<FilterResult> now) {
+  constexpr int kMostPasses = 200;
+  const Index apart = memory(instantiate(model.linear, parameters));
+  std::vector<Outlier> out;
+  std::vector<Dataset> rest = recordings;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    std::vector<Outlier> found;
+    const Index ny = rest[0].y.rows();
+    VectorXd deviation(ny), white_deviation(ny);
+    for (Index i = 0; i < ny; ++i) {
+      deviation[i] = robust_deviation(now, &FilterResult::e, i);
+      white_deviation[i] = robust_deviation(now, &FilterResult::standardised, i);
+    }
+    const auto largest = [](const VectorXd& sizes) {
+      Index worst = 0;
+      for (Index i = 0; i < sizes.size(); ++i) {
+        if (std::isnan(sizes[worst]) || sizes[i] > sizes[worst]) worst = i;
+      }
+      return worst;
+    };
+    for (std::size_t r = 0; r < rest.size(); ++r) {
+      for (Index t = 0; t < rest[r].size(); ++t) {
+        // Whitened: at the start, and after gaps, innovations are larger by rights.
+        const VectorXd white = now[r].standardised.col(t).cwiseAbs().cwiseQuotient(white_deviation);
+        const double size = white[largest(white)];
+        if (!(std::isfinite(size) && size > kOutlier)) continue;
+        // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
+        const Index channel = largest(now[r].e.col(t).cwiseAbs().cwiseQuotient(deviation));
+        found.push_back({r, channel, t, size});
+        t += apart;
+      }
+    }
+    if (found.empty()) break;
+    out.insert(out.end(), found.begin(), found.end());
+    rest = without(std::move(rest), found);
+    now = filtered(model, parameters, rest);
+  }
+  std::sort(out.begin(), out.end(), [](const Outlier& a, const Outlier& b) {
+    return std::tie(a.recording, a.sample, a.channel) < std::tie(b.recording, b.sample, b.channel);
+  });
+  return out;
+}
+
 std::string first_times(const std::vector<Dataset>& recordings,
                         const std::vector<Outlier>& outliers) {
   constexpr std::size_t kShown = 3;
@@ -88,19 +128,21 @@ std::string first_times(const std::vector<Dataset>& recordings,
 }
 
 void warn_of_outliers(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                      const std::vector<Dataset>& recordings, const std::vector<MatrixXd>& e) {
-  const std::vector<Outlier> outliers = find_outliers(model, parameters, recordings);
+                      const std::vector<Dataset>& recordings,
+                      const std::vector<FilterResult>& filters) {
+  const std::vector<Outlier> outliers = outliers_of(model, parameters, recordings, filters);
   for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     std::vector<Outlier> here;
     std::copy_if(outliers.begin(), outliers.end(), std::back_inserter(here),
                  [c](const Outlier& o) { return o.channel == static_cast<Index>(c); });
     if (here.empty()) continue;
     double power = 0.0, of_outliers = 0.0;
-    for (std::size_t r = 0; r < e.size(); ++r) {
-      const auto row = e[r].row(static_cast<Index>(c)).array();
+    for (const FilterResult& filter : filters) {
+      const auto row = filter.e.row(static_cast<Index>(c)).array();
       power += row.isNaN().select(0.0, row.square()).sum();
     }
-    for (const Outlier& o : here) of_outliers += std::pow(e[o.recording](o.channel, o.sample), 2);
+    for (const Outlier& o : here)
+      of_outliers += std::pow(filters[o.recording].e(o.channel, o.sample), 2);
     const double share = of_outliers / power;
     estimate.warnings.push_back(
         {"outliers",
@@ -122,15 +164,15 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
 
 // Innovations with a mean: what constant in the outputs would give it?
 void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                    const std::vector<Channel>& outputs, const std::vector<MatrixXd>& e) {
+                    const std::vector<Channel>& outputs, const std::vector<FilterResult>& filters) {
   const auto ny = static_cast<Index>(outputs.size());
   VectorXd mean(ny), power(ny), count = VectorXd::Zero(ny);
   mean.setZero();
   power.setZero();
-  for (const MatrixXd& one : e) {
-    const auto present = (one.array() == one.array());
-    mean += present.select(one, 0.0).rowwise().sum();
-    power += present.select(one, 0.0).rowwise().squaredNorm();
+  for (const FilterResult& filter : filters) {
+    const auto present = (filter.e.array() == filter.e.array());
+    mean += present.select(filter.e, 0.0).rowwise().sum();
+    power += present.select(filter.e, 0.0).rowwise().squaredNorm();
     count += present.cast<double>().matrix().rowwise().sum();
   }
   mean = mean.cwiseQuotient(count);
@@ -171,46 +213,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
 
 std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings) {
-  constexpr int kMostPasses = 200;
-  const Index apart = memory(instantiate(model.linear, parameters));
-  std::vector<Outlier> out;
-  std::vector<Dataset> rest = recordings;
-  for (int pass = 0; pass < kMostPasses; ++pass) {
-    const Innovations now = innovations(model, parameters, rest);
-    std::vector<Outlier> found;
-    const Index ny = rest[0].y.rows();
-    VectorXd deviation(ny), white_deviation(ny);
-    for (Index i = 0; i < ny; ++i) {
-      deviation[i] = robust_deviation(now.e, i);
-      white_deviation[i] = robust_deviation(now.white, i);
-    }
-    const auto largest = [](const VectorXd& sizes) {
-      Index worst = 0;
-      for (Index i = 0; i < sizes.size(); ++i) {
-        if (std::isnan(sizes[worst]) || sizes[i] > sizes[worst]) worst = i;
-      }
-      return worst;
-    };
-    for (std::size_t r = 0; r < rest.size(); ++r) {
-      for (Index t = 0; t < rest[r].size(); ++t) {
-        // Whitened: at the start, and after gaps, innovations are larger by rights.
-        const VectorXd white = now.white[r].col(t).cwiseAbs().cwiseQuotient(white_deviation);
-        const double size = white[largest(white)];
-        if (!(std::isfinite(size) && size > kOutlier)) continue;
-        // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
-        const Index channel = largest(now.e[r].col(t).cwiseAbs().cwiseQuotient(deviation));
-        found.push_back({r, channel, t, size});
-        t += apart;
-      }
-    }
-    if (found.empty()) break;
-    out.insert(out.end(), found.begin(), found.end());
-    rest = without(std::move(rest), found);
-  }
-  std::sort(out.begin(), out.end(), [](const Outlier& a, const Outlier& b) {
-    return std::tie(a.recording, a.sample, a.channel) < std::tie(b.recording, b.sample, b.channel);
-  });
-  return out;
+  return outliers_of(model, parameters, recordings, filtered(model, parameters, recordings));
 }
 
 std::vector<Dataset> without(std::vector<Dataset> recordings,
@@ -220,10 +223,10 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
 }
 
 void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
-                          const ParameterSet& parameters, const std::vector<Dataset>& recordings) {
-  const std::vector<MatrixXd> e = innovations(model, parameters, recordings).e;
-  warn_of_outliers(estimate, model, parameters, recordings, e);
-  warn_of_offset(estimate, model, parameters, recordings[0].outputs, e);
+                          const ParameterSet& parameters, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters) {
+  warn_of_outliers(estimate, model, parameters, recordings, filters);
+  warn_of_offset(estimate, model, parameters, recordings[0].outputs, filters);
 }
 
 Estimate tune_robust(

@@ -7,6 +7,7 @@
 #include "identify/estimate.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
+#include "lib/kalman.h"
 
 namespace identikal {
 
@@ -29,8 +30,10 @@ std::vector<Dataset> without(std::vector<Dataset> recordings, const std::vector<
 /// Warnings for outliers, and for innovations whose mean is not zero, with the offset that would
 /// explain it. Serious, so that the result is not to be trusted, when they make up more than 5 %
 /// of the innovations' power: by that much the noise is overestimated.
+/// @param filters  of each recording, at these parameters (identify/filter_report.h)
 void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
-                          const ParameterSet& parameters, const std::vector<Dataset>& recordings);
+                          const ParameterSet& parameters, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters);
 
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
 /// no more are found. The result's warning "outliers_left_out" names them.

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "lib/matrix_equations.h"
+#include "lib/steady_filter.h"
 
 namespace identikal {
 namespace {
@@ -80,16 +81,32 @@ MatrixXd constant_gain_innovations(const StateSpace& model, const Eigen::Ref<con
 
 Autocovariances innovation_autocovariances(const StateSpace& model,
                                            const Eigen::Ref<const MatrixXd>& L, Index lags) {
+  const auto out = innovation_autocovariances(model, std::vector<StateSpace>{model}, L, lags);
+  return out.empty() ? Autocovariances() : out.front();
+}
+
+std::vector<Autocovariances> innovation_autocovariances(const StateSpace& model,
+                                                        const std::vector<StateSpace>& noises,
+                                                        const Eigen::Ref<const MatrixXd>& L,
+                                                        Index lags) {
   check_gain(model, L);
-  const MatrixXd F = model.A - L * model.C, Sw = model.G * model.S;
-  const MatrixXd W = model.G * model.Q * model.G.transpose();
-  const auto P = solve_discrete_lyapunov(F, drive(model, W, Sw, L));
-  if (!P) return {};
-  Autocovariances out{model.C * *P * model.C.transpose() + model.R};
-  MatrixXd state = F * *P * model.C.transpose() + Sw - L * model.R;
-  for (Index k = 1; k < lags; ++k) {
-    out.emplace_back(model.C * state);
-    state = (F * state).eval();
+  const MatrixXd F = model.A - L * model.C;
+  Powers<Eigen::Dynamic> powers;
+  if (!powers.compute(F)) return {};
+  std::vector<Autocovariances> out;
+  for (const StateSpace& noise : noises) {
+    const MatrixXd Sw = model.G * noise.S;
+    MatrixXd P = drive(noise, model.G * noise.Q * model.G.transpose(), Sw, L);
+    powers.sum_forward(P);
+    if (!P.allFinite()) return {};
+    const MatrixXd PC = P * model.C.transpose();
+    Autocovariances Y{model.C * PC + noise.R};
+    MatrixXd state = F * PC + Sw - L * noise.R;
+    for (Index k = 1; k < lags; ++k) {
+      Y.emplace_back(model.C * state);
+      state = (F * state).eval();
+    }
+    out.push_back(std::move(Y));
   }
   return out;
 }

@@ -49,6 +49,13 @@ Autocovariances innovation_autocovariances(const StateSpace& model,
                                            const Eigen::Ref<const Eigen::MatrixXd>& L,
                                            Eigen::Index lags);
 
+/// The same with Q, R and S of each of `noises` in place of the model's, the powers of F shared.
+/// @return empty when F is not stable
+std::vector<Autocovariances> innovation_autocovariances(const StateSpace& model,
+                                                        const std::vector<StateSpace>& noises,
+                                                        const Eigen::Ref<const Eigen::MatrixXd>& L,
+                                                        Eigen::Index lags);
+
 /// The same where samples are missing: the mean of E e_i(t+k) e_j(t) over the pairs that are
 /// present in `e` from sample `first` on. The covariance of the prediction error follows the gaps.
 /// @return empty when F is not stable

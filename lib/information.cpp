@@ -6,8 +6,10 @@
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "lib/matrix_equations.h"
+#include "lib/steady_filter.h"
 
 namespace identikal {
 namespace {
@@ -33,7 +35,6 @@ class Expectation {
         W_(model.G * model.Q * model.G.transpose()),
         Sw_(model.G * model.S),
         by_(derivatives.size()),
-        Pi_(MatrixXd::Zero(n_ * (k_ + 1), n_ * (k_ + 1))),
         mean_(VectorXd::Zero(n_ * (k_ + 1))) {
     for (const StateSpace& d : d_) {
       const MatrixXd half = d.G * m_.Q * m_.G.transpose();
@@ -65,10 +66,12 @@ class Expectation {
       if (!P) return FilterStatus::unstable;
       P_ = *P;
     }
+    Powers<Eigen::Dynamic> powers;
+    if (!powers.compute(F)) return FilterStatus::unstable;
     for (Index i = 0; i < k_; ++i) {
-      const auto dP = solve_discrete_lyapunov(F, drive_of_dP(i, F, K));
-      if (!dP) return FilterStatus::unstable;
-      by(i).P = *dP;
+      by(i).P = drive_of_dP(i, F, K);
+      powers.sum_forward(by(i).P);
+      if (!by(i).P.allFinite()) return FilterStatus::unstable;
     }
     return FilterStatus::ok;
   }
@@ -94,30 +97,54 @@ class Expectation {
   }
 
   GainSensitivity gain() const {
-    GainSensitivity out{K_, {}};
+    GainSensitivity out{P_, llt_.reconstructedMatrix(), K_, {}};
     for (const Direction& b : by_) out.K_theta.push_back(b.K);
     return out;
   }
 
-  // 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(Sigma^-1 cov(de_i, de_j)).
-  MatrixXd information() const {
-    MatrixXd out(k_, k_);
-    std::vector<MatrixXd> relative, seen;
+  // From now on the covariance of [x, dx_1, ..., dx_k] is run too.
+  void follow_states() { Pi_ = MatrixXd::Zero(n_ * (k_ + 1), n_ * (k_ + 1)); }
+
+  // 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j): what the innovations' size tells.
+  MatrixXd information_of_size() const {
+    MatrixXd relative(m_.outputs() * m_.outputs(), k_), transposed = relative;
     for (Index i = 0; i < k_; ++i) {
-      relative.push_back(llt_.solve(by(i).Sigma));
-      seen.push_back(llt_.matrixL().solve(response(i)));
+      const MatrixXd one = llt_.solve(by(i).Sigma);
+      relative.col(i) = one.reshaped();
+      transposed.col(i) = one.transpose().reshaped();
     }
+    return 0.5 * relative.transpose() * transposed;
+  }
+
+  // The same + tr(Sigma^-1 cov(de_i, de_j)).
+  MatrixXd information() const {
+    MatrixXd out = information_of_size();
+    std::vector<MatrixXd> seen;
+    for (Index i = 0; i < k_; ++i) seen.push_back(llt_.matrixL().solve(response(i)));
     for (Index i = 0; i < k_; ++i) {
-      const auto a = static_cast<std::size_t>(i);
-      const MatrixXd weighted = seen[a] * Pi_;
-      for (Index j = 0; j <= i; ++j) {
-        const auto b = static_cast<std::size_t>(j);
-        out(i, j) = out(j, i) = 0.5 * relative[a].cwiseProduct(relative[b].transpose()).sum() +
-                                weighted.cwiseProduct(seen[b]).sum();
+      const MatrixXd weighted = seen[static_cast<std::size_t>(i)] * Pi_;
+      for (Index j = 0; j < k_; ++j) {
+        out(i, j) += weighted.cwiseProduct(seen[static_cast<std::size_t>(j)]).sum();
       }
     }
     return out;
   }
+
+  // tr(Y dK_i Sigma dK_j'): what the gain's change at this sample tells at all later ones, if the
+  // states it moves weigh Y there. Noise only.
+  MatrixXd information_of_gain(const MatrixXd& Y) const {
+    MatrixXd moved(n_ * m_.outputs(), k_), weighed = moved;
+    for (Index i = 0; i < k_; ++i) {
+      const MatrixXd one = by(i).K * llt_.matrixL();
+      moved.col(i) = one.reshaped();
+      weighed.col(i) = (Y * one).reshaped();
+    }
+    return moved.transpose() * weighed;
+  }
+
+  const MatrixXd& K() const { return K_; }
+  // The states as the whitened outputs show them.
+  MatrixXd whitened_C() const { return llt_.matrixL().solve(m_.C); }
 
   // What the mean adds at a sample with input u, which then moves on.
   MatrixXd information_of_mean(const VectorXd& u) {
@@ -155,7 +182,17 @@ class Expectation {
       Gain.middleRows(row, n_) = by(i).K;
     }
     const MatrixXd drive = Gain * llt_.matrixL();
-    double change = move_to(Pi_, Phi * Pi_ * Phi.transpose() + drive * drive.transpose());
+    const double change = move_to(Pi_, Phi * Pi_ * Phi.transpose() + drive * drive.transpose());
+    return settled(std::max(change, advance_covariances()));
+  }
+
+  // The same without the states.
+  bool advance_noise() { return settled(advance_covariances()); }
+
+ private:
+  // P and its derivatives. Returns the largest relative change.
+  double advance_covariances() {
+    double change = 0.0;
     for (Index i = 0; i < k_; ++i) {
       const MatrixXd dP = F_ * by(i).P * F_.transpose() + drive_of_dP(i, F_, K_);
       const double largest = std::max(dP.cwiseAbs().maxCoeff(), kTiny);
@@ -164,14 +201,16 @@ class Expectation {
     }
     const MatrixXd KS = K_ * Sw_.transpose();
     const MatrixXd P = F_ * P_ * F_.transpose() + W_ + K_ * m_.R * K_.transpose();
-    change = std::max(change, move_to(P_, P - KS - KS.transpose()));
+    return std::max(change, move_to(P_, P - KS - KS.transpose()));
+  }
+
+  bool settled(double change) {
     // Rounding may keep it above the tolerance for ever.
     since_smallest_ = change < smallest_change_ ? 0 : since_smallest_ + 1;
     smallest_change_ = std::min(smallest_change_, change);
     return change <= 1e-13 || (smallest_change_ <= 1e-9 && since_smallest_ > 100);
   }
 
- private:
   const StateSpace& derivative(Index i) const { return d_[static_cast<std::size_t>(i)]; }
   Direction& by(Index i) { return by_[static_cast<std::size_t>(i)]; }
   const Direction& by(Index i) const { return by_[static_cast<std::size_t>(i)]; }
@@ -218,6 +257,74 @@ class Expectation {
   int since_smallest_ = 0;
 };
 
+// Only noise changes. What the gain's change at sample s tells at all later ones is a trace with
+//   Y(s+1) = sum_(t > s) Phi(t, s+1)' C' Sigma_t^-1 C Phi(t, s+1),  Phi(t, s) = F_(t-1) ... F_s,
+// which runs backwards; so P goes ahead until it is steady, Y comes back, and the derivatives
+// follow.
+ExpectedInformation information_about_noise(const StateSpace& model, InitialState initial,
+                                            Index samples,
+                                            const std::vector<StateSpace>& derivatives) {
+  const auto k = static_cast<Index>(derivatives.size());
+  ExpectedInformation out;
+  out.total = MatrixXd::Zero(k, k);
+  const std::vector<StateSpace> none;
+  Expectation ahead(model, none), expectation(model, derivatives);
+  out.status = expectation.start(initial);
+  if (out.status != FilterStatus::ok) return out;
+  ahead.start(initial);
+  std::vector<MatrixXd> K, seen;
+  bool settled = false;
+  while (!settled && static_cast<Index>(K.size()) < samples) {
+    if (!ahead.innovate()) {
+      out.status = FilterStatus::indefinite;
+      return out;
+    }
+    K.push_back(ahead.K());
+    seen.push_back(ahead.whitened_C());
+    settled = ahead.advance_noise();
+  }
+  // The last of them stands for all that follow: its Y and the sum of theirs.
+  const Index steady_at = static_cast<Index>(K.size()) - 1, rest = samples - steady_at;
+  const Index n = model.states();
+  const MatrixXd steady_F = model.A - K.back() * model.C;
+  const MatrixXd steady_weight = seen.back().transpose() * seen.back();
+  MatrixXd term = steady_weight, Y = MatrixXd::Zero(n, n), sum = Y;
+  for (Index m = 1; m <= rest; ++m) {  // m samples before the end
+    if (m < rest) sum += Y + term;     // Y(s+1) of s = samples - 1 - m
+    Y += term;
+    const MatrixXd half = steady_F.transpose() * term;
+    term.noalias() = half * steady_F;
+    if (!(term.cwiseAbs().maxCoeff() > 1e-18 * Y.cwiseAbs().maxCoeff())) {
+      sum += static_cast<double>(std::max<Index>(0, rest - 1 - m)) * Y;
+      break;
+    }
+  }
+  std::vector<MatrixXd> later(K.size());  // Y(s+1) of each sample before
+  for (Index s = steady_at; s-- > 0;) {
+    const auto at = static_cast<std::size_t>(s);
+    later[at] = Y;
+    const MatrixXd F = model.A - K[at] * model.C;
+    Y = (seen[at].transpose() * seen[at] + F.transpose() * Y * F).eval();
+  }
+  for (Index s = 0; s < steady_at; ++s) {
+    expectation.innovate();
+    out.total += expectation.information_of_size() +
+                 expectation.information_of_gain(later[static_cast<std::size_t>(s)]);
+    expectation.advance_noise();
+  }
+  expectation.innovate();
+  out.total += static_cast<double>(rest) * expectation.information_of_size() +
+               expectation.information_of_gain(sum);
+  if (settled) {
+    const auto always = solve_discrete_lyapunov(steady_F.transpose(), steady_weight);
+    if (always) {
+      out.per_sample = expectation.information_of_size() + expectation.information_of_gain(*always);
+    }
+  }
+  if (!out.total.allFinite()) out.status = FilterStatus::not_finite;
+  return out;
+}
+
 }  // namespace
 
 ExpectedInformation expected_information(const StateSpace& model, InitialState initial,
@@ -230,12 +337,16 @@ ExpectedInformation expected_information(const StateSpace& model, InitialState i
   if (!silent && (u.rows() != model.inputs() || u.cols() != samples)) {
     throw std::invalid_argument("expected information: u does not fit model and samples");
   }
+  if (std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) {
+    return information_about_noise(model, initial, samples, derivatives);
+  }
   const auto k = static_cast<Index>(derivatives.size());
   ExpectedInformation out;
   out.total = MatrixXd::Zero(k, k);
   Expectation expectation(model, derivatives);
   out.status = expectation.start(initial);
   if (out.status != FilterStatus::ok) return out;
+  expectation.follow_states();
   const bool excited = (!silent && !u.isZero(0.0)) || !expectation.mean_is_zero();
   MatrixXd information;
   bool settled = false;
@@ -273,17 +384,35 @@ std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
   return expectation.gain();
 }
 
+std::optional<double> expected_filter_loss(const StateSpace& model, const GainSensitivity& gain,
+                                           const Eigen::Ref<const MatrixXd>& covariance) {
+  const auto k = static_cast<Index>(gain.K_theta.size());
+  if (covariance.rows() != k || covariance.cols() != k) {
+    throw std::invalid_argument("expected filter loss: the covariance does not fit the gain");
+  }
+  const Index n = model.states(), ny = model.outputs();
+  MatrixXd slopes(n * ny, k);
+  for (Index i = 0; i < k; ++i)
+    slopes.col(i) = gain.K_theta[static_cast<std::size_t>(i)].reshaped();
+  // As a sum of squares: cov = V diag(d) V', and each column of slopes V is an error of the gain.
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(covariance);
+  slopes = (slopes * eigen.eigenvectors()).eval();
+  MatrixXd drive = MatrixXd::Zero(n, n);
+  for (Index i = 0; i < k; ++i) {
+    const MatrixXd dK = slopes.col(i).reshaped(n, ny);
+    drive.noalias() += std::max(0.0, eigen.eigenvalues()[i]) * dK * gain.Sigma * dK.transpose();
+  }
+  const auto X = solve_discrete_lyapunov(model.A - gain.K * model.C, drive);
+  const double loss = X ? X->trace() / gain.P.trace() : std::numeric_limits<double>::quiet_NaN();
+  return std::isfinite(loss) ? std::optional(loss) : std::nullopt;
+}
+
 std::optional<MatrixXd> complete_data_information(const StateSpace& model,
                                                   const std::vector<StateSpace>& derivatives) {
-  const auto joint = [](const StateSpace& m) {
-    MatrixXd V(m.Q.rows() + m.R.rows(), m.Q.rows() + m.R.rows());
-    V << m.Q, m.S, m.S.transpose(), m.R;
-    return V;
-  };
-  const Eigen::LLT<MatrixXd> llt(joint(model));
+  const Eigen::LLT<MatrixXd> llt(joint_covariance(model));
   if (llt.info() != Eigen::Success) return std::nullopt;
   std::vector<MatrixXd> relative;
-  for (const StateSpace& d : derivatives) relative.push_back(llt.solve(joint(d)));
+  for (const StateSpace& d : derivatives) relative.push_back(llt.solve(joint_covariance(d)));
   const auto k = static_cast<Index>(derivatives.size());
   MatrixXd out(k, k);
   for (Index i = 0; i < k; ++i) {

@@ -17,9 +17,7 @@ MatrixXd realisation(const StateSpace& model, InitialState initial, const Matrix
     throw std::invalid_argument("realisation: u does not fit the model and the samples");
   }
   const Index n = model.states(), nw = model.G.cols(), ny = model.outputs();
-  MatrixXd joint(nw + ny, nw + ny);
-  joint << model.Q, model.S, model.S.transpose(), model.R;
-  const MatrixXd factor = semidefinite_factor(joint);
+  const MatrixXd factor = semidefinite_factor(joint_covariance(model));
   VectorXd x = VectorXd::Zero(n);
   if (initial == InitialState::stationary) {
     const auto P = solve_discrete_lyapunov(model.A, model.G * model.Q * model.G.transpose());

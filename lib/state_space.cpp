@@ -30,4 +30,16 @@ void check_shapes(const StateSpace& model) {
   check("S", model.S, nw, ny);
 }
 
+Eigen::MatrixXd joint_covariance(const StateSpace& model) {
+  const Eigen::Index nw = model.Q.rows(), ny = model.R.rows();
+  Eigen::MatrixXd out(nw + ny, nw + ny);
+  out << model.Q, model.S, model.S.transpose(), model.R;
+  return out;
+}
+
+bool changes_only_noise(const StateSpace& d) {
+  return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0) &&
+         d.G.isZero(0.0) && d.x0.isZero(0.0) && d.P0.isZero(0.0);
+}
+
 }  // namespace identikal

@@ -21,4 +21,10 @@ struct StateSpace {
 /// Throws std::invalid_argument, with the shapes in the message, unless the shapes agree.
 void check_shapes(const StateSpace& model);
 
+/// [Q S; S' R], the covariance of [w; v].
+Eigen::MatrixXd joint_covariance(const StateSpace& model);
+
+/// Of a derivative of a model: does nothing but Q, R and S change?
+bool changes_only_noise(const StateSpace& derivative);
+
 }  // namespace identikal

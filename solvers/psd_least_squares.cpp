@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -362,6 +363,44 @@ PsdBlock full_block(Index first, Index size) {
     for (Index i = j; i < size; ++i) block.entries.push_back({first++, i, j, 1.0});
   }
   return block;
+}
+
+std::vector<PsdBlock> independent_blocks(const MatrixXd& constant,
+                                         const std::vector<MatrixXd>& basis) {
+  const Index n = constant.rows();
+  MatrixXd used = constant.cwiseAbs();
+  for (const MatrixXd& B : basis) used += B.cwiseAbs();
+  std::vector<Index> part(static_cast<std::size_t>(n));
+  std::iota(part.begin(), part.end(), 0);
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < j; ++i) {
+      if (used(i, j) == 0.0) continue;
+      const Index from = part[static_cast<std::size_t>(j)], to = part[static_cast<std::size_t>(i)];
+      std::replace(part.begin(), part.end(), from, to);
+    }
+  }
+  std::vector<PsdBlock> out;
+  for (Index p = 0; p < n; ++p) {
+    std::vector<Index> rows;
+    for (Index i = 0; i < n; ++i) {
+      if (part[static_cast<std::size_t>(i)] == p) rows.push_back(i);
+    }
+    PsdBlock block;
+    block.size = static_cast<Index>(rows.size());
+    const MatrixXd own = constant(rows, rows);
+    if (!own.isZero(0.0)) block.constant = own;
+    for (std::size_t e = 0; e < basis.size(); ++e) {
+      for (Index c = 0; c < block.size; ++c) {
+        for (Index r = c; r < block.size; ++r) {
+          const double value =
+              basis[e](rows[static_cast<std::size_t>(r)], rows[static_cast<std::size_t>(c)]);
+          if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
+        }
+      }
+    }
+    if (!block.entries.empty()) out.push_back(std::move(block));
+  }
+  return out;
 }
 
 MatrixXd value(const PsdBlock& block, const VectorXd& x) {

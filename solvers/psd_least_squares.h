@@ -28,6 +28,13 @@ struct PsdBlock {
 /// size 1 says x[first] >= 0. It takes size (size + 1) / 2 unknowns.
 PsdBlock full_block(Eigen::Index first, Eigen::Index size);
 
+/// constant + sum_k x_k basis_k as blocks: one for each part of rows that no entry, constant or
+/// unknown, connects with the others; each has to be semidefinite by itself, and parts of one
+/// variance are cheaper and exact. Parts without an unknown are left out.
+/// @param constant  symmetric n x n     @param basis  k symmetric n x n
+std::vector<PsdBlock> independent_blocks(const Eigen::MatrixXd& constant,
+                                         const std::vector<Eigen::MatrixXd>& basis);
+
 /// X(x), size x size.
 Eigen::MatrixXd value(const PsdBlock& block, const Eigen::VectorXd& x);
 

@@ -153,6 +153,41 @@ class Tune(unittest.TestCase):
         self.assertEqual(result("tune", ROOT / "examples/system7.yaml", data, "--method", "als")["objective"]["method"],
                          "als")
 
+    def test_als_by_the_whole_matrix(self):
+        data = shared("likelihood/sys7.csv")
+        model = ROOT / "examples/system7.yaml"
+        column = result("tune", model, data, "--method", "als")
+        matrix = result("tune", model, data, "--method", "als", "--full-matrix")
+        for a, b in zip(column["parameters"], matrix["parameters"], strict=True):
+            self.assertNotEqual(a["value"], b["value"])
+            self.assertLess(abs(a["value"] - b["value"]), a["se"], a["name"])
+        for extra in (["--method", "als-weighted", "--full-matrix"], ["--method", "ml", "--full-matrix"],
+                      ["--method", "ml", "--sources"], ["--method", "bayes", "--lags", 5]):
+            self.assertIn("has no meaning", run("tune", model, data, *extra, code=2).stderr)
+
+    def test_fewest_sources(self):
+        # The noise of System 7 has three sources, all of them seen.
+        data = shared("likelihood/sys7.csv")
+        out = result("tune", ROOT / "examples/system7.yaml", data, "--method", "als-weighted", "--sources")
+        self.assertEqual((out["sources"]["picked"], out["sources"]["of"]), (3, 3))
+        self.assertEqual(out["sources"]["curve"][0]["sources"], 0)
+        self.assertEqual(out["sources"]["curve"][-1]["penalty"], 0)
+        text = run("tune", ROOT / "examples/system7.yaml", data, "--method", "als", "--sources", code=0).stdout
+        self.assertIn("sources 3 of 3", text)
+        self.assertTrue(all(len(line) <= 80 for line in text.splitlines()))
+
+    def test_every_estimate_says_what_its_errors_cost(self):
+        data = shared("likelihood/sys7.csv")
+        for method in ("ml", "als", "als-weighted", "auto", "bayes"):
+            out = result("tune", ROOT / "examples/system7.yaml", data, "--method", method, "--draws", 500)
+            loss = out["noise"]["expected_loss"]
+            print(f"{method} of System 7: expected loss {100 * loss['relative']:.3f} %")
+            self.assertTrue(1e-4 < loss["relative"] < 3e-3, loss)
+            self.assertEqual((loss["without"], loss["reason"]), ([], ""))
+        bound = result("bound", ROOT / "examples/system7.yaml", "-n", 3000)
+        self.assertGreater(bound["noise"]["expected_loss"]["relative"], 0)
+        self.assertIsNone(result("check", *NILE, code=1)["noise"]["expected_loss"])
+
     def test_auto_is_ml_with_a_second_opinion(self):
         data = shared("likelihood/sys7.csv")
         auto = result("tune", ROOT / "examples/system7.yaml", data, "--method", "auto")

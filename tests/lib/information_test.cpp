@@ -77,6 +77,76 @@ TEST(ExpectedInformation, EqualsThatOfTheJointDensityOfAShortRecord) {
   EXPECT_LT(worst, 1e-6);
 }
 
+// Noise alone takes a recursion of its own, backwards.
+TEST(ExpectedInformation, OfNoiseAloneEqualsThatOfTheJointDensity) {
+  double worst = 0.0, against_general = 0.0;
+  for (std::uint64_t seed = 1; seed <= 24; ++seed) {
+    Random random(seed);
+    const auto n = static_cast<Index>(1 + seed % 3), ny = static_cast<Index>(1 + seed % 2);
+    const Index N = 24 / ny;
+    const StateSpace m = random_model(random, n, 0, ny, 2);
+    std::vector<StateSpace> directions = {noise_direction(random, m), noise_direction(random, m)};
+    for (const InitialState initial : {InitialState::given, InitialState::stationary}) {
+      const ExpectedInformation info =
+          expected_information(m, initial, N, directions, MatrixXd(0, 0));
+      ASSERT_EQ(info.status, FilterStatus::ok);
+      const MatrixXd expected = joint_information(m, initial, MatrixXd(0, N), N, directions);
+      worst = std::max(worst, (info.total - expected).norm() / expected.norm());
+    }
+    // Another direction, of A, makes it the general recursion.
+    std::vector<StateSpace> more = directions;
+    more.push_back(random_direction(random, m));
+    for (const InitialState initial :
+         {InitialState::given, InitialState::stationary, InitialState::diffuse}) {
+      for (const Index samples : {N, Index{3000}}) {
+        const ExpectedInformation some =
+            expected_information(m, initial, samples, directions, MatrixXd(0, 0));
+        const MatrixXd all = expected_information(m, initial, samples, more, MatrixXd(0, 0))
+                                 .total.topLeftCorner(2, 2);
+        against_general = std::max(against_general, (some.total - all).norm() / all.norm());
+      }
+    }
+  }
+  std::printf(
+      "expected information about noise: %.1e of the joint density's, %.1e of the general "
+      "recursion\n",
+      worst, against_general);
+  EXPECT_LT(worst, 1e-6);
+  EXPECT_LT(against_general, 1e-9);
+}
+
+// A finite error of the gain, its filter's prediction error exactly: what remains is of third
+// order.
+TEST(ExpectedFilterLoss, IsTheSecondOrderOfTheExactLoss) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    Random random(seed);
+    const auto n = static_cast<Index>(1 + seed % 4), ny = static_cast<Index>(1 + seed % 2);
+    const StateSpace m = random_model(random, n, 0, ny, 2);
+    const std::vector<StateSpace> d = {noise_direction(random, m), noise_direction(random, m)};
+    const auto gain = steady_gain_sensitivity(m, d);
+    ASSERT_TRUE(gain.has_value());
+    // Errors of +-h along either direction, equally likely.
+    const auto loss = [&](double h) {
+      double sum = 0.0;
+      for (const StateSpace& one : d) {
+        for (const double by : {h, -h}) {
+          const MatrixXd K = steady_state(moved(m, one, by))->K;
+          const MatrixXd cross = m.G * m.S * K.transpose();
+          const MatrixXd P = *solve_discrete_lyapunov(
+              m.A - K * m.C,
+              m.G * m.Q * m.G.transpose() + K * m.R * K.transpose() - cross - cross.transpose());
+          sum += 0.25 * (P.trace() / gain->P.trace() - 1.0);
+        }
+      }
+      return sum;
+    };
+    const double h = 1e-3 * m.R.norm() / d[0].R.norm();
+    const auto expected = expected_filter_loss(m, *gain, 0.5 * h * h * MatrixXd::Identity(2, 2));
+    ASSERT_TRUE(expected.has_value());
+    EXPECT_NEAR(loss(h) / *expected, 1.0, 0.01) << seed;
+  }
+}
+
 TEST(ExpectedInformation, LongRecordsGrowByTheSteadyRate) {
   Random random(5);
   const StateSpace m = random_model(random, 3, 0, 2, 3);

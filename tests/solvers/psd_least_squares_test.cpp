@@ -351,6 +351,20 @@ TEST(PsdLeastSquares, BlocksWithAConstantPart) {
   EXPECT_LT(worst, 1e-4);
 }
 
+TEST(PsdLeastSquares, IndependentBlocksAreThePartsThatNothingConnects) {
+  MatrixXd constant = MatrixXd::Zero(4, 4);
+  constant(0, 2) = constant(2, 0) = 0.5;
+  std::vector<MatrixXd> basis(3, MatrixXd::Zero(4, 4));
+  basis[0](0, 0) = basis[0](2, 2) = 1.0;
+  basis[1](1, 1) = 2.0;
+  basis[2](2, 0) = basis[2](0, 2) = 3.0;  // row 3 has no unknown
+  const std::vector<PsdBlock> blocks = independent_blocks(constant, basis);
+  ASSERT_EQ(blocks.size(), 2u);
+  const VectorXd x = Eigen::Vector3d(5.0, 7.0, 0.25);
+  EXPECT_EQ(value(blocks[0], x), (MatrixXd(2, 2) << 5.0, 1.25, 1.25, 5.0).finished());
+  EXPECT_EQ(value(blocks[1], x), MatrixXd::Constant(1, 1, 14.0));
+}
+
 TEST(PsdLeastSquares, SaysWhatHasNoSolution) {
   // X = x [1, 0; 0, -1] is never definite; x = 0 is all there is.
   PsdLeastSquares p{MatrixXd::Identity(1, 1), VectorXd::Ones(1), {}};

@@ -134,6 +134,13 @@ inline MatiskoSystem mehra_inertial() {
   return out;
 }
 
+/// Every process variance started at q, every measurement variance at r.
+inline MatiskoSystem started_at(MatiskoSystem system, double q, double r) {
+  system.model.parameters[0].value.diagonal().setConstant(q);
+  system.model.parameters[1].value.diagonal().setConstant(r);
+  return system;
+}
+
 /// The model at its true values.
 inline StateSpace true_system(const MatiskoSystem& system) {
   return instantiate(system.model.linear, with_entries(system.model.parameters, system.truth));

@@ -30,6 +30,8 @@ struct NoiseStudy {
   Eigen::VectorXd ratio;                     // standard deviation / bound
   Eigen::VectorXd coverage;                  // of 95 % intervals
   double mean_loss = 0.0, worst_loss = 0.0;  // tr P of the tuned filter over the optimal, - 1
+  double loss_error = 0.0;                   // standard error of mean_loss
+  double expected_loss = 0.0;                // the mean of what the estimates say themselves
   int runs = 0, not_ok = 0, indefinite = 0;
 };
 
@@ -88,6 +90,7 @@ inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
   out.coverage = Eigen::VectorXd::Zero(k);
   const StateSpace truth = true_system(system);
   const double optimal = predicted_spread(truth, truth);
+  double squares = 0.0, saying = 0.0;
   for (Eigen::Index run = 0; run < runs; ++run) {
     const Estimate e = estimator({dataset_of(recordings[static_cast<std::size_t>(run)])});
     out.not_ok += e.status != Status::ok;
@@ -102,8 +105,16 @@ inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
         instantiate(system.model.linear, with_entries(system.model.parameters, estimates.col(run)));
     const double loss = predicted_spread(truth, tuned) / optimal - 1.0;
     out.mean_loss += loss / static_cast<double>(runs);
+    squares += loss * loss / static_cast<double>(runs);
+    if (e.loss && std::isfinite(e.loss->relative)) {
+      out.expected_loss += e.loss->relative;
+      saying += 1.0;
+    }
     out.worst_loss = std::max(out.worst_loss, loss);
   }
+  out.expected_loss /= saying;
+  out.loss_error =
+      std::sqrt(std::max(0.0, squares - out.mean_loss * out.mean_loss) / static_cast<double>(runs));
   const Eigen::VectorXd mean = estimates.rowwise().mean();
   const Eigen::VectorXd sd =
       ((estimates.colwise() - mean).rowwise().squaredNorm() / static_cast<double>(runs - 1))
@@ -111,9 +122,11 @@ inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
   out.mean = mean.cwiseQuotient(system.truth);
   out.percent = 100.0 * sd.cwiseQuotient(system.truth);
   out.ratio = sd.cwiseQuotient(bound_sd(system));
-  std::printf("%s: %d runs, %d not ok, %d indefinite, filter loss %.2f %% (worst %.2f %%)\n",
-              title.c_str(), out.runs, out.not_ok, out.indefinite, 100.0 * out.mean_loss,
-              100.0 * out.worst_loss);
+  std::printf(
+      "%s: %d runs, %d not ok, %d indefinite, filter loss %.3f +- %.3f %% (they "
+      "say %.3f %%; worst %.2f %%)\n",
+      title.c_str(), out.runs, out.not_ok, out.indefinite, 100.0 * out.mean_loss,
+      100.0 * out.loss_error, 100.0 * out.expected_loss, 100.0 * out.worst_loss);
   const auto line = [](const char* what, const Eigen::VectorXd& values) {
     std::printf("  %-13s", what);
     for (const double v : values) std::printf(" %7.3f", v);

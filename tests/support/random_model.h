@@ -73,9 +73,7 @@ inline StateSpace noise_direction(Random& random, const StateSpace& m) {
 inline Eigen::MatrixXd simulate_outputs(Random& random, const StateSpace& m,
                                         const Eigen::MatrixXd& u, Eigen::Index N) {
   const Eigen::Index nw = m.Q.rows(), ny = m.outputs();
-  Eigen::MatrixXd joint(nw + ny, nw + ny);
-  joint << m.Q, m.S, m.S.transpose(), m.R;
-  const Eigen::MatrixXd L = joint.llt().matrixL();
+  const Eigen::MatrixXd L = joint_covariance(m).llt().matrixL();
   Eigen::VectorXd x = m.x0;
   Eigen::MatrixXd y(ny, N);
   for (Eigen::Index t = 0; t < N; ++t) {
