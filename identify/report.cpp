@@ -197,7 +197,7 @@ std::string innovation_form_text(const Estimate& estimate) {
   }
   return out + wrapped(line +
                            "; it takes the state as seen and counts every innovation twice, so "
-                           "that no method reaches it.",
+                           "that it bounds Sigma only.",
                        2);
 }
 
