@@ -196,20 +196,22 @@ class Plot {
     }
   }
 
-  // Circle, square, diamond, triangle, ... of 7 points; letters of a font would not sit centred.
+  // Circle, square, diamond, triangle of 7 points, then smaller and filled, so that markers on one
+  // another all show; letters of a font would not sit centred.
   void marker(double x, double y, int at) const {
     constexpr std::array<int, 4> kCorners = {16, 4, 4, 3};
     constexpr std::array<double, 4> kTurn = {0.0, 0.25, 0.0, 0.5};  // of pi
     const auto kind = static_cast<std::size_t>(at % 4);
-    const double radius = kind == 0 ? 3.4 : 4.2;
+    const bool filled = at % 8 >= 4;
+    const double radius = (filled ? 0.5 : 1.0) * (kind == 0 ? 3.4 : 4.2);
     std::vector<double> xs, ys;
     for (int c = 0; c <= kCorners[kind]; ++c) {
       const double angle = (kTurn[kind] + 2.0 * c / kCorners[kind]) * std::numbers::pi;
       xs.push_back(x + radius * std::cos(angle) * (x_.high - x_.low) / (right_ - left_));
       ys.push_back(y + radius * std::sin(angle) * (y_.high - y_.low) / (kHeight - kTop - kBottom));
     }
-    plcol0(at % 8 < 4 ? kWhite : 1 + at % kColours);
-    plfill(static_cast<PLINT>(xs.size()) - 1, xs.data(), ys.data());
+    plcol0(p_.map ? kWhite : 1 + at % kColours);  // white shows on every shade
+    if (filled || p_.map) plfill(static_cast<PLINT>(xs.size()) - 1, xs.data(), ys.data());
     plcol0(1 + at % kColours);
     plwidth(1.2);
     plline(static_cast<PLINT>(xs.size()), xs.data(), ys.data());

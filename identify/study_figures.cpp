@@ -407,7 +407,7 @@ StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
     }
   }
   panel.y.low = 0.7 * lowest;
-  panel.y.high = 20.0 * highest;  // room for the legend
+  panel.y.high = highest * std::sqrt(highest / lowest);  // room for the legend
   out.csv += "\n";
   for (Index l = 0; l < lengths; ++l) {
     out.csv += fmt::format("{:.0f},{:.6g},{:.6g}", k[l], bound[l], complete[l]);
