@@ -1,9 +1,11 @@
 #include "identify/bound.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
 
+#include <Eigen/LU>
 #include <Eigen/QR>
 #include <fmt/format.h>
 
@@ -33,6 +35,55 @@ MatrixXd gain_deviation(const GainSensitivity& gain, const MatrixXd& covariance)
   }
   const VectorXd variance = (slopes * covariance * slopes.transpose()).diagonal();
   return variance.cwiseMax(0.0).cwiseSqrt().reshaped(gain.K.rows(), gain.K.cols());
+}
+
+// The lower triangle, column by column.
+VectorXd lower_triangle(const MatrixXd& M) {
+  VectorXd out(M.rows() * (M.rows() + 1) / 2);
+  for (Index j = 0, at = 0; j < M.rows(); ++j) {
+    for (Index i = j; i < M.rows(); ++i) out[at++] = M(i, j);
+  }
+  return out;
+}
+
+// What recordings of `samples` samples leave to K and Sigma as unknowns of their own.
+// @param of_the_noise  K and Sigma carry all that outputs say of the parameters
+// @return published_se of the free parameters alone, in SI
+Bound::InnovationForm innovation_form(const StateSpace& system, const GainSensitivity& gain,
+                                      Index samples, bool of_the_noise) {
+  Bound::InnovationForm out;
+  out.published_se.assign(gain.K_theta.size(), kNone);
+  const auto information = innovation_form_information(system.A, system.C, gain.K, gain.Sigma);
+  if (!information) return out;
+  const auto N = static_cast<double>(samples);
+  const Index gains = gain.K.size(), ny = gain.Sigma.rows();
+  out.Sigma = gain.Sigma;
+  out.K_se = MatrixXd::Constant(gain.K.rows(), ny, kNone);
+  if (const auto K = scaled_inverse(N * information->topLeftCorner(gains, gains))) {
+    out.K_se = K->diagonal().cwiseSqrt().reshaped(gain.K.rows(), ny);
+  }
+  const VectorXd variance = gain.Sigma.diagonal();
+  out.Sigma_se = ((gain.Sigma.cwiseAbs2() + variance * variance.transpose()) / N).cwiseSqrt();
+  const auto k = static_cast<Index>(gain.K_theta.size());
+  if (gains != 1 || ny != 1 || gain.K(0, 0) == 0.0) return out;
+
+  const Eigen::Matrix2d published =
+      N * published_innovation_information(gain.K(0, 0), gain.Sigma(0, 0));
+  const Eigen::Matrix2d inverse = published.inverse();
+  out.published_K_se = std::sqrt(inverse(0, 0));
+  out.published_Sigma_se = std::sqrt(inverse(1, 1));
+  if (k != 2 || !of_the_noise) return out;  // not one to one
+  MatrixXd slopes(information->rows(), k);
+  for (Index i = 0; i < k; ++i) {
+    slopes.col(i) << gain.K_theta[static_cast<std::size_t>(i)].reshaped(),
+        lower_triangle(gain.Sigma_theta[static_cast<std::size_t>(i)]);
+  }
+  const auto by_parameter = scaled_inverse(slopes.transpose() * published * slopes);
+  if (!by_parameter) return out;
+  for (Index i = 0; i < k; ++i) {
+    out.published_se[static_cast<std::size_t>(i)] = std::sqrt((*by_parameter)(i, i));
+  }
+  return out;
 }
 
 void conclude(Estimate& estimate) {
@@ -132,6 +183,22 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   if (gain) {
     estimate.noise.K_steady = gain->K;
     bound.gain_se = gain_deviation(*gain, unit.asDiagonal() * covariance * unit.asDiagonal());
+    const bool of_the_noise =
+        std::all_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
+          return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0);
+        });
+    bound.innovation_form = innovation_form(system, *gain, options.samples, of_the_noise);
+    const std::vector<double> free = bound.innovation_form.published_se;
+    bound.innovation_form.published_se.clear();
+    Index at = 0;
+    for (const EstimatedParameter& p : estimate.parameters) {
+      double se = kNone;
+      if (!p.fixed) {
+        se = free[static_cast<std::size_t>(at)] / unit[at];
+        ++at;
+      }
+      bound.innovation_form.published_se.push_back(se);
+    }
   }
   conclude(estimate);
   return estimate;

@@ -16,7 +16,8 @@ struct BoundOptions {
 /// of each free parameter can have from `samples` samples of the outputs alone
 /// (lib/information.h), that with the states observed (the bound of Matisko 2013, chapter 6), how
 /// many samples give the wanted accuracy, which parameters or combinations no recording can
-/// determine, and what the uncertainty means for the steady gain (4.33).
+/// determine, what the uncertainty means for the steady gain (4.33), and the bound of gain and
+/// innovation covariance where these are the unknowns, beside the source's (6.45).
 /// @param inputs  recording whose inputs excite the model, of `samples` samples; null = none, which
 /// a
 ///   model without inputs needs not and one with inputs counts as silence

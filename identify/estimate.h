@@ -131,6 +131,15 @@ struct Bound {
   std::vector<double> samples_needed;        ///< for the accuracy
   std::vector<Eigen::MatrixXd> gain_change;  ///< of the steady gain, for 1 % more of the parameter
   Eigen::MatrixXd gain_se;                   ///< that the bound leaves to the steady gain
+  /// Where K and Sigma are the unknowns themselves; all empty without a steady filter.
+  struct InnovationForm {
+    Eigen::MatrixXd Sigma;  ///< steady innovation covariance
+    Eigen::MatrixXd K_se;   ///< NaN where the outputs do not show all states
+    Eigen::MatrixXd Sigma_se;
+    double published_K_se = kNone;  ///< Matisko (2013), (6.45): one state and one output only
+    double published_Sigma_se = kNone;
+    std::vector<double> published_se;  ///< (6.45) carried over to the parameters, where one to one
+  } innovation_form;
 };
 
 /// What stands behind a Bayesian estimate; there `value` is the posterior mean, `se` its standard

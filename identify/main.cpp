@@ -14,6 +14,7 @@
 
 #include "identify/bound.h"
 #include "identify/check.h"
+#include "identify/figure.h"
 #include "identify/info.h"
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
@@ -42,7 +43,7 @@ struct Arguments {
   std::string output;
   bool json = false, strict = false, quiet = false;
   std::int64_t seed = 1;
-  int starts = 5, runs = 50;
+  int starts = 5, runs = 0, threads = 0;
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy, place = "both", hold_out = "30%";
@@ -355,12 +356,21 @@ int run_study(const Arguments& args) {
   StudyOptions options;
   options.runs = args.runs;
   options.seed = static_cast<std::uint64_t>(args.seed);
+  options.threads = args.threads;
   options.progress = [&](int done, int of) {
     progress.show(fmt::format("{}: run {} of {}", args.model, done, of));
   };
-  const std::string text = study(args.model, options);
+  const StudyReport report = study(args.model, options);
   progress.clear();
-  std::cout << text << std::flush;
+  if (!args.output.empty()) {
+    std::vector<ResultFile> files{{args.model + ".txt", report.text}};
+    if (report.figure) {
+      files.push_back({args.model + ".csv", report.csv});
+      files.push_back({args.model + ".svg", svg(*report.figure)});
+    }
+    write_files(args.output, files);
+  }
+  std::cout << report.text << std::flush;
   if (!std::cout) throw OutputError("standard output: cannot write");
   return 0;
 }
@@ -448,11 +458,12 @@ std::string whole_number(const std::string& text) {
   return digits ? "" : "'" + text + "' is not a whole number from 0 to 999999999999999999";
 }
 
+std::string a_folder(const std::string& text) {
+  return text.empty() ? "no folder is named" : std::string();
+}
+
 void add_common(CLI::App& verb, Arguments& args, bool estimates) {
-  verb.add_option("-o,--output", args.output, "folder for the result files")
-      ->check([](const std::string& folder) {
-        return folder.empty() ? "no folder is named" : std::string();
-      });
+  verb.add_option("-o,--output", args.output, "folder for the result files")->check(a_folder);
   verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")
       ->allow_extra_args(false);
   verb.add_option("--range", args.range,
@@ -550,14 +561,24 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(1L, 1000000000L));
   bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
 
-  CLI::App* study = app.add_subcommand("study", "rerun a published table beside its figures");
-  study->add_option("NAME", args.model, "matisko-table-3 ... matisko-table-10")->required();
-  study->add_option("--runs", args.runs, "repetitions of each line")
-      ->check(CLI::Range(2, 100000))
-      ->capture_default_str();
+  CLI::App* study =
+      app.add_subcommand("study", "rerun a published table or figure beside what was published");
+  study
+      ->add_option("NAME", args.model, "matisko-table-3 to -10, matisko-figure-4, -5, -6, -14, -15")
+      ->required();
+  study
+      ->add_option("-o,--output", args.output,
+                   "folder for NAME.txt, and of a figure NAME.svg and its numbers, NAME.csv")
+      ->check(a_folder);
+  study
+      ->add_option("--runs", args.runs,
+                   "repetitions of each line; without it, as many as published")
+      ->check(CLI::Range(2, 100000));
   study->add_option("--seed", args.seed, "seed of the recordings")
       ->check(whole_number)
       ->capture_default_str();
+  study->add_option("--threads", args.threads, "that share the repetitions; without it, all cores")
+      ->check(CLI::Range(1, 1024));
   study->add_flag("--quiet", args.quiet, "no progress line");
 
   CLI::App* simulate = app.add_subcommand("simulate", "make data with known truth");

@@ -277,6 +277,27 @@ std::string sources_text(const Estimate& estimate) {
                        8);
 }
 
+// The same with the filter's own quantities as the unknowns.
+std::string innovation_form_text(const Estimate& estimate) {
+  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+  if (form.Sigma.size() == 0) return "";
+  std::string out = "\nwith K and Sigma as the unknowns, whatever Q and R make them\n" +
+                    matrix_text("Sigma", form.Sigma) +
+                    matrix_text("standard deviation of K", form.K_se) +
+                    matrix_text("standard deviation of Sigma", form.Sigma_se);
+  if (std::isnan(form.published_K_se)) return out;
+  std::string line = fmt::format("(6.45) of Matisko (2013): K {:.4g}, Sigma {:.4g}",
+                                 form.published_K_se, form.published_Sigma_se);
+  for (std::size_t i = 0; i < form.published_se.size(); ++i) {
+    if (std::isnan(form.published_se[i])) continue;
+    line += fmt::format(", {} {:.4g}", estimate.parameters[i].name, form.published_se[i]);
+  }
+  return out + wrapped(line +
+                           "; it takes the state as seen and counts every innovation twice, so "
+                           "that it bounds Sigma only.",
+                       2);
+}
+
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
@@ -310,8 +331,8 @@ std::string bound_report(const Estimate& estimate) {
   std::string out = wrapped(
       fmt::format("bound: {}, {} samples", estimate.model_name, estimate.bound->samples), 4);
   for (const InputRecord& input : estimate.inputs) out += "inputs " + input.path + "\n";
-  return out + "\n" + bound_table(estimate) + gain_text(estimate) + loss_text(estimate) +
-         flat_text(estimate) + status_text(estimate);
+  return out + "\n" + bound_table(estimate) + gain_text(estimate) + innovation_form_text(estimate) +
+         loss_text(estimate) + flat_text(estimate) + status_text(estimate);
 }
 
 }  // namespace

@@ -54,16 +54,25 @@ Json bound(const Estimate& estimate) {
   if (!estimate.bound) return nullptr;
   const Bound& b = *estimate.bound;
   Json rows = Json::array();
+  const Bound::InnovationForm& form = b.innovation_form;
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    rows.push_back({{"name", estimate.parameters[i].name},
-                    {"complete_se", number(b.complete_se[i])},
-                    {"samples_needed", number(b.samples_needed[i])},
-                    {"gain_change", matrix(b.gain_change[i])}});
+    rows.push_back(
+        {{"name", estimate.parameters[i].name},
+         {"complete_se", number(b.complete_se[i])},
+         {"samples_needed", number(b.samples_needed[i])},
+         {"gain_change", matrix(b.gain_change[i])},
+         {"published_se", number(form.published_se.empty() ? kNone : form.published_se[i])}});
   }
   return {{"samples", b.samples},
           {"accuracy", number(b.accuracy)},
           {"parameters", rows},
-          {"gain_se", matrix(b.gain_se)}};
+          {"gain_se", matrix(b.gain_se)},
+          {"innovation_form",
+           {{"Sigma", matrix(form.Sigma)},
+            {"K_se", matrix(form.K_se)},
+            {"Sigma_se", matrix(form.Sigma_se)},
+            {"published_K_se", number(form.published_K_se)},
+            {"published_Sigma_se", number(form.published_Sigma_se)}}}};
 }
 
 Json posterior(const Estimate& estimate) {

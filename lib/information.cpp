@@ -97,8 +97,11 @@ class Expectation {
   }
 
   GainSensitivity gain() const {
-    GainSensitivity out{P_, llt_.reconstructedMatrix(), K_, {}};
-    for (const Direction& b : by_) out.K_theta.push_back(b.K);
+    GainSensitivity out{P_, llt_.reconstructedMatrix(), K_, {}, {}};
+    for (const Direction& b : by_) {
+      out.K_theta.push_back(b.K);
+      out.Sigma_theta.push_back(b.Sigma);
+    }
     return out;
   }
 
@@ -422,6 +425,51 @@ std::optional<MatrixXd> complete_data_information(const StateSpace& model,
                             .sum();
     }
   }
+  return out;
+}
+
+std::optional<MatrixXd> innovation_form_information(const Eigen::Ref<const MatrixXd>& A,
+                                                    const Eigen::Ref<const MatrixXd>& C,
+                                                    const Eigen::Ref<const MatrixXd>& K,
+                                                    const Eigen::Ref<const MatrixXd>& Sigma) {
+  const Index n = A.rows(), ny = C.rows();
+  if (A.cols() != n || C.cols() != n || K.rows() != n || K.cols() != ny || Sigma.rows() != ny ||
+      Sigma.cols() != ny) {
+    throw std::invalid_argument("innovation form: shapes of A, C, K and Sigma do not agree");
+  }
+  const Eigen::LLT<MatrixXd> llt(Sigma);
+  if (llt.info() != Eigen::Success) return std::nullopt;
+  const MatrixXd F = A - K * C;
+  const auto O = solve_discrete_lyapunov(F.transpose(), C.transpose() * llt.solve(C));
+  if (!O) return std::nullopt;
+  const Index gains = n * ny;
+  MatrixXd out = MatrixXd::Zero(gains + ny * (ny + 1) / 2, gains + ny * (ny + 1) / 2);
+  for (Index i = 0; i < ny; ++i) {
+    for (Index j = 0; j < ny; ++j) out.block(i * n, j * n, n, n) = Sigma(i, j) * *O;
+  }
+  std::vector<MatrixXd> relative;
+  for (Index j = 0; j < ny; ++j) {
+    for (Index i = j; i < ny; ++i) {
+      MatrixXd d = MatrixXd::Zero(ny, ny);
+      d(i, j) = d(j, i) = 1.0;
+      relative.push_back(llt.solve(d));
+    }
+  }
+  for (std::size_t a = 0; a < relative.size(); ++a) {
+    for (std::size_t b = 0; b < relative.size(); ++b) {
+      out(gains + static_cast<Index>(a), gains + static_cast<Index>(b)) =
+          0.5 * relative[a].cwiseProduct(relative[b].transpose()).sum();
+    }
+  }
+  return out;
+}
+
+Eigen::Matrix2d published_innovation_information(double k, double Sigma) {
+  if (k == 0.0 || !(Sigma > 0.0)) {
+    throw std::invalid_argument("published innovation form: no information at this k and Sigma");
+  }
+  Eigen::Matrix2d out;
+  out << 2.0 / (k * k), 1.0 / (k * Sigma), 1.0 / (k * Sigma), 1.0 / (Sigma * Sigma);
   return out;
 }
 

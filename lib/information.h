@@ -43,12 +43,14 @@ ExpectedInformation expected_information(const StateSpace& model, InitialState i
                                          const std::vector<StateSpace>& derivatives,
                                          const Eigen::Ref<const Eigen::MatrixXd>& u);
 
-/// The steady gain and its derivatives, by the derivative of the Riccati equation.
+/// The steady gain and innovation covariance and their derivatives, by the derivative of the
+/// Riccati equation.
 struct GainSensitivity {
-  Eigen::MatrixXd P;                     ///< n x n, of the state's prediction error
-  Eigen::MatrixXd Sigma;                 ///< ny x ny, of the innovations
-  Eigen::MatrixXd K;                     ///< n x ny
-  std::vector<Eigen::MatrixXd> K_theta;  ///< k of n x ny
+  Eigen::MatrixXd P;                         ///< n x n, of the state's prediction error
+  Eigen::MatrixXd Sigma;                     ///< ny x ny, of the innovations
+  Eigen::MatrixXd K;                         ///< n x ny
+  std::vector<Eigen::MatrixXd> K_theta;      ///< k of n x ny
+  std::vector<Eigen::MatrixXd> Sigma_theta;  ///< k of ny x ny
 };
 /// @return nothing where steady_state() does not exist. Source: Matisko (2013), (4.33).
 std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
@@ -77,5 +79,33 @@ std::optional<double> expected_filter_loss(const StateSpace& model, const GainSe
 /// @return nothing where V is singular. Source: Matisko (2013), (6.36), for matrices.
 std::optional<Eigen::MatrixXd> complete_data_information(
     const StateSpace& model, const std::vector<StateSpace>& derivatives);
+
+/// The information per sample about K and Sigma themselves, of the innovation form
+///   x+ = A x + B u + K e, y = C x + D u + e, cov e = Sigma,
+/// from outputs alone, A, B, C and D known: with O = F' O F + C' Sigma^-1 C and F = A - K C
+///   J = [ Sigma (x) O            0               ]   K column by column,
+///       [ 0           1/2 tr(Sigma^-1 dSigma ..) ]   Sigma's lower triangle column by column.
+/// Its inverse bounds K and Sigma, not Q and R: K by Sigma^-1 (x) O^-1 / N, of one state and output
+/// (1 - (a - k)^2) / N; Sigma(i,j) by (Sigma(i,j)^2 + Sigma(i,i) Sigma(j,j)) / N. With T the
+/// derivatives of K and Sigma by parameters of the noise, T' J T is their steady information; where
+/// T is square and regular, T^-1 J^-1 T^-T is their bound (delta method). Inputs add nothing.
+/// Singular where (A, C) is not observable.
+/// @param K      n x ny, A - K C stable     @param Sigma  ny x ny, positive definite
+/// @return nothing where A - K C is not stable or Sigma not positive definite
+/// @throws std::invalid_argument when shapes disagree
+std::optional<Eigen::MatrixXd> innovation_form_information(
+    const Eigen::Ref<const Eigen::MatrixXd>& A, const Eigen::Ref<const Eigen::MatrixXd>& C,
+    const Eigen::Ref<const Eigen::MatrixXd>& K, const Eigen::Ref<const Eigen::MatrixXd>& Sigma);
+
+/// The same as Matisko (2013), (6.45), prints it for one state and one output, by k and Sigma:
+///   [ 2 / k^2, 1 / (k Sigma); 1 / (k Sigma), 1 / Sigma^2 ].
+/// It is the information of the state and the output as if the state were seen and k e and e were
+/// independent: each innovation counts twice. Its inverse, k^2 / N and 2 Sigma^2 / N, has the right
+/// Sigma; k^2 instead of 1 - (a - k)^2 is too small where noise makes the gain of a stable system,
+/// and too large, so that it is no bound, where k^2 + (a - k)^2 > 1. It has no counterpart for
+/// matrices: K Sigma K' is singular for more states than outputs, and for as many it leaves K
+/// undetermined up to a rotation.
+/// @throws std::invalid_argument when k is zero or Sigma not positive
+Eigen::Matrix2d published_innovation_information(double k, double Sigma);
 
 }  // namespace identikal

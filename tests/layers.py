@@ -18,6 +18,7 @@ ONLY_IN = {
     r"nlohmann/": r"identify/result_json\.cpp",
     r"yaml-cpp/": r"identify/yaml_reader\.cpp",
     r"boost/": r"identify/distribution\.cpp",
+    r"plplot/": r"identify/figure\.cpp",
     r"openssl/": r"identify/report\.cpp",
     r"fmt/": r"identify/.*\.cpp",
 }

@@ -1,4 +1,5 @@
 """The command line as people and programs meet it: exit codes, one clear line per mistake, JSON, nothing half-written."""
+import csv
 import json
 import os
 import pathlib
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+from xml.etree import ElementTree
 
 import jsonschema
 
@@ -204,6 +206,23 @@ class Tune(unittest.TestCase):
         self.assertIn("Cramer-Rao bound", text)
         self.assertEqual(text, run("study", "matisko-table-9", "--runs", 3, "--quiet", code=0).stdout)
 
+    def test_study_of_a_figure(self):
+        with Folder() as first, Folder() as second:
+            text = run("study", "matisko-figure-14", "--runs", 2, "--threads", 1, "-o", first.path, code=0).stdout
+            run("study", "matisko-figure-14", "--runs", 2, "--threads", 3, "-o", second.path, code=0)
+            names = sorted(f.name for f in first.path.iterdir())
+            self.assertEqual([f"matisko-figure-14.{e}" for e in ("csv", "svg", "txt")], names)
+            for name in names:
+                self.assertEqual((first.path / name).read_bytes(), (second.path / name).read_bytes(), name)
+            self.assertEqual(text, (first.path / "matisko-figure-14.txt").read_text())
+            picture = ElementTree.parse(first.path / "matisko-figure-14.svg").getroot()
+            self.assertEqual("{http://www.w3.org/2000/svg}svg", picture.tag)
+            words = " ".join("".join(e.itertext()) for e in picture.iter("{http://www.w3.org/2000/svg}text"))
+            for word in ("samples k", "variance of the estimate of Q", "Cramér-Rao bound", "maximum likelihood"):
+                self.assertIn(word, words)
+            table = list(csv.reader((first.path / "matisko-figure-14.csv").read_text().splitlines()))
+            self.assertEqual([13] * 8, [len(row) for row in table])
+
     def test_bound(self):
         out = result("bound", NILE[0], "-n", 100, "--set", "q=1469.1", "--set", "r=15099", "--accuracy", "10%")
         self.assertEqual(out["bound"]["samples"], 100)
@@ -397,6 +416,8 @@ class BadInput(unittest.TestCase):
         self.refused(["--accuracy"], "bound", NILE[0], "-n", 100, "--accuracy", "-1")
         self.refused(["--lags"], "tune", *NILE, "--lags", 5)
         self.refused(["matisko-table-3"], "study", "matisko-table-33")
+        self.refused(["--runs", "nothing in it is repeated"], "study", "matisko-figure-6", "--runs", 3)
+        self.refused(["--threads"], "study", "matisko-table-3", "--threads", 0)
 
     def test_output_folder(self):
         blocked = self.folder.write("file", "not a folder")

@@ -5,10 +5,13 @@
 #include <cstdio>
 #include <fstream>
 
+#include <Eigen/LU>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "lib/error.h"
+#include "lib/information.h"
+#include "lib/matrix_equations.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/shared_data.h"
 
@@ -98,6 +101,70 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
     const Eigen::MatrixXd change = (gain(up) - gain(down)) * (0.01 / 2e-5);
     EXPECT_LT((estimate.bound->gain_change[static_cast<std::size_t>(i)] - change).norm(), 1e-9);
   }
+}
+
+// Two unknown variances, one gain and one innovation variance: the bounds are one bound, and
+// (6.45), carried over, is below it.
+TEST(BoundOf, InnovationFormOfOneStateIsTheSameBound) {
+  const MatiskoSystem system = matisko_system(1);
+  const ModelFile model = true_model(system, Domain::diagonal);
+  BoundOptions options;
+  options.samples = 100000;
+  const Estimate estimate = bound_of(model, options, nullptr);
+  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+  const double k = estimate.noise.K_steady(0, 0), Sigma = form.Sigma(0, 0), N = 100000;
+  EXPECT_NEAR(form.K_se(0, 0), std::sqrt((1.0 - std::pow(0.5 - k, 2)) / N), 1e-12);
+  EXPECT_NEAR(form.Sigma_se(0, 0), Sigma * std::sqrt(2.0 / N), 1e-12);
+  EXPECT_NEAR(form.K_se(0, 0) / estimate.bound->gain_se(0, 0), 1.0, 1e-4);
+  EXPECT_NEAR(form.published_K_se, k / std::sqrt(N), 1e-12);
+  EXPECT_NEAR(form.published_Sigma_se, form.Sigma_se(0, 0), 1e-12);
+  // Differences in place of the derivatives of the Riccati equation.
+  const auto filter = [&](double q, double r) {
+    const auto s = steady_state(
+        instantiate(model.linear, with_entries(model.parameters, Eigen::Vector2d(q, r))));
+    return Eigen::Vector2d(s->K(0, 0), s->Sigma(0, 0));
+  };
+  Eigen::Matrix2d T;
+  T << (filter(10.001, 1) - filter(9.999, 1)) / 0.002,
+      (filter(10, 1.001) - filter(10, 0.999)) / 0.002;
+  const auto carried = [&](const Eigen::Matrix2d& covariance) {
+    const Eigen::Matrix2d back = T.inverse();
+    return Eigen::Vector2d((back * covariance * back.transpose()).diagonal().cwiseSqrt());
+  };
+  const Eigen::Vector2d bound = carried(
+      Eigen::Vector2d(std::pow(form.K_se(0, 0), 2), std::pow(form.Sigma_se(0, 0), 2)).asDiagonal());
+  const Eigen::Vector2d published =
+      carried(published_innovation_information(k, Sigma).inverse() / N);
+  for (Index i = 0; i < 2; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    EXPECT_NEAR(bound[i] / estimate.parameters[at].crb_se, 1.0, 1e-4);
+    EXPECT_NEAR(form.published_se[at] / published[i], 1.0, 1e-5);
+    EXPECT_LT(form.published_se[at], estimate.parameters[at].crb_se);
+    std::printf("System 1, %s: bound %.4g, by (6.45) %.4g\n", estimate.parameters[at].name.c_str(),
+                estimate.parameters[at].crb_se, form.published_se[at]);
+  }
+}
+
+TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
+  BoundOptions options;
+  options.samples = 3000;
+  const Estimate estimate =
+      bound_of(true_model(matisko_system(7), Domain::diagonal), options, nullptr);
+  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+  EXPECT_EQ(form.K_se.rows(), 4);
+  EXPECT_EQ(form.K_se.cols(), 2);
+  // Five variances make the eight gains: knowing so can only help.
+  EXPECT_TRUE((form.K_se.array() >= 0.999 * estimate.bound->gain_se.array()).all());
+  EXPECT_TRUE(std::isnan(form.published_K_se));
+  for (const double se : form.published_se) EXPECT_TRUE(std::isnan(se));
+  // A state that no output shows.
+  MatiskoSystem hidden = matisko_system(6);
+  hidden.model.linear.A.constant = Eigen::Vector2d(0.5, 0.4).asDiagonal();
+  hidden.model.linear.C.constant = Eigen::MatrixXd::Identity(2, 2);
+  hidden.model.linear.C.constant(1, 1) = 0.0;
+  const Estimate blind = bound_of(true_model(hidden, Domain::diagonal), options, nullptr);
+  EXPECT_TRUE(blind.bound->innovation_form.K_se.array().isNaN().all());
+  EXPECT_NEAR(blind.bound->innovation_form.Sigma_se(1, 1), 3.0 * std::sqrt(2.0 / 3000.0), 1e-9);
 }
 
 TEST(BoundOf, WhatNoRecordingDetermines) {
