@@ -799,6 +799,22 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
         "coloured {} noise (p {:.2g}): a filter of order {} explains it{}", report.place, colour.p,
         report.order, white_now ? "" : ", but not all: the innovations are still not white");
     if (!white_now) out.estimate.status = Status::untrusted;
+    // Of the same spectrum in the other place the outputs say nothing.
+    constexpr double kTells = 10.0;  // BIC apart: very strong evidence (Kass & Raftery 1995)
+    for (const Candidate& other : candidates) {
+      if (other.structure.place == best.structure.place) continue;
+      if (other.bic < best.bic + kTells) {
+        out.estimate.warnings.push_back(
+            {"noise_place",
+             "note",
+             {},
+             fmt::format("the outputs do not tell whether process or measurement noise is coloured "
+                         "(BIC {:.1f} and {:.1f}); the state estimates differ",
+                         best.bic, other.bic),
+             "decide by what is known of the sensor, and say --noise process or measurement"});
+      }
+      break;
+    }
   }
   out.estimate.shaping = std::move(report);
   return out;

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/study_colour.h"
 #include "identify/study_figures.h"
 #include "identify/study_tables.h"
 #include "lib/error.h"
@@ -16,6 +17,7 @@ const std::vector<Study>& studies() {
   static const std::vector<Study> all = [] {
     std::vector<Study> out = table_studies();
     for (Study& figure : figure_studies()) out.push_back(std::move(figure));
+    for (Study& table : colour_studies()) out.push_back(std::move(table));
     return out;
   }();
   return all;

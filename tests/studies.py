@@ -19,7 +19,7 @@ SMALL = {
     "matisko-figure-14-2-runs": ["matisko-figure-14", "--runs", "2"],
     **{f"matisko-figure-{n}": [f"matisko-figure-{n}"] for n in (4, 5, 6)},
 }
-LARGE = {name: [name] for name in TABLES + ["matisko-figure-14", "matisko-figure-15"]}
+LARGE = {name: [name] for name in TABLES + ["matisko-figure-14", "matisko-figure-15", "matisko-figure-3"]}
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 

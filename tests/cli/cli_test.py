@@ -250,6 +250,98 @@ class Tune(unittest.TestCase):
             self.assertIn("Q(1,1)", run("tune", model, data, code=1).stdout)
 
 
+class Track(unittest.TestCase):
+    """System 1 with Q = 1, from sample 300 on 10."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        path = pathlib.Path(self.folder.name)
+        self.model = path / "model.yaml"
+        self.model.write_text(SYSTEM_1)
+        chance = random.Random(4)
+        x, rows = 0.0, []
+        for t in range(900):
+            rows.append(x + chance.gauss(0, 1))
+            x = 0.5 * x + chance.gauss(0, 1 if t < 300 else 10**0.5)
+        self.data = path / "data.csv"
+        self.data.write_text("y\n" + "".join(f"{y:.9g}\n" for y in rows))
+
+    def test_a_change_is_found_and_written(self):
+        folder = pathlib.Path(self.folder.name) / "out"
+        out = result("track", self.model, self.data, "--adaptive", "-o", folder)
+        self.assertEqual(len(out["course"]["changes"]), 1)
+        change = out["course"]["changes"][0]
+        self.assertLess(abs(change["since"] - 300), 30)
+        self.assertLess(change["found"], 400)
+        self.assertLess(abs(out["parameters"][0]["value"] - 10), 4 * out["parameters"][0]["se"])
+        with (folder / "course.csv").open() as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual(len(rows), 900)
+        self.assertEqual(rows[100]["Q(1,1)_sd"], "")
+        self.assertGreater(float(rows[899]["Q(1,1)_sd"]), 0)
+        self.assertIn("change at", run("track", self.model, self.data, "--adaptive", code=0).stdout)
+
+    def test_constant_noise_is_the_posterior_of_all(self):
+        out = result("track", self.model, self.data)
+        batch = result("tune", self.model, self.data, "--method", "bayes")
+        for ours, theirs in zip(out["parameters"], batch["parameters"]):
+            self.assertLess(abs(ours["value"] - theirs["value"]), 0.3 * theirs["se"])
+
+    def test_what_it_cannot_do(self):
+        self.assertIn("linear model", run("track", *LANE_CHANGE, code=2).stderr)
+        model = pathlib.Path(self.folder.name) / "free.yaml"
+        model.write_text(SYSTEM_1.replace("A: [[0.5]]", "parameters: {a: {value: 0.5, min: 0, max: 0.9}}\nA: [[a]]"))
+        error = run("track", model, self.data, code=2).stderr
+        self.assertIn("'a' is free and is not noise", error)
+
+
+class Shape(unittest.TestCase):
+    """x+ = 0.5 x + v, v itself coloured with a pole pair at 1 rad."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.path = pathlib.Path(self.folder.name)
+        self.model = self.path / "model.yaml"
+        self.model.write_text(SYSTEM_1)
+        chance = random.Random(7)
+        x = v = before = 0.0
+        rows, white = [], []
+        for _ in range(3000):
+            v, before = 1.0 * v - 0.86 * before + chance.gauss(0, 1), v
+            rows.append(x + chance.gauss(0, 1))
+            x = 0.5 * x + v
+        x = 0.0
+        for _ in range(3000):
+            white.append(x + chance.gauss(0, 1))
+            x = 0.5 * x + chance.gauss(0, 1)
+        self.data, self.white = self.path / "data.csv", self.path / "white.csv"
+        self.data.write_text("y\n" + "".join(f"{y:.9g}\n" for y in rows))
+        self.white.write_text("y\n" + "".join(f"{y:.9g}\n" for y in white))
+
+    def test_the_filter_is_found_and_its_file_works(self):
+        out = result("shape", self.model, self.data, "-o", self.path / "out")
+        self.assertEqual(out["shaping"]["order"], 2)
+        self.assertLess(out["shaping"]["colour_p"], 1e-6)
+        pole = out["shaping"]["poles"][0]
+        self.assertLess(abs(pole["radius"] - 0.86**0.5), 0.02)
+        shaped = self.path / "out" / "shaped.yaml"
+        result("check", shaped, self.data)
+        again = result("tune", shaped, self.data, "--starts", "1")
+        self.assertLess(abs(again["objective"]["log_likelihood"] - out["objective"]["log_likelihood"]), 1e-3)
+        self.assertIn("identikal shape", run("tune", self.model, self.data).stdout.replace("\n", " "))
+
+    def test_white_noise_is_exit_1_and_no_file(self):
+        out = result("shape", self.model, self.white, "-o", self.path / "out", code=1)
+        self.assertEqual(out["shaping"]["place"], "")
+        self.assertFalse((self.path / "out" / "shaped.yaml").exists())
+
+    def test_what_it_cannot_do(self):
+        self.assertIn("linear model", run("shape", *LANE_CHANGE, code=2).stderr)
+        self.assertIn("--hold-out", run("shape", self.model, self.data, "--hold-out", "0.99", code=2).stderr)
+
+
 class Fit(unittest.TestCase):
     def test_severe_lane_change(self):
         out = result("fit", *LANE_CHANGE)

@@ -1,0 +1,14 @@
+// Which published experiments on coloured noise can be rerun?
+#pragma once
+
+#include <vector>
+
+#include "identify/study.h"
+
+namespace identikal {
+
+/// Matisko (2013), chapter 5: table 11, prediction with and without a shaping filter; tables 12 and
+/// 13, what the wrong place of the colour costs the state estimates.
+std::vector<Study> colour_studies();
+
+}  // namespace identikal
