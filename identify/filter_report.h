@@ -20,8 +20,15 @@ namespace identikal {
 /// log-likelihood, one-step fit, tests and series of the estimate. The tests take the recordings
 /// together and keep a level of 5 % in all (Bonferroni); no autocorrelation reaches across from one
 /// recording to the next.
+/// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
-void describe_filter(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                     const std::vector<Dataset>& recordings);
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings);
+
+/// Standardised innovations of all recordings, ny x N, with `gap` missing samples between one and
+/// the next, so that no test looks across; and the inputs in step with them.
+Eigen::MatrixXd side_by_side(const std::vector<FilterResult>& filters, Eigen::Index gap);
+Eigen::MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Eigen::Index gap);
 
 }  // namespace identikal

@@ -1,4 +1,5 @@
 // The command line. Every exception ends here.
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -14,6 +15,7 @@
 
 #include "identify/bound.h"
 #include "identify/check.h"
+#include "identify/compare.h"
 #include "identify/info.h"
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
@@ -44,7 +46,7 @@ struct Arguments {
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy;
-  bool regain = false, robust = false;
+  bool regain = false, robust = false, compare = false;
   long lags = 0, draws = 2000;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
@@ -163,7 +165,8 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
     std::vector<ResultFile> files{{"result.json", json}};
-    if (!estimate.bound) files.push_back({"residuals.csv", residuals_csv(estimate)});
+    if (estimate.series.time.size() > 0)
+      files.push_back({"residuals.csv", residuals_csv(estimate)});
     write_files(args.output, files);
   }
   std::cout << (args.json ? json : console_report(estimate)) << std::flush;
@@ -242,6 +245,36 @@ int run_estimator(const Arguments& args) {
   }
   progress.clear();
   return finish(args, recordings, estimate, begin);
+}
+
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
+int run_compare(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  std::vector<std::string> paths{args.model};
+  Arguments view = args;
+  const auto data = std::stable_partition(view.data.begin(), view.data.end(), is_model);
+  paths.insert(paths.end(), view.data.begin(), data);
+  view.data.erase(view.data.begin(), data);
+  if (view.data.empty()) {
+    throw InputError({}, "no recording on the command line",
+                     "identikal check --compare A.yaml B.yaml DATA");
+  }
+  std::vector<ModelFile> models;
+  std::vector<std::vector<Dataset>> recordings;
+  Recordings loaded;
+  for (const std::string& path : paths) {
+    view.model = path;
+    models.push_back(load_model(view));
+    loaded = load_recordings(view, models.back());
+    if (models.back().time.step == 0.0) models.back().linear.dt = loaded.data.front().dt;
+    recordings.push_back(loaded.data);
+  }
+  Estimate estimate = compare_filters(models, recordings);
+  return finish(args, loaded, estimate, begin);
 }
 
 int run_bound(const Arguments& args) {
@@ -341,11 +374,6 @@ int run_simulate(const Arguments& args) {
   return 0;
 }
 
-bool is_model(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".yaml" || ending == ".yml";
-}
-
 int run_info(const Arguments& args) {
   std::vector<std::string> files = args.data;
   if (!args.model.empty()) files.insert(files.begin(), args.model);
@@ -410,7 +438,10 @@ int run(int argc, char** argv) {
     verb->add_option("MODEL", args.model, "model file (YAML)")->required();
     verb->add_option("DATA", args.data, "recordings (CSV)")->required();
     add_common(*verb, args, true);
-    if (std::string(name) == "check") continue;
+    if (std::string(name) == "check") {
+      verb->add_flag("--compare", args.compare, "rank filters: --compare A.yaml B.yaml ... DATA");
+      continue;
+    }
     verb->add_option("--seed", args.seed, "seed of the scattered starts")
         ->check(whole_number)
         ->capture_default_str();
@@ -445,7 +476,7 @@ int run(int argc, char** argv) {
   bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
 
   CLI::App* study = app.add_subcommand("study", "rerun a published table beside its figures");
-  study->add_option("NAME", args.model, "matisko-table-3 ... matisko-table-10")->required();
+  study->add_option("NAME", args.model, "matisko-table-1 ... matisko-table-10")->required();
   study->add_option("--runs", args.runs, "repetitions of each line")
       ->check(CLI::Range(2, 100000))
       ->capture_default_str();
@@ -490,7 +521,7 @@ int run(int argc, char** argv) {
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "simulate") return run_simulate(args);
-  return run_estimator(args);
+  return args.compare ? run_compare(args) : run_estimator(args);
 }
 
 }  // namespace

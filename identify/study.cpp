@@ -13,6 +13,7 @@
 #include "identify/noise_als.h"
 #include "identify/noise_ml.h"
 #include "identify/recordings_likelihood.h"
+#include "identify/study_optimality.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
 #include "lib/random.h"
@@ -378,12 +379,16 @@ std::string run_experiment(const System& system, const Experiment& experiment,
 }  // namespace
 
 std::vector<std::string> study_names() {
-  std::vector<std::string> out;
+  std::vector<std::string> out = optimality_study_names();
   for (const PublishedTable& table : tables()) out.emplace_back(table.name);
   return out;
 }
 
 std::string study(const std::string& name, const StudyOptions& options) {
+  const std::vector<std::string> tests = optimality_study_names();
+  if (std::find(tests.begin(), tests.end(), name) != tests.end()) {
+    return study_optimality(name, options);
+  }
   const auto table = std::find_if(tables().begin(), tables().end(),
                                   [&name](const PublishedTable& t) { return name == t.name; });
   if (table == tables().end()) {

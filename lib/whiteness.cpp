@@ -24,20 +24,6 @@ Eigen::VectorXd centred(const Eigen::Ref<const Eigen::VectorXd>& e) {
   return out;
 }
 
-// E tr(C_k' C_0^-1 C_k C_0^-1) of white Gaussian noise about its mean, `pairs` products of lag k in
-// `samples`.
-double expected_trace(double samples, double pairs, double channels) {
-  const double N = samples, n = N - 1.0;
-  // J shifts by the lag, between projections that take the mean out: |J|^2, tr J, tr J J.
-  const double square = pairs - 2.0 * pairs / N + pairs * pairs / (N * N);
-  const double trace = -pairs / N;
-  const double twice = -2.0 * std::max(0.0, 2.0 * pairs - N) / N + pairs * pairs / (N * N);
-  const double c = n * (n - 1.0) * (n + 2.0);
-  const double a = (channels * channels * (n + 1.0) - 2.0 * channels) / c;
-  const double b = channels * (n - channels) / c;
-  return a * square + b * (trace * trace + twice);
-}
-
 }  // namespace
 
 Eigen::VectorXd autocorrelation(const Eigen::Ref<const Eigen::VectorXd>& e, int lags,
@@ -90,28 +76,27 @@ Eigen::VectorXd published_chi_square(const Autocovariances& gamma, Eigen::Index 
 ChiSquareStatistic portmanteau(const Eigen::Ref<const Eigen::MatrixXd>& e, int lags) {
   ChiSquareStatistic out;
   out.value = std::numeric_limits<double>::quiet_NaN();
-  Eigen::MatrixXd c(e.rows(), e.cols());
-  for (Eigen::Index i = 0; i < e.rows(); ++i) c.row(i) = centred(e.row(i).transpose()).transpose();
-  const SampleAutocovariances Y = sample_autocovariances(c, lags + 1);
+  const SampleAutocovariances Y = sample_autocovariances(e, lags + 1);
+  const auto ny = static_cast<double>(e.rows());
   const double all = Y.pairs[0].minCoeff();
-  if (!(all >= static_cast<double>(e.rows() + 2)) || !Y.value[0].allFinite()) return out;
+  if (!(all >= ny + 2.0) || !Y.value[0].allFinite()) return out;
   const Eigen::LLT<Eigen::MatrixXd> llt(Y.value[0]);
   if (llt.info() != Eigen::Success) return out;
   // Rounding makes a copy of another channel look like one of its own.
   const Eigen::VectorXd left = llt.matrixLLT().diagonal().cwiseAbs2();
   if ((left.array() <= 1e-12 * Y.value[0].diagonal().array()).any()) return out;
   out.value = 0.0;
+  const double weight =
+      all * (all - 1.0) * (all + 2.0) * ny * ny / (ny * ny * (all + 1.0) - 2.0 * ny);
   for (int k = 1; k <= lags; ++k) {
     const auto lag = static_cast<std::size_t>(k);
-    const double pairs = Y.pairs[lag].mean();
     if (Y.pairs[lag].minCoeff() < 1.0) continue;
-    const Eigen::MatrixXd weighted =
-        (Y.value[lag].array() * (Y.pairs[lag].array() / pairs).sqrt()).matrix() * (pairs / all);
-    const Eigen::MatrixXd half = llt.matrixL().solve(weighted);
-    const double trace = llt.matrixL().solve(half.transpose()).squaredNorm();
-    out.value += trace / expected_trace(all, pairs, static_cast<double>(e.rows())) *
-                 static_cast<double>(e.rows() * e.rows());
-    out.dof += static_cast<double>(e.rows() * e.rows());
+    const double pairs = Y.pairs[lag].mean();
+    const Eigen::MatrixXd C_k =
+        Y.value[lag].array() * (Y.pairs[lag].array() / pairs).sqrt() * (pairs / all);
+    const Eigen::MatrixXd half = llt.matrixL().solve(C_k);
+    out.value += weight / pairs * llt.matrixL().solve(half.transpose()).squaredNorm();
+    out.dof += ny * ny;
   }
   if (out.dof == 0.0) out.value = std::numeric_limits<double>::quiet_NaN();
   return out;

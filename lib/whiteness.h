@@ -56,15 +56,16 @@ Eigen::VectorXd published_chi_square(const Autocovariances& gamma, Eigen::Index 
 ///
 ///   Q = sum_(k=1)^M w_k tr(C_k' C_0^-1 C_k C_0^-1),   degrees of freedom M ny^2,
 ///
-/// C_k about the mean, w_k such that every lag has expectation ny^2 when the sequence is white and
-/// Gaussian, whatever its covariance. Hosking (1980) has w_k = N^2 / (N - k) and Li & McLeod (1981)
-/// N with M (M+1) ny^2 / (2 N) added; both are this to first order, and for one channel about a
-/// known mean it is Ljung and Box' N (N+2) / (N-k). The expectation is that of a uniformly
-/// distributed subspace: with whitened samples U the trace is tr(J P J' P), J the shift by k with
-/// the mean removed on both sides, P a random projection of rank ny in n = N - 1 dimensions, and
+/// C_k about zero, which is the mean that innovations have by hypothesis, w_k such that every lag
+/// has expectation ny^2 when the sequence is white and Gaussian, whatever its covariance:
 ///
-///   E = a |J|^2 + b (tr(J)^2 + tr(J J)),  a = (ny^2 (n+1) - 2 ny) / c,  b = ny (n - ny) / c,
-///   c = n (n-1) (n+2).
+///   w_k = N (N-1) (N+2) ny^2 / ((N-k) (ny^2 (N+1) - 2 ny)).
+///
+/// For one channel that is Ljung and Box' N (N+2) / (N-k); Hosking's (1980) N^2 / (N-k) and Li and
+/// McLeod's (1981) N with M (M+1) ny^2 / (2 N) added are the same to first order. Why: with
+/// whitened samples U, U U' = I, the trace is tr(J P J' P), J the shift by k and P = U' U the
+/// projection on a uniformly distributed subspace, with E P_ab P_cd = a d_ab d_cd + b (d_ac d_bd +
+/// d_ad d_bc), of which only a |J|^2 = a (N-k) is left.
 ///
 /// With missing samples every entry of C_k is a mean over its own pairs, weighted by the root of
 /// their number. @param e  ny x N, NaN = missing

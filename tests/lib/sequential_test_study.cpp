@@ -72,8 +72,8 @@ TEST(SequentialTestStudy, FalseAlarmsStayBelowTheirBound) {
         char what[80];
         std::snprintf(what, sizeof what, "white, %ld outputs, a %.2f, forgetting %.2f",
                       static_cast<long>(ny), a, forgetting);
-        const Rates r = rates(what, ny, 5000, options,
-                              [&](Random& random) { return white_noise(random, ny, 5000); });
+        const Rates r = rates(what, ny, 2000, options,
+                              [&](Random& random) { return white_noise(random, ny, 2000); });
         EXPECT_LE(r.coloured, with_chance(a)) << what;
       }
     }
@@ -90,10 +90,10 @@ TEST(SequentialTestStudy, MissesStayBelowTheirBound) {
       char what[80];
       std::snprintf(what, sizeof what, "AR at lag %ld of the stated size, b %.2f",
                     static_cast<long>(lag), b);
-      const Rates r = rates(what, 1, 5000, options, [&](Random& random) {
+      const Rates r = rates(what, 1, 2000, options, [&](Random& random) {
         const double theta = options.smallest;
-        MatrixXd e = white_noise(random, 1, 5000);
-        for (Index t = 0; t < 5000; ++t) {
+        MatrixXd e = white_noise(random, 1, 2000);
+        for (Index t = 0; t < 2000; ++t) {
           e(0, t) =
               t < lag ? e(0, t) / std::sqrt(1 - theta * theta) : theta * e(0, t - lag) + e(0, t);
         }
@@ -103,10 +103,10 @@ TEST(SequentialTestStudy, MissesStayBelowTheirBound) {
     }
     char what[80];
     std::snprintf(what, sizeof what, "3 outputs, one coupled to the past, b %.2f", b);
-    const Rates r = rates(what, 3, 5000, options, [&](Random& random) {
-      MatrixXd e = white_noise(random, 3, 5000);
+    const Rates r = rates(what, 3, 2000, options, [&](Random& random) {
+      MatrixXd e = white_noise(random, 3, 2000);
       const double theta = options.smallest;
-      for (Index t = 4999; t > 0; --t) {
+      for (Index t = 1999; t > 0; --t) {
         e(2, t) = std::sqrt(1 - theta * theta) * e(2, t) + theta * e(0, t - 1);
       }
       return e;
@@ -127,7 +127,9 @@ TEST(SequentialTestStudy, Table1) {
       const Rates r = rates(tunings[tuning], 1, N, {}, [&](Random& random) {
         return matisko_example_1_innovations(tuning, N, random);
       });
-      if (tuning == 0) EXPECT_LE(r.coloured, with_chance(0.05));
+      if (tuning == 0) {
+        EXPECT_LE(r.coloured, with_chance(0.05));
+      }
     }
   }
 }

@@ -84,9 +84,14 @@ TEST(Whiteness, PortmanteauDoesNotDependOnUnitsOrMixture) {
   const Eigen::MatrixXd e = white(random, 3, 100);
   Eigen::Matrix3d T;
   T << 1e3, 2, 0, -5, 1, 0.1, 0, 7, 1;
-  const double a = portmanteau(e, 5).value,
-               b = portmanteau((T * e).colwise() + Eigen::Vector3d(1, 2, 3), 5).value;
+  const double a = portmanteau(e, 5).value, b = portmanteau(T * e, 5).value;
   EXPECT_NEAR(a, b, 1e-8 * a);
+}
+
+// e = 1, -1, 2, -2: sum of squares 10, of products -1 - 2 - 4.
+TEST(Whiteness, PortmanteauOfOneChannelIsLjungAndBox) {
+  EXPECT_NEAR(portmanteau(Eigen::RowVector4d(1, -1, 2, -2), 1).value, 4.0 * 6.0 * 0.49 / 3.0,
+              1e-12);
 }
 
 TEST(Whiteness, PortmanteauOfNothing) {
@@ -94,7 +99,7 @@ TEST(Whiteness, PortmanteauOfNothing) {
   Eigen::MatrixXd e = white(random, 2, 50);
   e.row(1) = 3.0 * e.row(0);
   EXPECT_TRUE(std::isnan(portmanteau(e, 5).value));
-  EXPECT_TRUE(std::isnan(portmanteau(Eigen::MatrixXd::Constant(2, 50, 0.1), 5).value));
+  EXPECT_TRUE(std::isnan(portmanteau(Eigen::MatrixXd::Zero(2, 50), 5).value));
   EXPECT_TRUE(std::isnan(portmanteau(Eigen::MatrixXd(2, 0), 5).value));
   EXPECT_TRUE(std::isnan(portmanteau(white(random, 2, 3), 1).value));
 }
