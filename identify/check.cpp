@@ -1,10 +1,13 @@
 #include "identify/check.h"
 
+#include <cmath>
+
 #include <fmt/format.h>
 
 #include "identify/filter_report.h"
 #include "identify/noise_estimate.h"
 #include "identify/optimality.h"
+#include "identify/score_test.h"
 #include "identify/suspect_data.h"
 #include "lib/units.h"
 
@@ -56,7 +59,21 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
   Optimality found = test_optimality(model, recordings, filters);
   estimate.tests = std::move(found.tests);
   estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
-  estimate.derived.push_back({"loss in tr P", "%", 100.0 * found.loss, kNone});
+  const Retuned better = retuned(with_free_noise(model), recordings);
+  estimate.derived.push_back({"predicted loss in tr P", "%", 100.0 * better.loss, kNone});
+  if (!found.optimal && !std::isnan(better.gain)) {
+    const ReportedEntries to = reported_entries(better.parameters);
+    std::string values;
+    for (std::size_t i = 0; i < to.names.size(); ++i) {
+      if (better.parameters[static_cast<std::size_t>(to.parameter[i])].fixed) continue;
+      const Unit unit = parse_unit(to.units[i]).value_or(Unit{});
+      values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
+                            unit.from_si(to.value[static_cast<Index>(i)]));
+    }
+    estimate.notes.push_back(fmt::format(
+        "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
+        better.gain, values));
+  }
   warn_of_suspect_data(estimate, model, model.parameters, recordings);
   estimate.warnings.insert(estimate.warnings.end(), found.warnings.begin(), found.warnings.end());
   if (found.optimal) {

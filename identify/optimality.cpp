@@ -13,7 +13,6 @@
 #include "lib/input_correlation.h"
 #include "lib/normality.h"
 #include "lib/sequential_test.h"
-#include "lib/units.h"
 #include "lib/whiteness.h"
 
 namespace identikal {
@@ -127,7 +126,7 @@ void report_entries(const ScoreTest& score, bool rejected, Optimality& out) {
   std::sort(order.begin(), order.end(), [&](Index a, Index b) {
     return std::abs(score.direction[a]) > std::abs(score.direction[b]);
   });
-  std::string said, stepped;
+  std::string said;
   for (Index i = 0; i < k; ++i) {
     const auto at = static_cast<std::size_t>(i);
     TestResult entry;
@@ -138,10 +137,6 @@ void report_entries(const ScoreTest& score, bool rejected, Optimality& out) {
     entry.p = normal_two_sided(score.direction[i]);
     entry.pass = !rejected || std::abs(score.direction[i]) <= limit;
     out.tests.push_back(entry);
-    const Unit unit = parse_unit(score.units[at]).value_or(Unit{});
-    stepped += fmt::format("{}{} = {:.4g}{}", i == 0 ? "" : ", ", score.names[at],
-                           score.better[i] / unit.scale,
-                           std::isnan(score.step_se[i]) ? " (not told by the data)" : "");
   }
   if (!rejected) return;
   for (std::size_t i = 0; i < order.size() && i < 3; ++i) {
@@ -152,7 +147,6 @@ void report_entries(const ScoreTest& score, bool rejected, Optimality& out) {
                         z > 0.0 ? "larger" : "smaller", z);
   }
   out.faults.push_back("the noise covariances are wrong: taken one at a time, " + said);
-  out.notes.push_back("one scoring step from here: " + stepped);
 }
 
 void explain(const Member& failed, const MatrixXd& e, int lags, const std::vector<Channel>& outputs,
@@ -271,7 +265,6 @@ Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& r
   const ScoreTest score = score_test(with_free_noise(model), recordings);
   if (score.status == FilterStatus::ok && score.statistic.dof > 0.0) {
     family.push_back(member("score", "", score.statistic, 0.6));
-    out.loss = score.loss;
   }
   family.push_back(member("portmanteau", "", portmanteau(e, std::min(kPairLags, most)), 0.2));
   const ChiSquareStatistic nis = normalised_innovation_squared(e);

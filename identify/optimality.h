@@ -22,7 +22,6 @@ struct Optimality {
   std::vector<std::string> faults;  ///< what is wrong where, a sentence each, most telling first
   std::vector<std::string> notes;
   std::vector<Warning> warnings;
-  double loss = kNone;  ///< of the present noise, predicted (identify/score_test.h)
 };
 
 /// The default test. Each part may err with its share of 5 %, so that all together err with 5 % at
@@ -39,7 +38,8 @@ struct Optimality {
 /// Beside these, without a share: score_entry (one entry of Q or R each; fails where the score test
 /// does and the entry alone stands out at 5 % over all entries), ar_order (Matisko's Test 3 with
 /// BIC: the order, 0 = white), normality (Doornik & Hansen) and mcleod_li at 1 %, whose failure
-/// means that the p-values are approximate.
+/// means that the p-values are approximate. On recordings that Q and R were tuned on the score is
+/// zero by construction; a fair verdict takes others.
 /// @param filters  of each recording, at the model's own values
 Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& recordings,
                            const std::vector<FilterResult>& filters);

@@ -10,6 +10,7 @@
 #include "identify/estimate.h"
 #include "identify/recordings_likelihood.h"
 #include "lib/matrix_equations.h"
+#include "solvers/scoring.h"
 
 namespace identikal {
 namespace {
@@ -20,6 +21,7 @@ using Eigen::VectorXd;
 
 // Eigenvalues of the information, scaled to unit diagonal, below which a direction is flat.
 constexpr double kFlat = 1e-9;
+constexpr int kSteps = 10;
 
 void add_parameters(const ParametrisedMatrix& matrix, std::set<int>& out) {
   if (matrix.block >= 0) out.insert(matrix.block);
@@ -36,21 +38,6 @@ void make_free(ModelFile& model, ParametrisedMatrix& matrix, const char* name,
   matrix = {};
   matrix.block = static_cast<int>(model.parameters.size());
   model.parameters.push_back(p);
-}
-
-// The nearest values that the parameters may take.
-ParameterSet admissible(ParameterSet parameters) {
-  for (Parameter& p : parameters) {
-    if (p.fixed) continue;
-    if (p.domain == Domain::scalar) {
-      p.value(0, 0) = std::clamp(p.value(0, 0), p.min, p.max);
-    } else {
-      const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(p.value);
-      p.value = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() *
-                eigen.eigenvectors().transpose();
-    }
-  }
-  return parameters;
 }
 
 double predicted_loss(const StateSpace& present, const StateSpace& better) {
@@ -93,7 +80,6 @@ ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordi
   for (std::size_t i = 0; i < entries.names.size(); ++i) {
     if (model.parameters[static_cast<std::size_t>(entries.parameter[i])].fixed) continue;
     out.names.push_back(entries.names[i]);
-    out.units.push_back(entries.units[i]);
     values.push_back(entries.value[static_cast<Index>(i)]);
   }
   const auto k = static_cast<Index>(values.size());
@@ -126,10 +112,26 @@ ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   out.step = step.cwiseProduct(inverse);
   out.step_se = (flat.array() > 1e-3).select(kNone, variance.cwiseSqrt().cwiseProduct(inverse));
-  const ParameterSet better = admissible(with_entries(model.parameters, out.value + out.step));
-  out.better = free_entries(better);
+  return out;
+}
+
+Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  Retuned out;
+  RecordingsLikelihood likelihood(model, recordings);
+  const LikelihoodProblem problem = likelihood.problem();
+  // A value outside its bounds is the file's own; scoring begins at the nearest inside.
+  const VectorXd start =
+      coordinates(model.parameters).cwiseMax(problem.lower).cwiseMin(problem.upper);
+  SolverOptions options;
+  options.max_iterations = kSteps;
+  const Solution solution = maximise(problem, start, options);
+  if (solution.summary.termination == Termination::start_undefined) {
+    return {model.parameters, kNone, kNone};
+  }
+  out.parameters = with_coordinates(model.parameters, solution.x);
+  out.gain = solution.summary.objective - solution.summary.initial_objective;
   out.loss = predicted_loss(instantiate(model.linear, model.parameters),
-                            instantiate(model.linear, better));
+                            instantiate(model.linear, out.parameters));
   return out;
 }
 

@@ -20,17 +20,13 @@ ModelFile with_free_noise(const ModelFile& model);
 
 struct ScoreTest {
   FilterStatus status = FilterStatus::ok;  ///< else the rest is empty
-  std::vector<std::string> names, units;   ///< of the k entries tested
+  std::vector<std::string> names;          ///< of the k entries tested
   Eigen::VectorXd value;                   ///< as given, SI
   Eigen::VectorXd direction;     ///< g_i / sqrt(J_ii): standard normal at the true noise; positive:
                                  ///< the entry alone should be larger
   Eigen::VectorXd step;          ///< J^+ g, SI: one step of Fisher scoring
   Eigen::VectorXd step_se;       ///< sqrt(diag J^+); NaN where the data do not tell the entry
-  Eigen::VectorXd better;        ///< value + step, SI, what is not positive semidefinite cut off
   ChiSquareStatistic statistic;  ///< g' J^+ g, rank of J degrees of freedom
-  /// Predicted tr P(present gain) / tr P(optimal gain) - 1, both under the noise of `better`; NaN
-  /// when a steady state is missing.
-  double loss = 0.0;
 };
 
 /// Rao's (1948) score test of the present noise: gradient g of the log-likelihood by the entries
@@ -40,5 +36,20 @@ struct ScoreTest {
 /// @param model  as with_free_noise() returns it
 /// @throws std::invalid_argument when nothing is free
 ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordings);
+
+/// Where a few steps of scoring lead from the present noise, and what staying costs.
+struct Retuned {
+  ParameterSet parameters;
+  double gain = 0.0;  ///< of the log-likelihood
+  /// Predicted tr P(present gain) / tr P(optimal gain) - 1, both under the noise found; NaN when a
+  /// steady state is missing.
+  double loss = 0.0;
+};
+
+/// At most ten Fisher scoring steps (solvers/scoring.h); most of the way to the maximum from
+/// anywhere, not an estimate: no convergence is asked for. For a filter that is
+/// optimal the loss is what chance makes of it.
+/// @param model  as with_free_noise() returns it
+Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -223,7 +223,7 @@ class Check(unittest.TestCase):
             self.assertEqual(out["status"]["code"], "answer_no")
             self.assertIn("not optimal", out["status"]["message"])
             self.assertIn("r should be larger", out["status"]["message"])
-            self.assertGreater([d["value"] for d in out["derived"] if d["name"] == "loss in tr P"][0], 5)
+            self.assertGreater([d["value"] for d in out["derived"] if d["name"] == "predicted loss in tr P"][0], 5)
 
     def test_compare(self):
         with Folder() as folder:
