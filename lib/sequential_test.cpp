@@ -34,8 +34,7 @@ RecursiveRegression regression(Index regressors) {
 void begin(RecursiveRegression& r, Index lagged, double prior_lagged, double prior_channels,
            double squares) {
   r.P.setZero();
-  r.P.diagonal().head(lagged).setConstant(prior_lagged);
-  r.P.diagonal().tail(r.P.rows() - lagged).setConstant(prior_channels);
+  for (Index i = 0; i < r.P.rows(); ++i) r.P(i, i) = i < lagged ? prior_lagged : prior_channels;
   r.start_trace = r.P.trace();
   r.theta.setZero();
   r.squares = squares;
@@ -44,6 +43,10 @@ void begin(RecursiveRegression& r, Index lagged, double prior_lagged, double pri
 // Takes one sample. @return zeta = phi' P phi: the prediction's variance is 1 + zeta times the
 // noise's.
 double absorb(RecursiveRegression& r, const double* regressors, double y, double forgetting = 1.0) {
+  if (r.theta.size() == 0) {  // nothing to regress on: Eigen's products want at least one entry
+    r.squares += y * y;
+    return 0.0;
+  }
   const Eigen::Map<const VectorXd> phi(regressors, r.theta.size());
   if (forgetting < 1.0 && r.P.trace() < r.start_trace) {
     r.P.triangularView<Eigen::Lower>() *= 1.0 / forgetting;

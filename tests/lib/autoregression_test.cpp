@@ -32,7 +32,7 @@ TEST(Autoregression, RecursionSolvesTheYuleWalkerEquations) {
       return k >= 0 ? Y[static_cast<std::size_t>(k)]
                     : MatrixXd(Y[static_cast<std::size_t>(-k)].transpose());
     };
-    for (Index m = 0; m <= 4; ++m) {
+    for (Index m = 1; m <= 4; ++m) {
       // [A_1 .. A_m] T = [Y_1 .. Y_m], T block (k, l) = E e(t-k) e(t-l)' = Y_(l-k).
       MatrixXd T(ny * m, ny * m), right(ny, ny * m);
       for (Index k = 0; k < m; ++k) {
