@@ -1,12 +1,26 @@
 #include "identify/check.h"
 
+#include <cmath>
+
 #include <fmt/format.h>
 
 #include "identify/filter_report.h"
+#include "identify/noise_estimate.h"
+#include "identify/optimality.h"
+#include "identify/score_test.h"
 #include "identify/suspect_data.h"
 #include "lib/units.h"
 
 namespace identikal {
+
+using Eigen::Index;
+
+namespace {
+
+// Below this no test has its stated error.
+constexpr Index kFewestInnovations = 20;
+
+}  // namespace
 
 Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings) {
   if (model.form != ModelFile::Form::linear) {
@@ -29,35 +43,48 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
     p.fixed = true;
     estimate.parameters.push_back(std::move(p));
   }
+  check_channels(recordings);
   const std::vector<FilterResult> filters =
       describe_filter(estimate, model, model.parameters, recordings);
-  if (estimate.tests.empty()) {
-    throw InputError({recordings[0].name, 0, 0}, "no sample is left to test",
-                     "at least one measured row");
+  Index innovations = 0;
+  for (const FilterResult& filter : filters) {
+    innovations += (filter.standardised.array() == filter.standardised.array()).count();
   }
-
-  warn_of_suspect_data(estimate, model, model.parameters, recordings, filters);
-  std::string failed;
-  for (const TestResult& test : estimate.tests) {
-    if (test.pass) continue;
-    failed += failed.empty() ? "" : "; ";
-    if (test.id != "nis") {
-      failed +=
-          fmt::format("innovations of '{}' are correlated (p = {:.2g})", test.channel, test.p);
-    } else if (test.value > test.interval[1]) {
-      failed += fmt::format(
-          "innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is "
-          "too small",
-          test.value);
-    } else {
-      failed += fmt::format(
-          "innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is "
-          "too large",
-          test.value);
+  if (innovations < kFewestInnovations) {
+    throw InputError(
+        {recordings[0].name, 0, 0}, fmt::format("{} innovations are too few to test", innovations),
+        fmt::format("at least {} measured samples behind a diffuse start", kFewestInnovations),
+        "use a longer recording");
+  }
+  Optimality found = test_optimality(model, recordings, filters);
+  estimate.tests = std::move(found.tests);
+  estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
+  const Retuned better = retuned(with_free_noise(model), recordings);
+  estimate.derived.push_back({"predicted loss in tr P", "%", 100.0 * better.loss, kNone});
+  if (!found.optimal && !std::isnan(better.gain)) {
+    const ReportedEntries to = reported_entries(better.parameters);
+    std::string values;
+    for (std::size_t i = 0; i < to.names.size(); ++i) {
+      if (better.parameters[static_cast<std::size_t>(to.parameter[i])].fixed) continue;
+      const Unit unit = parse_unit(to.units[i]).value_or(Unit{});
+      values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
+                            unit.from_si(to.value[static_cast<Index>(i)]));
     }
+    estimate.notes.push_back(fmt::format(
+        "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
+        better.gain, values));
   }
-  estimate.message = failed.empty() ? "no test rejects optimality" : "not optimal: " + failed;
-  if (!failed.empty()) estimate.status = Status::answer_no;
+  warn_of_suspect_data(estimate, model, model.parameters, recordings, filters);
+  estimate.warnings.insert(estimate.warnings.end(), found.warnings.begin(), found.warnings.end());
+  if (found.optimal) {
+    estimate.message = "no test rejects optimality";
+    return estimate;
+  }
+  estimate.status = Status::answer_no;
+  estimate.message = "not optimal";
+  for (std::size_t i = 0; i < found.faults.size(); ++i) {
+    estimate.message += (i == 0 ? ": " : "; ") + found.faults[i];
+  }
   return estimate;
 }
 

@@ -7,6 +7,11 @@ namespace identikal {
 double chi_square_upper_tail(double value, double dof);
 /// x with P(X <= x) = probability, 0 < probability < 1.
 double chi_square_quantile(double probability, double dof);
+/// P(X > value) for an F-distributed X. @param dof, dof_rest > 0; NaN for a NaN value.
+double f_upper_tail(double value, double dof, double dof_rest);
+double f_quantile(double probability, double dof, double dof_rest);
+/// P(|X| > |value|) for a standard normal X; NaN for NaN.
+double normal_two_sided(double value);
 double normal_quantile(double probability);
 double student_t_quantile(double probability, double dof);
 

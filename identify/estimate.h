@@ -60,12 +60,13 @@ struct Warning {
 };
 
 struct TestResult {
-  std::string id;       ///< "nis", "ljung_box"
+  std::string id;       ///< "nis", "ljung_box", ... (identify/optimality.h)
   std::string channel;  ///< empty: all together
   double value = kNone;
   std::array<double, 2> interval{kNone, kNone};
   double p = kNone;
   bool pass = true;
+  double level = kNone;  ///< how often it may fail an optimal filter; kNone: no part of the verdict
 };
 
 struct ChannelFit {

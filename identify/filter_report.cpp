@@ -18,16 +18,25 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
+MatrixXd with_gaps(const std::vector<const MatrixXd*>& parts, Index gap) {
+  Index total = gap * static_cast<Index>(parts.size() - 1), at = 0;
+  for (const MatrixXd* part : parts) total += part->cols();
+  MatrixXd out = MatrixXd::Constant(parts[0]->rows(), total, kNone);
+  for (const MatrixXd* part : parts) {
+    out.middleCols(at, part->cols()) = *part;
+    at += part->cols() + gap;
+  }
+  return out;
+}
+
 // All recordings side by side.
 struct Joined {
   MatrixXd y, e, standardised;
   Eigen::VectorXd time;
   std::vector<int> recording;
-  MatrixXd apart;  // standardised, with as much missing between recordings as a test looks across
 };
 
-Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters,
-            Index gap) {
+Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters) {
   const Index ny = recordings[0].y.rows();
   Index total = 0;
   for (const Dataset& data : recordings) total += data.size();
@@ -36,15 +45,12 @@ Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResu
   out.e.resize(ny, total);
   out.standardised.resize(ny, total);
   out.time.resize(total);
-  const auto gaps = gap * static_cast<Index>(recordings.size() - 1);
-  out.apart = MatrixXd::Constant(ny, total + gaps, kNone);
   Index at = 0;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Index N = recordings[r].size();
     out.y.middleCols(at, N) = recordings[r].y;
     out.e.middleCols(at, N) = filters[r].e;
     out.standardised.middleCols(at, N) = filters[r].standardised;
-    out.apart.middleCols(at + gap * static_cast<Index>(r), N) = filters[r].standardised;
     out.time.segment(at, N) = recordings[r].time;
     out.recording.insert(out.recording.end(), static_cast<std::size_t>(N), static_cast<int>(r) + 1);
     at += N;
@@ -52,10 +58,11 @@ Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResu
   return out;
 }
 
-void report_tests(Estimate& estimate, const std::vector<Channel>& outputs, const Joined& all,
-                  int lags) {
+void report_tests(Estimate& estimate, const std::vector<Channel>& outputs,
+                  const std::vector<FilterResult>& filters, int lags) {
+  const MatrixXd all = side_by_side(filters, lags);
   const double level = 0.05 / static_cast<double>(1 + outputs.size());
-  const ChiSquareStatistic nis = normalised_innovation_squared(all.standardised);
+  const ChiSquareStatistic nis = normalised_innovation_squared(all);
   if (nis.dof > 0.0) {
     TestResult test;
     test.id = "nis";
@@ -68,7 +75,7 @@ void report_tests(Estimate& estimate, const std::vector<Channel>& outputs, const
     estimate.tests.push_back(test);
   }
   for (std::size_t i = 0; i < outputs.size(); ++i) {
-    const ChiSquareStatistic q = ljung_box(all.apart.row(static_cast<Index>(i)).transpose(), lags);
+    const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
     if (!std::isfinite(q.value)) {
       estimate.notes.push_back("ljung_box of '" + outputs[i].name +
                                "' is not computed: its innovations are constant or missing");
@@ -119,6 +126,18 @@ void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const J
 
 }  // namespace
 
+MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
+  std::vector<const MatrixXd*> parts;
+  for (const FilterResult& filter : filters) parts.push_back(&filter.standardised);
+  return with_gaps(parts, gap);
+}
+
+MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Index gap) {
+  std::vector<const MatrixXd*> parts;
+  for (const Dataset& data : recordings) parts.push_back(&data.u);
+  return with_gaps(parts, gap);
+}
+
 void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                    FilterStatus status) {
   const StateSpace system = instantiate(model.linear, model.parameters);
@@ -168,9 +187,8 @@ void describe_innovations(Estimate& estimate, const std::vector<Dataset>& record
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const int lags = default_lags(shortest);
-  const Joined all = join(recordings, filters, lags);
-  report_fit(estimate, recordings[0].outputs, all);
-  report_tests(estimate, recordings[0].outputs, all, lags);
+  report_fit(estimate, recordings[0].outputs, join(recordings, filters));
+  report_tests(estimate, recordings[0].outputs, filters, lags);
 }
 
 std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,

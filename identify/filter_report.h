@@ -33,4 +33,9 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
                                           const ParameterSet& parameters,
                                           const std::vector<Dataset>& recordings);
 
+/// Standardised innovations of all recordings, ny x N, with `gap` missing samples between one and
+/// the next, so that no test looks across; and the inputs in step with them.
+Eigen::MatrixXd side_by_side(const std::vector<FilterResult>& filters, Eigen::Index gap);
+Eigen::MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Eigen::Index gap);
+
 }  // namespace identikal

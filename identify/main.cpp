@@ -1,4 +1,5 @@
 // The command line. Every exception ends here.
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -14,6 +15,7 @@
 
 #include "identify/bound.h"
 #include "identify/check.h"
+#include "identify/compare.h"
 #include "identify/figure.h"
 #include "identify/info.h"
 #include "identify/model_file.h"
@@ -49,7 +51,7 @@ struct Arguments {
   std::string method = "ml", accuracy, place = "both", hold_out = "30%";
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
-  bool full_matrix = false, sources = false;
+  bool compare = false, full_matrix = false, sources = false;
   long lags = 0, draws = 0;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
   long rows = 0;
@@ -169,7 +171,8 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
     std::vector<ResultFile> files{{"result.json", json}};
-    if (!estimate.bound) files.push_back({"residuals.csv", residuals_csv(estimate)});
+    if (estimate.series.time.size() > 0)
+      files.push_back({"residuals.csv", residuals_csv(estimate)});
     if (estimate.course) files.push_back({"course.csv", course_csv(estimate)});
     files.insert(files.end(), more_files.begin(), more_files.end());
     write_files(args.output, files);
@@ -257,6 +260,36 @@ int run_estimator(const Arguments& args) {
   }
   progress.clear();
   return finish(args, recordings, estimate, begin);
+}
+
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
+int run_compare(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  std::vector<std::string> paths{args.model};
+  Arguments view = args;
+  const auto data = std::stable_partition(view.data.begin(), view.data.end(), is_model);
+  paths.insert(paths.end(), view.data.begin(), data);
+  view.data.erase(view.data.begin(), data);
+  if (view.data.empty()) {
+    throw InputError({}, "no recording on the command line",
+                     "identikal check --compare A.yaml B.yaml DATA");
+  }
+  std::vector<ModelFile> models;
+  std::vector<std::vector<Dataset>> recordings;
+  Recordings loaded;
+  for (const std::string& path : paths) {
+    view.model = path;
+    models.push_back(load_model(view));
+    loaded = load_recordings(view, models.back());
+    if (models.back().time.step == 0.0) models.back().linear.dt = loaded.data.front().dt;
+    recordings.push_back(loaded.data);
+  }
+  Estimate estimate = compare_filters(models, recordings);
+  return finish(args, loaded, estimate, begin);
 }
 
 int run_bound(const Arguments& args) {
@@ -423,11 +456,6 @@ int run_simulate(const Arguments& args) {
   return 0;
 }
 
-bool is_model(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".yaml" || ending == ".yml";
-}
-
 int run_info(const Arguments& args) {
   std::vector<std::string> files = args.data;
   if (!args.model.empty()) files.insert(files.begin(), args.model);
@@ -493,7 +521,10 @@ int run(int argc, char** argv) {
     verb->add_option("MODEL", args.model, "model file (YAML)")->required();
     verb->add_option("DATA", args.data, "recordings (CSV)")->required();
     add_common(*verb, args, true);
-    if (std::string(name) == "check") continue;
+    if (std::string(name) == "check") {
+      verb->add_flag("--compare", args.compare, "rank filters: --compare A.yaml B.yaml ... DATA");
+      continue;
+    }
     verb->add_option("--seed", args.seed, "seed of the scattered starts")
         ->check(whole_number)
         ->capture_default_str();
@@ -563,8 +594,7 @@ int run(int argc, char** argv) {
 
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
-  study
-      ->add_option("NAME", args.model, "matisko-table-3 to -10, matisko-figure-4, -5, -6, -14, -15")
+  study->add_option("NAME", args.model, "matisko-table-1 to -13, matisko-figure-3 to -6, -14, -15")
       ->required();
   study
       ->add_option("-o,--output", args.output,
@@ -619,7 +649,7 @@ int run(int argc, char** argv) {
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "simulate") return run_simulate(args);
-  return run_estimator(args);
+  return args.compare ? run_compare(args) : run_estimator(args);
 }
 
 }  // namespace

@@ -35,6 +35,10 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
                      fmt::format("{} samples for {} unknowns", samples, unknowns),
                      "more samples than unknowns", "use a longer recording or fix parameters");
   }
+  check_channels(recordings);
+}
+
+void check_channels(const std::vector<Dataset>& recordings) {
   for (const Dataset& data : recordings) {
     for (Index i = 0; i < data.y.rows(); ++i) {
       double low = HUGE_VAL, high = -HUGE_VAL;

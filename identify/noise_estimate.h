@@ -20,6 +20,9 @@ Eigen::Index samples_present(const std::vector<Dataset>& recordings);
 /// changes or an input has gaps
 void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings);
 
+/// @throws InputError when an output never changes or an input has gaps
+void check_channels(const std::vector<Dataset>& recordings);
+
 /// SI value of one `unit`; 1 for an unknown one.
 double unit_scale(const std::string& unit);
 

@@ -378,11 +378,18 @@ std::string console_report(const Estimate& estimate) {
   }
   out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation);
   for (const TestResult& test : estimate.tests) {
-    out += fmt::format("test   {:<12} {:<12} {:>9.4g} in {:.4g} .. {:.4g}  p {:.2g}  {}\n", test.id,
-                       test.channel, test.value, test.interval[0], test.interval[1], test.p,
-                       test.pass ? "pass" : "FAIL");
+    if (objective.method == "compare") break;  // its table says the same
+    out += fmt::format(
+        "test   {:<17} {:<10} {:>9.4g}{}{}  {}\n", test.id, test.channel, test.value,
+        std::isnan(test.interval[0])
+            ? ""
+            : fmt::format(" in {:.4g} .. {:.4g}", test.interval[0], test.interval[1]),
+        std::isnan(test.p) ? "" : fmt::format("  p {:.2g}", test.p), test.pass ? "pass" : "FAIL");
   }
-  for (const std::string& note : estimate.notes) out += wrapped(note, 7);
+  // What fits is left as it is: a table's columns.
+  for (const std::string& note : estimate.notes) {
+    out += note.size() <= kWidth ? note + "\n" : wrapped(note, 7);
+  }
   out += flat_text(estimate);
   for (const Warning& w : estimate.warnings) {
     out += wrapped(fmt::format("{:<7}{}: {}",

@@ -217,7 +217,8 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                             {"value", number(test.value)},
                             {"interval", {number(test.interval[0]), number(test.interval[1])}},
                             {"p", number(test.p)},
-                            {"pass", test.pass}});
+                            {"pass", test.pass},
+                            {"level", number(test.level)}});
   }
   Json directions = Json::array();
   for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {

@@ -6,6 +6,7 @@
 
 #include "identify/study_colour.h"
 #include "identify/study_figures.h"
+#include "identify/study_optimality.h"
 #include "identify/study_tables.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
@@ -15,7 +16,8 @@ namespace {
 
 const std::vector<Study>& studies() {
   static const std::vector<Study> all = [] {
-    std::vector<Study> out = table_studies();
+    std::vector<Study> out = optimality_studies();
+    for (Study& table : table_studies()) out.push_back(std::move(table));
     for (Study& figure : figure_studies()) out.push_back(std::move(figure));
     for (Study& table : colour_studies()) out.push_back(std::move(table));
     return out;

@@ -1,9 +1,11 @@
 #include "lib/autocovariance.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 
+#include "lib/lag_products.h"
 #include "lib/matrix_equations.h"
 #include "lib/steady_filter.h"
 
@@ -41,16 +43,25 @@ void check_gain(const StateSpace& model, const Eigen::Ref<const MatrixXd>& L) {
 SampleAutocovariances sample_autocovariances(const Eigen::Ref<const MatrixXd>& e, Index lags) {
   const Index ny = e.rows(), N = e.cols();
   if (lags < 1) throw std::invalid_argument("autocovariances: no lags");
-  const MatrixXd present = (e.array() == e.array()).cast<double>();
-  const MatrixXd values = (e.array() == e.array()).select(e, 0.0);
+  const auto present = (e.array() == e.array());
   SampleAutocovariances out;
-  for (Index k = 0; k < lags; ++k) {
-    const Index count = std::max<Index>(0, N - k);
-    MatrixXd sum = MatrixXd::Zero(ny, ny), pairs = sum;
-    sum.noalias() += values.rightCols(count) * values.leftCols(count).transpose();
-    pairs.noalias() += present.rightCols(count) * present.leftCols(count).transpose();
-    out.value.emplace_back(sum.cwiseQuotient(pairs));
-    out.pairs.push_back(std::move(pairs));
+  if (present.all()) {
+    out.value = lag_products(e, lags);
+    for (Index k = 0; k < lags; ++k) {
+      out.pairs.emplace_back(
+          MatrixXd::Constant(ny, ny, static_cast<double>(std::max<Index>(0, N - k))));
+    }
+  } else {
+    out.value = lag_products(present.select(e, 0.0), lags);
+    out.pairs = lag_products(present.cast<double>(), lags);
+    // The transform leaves rounding in what are whole numbers.
+    for (MatrixXd& pairs : out.pairs) pairs = pairs.array().round();
+  }
+  for (std::size_t k = 0; k < out.value.size(); ++k) {
+    const auto pairs = out.pairs[k].array();
+    out.value[k] =
+        (pairs > 0.0)
+            .select(out.value[k].array() / pairs, std::numeric_limits<double>::quiet_NaN());
   }
   return out;
 }

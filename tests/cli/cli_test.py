@@ -363,10 +363,33 @@ class Check(unittest.TestCase):
             run("simulate", NILE[0], "-n", 400, "--seed", 3, "-o", folder.path, code=0)
             data = folder.path / "simulated.csv"
             out = result("check", NILE[0], data, code=0)
-            self.assertTrue(all(t["pass"] for t in out["tests"]))
+            self.assertTrue(all(t["pass"] for t in out["tests"] if t["level"] is not None))
+            self.assertAlmostEqual(sum(t["level"] or 0 for t in out["tests"]), 0.05)
             out = result("check", NILE[0], data, "--set", "r=10", code=1)
             self.assertEqual(out["status"]["code"], "answer_no")
             self.assertIn("not optimal", out["status"]["message"])
+            self.assertIn("r should be larger", out["status"]["message"])
+            self.assertGreater([d["value"] for d in out["derived"] if d["name"] == "predicted loss in tr P"][0], 5)
+
+    def test_compare(self):
+        with Folder() as folder:
+            run("simulate", NILE[0], "-n", 400, "--seed", 3, "-o", folder.path, code=0)
+            data = folder.path / "simulated.csv"
+            text = pathlib.Path(NILE[0]).read_text()
+            other = folder.write("other.yaml", text.replace("r: {value: 1000", "r: {value: 50"))
+            self.assertNotEqual(text, pathlib.Path(other).read_text())
+            out = result("check", "--compare", other, NILE[0], data)
+            ranked = [t["channel"] for t in out["tests"] if t["id"] == "log_likelihood"]
+            self.assertEqual(ranked, [NILE[0], str(other)])
+            self.assertIn("nile.yaml has the highest likelihood", out["status"]["message"])
+            run("check", "--compare", NILE[0], data, code=2)
+            run("check", "--compare", NILE[0], other, code=2)
+
+    def test_nothing_is_said_of_nothing(self):
+        with Folder() as folder:
+            for values in (["5"] * 100, [""] * 99 + ["1"], ["1", "2", "3"]):
+                data = folder.write("data.csv", "year,volume\n" + "".join(f"{i},{v}\n" for i, v in enumerate(values)))
+                self.assertEqual(len(run("check", NILE[0], data, code=2).stderr.splitlines()), 1)
 
 
 class Simulate(unittest.TestCase):

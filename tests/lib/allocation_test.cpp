@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/likelihood.h"
+#include "lib/sequential_test.h"
 #include "tests/support/random_model.h"
 
 namespace {
@@ -42,6 +43,24 @@ TEST(Allocation, NoneInsideAnEvaluation) {
       EXPECT_EQ(allocations, 0) << n << " states, " << ny << " outputs";
       EXPECT_TRUE(std::isfinite(value));
     }
+  }
+}
+
+TEST(Allocation, NoneInAnUpdateOfTheSequentialTest) {
+  for (Eigen::Index ny = 1; ny <= 4; ++ny) {
+    Random random(static_cast<std::uint64_t>(ny));
+    Eigen::MatrixXd e(ny, 5000);
+    for (Eigen::Index t = 0; t < e.cols(); ++t) e.col(t) = random.normal(ny);
+    SequentialTest test = start_sequential_test(ny, {});
+    int decisions = 0;
+    allocations = 0;
+    counting = true;
+    for (Eigen::Index t = 0; t < e.cols(); ++t) {
+      decisions += update(test, e.col(t)) != SequentialDecision::undecided;
+    }
+    counting = false;
+    EXPECT_EQ(allocations, 0) << ny << " outputs";
+    EXPECT_GT(decisions, 0) << ny << " outputs";
   }
 }
 

@@ -1,0 +1,61 @@
+// A filter, and recordings of the system that it may or may not suit.
+#pragma once
+
+#include <string>
+
+#include <Eigen/Core>
+
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+#include "lib/kalman.h"
+#include "lib/random.h"
+#include "lib/realisation.h"
+#include "lib/state_space.h"
+
+namespace identikal {
+
+/// All matrices as numbers, nothing free.
+inline ModelFile fixed_model(const StateSpace& system) {
+  ModelFile out;
+  out.path = "filter.yaml";
+  LinearModel& m = out.linear;
+  m.A.constant = system.A;
+  m.B.constant = system.B;
+  m.C.constant = system.C;
+  m.D.constant = system.D;
+  m.G.constant = system.G;
+  m.Q.constant = system.Q;
+  m.R.constant = system.R;
+  m.S.constant = system.S;
+  m.initial = InitialState::stationary;
+  for (Eigen::Index i = 0; i < system.outputs(); ++i) {
+    ChannelSource source;
+    source.name = source.column = "y" + std::to_string(i + 1);
+    out.outputs.push_back(source);
+  }
+  return out;
+}
+
+inline Dataset recording_of(const StateSpace& truth, Eigen::Index samples, Random& random) {
+  Dataset out;
+  out.name = "simulated.csv";
+  out.dt = 1.0;
+  out.time = Eigen::VectorXd::LinSpaced(samples, 0.0, static_cast<double>(samples - 1));
+  out.u.resize(truth.inputs(), samples);
+  for (Eigen::Index t = 0; t < samples; ++t) out.u.col(t) = random.normal(truth.inputs());
+  out.y = realisation(truth, InitialState::stationary, out.u, samples, random);
+  for (Eigen::Index i = 0; i < truth.outputs(); ++i) {
+    out.outputs.push_back({"y" + std::to_string(i + 1), ""});
+  }
+  for (Eigen::Index i = 0; i < truth.inputs(); ++i) {
+    out.inputs.push_back({"u" + std::to_string(i + 1), ""});
+  }
+  return out;
+}
+
+inline FilterResult innovations_of(const ModelFile& model, const Dataset& data) {
+  return kalman_filter(instantiate(model.linear, model.parameters), model.linear.initial, data.y,
+                       data.u, Keep::innovations);
+}
+
+}  // namespace identikal
