@@ -191,7 +191,12 @@ struct Shaping {
   };
   std::vector<Candidate> candidates;  ///< the white model first, then the best first
   std::vector<std::string> channels, units;
-  std::vector<int> horizons;      ///< samples
+  std::vector<int> horizons;  ///< samples
+  /// Spectra of the standardised innovations, 1 where they are white: frequencies [rad/s], channels
+  /// x frequencies; 95 % of a white sequence's values lie in the band.
+  Eigen::VectorXd frequency;
+  Eigen::MatrixXd spectrum_white, spectrum_shaped;  ///< shaped: empty without filter
+  std::array<double, 2> band{kNone, kNone};
   Eigen::MatrixXd without, with;  ///< channels x horizons: rms prediction errors on held-out data
   double held_out_without = kNone, held_out_with = kNone;  ///< log-likelihoods there
 };

@@ -371,7 +371,7 @@ int run_shape(const Arguments& args) {
   options.progress = [&](const std::string& what) { progress.show(what); };
   ShapeResult result = shape(model, recordings.data, options);
   progress.clear();
-  std::vector<ResultFile> files;
+  std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
   if (result.model) {
     const Shaping& s = *result.estimate.shaping;
     files.push_back(

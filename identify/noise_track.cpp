@@ -12,6 +12,7 @@
 #include "identify/noise_estimate.h"
 #include "identify/parameter_prior.h"
 #include "lib/error.h"
+#include "lib/sequential_test.h"
 #include "solvers/recursive_posterior.h"
 
 namespace identikal {
@@ -191,11 +192,23 @@ class ChangeTest {
     return largest > kNowhere ? largest + std::log((all.array() - largest).exp().sum()) : kNowhere;
   }
 
-  // When the change that explains most began.
+  // When the change began: the latest begin that explains the samples about as well as any. An
+  // early one draws samples of the old noise into what is learnt of the new.
   Index since() const {
+    constexpr double kAsWell = 3.0;  // in log-likelihood
+    const double most = sum_.maxCoeff();
+    Index out = 0;
+    for (Index i = 0; i < sum_.size(); ++i) {
+      if (sum_[i] > most - kAsWell) out = std::max(out, since_[static_cast<std::size_t>(i)]);
+    }
+    return out;
+  }
+
+  // Of the state's prediction under the noise that explains the change best.
+  MatrixXd state_covariance() const {
     Index best = 0;
     sum_.maxCoeff(&best);
-    return since_[static_cast<std::size_t>(best)];
+    return mixture(bank_, VectorXd::Unit(sum_.size(), best)).P;
   }
 
   void begin_anew() {
@@ -301,8 +314,10 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
       if (out.log_alarm[t] > out.log_threshold) {
         const Index since = test->since();
         out.changes.push_back({since, t});
-        const FilterStart from{out.filter.x_pred.col(since),
-                               out.filter.P_pred[static_cast<std::size_t>(since)], 0.0};
+        // The old filter does not know how far the new noise has driven the state by then.
+        const FilterStart from{
+            out.filter.x_pred.col(since),
+            out.filter.P_pred[static_cast<std::size_t>(since)] + test->state_covariance(), 0.0};
         problem = learning_problem(model, prior, [from](const StateSpace&) { return from; });
         posterior = start_posterior(problem, options.draws, options.seed + out.changes.size());
         entries = entries_of_draws(model, prior, posterior);
@@ -330,6 +345,26 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
   return out;
 }
 
+namespace {
+
+// What Wald's sequential test says of the innovations along the way, decision after decision.
+void report_whiteness(Estimate& estimate, const FilterResult& filter) {
+  SequentialTest test = start_sequential_test(filter.standardised.rows(), {});
+  int white = 0, coloured = 0;
+  for (Index t = filter.first_proper; t < filter.standardised.cols(); ++t) {
+    const SequentialDecision decision = update(test, filter.standardised.col(t));
+    white += decision == SequentialDecision::white;
+    coloured += decision == SequentialDecision::coloured;
+  }
+  estimate.notes.push_back(
+      white + coloured == 0
+          ? "the sequential test of whiteness has come to no decision"
+          : fmt::format("sequential test of whiteness: {} times white, {} times coloured", white,
+                        coloured));
+}
+
+}  // namespace
+
 Estimate track(const ModelFile& model, const Dataset& recording, const NoiseTrackOptions& options) {
   check_recordings(model, {recording});
   const NoiseTrack course = track_noise(model, recording, options);
@@ -356,6 +391,7 @@ Estimate track(const ModelFile& model, const Dataset& recording, const NoiseTrac
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
   describe_noise(estimate, model, end);
   describe_innovations(estimate, {recording}, {course.filter});
+  report_whiteness(estimate, course.filter);
   warn_of_coloured_innovations(estimate);
 
   Course& report = estimate.course.emplace();

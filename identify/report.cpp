@@ -228,7 +228,7 @@ std::string shaping_text(const Estimate& estimate) {
     out += fmt::format("peak   of the outputs' spectrum at {:.4g} rad/s ({:.4g} Hz)\n",
                        s.output_peak, s.output_peak / kTurn);
   }
-  for (std::size_t i = 0; i < s.channels.size(); ++i) {
+  for (std::size_t i = 0; s.with.size() > 0 && i < s.channels.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(i);
     out += fmt::format("\nheld out: rms error of {} {}\n  steps   white    shaped  gain\n",
                        s.channels[i], s.units[i].empty() ? "" : "[" + s.units[i] + "]");
@@ -425,6 +425,25 @@ std::string course_csv(const Estimate& estimate) {
       out += "," + cell_text(course.mean(i, t)) + "," + cell_text(course.sd(i, t));
     }
     out += "," + cell_text(course.log_alarm[t]) + "\n";
+  }
+  return out;
+}
+
+std::string spectrum_csv(const Estimate& estimate) {
+  const Shaping& s = *estimate.shaping;
+  std::string out = "frequency [rad/s],band_low,band_high";
+  for (const std::string& channel : s.channels) {
+    out += "," + channel + "_white";
+    if (s.spectrum_shaped.size() > 0) out += "," + channel + "_shaped";
+  }
+  out += "\n";
+  for (Eigen::Index k = 0; k < s.spectrum_white.cols(); ++k) {
+    out += cell_text(s.frequency[k]) + "," + cell_text(s.band[0]) + "," + cell_text(s.band[1]);
+    for (Eigen::Index i = 0; i < s.spectrum_white.rows(); ++i) {
+      out += "," + cell_text(s.spectrum_white(i, k));
+      if (s.spectrum_shaped.size() > 0) out += "," + cell_text(s.spectrum_shaped(i, k));
+    }
+    out += "\n";
   }
   return out;
 }

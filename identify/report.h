@@ -23,6 +23,10 @@ std::string residuals_csv(const Estimate& estimate);
 /// the test for a change.
 std::string course_csv(const Estimate& estimate);
 
+/// The spectra of Estimate::shaping as CSV: of the standardised innovations of the white model and
+/// of the shaped one, 1 where white, with the band that holds 95 % of a white sequence.
+std::string spectrum_csv(const Estimate& estimate);
+
 struct ResultFile {
   std::string name, content;
 };

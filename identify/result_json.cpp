@@ -123,7 +123,7 @@ Json shaping(const Estimate& estimate) {
   for (const Shaping::Pole& pole : s.poles) {
     poles.push_back({{"frequency", number(pole.frequency)}, {"radius", number(pole.radius)}});
   }
-  for (std::size_t i = 0; i < s.channels.size(); ++i) {
+  for (std::size_t i = 0; s.with.size() > 0 && i < s.channels.size(); ++i) {
     for (std::size_t h = 0; h < s.horizons.size(); ++h) {
       const auto row = static_cast<Eigen::Index>(i), column = static_cast<Eigen::Index>(h);
       predictions.push_back({{"channel", s.channels[i]},

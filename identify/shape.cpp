@@ -87,6 +87,48 @@ InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& da
   return out;
 }
 
+// The model with variances raised that the white model was tuned to next to nothing: a factor of
+// zero would keep them there. @param spectrum  receives the raised Q and R too
+ModelFile with_raised_variances(ModelFile model, InnovationSpectrum& spectrum) {
+  constexpr double kNothing = 1e-3, kRaised = 0.1;  // of the innovations' variance
+  const Index nw = spectrum.Q.rows(), ny = spectrum.R.rows();
+  VectorXd power = VectorXd::Zero(ny), gain = VectorXd::Zero(nw);  // means over frequency
+  double weight = 0.0;
+  for (Index k = 0; k < spectrum.measured.omega.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double w = spectrum.measured.weight[k];
+    power += w * spectrum.measured.S[at].diagonal().real();
+    gain += w * spectrum.T_G[at].colwise().squaredNorm().transpose();
+    weight += w;
+  }
+  power /= weight;
+  gain /= weight;
+  const auto raise = [&](const ParametrisedMatrix& matrix, const VectorXd& whole) {
+    if (matrix.block >= 0) {
+      Parameter& p = model.parameters[static_cast<std::size_t>(matrix.block)];
+      for (Index i = 0; !p.fixed && i < whole.size(); ++i) {
+        if (p.value(i, i) < kNothing * whole[i]) p.value(i, i) += kRaised * whole[i];
+      }
+      if (!p.fixed && p.domain == Domain::scaled_identity) {
+        p.value = p.value.diagonal().mean() * MatrixXd::Identity(whole.size(), whole.size());
+      }
+    }
+    for (const ParametrisedMatrix::Entry& e : matrix.entries) {
+      Parameter& p = model.parameters[static_cast<std::size_t>(e.parameter)];
+      if (p.fixed || e.row != e.col || !(e.factor > 0.0)) continue;
+      const double most = whole[e.row] / e.factor;
+      if (p.scalar() >= kNothing * most) continue;
+      p.value(0, 0) = std::clamp(kRaised * most, p.min, p.max);
+    }
+  };
+  raise(model.linear.R, power);
+  raise(model.linear.Q, VectorXd::Constant(nw, power.sum()).cwiseQuotient(gain));
+  const StateSpace m = instantiate(model.linear, model.parameters);
+  spectrum.Q = m.Q;
+  spectrum.R = m.R;
+  return model;
+}
+
 // A shaping structure: where, on which channels, of which order.
 struct Structure {
   NoisePlace place = NoisePlace::process;
@@ -409,11 +451,11 @@ Solution maximise_stable(const ModelFile& shaped, const std::vector<Dataset>& re
   return solution;
 }
 
-Candidate maximum_likelihood(const ModelFile& white, const std::vector<Dataset>& recordings,
+Candidate maximum_likelihood(const ModelFile& base, const std::vector<Dataset>& recordings,
                              const InnovationSpectrum& spectrum, const SpectralSolution& start) {
   const SpectralFit fit(spectrum, start.structure);
   // The spectral fit's factors of the variances, where those are free.
-  ModelFile scaled = white;
+  ModelFile scaled = base;
   const auto scale = [&](int block, const VectorXd& factor) {
     if (block < 0) return;
     Parameter& p = scaled.parameters[static_cast<std::size_t>(block)];
@@ -542,6 +584,24 @@ struct Colour {
   double peak_p = 1.0;
 };
 
+constexpr int kBandTapers = 5;
+
+// Of standardised innovations, behind a diffuse start.
+MatrixXd without_lead(const MatrixXd& e) {
+  Index first = 0;
+  while (first < e.cols() && e.col(first).array().isNaN().all()) ++first;
+  return e.rightCols(e.cols() - first);
+}
+
+// channels x frequencies
+MatrixXd channel_spectra(const Spectrum& s) {
+  MatrixXd out(s.S[0].rows(), s.omega.size());
+  for (Index k = 0; k < out.cols(); ++k) {
+    out.col(k) = s.S[static_cast<std::size_t>(k)].diagonal().real();
+  }
+  return out;
+}
+
 Colour colour_of(const Estimate& white) {
   Colour out;
   for (const TestResult& test : white.tests) {
@@ -549,19 +609,13 @@ Colour colour_of(const Estimate& white) {
   }
   const double channels = static_cast<double>(white.series.standardised.rows());
   out.p = std::min(1.0, 2.0 * channels * out.p);
-  MatrixXd e = white.series.standardised;
-  Index first = 0;
-  while (first < e.cols() && e.col(first).array().isNaN().all()) ++first;
-  e = e.rightCols(e.cols() - first).eval();
+  const MatrixXd e = without_lead(white.series.standardised);
   if (e.cols() < 64) return out;
-  const int tapers = 5;
-  const Spectrum s = multitaper(e, tapers);
-  VectorXd level(s.omega.size());
-  for (Index k = 0; k < level.size(); ++k)
-    level[k] = s.S[static_cast<std::size_t>(k)].real().trace();
+  const Spectrum s = multitaper(e, kBandTapers);
+  const VectorXd level = channel_spectra(s).colwise().sum();
   Index at = 0;
   const double highest = level.maxCoeff(&at) / level.mean();
-  const double dof = 2.0 * tapers * channels;
+  const double dof = 2.0 * kBandTapers * channels;
   out.peak = s.omega[at];
   // Overlapping estimates: no more independent ones than frequencies.
   out.peak_p =
@@ -643,6 +697,20 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   report.colour_p = colour.p;
   report.peak = colour.peak / model.linear.dt;
   report.peak_p = colour.peak_p;
+  const auto describe_spectrum = [&](const Estimate& estimate, MatrixXd& to) {
+    const MatrixXd e = without_lead(estimate.series.standardised);
+    if (e.cols() < 64) return;
+    const Spectrum s = multitaper(e, kBandTapers);
+    report.frequency = s.omega / model.linear.dt;
+    to = channel_spectra(s);
+    const double dof = 2.0 * kBandTapers;
+    report.band = {chi_square_quantile(0.025, dof) / dof, chi_square_quantile(0.975, dof) / dof};
+  };
+  describe_spectrum(white_estimate, report.spectrum_white);
+  for (const Channel& channel : recordings[0].outputs) {
+    report.channels.push_back(channel.name);
+    report.units.push_back(channel.unit);
+  }
   const double white_L = white_estimate.objective.log_likelihood;
   const double white_bic = bic_of(white_L, unknowns, samples);
   report.candidates.push_back({"white", "", 0, 0, white_L, white_bic});
@@ -658,7 +726,8 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   const auto longest =
       std::max_element(recordings.begin(), recordings.end(),
                        [](const Dataset& a, const Dataset& b) { return a.size() < b.size(); });
-  const InnovationSpectrum spectrum = innovation_spectrum(white, *longest);
+  InnovationSpectrum spectrum = innovation_spectrum(white, *longest);
+  const ModelFile start = with_raised_variances(white, spectrum);
   const std::vector<double> peak = peaks(spectrum.measured, 2);
   std::vector<SpectralSolution> spectral;
   for (Structure structure : structures(model, options)) {
@@ -701,7 +770,7 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
       if (whittle_bic(s) > first + kHopeless) continue;
       ++taken;
       say(fmt::format("likelihood: order {}", s.structure.order));
-      candidates.push_back(maximum_likelihood(white, recordings, spectrum, s));
+      candidates.push_back(maximum_likelihood(start, recordings, spectrum, s));
     }
   }
   std::sort(candidates.begin(), candidates.end(),
@@ -752,10 +821,8 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
         log_likelihood_of(white_first, recordings) - log_likelihood_of(white_first, first);
     report.held_out_with =
         log_likelihood_of(best_first, recordings) - log_likelihood_of(best_first, first);
-    for (std::size_t i = 0; i < model.outputs.size(); ++i) {
-      report.channels.push_back(model.outputs[i].name);
-      report.units.push_back(recordings[0].outputs[i].unit);
-      const double unit = unit_scale(report.units.back());
+    for (std::size_t i = 0; i < report.units.size(); ++i) {
+      const double unit = unit_scale(report.units[i]);
       report.with.row(static_cast<Index>(i)) /= unit;
       report.without.row(static_cast<Index>(i)) /= unit;
     }
@@ -767,6 +834,7 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   out.estimate = tune_ml(*out.model, recordings, one);
   out.estimate.objective.method = "shape";
   out.model->parameters = parameters_of(out.estimate, out.model->parameters);
+  describe_spectrum(out.estimate, report.spectrum_shaped);
   // Poles of the filters, and where their response is largest.
   const ReportedEntries entries = reported_entries(out.model->parameters);
   for (const Index channel : best.structure.channels) {

@@ -114,8 +114,8 @@ TEST(OptimalityStudy, Speed) {
 TEST(OptimalityStudy, Tables) {
   StudyOptions options;
   options.runs = 200;
-  for (const std::string& name : optimality_study_names()) {
-    std::printf("%s\n", study_optimality(name, options).c_str());
+  for (const Study& table : optimality_studies()) {
+    std::printf("%s\n", table.run(options).text.c_str());
   }
 }
 
