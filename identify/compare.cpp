@@ -78,12 +78,12 @@ void check_models(const std::vector<ModelFile>& models) {
                        "a linear model with Q and R");
     }
     const auto same = [](const ChannelSource& a, const ChannelSource& b) {
-      return a.column == b.column;
+      return a.column == b.column && a.unit == b.unit;
     };
     if (!std::equal(model.outputs.begin(), model.outputs.end(), models[0].outputs.begin(),
                     models[0].outputs.end(), same)) {
       throw InputError({model.path, 0, 0},
-                       "its outputs are other columns than those of " + models[0].path,
+                       "its outputs are other columns or units than those of " + models[0].path,
                        "the same measurements in the same order",
                        "likelihoods of different data cannot be compared");
     }

@@ -158,7 +158,8 @@ PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& re
 
 void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
                       const std::string& method) {
-  constexpr double kAsWide = 0.9;  // of the prior's standard deviation
+  constexpr double kAsWide = 0.9;   // of the prior's standard deviation
+  constexpr double kAtEdge = 0.02;  // of the prior's range
   const ParameterPrior prior = parameter_prior(model);
   const VectorXd mean = points.entries * points.weight;
   list_parameters(estimate, model.parameters, with_entries(model.parameters, mean));
@@ -197,6 +198,21 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
       p.verdict = Verdict::flat;
     } else if (p.se > 0.25 * std::abs(p.value)) {
       p.verdict = Verdict::weak;
+    }
+    const PriorCoordinate& coordinate = prior.coordinates[at];
+    const double range = coordinate.high - coordinate.low;
+    const double to_edge =
+        std::min(coordinate_mean[i] - coordinate.low, coordinate.high - coordinate_mean[i]);
+    if (coordinate.kind == PriorCoordinate::Kind::uniform && to_edge < kAtEdge * range &&
+        width < kAtEdge * range) {
+      p.verdict = Verdict::at_bound;
+      estimate.warnings.push_back(
+          {"prior_edge",
+           "serious",
+           {p.name},
+           fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
+                       coordinate.words),
+           "widen the prior, or check the units of the recording"});
     }
     id.rank += p.verdict != Verdict::flat;
     report.map.back() = points.entries(i, most_probable) / unit;

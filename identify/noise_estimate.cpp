@@ -206,18 +206,21 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   describe_filter_loss(estimate, model, end);
   const std::vector<FilterResult> filters = describe_filter(estimate, model, end, recordings);
   warn_of_suspect_data(estimate, model, end, recordings, filters);
-  const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                   [](const Warning& w) { return w.severity == "serious"; });
-  if (serious && estimate.status == Status::ok) {
-    estimate.status = Status::untrusted;
-    estimate.message += ", but the data do not fit the model: see the warnings";
-  }
+  distrust_serious_warnings(estimate);
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
   objective.bic = k * std::log(static_cast<double>(samples_present(recordings))) -
                   2.0 * objective.log_likelihood;
   warn_of_coloured_innovations(estimate);
+}
+
+void distrust_serious_warnings(Estimate& estimate) {
+  const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                   [](const Warning& w) { return w.severity == "serious"; });
+  if (!serious || estimate.status != Status::ok) return;
+  estimate.status = Status::untrusted;
+  estimate.message += ", but the data do not fit the model: see the warnings";
 }
 
 void warn_of_coloured_innovations(Estimate& estimate) {

@@ -54,6 +54,9 @@ void describe_filter_loss(Estimate& estimate, const ModelFile& model, const Para
 void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
                              const std::vector<Dataset>& recordings);
 
+/// A result with a serious warning is untrusted.
+void distrust_serious_warnings(Estimate& estimate);
+
 /// A warning for every channel whose innovations are not white.
 void warn_of_coloured_innovations(Estimate& estimate);
 

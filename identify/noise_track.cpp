@@ -11,6 +11,7 @@
 #include "identify/filter_report.h"
 #include "identify/noise_estimate.h"
 #include "identify/parameter_prior.h"
+#include "identify/suspect_data.h"
 #include "lib/error.h"
 #include "lib/sequential_test.h"
 #include "solvers/recursive_posterior.h"
@@ -261,8 +262,8 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
   };
   NoiseProblem problem =
       options.adaptive ? known_problem(model, at_start) : learning_problem(model, prior, at_start);
-  RecursivePosterior posterior = start_posterior(problem, options.adaptive ? 1 : options.draws,
-                                                 static_cast<std::uint64_t>(options.seed));
+  RecursivePosterior posterior =
+      start_posterior(problem, options.adaptive ? 1 : options.draws, options.seed);
 
   NoiseTrack out;
   const Index k = free_entries(model.parameters).size();
@@ -363,6 +364,23 @@ void report_whiteness(Estimate& estimate, const FilterResult& filter) {
                         coloured));
 }
 
+// Innovations that are not as large as the filter takes them for, all along the recording.
+void warn_of_size(Estimate& estimate, bool adaptive) {
+  constexpr Index kEnough = 50;  // below, a mixture of filters has no chi-square
+  for (const TestResult& test : estimate.tests) {
+    if (test.id != "nis" || test.pass || estimate.series.time.size() < kEnough) continue;
+    estimate.warnings.push_back(
+        {"innovation_size",
+         "warning",
+         {},
+         fmt::format("the innovations are {:.3g} times as large (in variance) as the filter took "
+                     "them for",
+                     test.value),
+         adaptive ? "the first samples of every new noise are among them; else widen the priors"
+                  : "noise that changes on the way: --adaptive; else widen the priors"});
+  }
+}
+
 }  // namespace
 
 Estimate track(const ModelFile& model, const Dataset& recording, const NoiseTrackOptions& options) {
@@ -393,6 +411,11 @@ Estimate track(const ModelFile& model, const Dataset& recording, const NoiseTrac
   describe_innovations(estimate, {recording}, {course.filter});
   report_whiteness(estimate, course.filter);
   warn_of_coloured_innovations(estimate);
+  warn_of_size(estimate, options.adaptive);
+  if (course.changes.empty()) {
+    warn_of_suspect_data(estimate, model, end, {recording}, {course.filter});
+  }
+  distrust_serious_warnings(estimate);
 
   Course& report = estimate.course.emplace();
   const Index k = course.mean.rows();

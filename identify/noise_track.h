@@ -50,9 +50,10 @@ struct NoiseTrack {
 ///
 /// (Shiryaev & Roberts; Pollak 1985). As every p_i is a density given the past, sum_i v_i S_i(t) -
 /// t is a martingale while the noise is what it is taken for, and A is a lower bound of the mean
-/// number of samples before a false alarm. One sample can raise log S by a third of log A at most,
-/// so that no single outlier rejects. Unlike a test of whiteness it sees noise that changes its
-/// size alone, and needs no window. Source: Matisko (2013), sections 3.3.4 and 4.6.
+/// number of samples before a false alarm. One sample can raise log S by a third of log A at most:
+/// a single outlier rejects only when it is so large that the samples behind it suffer as well.
+/// Unlike a test of whiteness it sees noise that changes its size alone, and needs no window.
+/// Source: Matisko (2013), sections 3.3.4 and 4.6.
 /// @throws InputError where the filter cannot run, or something other than noise is free
 NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
                        const NoiseTrackOptions& options = {});

@@ -186,7 +186,9 @@ std::string course_text(const Estimate& estimate) {
   if (!estimate.course) return "";
   const Course& course = *estimate.course;
   std::string out;
-  for (const Course::Change& change : course.changes) {
+  constexpr std::size_t kShown = 10;
+  for (std::size_t c = 0; c < std::min(kShown, course.changes.size()); ++c) {
+    const Course::Change& change = course.changes[c];
     std::string line =
         fmt::format("change at {:.6g} s, found at {:.6g} s:", change.since, change.found);
     for (std::size_t i = 0; i < course.names.size(); ++i) {
@@ -196,6 +198,9 @@ std::string course_text(const Estimate& estimate) {
                           course.units[i].empty() ? "" : " " + course.units[i]);
     }
     out += wrapped(line, 7);
+  }
+  if (course.changes.size() > kShown) {
+    out += fmt::format("and {} more changes\n", course.changes.size() - kShown);
   }
   return out.empty() ? "" : out + "\n";
 }
@@ -235,6 +240,7 @@ std::string shaping_text(const Estimate& estimate) {
     for (std::size_t h = 0; h < s.horizons.size(); ++h) {
       const auto column = static_cast<Eigen::Index>(h);
       const double without = s.without(row, column), with = s.with(row, column);
+      if (std::isnan(without) || std::isnan(with)) continue;
       out += fmt::format("  {:>5}  {:<8.4g} {:<8.4g} {:>3.0f} %\n", s.horizons[h], without, with,
                          100.0 * (1.0 - with / without));
     }

@@ -291,13 +291,13 @@ class SpectralFit {
   Index nw_ = 0, ny_ = 0;
 };
 
-// Frequencies where the innovations have most power beyond white noise, apart from one another.
+// Frequencies where the innovations have most power, apart from one another.
 std::vector<double> peaks(const Spectrum& measured, int most) {
   VectorXd height(measured.omega.size());
   for (Index k = 0; k < height.size(); ++k) {
     height[k] = measured.S[static_cast<std::size_t>(k)].real().trace();
   }
-  // Smoothed over neighbours by their weight.
+  // One frequency alone may be high by chance.
   VectorXd smooth = height;
   for (Index k = 1; k + 1 < height.size(); ++k) smooth[k] = height.segment(k - 1, 3).mean();
   std::vector<double> out;
@@ -314,7 +314,7 @@ std::vector<double> peaks(const Spectrum& measured, int most) {
 }
 
 VectorXd polynomial_product(const VectorXd& p, const VectorXd& q) {
-  VectorXd a = VectorXd::Zero(p.size() + 1), b = VectorXd::Zero(q.size() + 1);
+  VectorXd a(p.size() + 1), b(q.size() + 1);
   a << 1.0, p;
   b << 1.0, q;
   VectorXd out = VectorXd::Zero(a.size() + b.size() - 1);
@@ -359,7 +359,9 @@ SpectralSolution fit_spectrum(const InnovationSpectrum& spectrum, const Structur
   std::vector<VectorXd> known;
   if (lower != nullptr) {
     const SpectralFit before(spectrum, lower->structure);
-    known.push_back(before.filter(lower->x, 0, nullptr, nullptr).a);
+    for (std::size_t c = 0; c < structure.channels.size(); ++c) {
+      known.push_back(before.filter(lower->x, c, nullptr, nullptr).a);
+    }
   }
   SpectralSolution out;
   out.structure = structure;
@@ -402,6 +404,7 @@ SpectralSolution fit_spectrum(const InnovationSpectrum& spectrum, const Structur
 struct Candidate {
   Structure structure;
   ModelFile model;  // its parameters are at the maximum
+  bool found = false;
   double log_likelihood = -std::numeric_limits<double>::infinity();
   double bic = std::numeric_limits<double>::infinity();
 };
@@ -438,7 +441,9 @@ Solution maximise_stable(const ModelFile& shaped, const std::vector<Dataset>& re
   };
   VectorXd z = coordinates(shaped.parameters);
   for (const auto& [begin, length] : polynomials) {
-    z.segment(begin, length) = stable_coordinates(z.segment(begin, length));
+    const VectorXd zeta = stable_coordinates(z.segment(begin, length));
+    if (!zeta.allFinite()) return {};
+    z.segment(begin, length) = zeta.cwiseMax(-kFarthest).cwiseMin(kFarthest);
   }
   // Filters with a pole or zero too many have a ridge for a maximum: its height is known early.
   SolverOptions solver;
@@ -498,8 +503,7 @@ Candidate maximum_likelihood(const ModelFile& base, const std::vector<Dataset>& 
   const Solution solution = maximise_stable(out.model, recordings, first, start.structure);
   if (!std::isfinite(solution.summary.objective)) return out;
   out.model.parameters = with_coordinates(out.model.parameters, solution.x);
-  out.log_likelihood = solution.summary.objective;
-  out.bic = bic_of(out.log_likelihood, solution.x.size(), samples_present(recordings));
+  out.found = true;
   return out;
 }
 
@@ -563,6 +567,22 @@ double log_likelihood_of(const ModelFile& model, const std::vector<Dataset>& rec
     out += one.value;
   }
   return out;
+}
+
+// The log-likelihood behind the first samples. With a diffuse start a model with more states leaves
+// out more samples, and what it leaves out has a unit: without the same beginning taken from both,
+// likelihoods of two models could not be compared.
+double comparable_log_likelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
+                                 Index beginning) {
+  if (beginning == 0) return log_likelihood_of(model, recordings);
+  std::vector<Dataset> first = recordings;
+  for (Dataset& data : first) {
+    const Index keep = std::min(beginning, data.size());
+    data.y = data.y.leftCols(keep).eval();
+    data.u = data.u.leftCols(keep).eval();
+    data.time = data.time.head(keep).eval();
+  }
+  return log_likelihood_of(model, recordings) - log_likelihood_of(model, first);
 }
 
 std::vector<Dataset> first_parts(const std::vector<Dataset>& recordings, double share) {
@@ -657,6 +677,23 @@ double output_peak(const ModelFile& model, const std::vector<Shaping::Pole>& pol
   return omega / dt;
 }
 
+// The filters' coefficients: the last parameters, in the order of with_shaping_filters().
+std::vector<ShapingFilter> filters_of(const ParameterSet& parameters, const Structure& structure) {
+  const Index own = structure.place == NoisePlace::measurement ? 1 : 0;
+  const Index each = own + structure.order + structure.zeros();
+  auto at =
+      static_cast<Index>(parameters.size()) - each * static_cast<Index>(structure.channels.size());
+  std::vector<ShapingFilter> out;
+  for (std::size_t c = 0; c < structure.channels.size(); ++c) {
+    ShapingFilter filter{VectorXd(structure.order), VectorXd(structure.zeros())};
+    at += own;
+    for (double& a : filter.a) a = parameters[static_cast<std::size_t>(at++)].scalar();
+    for (double& b : filter.b) b = parameters[static_cast<std::size_t>(at++)].scalar();
+    out.push_back(filter);
+  }
+  return out;
+}
+
 std::string channel_names(const ModelFile& model, const Structure& structure) {
   std::string out;
   for (const Index c : structure.channels) {
@@ -679,6 +716,17 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
     throw InputError({model.path, 0, 0},
                      "no shaping filter can be put into this model: " + shaping_fault(model, place),
                      "a discrete-time model, 'initial: stationary' or 'diffuse'");
+  }
+  constexpr Index kFewest = 64;  // samples that make a spectrum
+  const auto longest =
+      std::max_element(recordings.begin(), recordings.end(),
+                       [](const Dataset& a, const Dataset& b) { return a.size() < b.size(); });
+  const Index fewest = kFewest + 2 * model.linear.A.constant.rows();
+  if (longest->size() < fewest) {
+    throw InputError(
+        {longest->name, 0, 0},
+        fmt::format("{} rows are too few to tell coloured noise from white", longest->size()),
+        fmt::format("at least {}", fewest), "use a longer recording");
   }
   say("tuning the white model");
   NoiseMlOptions white_options;
@@ -711,7 +759,13 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
     report.channels.push_back(channel.name);
     report.units.push_back(channel.unit);
   }
-  const double white_L = white_estimate.objective.log_likelihood;
+  // Twice the states of the largest model determine its diffuse start.
+  const Index beginning = model.linear.initial == InitialState::diffuse
+                              ? 2 * (model.linear.A.constant.rows() +
+                                     options.most_order * std::max(model.linear.G.constant.cols(),
+                                                                   model.linear.C.constant.rows()))
+                              : 0;
+  const double white_L = comparable_log_likelihood(white, recordings, beginning);
   const double white_bic = bic_of(white_L, unknowns, samples);
   report.candidates.push_back({"white", "", 0, 0, white_L, white_bic});
   if (!(colour.p < kLevel)) {
@@ -723,9 +777,6 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
     return out;
   }
 
-  const auto longest =
-      std::max_element(recordings.begin(), recordings.end(),
-                       [](const Dataset& a, const Dataset& b) { return a.size() < b.size(); });
   InnovationSpectrum spectrum = innovation_spectrum(white, *longest);
   const ModelFile start = with_raised_variances(white, spectrum);
   const std::vector<double> peak = peaks(spectrum.measured, 2);
@@ -754,7 +805,7 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   constexpr std::size_t kEach = 3;
   constexpr double kHopeless = 15.0;  // BIC behind the best of its place
   const auto whittle_bic = [&](const SpectralSolution& s) {
-    return bic_of(s.log_likelihood, s.x.size(), samples);
+    return bic_of(s.log_likelihood, s.x.size(), samples_present({*longest}));
   };
   std::sort(spectral.begin(), spectral.end(),
             [&](const SpectralSolution& a, const SpectralSolution& b) {
@@ -770,7 +821,12 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
       if (whittle_bic(s) > first + kHopeless) continue;
       ++taken;
       say(fmt::format("likelihood: order {}", s.structure.order));
-      candidates.push_back(maximum_likelihood(start, recordings, spectrum, s));
+      Candidate one = maximum_likelihood(start, recordings, spectrum, s);
+      if (!one.found) continue;
+      one.log_likelihood = comparable_log_likelihood(one.model, recordings, beginning);
+      if (!std::isfinite(one.log_likelihood)) continue;
+      one.bic = bic_of(one.log_likelihood, coordinates(one.model.parameters).size(), samples);
+      candidates.push_back(std::move(one));
     }
   }
   std::sort(candidates.begin(), candidates.end(),
@@ -781,7 +837,29 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
          channel_names(model, c.structure), static_cast<int>(c.structure.order),
          static_cast<int>(c.structure.zeros()), c.log_likelihood, c.bic});
   }
-  if (candidates.empty() || !(candidates.front().bic < white_bic)) {
+  // The best that the data determine and whose filters stay stable when nothing holds them.
+  const Candidate* chosen = nullptr;
+  Estimate shaped_estimate;
+  std::vector<ShapingFilter> filters;
+  for (const Candidate& c : candidates) {
+    if (!(c.bic < white_bic)) break;
+    NoiseMlOptions one;
+    one.starts = 1;
+    one.profiles = false;
+    say("errors of the shaped model");
+    Estimate estimate = tune_ml(c.model, recordings, one);
+    const ParameterSet end = parameters_of(estimate, c.model.parameters);
+    filters = filters_of(end, c.structure);
+    const bool stable = std::all_of(filters.begin(), filters.end(), [](const ShapingFilter& f) {
+      return modes(f.a).front().radius < 1.0;
+    });
+    const Identifiability& id = estimate.identifiability;
+    if (!stable || id.rank < id.of || estimate.status == Status::not_converged) continue;
+    chosen = &c;
+    shaped_estimate = std::move(estimate);
+    break;
+  }
+  if (chosen == nullptr) {
     out.estimate = std::move(white_estimate);
     out.estimate.status = Status::untrusted;
     out.estimate.message = fmt::format(
@@ -791,7 +869,7 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
     out.estimate.shaping = std::move(report);
     return out;
   }
-  const Candidate& best = candidates.front();
+  const Candidate& best = *chosen;
   out.model = best.model;
   out.model->name = model.name + ", shaped";
 
@@ -827,35 +905,18 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
       report.without.row(static_cast<Index>(i)) /= unit;
     }
   }
-  NoiseMlOptions one;
-  one.starts = 1;
-  one.profiles = false;
-  say("errors of the shaped model");
-  out.estimate = tune_ml(*out.model, recordings, one);
+  out.estimate = std::move(shaped_estimate);
+  out.estimate.model_name = out.model->name;
   out.estimate.objective.method = "shape";
   out.model->parameters = parameters_of(out.estimate, out.model->parameters);
   describe_spectrum(out.estimate, report.spectrum_shaped);
-  // Poles of the filters, and where their response is largest.
-  const ReportedEntries entries = reported_entries(out.model->parameters);
-  for (const Index channel : best.structure.channels) {
-    const std::string prefix =
-        fmt::format("{}{}_", best.structure.place == NoisePlace::process ? "w" : "v", channel + 1);
-    ShapingFilter filter{VectorXd(best.structure.order), VectorXd(best.structure.zeros())};
-    for (Index i = 0; i < best.structure.order; ++i) {
-      const auto value = [&](const char* letter) {
-        const int at =
-            find_parameter(out.model->parameters, fmt::format("{}{}{}", prefix, letter, i + 1));
-        return out.model->parameters[static_cast<std::size_t>(at)].scalar();
-      };
-      filter.a[i] = value("a");
-      if (i < best.structure.zeros()) filter.b[i] = value("b");
-    }
+  for (const ShapingFilter& filter : filters) {
     for (const Mode& mode : modes(filter.a)) {
       report.poles.push_back({mode.frequency / model.linear.dt, mode.radius});
     }
   }
   report.output_peak = output_peak(*out.model, report.poles, model.linear.dt);
-  report.place = report.candidates[1].place;
+  report.place = best.structure.place == NoisePlace::process ? "process" : "measurement";
   report.order = static_cast<int>(best.structure.order);
   report.zeros = static_cast<int>(best.structure.zeros());
   bool white_now = true;
@@ -867,6 +928,20 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
         "coloured {} noise (p {:.2g}): a filter of order {} explains it{}", report.place, colour.p,
         report.order, white_now ? "" : ", but not all: the innovations are still not white");
     if (!white_now) out.estimate.status = Status::untrusted;
+    if (report.held_out_with < report.held_out_without) {
+      out.estimate.status = Status::untrusted;
+      out.estimate.message +=
+          ", but not on the part held out, where it does worse than white noise";
+    }
+    for (const EstimatedParameter& p : out.estimate.parameters) {
+      if (p.verdict != Verdict::at_bound || p.value != 0.0) continue;
+      out.estimate.warnings.push_back(
+          {"noise_vanished",
+           "warning",
+           {p.name},
+           fmt::format("{} has become zero: the filter has taken its place", p.name),
+           "check the model's dynamics: a wrong A looks like coloured noise too"});
+    }
     // Of the same spectrum in the other place the outputs say nothing.
     constexpr double kTells = 10.0;  // BIC apart: very strong evidence (Kass & Raftery 1995)
     for (const Candidate& other : candidates) {

@@ -159,6 +159,38 @@ namespace {
 
 std::string number_text(double value) { return fmt::format("{:.12g}", value); }
 
+// As a YAML string.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + "\"";
+}
+
+// As the value of the key `prior`, in the parameter's unit; empty without one.
+std::string prior_text(const Parameter& p) {
+  const Unit unit = parse_unit(p.unit).value_or(Unit{});
+  const std::string a = number_text(unit.from_si(p.prior.a));
+  const std::string b = number_text(unit.from_si(p.prior.b));
+  switch (p.prior.kind) {
+    case Prior::Kind::none:
+      return "";
+    case Prior::Kind::uniform:
+      return fmt::format(", prior: {{uniform: [{}, {}]}}", a, b);
+    case Prior::Kind::log_uniform:
+      return fmt::format(", prior: {{log-uniform: [{}, {}]}}", a, b);
+    case Prior::Kind::normal:
+      return fmt::format(", prior: {{normal: {{mean: {}, sd: {}}}}}", a,
+                         number_text(p.prior.b / unit.scale));
+    case Prior::Kind::log_normal:
+      return fmt::format(", prior: {{log-normal: {{median: {}, factor: {}}}}}", a,
+                         number_text(p.prior.b));
+  }
+  return "";
+}
+
 // An entry as a sum of parameters and a constant.
 std::string entry_text(const ParametrisedMatrix& matrix, const ParameterSet& parameters, Index i,
                        Index j) {
@@ -197,7 +229,7 @@ std::string matrix_text(const std::string& name, const ParametrisedMatrix& matri
       }
       out += "]";
     }
-    return out + fmt::format("]{}}}\n", p.fixed ? ", fixed: true" : "");
+    return out + fmt::format("]{}{}}}\n", p.fixed ? ", fixed: true" : "", prior_text(p));
   }
   std::string out = name + ":\n";
   for (Index i = 0; i < matrix.constant.rows(); ++i) {
@@ -215,8 +247,8 @@ std::string channels_text(const char* key, const std::vector<ChannelSource>& cha
   std::string out = fmt::format("{}: [", key);
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const ChannelSource& c = channels[i];
-    out += fmt::format("{}{{name: {}, column: \"{}\"{}}}", i > 0 ? ", " : "", c.name, c.column,
-                       c.unit.empty() ? "" : fmt::format(", unit: \"{}\"", c.unit));
+    out += fmt::format("{}{{name: {}, column: {}{}}}", i > 0 ? ", " : "", quoted(c.name),
+                       quoted(c.column), c.unit.empty() ? "" : ", unit: " + quoted(c.unit));
   }
   return out + "]\n";
 }
@@ -226,11 +258,11 @@ std::string channels_text(const char* key, const std::vector<ChannelSource>& cha
 std::string model_text(const ModelFile& model, const std::vector<std::string>& comment) {
   std::string out;
   for (const std::string& line : comment) out += "# " + line + "\n";
-  out += fmt::format("identikal: 1\nname: \"{}\"\n", model.name);
+  out += fmt::format("identikal: 1\nname: {}\n", quoted(model.name));
   std::string time = "kind: discrete";
   if (!model.time.column.empty()) {
-    time += fmt::format(", column: \"{}\"{}", model.time.column,
-                        model.time.unit.empty() ? "" : ", unit: " + model.time.unit);
+    time += fmt::format(", column: {}{}", quoted(model.time.column),
+                        model.time.unit.empty() ? "" : ", unit: " + quoted(model.time.unit));
   }
   if (model.time.step > 0.0) time += fmt::format(", step: {} s", number_text(model.time.step));
   out += "time: {" + time + "}\n";
@@ -250,9 +282,9 @@ std::string model_text(const ModelFile& model, const std::vector<std::string>& c
         fmt::format("  {}: {{value: {}", p.name, number_text(unit.from_si(p.scalar())));
     if (std::isfinite(p.min)) line += fmt::format(", min: {}", number_text(unit.from_si(p.min)));
     if (std::isfinite(p.max)) line += fmt::format(", max: {}", number_text(unit.from_si(p.max)));
-    if (!p.unit.empty()) line += fmt::format(", unit: \"{}\"", p.unit);
+    if (!p.unit.empty()) line += ", unit: " + quoted(p.unit);
     if (p.fixed) line += ", fixed: true";
-    parameters += line + "}\n";
+    parameters += line + prior_text(p) + "}\n";
   }
   if (!parameters.empty()) out += "parameters:\n" + parameters;
   out += matrix_text("A", m.A, model.parameters);

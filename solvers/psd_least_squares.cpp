@@ -299,7 +299,8 @@ template <typename... What>
 void require(bool good, const What&... what) {
   if (good) return;
   std::ostringstream text;
-  (text << "minimise: " << ... << what);
+  text << "minimise: ";
+  (text << ... << what);
   throw std::invalid_argument(text.str());
 }
 

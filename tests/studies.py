@@ -11,15 +11,19 @@ import subprocess
 import sys
 
 GOLDEN = pathlib.Path(__file__).resolve().parent / "golden" / "studies"
-TABLES = [f"matisko-table-{n}" for n in range(3, 11)]
+TABLES = [f"matisko-table-{n}" for n in range(3, 14)]
 # Name of the golden file: arguments.
 SMALL = {
     "matisko-table-7-3-runs": ["matisko-table-7", "--runs", "3"],
     "matisko-table-10-2-runs": ["matisko-table-10", "--runs", "2"],
+    "matisko-table-13-2-runs": ["matisko-table-13", "--runs", "2"],
     "matisko-figure-14-2-runs": ["matisko-figure-14", "--runs", "2"],
     **{f"matisko-figure-{n}": [f"matisko-figure-{n}"] for n in (4, 5, 6)},
 }
-LARGE = {name: [name] for name in TABLES + ["matisko-figure-14", "matisko-figure-15", "matisko-figure-3"]}
+LARGE = {
+    **{name: [name] for name in TABLES + [f"matisko-figure-{n}" for n in (3, 14, 15)]},
+    **{f"matisko-table-{n}-200-runs": [f"matisko-table-{n}", "--runs", "200"] for n in (1, 2)},
+}
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 

@@ -119,8 +119,10 @@ TEST(Discretise, InputsHeldLinearly) {
 }
 
 TEST(Discretise, DerivativesMatchDifferences) {
-  for (const auto& [noise, hold] : {std::pair{ProcessNoise::density, InputHold::constant},
-                                    std::pair{ProcessNoise::per_sample, InputHold::linear}}) {
+  for (const auto& way : {std::pair{ProcessNoise::density, InputHold::constant},
+                          std::pair{ProcessNoise::per_sample, InputHold::linear}}) {
+    const ProcessNoise noise = way.first;
+    const InputHold hold = way.second;
     const StateSpace m = random_continuous(7, 3);
     Random random(9);
     StateSpace by = random_direction(random, m);
