@@ -30,8 +30,8 @@ struct ShapeResult {
 ///    innovations and the highest peak of their spectrum against its chi-square distribution,
 ///    together 5 %.
 /// 2. For the process and for the measurement noise, for each of its channels (and all of them),
-///    filters of order 1 to most_order with one zero less: the spectrum of the innovations under
-///    the white model's gain,
+///    filters of order 1 to most_order, with one zero less or none: the spectrum of the innovations
+///    under the white model's gain,
 ///
 ///      S_e = T_G H Q H* T_G* + T_V (R + H q H*) T_V*,  T_G = C (zI - F)^-1 G,
 ///      T_V = I - C (zI - F)^-1 K,  F = A - K C,
@@ -40,7 +40,9 @@ struct ShapeResult {
 ///    Seen through that gain, poles of the model on the unit circle do no harm. The coordinates are
 ///    reflection coefficients, so that only stable filters with stable inverses exist.
 /// 3. The best by BIC go on to maximum likelihood over the innovations of the augmented model, in
-///    the same coordinates; the smallest BIC wins, and must beat the white model's.
+///    the same coordinates; the smallest BIC wins, must beat the white model's, and must be
+///    determined by the data. With a diffuse start all likelihoods are those behind the same first
+///    samples.
 /// 4. On the last part of each recording: errors of 1 to 16 steps' prediction and log-likelihood of
 ///    the winner and of the white model, both tuned on the first part.
 /// Sources: Matisko (2013), chapter 5; Whittle (1953).
