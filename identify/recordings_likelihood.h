@@ -20,6 +20,11 @@ class RecordingsLikelihood {
  public:
   RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
                        Path path = Path::automatic);
+  /// Neither may be a temporary.
+  RecordingsLikelihood(const ModelFile& model, std::vector<Dataset>&& recordings,
+                       Path path = Path::automatic) = delete;
+  RecordingsLikelihood(ModelFile&& model, const std::vector<Dataset>& recordings,
+                       Path path = Path::automatic) = delete;
 
   /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
   /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable

@@ -160,7 +160,8 @@ struct MonteCarlo {
 MonteCarlo published_monte_carlo(const ModelFile& model, const Dataset& data, Random& random) {
   constexpr int kSide = 20, kIterations = 15;
   constexpr double kLow = 0.01, kHigh = 15.0, kPerturbation = 0.012;
-  RecordingsLikelihood likelihood(model, {data});
+  const std::vector<Dataset> recordings = {data};
+  RecordingsLikelihood likelihood(model, recordings);
   MatrixXd points(2, kSide * kSide);
   const auto value = [](int i) { return kLow * std::pow(kHigh / kLow, i / (kSide - 1.0)); };
   for (int i = 0; i < kSide; ++i) {
