@@ -22,7 +22,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kHighestOrder = 10;
+constexpr int kHighestPairOrder = 10;
 
 struct Scored {
   double log_likelihood = kNone, mean = kNone, worst = kNone, order = kNone;
@@ -40,7 +40,7 @@ Scored scored(const ModelFile& model, const std::vector<Dataset>& recordings) {
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const int lags = default_lags(shortest);
-  const MatrixXd e = side_by_side(filters, std::max(lags, kHighestOrder));
+  const MatrixXd e = side_by_side(filters, std::max(lags, kHighestPairOrder));
   const auto present = (e.array() == e.array());
   out.squares = present.select(e, 0.0).colwise().squaredNorm().transpose();
   const auto samples = static_cast<Index>(present.colwise().all().count());
@@ -49,7 +49,7 @@ Scored scored(const ModelFile& model, const std::vector<Dataset>& recordings) {
   out.mean = psi.mean();
   out.worst = psi.maxCoeff();
   const Autoregressions models =
-      yule_walker(sample_autocovariances(e, kHighestOrder + 1, Divisor::samples));
+      yule_walker(sample_autocovariances(e, kHighestPairOrder + 1, Divisor::samples));
   if (models.S.size() > 1 && samples >= 3) {
     out.order = -autoregressive_order(models, samples, Penalty::bic).least;
   }

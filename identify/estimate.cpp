@@ -14,9 +14,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Eigenvalues of the unit-diagonal information below this share of the largest carry no
-// information: exact sensitivities leave about 1e-13 there.
-constexpr double kFlat = 1e-9;
 // Entries of a flat direction smaller than this are not part of it.
 constexpr double kPartOf = 0.1;
 

@@ -22,7 +22,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Page, in points.
-constexpr double kWidth = 500.0, kHeight = 400.0;  // of a panel
+constexpr double kPanelWidth = 500.0, kPanelHeight = 400.0;  // of a panel
 constexpr double kLeft = 70.0, kRight = 20.0, kBarRight = 105.0, kTop = 40.0, kBottom = 55.0;
 constexpr double kLetterHeight = 3.3;  // in PLplot's millimetres: letters of 12 points
 
@@ -37,13 +37,13 @@ class Plot {
   Plot(const Panel& panel, double left, double pages)
       : p_(panel),
         left_(left + kLeft),
-        right_(left + kWidth - (panel.map ? kBarRight : kRight)),
+        right_(left + kPanelWidth - (panel.map ? kBarRight : kRight)),
         pages_(pages),
         x_(range(panel.x)),
         y_(range(panel.y)) {}
 
   void draw() const {
-    viewport(left_, right_, kBottom, kHeight - kTop);
+    viewport(left_, right_, kBottom, kPanelHeight - kTop);
     plwind(x_.low, x_.high, y_.low, y_.high);
     if (p_.map) shade(*p_.map);
     int colour = 0;
@@ -80,7 +80,8 @@ class Plot {
     return out;
   }
   void viewport(double left, double right, double bottom, double top) const {
-    plvpor(left / (pages_ * kWidth), right / (pages_ * kWidth), bottom / kHeight, top / kHeight);
+    plvpor(left / (pages_ * kPanelWidth), right / (pages_ * kPanelWidth), bottom / kPanelHeight,
+           top / kPanelHeight);
   }
 
   // PLplot fills cell by cell, and a viewer lets the page shine through between two that touch.
@@ -119,7 +120,7 @@ class Plot {
   // Boxes of the shades, the levels at their edges.
   void colour_bar(const Map& map) const {
     const auto shades = static_cast<int>(map.levels.size()) - 1;
-    viewport(right_ + 12.0, right_ + 26.0, kBottom, kHeight - kTop);
+    viewport(right_ + 12.0, right_ + 26.0, kBottom, kPanelHeight - kTop);
     plwind(0.0, 1.0, 0.0, shades);
     for (int s = 0; s < shades; ++s) {
       const std::array<double, 4> x{0.0, 1.0, 1.0, 0.0};
@@ -208,7 +209,8 @@ class Plot {
     for (int c = 0; c <= kCorners[kind]; ++c) {
       const double angle = (kTurn[kind] + 2.0 * c / kCorners[kind]) * std::numbers::pi;
       xs.push_back(x + radius * std::cos(angle) * (x_.high - x_.low) / (right_ - left_));
-      ys.push_back(y + radius * std::sin(angle) * (y_.high - y_.low) / (kHeight - kTop - kBottom));
+      ys.push_back(y +
+                   radius * std::sin(angle) * (y_.high - y_.low) / (kPanelHeight - kTop - kBottom));
     }
     plcol0(p_.map ? kWhite : 1 + at % kColours);  // white shows on every shade
     if (filled || p_.map) plfill(static_cast<PLINT>(xs.size()) - 1, xs.data(), ys.data());
@@ -231,7 +233,7 @@ class Plot {
     for (const Curve& c : p_.curves) count(c.name);
     if (lines == 0) return;
     const double per_x = (x_.high - x_.low) / (right_ - left_);
-    const double per_y = (y_.high - y_.low) / (kHeight - kTop - kBottom);
+    const double per_y = (y_.high - y_.low) / (kPanelHeight - kTop - kBottom);
     const double width = kSample + 3.0 * kMargin + kLetter * static_cast<double>(longest);
     const double right = x_.high - kMargin * per_x, left = right - width * per_x;
     const double top = y_.high - kMargin * per_y;
@@ -291,7 +293,7 @@ std::string svg(const Figure& figure) {
   const auto pages = static_cast<double>(figure.panels.size());
   std::vector<Plot> plots;
   for (const Panel& panel : figure.panels) {
-    plots.emplace_back(panel, kWidth * static_cast<double>(plots.size()), pages);
+    plots.emplace_back(panel, kPanelWidth * static_cast<double>(plots.size()), pages);
   }
   check_driver();
   struct Buffer {
@@ -304,7 +306,8 @@ std::string svg(const Figure& figure) {
   // PLplot closes the file, which is when bytes and size are set.
   plsdev("svg");
   plsfile(file);
-  plspage(0.0, 0.0, static_cast<PLINT>(pages * kWidth), static_cast<PLINT>(kHeight), 0, 0);
+  plspage(0.0, 0.0, static_cast<PLINT>(pages * kPanelWidth), static_cast<PLINT>(kPanelHeight), 0,
+          0);
   plscolbg(255, 255, 255);
   for (int i = 0; i < kColours; ++i) {
     const auto& c = kPalette[static_cast<std::size_t>(i)];

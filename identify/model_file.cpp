@@ -26,7 +26,7 @@ const std::vector<std::string> kVehicleKeys = {"sensors", "tyre", "use_when"};
 const std::vector<std::string> kKeysNotYet = {"states", "dynamics"};
 
 constexpr double kRequired = std::numeric_limits<double>::quiet_NaN();
-constexpr ParameterRule kVehicleParameters[] = {
+constexpr ParameterRule kVehicleRules[] = {
     {"m", "kg", true, kRequired},
     {"a", "m", true, kRequired},
     {"b", "m", true, kRequired},
@@ -41,8 +41,8 @@ constexpr ParameterRule kVehicleParameters[] = {
     {"bias_ay", "m/s^2", false, 0.0},
     {"bank", "rad", false, 0.0},
 };
-const std::vector<std::string> kVehicleParametersNotYet = {"steering_delay", "relaxation_length",
-                                                           "Ff_max", "Fr_max"};
+const std::vector<std::string> kVehicleRulesNotYet = {"steering_delay", "relaxation_length",
+                                                      "Ff_max", "Fr_max"};
 
 constexpr ChannelRule kVehicleInputs[] = {
     {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
@@ -50,9 +50,9 @@ constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
 
 const ParameterRule* vehicle_rule(std::string_view name) {
-  const auto* hit = std::find_if(std::begin(kVehicleParameters), std::end(kVehicleParameters),
+  const auto* hit = std::find_if(std::begin(kVehicleRules), std::end(kVehicleRules),
                                  [name](const ParameterRule& rule) { return rule.name == name; });
-  return hit == std::end(kVehicleParameters) ? nullptr : hit;
+  return hit == std::end(kVehicleRules) ? nullptr : hit;
 }
 
 TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
@@ -93,7 +93,7 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
 ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road_wheel) {
   const YamlNode& node =
       required(root, "parameters", "the model file", "parameters: m a b Iz Cf Cr steering_ratio");
-  check_keys(node, "parameters", names_of(kVehicleParameters), kVehicleParametersNotYet);
+  check_keys(node, "parameters", names_of(kVehicleRules), kVehicleRulesNotYet);
   if (const YamlNode* ratio = find(node, "steering_ratio"); ratio && steering_at_road_wheel) {
     throw InputError(ratio->at, "steering_ratio is given with the input road_wheel_angle",
                      "the input steering_wheel_angle, or no ratio");
@@ -102,7 +102,7 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
     required(node, "steering_ratio", "parameters", "steering-wheel angle over road-wheel angle");
   }
   ParameterSet out;
-  for (const ParameterRule& rule : kVehicleParameters) {
+  for (const ParameterRule& rule : kVehicleRules) {
     if (const YamlNode* given = find(node, rule.name)) {
       out.push_back(read_parameter(rule.name, *given, &rule));
       continue;

@@ -13,6 +13,7 @@
 #include "identify/noise_estimate.h"
 #include "identify/parameter_prior.h"
 #include "identify/recordings_likelihood.h"
+#include "lib/constants.h"
 #include "lib/random.h"
 #include "solvers/sample.h"
 
@@ -22,8 +23,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNowhere = -std::numeric_limits<double>::infinity();
 
 using Density = std::function<double(const VectorXd&)>;  // log of it
 
@@ -56,7 +55,7 @@ PosteriorPoints on_grid(const ParameterPrior& prior, const Density& log_density)
       ++out.summary.evaluations;
     }
     const double highest = out.log_density.maxCoeff();
-    if (!(highest > kNowhere)) {
+    if (!(highest > -kInfinity)) {
       out.summary.termination = Termination::no_progress;
       out.summary.message = "the likelihood is undefined all over the prior";
       return out;
@@ -142,7 +141,7 @@ PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& re
   const Density log_likelihood = [&](const VectorXd& x) {
     const Likelihood* at = likelihood.evaluate(
         with_entries(model.parameters, entries_at(prior, model.parameters, x)), false);
-    return at == nullptr ? kNowhere : at->value;
+    return at == nullptr ? -kInfinity : at->value;
   };
   const bool grid = options.grid && prior.coordinates.size() <= 2;
   PosteriorPoints out =

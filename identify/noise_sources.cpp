@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kVanished = 1e-6;  // of Q's largest eigenvalue without penalty
-constexpr double kLevel = 0.99;
+constexpr double kSourcesLevel = 0.99;
 
 double objective(const Misfit& misfit, const VectorXd& theta) {
   return 0.5 * (misfit.design * theta - misfit.target).squaredNorm();
@@ -190,8 +190,9 @@ FewestSources fewest_sources(const SourcesProblem& p) {
     }
   }
   const auto allowed = [](const Candidate& c) {
-    return c.range.given_up > 0 ? chi_square_quantile(kLevel, static_cast<double>(c.range.given_up))
-                                : 0.0;
+    return c.range.given_up > 0
+               ? chi_square_quantile(kSourcesLevel, static_cast<double>(c.range.given_up))
+               : 0.0;
   };
   for (Sources::Step& step : report.curve) {
     const auto& known = best[static_cast<std::size_t>(step.sources)];

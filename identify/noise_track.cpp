@@ -12,6 +12,7 @@
 #include "identify/noise_estimate.h"
 #include "identify/parameter_prior.h"
 #include "identify/suspect_data.h"
+#include "lib/constants.h"
 #include "lib/error.h"
 #include "lib/sequential_test.h"
 #include "solvers/recursive_posterior.h"
@@ -22,8 +23,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNowhere = -std::numeric_limits<double>::infinity();
 
 // The filter is a bank of one shared A, C: only noise may be free.
 void refuse_free_dynamics(const ModelFile& model) {
@@ -57,7 +56,7 @@ FilterStart start_of_recording(const ModelFile& model, const Samples& samples,
       kalman_filter(system, model.linear.initial, y, samples.u.leftCols(samples.lead + 1));
   if (filter.status != FilterStatus::ok) {
     return {VectorXd::Zero(system.states()), MatrixXd::Zero(system.states(), system.states()),
-            kNowhere};
+            -kInfinity};
   }
   return {filter.x_pred.col(samples.lead), filter.P_pred.back(), filter.log_likelihood};
 }
@@ -155,7 +154,7 @@ class ChangeTest {
       set_noise(bank_, i, noise);
       set_state(bank_, i, start.x, start.P);
     }
-    statistic_ = VectorXd::Constant(members, kNowhere);
+    statistic_ = VectorXd::Constant(members, -kInfinity);
     sum_ = VectorXd::Zero(members);
     since_.assign(static_cast<std::size_t>(members), 0);
     log_share_.resize(members);
@@ -190,7 +189,8 @@ class ChangeTest {
     }
     const VectorXd all = statistic_ + log_share_;
     const double largest = all.maxCoeff();
-    return largest > kNowhere ? largest + std::log((all.array() - largest).exp().sum()) : kNowhere;
+    return largest > -kInfinity ? largest + std::log((all.array() - largest).exp().sum())
+                                : -kInfinity;
   }
 
   // When the change began: the latest begin that explains the samples about as well as any. An
@@ -213,7 +213,7 @@ class ChangeTest {
   }
 
   void begin_anew() {
-    statistic_.setConstant(kNowhere);
+    statistic_.setConstant(-kInfinity);
     sum_.setZero();
   }
 
@@ -269,7 +269,7 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
   const Index k = free_entries(model.parameters).size();
   out.mean.resize(k, N);
   out.sd.resize(k, N);
-  out.log_alarm = VectorXd::Constant(N, kNowhere);
+  out.log_alarm = VectorXd::Constant(N, -kInfinity);
   out.log_threshold = std::log(options.samples_per_false_alarm);
   out.filter.first_proper = samples.lead;
   out.filter.x_pred = MatrixXd::Zero(n, N);
@@ -307,7 +307,7 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
                      recording.y.col(t), samples.u.col(t));
     const int before = posterior.renewals;
     const double density = learn(t);
-    if (!(density > kNowhere)) refuse_filter(model, {recording}, FilterStatus::indefinite);
+    if (!(density > -kInfinity)) refuse_filter(model, {recording}, FilterStatus::indefinite);
     out.filter.log_likelihood += density;
     if (test) {
       out.log_alarm[t] = test->observe(t, recording.y.col(t), samples.u.col(t), density);

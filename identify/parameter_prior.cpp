@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "lib/constants.h"
 #include "lib/error.h"
 
 namespace identikal {
@@ -15,15 +16,13 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kNowhere = -std::numeric_limits<double>::infinity();
-
 PriorCoordinate number(const Prior& prior, double min, double max) {
   PriorCoordinate out;
   const bool logarithm =
       prior.kind == Prior::Kind::log_uniform || prior.kind == Prior::Kind::log_normal;
   const auto scaled = [logarithm](double x) { return logarithm ? std::log(x) : x; };
   out.logarithm = logarithm;
-  out.low = logarithm && min <= 0.0 ? kNowhere : scaled(min);
+  out.low = logarithm && min <= 0.0 ? -kInfinity : scaled(min);
   out.high = scaled(max);
   switch (prior.kind) {
     case Prior::Kind::none:
@@ -99,7 +98,7 @@ double PriorCoordinate::draw(Random& random) const {
 }
 
 double PriorCoordinate::log_density(double x) const {
-  if (!(low <= x && x <= high)) return kNowhere;
+  if (!(low <= x && x <= high)) return -kInfinity;
   switch (kind) {
     case Kind::uniform:
       return 0.0;

@@ -82,16 +82,45 @@ ModelFile with_variances(ModelFile model, const VectorXd& variances) {
   return model;
 }
 
-Dataset recording(const ModelFile& model, Index samples, Random& random) {
+StateSpace system_5_26() {
+  StateSpace m;
+  m.A = (MatrixXd(4, 4) << 1.979, 1, 0, 0, -0.998, 0, 0, 0, 0.008, 0, 1.94, 1, -0.0724, 0, -0.94, 0)
+            .finished();
+  m.B.resize(4, 0);
+  m.C = Eigen::RowVector4d(0, 0, 1, 0);
+  m.D.resize(1, 0);
+  m.G = Eigen::Vector4d(0.04, 0.04, 0, 0);
+  m.Q = MatrixXd::Constant(1, 1, 0.001);
+  m.R = MatrixXd::Constant(1, 1, 0.05);
+  m.S = MatrixXd::Zero(1, 1);
+  m.x0 = VectorXd::Zero(4);
+  m.P0 = MatrixXd::Zero(4, 4);
+  return m;
+}
+
+ModelFile known_part_of_5_26() {
+  ModelFile out = model_of({(MatrixXd(2, 2) << 1.94, 1, -0.94, 0).finished(),
+                            Eigen::Vector2d(0.008, -0.0724), Eigen::RowVector2d(1, 0)},
+                           0.05, 0.05);
+  out.linear.initial = InitialState::diffuse;
+  return out;
+}
+
+Dataset recording(const StateSpace& system, InitialState initial, Index samples, Random& random,
+                  MatrixXd* states) {
   Dataset out;
   out.name = "simulated";
   out.dt = 1.0;
   out.time = VectorXd::LinSpaced(samples, 0.0, static_cast<double>(samples - 1));
-  out.y = realisation(instantiate(model.linear, model.parameters), model.linear.initial, {},
-                      samples, random);
+  out.y = realisation(system, initial, {}, samples, random, states);
   out.u.resize(0, samples);
-  for (const ChannelSource& source : model.outputs) out.outputs.push_back({source.name, ""});
+  for (Index i = 0; i < out.y.rows(); ++i) out.outputs.push_back({fmt::format("y{}", i + 1), ""});
   return out;
+}
+
+Dataset recording(const ModelFile& model, Index samples, Random& random) {
+  return recording(instantiate(model.linear, model.parameters), model.linear.initial, samples,
+                   random);
 }
 
 }  // namespace identikal

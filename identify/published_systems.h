@@ -6,6 +6,7 @@
 #include "identify/model_file.h"
 #include "lib/dataset.h"
 #include "lib/random.h"
+#include "lib/state_space.h"
 
 namespace identikal {
 
@@ -23,7 +24,18 @@ ModelFile model_of(const PublishedSystem& system, double q0, double r0);
 /// The model with these variances, Q's first.
 ModelFile with_variances(ModelFile model, const Eigen::VectorXd& variances);
 
-/// A recording of the model at its own values, from a stationary start.
+/// (5.26): w of variance 0.001 through a damped sine of 46 samples, v of variance 0.05; x0 = 0.
+StateSpace system_5_26();
+
+/// The part of (5.26) behind its noise filter, poles at 1 and 0.94, Q and R as model_of(), diffuse.
+ModelFile known_part_of_5_26();
+
+/// A recording of the system, without inputs.
+/// @param states  receives x(1) ... x(samples) as columns, when not nullptr
+Dataset recording(const StateSpace& system, InitialState initial, Eigen::Index samples,
+                  Random& random, Eigen::MatrixXd* states = nullptr);
+
+/// A recording of the model at its own values.
 Dataset recording(const ModelFile& model, Eigen::Index samples, Random& random);
 
 }  // namespace identikal

@@ -15,14 +15,14 @@
 namespace identikal {
 namespace {
 
-constexpr std::size_t kWidth = 80;
+constexpr std::size_t kLineWidth = 80;
 
 // Breaks a sentence at blanks so that no line is longer than the page; following lines are
 // indented.
 std::string wrapped(const std::string& text, std::size_t indent) {
   std::string out, line, word;
   const auto flush_word = [&] {
-    if (!line.empty() && line.size() + 1 + word.size() > kWidth) {
+    if (!line.empty() && line.size() + 1 + word.size() > kLineWidth) {
       out += line + "\n";
       line = std::string(indent, ' ') + word;
     } else {
@@ -394,7 +394,7 @@ std::string console_report(const Estimate& estimate) {
   }
   // What fits is left as it is: a table's columns.
   for (const std::string& note : estimate.notes) {
-    out += note.size() <= kWidth ? note + "\n" : wrapped(note, 7);
+    out += note.size() <= kLineWidth ? note + "\n" : wrapped(note, 7);
   }
   out += flat_text(estimate);
   for (const Warning& w : estimate.warnings) {

@@ -19,8 +19,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Eigenvalues of the information, scaled to unit diagonal, below which a direction is flat.
-constexpr double kFlat = 1e-9;
 constexpr int kSteps = 10;
 
 void add_parameters(const ParametrisedMatrix& matrix, std::set<int>& out) {

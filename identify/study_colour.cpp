@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 #include <fmt/format.h>
@@ -14,6 +15,7 @@
 #include "identify/shaped_model.h"
 #include "identify/study_runs.h"
 #include "lib/kalman.h"
+#include "lib/prediction.h"
 #include "lib/random.h"
 
 namespace identikal {
@@ -22,31 +24,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// x(1 .. N) as columns, and y, from a state of zero.
-struct Realised {
-  MatrixXd x;
-  Dataset data;
-};
-Realised realised(const StateSpace& m, Index samples, Random& random) {
-  Realised out;
-  out.x.resize(m.states(), samples);
-  const MatrixXd Lw = m.G * semidefinite_factor(m.Q), Lv = semidefinite_factor(m.R);
-  VectorXd x = VectorXd::Zero(m.states());
-  Dataset& data = out.data;
-  data.name = "simulated";
-  data.dt = 1.0;
-  data.time = VectorXd::LinSpaced(samples, 0.0, static_cast<double>(samples - 1));
-  data.u.resize(0, samples);
-  data.y.resize(m.outputs(), samples);
-  data.outputs.push_back({"y", ""});
-  for (Index t = 0; t < samples; ++t) {
-    out.x.col(t) = x;
-    data.y.col(t) = m.C * x + Lv * random.normal(m.outputs());
-    x = (m.A * x + Lw * random.normal(m.Q.rows())).eval();
-  }
-  return out;
-}
 
 // The parameters at their maximum likelihood, from where they are.
 ModelFile tuned(ModelFile model, const Dataset& data) {
@@ -59,39 +36,12 @@ ModelFile tuned(ModelFile model, const Dataset& data) {
   return model;
 }
 
-// (5.26): w of variance 0.001 through a damped sine of 46 samples, e of 0.05.
-StateSpace system_5_26() {
-  StateSpace m;
-  m.A = (MatrixXd(4, 4) << 1.979, 1, 0, 0, -0.998, 0, 0, 0, 0.008, 0, 1.94, 1, -0.0724, 0, -0.94, 0)
-            .finished();
-  m.B.resize(4, 0);
-  m.C = Eigen::RowVector4d(0, 0, 1, 0);
-  m.D.resize(1, 0);
-  m.G = Eigen::Vector4d(0.04, 0.04, 0, 0);
-  m.Q = MatrixXd::Constant(1, 1, 0.001);
-  m.R = MatrixXd::Constant(1, 1, 0.05);
-  m.S = MatrixXd::Zero(1, 1);
-  m.x0 = VectorXd::Zero(4);
-  m.P0 = MatrixXd::Zero(4, 4);
-  return m;
-}
+const std::vector<int> kHorizons{1, 2, 4, 8, 16};
 
-constexpr std::array<int, 5> kHorizons{1, 2, 4, 8, 16};
-
-VectorXd prediction_errors(const StateSpace& m, InitialState initial, const Dataset& data) {
+// On a recording that nothing was tuned on.
+VectorXd rms_errors(const StateSpace& m, InitialState initial, const Dataset& data) {
   constexpr Index kSettled = 500;
-  const FilterResult filter = kalman_filter(m, initial, data.y, data.u);
-  VectorXd squares = VectorXd::Zero(kHorizons.size());
-  const Index end = data.size() - kHorizons.back();
-  for (Index t = kSettled; t < end; ++t) {
-    VectorXd x = filter.x_pred.col(t);
-    int ahead = 1;
-    for (std::size_t h = 0; h < kHorizons.size(); ++h) {
-      for (; ahead < kHorizons[h]; ++ahead) x = (m.A * x).eval();
-      squares[static_cast<Index>(h)] += std::pow(data.y(0, t + kHorizons[h] - 1) - (m.C * x)(0), 2);
-    }
-  }
-  return (squares / static_cast<double>(end - kSettled)).cwiseSqrt();
+  return prediction_errors(m, initial, data.y, data.u, kHorizons, kSettled).rms().transpose();
 }
 
 std::string horizons_line(const std::string& what, const VectorXd& values, const char* format) {
@@ -103,23 +53,20 @@ std::string horizons_line(const std::string& what, const VectorXd& values, const
 StudyReport table_11(const StudyOptions& options) {
   constexpr Index kTuned = 3000, kFresh = 30000;
   const StateSpace truth = system_5_26();
-  ModelFile base = model_of({(MatrixXd(2, 2) << 1.94, 1, -0.94, 0).finished(),
-                             Eigen::Vector2d(0.008, -0.0724), Eigen::RowVector2d(1, 0)},
-                            0.05, 0.05);
-  base.linear.initial = InitialState::diffuse;
+  const ModelFile base = known_part_of_5_26();
   const auto count = static_cast<Index>(kHorizons.size());
   MatrixXd best(count, options.runs), shaped = best, white = best;
   repeat(options, 0, [&](int run, Random& random) {
-    const Dataset data = realised(truth, kTuned, random).data;
-    const Dataset fresh = realised(truth, kFresh, random).data;
-    best.col(run) = prediction_errors(truth, InitialState::given, fresh);
+    const Dataset data = recording(truth, InitialState::given, kTuned, random);
+    const Dataset fresh = recording(truth, InitialState::given, kFresh, random);
+    best.col(run) = rms_errors(truth, InitialState::given, fresh);
     const ModelFile plain = tuned(base, data);
-    white.col(run) = prediction_errors(instantiate(plain.linear, plain.parameters),
-                                       InitialState::diffuse, fresh);
+    white.col(run) =
+        rms_errors(instantiate(plain.linear, plain.parameters), InitialState::diffuse, fresh);
     const ShapeResult result = shape(base, {data});
     const ModelFile& model = result.model ? *result.model : plain;
-    shaped.col(run) = prediction_errors(instantiate(model.linear, model.parameters),
-                                        InitialState::diffuse, fresh);
+    shaped.col(run) =
+        rms_errors(instantiate(model.linear, model.parameters), InitialState::diffuse, fresh);
   });
   const auto mean = [](const MatrixXd& m) { return VectorXd(m.rowwise().mean()); };
   StudyReport out;
@@ -178,13 +125,14 @@ StudyReport table_of_states(bool process, const StudyOptions& options) {
   const StateSpace truth = instantiate(generator.linear, generator.parameters);
   MatrixXd trace(3, options.runs);
   repeat(options, process ? 0 : 1, [&](int run, Random& random) {
-    const Realised made = realised(truth, kSamples, random);
+    MatrixXd x;
+    const Dataset data = recording(truth, InitialState::stationary, kSamples, random, &x);
     for (std::size_t f = 0; f < filters.size(); ++f) {
-      const ModelFile model = tuned(filters[f], made.data);
+      const ModelFile model = tuned(filters[f], data);
       const FilterResult filter = kalman_filter(instantiate(model.linear, model.parameters),
-                                                model.linear.initial, made.data.y, made.data.u);
+                                                model.linear.initial, data.y, data.u);
       const MatrixXd error =
-          (made.x.bottomRows(2) - filter.x_pred.bottomRows(2)).rightCols(kSamples - kSettled);
+          (x.bottomRows(2) - filter.x_pred.bottomRows(2)).rightCols(kSamples - kSettled);
       trace(static_cast<Index>(f), run) = error.squaredNorm() / static_cast<double>(error.cols());
     }
   });

@@ -307,14 +307,6 @@ const std::vector<Estimator>& estimators() {
 }
 
 // The first k samples.
-Dataset beginning(const Dataset& data, Index k) {
-  Dataset out = data;
-  out.time = data.time.head(k).eval();
-  out.y = data.y.leftCols(k).eval();
-  out.u.resize(0, k);
-  return out;
-}
-
 // @param unknown  0: Q, figure 14; 1: R, figure 15
 StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
   const ModelFile truth = scalar_model(kBoundA, kBoundQ, kBoundR);
@@ -329,7 +321,7 @@ StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
     MatrixXd& out = runs[static_cast<std::size_t>(run)];
     out.resize(2 * methods, lengths);
     for (Index l = 0; l < lengths; ++l) {
-      const Dataset data = beginning(whole, kLengths[static_cast<std::size_t>(l)]);
+      const Dataset data = first_samples(whole, kLengths[static_cast<std::size_t>(l)]);
       for (Index m = 0; m < methods; ++m) {
         out.block(2 * m, l, 2, 1) = estimators()[static_cast<std::size_t>(m)].run(truth, data);
       }

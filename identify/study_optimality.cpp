@@ -10,6 +10,7 @@
 
 #include "identify/distribution.h"
 #include "identify/optimality.h"
+#include "identify/published_systems.h"
 #include "identify/score_test.h"
 #include "identify/study_runs.h"
 #include "lib/autocorrelation.h"
@@ -36,7 +37,7 @@ struct Tuning {
   std::vector<std::vector<std::string>> published;  // per N: Test 2, Test 3, Test 4
 };
 
-struct Experiment {
+struct TuningExperiment {
   std::string name, about;
   StateSpace truth;
   std::vector<Tuning> tunings;  // the first is the true noise
@@ -54,8 +55,8 @@ StateSpace system_of(const MatrixXd& A, const MatrixXd& G, const MatrixXd& C) {
 }
 
 // (3.32), (3.33).
-Experiment table_1() {
-  Experiment out{"matisko-table-1", "Example 1 of Matisko (2013), section 3.4", {}, {}};
+TuningExperiment table_1() {
+  TuningExperiment out{"matisko-table-1", "Example 1 of Matisko (2013), section 3.4", {}, {}};
   out.truth =
       system_of((MatrixXd(3, 3) << 0.5, 1, 0.2, 0, -0.5, 0.2, 0, 0, 0.97).finished(),
                 (MatrixXd(3, 2) << 1, 0.2, 0, 1, 1, 0).finished(), Eigen::RowVector3d(1, 0, 0));
@@ -76,12 +77,13 @@ Experiment table_1() {
 }
 
 // A stand-in of order six with fast, slow and oscillating modes.
-Experiment table_2() {
-  Experiment out{"matisko-table-2",
-                 "a stand-in for the system of Example 2 of Matisko (2013), section 3.4, whose "
-                 "matrices\nour copy of the source does not hold: same order, noise and tunings",
-                 {},
-                 {}};
+TuningExperiment table_2() {
+  TuningExperiment out{
+      "matisko-table-2",
+      "a stand-in for the system of Example 2 of Matisko (2013), section 3.4, whose "
+      "matrices\nour copy of the source does not hold: same order, noise and tunings",
+      {},
+      {}};
   MatrixXd A = MatrixXd::Zero(6, 6);
   A(0, 0) = 0.3;
   A(1, 1) = 0.98;
@@ -116,16 +118,6 @@ ModelFile model_of(const StateSpace& system, const Tuning& tuning) {
   m.Q.constant = tuning.Q;
   m.R.constant = tuning.R;
   m.initial = InitialState::stationary;
-  return out;
-}
-
-Dataset recording(const StateSpace& truth, Index samples, Random& random) {
-  Dataset out;
-  out.dt = 1.0;
-  out.time = VectorXd::LinSpaced(samples, 0.0, static_cast<double>(samples - 1));
-  out.y = realisation(truth, InitialState::stationary, {}, samples, random);
-  out.u.resize(0, samples);
-  for (Index i = 0; i < out.y.rows(); ++i) out.outputs.push_back({fmt::format("y{}", i + 1), ""});
   return out;
 }
 
@@ -203,7 +195,7 @@ struct Counts {
 void run(const StateSpace& truth, const Tuning& tuning, Index samples, Random& random,
          Counts& counts) {
   const ModelFile model = model_of(truth, tuning);
-  const Dataset data = recording(truth, samples, random);
+  const Dataset data = recording(truth, InitialState::stationary, samples, random);
   const FilterResult filter = kalman_filter(instantiate(model.linear, {}), model.linear.initial,
                                             data.y, data.u, Keep::innovations);
   const MatrixXd& e = filter.standardised;
@@ -236,7 +228,7 @@ std::string cell(const Count& count, bool optimal, double runs, bool sequential_
                          : fmt::format("{:.1f}", right);
 }
 
-StudyReport run_table(const Experiment& experiment, const StudyOptions& options) {
+StudyReport run_table(const TuningExperiment& experiment, const StudyOptions& options) {
   StateSpace truth = experiment.truth;
   truth.Q = experiment.tunings[0].Q;
   truth.R = experiment.tunings[0].R;

@@ -151,6 +151,18 @@ const std::vector<PublishedTable>& tables() {
   return all;
 }
 
+// One of the points, as often as its weight says, moved by (4.32): log-normally, with a variance in
+// proportion to its value.
+VectorXd drawn_and_moved(const MatrixXd& points, const VectorXd& weight, double perturbation,
+                         Random& random) {
+  double left = random.uniform();
+  Index from = 0;
+  while (from + 1 < weight.size() && left > weight[from]) left -= weight[from++];
+  VectorXd out = points.col(from);
+  for (double& x : out) x *= std::exp(std::sqrt(perturbation * x) * random.normal());
+  return out;
+}
+
 // The published Monte Carlo (section 4.5): points from a logarithmic grid of 20 x 20 in (0.01, 15),
 // 15 iterations of weighting, resampling and log-normal perturbation of variance 0.012 times the
 // value (4.32). Most probable point and mean of the last iteration.
@@ -183,13 +195,7 @@ MonteCarlo published_monte_carlo(const ModelFile& model, const Dataset& data, Ra
     if (iteration + 1 == kIterations) return out;
     MatrixXd next(2, points.cols());
     for (Index p = 0; p < next.cols(); ++p) {
-      double left = random.uniform();
-      Index from = 0;
-      while (from + 1 < weight.size() && left > weight[from]) left -= weight[from++];
-      for (Index i = 0; i < 2; ++i) {
-        const double x = points(i, from);
-        next(i, p) = x * std::exp(std::sqrt(kPerturbation * x) * random.normal());
-      }
+      next.col(p) = drawn_and_moved(points, weight, kPerturbation, random);
     }
     points = next;
   }
@@ -280,11 +286,7 @@ MonteCarlo published_recursive_monte_carlo(const ModelFile& model, const Dataset
                      [&](Index a, Index b) { return log_weight[a] < log_weight[b]; });
     const MatrixXd before = points;
     for (Index r = 0; r < kReplaced; ++r) {
-      double left = random.uniform();
-      Index from = 0;
-      while (from + 1 < kPoints && left > weight[from]) left -= weight[from++];
-      VectorXd theta = before.col(from);
-      for (double& x : theta) x *= std::exp(std::sqrt(kPerturbation * x) * random.normal());
+      const VectorXd theta = drawn_and_moved(before, weight, kPerturbation, random);
       Index nearest = 0;
       (before.colwise() - theta).colwise().squaredNorm().minCoeff(&nearest);
       const Index weak = order[static_cast<std::size_t>(r)];

@@ -13,9 +13,6 @@
 namespace identikal {
 namespace {
 
-// Eigenvalues of the unit-diagonal information below this share of the largest carry no
-// information, as in judge_parameters().
-constexpr double kFlat = 1e-9;
 constexpr double kColouredLevel = 0.01;
 
 /// Orthonormal basis of the columns of A.

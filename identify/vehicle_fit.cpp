@@ -20,11 +20,11 @@ namespace identikal {
 namespace {
 
 constexpr std::size_t kOptimised = 3;  // of the starts, those with the best likelihood
-constexpr double kSameMaximum = 0.01;  // in log-likelihood
+constexpr double kSameVehicle = 0.01;  // in log-likelihood
 constexpr double kTooStiffForSteps =
     1.6;  // decay rate over what the integration steps were made for
 
-struct Search {
+struct VehicleSearch {
   VehicleProblem problem;
   VehicleOptimum best;
   int starts = 0, agree = 0, iterations = 0, evaluations = 0;
@@ -36,13 +36,13 @@ VehicleProblem problem_for(const VehicleRun& run, const VehicleUnknowns& unknown
 }
 
 /// Ranks the starts by likelihood, climbs from the best few and keeps the best summit.
-Search search(const VehicleRun& run, const VehicleUnknowns& unknowns,
-              const VehicleFitOptions& options) {
+VehicleSearch search(const VehicleRun& run, const VehicleUnknowns& unknowns,
+                     const VehicleFitOptions& options) {
   const std::vector<VehicleParameters<double>> starts =
       vehicle_starts(run, unknowns, options.starts, options.seed);
   // Any start may be far off; integration steps are made for the least stiff, and remade for the
   // answer.
-  Search out;
+  VehicleSearch out;
   const auto softest =
       std::min_element(starts.begin(), starts.end(), [](const auto& p, const auto& q) {
         return decay_rate_times_speed(linear_car(p)) < decay_rate_times_speed(linear_car(q));
@@ -80,7 +80,7 @@ Search search(const VehicleRun& run, const VehicleUnknowns& unknowns,
   }
   out.starts = static_cast<int>(summits.size());
   for (const VehicleOptimum& summit : summits) {
-    if (summit.log_likelihood > out.best.log_likelihood - kSameMaximum) ++out.agree;
+    if (summit.log_likelihood > out.best.log_likelihood - kSameVehicle) ++out.agree;
   }
   if (out.best.z.size() == 0) return out;
 
@@ -107,7 +107,7 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
   }
 }
 
-void report_parameters(const Search& found, const VehicleCovariance& covariance,
+void report_parameters(const VehicleSearch& found, const VehicleCovariance& covariance,
                        Estimate& estimate) {
   const VehicleUnknowns& unknowns = found.problem.unknowns;
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
@@ -156,7 +156,8 @@ void report_parameters(const Search& found, const VehicleCovariance& covariance,
           : "inverse information, white residuals (Cramer-Rao)";
 }
 
-void report_series(const Search& found, const VehicleCovariance& covariance, Estimate& estimate) {
+void report_series(const VehicleSearch& found, const VehicleCovariance& covariance,
+                   Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   const VehicleRun& run = *problem.run;
   const Eigen::Index N = run.time.size(), ny = run.y.rows();
@@ -206,7 +207,8 @@ void report_series(const Search& found, const VehicleCovariance& covariance, Est
 }
 
 /// Characteristic values that the data determine, whichever single parameters they leave open.
-void report_derived(const Search& found, const VehicleCovariance& covariance, Estimate& estimate) {
+void report_derived(const VehicleSearch& found, const VehicleCovariance& covariance,
+                    Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   const VehicleParameters<double> p = parameters_at(problem, found.best.z);
   const double u = problem.run->median_speed;
@@ -272,7 +274,7 @@ void report_derived(const Search& found, const VehicleCovariance& covariance, Es
 }
 
 /// @param flat  how many directions the data leave open: they count as no parameters
-void report_objective(const Search& found, Eigen::Index flat, Estimate& estimate) {
+void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
   objective.method = "output_error";
@@ -300,7 +302,7 @@ std::string listed(const std::vector<std::string>& names) {
   return out;
 }
 
-void conclude(const Search& found, Estimate& estimate) {
+void conclude(const VehicleSearch& found, Estimate& estimate) {
   std::vector<std::string> open, serious;
   std::size_t free = 0;
   for (const EstimatedParameter& p : estimate.parameters) {
@@ -361,7 +363,7 @@ Estimate fit_vehicle(const ModelFile& model, const Dataset& data,
                     samples, sought),
         "more samples than unknowns");
   }
-  const Search found = search(run, unknowns, options);
+  const VehicleSearch found = search(run, unknowns, options);
   if (found.best.z.size() == 0) {
     conclude(found, estimate);
     return estimate;

@@ -16,6 +16,7 @@
 #include <optional>
 #include <utility>
 
+#include "lib/constants.h"
 #include "lib/csv_cell.h"
 #include "lib/units.h"
 
@@ -24,7 +25,6 @@ namespace {
 
 using namespace csv;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kTailLines = 64;     // lines at the end of the file that show its shape
 constexpr std::size_t kTextCheck = 65536;  // bytes at the start free of control codes
 

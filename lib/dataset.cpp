@@ -9,6 +9,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "lib/constants.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
 
@@ -16,8 +17,6 @@ namespace identikal {
 namespace {
 
 using Eigen::Index;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // The shortest text that reads back as the same number: an epoch time keeps its fraction.
 std::string number(double value) {
@@ -255,6 +254,15 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
   data.u = read_all(inputs, data.inputs);
   data.y = read_all(outputs, data.outputs);
   return data;
+}
+
+Dataset first_samples(const Dataset& data, Index count) {
+  const Index keep = std::min(count, data.size());
+  Dataset out = data;
+  out.time.conservativeResize(keep);
+  out.u.conservativeResize(Eigen::NoChange, keep);
+  out.y.conservativeResize(Eigen::NoChange, keep);
+  return out;
 }
 
 Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {

@@ -11,6 +11,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "lib/constants.h"
 #include "lib/direct_kernel.h"
 #include "lib/matrix_equations.h"
 #include "lib/recursion.h"
@@ -23,8 +24,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // The measurement side of the model, restricted to the channels that are present.
 struct Measurement {

@@ -7,6 +7,9 @@
 
 namespace identikal {
 
+/// ASCII letters in lower case.
+std::string lower_case(std::string_view text);
+
 /// The candidate nearest to `name` in Damerau-Levenshtein distance, ignoring case; empty when none
 /// is within max(2, size/3) edits or when there are no candidates.
 std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates);

@@ -5,14 +5,14 @@
 
 #include <Eigen/Cholesky>
 
+#include "lib/constants.h"
+
 namespace identikal {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 

@@ -11,7 +11,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 MatrixXd realisation(const StateSpace& model, InitialState initial, const MatrixXd& u,
-                     Index samples, Random& random) {
+                     Index samples, Random& random, MatrixXd* states) {
   check_shapes(model);
   if (u.size() > 0 && (u.rows() != model.inputs() || u.cols() != samples)) {
     throw std::invalid_argument("realisation: u does not fit the model and the samples");
@@ -27,7 +27,9 @@ MatrixXd realisation(const StateSpace& model, InitialState initial, const Matrix
     x = model.x0 + semidefinite_factor(model.P0) * random.normal(n);
   }
   MatrixXd y(ny, samples);
+  if (states != nullptr) states->resize(n, samples);
   for (Index t = 0; t < samples; ++t) {
+    if (states != nullptr) states->col(t) = x;
     const VectorXd noise = factor * random.normal(nw + ny);
     VectorXd next = model.A * x + model.G * noise.head(nw);
     y.col(t) = model.C * x + noise.tail(ny);

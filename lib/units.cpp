@@ -99,22 +99,16 @@ constexpr int kMaxPower = 20;
 bool is_letter(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return out;
-}
-
 std::optional<Unit> look_up(std::string_view name) {
   for (const NamedUnit& known : kUnits) {
     if (known.name == name) return known.unit;
   }
   // A single small letter is more often a quantity (n, v, a, k) than a unit in the wrong case.
   if (name.size() == 1 && name[0] >= 'a' && name[0] <= 'z') return std::nullopt;
-  const std::string wanted = lower(name);
+  const std::string wanted = lower_case(name);
   std::optional<Unit> found;
   for (const NamedUnit& known : kUnits) {
-    if (lower(known.name) != wanted) continue;
+    if (lower_case(known.name) != wanted) continue;
     if (found) return std::nullopt;  // "KN" may be kilonewton or knot
     found = known.unit;
   }

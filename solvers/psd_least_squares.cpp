@@ -16,6 +16,8 @@
 #include <Eigen/QR>
 #include <Eigen/SVD>
 
+#include "lib/constants.h"
+
 namespace identikal {
 namespace {
 
@@ -26,10 +28,9 @@ using Blocks = std::vector<PsdBlock>;
 using Clock = std::chrono::steady_clock;
 using Matrices = std::vector<MatrixXd>;  // one per block
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kFloor = 1e-6;  // of the natural objective: see minimise()
-constexpr double kFlat = 1e-13;  // of the largest eigenvalue of H: below it is rounding
-constexpr int kPatience = 10;    // steps without a smaller gap
+constexpr double kFloor = 1e-6;      // of the natural objective: see minimise()
+constexpr double kRounding = 1e-13;  // of the largest eigenvalue of H: below it is rounding
+constexpr int kPatience = 10;        // steps without a smaller gap
 // Curvatures that keep flat directions bounded, in the same unit. The first bears rounding best;
 // the others are for solutions that lie far out along a flat direction.
 constexpr double kFlatCurvatures[] = {1e-11, 1e-13, 1e-15, 1e-17};
@@ -341,7 +342,7 @@ ConicProblem conic(const Scaled& s, double curvature) {
   const VectorXd& values = eigen.eigenvalues();
   const double largest = std::max(1e-300, values[k - 1]);
   require(values[0] > -1e-8 * largest, "H scaled has the eigenvalue ", values[0]);
-  const auto flat = values.array() <= kFlat * largest;
+  const auto flat = values.array() <= kRounding * largest;
   const VectorXd root = flat.select(curvature * largest, values).cwiseSqrt();
   const MatrixXd Vt = eigen.eigenvectors().transpose();
   return {root.asDiagonal() * Vt, root.cwiseInverse().asDiagonal() * Vt,

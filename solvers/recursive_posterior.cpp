@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "lib/constants.h"
 #include "solvers/resampling.h"
 
 namespace identikal {
@@ -14,8 +15,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
-
-constexpr double kNowhere = -std::numeric_limits<double>::infinity();
 
 void place(const NoiseProblem& problem, const VectorXd& x, FilterBank& bank, Index member,
            double& log_likelihood) {
@@ -39,10 +38,10 @@ void run_over_samples(const RecursivePosterior& posterior, const NoiseProblem& p
   const Index m = proposals.draws.cols();
   for (Index i = 0; i < m; ++i) {
     // A proposal outside the prior runs along in its predecessor's place, and is not looked at.
-    if (proposals.log_prior[i] > kNowhere) {
+    if (proposals.log_prior[i] > -kInfinity) {
       place(problem, proposals.draws.col(i), proposals.bank, i, proposals.log_likelihood[i]);
     } else {
-      proposals.log_likelihood[i] = kNowhere;
+      proposals.log_likelihood[i] = -kInfinity;
     }
   }
   // What was seen before the first sample belongs to the first draws' weights.
@@ -78,7 +77,7 @@ double move_all(RecursivePosterior& posterior, const NoiseProblem& problem, doub
                         (temperature - 1.0) * posterior.log_weight[i];
     const double there = proposals.log_prior[i] + proposals.log_likelihood[i] +
                          (temperature - 1.0) * proposals.recent[i];
-    if (!(proposals.log_likelihood[i] > kNowhere) || !(there - here > threshold[i])) continue;
+    if (!(proposals.log_likelihood[i] > -kInfinity) || !(there - here > threshold[i])) continue;
     posterior.draws.col(i) = proposals.draws.col(i);
     posterior.log_prior[i] = proposals.log_prior[i];
     posterior.log_likelihood[i] = proposals.log_likelihood[i];
@@ -172,7 +171,7 @@ double observe(RecursivePosterior& posterior, const NoiseProblem& problem,
   VectorXd density(posterior.draws.cols());
   step(posterior.bank, y, u, density);
   const double largest = density.maxCoeff();
-  if (!(largest > kNowhere)) return kNowhere;
+  if (!(largest > -kInfinity)) return -kInfinity;
   remember(posterior, y, u);
   posterior.log_weight += density;
   posterior.log_likelihood += density;

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "lib/constants.h"
 #include "solvers/resampling.h"
 
 namespace identikal {
@@ -14,11 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-namespace {
-
-constexpr double kNowhere = -std::numeric_limits<double>::infinity();
-
-}  // namespace
+namespace {}  // namespace
 
 PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& options) {
   constexpr int kMostMoves = 50;
@@ -55,7 +52,7 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
     for (std::size_t i = 1; i < order.size(); ++i) out.distinct += less(order[i - 1], order[i]);
     return out;
   };
-  if (!(out.log_likelihood.maxCoeff() > kNowhere)) {
+  if (!(out.log_likelihood.maxCoeff() > -kInfinity)) {
     return finish(Termination::no_progress,
                   "the likelihood is undefined at every draw of the prior");
   }
@@ -79,7 +76,7 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
         const VectorXd x = out.draws.col(i) + scale * (L * random.normal(out.draws.rows()));
         const double threshold = std::log(random.uniform());
         const double prior = problem.log_prior(x);
-        if (!(prior > kNowhere)) continue;
+        if (!(prior > -kInfinity)) continue;
         const double likelihood = problem.log_likelihood(x);
         ++summary.evaluations;
         const double rise =

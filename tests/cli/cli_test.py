@@ -13,6 +13,9 @@ from xml.etree import ElementTree
 import jsonschema
 
 PROGRAM = sys.argv.pop(1)
+QUICK = "--quick" in sys.argv  # a program under sanitizers needs minutes for some jobs
+if QUICK:
+    sys.argv.remove("--quick")
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared"
 SCHEMA = json.loads((ROOT / "identify/result.schema.json").read_text())
@@ -178,6 +181,7 @@ class Tune(unittest.TestCase):
         self.assertIn("sources 3 of 3", text)
         self.assertTrue(all(len(line) <= 80 for line in text.splitlines()))
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_every_estimate_says_what_its_errors_cost(self):
         data = shared("likelihood/sys7.csv")
         for method in ("ml", "als", "als-weighted", "auto", "bayes"):
@@ -199,6 +203,7 @@ class Tune(unittest.TestCase):
         for a, b in zip(auto["parameters"], ml["parameters"], strict=True):
             self.assertAlmostEqual(a["value"] / b["value"], 1, delta=1e-6)
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_study(self):
         text = run("study", "matisko-table-9", "--runs", 3, "--quiet", code=0).stdout
         self.assertIn("published: ALS+SDP 30 lags, R0 1", text)
@@ -206,6 +211,7 @@ class Tune(unittest.TestCase):
         self.assertIn("Cramer-Rao bound", text)
         self.assertEqual(text, run("study", "matisko-table-9", "--runs", 3, "--quiet", code=0).stdout)
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_study_of_a_figure(self):
         with Folder() as first, Folder() as second:
             text = run("study", "matisko-figure-14", "--runs", 2, "--threads", 1, "-o", first.path, code=0).stdout
@@ -282,6 +288,7 @@ class Track(unittest.TestCase):
         self.assertGreater(float(rows[899]["Q(1,1)_sd"]), 0)
         self.assertIn("change at", run("track", self.model, self.data, "--adaptive", code=0).stdout)
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_constant_noise_is_the_posterior_of_all(self):
         out = result("track", self.model, self.data)
         batch = result("tune", self.model, self.data, "--method", "bayes")
@@ -320,6 +327,7 @@ class Shape(unittest.TestCase):
         self.data.write_text("y\n" + "".join(f"{y:.9g}\n" for y in rows))
         self.white.write_text("y\n" + "".join(f"{y:.9g}\n" for y in white))
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_the_filter_is_found_and_its_file_works(self):
         out = result("shape", self.model, self.data, "-o", self.path / "out")
         self.assertEqual(out["shaping"]["order"], 2)
@@ -404,6 +412,7 @@ class Simulate(unittest.TestCase):
                 self.assertLess(abs(p["value"] - 1), 4 * p["se"])
 
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_round_trip_continuous(self):
         """An Ornstein-Uhlenbeck process: decay rate and noise density come back whatever the sampling."""
         text = ("identikal: 1\ntime: {kind: continuous, step: %s}\n"

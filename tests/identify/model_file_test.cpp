@@ -105,7 +105,7 @@ std::string example(const std::string& name) {
   return std::string(IDENTIKAL_SOURCE_DIR) + "/examples/" + name;
 }
 
-const Parameter& parameter(const ModelFile& model, const std::string& name) {
+const Parameter& named(const ModelFile& model, const std::string& name) {
   const int index = find_parameter(model.parameters, name);
   if (index < 0) throw std::logic_error("no parameter " + name);
   return model.parameters[static_cast<std::size_t>(index)];
@@ -186,9 +186,9 @@ TEST_F(ModelFileTest, ReadsTheLaneChangeExample) {
   EXPECT_THAT(names, ElementsAre("m", "a", "b", "Iz", "Cf", "Cr", "steering_ratio", "steering_gain",
                                  "steering_offset", "bias_r", "bias_vy", "bias_ay", "bank"));
   EXPECT_THAT(free, ElementsAre("Iz", "Cf", "Cr"));
-  EXPECT_EQ(parameter(model, "Iz").scalar(), 2000.0);
-  EXPECT_EQ(parameter(model, "Cf").min, 1e4);
-  EXPECT_EQ(parameter(model, "Cr").max, 4e5);
+  EXPECT_EQ(named(model, "Iz").scalar(), 2000.0);
+  EXPECT_EQ(named(model, "Cf").min, 1e4);
+  EXPECT_EQ(named(model, "Cr").max, 4e5);
   EXPECT_EQ(model.inputs[0].name, "steering_wheel_angle");
   EXPECT_EQ(model.inputs[0].si_unit, "rad");
   EXPECT_EQ(model.inputs[1].name, "vx");
@@ -203,23 +203,22 @@ TEST_F(ModelFileTest, ReadsTheLaneChangeExample) {
 
 TEST_F(ModelFileTest, VehicleValuesAreSiAndKeepTheUsersUnit) {
   const ModelFile model = read(kVehicle);
-  EXPECT_DOUBLE_EQ(parameter(model, "a").scalar(), 0.987);
-  EXPECT_EQ(parameter(model, "a").unit, "mm");
-  EXPECT_TRUE(parameter(model, "a").fixed);
-  EXPECT_DOUBLE_EQ(parameter(model, "Cf").scalar(), 8e4);
-  EXPECT_EQ(parameter(model, "Cf").unit, "kN/rad");
-  EXPECT_FALSE(parameter(model, "Cf").fixed);
-  EXPECT_DOUBLE_EQ(parameter(model, "Cf").min, 80.0)
-      << "a free positive parameter stays above zero";
-  EXPECT_EQ(parameter(model, "Cf").max, kInfinity);
-  EXPECT_DOUBLE_EQ(parameter(model, "Cr").scalar(), 8e4);
-  EXPECT_DOUBLE_EQ(parameter(model, "Cr").min, 1e4);
-  EXPECT_DOUBLE_EQ(parameter(model, "Cr").max, 4e5);
-  EXPECT_EQ(parameter(model, "Iz").min, 800.0);
-  EXPECT_EQ(parameter(model, "steering_gain").scalar(), 1.0);
-  EXPECT_EQ(parameter(model, "steering_gain").unit, "");
-  EXPECT_EQ(parameter(model, "bank").scalar(), 0.0);
-  EXPECT_EQ(parameter(model, "bank").unit, "rad");
+  EXPECT_DOUBLE_EQ(named(model, "a").scalar(), 0.987);
+  EXPECT_EQ(named(model, "a").unit, "mm");
+  EXPECT_TRUE(named(model, "a").fixed);
+  EXPECT_DOUBLE_EQ(named(model, "Cf").scalar(), 8e4);
+  EXPECT_EQ(named(model, "Cf").unit, "kN/rad");
+  EXPECT_FALSE(named(model, "Cf").fixed);
+  EXPECT_DOUBLE_EQ(named(model, "Cf").min, 80.0) << "a free positive parameter stays above zero";
+  EXPECT_EQ(named(model, "Cf").max, kInfinity);
+  EXPECT_DOUBLE_EQ(named(model, "Cr").scalar(), 8e4);
+  EXPECT_DOUBLE_EQ(named(model, "Cr").min, 1e4);
+  EXPECT_DOUBLE_EQ(named(model, "Cr").max, 4e5);
+  EXPECT_EQ(named(model, "Iz").min, 800.0);
+  EXPECT_EQ(named(model, "steering_gain").scalar(), 1.0);
+  EXPECT_EQ(named(model, "steering_gain").unit, "");
+  EXPECT_EQ(named(model, "bank").scalar(), 0.0);
+  EXPECT_EQ(named(model, "bank").unit, "rad");
   EXPECT_EQ(model.inputs[0].column, "swa") << "steering comes first whatever the file's order";
   EXPECT_EQ(model.inputs[0].at.line, 13);
   EXPECT_EQ(model.outputs[0].column, "3");
@@ -252,12 +251,12 @@ TEST_F(ModelFileTest, VehicleOptions) {
   EXPECT_DOUBLE_EQ(model.vehicle.measurement_sd[1], 0.03);
   EXPECT_TRUE(model.vehicle.steering_at_road_wheel);
   EXPECT_EQ(model.inputs[0].name, "road_wheel_angle");
-  EXPECT_EQ(parameter(model, "steering_ratio").scalar(), 1.0);
-  EXPECT_TRUE(parameter(model, "steering_ratio").fixed);
-  EXPECT_NEAR(parameter(model, "bias_r").max, std::numbers::pi / 180, 1e-15);
-  EXPECT_FALSE(parameter(model, "bias_r").fixed);
-  EXPECT_NEAR(parameter(model, "bank").scalar(), 2 * std::numbers::pi / 180, 1e-15);
-  EXPECT_TRUE(parameter(model, "bias_ay").fixed);
+  EXPECT_EQ(named(model, "steering_ratio").scalar(), 1.0);
+  EXPECT_TRUE(named(model, "steering_ratio").fixed);
+  EXPECT_NEAR(named(model, "bias_r").max, std::numbers::pi / 180, 1e-15);
+  EXPECT_FALSE(named(model, "bias_r").fixed);
+  EXPECT_NEAR(named(model, "bank").scalar(), 2 * std::numbers::pi / 180, 1e-15);
+  EXPECT_TRUE(named(model, "bias_ay").fixed);
   EXPECT_DOUBLE_EQ(model.time.step, 0.01);
 }
 
@@ -271,9 +270,9 @@ TEST_F(ModelFileTest, LinearDefaults) {
   EXPECT_EQ(at.Q, matrix({{2, 0}, {0, 1}}));
   EXPECT_EQ(at.dt, 0.5);
   EXPECT_EQ(model.linear.initial, InitialState::stationary);
-  EXPECT_TRUE(parameter(model, "r").fixed) << "a bare number is known";
-  EXPECT_EQ(parameter(model, "r").min, 0.0) << "a variance";
-  EXPECT_EQ(parameter(model, "q").max, kInfinity);
+  EXPECT_TRUE(named(model, "r").fixed) << "a bare number is known";
+  EXPECT_EQ(named(model, "r").min, 0.0) << "a variance";
+  EXPECT_EQ(named(model, "q").max, kInfinity);
 }
 
 TEST_F(ModelFileTest, EntriesAreMultiplesOfParameters) {
@@ -282,9 +281,9 @@ TEST_F(ModelFileTest, EntriesAreMultiplesOfParameters) {
                "[[0.9, 0.1], [0, 0.5]]", "[[-å_1, 2*å_1], [å_1 * -3, -1e-1*å_1]]"));
   const StateSpace at = instantiate(model.linear, model.parameters);
   EXPECT_EQ(at.A, matrix({{-0.5, 1}, {-1.5, -0.05}}));
-  EXPECT_EQ(parameter(model, "å_1").min, -kInfinity);
-  EXPECT_FALSE(parameter(model, "å_1").fixed);
-  EXPECT_TRUE(parameter(model, "r").fixed);
+  EXPECT_EQ(named(model, "å_1").min, -kInfinity);
+  EXPECT_FALSE(named(model, "å_1").fixed);
+  EXPECT_TRUE(named(model, "r").fixed);
   EXPECT_EQ(model.linear.A.entries.size(), 4U);
 }
 
@@ -341,10 +340,10 @@ TEST_F(ModelFileTest, InputsHeldBetweenSamples) {
 TEST_F(ModelFileTest, ParameterUnitsOfTheLinearFormAreConverted) {
   const ModelFile model = read(replaced(kLinear, "{value: 2, min: 0}",
                                         "{value: 4 cm, min: 1, max: 1 m, role: process-noise}"));
-  EXPECT_DOUBLE_EQ(parameter(model, "q").scalar(), 0.04);
-  EXPECT_DOUBLE_EQ(parameter(model, "q").min, 0.01);
-  EXPECT_DOUBLE_EQ(parameter(model, "q").max, 1.0);
-  EXPECT_EQ(parameter(model, "q").unit, "cm");
+  EXPECT_DOUBLE_EQ(named(model, "q").scalar(), 0.04);
+  EXPECT_DOUBLE_EQ(named(model, "q").min, 0.01);
+  EXPECT_DOUBLE_EQ(named(model, "q").max, 1.0);
+  EXPECT_EQ(named(model, "q").unit, "cm");
 }
 
 TEST_F(ModelFileTest, InputsWithBAndD) {
@@ -983,15 +982,15 @@ TEST_F(ModelFileTest, TooLargeModelsAreRefused) {
 TEST_F(ModelFileTest, SetParameterTakesTheParametersUnitOrItsOwn) {
   ModelFile model = read(kVehicle);
   set_parameter(model, "Cf=90");
-  EXPECT_DOUBLE_EQ(parameter(model, "Cf").scalar(), 9e4);
+  EXPECT_DOUBLE_EQ(named(model, "Cf").scalar(), 9e4);
   set_parameter(model, " Cf = 85000 N/rad ");
-  EXPECT_DOUBLE_EQ(parameter(model, "Cf").scalar(), 8.5e4);
-  EXPECT_EQ(parameter(model, "Cf").unit, "kN/rad");
+  EXPECT_DOUBLE_EQ(named(model, "Cf").scalar(), 8.5e4);
+  EXPECT_EQ(named(model, "Cf").unit, "kN/rad");
   set_parameter(model, "a=1 m");
-  EXPECT_DOUBLE_EQ(parameter(model, "a").scalar(), 1.0);
-  EXPECT_TRUE(parameter(model, "a").fixed);
+  EXPECT_DOUBLE_EQ(named(model, "a").scalar(), 1.0);
+  EXPECT_TRUE(named(model, "a").fixed);
   set_parameter(model, "bank=1 deg");
-  EXPECT_NEAR(parameter(model, "bank").scalar(), std::numbers::pi / 180, 1e-15);
+  EXPECT_NEAR(named(model, "bank").scalar(), std::numbers::pi / 180, 1e-15);
 }
 
 TEST_F(ModelFileTest, SetParameterOfALinearModel) {
@@ -999,7 +998,7 @@ TEST_F(ModelFileTest, SetParameterOfALinearModel) {
   set_parameter(model, "q=1e6");
   EXPECT_EQ(instantiate(model.linear, model.parameters).Q(0, 0), 1e6);
   set_parameter(model, "q=0");
-  EXPECT_EQ(parameter(model, "q").scalar(), 0.0);
+  EXPECT_EQ(named(model, "q").scalar(), 0.0);
   ModelFile structured =
       read(replaced(replaced(kLinear, "[[q, 0], [0, 1]]", "{structure: scaled-identity}"),
                     "  q: {value: 2, min: 0}\n", ""));
@@ -1048,7 +1047,7 @@ TEST_F(ModelFileTest, SetParameterErrors) {
 TEST_F(ModelFileTest, AFailedSettingChangesNothing) {
   ModelFile model = read(replaced(kLinear, "[[q, 0], [0, 1]]", "[[q, 1], [1, 1]]"));
   EXPECT_THROW(set_parameter(model, "q=0.5"), InputError);
-  EXPECT_EQ(parameter(model, "q").scalar(), 2.0);
+  EXPECT_EQ(named(model, "q").scalar(), 2.0);
 }
 
 // ---- properties ----
@@ -1173,7 +1172,7 @@ TEST_F(ModelFileTest, RandomModelsAreReadBackAsWritten) {
     EXPECT_EQ(at.dt, truth.dt);
     ASSERT_EQ(model.parameters.size(), parameters.size());
     for (const Parameter& p : parameters) {
-      const Parameter& read_back = parameter(model, p.name);
+      const Parameter& read_back = named(model, p.name);
       EXPECT_EQ(read_back.value, p.value);
       EXPECT_EQ(read_back.fixed, p.fixed);
       EXPECT_EQ(read_back.min, p.min);

@@ -7,10 +7,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <string>
+#include <vector>
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include "identify/shaping_spectrum.h"
 #include "lib/error.h"
 #include "lib/kalman.h"
 #include "lib/shaping_filter.h"
@@ -103,11 +107,107 @@ TEST(ShapedModel, SaysWhatItCannotTake) {
   EXPECT_THROW(with_shaping_filters(model, NoisePlace::process, {}), std::invalid_argument);
 }
 
+TEST(ShapedModel, ItsNamesAreNobodyElses) {
+  ModelFile base = system_5_17();
+  base.name = "it's \"5.17\"";
+  base.time.step = 1.0;
+  base.outputs[0].name = base.outputs[0].column = "y \"1\": 'a'";
+  base.parameters[1].name = "w1_a1";
+  const ModelFile shaped =
+      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+  std::set<std::string> names;
+  for (const Parameter& p : shaped.parameters) names.insert(p.name);
+  EXPECT_EQ(names.size(), shaped.parameters.size());
+  const std::filesystem::path path =
+      std::filesystem::temp_directory_path() / "identikal_shaped_names_test.yaml";
+  std::ofstream(path) << model_text(shaped, {});
+  const ModelFile back = read_model_file(path.string());
+  std::filesystem::remove(path);
+  EXPECT_EQ(back.name, base.name);
+  EXPECT_EQ(back.outputs[0].column, base.outputs[0].column);
+}
+
+// S_e of shaping_spectrum.h, written out.
+std::vector<MatrixXcd> innovation_spectrum_at(const InnovationSpectrum& seen,
+                                              const ShapingStructure& structure,
+                                              const VectorXd& x) {
+  const Index nw = seen.Q.rows(), ny = seen.R.rows();
+  std::vector<MatrixXcd> out;
+  for (std::size_t k = 0; k < seen.T_G.size(); ++k) {
+    MatrixXcd H = MatrixXcd::Identity(nw, nw), added = MatrixXcd::Zero(ny, ny);
+    for (std::size_t c = 0; c < structure.channels.size(); ++c) {
+      Index at = nw + ny + static_cast<Index>(c) * structure.unknowns();
+      const double q = structure.own_variance() ? std::exp(x[at++]) : 1.0;
+      const ShapingFilter filter{
+          stable_polynomial(x.segment(at, structure.order)),
+          stable_polynomial(x.segment(at + structure.order, structure.zeros()))};
+      const std::complex<double> h = response(filter, seen.measured.omega[static_cast<Index>(k)]);
+      const Index channel = structure.channels[c];
+      (structure.own_variance() ? added(channel, channel) : H(channel, channel)) =
+          structure.own_variance() ? q * std::norm(h) : h;
+    }
+    const VectorXd fq = (0.5 * x.head(nw)).array().exp(),
+                   fr = (0.5 * x.segment(nw, ny)).array().exp();
+    MatrixXd Q = fq.asDiagonal() * seen.Q * fq.asDiagonal();
+    MatrixXd R = fr.asDiagonal() * seen.R * fr.asDiagonal();
+    MatrixXd S = fq.asDiagonal() * seen.S * fr.asDiagonal();
+    const MatrixXcd W = seen.T_G[k] * H, &V = seen.T_V[k];
+    out.push_back(W * Q * W.adjoint() + V * (R.cast<std::complex<double>>() + added) * V.adjoint() +
+                  W * S * V.adjoint() + V * S.transpose() * W.adjoint());
+  }
+  return out;
+}
+
+TEST(ShapingSpectrum, GradientAndInformationAreExact) {
+  const MatiskoSystem system = matisko_system(7);
+  ModelFile white = system.model;
+  white.parameters = with_entries(white.parameters, system.truth);
+  white.path = "white.yaml";
+  Random random(11);
+  const Dataset data = recording(white, 600, random);
+  InnovationSpectrum spectrum = innovation_spectrum(white, data);
+  for (const NoisePlace place : {NoisePlace::process, NoisePlace::measurement}) {
+    const LikelihoodProblem problem = spectral_problem(spectrum, {place, {1, 0}, 3, true});
+    VectorXd x(problem.lower.size());
+    for (Index i = 0; i < x.size(); ++i) x[i] = 0.4 * std::sin(1.7 * static_cast<double>(i) + 0.3);
+    double L = 0.0;
+    VectorXd gradient;
+    MatrixXd information;
+    ASSERT_TRUE(problem.evaluate(x, L, &gradient, &information));
+    constexpr double kStep = 1e-5;
+    for (Index i = 0; i < x.size(); ++i) {
+      double up = 0.0, down = 0.0;
+      VectorXd moved = x;
+      moved[i] += kStep;
+      ASSERT_TRUE(problem.evaluate(moved, up, nullptr, nullptr));
+      moved[i] -= 2.0 * kStep;
+      ASSERT_TRUE(problem.evaluate(moved, down, nullptr, nullptr));
+      EXPECT_NEAR(gradient[i], (up - down) / (2.0 * kStep), 1e-6 * gradient.norm()) << i;
+    }
+    // Where the spectrum is the model's own, the likelihood's curvature is the information.
+    InnovationSpectrum own = spectrum;
+    own.measured.S = innovation_spectrum_at(spectrum, {place, {1, 0}, 3, true}, x);
+    const LikelihoodProblem there = spectral_problem(own, {place, {1, 0}, 3, true});
+    ASSERT_TRUE(there.evaluate(x, L, &gradient, &information));
+    EXPECT_LT(gradient.norm(), 1e-8 * information.diagonal().sum());
+    for (Index i = 0; i < x.size(); ++i) {
+      VectorXd moved = x, up, down;
+      MatrixXd unused;
+      moved[i] += kStep;
+      ASSERT_TRUE(there.evaluate(moved, L, &up, &unused));
+      moved[i] -= 2.0 * kStep;
+      ASSERT_TRUE(there.evaluate(moved, L, &down, &unused));
+      EXPECT_LT((information.col(i) + (up - down) / (2.0 * kStep)).norm(),
+                1e-5 * information.col(i).norm())
+          << i;
+    }
+  }
+}
+
 TEST(Shape, WhiteNoiseIsLeftAlone) {
   ModelFile truth = system_5_17();
   Random random(3);
-  const Dataset data =
-      realised(instantiate(truth.linear, truth.parameters), truth.linear.initial, 3000, random);
+  const Dataset data = recording(truth, 3000, random);
   const ShapeResult result = shape(truth, {data});
   EXPECT_EQ(result.estimate.status, Status::answer_no);
   EXPECT_FALSE(result.model.has_value());
@@ -121,8 +221,7 @@ TEST(Shape, FindsThePublishedFilter) {
   const ModelFile truth =
       with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
   Random random(4);
-  const Dataset data =
-      realised(instantiate(truth.linear, truth.parameters), truth.linear.initial, 4000, random);
+  const Dataset data = recording(truth, 4000, random);
   const ShapeResult result = shape(base, {data});
   const Shaping& s = *result.estimate.shaping;
   std::printf("%s noise, order %d, output's peak at %.4f rad/s; %s\n", s.place.c_str(), s.order,
@@ -148,8 +247,8 @@ TEST(Shape, FindsThePublishedFilter) {
 TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
   // (5.26): an integrator and a slow pole; a damped sine of 46 s as process noise.
   Random random(5);
-  const Dataset data = realised(truth_5_26(), InitialState::given, 3000, random);
-  const ShapeResult result = shape(system_5_26(), {data});
+  const Dataset data = recording(system_5_26(), InitialState::given, 3000, random);
+  const ShapeResult result = shape(known_part_of_5_26(), {data});
   const Shaping& s = *result.estimate.shaping;
   std::printf("%s noise, order %d; %s\n", s.place.c_str(), s.order,
               result.estimate.message.c_str());
@@ -160,6 +259,29 @@ TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
   ASSERT_TRUE(result.model.has_value());
   EXPECT_LT(s.with(0, 0), 0.28);
   EXPECT_LT(s.with(0, 4), 0.75);
+}
+
+TEST(Shape, TheOutputsUnitDoesNotMatter) {
+  // With a diffuse start a likelihood has a unit: the choice must not hang on it.
+  Random random(6);
+  Dataset data = recording(system_5_26(), InitialState::given, 1500, random);
+  ModelFile model = known_part_of_5_26();
+  ShapeOptions options;
+  options.most_order = 2;
+  const ShapeResult metres = shape(model, {data}, options);
+  data.y *= 1e3;
+  for (Parameter& p : model.parameters) p.value *= 1e6;
+  const ShapeResult millimetres = shape(model, {data}, options);
+  ASSERT_TRUE(metres.model.has_value());
+  ASSERT_TRUE(millimetres.model.has_value());
+  const Shaping &a = *metres.estimate.shaping, &b = *millimetres.estimate.shaping;
+  EXPECT_EQ(a.place, b.place);
+  EXPECT_EQ(a.order, b.order);
+  EXPECT_EQ(a.zeros, b.zeros);
+  ASSERT_FALSE(a.poles.empty());
+  EXPECT_NEAR(a.poles[0].frequency, b.poles[0].frequency, 1e-4);
+  EXPECT_NEAR(a.candidates[0].bic - a.candidates[1].bic, b.candidates[0].bic - b.candidates[1].bic,
+              0.1);
 }
 
 }  // namespace

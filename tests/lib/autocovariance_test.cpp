@@ -21,15 +21,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-struct Case {
+struct AutocovarianceCase {
   StateSpace model;
   MatrixXd L;
 };
 // A gain that is stable, and not the optimal one.
-Case random_case(std::uint64_t seed) {
+AutocovarianceCase random_case(std::uint64_t seed) {
   Random random(seed);
   const auto n = static_cast<Index>(1 + seed % 3), ny = static_cast<Index>(1 + seed % 2);
-  Case out{random_model(random, n, 0, ny, 2), {}};
+  AutocovarianceCase out{random_model(random, n, 0, ny, 2), {}};
   StateSpace other = out.model;
   other.Q *= 7.0;
   other.S *= 0.0;
@@ -39,7 +39,7 @@ Case random_case(std::uint64_t seed) {
 
 // cov of the innovations stacked over time: the filter is linear in y, so its response to one unit
 // of each sample is a column of the map.
-MatrixXd joint_covariance(const Case& c, const MatrixXd& pattern) {
+MatrixXd joint_covariance(const AutocovarianceCase& c, const MatrixXd& pattern) {
   const StateSpace& m = c.model;
   const Index ny = m.outputs(), N = pattern.cols(), n = m.states();
   const MatrixXd P = *solve_discrete_lyapunov(m.A, m.G * m.Q * m.G.transpose());
@@ -57,7 +57,7 @@ MatrixXd joint_covariance(const Case& c, const MatrixXd& pattern) {
 
 TEST(Autocovariance, OfInnovationsEqualTheJointCovariance) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
-    const Case c = random_case(seed);
+    const AutocovarianceCase c = random_case(seed);
     const Index ny = c.model.outputs(), N = 60, lags = 5;
     const MatrixXd V = joint_covariance(c, MatrixXd::Zero(ny, N));
     const Autocovariances Y = innovation_autocovariances(c.model, c.L, lags);
@@ -71,7 +71,7 @@ TEST(Autocovariance, OfInnovationsEqualTheJointCovariance) {
 
 TEST(Autocovariance, FollowsGaps) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
-    const Case c = random_case(seed);
+    const AutocovarianceCase c = random_case(seed);
     const Index ny = c.model.outputs(), N = 70, first = 40, lags = 4;
     MatrixXd pattern = MatrixXd::Zero(ny, N);
     Random random(100 + seed);
@@ -118,7 +118,7 @@ TEST(Autocovariance, SampleValuesCountTheirPairs) {
 TEST(Autocovariance, CovarianceOfSampleValuesIsThatOfIsserlis) {
   double worst = 0.0;
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
-    const Case c = random_case(seed);
+    const AutocovarianceCase c = random_case(seed);
     const Index ny = c.model.outputs(), lags = 3, N = 400;
     const Autocovariances Y = innovation_autocovariances(c.model, c.L, N);
     const MatrixXd V = covariance_of_autocovariances(Y, lags);
@@ -157,7 +157,7 @@ TEST(Autocovariance, CovarianceOfSampleValuesIsThatOfIsserlis) {
 }
 
 TEST(Autocovariance, RefusesWhatDoesNotFit) {
-  const Case c = random_case(2);
+  const AutocovarianceCase c = random_case(2);
   EXPECT_THROW(innovation_autocovariances(c.model, MatrixXd::Zero(9, 9), 3), std::invalid_argument);
   EXPECT_THROW(sample_autocovariances(MatrixXd::Zero(1, 5), 0), std::invalid_argument);
   StateSpace unstable = c.model;

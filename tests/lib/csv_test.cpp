@@ -15,6 +15,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "lib/constants.h"
 #include "tests/support/shared_data.h"
 
 namespace identikal {
@@ -25,8 +26,6 @@ using testing::ElementsAreArray;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // A file that lives as long as the object. Tests run side by side: the name holds the process.
 class File {

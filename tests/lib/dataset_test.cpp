@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "lib/constants.h"
 #include "tests/support/shared_data.h"
 
 namespace identikal {
@@ -18,7 +19,6 @@ namespace {
 
 using testing::ElementsAreArray;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegree = std::numbers::pi / 180.0;
 
 Column column(const std::string& name, const std::string& unit, const std::vector<double>& values) {

@@ -26,12 +26,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-StateSpace moved(StateSpace m, const StateSpace& d, double by) {
-  m.A += by * d.A, m.B += by * d.B, m.C += by * d.C, m.D += by * d.D, m.G += by * d.G;
-  m.Q += by * d.Q, m.R += by * d.R, m.S += by * d.S, m.x0 += by * d.x0, m.P0 += by * d.P0;
-  return m;
-}
-
 // J_ij = dm_i' V^-1 dm_j + 1/2 tr(V^-1 dV_i V^-1 dV_j) of y stacked ~ N(m, V), by differences.
 MatrixXd joint_information(const StateSpace& m, InitialState initial, const MatrixXd& u, Index N,
                            const std::vector<StateSpace>& directions) {

@@ -22,18 +22,18 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-struct Case {
+struct FilterCase {
   StateSpace model;
   MatrixXd y, u;
 };
-Case random_case(std::uint64_t seed, bool gaps) {
+FilterCase random_case(std::uint64_t seed, bool gaps) {
   Random random(seed);
   const auto pick = [&](int from, int to) {
     return static_cast<Index>(from + static_cast<int>(random.uniform() * (to - from + 1)));
   };
   const Index n = pick(1, 4), nu = pick(0, 2), ny = pick(1, 3), nw = pick(1, 3), N = 60 / ny;
-  Case out{random_model(random, n, nu, ny, nw), random_matrix(random, ny, N),
-           random_matrix(random, nu, N)};
+  FilterCase out{random_model(random, n, nu, ny, nw), random_matrix(random, ny, N),
+                 random_matrix(random, nu, N)};
   out.y *= 3.0;
   if (gaps) {
     for (Index i = 0; i < out.y.size(); ++i) {
@@ -50,7 +50,7 @@ void expect_relative(double actual, double expected, double tolerance) {
 
 TEST(Kalman, LikelihoodEqualsTheJointDensityOfAShortRecord) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-    const Case c = random_case(seed, seed % 2 == 0);
+    const FilterCase c = random_case(seed, seed % 2 == 0);
     const StateSpace& m = c.model;
     const Index N = c.y.cols();
     const Likelihood given = log_likelihood(m, InitialState::given, c.y, c.u);
@@ -85,7 +85,7 @@ StateSpace moving(const StateSpace& from, const StateSpace& to, Index t) {
 
 TEST(Kalman, ModelsThatChangeWithTime) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const Case c = random_case(seed, seed % 2 == 0);
+    const FilterCase c = random_case(seed, seed % 2 == 0);
     const StateSpace& m = c.model;
     const Index N = c.y.cols();
     Random random(1000 + seed);
@@ -163,7 +163,7 @@ TEST(Kalman, DiffuseStartHoldsForIntegratorsAndWithoutMeasurementNoise) {
 
 TEST(Kalman, GradientIsExact) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const Case c = random_case(seed, seed % 2 == 0);
+    const FilterCase c = random_case(seed, seed % 2 == 0);
     Random random(seed + 100);
     // A random direction that moves every matrix at once.
     const Index n = c.model.states(), nw = c.model.G.cols(), ny = c.model.outputs(),
@@ -289,7 +289,7 @@ TEST(Kalman, ConstantGainEqualsTheFullRecursion) {
   // back.
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     Random random(seed);
-    Case c = random_case(seed, false);
+    FilterCase c = random_case(seed, false);
     const Index ny = c.y.rows(), N = 3000;
     c.y = random_matrix(random, ny, N);
     c.u = random_matrix(random, c.u.rows(), N);
@@ -322,7 +322,7 @@ TEST(Kalman, ConstantGainEqualsTheFullRecursion) {
 
 TEST(Kalman, SaysWhatIsWrong) {
   Random random(1);
-  Case c = random_case(3, false);
+  FilterCase c = random_case(3, false);
   c.model.A *= 1.2;
   EXPECT_EQ(log_likelihood(c.model, InitialState::stationary, c.y, c.u).status,
             FilterStatus::unstable);
@@ -338,7 +338,7 @@ TEST(Kalman, SaysWhatIsWrong) {
 
 TEST(Kalman, FilteredStatesMatchRegression) {
   // E x(t) and its covariance given y up to t, from the joint Gaussian distribution.
-  const Case c = random_case(12, true);
+  const FilterCase c = random_case(12, true);
   const StateSpace& m = c.model;
   const FilterResult f = kalman_filter(m, InitialState::given, c.y, c.u);
   ASSERT_EQ(f.status, FilterStatus::ok);

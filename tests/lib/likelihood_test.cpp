@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "lib/constants.h"
 #include "lib/kalman.h"
 #include "lib/matrix_equations.h"
 #include "lib/random.h"
@@ -18,22 +19,21 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr InitialState kStarts[] = {InitialState::given, InitialState::stationary,
                                     InitialState::diffuse};
 
-struct Case {
+struct LikelihoodCase {
   StateSpace model;
   MatrixXd y, u;
   std::vector<StateSpace> derivatives;
 };
 
-Case random_case(std::uint64_t seed, Index N, bool dynamics) {
+LikelihoodCase random_case(std::uint64_t seed, Index N, bool dynamics) {
   Random random(seed);
   const auto pick = [&](int from, int to) {
     return static_cast<Index>(from + static_cast<int>(random.uniform() * (to - from + 1)));
   };
-  Case out;
+  LikelihoodCase out;
   const Index n = pick(1, 7), nu = pick(0, 2), ny = pick(1, 3), nw = pick(1, static_cast<int>(n));
   out.model = random_model(random, n, nu, ny, nw);
   out.u = random_matrix(random, nu, N);
@@ -62,7 +62,7 @@ double relative(const MatrixXd& a, const MatrixXd& b) {
 struct Differences {
   double value = 0.0, gradient = 0.0, information = 0.0;
 };
-Differences compare(const Case& c, InitialState initial, Path path, Path* taken) {
+Differences compare(const LikelihoodCase& c, InitialState initial, Path path, Path* taken) {
   LikelihoodEngine engine;
   engine.add_recording(c.y, c.u);
   const Likelihood fast = engine.evaluate(c.model, initial, c.derivatives, path);
@@ -84,7 +84,7 @@ TEST(Likelihood, PathsAgree) {
   Differences worst[3];
   int compressed = 0;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
-    const Case c = random_case(seed, 2000, seed % 2 == 0);
+    const LikelihoodCase c = random_case(seed, 2000, seed % 2 == 0);
     for (const InitialState initial : kStarts) {
       for (const Path path : {Path::steady, Path::automatic}) {
         Path taken;
@@ -110,7 +110,7 @@ TEST(Likelihood, GapsSplitTheRecordingIntoStretches) {
   Differences worst;
   int compressed = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    Case c = random_case(seed, 3000, seed % 2 == 0);
+    LikelihoodCase c = random_case(seed, 3000, seed % 2 == 0);
     knock_out(c.y, 0, 3, -1);
     knock_out(c.y, 700, 5, -1);
     knock_out(c.y, 1500, 40, c.y.rows() - 1);
@@ -135,7 +135,7 @@ TEST(Likelihood, CompressedEqualsTheJointDensityOfAShortRecord) {
   double worst = 0.0;
   int compressed = 0;
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-    Case c = random_case(seed, 3, false);
+    LikelihoodCase c = random_case(seed, 3, false);
     c.model.A *= 0.03;  // forgotten within the record
     const Index n = c.model.states(), ny = c.model.outputs(), N = 60 / ny;
     if (N < 40) continue;
@@ -167,17 +167,10 @@ TEST(Likelihood, CompressedEqualsTheJointDensityOfAShortRecord) {
   printf("compressed, %d short records: %.1e of the joint density\n", compressed, worst);
 }
 
-StateSpace moved(const StateSpace& m, const StateSpace& d, double h) {
-  StateSpace out = m;
-  out.A += h * d.A, out.B += h * d.B, out.C += h * d.C, out.D += h * d.D, out.G += h * d.G;
-  out.Q += h * d.Q, out.R += h * d.R, out.S += h * d.S, out.x0 += h * d.x0, out.P0 += h * d.P0;
-  return out;
-}
-
 TEST(Likelihood, CompressedGradientMatchesDifferences) {
   double worst = 0.0;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
-    const Case c = random_case(seed, 2000, seed % 2 == 0);
+    const LikelihoodCase c = random_case(seed, 2000, seed % 2 == 0);
     LikelihoodEngine engine;
     engine.add_recording(c.y, c.u);
     for (const InitialState initial : kStarts) {
@@ -267,7 +260,7 @@ TEST(Likelihood, SlowFiltersFallBackAndSaySo) {
 }
 
 TEST(Likelihood, RecordingsAddUp) {
-  const Case c = random_case(5, 1500, true);
+  const LikelihoodCase c = random_case(5, 1500, true);
   LikelihoodEngine both;
   Likelihood sum = log_likelihood(c.model, InitialState::stationary, c.y, c.u, c.derivatives);
   const MatrixXd y2 = c.y.leftCols(900), u2 = c.u.leftCols(900);
@@ -419,7 +412,7 @@ TEST(Likelihood, DiffuseStartsDoNotDependOnTheUnitsOfTheStates) {
 }
 
 TEST(Likelihood, RefusesShapesThatDisagree) {
-  const Case c = random_case(3, 100, false);
+  const LikelihoodCase c = random_case(3, 100, false);
   LikelihoodEngine engine;
   EXPECT_THROW(engine.evaluate(c.model, InitialState::stationary), std::invalid_argument);
   engine.add_recording(c.y, c.u);

@@ -6,18 +6,13 @@
 #include <unsupported/Eigen/KroneckerProduct>
 
 #include "lib/random.h"
+#include "tests/support/random_model.h"
 
 namespace identikal {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-
-MatrixXd random_matrix(Random& random, Index rows, Index cols) {
-  MatrixXd M(rows, cols);
-  for (Index j = 0; j < cols; ++j) M.col(j) = random.normal(rows);
-  return M;
-}
 
 TEST(DiscreteLyapunov, EqualsTheKroneckerSolution) {
   Random random(1);

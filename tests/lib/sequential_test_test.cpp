@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/random.h"
+#include "tests/support/random_model.h"
 
 namespace identikal {
 namespace {
@@ -18,12 +19,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 const double kMissing = std::numeric_limits<double>::quiet_NaN();
-
-MatrixXd white(Random& random, Index ny, Index N) {
-  MatrixXd e(ny, N);
-  for (Index t = 0; t < N; ++t) e.col(t) = random.normal(ny);
-  return e;
-}
 
 SequentialDecision run(SequentialTest& test, const MatrixXd& e) {
   for (Index t = 0; t < e.cols(); ++t) {
@@ -58,7 +53,7 @@ TEST(SequentialTest, AgreesWithTheMarginalLikelihoodsOfAllSamplesTogether) {
   Random random(1);
   for (const Index ny : {1, 2, 3}) {
     const Index N = 60, order = 2, first = 5 * (ny + 1);
-    const MatrixXd e = white(random, ny, ny) * white(random, ny, N);
+    const MatrixXd e = random_matrix(random, ny, ny) * random_matrix(random, ny, N);
     SequentialTest test = start_sequential_test(ny, never({order}));
     run(test, e);
     const MatrixXd S =
@@ -109,7 +104,7 @@ TEST(SequentialTest, WhiteIsALikelihoodRatioAgainstTheLikeliestColourOfTheStated
 
 TEST(SequentialTest, UnitsAndMixturesOfChannelsThatKeepTheirOrderChangeNothing) {
   Random random(3);
-  const MatrixXd e = white(random, 3, 200);
+  const MatrixXd e = random_matrix(random, 3, 200);
   MatrixXd T(3, 3);
   T << 1e-3, 0, 0, 2, 50, 0, -7, 1, 1e4;
   SequentialTest a = start_sequential_test(3, never({1, 3})), b = a;
@@ -143,7 +138,7 @@ TEST(SequentialTest, NothingIsDecidedFromNothing) {
     EXPECT_EQ(test.log_white, 0.0);
   }
   Random random(5);
-  MatrixXd one_channel = white(random, 2, 3000);
+  MatrixXd one_channel = random_matrix(random, 2, 3000);
   one_channel.row(1) = 2.0 * one_channel.row(0);
   SequentialTest test = start_sequential_test(2, {});
   EXPECT_EQ(run(test, one_channel), SequentialDecision::undecided);
@@ -152,7 +147,7 @@ TEST(SequentialTest, NothingIsDecidedFromNothing) {
 TEST(SequentialTest, DecidesAndBeginsAnew) {
   Random random(6);
   SequentialTest test = start_sequential_test(1, {});
-  EXPECT_EQ(run(test, white(random, 1, 3000)), SequentialDecision::white);
+  EXPECT_EQ(run(test, random_matrix(random, 1, 3000)), SequentialDecision::white);
   const Index samples = test.samples;
   EXPECT_GT(samples, 100);
   double x = 0.0;
@@ -195,7 +190,7 @@ TEST(SequentialTest, FalseAlarmsKeepTheirBound) {
     for (std::uint64_t seed = 1; seed <= 500; ++seed) {
       Random random(seed);
       restart(test);
-      const SequentialDecision decision = run(test, white(random, 1, 1000));
+      const SequentialDecision decision = run(test, random_matrix(random, 1, 1000));
       alarms += decision == SequentialDecision::coloured;
       whites += decision == SequentialDecision::white;
     }

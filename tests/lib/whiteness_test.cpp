@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/random.h"
+#include "tests/support/random_model.h"
 
 namespace identikal {
 namespace {
@@ -56,12 +57,6 @@ TEST(Whiteness, FalseAlarmRateOfLjungBoxIsNominal) {
   }
 }
 
-Eigen::MatrixXd white(Random& random, Eigen::Index ny, Eigen::Index N) {
-  Eigen::MatrixXd e(ny, N);
-  for (Eigen::Index t = 0; t < N; ++t) e.col(t) = random.normal(ny);
-  return e;
-}
-
 // Every lag has expectation ny^2: by 20 000 records of 8 samples, where it matters most.
 TEST(Whiteness, PortmanteauHasItsExactMean) {
   for (const Eigen::Index ny : {1, 2, 3}) {
@@ -69,7 +64,7 @@ TEST(Whiteness, PortmanteauHasItsExactMean) {
     const int runs = 20000, lags = 6;
     for (int run = 0; run < runs; ++run) {
       Random random(static_cast<std::uint64_t>(run) + 1);
-      const ChiSquareStatistic q = portmanteau(white(random, ny, 8), lags);
+      const ChiSquareStatistic q = portmanteau(random_matrix(random, ny, 8), lags);
       ASSERT_EQ(q.dof, static_cast<double>(lags * ny * ny));
       sum += q.value / runs;
       squares += q.value * q.value / runs;
@@ -81,7 +76,7 @@ TEST(Whiteness, PortmanteauHasItsExactMean) {
 
 TEST(Whiteness, PortmanteauDoesNotDependOnUnitsOrMixture) {
   Random random(1);
-  const Eigen::MatrixXd e = white(random, 3, 100);
+  const Eigen::MatrixXd e = random_matrix(random, 3, 100);
   Eigen::Matrix3d T;
   T << 1e3, 2, 0, -5, 1, 0.1, 0, 7, 1;
   const double a = portmanteau(e, 5).value, b = portmanteau(T * e, 5).value;
@@ -96,12 +91,12 @@ TEST(Whiteness, PortmanteauOfOneChannelIsLjungAndBox) {
 
 TEST(Whiteness, PortmanteauOfNothing) {
   Random random(1);
-  Eigen::MatrixXd e = white(random, 2, 50);
+  Eigen::MatrixXd e = random_matrix(random, 2, 50);
   e.row(1) = 3.0 * e.row(0);
   EXPECT_TRUE(std::isnan(portmanteau(e, 5).value));
   EXPECT_TRUE(std::isnan(portmanteau(Eigen::MatrixXd::Zero(2, 50), 5).value));
   EXPECT_TRUE(std::isnan(portmanteau(Eigen::MatrixXd(2, 0), 5).value));
-  EXPECT_TRUE(std::isnan(portmanteau(white(random, 2, 3), 1).value));
+  EXPECT_TRUE(std::isnan(portmanteau(random_matrix(random, 2, 3), 1).value));
 }
 
 // As published: Mehra's count and the chi-square per channel, by hand.
@@ -120,7 +115,7 @@ TEST(Whiteness, FalseAlarmRateOfThePortmanteauIsNominal) {
     int alarms = 0;
     for (std::uint64_t seed = 1; seed <= 2000; ++seed) {
       Random random(seed);
-      Eigen::MatrixXd e = white(random, 3, 200);
+      Eigen::MatrixXd e = random_matrix(random, 3, 200);
       for (Eigen::Index t = 0; gaps && t < 200; ++t) {
         if (random.uniform() < 0.2) e(t % 3, t) = std::nan("");
       }

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include "lib/constants.h"
 #include "solvers/covariance.h"
 #include "solvers/solve.h"
 
@@ -13,8 +14,6 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Independent groups of samples with variances q_i: L = -1/2 sum n_i (log v_i + s_i / v_i), v = M
 // q.

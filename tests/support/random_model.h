@@ -15,6 +15,13 @@ inline Eigen::MatrixXd random_matrix(Random& random, Eigen::Index rows, Eigen::I
   return M;
 }
 
+// m + by d.
+inline StateSpace moved(StateSpace m, const StateSpace& d, double by) {
+  m.A += by * d.A, m.B += by * d.B, m.C += by * d.C, m.D += by * d.D, m.G += by * d.G;
+  m.Q += by * d.Q, m.R += by * d.R, m.S += by * d.S, m.x0 += by * d.x0, m.P0 += by * d.P0;
+  return m;
+}
+
 // A stable random model with inputs, feed-through and cross-covariance.
 inline StateSpace random_model(Random& random, Eigen::Index n, Eigen::Index nu, Eigen::Index ny,
                                Eigen::Index nw) {
