@@ -381,6 +381,15 @@ int run_shape(const Arguments& args) {
                                  model.name, s.order, s.place),
                      "The first states are the filter's."})});
   }
+  if (result.in_measurement) {
+    files.push_back(
+        {"shaped_measurement.yaml",
+         model_text(
+             *result.in_measurement,
+             {"The model of shaped.yaml with its colour in the measurement noise instead: the",
+              "very same outputs and likelihood, other states. Outputs alone do not tell which",
+              "of the two is right. The first states are the filter's."})});
+  }
   return finish(args, recordings, result.estimate, begin, files);
 }
 

@@ -6,6 +6,7 @@
 #include "identify/model_file.h"
 #include "lib/dataset.h"
 #include "lib/random.h"
+#include "lib/shaping_filter.h"
 #include "lib/state_space.h"
 
 namespace identikal {
@@ -23,6 +24,11 @@ ModelFile model_of(const PublishedSystem& system, double q0, double r0);
 
 /// The model with these variances, Q's first.
 ModelFile with_variances(ModelFile model, const Eigen::VectorXd& variances);
+
+/// (5.17), and (5.21) with its zero at -8 moved inside the unit circle, which leaves the spectrum's
+/// shape.
+PublishedSystem system_5_17();
+ShapingFilter filter_5_21();
 
 /// (5.26): w of variance 0.001 through a damped sine of 46 samples, v of variance 0.05; x0 = 0.
 StateSpace system_5_26();

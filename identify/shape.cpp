@@ -16,6 +16,7 @@
 #include "identify/recordings_likelihood.h"
 #include "identify/shaping_likelihood.h"
 #include "identify/shaping_spectrum.h"
+#include "lib/colour_place.h"
 #include "lib/error.h"
 #include "lib/kalman.h"
 #include "lib/prediction.h"
@@ -313,6 +314,28 @@ void compare_held_out(const ModelFile& white, const Candidate& best,
   }
 }
 
+// The model, with coloured process noise, as one with coloured measurement noise.
+std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_states) {
+  const auto m =
+      colour_in_measurement(instantiate(shaped.linear, shaped.parameters), filter_states);
+  if (!m) return std::nullopt;
+  ModelFile out = shaped;
+  out.parameters.clear();
+  LinearModel& linear = out.linear;
+  for (const auto& [to, value] : {std::pair{&linear.A, &m->A},
+                                  {&linear.B, &m->B},
+                                  {&linear.C, &m->C},
+                                  {&linear.D, &m->D},
+                                  {&linear.G, &m->G},
+                                  {&linear.Q, &m->Q},
+                                  {&linear.R, &m->R},
+                                  {&linear.S, &m->S}}) {
+    *to = ParametrisedMatrix{};
+    to->constant = *value;
+  }
+  return out;
+}
+
 // Does the filter explain everything, hold on unseen data, leave the model's own noise, and stand
 // where the outputs say?
 void judge(const Candidate& best, const std::vector<Candidate>& candidates, const Shaping& report,
@@ -444,6 +467,10 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   out.estimate.objective.method = "shape";
   report.spectrum_shaped = innovation_spectra(out.estimate.series.standardised).level;
   report.output_peak = output_peak(*out.model, report.poles, dt);
+  if (best.structure.place == NoisePlace::process) {
+    out.in_measurement = same_outputs(
+        *out.model, static_cast<Index>(best.structure.channels.size()) * best.structure.order);
+  }
   if (out.estimate.status == Status::ok) judge(best, candidates, report, out.estimate);
   out.estimate.shaping = std::move(report);
   return out;

@@ -24,6 +24,10 @@ struct ShapeOptions {
 struct ShapeResult {
   Estimate estimate;               ///< of the model chosen; Estimate::shaping has the comparison
   std::optional<ModelFile> model;  ///< with its filters and values; nothing when noise is white
+  /// Of a model with coloured process noise: the one with coloured measurement noise that has the
+  /// very same outputs (lib/colour_place.h), as numbers. Nothing when filter and system share a
+  /// pole.
+  std::optional<ModelFile> in_measurement;
 };
 
 /// 1. The white model is tuned (noise_ml). Is something left? Ljung-Box of every channel's

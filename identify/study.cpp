@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "identify/study_colour.h"
+#include "identify/study_detection.h"
 #include "identify/study_figures.h"
 #include "identify/study_optimality.h"
 #include "identify/study_tables.h"
@@ -19,7 +20,8 @@ const std::vector<Study>& studies() {
     std::vector<Study> out = optimality_studies();
     for (Study& table : table_studies()) out.push_back(std::move(table));
     for (Study& figure : figure_studies()) out.push_back(std::move(figure));
-    for (Study& table : colour_studies()) out.push_back(std::move(table));
+    for (Study& figure : detection_studies()) out.push_back(std::move(figure));
+    for (Study& each : colour_studies()) out.push_back(std::move(each));
     return out;
   }();
   return all;

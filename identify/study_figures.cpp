@@ -306,7 +306,6 @@ const std::vector<Estimator>& estimators() {
   return all;
 }
 
-// The first k samples.
 // @param unknown  0: Q, figure 14; 1: R, figure 15
 StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
   const ModelFile truth = scalar_model(kBoundA, kBoundQ, kBoundR);

@@ -18,10 +18,11 @@ SMALL = {
     "matisko-table-10-2-runs": ["matisko-table-10", "--runs", "2"],
     "matisko-table-13-2-runs": ["matisko-table-13", "--runs", "2"],
     "matisko-figure-14-2-runs": ["matisko-figure-14", "--runs", "2"],
-    **{f"matisko-figure-{n}": [f"matisko-figure-{n}"] for n in (4, 5, 6)},
+    "matisko-figure-1-50-runs": ["matisko-figure-1", "--runs", "50"],
+    **{f"matisko-figure-{n}": [f"matisko-figure-{n}"] for n in range(4, 14)},
 }
 LARGE = {
-    **{name: [name] for name in TABLES + [f"matisko-figure-{n}" for n in (3, 14, 15)]},
+    **{name: [name] for name in TABLES + [f"matisko-figure-{n}" for n in (1, 2, 3, 14, 15)]},
     **{f"matisko-table-{n}-200-runs": [f"matisko-table-{n}", "--runs", "200"] for n in (1, 2)},
 }
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")

@@ -14,11 +14,11 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include "identify/published_systems.h"
 #include "identify/shaping_spectrum.h"
 #include "lib/error.h"
 #include "lib/kalman.h"
 #include "lib/shaping_filter.h"
-#include "tests/support/coloured_systems.h"
 #include "tests/support/matisko_systems.h"
 
 namespace identikal {
@@ -100,7 +100,7 @@ TEST(ShapedModel, TheFileGivesItBack) {
 }
 
 TEST(ShapedModel, SaysWhatItCannotTake) {
-  ModelFile model = system_5_17();
+  ModelFile model = model_of(system_5_17(), 1.0, 1.0);
   EXPECT_EQ(shaping_fault(model, NoisePlace::process), "");
   model.linear.continuous = true;
   EXPECT_NE(shaping_fault(model, NoisePlace::process), "");
@@ -108,7 +108,7 @@ TEST(ShapedModel, SaysWhatItCannotTake) {
 }
 
 TEST(ShapedModel, ItsNamesAreNobodyElses) {
-  ModelFile base = system_5_17();
+  ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   base.name = "it's \"5.17\"";
   base.time.step = 1.0;
   base.outputs[0].name = base.outputs[0].column = "y \"1\": 'a'";
@@ -205,7 +205,7 @@ TEST(ShapingSpectrum, GradientAndInformationAreExact) {
 }
 
 TEST(Shape, WhiteNoiseIsLeftAlone) {
-  ModelFile truth = system_5_17();
+  ModelFile truth = model_of(system_5_17(), 1.0, 1.0);
   Random random(3);
   const Dataset data = recording(truth, 3000, random);
   const ShapeResult result = shape(truth, {data});
@@ -217,7 +217,7 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
 
 TEST(Shape, FindsThePublishedFilter) {
   // (5.17) with process noise through (5.21): a peak at 1.19 rad/s.
-  const ModelFile base = system_5_17();
+  const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   const ModelFile truth =
       with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
   Random random(4);
@@ -241,6 +241,14 @@ TEST(Shape, FindsThePublishedFilter) {
                        .value;
   EXPECT_GT(result.estimate.objective.log_likelihood, L);
   EXPECT_LT(s.with(0, 0), s.without(0, 0));
+  // The other place has the same likelihood.
+  ASSERT_TRUE(result.in_measurement.has_value());
+  const auto likelihood = [&](const ModelFile& model) {
+    return log_likelihood(instantiate(model.linear, model.parameters), model.linear.initial, data.y,
+                          data.u)
+        .value;
+  };
+  EXPECT_NEAR(likelihood(*result.in_measurement), likelihood(*result.model), 1e-6);
   EXPECT_GT(s.held_out_with, s.held_out_without + 100.0);
 }
 
