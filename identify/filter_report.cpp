@@ -142,6 +142,14 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
                    FilterStatus status) {
   const StateSpace system = instantiate(model.linear, model.parameters);
   const Location here{model.path, 0, 0};
+  const auto culprit = [&] {
+    for (const Dataset& data : recordings) {
+      const FilterResult filter =
+          kalman_filter(system, model.linear.initial, data.y, model_inputs(model.linear, data.u));
+      if (filter.status == status) return Location{data.name, 0, 0};
+    }
+    return Location{recordings[0].name, 0, 0};
+  };
   switch (status) {
     case FilterStatus::ok:
       break;
@@ -157,12 +165,11 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
                        "noise in every output: Q and R positive semidefinite, and no output or "
                        "combination of outputs without any");
     case FilterStatus::undetermined:
-      throw InputError({recordings[0].name, 0, 0},
-                       "the recording does not determine the diffuse initial state",
+      throw InputError(culprit(), "the recording does not determine the diffuse initial state",
                        "outputs that show every state, and more rows than states",
                        "say 'initial: stationary', or give x0 and P0");
     case FilterStatus::not_finite:
-      throw InputError({recordings[0].name, 0, 0}, "the filter overflows, or an input is missing",
+      throw InputError(culprit(), "the filter overflows, or an input is missing",
                        "numbers of a size whose square is finite, and a value of every input in "
                        "every row");
   }

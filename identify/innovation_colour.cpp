@@ -19,9 +19,13 @@ constexpr Index kFewest = 64;  // samples that make a spectrum
 
 }  // namespace
 
-InnovationSpectra innovation_spectra(const MatrixXd& standardised) {
+Index first_innovation(const MatrixXd& standardised) {
   Index first = 0;
   while (first < standardised.cols() && standardised.col(first).array().isNaN().all()) ++first;
+  return first;
+}
+
+InnovationSpectra innovation_spectra(const MatrixXd& standardised, Index first) {
   const MatrixXd e = standardised.rightCols(standardised.cols() - first);
   InnovationSpectra out;
   if (e.cols() < kFewest) return out;
@@ -41,9 +45,10 @@ Colour innovation_colour(const Estimate& estimate) {
   for (const TestResult& test : estimate.tests) {
     if (test.id == "ljung_box" && !std::isnan(test.p)) out.p = std::min(out.p, test.p);
   }
-  const double channels = static_cast<double>(estimate.series.standardised.rows());
+  const MatrixXd& e = estimate.series.standardised;
+  const auto channels = static_cast<double>(e.rows());
   out.p = std::min(1.0, 2.0 * channels * out.p);
-  const InnovationSpectra spectra = innovation_spectra(estimate.series.standardised);
+  const InnovationSpectra spectra = innovation_spectra(e, first_innovation(e));
   if (spectra.omega.size() == 0) return out;
   const VectorXd level = spectra.level.colwise().sum();
   Index at = 0;

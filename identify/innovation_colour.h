@@ -16,9 +16,13 @@ struct InnovationSpectra {
   std::array<double, 2> band{kNone, kNone};  ///< holds 95 % of a white sequence's values
 };
 
-/// @param standardised  channels x N, NaN in front of a diffuse filter's first innovation
+/// The first sample with an innovation: a diffuse filter has none before.
+Eigen::Index first_innovation(const Eigen::MatrixXd& standardised);
+
+/// @param standardised  channels x N
+/// @param first         sample to begin with; spectra from the same one have the same frequencies
 /// @return empty for fewer than 64 samples
-InnovationSpectra innovation_spectra(const Eigen::MatrixXd& standardised);
+InnovationSpectra innovation_spectra(const Eigen::MatrixXd& standardised, Eigen::Index first);
 
 struct Colour {
   double p = 1.0;       ///< of all tests together (Bonferroni)

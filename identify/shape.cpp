@@ -180,15 +180,16 @@ const Dataset& longest_recording(const ModelFile& model, const std::vector<Datas
                      "a discrete-time model, 'initial: stationary' or 'diffuse'");
   }
   constexpr Index kFewest = 64;  // samples that make a spectrum
-  const auto longest =
-      std::max_element(recordings.begin(), recordings.end(),
-                       [](const Dataset& a, const Dataset& b) { return a.size() < b.size(); });
+  const auto measured = [](const Dataset& d) { return samples_present({d}) / d.y.rows(); };
+  const auto longest = std::max_element(
+      recordings.begin(), recordings.end(),
+      [&](const Dataset& a, const Dataset& b) { return measured(a) < measured(b); });
   const Index fewest = kFewest + 2 * model.linear.A.constant.rows();
-  if (longest->size() < fewest) {
-    throw InputError(
-        {longest->name, 0, 0},
-        fmt::format("{} rows are too few to tell coloured noise from white", longest->size()),
-        fmt::format("at least {}", fewest), "use a longer recording");
+  if (measured(*longest) < fewest) {
+    throw InputError({longest->name, 0, 0},
+                     fmt::format("{} measured rows are too few to tell coloured noise from white",
+                                 measured(*longest)),
+                     fmt::format("at least {}", fewest), "use a longer recording");
   }
   return *longest;
 }
@@ -261,6 +262,18 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
   return out;
 }
 
+// Maximum likelihood without the warning that sends to this verb.
+Estimate tuned(const ModelFile& model, const std::vector<Dataset>& recordings, int starts,
+               std::uint64_t seed) {
+  NoiseMlOptions options;
+  options.starts = starts;
+  options.profiles = false;
+  options.seed = seed;
+  Estimate out = tune_ml(model, recordings, options);
+  std::erase_if(out.warnings, [](const Warning& w) { return w.code == "coloured_innovations"; });
+  return out;
+}
+
 // A candidate with its errors.
 struct Winner {
   const Candidate* candidate;
@@ -274,10 +287,7 @@ std::optional<Winner> first_determined(const std::vector<Candidate>& candidates,
                                        const std::vector<Dataset>& recordings) {
   for (const Candidate& c : candidates) {
     if (!(c.bic < white_bic)) break;
-    NoiseMlOptions one;
-    one.starts = 1;
-    one.profiles = false;
-    Winner out{&c, tune_ml(c.model, recordings, one), {}};
+    Winner out{&c, tuned(c.model, recordings, 1, 1), {}};
     out.filters = filters_of(parameters_of(out.estimate, c.model.parameters), c.structure);
     const bool stable =
         std::all_of(out.filters.begin(), out.filters.end(),
@@ -314,24 +324,32 @@ void compare_held_out(const ModelFile& white, const Candidate& best,
   }
 }
 
-// The model, with coloured process noise, as one with coloured measurement noise.
+// The model, with coloured process noise, as one with coloured measurement noise: A, C and G as
+// numbers, the rest and its parameters as they are.
 std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_states) {
   const auto m =
       colour_in_measurement(instantiate(shaped.linear, shaped.parameters), filter_states);
   if (!m) return std::nullopt;
   ModelFile out = shaped;
+  out.name += ", colour in the measurement";
+  out.linear.A = {m->A, {}, -1};
+  out.linear.C = {m->C, {}, -1};
+  out.linear.G = {m->G, {}, -1};
+  // Parameters that stood in these alone are gone.
   out.parameters.clear();
-  LinearModel& linear = out.linear;
-  for (const auto& [to, value] : {std::pair{&linear.A, &m->A},
-                                  {&linear.B, &m->B},
-                                  {&linear.C, &m->C},
-                                  {&linear.D, &m->D},
-                                  {&linear.G, &m->G},
-                                  {&linear.Q, &m->Q},
-                                  {&linear.R, &m->R},
-                                  {&linear.S, &m->S}}) {
-    *to = ParametrisedMatrix{};
-    to->constant = *value;
+  std::vector<int> place(shaped.parameters.size(), -1);
+  const auto keep = [&](int& parameter) {
+    int& to = place[static_cast<std::size_t>(parameter)];
+    if (to < 0) {
+      to = static_cast<int>(out.parameters.size());
+      out.parameters.push_back(shaped.parameters[static_cast<std::size_t>(parameter)]);
+    }
+    parameter = to;
+  };
+  for (ParametrisedMatrix* matrix :
+       {&out.linear.B, &out.linear.D, &out.linear.Q, &out.linear.R, &out.linear.S}) {
+    for (ParametrisedMatrix::Entry& entry : matrix->entries) keep(entry.parameter);
+    if (matrix->block >= 0) keep(matrix->block);
   }
   return out;
 }
@@ -395,21 +413,21 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   }
 
   say("tuning the white model");
-  NoiseMlOptions white_options;
-  white_options.starts = 3;
-  white_options.profiles = false;
-  white_options.seed = options.seed;
-  Estimate white_estimate = tune_ml(model, recordings, white_options);
+  Estimate white_estimate = tuned(model, recordings, 3, options.seed);
   ModelFile white = model;
   white.parameters = parameters_of(white_estimate, model.parameters);
   const Colour colour = innovation_colour(white_estimate);
   report.colour_p = colour.p;
   report.peak = colour.peak / dt;
   report.peak_p = colour.peak_p;
-  const InnovationSpectra seen = innovation_spectra(white_estimate.series.standardised);
-  report.frequency = seen.omega / dt;
-  report.spectrum_white = seen.level;
-  report.band = seen.band;
+  const MatrixXd white_innovations = white_estimate.series.standardised;
+  const auto describe_white = [&](Index first) {
+    const InnovationSpectra seen = innovation_spectra(white_innovations, first);
+    report.frequency = seen.omega / dt;
+    report.spectrum_white = seen.level;
+    report.band = seen.band;
+  };
+  describe_white(first_innovation(white_innovations));
   const Index beginning = undetermined_beginning(model, options.most_order);
   const double white_L = comparable_log_likelihood(white, recordings, beginning);
   const double white_bic =
@@ -465,7 +483,11 @@ ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings
   out.model->parameters = parameters_of(out.estimate, best.model.parameters);
   out.estimate.model_name = out.model->name;
   out.estimate.objective.method = "shape";
-  report.spectrum_shaped = innovation_spectra(out.estimate.series.standardised).level;
+  // From the same sample on: with more states, a diffuse filter begins later.
+  const MatrixXd& innovations = out.estimate.series.standardised;
+  const Index first = std::max(first_innovation(innovations), first_innovation(white_innovations));
+  describe_white(first);
+  report.spectrum_shaped = innovation_spectra(innovations, first).level;
   report.output_peak = output_peak(*out.model, report.poles, dt);
   if (best.structure.place == NoisePlace::process) {
     out.in_measurement = same_outputs(

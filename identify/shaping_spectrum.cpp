@@ -229,6 +229,7 @@ InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& re
   InnovationSpectrum out;
   out.measured =
       binned(multitaper(filter.e.rightCols(filter.e.cols() - filter.first_proper), kTapers), kBins);
+  out.samples = recording.y.array().isFinite().count();
   out.Q = m.Q;
   out.R = m.R;
   out.S = m.S;
@@ -264,7 +265,8 @@ ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
     if (matrix.block >= 0) {
       Parameter& p = white.parameters[static_cast<std::size_t>(matrix.block)];
       for (Index i = 0; !p.fixed && i < whole.size(); ++i) {
-        if (p.value(i, i) < kNothing * whole[i]) p.value(i, i) += kRaised * whole[i];
+        if (std::isfinite(whole[i]) && p.value(i, i) < kNothing * whole[i])
+          p.value(i, i) += kRaised * whole[i];
       }
       if (!p.fixed && p.domain == Domain::scaled_identity) {
         p.value = p.value.diagonal().mean() * MatrixXd::Identity(whole.size(), whole.size());
@@ -274,7 +276,7 @@ ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
       Parameter& p = white.parameters[static_cast<std::size_t>(e.parameter)];
       if (p.fixed || e.row != e.col || !(e.factor > 0.0)) continue;
       const double most = whole[e.row] / e.factor;
-      if (p.scalar() >= kNothing * most) continue;
+      if (!std::isfinite(most) || p.scalar() >= kNothing * most) continue;
       p.value(0, 0) = std::clamp(kRaised * most, p.min, p.max);
     }
   };
@@ -348,9 +350,8 @@ SpectralSolution fit_spectrum(const InnovationSpectrum& spectrum, const ShapingS
   }
   out.structure = structure;
   if (best.size() == 0) return out;
-  // A frequency's weight counts half of its samples.
   out.bic = -2.0 * out.log_likelihood +
-            static_cast<double>(fit.unknowns()) * std::log(2.0 * spectrum.measured.weight.sum());
+            static_cast<double>(fit.unknowns()) * std::log(static_cast<double>(spectrum.samples));
   const Index nw = spectrum.Q.rows(), ny = spectrum.R.rows();
   out.scale_Q = best.head(nw).array().exp();
   out.scale_R = best.segment(nw, ny).array().exp();

@@ -43,6 +43,7 @@ struct InnovationSpectrum {
   Spectrum measured;                       ///< ny x ny, binned
   std::vector<Eigen::MatrixXcd> T_G, T_V;  ///< per frequency: ny x nw, ny x ny
   Eigen::MatrixXd Q, R, S;
+  Eigen::Index samples = 0;  ///< measured values, of all outputs
 };
 
 /// @param white  discrete time; its parameters are at the values it was tuned to

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <complex>
+#include <numbers>
 #include <string>
 
 #include <Eigen/LU>
@@ -96,11 +97,10 @@ StudyReport autocorrelation_figure(bool coloured, const StudyOptions& options) {
     out.text += "no k and R_eps make it (not positive real)\n";
   }
   out.text +=
-      "The criterion is linear in E x(t+1) y(t), through which k and R_eps enter, so that it has "
-      "one "
-      "minimum;\nthe source calls it non-convex. The residues are correlated even when the noise "
+      "In E x(t+1) y(t), through which k and R_eps enter, this is linear least squares with one "
+      "minimum; the\nsource calls it non-convex. The residues are correlated even when the noise "
       "is "
-      "white: their\nwhiteness, which the source asks for, decides nothing. That of the "
+      "white: their whiteness,\nwhich the source asks for, decides nothing. That of the "
       "innovations "
       "does.\n";
   const VectorXd lag = VectorXd::LinSpaced(kLags + 1, 0.0, static_cast<double>(kLags));
@@ -172,9 +172,9 @@ StudyReport spectrum_figure(int number, const StudyOptions& options) {
   const MatrixXd base = base_functions(made.system.A, made.system.C, measured.omega);
   const ShapingState filter = shaping_state(filter_5_21());
   const MatrixXd filter_base = base_functions(filter.A, filter.c, measured.omega);
-  const double quantile = 2.0 * kTapers;
-  const double low = quantile / chi_square_quantile(0.975, quantile),
-               high = quantile / chi_square_quantile(0.025, quantile);
+  const double dof = 2.0 * kTapers;
+  const double low = dof / chi_square_quantile(0.975, dof),
+               high = dof / chi_square_quantile(0.025, dof);
   StudyReport out;
   out.text = fmt::format(
       "matisko-figure-{}: (5.17) with {}, {} samples: spectrum of the output ({} tapers) and base "
@@ -186,7 +186,8 @@ StudyReport spectrum_figure(int number, const StudyOptions& options) {
     out.text += fmt::format("  {:<40} {:>7.3f} rad/s", what, first);
     out.text += std::isnan(second) || second == first
                     ? "\n"
-                    : fmt::format(", {:.3f} rad/s ({:.3f} Hz)\n", second, second / 6.283185307);
+                    : fmt::format(", {:.3f} rad/s ({:.3f} Hz)\n", second,
+                                  second / (2.0 * std::numbers::pi));
   };
   out.text += coloured ? "published: an additional mode around 1.19 rad/s (0.19 Hz)\n"
                        : "published: the spectrum can be formed by combining the base functions\n";

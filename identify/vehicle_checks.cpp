@@ -14,7 +14,10 @@ constexpr double kDegrees = 57.295779513082323;
 constexpr double kFlippedBelow = -0.2;      // correlation; noise alone stays near 0
 constexpr double kPoorFit = 50.0;           // [%]
 constexpr double kSeriousForceLoss = 0.10;  // of the linear axle force
-constexpr double kNoiseFactor = 1.5;        // between residual and given noise
+// Below it a tyre on a dry road is straight to a few %: with stiffness over load of 12 per rad it
+// loses 10 % of its force at 2.7 deg.
+constexpr double kStraightSlip = 1.5 / kDegrees;
+constexpr double kNoiseFactor = 1.5;  // between residual and given noise
 
 /// Correlation of x with y over the usable rows; 0 when either is constant.
 double correlation(const VehicleRun& run, const Eigen::VectorXd& x, const Eigen::VectorXd& y) {
@@ -217,11 +220,22 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
                         in_unit(output, saturation.rms[static_cast<Eigen::Index>(j)]), output.unit);
   }
   text += fmt::format("; log-likelihood {:+.4g}", saturation.gain);
-  estimate.warnings.push_back(
-      {"tyre_saturation", serious ? "serious" : "note", about, text,
-       serious ? "the linear stiffnesses are averages over this recording's slip angles and hold "
-                 "nowhere else: use a milder part of it (|ay| below about 4 m/s^2)"
-               : "the linear stiffnesses hold for slip angles of this size"});
+  const auto too_early = [](const TyreSaturation::Axle& axle) {
+    return axle.significant && axle.loss > kSeriousForceLoss && axle.slip < kStraightSlip;
+  };
+  std::string todo = "the linear stiffnesses hold for slip angles of this size";
+  if (too_early(front) || too_early(rear)) {
+    todo =
+        "at slip angles this small tyres bend on slippery roads only: look for a wrong unit, gain "
+        "or "
+        "offset of steering or speed, and for wrong m, a, b";
+  } else if (serious) {
+    todo =
+        "the linear stiffnesses are averages over this recording's slip angles and hold nowhere "
+        "else: "
+        "use a milder part of it (|ay| below about 4 m/s^2)";
+  }
+  estimate.warnings.push_back({"tyre_saturation", serious ? "serious" : "note", about, text, todo});
 }
 
 void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,

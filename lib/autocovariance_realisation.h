@@ -24,8 +24,8 @@ struct AutocovarianceFit {
 };
 
 /// The least squares (5.13) of Matisko (2013), sum over l >= 1 of |Y_l - R_l(K, Sigma)|^2 with the
-/// R_l of (5.12). As R_l = C A^(l-1) h, K and Sigma enter through h and Y_0 alone: the criterion
-/// that the source calls non-convex is a linear one in h. K and Sigma follow from h and Y_0 by the
+/// R_l of (5.12). As R_l = C A^(l-1) h, K and Sigma enter through h and Y_0 alone: what the
+/// source calls non-convex is linear least squares in h. K and Sigma follow from h and Y_0 by the
 /// Riccati equation of stochastic realisation (Faurre 1976),
 ///
 ///   P = A P A' + K Sigma K',  Sigma = Y_0 - C P C',  K = (h - A P C') Sigma^-1.

@@ -11,7 +11,8 @@ using Eigen::MatrixXd;
 
 std::optional<StateSpace> colour_in_measurement(const StateSpace& shaped, Index filter) {
   const Index n = shaped.states() - filter;
-  if (filter < 1 || n < 1 || !shaped.A.topRightCorner(filter, n).isZero(0.0)) {
+  if (filter < 1 || n < 1 || !shaped.A.topRightCorner(filter, n).isZero(0.0) ||
+      !shaped.B.topRows(filter).isZero(0.0)) {
     throw std::invalid_argument("colour_in_measurement: no filter in front of the process noise");
   }
   const MatrixXd Af = shaped.A.topLeftCorner(filter, filter), A = shaped.A.bottomRightCorner(n, n),

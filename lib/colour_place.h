@@ -26,7 +26,8 @@ namespace identikal {
 /// @return nothing when filter and system share a pole, to working precision: the source's
 /// condition
 ///   that the polynomials have no common divisor
-/// @throws std::invalid_argument when shaped.A is not of that form
+/// x0 and P0 stay those of [f; x].
+/// @throws std::invalid_argument when A is not of that form, or an input enters the filter
 std::optional<StateSpace> colour_in_measurement(const StateSpace& shaped, Eigen::Index filter);
 
 }  // namespace identikal

@@ -38,6 +38,22 @@ void set_derivative(const ParametrisedMatrix& matrix, const ParameterSet& parame
 
 }  // namespace
 
+LinearModel constant_model(const StateSpace& system, InitialState initial) {
+  LinearModel out;
+  out.A.constant = system.A;
+  out.B.constant = system.B;
+  out.C.constant = system.C;
+  out.D.constant = system.D;
+  out.G.constant = system.G;
+  out.Q.constant = system.Q;
+  out.R.constant = system.R;
+  out.S.constant = system.S;
+  out.x0.constant = system.x0;
+  out.P0.constant = system.P0;
+  out.initial = initial;
+  return out;
+}
+
 namespace {
 
 void set_written(const LinearModel& model, const ParameterSet& parameters, StateSpace& out) {

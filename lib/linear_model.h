@@ -41,6 +41,9 @@ struct LinearModel {
   InputHold hold = InputHold::constant;           ///< in continuous time
 };
 
+/// All matrices of a discrete-time model as numbers, nothing free.
+LinearModel constant_model(const StateSpace& system, InitialState initial);
+
 /// The matrices as the model has them, at these parameter values: dx/dt = ... in continuous time.
 /// x0 and P0 are filled for InitialState::given only.
 StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters);

@@ -15,8 +15,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-namespace {}  // namespace
-
 PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& options) {
   constexpr int kMostMoves = 50;
   // Accepted by every draw, on average: on the way, and at the end, where copies of one draw have

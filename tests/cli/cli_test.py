@@ -335,7 +335,11 @@ class Shape(unittest.TestCase):
         pole = out["shaping"]["poles"][0]
         self.assertLess(abs(pole["radius"] - 0.86**0.5), 0.02)
         shaped = self.path / "out" / "shaped.yaml"
-        result("check", shaped, self.data)
+        same = self.path / "out" / "shaped_measurement.yaml"
+        checked = result("check", shaped, self.data)
+        self.assertAlmostEqual(
+            result("check", same, self.data)["objective"]["log_likelihood"], checked["objective"]["log_likelihood"], 5)
+        self.assertEqual(len(result("tune", same, self.data)["parameters"]), 2)
         again = result("tune", shaped, self.data, "--starts", "1")
         self.assertLess(abs(again["objective"]["log_likelihood"] - out["objective"]["log_likelihood"]), 1e-3)
         self.assertIn("identikal shape", run("tune", self.model, self.data).stdout.replace("\n", " "))

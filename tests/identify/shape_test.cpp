@@ -265,6 +265,8 @@ TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
                 s.without(0, h), s.with(0, h));
   }
   ASSERT_TRUE(result.model.has_value());
+  EXPECT_EQ(s.spectrum_shaped.cols(), s.spectrum_white.cols());
+  EXPECT_EQ(s.spectrum_shaped.cols(), s.frequency.size());
   EXPECT_LT(s.with(0, 0), 0.28);
   EXPECT_LT(s.with(0, 4), 0.75);
 }

@@ -11,6 +11,7 @@
 
 #include "identify/vehicle_fit.h"
 #include "lib/single_track.h"
+#include "tests/support/thesis_car.h"
 #include "tests/support/vehicle_case.h"
 
 namespace identikal {
@@ -95,13 +96,7 @@ TEST(VehicleFitStudy, LaneChangeAtAHundredHertz) {
 // study is what the interpolation between 10 Hz samples costs.
 TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
   Dataset data = lane_change({}, 10.0);
-  VehicleParameters<double> p = neutral_vehicle();
-  p[kMass] = 1446.0;
-  p[kA] = 0.987;
-  p[kB] = 1.525;
-  p[kYawInertia] = 2319.0;
-  p[kCf] = p[kCr] = 88107.7;
-  p[kSteeringRatio] = 21.0;
+  VehicleParameters<double> p = thesis_car();
   const SingleTrack<double> car = linear_car(p);
   const DrivenStretch stretch =
       drive(data.time, data.u.row(0), data.u.row(1), decay_rate_times_speed(car));

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/tyre_saturation.h"
+#include "identify/vehicle_checks.h"
 #include "identify/vehicle_covariance.h"
 #include "identify/vehicle_starts.h"
 #include "lib/csv.h"
@@ -433,6 +434,15 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   EXPECT_NEAR(found.softened[kCr], 88107.7, 0.03 * 88107.7);
   EXPECT_NEAR(1.0 / std::sqrt(found.softened[kSofteningRear]), 4500.0, 0.05 * 4500.0);
   EXPECT_TRUE(found.rear.significant);
+
+  // Where no tyre bends, something else is wrong.
+  TyreSaturation early = found;
+  early.rear.slip = 0.004;
+  Estimate estimate;
+  check_tyres(problem, early, estimate);
+  ASSERT_EQ(estimate.warnings.size(), 1u);
+  EXPECT_NE(estimate.warnings[0].todo.find("wrong unit"), std::string::npos);
+  EXPECT_NE(saturation->todo.find("milder part"), std::string::npos);
 }
 
 TEST(VehicleFit, NothingFreeIsASimulation) {

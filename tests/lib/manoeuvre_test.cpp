@@ -7,6 +7,7 @@
 
 #include "lib/interpolation.h"
 #include "lib/single_track.h"
+#include "tests/support/thesis_car.h"
 
 namespace identikal {
 namespace {
@@ -37,13 +38,7 @@ TEST(SevereLaneChange, IsSmooth) {
 
 // What ISO 3888-2 asks of the car: about one lane to the side and back, hard but still on the road.
 TEST(SevereLaneChange, MovesThePassengerCarByALane) {
-  VehicleParameters<double> p = neutral_vehicle();
-  p[kMass] = 1446.0;
-  p[kA] = 0.987;
-  p[kB] = 1.525;
-  p[kYawInertia] = 2319.0;
-  p[kCf] = p[kCr] = 88107.7;
-  p[kSteeringRatio] = 21.0;
+  VehicleParameters<double> p = thesis_car();
   const SingleTrack<double> car = linear_car(p);
   constexpr double h = 0.002;
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(3501, 0.0, 7.0);

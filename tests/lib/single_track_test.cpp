@@ -9,23 +9,12 @@
 
 #include "lib/dual.h"
 #include "lib/manoeuvre.h"
+#include "tests/support/thesis_car.h"
 
 namespace identikal {
 namespace {
 
 using Eigen::VectorXd;
-
-// Sladká (2010), table 8.1.
-VehicleParameters<double> thesis_car() {
-  VehicleParameters<double> p = neutral_vehicle();
-  p[kMass] = 1446.0;
-  p[kA] = 0.987;
-  p[kB] = 1.525;
-  p[kYawInertia] = 2319.0;
-  p[kCf] = p[kCr] = 88107.7;
-  p[kSteeringRatio] = 21.0;
-  return p;
-}
 
 /// Half a unit of the last digit printed.
 void expect_printed(double value, double printed, int decimals) {

@@ -9,6 +9,7 @@
 #include "lib/manoeuvre.h"
 #include "lib/single_track.h"
 #include "solvers/solve.h"
+#include "tests/support/thesis_car.h"
 
 namespace identikal {
 namespace {
@@ -150,13 +151,7 @@ TEST(CeresBackend, RefusesWhatDoesNotFit) {
 // Ceres' own numbers run through the vehicle too, and agree with ours.
 TEST(CeresBackend, JetsAgreeWithDuals) {
   constexpr int N = 4;
-  VehicleParameters<double> p = neutral_vehicle();
-  p[kMass] = 1446.0;
-  p[kA] = 0.987;
-  p[kB] = 1.525;
-  p[kYawInertia] = 2319.0;
-  p[kCf] = p[kCr] = 88107.7;
-  p[kSteeringRatio] = 21.0;
+  VehicleParameters<double> p = thesis_car();
   p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
   const VectorXd time = VectorXd::LinSpaced(71, 0.0, 7.0);
   const DrivenStretch stretch =

@@ -18,16 +18,7 @@ namespace identikal {
 inline ModelFile fixed_model(const StateSpace& system) {
   ModelFile out;
   out.path = "filter.yaml";
-  LinearModel& m = out.linear;
-  m.A.constant = system.A;
-  m.B.constant = system.B;
-  m.C.constant = system.C;
-  m.D.constant = system.D;
-  m.G.constant = system.G;
-  m.Q.constant = system.Q;
-  m.R.constant = system.R;
-  m.S.constant = system.S;
-  m.initial = InitialState::stationary;
+  out.linear = constant_model(system, InitialState::stationary);
   for (Eigen::Index i = 0; i < system.outputs(); ++i) {
     ChannelSource source;
     source.name = source.column = "y" + std::to_string(i + 1);

@@ -1,0 +1,19 @@
+// The passenger car of Sladká (2010), table 8.1.
+#pragma once
+
+#include "lib/single_track.h"
+
+namespace identikal {
+
+inline VehicleParameters<double> thesis_car() {
+  VehicleParameters<double> p = neutral_vehicle();
+  p[kMass] = 1446.0;
+  p[kA] = 0.987;
+  p[kB] = 1.525;
+  p[kYawInertia] = 2319.0;
+  p[kCf] = p[kCr] = 88107.7;
+  p[kSteeringRatio] = 21.0;
+  return p;
+}
+
+}  // namespace identikal
