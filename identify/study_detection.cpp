@@ -26,7 +26,7 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kSamples = 8200;
+constexpr Index kRecorded = 8200;
 
 // One recording; Q and R, which the source does not give, are 1.
 struct Experiment517 {
@@ -41,7 +41,7 @@ Experiment517 experiment(bool coloured, const StudyOptions& options) {
     out.truth = with_shaping_filters(out.truth, NoisePlace::process, {{0, filter_5_21(), 1.0}});
   }
   Random random(options.seed);
-  out.data = recording(out.truth, kSamples, random);
+  out.data = recording(out.truth, kRecorded, random);
   return out;
 }
 
@@ -74,7 +74,7 @@ StudyReport autocorrelation_figure(bool coloured, const StudyOptions& options) {
       "that the system's own modes make, (5.13) over {} lags\n"
       "published: {}\n"
       "ours: {:.2f} % of the sum of squares is left; ",
-      coloured ? 8 : 7, noise_name(coloured), kSamples, kLags,
+      coloured ? 8 : 7, noise_name(coloured), kRecorded, kLags,
       coloured ? "\"cannot be formed by the modes of system (5.17)\""
                : "the curves agree; k = 0.84, 0.50, R_eps = 1.05 (its noise is not given)",
       100.0 * fit.left);
@@ -179,7 +179,7 @@ StudyReport spectrum_figure(int number, const StudyOptions& options) {
   out.text = fmt::format(
       "matisko-figure-{}: (5.17) with {}, {} samples: spectrum of the output ({} tapers) and base "
       "functions\n",
-      number, noise_name(coloured), kSamples, kTapers);
+      number, noise_name(coloured), kRecorded, kTapers);
   const auto peaks = [&](const std::string& what, const VectorXd& values) {
     const double first = peak_above(measured.omega, values, 0.0),
                  second = peak_above(measured.omega, values, kSecond);
