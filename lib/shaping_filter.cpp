@@ -5,7 +5,6 @@
 #include <limits>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/SVD>
 
 namespace identikal {
 
@@ -84,32 +83,6 @@ std::complex<double> response(const ShapingFilter& filter, double omega,
     }
   }
   return H;
-}
-
-std::optional<SplitFactor> split_spectral_factor(const VectorXd& f, const VectorXd& p,
-                                                 const VectorXd& q) {
-  constexpr double kCommonRoot = 1e12;
-  const Index n = p.size(), m = q.size();
-  // Columns: z^k q(z) for the coefficients of g, z^k p(z) for those of h.
-  MatrixXd sylvester = MatrixXd::Zero(n + m, n + m);
-  const auto put = [&](Index column, const VectorXd& polynomial, Index shift) {
-    const Index degree = polynomial.size() + shift;  // of z^shift times the monic polynomial
-    const Index row = n + m - 1 - degree;
-    sylvester(row, column) = 1.0;
-    sylvester.col(column).segment(row + 1, polynomial.size()) = polynomial;
-  };
-  for (Index k = 0; k < n; ++k) put(k, q, n - 1 - k);
-  for (Index k = 0; k < m; ++k) put(n + k, p, m - 1 - k);
-  const Eigen::RowVectorXd size = sylvester.colwise().norm();
-  const Eigen::JacobiSVD<MatrixXd> svd(sylvester * size.cwiseInverse().asDiagonal(),
-                                       Eigen::ComputeThinU | Eigen::ComputeThinV);
-  SplitFactor out;
-  out.condition = svd.singularValues()[0] / svd.singularValues()[n + m - 1];
-  if (!(out.condition < kCommonRoot)) return std::nullopt;
-  const VectorXd x = svd.solve(f).cwiseQuotient(size.transpose());
-  out.g = x.head(n);
-  out.h = x.tail(m);
-  return out;
 }
 
 std::vector<Mode> modes(const VectorXd& p) {

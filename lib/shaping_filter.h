@@ -2,7 +2,6 @@
 #pragma once
 
 #include <complex>
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -38,19 +37,6 @@ Eigen::VectorXd stable_coordinates(const Eigen::VectorXd& p);
 /// dH / d(a_1 .. a_n, b_1 .. b_m)
 std::complex<double> response(const ShapingFilter& filter, double omega,
                               Eigen::VectorXcd* derivatives = nullptr);
-
-/// One spectrum, two places: a spectral factor 1 + f(z) / (p(z) q(z)), f of lower degree, as
-/// 1 + g(z) / p(z) + h(z) / q(z): coloured process noise seen as coloured measurement noise that
-/// the same white noise drives. The Diophantine equation g q + h p = f (Matisko 2013, (5.25)).
-struct SplitFactor {
-  Eigen::VectorXd g, h;    ///< coefficients of falling powers, as many as p and q have
-  double condition = 0.0;  ///< of the Sylvester matrix, columns scaled; large: nearly a common root
-};
-/// @param f     coefficients of falling powers, z^(n + m - 1) first: n + m of them
-/// @param p, q  n and m coefficients after a leading 1
-/// @return nothing when p and q have a common root to working precision: then there is no split
-std::optional<SplitFactor> split_spectral_factor(const Eigen::VectorXd& f, const Eigen::VectorXd& p,
-                                                 const Eigen::VectorXd& q);
 
 /// A pole or zero, or a conjugate pair of them.
 struct Mode {

@@ -68,31 +68,6 @@ TEST(ShapingFilter, ModesOfThePublishedFilter) {
   EXPECT_NEAR(found[0].frequency / (2.0 * std::numbers::pi), 0.197, 1e-3);
 }
 
-TEST(ShapingFilter, OneSpectrumTwoPlaces) {
-  // (5.28) with (5.29), and its poles as in (5.30).
-  const VectorXd p = Eigen::Vector2d(-1.7, 0.86), q = Eigen::Vector2d(-0.6, 0.86);
-  const Eigen::Vector4d f(0.5, -0.3, 0.2, 0.1);
-  const auto split = split_spectral_factor(f, p, q);
-  ASSERT_TRUE(split.has_value());
-  const auto value = [](const VectorXd& c, std::complex<double> z, bool monic) {
-    std::complex<double> out = monic ? 1.0 : 0.0;
-    for (const double x : c) out = out * z + x;
-    return out;
-  };
-  for (const double omega : {0.1, 1.0, 2.5}) {
-    const std::complex<double> z = std::polar(1.0, omega), P = value(p, z, true),
-                               Q = value(q, z, true);
-    const std::complex<double> whole = value(f, z, false) / (P * Q);
-    const std::complex<double> parts =
-        value(split->g, z, false) / P + value(split->h, z, false) / Q;
-    EXPECT_LT(std::abs(whole - parts), 1e-12);
-  }
-  // A common root: no split.
-  EXPECT_FALSE(split_spectral_factor(Eigen::Vector3d(1, 2, 3), Eigen::Vector2d(-1.4, 0.45),
-                                     VectorXd::Constant(1, -0.9))
-                   .has_value());
-}
-
 TEST(Spectrum, WhiteNoiseHasItsCovarianceAtEveryFrequency) {
   Random random(2);
   const MatrixXd L = (MatrixXd(2, 2) << 2.0, 0.0, 1.0, 0.5).finished();
