@@ -235,6 +235,7 @@ struct Estimate {
   Noise noise;
   Objective objective;
   std::vector<ChannelFit> one_step, simulation;
+  std::vector<ChannelFit> hold_out;  ///< simulation of data that the fit did not see
   std::vector<TestResult> tests;
   Identifiability identifiability;
   std::optional<Bound> bound;          ///< verb bound only

@@ -1,6 +1,7 @@
 // The command line. Every exception ends here.
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -45,10 +46,10 @@ struct Arguments {
   std::string output;
   bool json = false, strict = false, quiet = false;
   std::int64_t seed = 1;
-  int starts = 5, runs = 0, threads = 0;
+  int starts = 5, runs = 0, threads = 0, bootstrap = 0;
   std::vector<std::string> settings;
   std::string path = "automatic";
-  std::string method = "ml", accuracy, place = "both", hold_out = "30%";
+  std::string method = "ml", accuracy, place = "both", hold_out;
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
   bool compare = false, full_matrix = false, sources = false;
@@ -219,15 +220,11 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
 int run_estimator(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
-  const bool vehicle = model.form == ModelFile::Form::single_track;
-  if (args.verb == "tune" && vehicle) {
-    throw InputError({model.path, 0, 0},
-                     "'tune' estimates the noise of a linear model, this is a vehicle",
-                     "a model with A, C, Q, R", "use 'fit'");
-  }
-  if (vehicle && args.data.size() > 1) {
-    throw InputError({}, fmt::format("{} recordings of a vehicle", args.data.size()),
-                     "one: identikal fit MODEL DATA", "fit them one by one");
+  if (model.form == ModelFile::Form::single_track) {
+    throw InputError(
+        {model.path, 0, 0},
+        fmt::format("'{}' is about the noise of a linear model, this is a vehicle", args.verb),
+        "a model with A, C, Q, R", "use 'fit'");
   }
   for (const auto& [given, option] :
        {std::pair{args.lags > 0, "--lags"}, std::pair{args.regain, "--regain"},
@@ -246,18 +243,60 @@ int run_estimator(const Arguments& args) {
   Estimate estimate;
   if (args.verb == "check") {
     estimate = check_filter(model, recordings.data);
-  } else if (vehicle) {
-    VehicleFitOptions options;
-    options.starts = args.starts;
-    options.seed = static_cast<std::uint64_t>(args.seed);
-    progress.show("fitting the vehicle ...");
-    estimate = fit_vehicle(model, recordings.data.front(), options);
   } else {
     const auto tune = [&](const std::vector<Dataset>& data) {
       return tune_noise(args, model, data, progress);
     };
     estimate = args.robust ? tune_robust(model, recordings.data, tune) : tune(recordings.data);
   }
+  progress.clear();
+  return finish(args, recordings, estimate, begin);
+}
+
+/// The last share of every recording is cut off and handed back.
+std::vector<Dataset> cut_hold_out(std::vector<Dataset>& recordings, const std::string& text) {
+  const double share = quantity("--hold-out", text, "%");
+  if (!(share >= 0.05 && share <= 0.8)) {
+    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", text), "5% to 80%");
+  }
+  std::vector<Dataset> out;
+  for (Dataset& data : recordings) {
+    const auto kept =
+        static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
+    out.push_back(samples_from(data, kept));
+    data = first_samples(data, kept);
+  }
+  return out;
+}
+
+int run_fit(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  const ModelFile model = load_model(args);
+  if (model.form != ModelFile::Form::single_track) {
+    // Free physical parameters of a linear model are found by the same likelihood as its noise.
+    return run_estimator(args);
+  }
+  Recordings recordings = load_recordings(args, model);
+  VehicleFitOptions options;
+  options.search.starts = args.starts;
+  options.search.seed = static_cast<std::uint64_t>(args.seed);
+  options.search.robust = args.robust;
+  options.bootstrap = args.bootstrap;
+  if (args.method == "prediction-error") {
+    options.method = VehicleFitOptions::Method::prediction_error;
+  }
+  const bool share = args.hold_out.ends_with('%');
+  if (share) {
+    options.hold_out = cut_hold_out(recordings.data, args.hold_out);
+  } else if (!args.hold_out.empty()) {
+    options.hold_out.push_back(load_data(args, args.hold_out, model, nullptr));
+  }
+  Progress progress(args);
+  options.search.progress = [&](int iteration, double) {
+    progress.show(fmt::format("fitting the vehicle: iteration {}", iteration));
+    return true;
+  };
+  Estimate estimate = fit_vehicle(model, recordings.data, options);
   progress.clear();
   return finish(args, recordings, estimate, begin);
 }
@@ -360,7 +399,7 @@ int run_shape(const Arguments& args) {
   options.seed = static_cast<std::uint64_t>(args.seed);
   if (args.place == "process") options.place = NoisePlace::process;
   if (args.place == "measurement") options.place = NoisePlace::measurement;
-  options.hold_out = quantity("--hold-out", args.hold_out, "%");
+  options.hold_out = quantity("--hold-out", args.hold_out.empty() ? "30%" : args.hold_out, "%");
   if (!(options.hold_out >= 0.05 && options.hold_out <= 0.8)) {
     throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
                      "5% to 80%");
@@ -540,6 +579,20 @@ int run(int argc, char** argv) {
     verb->add_option("--starts", args.starts, "number of starts")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
+    if (std::string(name) == "fit") {
+      verb->add_option(
+              "--method", args.method,
+              "output-error: simulate; prediction-error: with a filter gain, for cars that "
+              "wind and road push about")
+          ->check(CLI::IsMember({"output-error", "prediction-error"}))
+          ->default_str("output-error");
+      verb->add_flag("--robust", args.robust, "noise with outliers: cost linear beyond 1.5 sd");
+      verb->add_option("--bootstrap", args.bootstrap,
+                       "draws of a block bootstrap for the errors, e.g. 500")
+          ->check(CLI::Range(20, 100000));
+      verb->add_option("--hold-out", args.hold_out,
+                       "recording, or last share (30%) of each, to validate on");
+    }
     if (std::string(name) == "tune") {
       verb->add_option("--method", args.method,
                        "ml: maximum likelihood; als-weighted, als: autocovariance least squares; "
@@ -588,7 +641,7 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(1, 4))
       ->capture_default_str();
   shape->add_option("--hold-out", args.hold_out, "last share of each recording, to compare on")
-      ->capture_default_str();
+      ->default_str("30%");
   shape->add_option("--seed", args.seed, "seed of the scattered starts")
       ->check(whole_number)
       ->capture_default_str();
@@ -653,6 +706,7 @@ int run(int argc, char** argv) {
   }
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);
+  if (args.verb == "fit") return run_fit(args);
   if (args.verb == "track") return run_track(args);
   if (args.verb == "shape") return run_shape(args);
   if (args.verb == "bound") return run_bound(args);

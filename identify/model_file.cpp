@@ -14,6 +14,7 @@
 #include "identify/model_values.h"
 #include "identify/yaml_reader.h"
 #include "lib/nearest_name.h"
+#include "lib/single_track.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -36,23 +37,38 @@ constexpr ParameterRule kVehicleRules[] = {
     {"steering_ratio", "", true, 1.0},
     {"steering_gain", "", false, 1.0},
     {"steering_offset", "rad", false, 0.0},
+    {"steering_delay", "s", false, 0.0},
     {"bias_r", "rad/s", false, 0.0},
     {"bias_vy", "m/s", false, 0.0},
     {"bias_ay", "m/s^2", false, 0.0},
+    {"mounting_angle", "rad", false, 0.0},
     {"bank", "rad", false, 0.0},
+    {"relaxation_length", "m", false, 0.0},
+    {"cg_height", "m", false, 0.0},
+    {"load_sensitivity", "", false, 1.0},
 };
-const std::vector<std::string> kVehicleRulesNotYet = {"steering_delay", "relaxation_length",
-                                                      "Ff_max", "Fr_max"};
+// Of tyres that saturate: free where the file does not name them, about a friction of 1.
+constexpr ParameterRule kCurveRules[] = {{"Ff_max", "N", true, kRequired},
+                                         {"Fr_max", "N", true, kRequired}};
+constexpr ParameterRule kMagicFormulaRules[] = {
+    {"curve_shape", "", true, CurveShape().shape},
+    {"curve_curvature", "", false, CurveShape().curvature}};
 
 constexpr ChannelRule kVehicleInputs[] = {
     {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
 constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
 
-const ParameterRule* vehicle_rule(std::string_view name) {
-  const auto* hit = std::find_if(std::begin(kVehicleRules), std::end(kVehicleRules),
-                                 [name](const ParameterRule& rule) { return rule.name == name; });
-  return hit == std::end(kVehicleRules) ? nullptr : hit;
+/// The parameters of a car with tyres of this curve.
+std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
+  std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
+  if (curve != TyreCurve::linear) {
+    out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
+  }
+  if (curve == TyreCurve::magic_formula) {
+    out.insert(out.end(), std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules));
+  }
+  return out;
 }
 
 TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
@@ -90,10 +106,40 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
   return out;
 }
 
-ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road_wheel) {
+/// The largest force of an axle that the file does not name: sought, from its load on a road with
+/// a friction of 1.
+Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
+  const auto value = [&](const char* name) {
+    return others[static_cast<std::size_t>(find_parameter(others, name))].scalar();
+  };
+  const double weight = value("m") * kStandardGravity / (value("a") + value("b"));
+  Parameter out;
+  out.name = rule.name;
+  out.unit = rule.si_unit;
+  out.value = Eigen::MatrixXd::Constant(1, 1, weight * value(out.name == "Ff_max" ? "b" : "a"));
+  out.min = 0.0;
+  return out;
+}
+
+ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road_wheel,
+                                     TyreCurve curve) {
   const YamlNode& node =
       required(root, "parameters", "the model file", "parameters: m a b Iz Cf Cr steering_ratio");
-  check_keys(node, "parameters", names_of(kVehicleRules), kVehicleRulesNotYet);
+  const std::vector<ParameterRule> rules = vehicle_rules(curve);
+  for (const YamlNode& key : node.keys) {
+    const auto is = [&key](const ParameterRule& rule) { return key.text == rule.name; };
+    if (curve == TyreCurve::linear &&
+        std::any_of(std::begin(kCurveRules), std::end(kCurveRules), is)) {
+      throw InputError(key.at, in_quotes(key.text) + " belongs to tyres that saturate",
+                       "tyre: {curve: tanh}, fiala or magic-formula");
+    }
+    if (curve != TyreCurve::magic_formula &&
+        std::any_of(std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules), is)) {
+      throw InputError(key.at, in_quotes(key.text) + " belongs to the magic formula",
+                       "tyre: {curve: magic-formula}");
+    }
+  }
+  check_keys(node, "parameters", names_of(rules));
   if (const YamlNode* ratio = find(node, "steering_ratio"); ratio && steering_at_road_wheel) {
     throw InputError(ratio->at, "steering_ratio is given with the input road_wheel_angle",
                      "the input steering_wheel_angle, or no ratio");
@@ -102,9 +148,13 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
     required(node, "steering_ratio", "parameters", "steering-wheel angle over road-wheel angle");
   }
   ParameterSet out;
-  for (const ParameterRule& rule : kVehicleRules) {
+  for (const ParameterRule& rule : rules) {
     if (const YamlNode* given = find(node, rule.name)) {
       out.push_back(read_parameter(rule.name, *given, &rule));
+      continue;
+    }
+    if (std::string_view(rule.name).ends_with("_max")) {
+      out.push_back(unknown_peak(rule, out));
       continue;
     }
     if (std::isnan(rule.fallback)) {
@@ -142,10 +192,13 @@ void read_sensors(const YamlNode& root, ModelFile& out) {
   check_keys(*node, "sensors", names_of(out.outputs));
   for (std::size_t i = 0; i < node->items.size(); ++i) {
     const YamlNode& item = node->items[i];
-    check_keys(item, in_quotes(node->keys[i].text), {"x", "y"});
+    check_keys(item, in_quotes(node->keys[i].text), {"x", "y", "angle"});
     SensorPosition& position = out.vehicle.sensors[node->keys[i].text];
     if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
     if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
+    if (const YamlNode* angle = find(item, "angle")) {
+      position.angle = read_si(*angle, "rad", "angle");
+    }
   }
 }
 
@@ -190,15 +243,16 @@ void read_vehicle(const YamlNode& root, ModelFile& out) {
   out.outputs =
       read_channels(required(root, "outputs", top, "outputs: {r: {column: ..., unit: deg/s}}"),
                     "outputs", kVehicleOutputs);
-  out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel);
+  if (const YamlNode* tyre = find(root, "tyre")) {
+    check_keys(*tyre, "tyre", {"curve"});
+    const YamlNode& curve = required(*tyre, "curve", "tyre", "curve: linear");
+    vehicle.curve =
+        *tyre_curve(word_of(curve, "curve", {"linear", "tanh", "fiala", "magic-formula"}));
+  }
+  out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel, vehicle.curve);
 
   read_sensors(root, out);
   read_measurement_noise(root, out);
-  if (const YamlNode* tyre = find(root, "tyre")) {
-    check_keys(*tyre, "tyre", {"curve"});
-    word_of(required(*tyre, "curve", "tyre", "curve: linear"), "curve", {"linear"},
-            {"tanh", "fiala", "magic-formula"});
-  }
   if (const YamlNode* use_when = find(root, "use_when")) {
     vehicle.min_speed = read_min_speed(*use_when);
   }
@@ -267,7 +321,10 @@ void set_parameter(ModelFile& model, const std::string& assignment) {
   changed.value = value * Eigen::MatrixXd::Identity(changed.value.rows(), changed.value.cols());
   if (changed.domain == Domain::scalar) {
     const bool vehicle = model.form == ModelFile::Form::single_track;
-    check_value(changed, vehicle ? vehicle_rule(name) : nullptr, {});
+    const std::vector<ParameterRule> rules = vehicle_rules(model.vehicle.curve);
+    const auto rule = std::find_if(rules.begin(), rules.end(),
+                                   [&](const ParameterRule& each) { return each.name == name; });
+    check_value(changed, vehicle && rule != rules.end() ? &*rule : nullptr, {});
   } else if (const std::string fault = domain_fault(changed); !fault.empty()) {
     throw InputError({}, fmt::format("{}: the matrix {}", what, fault));
   }

@@ -6,16 +6,19 @@
 #include <string>
 #include <vector>
 
+#include "lib/axle.h"
 #include "lib/dataset.h"
 #include "lib/linear_model.h"
 #include "lib/parameter.h"
 
 namespace identikal {
 
-/// Position of a sensor from the centre of gravity: x forward, y to the left [m] (ISO 8855).
+/// Position of a sensor from the centre of gravity: x forward, y to the left [m] (ISO 8855), and by
+/// what angle it is turned to the left [rad].
 struct SensorPosition {
   double x = 0.0;
   double y = 0.0;
+  double angle = 0.0;
 };
 
 /// What the built-in single-track vehicle needs beyond its parameters.
@@ -25,6 +28,7 @@ struct VehicleSettings {
   std::map<std::string, SensorPosition> sensors;  ///< by output name
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
+  TyreCurve curve = TyreCurve::linear;            ///< of both axles
 };
 
 struct ModelFile {

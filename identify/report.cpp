@@ -382,7 +382,8 @@ std::string console_report(const Estimate& estimate) {
                        objective.evaluations,
                        objective.path.empty() ? "" : ", " + objective.path + " likelihood");
   }
-  out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation);
+  out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation) +
+         fit_text("hold-out", estimate.hold_out);
   for (const TestResult& test : estimate.tests) {
     if (objective.method == "compare") break;  // its table says the same
     out += fmt::format(

@@ -209,7 +209,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                       {"path_reason", objective.path_reason}};
   out["fit"] = {{"one_step", fits(estimate.one_step)},
                 {"simulation", fits(estimate.simulation)},
-                {"hold_out", Json::object()}};
+                {"hold_out", fits(estimate.hold_out)}};
   out["tests"] = Json::array();
   for (const TestResult& test : estimate.tests) {
     out["tests"].push_back({{"id", test.id},

@@ -130,8 +130,8 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& sett
     vx = VectorXd::Constant(N, settings.speed);
   }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const SingleTrack<double> car = linear_car(unknowns.value);
-  const DrivenStretch driven = drive(time, angle, vx, decay_rate_times_speed(car));
+  const DrivenStretch driven =
+      drive(time, angle, vx, demand_of(unknowns, unknowns.value), unknowns.value[kSteeringDelay]);
 
   std::vector<OutputColumn> columns{time_column(model, time)};
   columns.push_back({column_name(model.inputs[0]), model.inputs[0].unit, angle});
@@ -150,16 +150,19 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& sett
     if (position != model.vehicle.sensors.end()) {
       sensor.x = position->second.x;
       sensor.y = position->second.y;
+      sensor.angle = position->second.angle;
     }
     sensors.push_back(sensor);
     columns.push_back({column_name(source), source.unit, VectorXd(time.size())});
   }
   Random random(seed);
-  simulate(car, driven, 0.0, 0.0, [&](Index row, const Motion<double>& motion, double speed) {
-    for (std::size_t i = 0; i < sensors.size(); ++i) {
-      columns[3 + i].values[row] = measured(sensors[i], car, motion, speed) +
-                                   model.vehicle.measurement_sd[i] * random.normal();
-    }
+  with_car(unknowns.curve, unknowns.value, [&](const auto& car) {
+    simulate(car, driven, 0.0, 0.0, [&](Index row, const Motion<double>& motion, double speed) {
+      for (std::size_t i = 0; i < sensors.size(); ++i) {
+        columns[3 + i].values[row] = measured(sensors[i], car, motion, speed) +
+                                     model.vehicle.measurement_sd[i] * random.normal();
+      }
+    });
   });
   return {csv_text(model, seed, columns), time.size()};
 }

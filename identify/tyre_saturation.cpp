@@ -14,22 +14,10 @@ constexpr double kScoreLevel = 0.01;
 constexpr double kAxleLevel = 0.005;  // one-sided, each of two axles
 
 VehicleProblem softening_problem(const VehicleProblem& linear) {
-  VehicleUnknowns unknowns = linear.unknowns;
-  const Eigen::Index k = linear.parameters();
-  const Eigen::Vector2d load = axle_loads(unknowns.value);
-  for (Eigen::VectorXd* bounds : {&unknowns.lower, &unknowns.upper, &unknowns.scale}) {
-    bounds->conservativeResize(k + 2);
-  }
-  for (int axle = 0; axle < 2; ++axle) {
-    unknowns.free.push_back(axle == 0 ? kSofteningFront : kSofteningRear);
-    unknowns.position.push_back(0);
-    // The unit is an axle that gives its own load at most (friction 1); below friction 0.1 nobody
-    // drives.
-    unknowns.scale[k + axle] = 1.0 / (load[axle] * load[axle]);
-    unknowns.lower[k + axle] = 0.0;
-    unknowns.upper[k + axle] = 100.0 * unknowns.scale[k + axle];
-  }
-  return make_vehicle_problem(*linear.run, unknowns, true, linear.decay_rate);
+  VehicleProblem out = make_vehicle_problem(
+      *linear.run, with_curve(linear.unknowns, TyreCurve::tanh), linear.demand);
+  out.robust = linear.robust;
+  return out;
 }
 
 /// The linear optimum as coordinates of the softening problem.
@@ -100,7 +88,8 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     const double stiffness = out.softened[axle == 0 ? kCf : kCr];
     result.slip = quantile_95(slips[axle]);
     const double linear_force = stiffness * result.slip;
-    result.loss = 1.0 - tanh_ratio(softening * linear_force * linear_force);
+    result.loss =
+        1.0 - force_share<TyreCurve::tanh>(softening * linear_force * linear_force, {}).value;
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
     gradient[k + axle] = 1.0;
     const double se = standard_error(problem, refit, gradient);

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/distribution.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -17,7 +18,9 @@ constexpr double kSeriousForceLoss = 0.10;  // of the linear axle force
 // Below it a tyre on a dry road is straight to a few %: with stiffness over load of 12 per rad it
 // loses 10 % of its force at 2.7 deg.
 constexpr double kStraightSlip = 1.5 / kDegrees;
-constexpr double kNoiseFactor = 1.5;  // between residual and given noise
+constexpr double kWrongGain = 0.02;
+constexpr double kHoldOutFactor = 2.0;  // of what is left unexplained
+constexpr double kNoiseFactor = 1.5;    // between residual and given noise
 
 /// Correlation of x with y over the usable rows; 0 when either is constant.
 double correlation(const VehicleRun& run, const Eigen::VectorXd& x, const Eigen::VectorXd& y) {
@@ -161,6 +164,45 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
   }
 }
 
+void check_hold_out(Estimate& estimate) {
+  for (const ChannelFit& held : estimate.hold_out) {
+    for (const ChannelFit& own : estimate.simulation) {
+      if (own.channel != held.channel || !(own.fit_percent > kPoorFit)) continue;
+      if (100.0 - held.fit_percent < kHoldOutFactor * (100.0 - own.fit_percent)) continue;
+      estimate.warnings.push_back(
+          {"hold_out",
+           "warning",
+           {own.channel},
+           fmt::format(
+               "on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what it "
+               "was fitted to",
+               held.fit_percent, own.channel, own.fit_percent),
+           "the parameters do not carry over: other tyres, load or road, or too many of them "
+           "free"});
+    }
+  }
+}
+
+void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                         const VehicleParameters<double>& p, Estimate& estimate) {
+  const Eigen::Index at = problem.unknowns.find(kSteeringGain);
+  if (at < 0) return;
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
+  gradient[at] = 1.0;
+  const double gain = p[kSteeringGain], se = standard_error(problem, covariance, gradient);
+  const double quantile = student_t_quantile(0.995, covariance.freedom);
+  if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
+  estimate.warnings.push_back(
+      {"steering_ratio",
+       "warning",
+       {"steering_gain"},
+       fmt::format(
+           "the given steering ratio is wrong: the wheels turn {:.3g} +- {:.2g} times as far "
+           "as it says; the ratio is {:.4g}",
+           gain, se, p[kSteeringRatio] / gain),
+       "correct the ratio, or the calibration of the steering sensor"});
+}
+
 void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
   if (!covariance.coloured) return;
   double widened = 0.0;
@@ -245,13 +287,12 @@ void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& 
   const Eigen::Index N = run.time.size(), outputs = run.y.rows();
   Eigen::VectorXd ay = Eigen::VectorXd::Constant(N, kNone);
   Eigen::MatrixXd predicted = Eigen::MatrixXd::Constant(outputs, N, kNone);
-  const SingleTrack<double> car = linear_car(parameters_at(problem, optimum.z));
-  replay(problem, optimum.z, [&](Eigen::Index t, const Motion<double>& motion, double vx) {
-    ay[t] = motion.ay;
-    for (Eigen::Index j = 0; j < outputs; ++j) {
-      predicted(j, t) = measured(run.outputs[static_cast<std::size_t>(j)].sensor, car, motion, vx);
-    }
-  });
+  replay_outputs(
+      problem, optimum.z,
+      [&](Eigen::Index t, const Motion<double>& motion, double, const Eigen::VectorXd& values) {
+        ay[t] = motion.ay;
+        predicted.col(t) = values;
+      });
   // A car whose tyres saturate does not reach what the linear model predicts: measured values go
   // first.
   if (ja >= 0) {

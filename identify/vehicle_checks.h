@@ -23,6 +23,13 @@ void check_plausibility(const VehicleProblem& problem, const VehicleParameters<d
 /// @param rms  per output, SI
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate);
 
+/// Held-out data that the car foretells much worse than what it was fitted to.
+void check_hold_out(Estimate& estimate);
+
+/// A steering gain that was fitted and is not 1: the model file's ratio is then wrong.
+void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                         const VehicleParameters<double>& p, Estimate& estimate);
+
 /// Says when the standard errors had to be widened.
 void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate);
 

@@ -3,17 +3,20 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
 #include "identify/distribution.h"
 #include "lib/long_run_covariance.h"
+#include "lib/random.h"
 #include "lib/whiteness.h"
 
 namespace identikal {
 namespace {
 
 constexpr double kColouredLevel = 0.01;
+constexpr Eigen::Index kFewestBlocks = 8, kMostBlocks = 200;
 
 /// Orthonormal basis of the columns of A.
 Eigen::MatrixXd range_of(const Eigen::MatrixXd& A) {
@@ -134,6 +137,14 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   const Eigen::MatrixXd states = range_of(J.rightCols(problem.coordinates() - k));
   X -= states * (states.transpose() * X);
 
+  // What a prior knows counts as one more row.
+  X.conservativeResize(m + k, inner);
+  X.bottomRows(k).setZero();
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    const Eigen::Index at = out.inner[static_cast<std::size_t>(i)];
+    X(m + at, i) = prior_residual(problem, optimum.z, at).slope;
+  }
+
   // Eigenvectors of the information scaled to unit diagonal: X basis is orthonormal, `null` is
   // flat.
   Eigen::VectorXd size = X.colwise().norm().transpose();
@@ -172,6 +183,14 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     e[n] *= correction;
   }
   out.residuals = e;
+  if (problem.robust) {
+    // Rows by the curvature of what they cost, errors so that rows times errors are the scores.
+    for (Eigen::Index n = 0; n < m; ++n) {
+      const NoiseCost cost = noise_cost(true, e[n]);
+      X.row(n) *= std::sqrt(cost.curvature);
+      e[n] *= cost.weight / std::sqrt(cost.curvature);
+    }
+  }
 
   // From optimiser coordinates to SI.
   Eigen::VectorXd scale(inner);
@@ -193,14 +212,17 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   const double used = static_cast<double>(m - states.cols() - basis.cols());
   out.freedom = std::max(used, 1.0);
   out.covariance = out.white;
-  if (out.coloured && basis.cols() > 0) {
-    const Eigen::MatrixXd scores = summed_by_row(problem, X * inverse, e);
+  out.rows = X.topRows(m) * scale.cwiseInverse().asDiagonal();
+  out.scores = e;
+  if ((out.coloured || problem.robust) && basis.cols() > 0) {
+    Eigen::MatrixXd scores = summed_by_row(problem, X.topRows(m) * inverse, e);
+    // At the optimum the scores of the data balance those of the priors: without their mean they
+    // scatter about zero.
+    scores.colwise() -= Eigen::VectorXd(scores.rowwise().mean());
     const Eigen::MatrixXd spread = widest_long_run_covariance(scores, inverse, out.bandwidth);
     const double correction = static_cast<double>(m) / out.freedom;
     out.covariance = correction * (scale.asDiagonal() * spread * scale.asDiagonal());
-    const Eigen::VectorXd& time = problem.run->time;
-    out.memory = static_cast<double>(out.bandwidth) * (time.tail(1)[0] - time[0]) /
-                 static_cast<double>(time.size() - 1);
+    out.memory = static_cast<double>(out.bandwidth) * problem.run->step;
     // The spread is itself an estimate: with these degrees of freedom Student's t has the critical
     // values of Kiefer & Vogelsang (2005, table 1) for Bartlett's window at this share of the
     // record, within 2 %.
@@ -208,6 +230,51 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
         1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
   }
   return out;
+}
+
+void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long long seed,
+                      VehicleCovariance& covariance) {
+  const Eigen::Index k = covariance.rows.cols();
+  if (k == 0 || covariance.null_space.cols() > 0) return;
+  const Eigen::Index rows = problem.run->used;
+  const Eigen::Index blocks = std::clamp<Eigen::Index>(
+      rows / (2 * covariance.bandwidth), std::min<Eigen::Index>(kFewestBlocks, rows), kMostBlocks);
+  std::vector<Eigen::MatrixXd> H(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
+  std::vector<Eigen::VectorXd> g(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
+  Eigen::Index row = -1, previous = -1;
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    if (problem.row[i] != previous) ++row;
+    previous = problem.row[i];
+    const auto block = static_cast<std::size_t>(std::min(row * blocks / rows, blocks - 1));
+    const auto n = static_cast<Eigen::Index>(i);
+    const Eigen::VectorXd x = covariance.rows.row(n).transpose();
+    H[block].noalias() += x * x.transpose();
+    g[block] += covariance.scores[n] * x;
+  }
+  // The priors' share, whose scores balance those of the data.
+  Eigen::MatrixXd prior = covariance.information;
+  Eigen::VectorXd balance = Eigen::VectorXd::Zero(k);
+  for (const Eigen::MatrixXd& each : H) prior -= each;
+  for (const Eigen::VectorXd& each : g) balance -= each;
+
+  Random random(seed);
+  Eigen::MatrixXd moved(k, draws);
+  for (int draw = 0; draw < draws; ++draw) {
+    Eigen::MatrixXd information = prior;
+    Eigen::VectorXd score = balance;
+    for (Eigen::Index b = 0; b < blocks; ++b) {
+      const auto drawn = static_cast<std::size_t>(std::min(
+          blocks - 1, static_cast<Eigen::Index>(random.uniform() * static_cast<double>(blocks))));
+      information += H[drawn];
+      score += g[drawn];
+    }
+    moved.col(draw) = -information.ldlt().solve(score);
+  }
+  moved.colwise() -= Eigen::VectorXd(moved.rowwise().mean());
+  covariance.covariance = moved * moved.transpose() / static_cast<double>(draws - 1);
+  covariance.freedom = static_cast<double>(blocks - 1);
+  covariance.draws = draws;
+  covariance.blocks = blocks;
 }
 
 double standard_error(const VehicleProblem& problem, const VehicleCovariance& covariance,

@@ -17,6 +17,8 @@ struct VehicleCovariance {
   std::vector<bool> at_bound;       ///< of every free parameter; those are held there
   std::vector<Eigen::Index> inner;  ///< free parameters that are not at a bound
   Eigen::MatrixXd information;      ///< J' J with the initial states eliminated
+  Eigen::MatrixXd rows;    ///< m x inner: what each residual adds to the information is row' row
+  Eigen::VectorXd scores;  ///< m: and scores[i] row_i to the gradient
   Eigen::MatrixXd null_space;  ///< orthonormal directions of parameter/scale that change no output
   Eigen::MatrixXd white;       ///< inverse of the information off the null space: Cramer-Rao bound
   Eigen::MatrixXd covariance;  ///< `white`, or the sandwich when residuals are coloured
@@ -24,14 +26,25 @@ struct VehicleCovariance {
   bool coloured = false;
   Eigen::Index bandwidth = 1;  ///< rows over which scores are taken as correlated
   double memory = 0.0;         ///< the same in seconds
+  int draws = 0;               ///< of the bootstrap, when `covariance` comes from it
+  Eigen::Index blocks = 0;     ///< that it draws from
   double freedom = 1.0;        ///< degrees of freedom of Student's t to go with `covariance`
 };
 
-/// At an optimum of the problem. White residuals: (J' J)^-1. Coloured ones (Ljung-Box at 1 % over
-/// all outputs): (J' J)^-1 S (J' J)^-1 with S the long-run covariance of the scores summed over
-/// outputs (White 1982, Newey & West 1987). Of bandwidths from Andrews' (1991) up to an eighth of
-/// the rows the one with the widest errors is taken.
+/// At an optimum of the problem. White residuals: (J' J)^-1, with a row for every prior. Coloured
+/// ones (Ljung-Box at 1 % over all outputs), and the robust cost: (J' J)^-1 S (J' J)^-1 with S the
+/// long-run covariance of the scores summed over outputs (White 1982, Newey & West 1987). Of
+/// bandwidths from Andrews' (1991) up to an eighth of the rows the one with the widest errors is
+/// taken.
 VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum);
+
+/// Replaces `covariance` by that of a block bootstrap: the recording is cut into blocks of
+/// consecutive rows, each twice as long as the residuals are correlated (8 to 200 of them), as many
+/// are drawn with replacement, and the optimum of every draw is found by one Gauss-Newton step,
+///   theta* - theta = -(sum w J'J)^-1 sum w J'e    (Davidson & MacKinnon 1999),
+/// with initial states eliminated. Needs no model of the residuals' colour.
+void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long long seed,
+                      VehicleCovariance& covariance);
 
 /// Residual maker: the part of the columns of B that is orthogonal to those of A. Columns of A that
 /// depend on each other do no harm.

@@ -6,93 +6,22 @@
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
+#include "identify/steady_driving.h"
 #include "identify/tyre_saturation.h"
+#include "identify/vehicle_alternatives.h"
 #include "identify/vehicle_checks.h"
 #include "identify/vehicle_covariance.h"
 #include "identify/vehicle_problem.h"
 #include "identify/vehicle_run.h"
-#include "identify/vehicle_starts.h"
+#include "identify/vehicle_search.h"
+#include "identify/vehicle_series.h"
 #include "lib/dual.h"
 #include "lib/error.h"
+#include "lib/steering_response.h"
 #include "lib/units.h"
 
 namespace identikal {
 namespace {
-
-constexpr std::size_t kOptimised = 3;  // of the starts, those with the best likelihood
-constexpr double kSameVehicle = 0.01;  // in log-likelihood
-constexpr double kTooStiffForSteps =
-    1.6;  // decay rate over what the integration steps were made for
-
-struct VehicleSearch {
-  VehicleProblem problem;
-  VehicleOptimum best;
-  int starts = 0, agree = 0, iterations = 0, evaluations = 0;
-};
-
-VehicleProblem problem_for(const VehicleRun& run, const VehicleUnknowns& unknowns,
-                           const VehicleParameters<double>& p) {
-  return make_vehicle_problem(run, unknowns, false, decay_rate_times_speed(linear_car(p)));
-}
-
-/// Ranks the starts by likelihood, climbs from the best few and keeps the best summit.
-VehicleSearch search(const VehicleRun& run, const VehicleUnknowns& unknowns,
-                     const VehicleFitOptions& options) {
-  const std::vector<VehicleParameters<double>> starts =
-      vehicle_starts(run, unknowns, options.starts, options.seed);
-  // Any start may be far off; integration steps are made for the least stiff, and remade for the
-  // answer.
-  VehicleSearch out;
-  const auto softest =
-      std::min_element(starts.begin(), starts.end(), [](const auto& p, const auto& q) {
-        return decay_rate_times_speed(linear_car(p)) < decay_rate_times_speed(linear_car(q));
-      });
-  out.problem = problem_for(run, unknowns, *softest);
-
-  struct Candidate {
-    Eigen::VectorXd z;
-    double log_likelihood;
-  };
-  std::vector<Candidate> candidates;
-  for (const VehicleParameters<double>& p : starts) {
-    const Eigen::VectorXd z = coordinates_of(out.problem, p);
-    Eigen::VectorXd e;
-    if (!output_error(out.problem, z, e, nullptr)) continue;
-    candidates.push_back({z, log_likelihood(out.problem, e, noise_sd(out.problem, e))});
-  }
-  std::stable_sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
-    return a.log_likelihood > b.log_likelihood;
-  });
-  if (unknowns.free.empty()) candidates.resize(std::min<std::size_t>(candidates.size(), 1));
-  if (candidates.size() > kOptimised) candidates.resize(kOptimised);
-
-  SolverOptions solver;
-  solver.progress = options.progress;
-  std::vector<VehicleOptimum> summits;
-  for (const Candidate& candidate : candidates) {
-    summits.push_back(maximise_likelihood(out.problem, candidate.z, solver));
-    out.iterations += summits.back().iterations;
-    out.evaluations += summits.back().evaluations;
-  }
-  out.best.message = "the car runs away from every start";
-  for (const VehicleOptimum& summit : summits) {
-    if (summit.log_likelihood > out.best.log_likelihood) out.best = summit;
-  }
-  out.starts = static_cast<int>(summits.size());
-  for (const VehicleOptimum& summit : summits) {
-    if (summit.log_likelihood > out.best.log_likelihood - kSameVehicle) ++out.agree;
-  }
-  if (out.best.z.size() == 0) return out;
-
-  const VehicleParameters<double> p = parameters_at(out.problem, out.best.z);
-  if (decay_rate_times_speed(linear_car(p)) > kTooStiffForSteps * out.problem.decay_rate) {
-    out.problem = problem_for(run, unknowns, p);
-    out.best = maximise_likelihood(out.problem, out.best.z, solver);
-    out.iterations += out.best.iterations;
-    out.evaluations += out.best.evaluations;
-  }
-  return out;
-}
 
 /// The model file's parameters in its units; free ones still stand at their start.
 void list_parameters(const ModelFile& model, Estimate& estimate) {
@@ -113,7 +42,8 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
-    result.value = parse_unit(result.unit).value_or(Unit{}).from_si(p[unknowns.free[i]]);
+    const UserValue user = in_user_terms(unknowns.free[i], p[unknowns.free[i]]);
+    result.value = parse_unit(result.unit).value_or(Unit{}).from_si(user.value);
   }
 
   // A parameter at a bound has no interval; the others are judged as if it were known.
@@ -122,12 +52,23 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
   for (Eigen::Index i = 0; i < k; ++i) {
     const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
     const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
-    to_user[i] = 1.0 / parse_unit(unit).value_or(Unit{}).scale;
+    to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope /
+                 parse_unit(unit).value_or(Unit{}).scale;
   }
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     if (!covariance.at_bound[i]) continue;
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     result.verdict = Verdict::at_bound;
+    if (std::isinf(result.value)) {
+      estimate.warnings.push_back(
+          {"no_saturation",
+           "note",
+           {result.name},
+           fmt::format("{} is beyond what this recording shows: that axle's force stays straight",
+                       result.name),
+           "harder cornering would show it; a linear tyre does as well here"});
+      continue;
+    }
     estimate.warnings.push_back(
         {"at_bound",
          unknowns.free[i] == kCf || unknowns.free[i] == kCr ? "serious" : "warning",
@@ -148,61 +89,47 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
   for (Eigen::Index i = 0; i < k; ++i) {
     const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
     EstimatedParameter& result = estimate.parameters[unknowns.position[n]];
-    if (!std::isnan(result.se)) result.crb_se = std::sqrt(covariance.white(i, i)) * to_user[i];
+    if (!std::isnan(result.se)) {
+      result.crb_se = std::sqrt(covariance.white(i, i)) * std::abs(to_user[i]);
+    }
   }
-  estimate.covariance_kind =
-      covariance.coloured
-          ? fmt::format("sandwich, residuals correlated over {:.2g} s", covariance.memory)
-          : "inverse information, white residuals (Cramer-Rao)";
+  if (covariance.draws > 0) {
+    estimate.covariance_kind =
+        fmt::format("block bootstrap, {} draws of {} blocks", covariance.draws, covariance.blocks);
+  } else if (covariance.coloured) {
+    estimate.covariance_kind =
+        fmt::format("sandwich, residuals correlated over {:.2g} s", covariance.memory);
+  } else {
+    estimate.covariance_kind = found.problem.robust
+                                   ? "sandwich, robust cost"
+                                   : "inverse information, white residuals (Cramer-Rao)";
+  }
 }
 
 void report_series(const VehicleSearch& found, const VehicleCovariance& covariance,
                    Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
-  const VehicleRun& run = *problem.run;
-  const Eigen::Index N = run.time.size(), ny = run.y.rows();
-  Series& series = estimate.series;
-  series.time = run.time;
-  series.measured = Eigen::MatrixXd::Constant(ny, N, kNone);
-  series.predicted = series.measured;
-  series.standardised = series.measured;
-  const SingleTrack<double> car = linear_car(parameters_at(problem, found.best.z));
-  std::vector<Unit> units;
-  for (const VehicleRun::Output& output : run.outputs) {
-    units.push_back(parse_unit(output.unit).value_or(Unit{}));
-    series.channels.push_back(output.name);
-    series.units.push_back(output.unit);
-  }
-  replay(problem, found.best.z, [&](Eigen::Index t, const Motion<double>& motion, double vx) {
-    for (Eigen::Index j = 0; j < ny; ++j) {
-      const auto n = static_cast<std::size_t>(j);
-      series.predicted(j, t) = units[n].from_si(measured(run.outputs[n].sensor, car, motion, vx));
-      series.measured(j, t) = units[n].from_si(run.y(j, t));
+  estimate.series = vehicle_series(problem, found.best.z);
+  estimate.simulation = channel_fits(estimate.series);
+  if (problem.prediction) {
+    Series one_step = estimate.series;
+    Eigen::VectorXd e;
+    output_error(problem, found.best.z, e, nullptr);
+    for (std::size_t i = 0; i < problem.row.size(); ++i) {
+      const Eigen::Index j = problem.output[i];
+      one_step.predicted(j, problem.row[i]) =
+          one_step.measured(j, problem.row[i]) +
+          in_unit(problem.run->outputs[static_cast<std::size_t>(j)],
+                  e[static_cast<Eigen::Index>(i)]);
     }
-  });
+    estimate.one_step = channel_fits(one_step);
+  }
+  Eigen::MatrixXd& standardised = estimate.series.standardised;
+  standardised = Eigen::MatrixXd::Constant(problem.run->y.rows(), problem.run->time.size(), kNone);
   for (std::size_t i = 0; i < problem.row.size(); ++i) {
     // Residual as the rest of the program has it: measured minus predicted.
-    series.standardised(problem.output[i], problem.row[i]) =
+    standardised(problem.output[i], problem.row[i]) =
         -covariance.residuals[static_cast<Eigen::Index>(i)];
-  }
-  for (Eigen::Index j = 0; j < ny; ++j) {
-    double sum = 0.0, mean = 0.0, spread = 0.0, n = 0.0;
-    for (Eigen::Index t = 0; t < N; ++t) {
-      if (std::isnan(series.measured(j, t))) continue;
-      sum += std::pow(series.measured(j, t) - series.predicted(j, t), 2);
-      mean += series.measured(j, t);
-      n += 1.0;
-    }
-    mean /= n;
-    for (Eigen::Index t = 0; t < N; ++t) {
-      if (!std::isnan(series.measured(j, t))) spread += std::pow(series.measured(j, t) - mean, 2);
-    }
-    ChannelFit fit;
-    fit.channel = series.channels[static_cast<std::size_t>(j)];
-    fit.unit = series.units[static_cast<std::size_t>(j)];
-    fit.rmse = std::sqrt(sum / n);
-    fit.fit_percent = 100.0 * (1.0 - std::sqrt(sum / spread));
-    estimate.simulation.push_back(fit);
   }
 }
 
@@ -277,11 +204,12 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
 void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
-  objective.method = "output_error";
+  objective.method = problem.prediction ? "prediction_error" : "output_error";
   objective.log_likelihood = found.best.log_likelihood;
   Eigen::VectorXd e;
   if (output_error(problem, coordinates_of(problem, problem.unknowns.value), e, nullptr)) {
-    objective.log_likelihood_start = log_likelihood(problem, e, noise_sd(problem, e));
+    objective.log_likelihood_start = log_likelihood(
+        problem, coordinates_of(problem, problem.unknowns.value), e, noise_sd(problem, e));
   }
   auto estimated = static_cast<double>(problem.coordinates() - flat);
   for (const VehicleRun::Output& output : problem.run->outputs) {
@@ -300,6 +228,17 @@ std::string listed(const std::vector<std::string>& names) {
   std::string out;
   for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
   return out;
+}
+
+/// Goes on from the best simulation with a filter gain that starts at none.
+void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) {
+  Eigen::VectorXd z = found.best.z;
+  found.problem = predicting(found.problem, found.best.sd, z);
+  SolverOptions solver;
+  solver.progress = options.progress;
+  found.best = maximise_likelihood(found.problem, z, solver);
+  found.iterations += found.best.iterations;
+  found.evaluations += found.best.evaluations;
 }
 
 void conclude(const VehicleSearch& found, Estimate& estimate) {
@@ -339,49 +278,71 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
 
 }  // namespace
 
-Estimate fit_vehicle(const ModelFile& model, const Dataset& data,
+Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options) {
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const VehicleRun run = usable_run(model, data);
+  const VehicleRun run = usable_run(model, recordings);
   Estimate estimate;
   estimate.verb = "fit";
   estimate.model_name = model.name;
-  estimate.inputs.push_back(
-      {data.name, "", static_cast<long>(data.size()), static_cast<long>(run.used)});
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    estimate.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
+                               static_cast<long>(run.used_of[i])});
+  }
   estimate.warnings = run.warnings;
   estimate.notes = run.notes;
 
   list_parameters(model, estimate);
+  if (!unknowns.free.empty() && is_steady(run)) {
+    report_steady(model, run, estimate);
+    return estimate;
+  }
 
   const std::size_t sought = unknowns.free.size() + 2 * run.stretches.size();
   Eigen::Index samples = 0;
   for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
   if (samples <= static_cast<Eigen::Index>(sought)) {
     throw InputError(
-        Location{data.name, 0, 0},
+        Location{recordings.front().name, 0, 0},
         fmt::format("{} samples of the outputs for {} unknowns (parameters and initial states)",
                     samples, sought),
         "more samples than unknowns");
   }
-  const VehicleSearch found = search(run, unknowns, options);
+  VehicleSearch found = search_vehicle(run, unknowns, options.search);
   if (found.best.z.size() == 0) {
     conclude(found, estimate);
     return estimate;
   }
+  const bool prediction = options.method == VehicleFitOptions::Method::prediction_error;
+  if (prediction) predict_instead(options.search, found);
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
-  const VehicleCovariance covariance = vehicle_covariance(found.problem, found.best);
+  VehicleCovariance covariance = vehicle_covariance(found.problem, found.best);
+  if (options.bootstrap > 0) {
+    bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
+  }
   estimate.tests = covariance.whiteness;
   report_objective(found, covariance.null_space.cols(), estimate);
   report_parameters(found, covariance, estimate);
   report_series(found, covariance, estimate);
   report_derived(found, covariance, estimate);
 
+  if (!options.hold_out.empty()) {
+    estimate.hold_out = validate_vehicle(model, options.hold_out, unknowns, p);
+    check_hold_out(estimate);
+  }
   check_signs(run, p, estimate);
   Eigen::VectorXd e;
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);
-  check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance), estimate);
+  if (unknowns.curve == TyreCurve::linear && !prediction) {
+    check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance),
+                estimate);
+  }
   check_whiteness(covariance, estimate);
+  check_steering_gain(found.problem, covariance, p, estimate);
+  if (!prediction && !unknowns.free.empty()) {
+    compare_alternatives(found, options.search, estimate);
+  }
   check_plausibility(found.problem, p, estimate);
   describe_acceleration(found.problem, found.best, estimate);
   conclude(found, estimate);

@@ -1,18 +1,22 @@
 // Which cornering stiffnesses and other vehicle parameters does a recording determine?
 #pragma once
 
-#include <functional>
+#include <vector>
 
 #include "identify/estimate.h"
 #include "identify/model_file.h"
+#include "identify/vehicle_search.h"
 #include "lib/dataset.h"
 
 namespace identikal {
 
 struct VehicleFitOptions {
-  int starts = 5;               ///< starts tried besides the equation-error one
-  unsigned long long seed = 1;  ///< of the scattered starts
-  std::function<bool(int iteration, double objective)> progress;  ///< return false to stop
+  VehicleSearchOptions search;
+  /// output_error simulates; prediction_error goes on from there with a filter gain of its own
+  /// (identify/vehicle_problem.h), for cars that are pushed by more than their steering.
+  enum class Method { output_error, prediction_error } method = Method::output_error;
+  int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
+  std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on
 };
 
 /// Fits the free parameters of the single-track vehicle to a recording by output error: minimise
@@ -26,14 +30,20 @@ struct VehicleFitOptions {
 /// sandwich (identify/vehicle_covariance.h); `covariance_kind` says which. All numbers are in the
 /// user's units. Status: answer_no when the data leave a parameter open, untrusted when a serious
 /// warning was raised (flipped sign, poor fit, saturating tyres), not_converged, else ok.
-/// `one_step` stays empty: output error simulates.
-/// @param model  of the form single_track; @param data  inputs steering angle and vx, outputs in
-/// the
+/// `one_step` is filled by prediction_error only. Circles and slow ramps are answered with what
+/// they tell (identify/steady_driving.h); fits with another form of the model are compared
+/// (identify/vehicle_alternatives.h).
+/// @param model  of the form single_track; @param recordings  each with inputs steering angle and
+/// vx, outputs in the
 ///   order of the model
 /// @throws InputError, in words, when the recording or the model cannot be used at all: too few
 /// rows,
 ///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
-Estimate fit_vehicle(const ModelFile& model, const Dataset& data,
+Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options = {});
+inline Estimate fit_vehicle(const ModelFile& model, const Dataset& recording,
+                            const VehicleFitOptions& options = {}) {
+  return fit_vehicle(model, std::vector<Dataset>{recording}, options);
+}
 
 }  // namespace identikal

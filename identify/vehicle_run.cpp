@@ -36,6 +36,7 @@ VehicleRun::Output describe_output(const ModelFile& model, const Dataset& data, 
   if (const auto at = model.vehicle.sensors.find(name); at != model.vehicle.sensors.end()) {
     output.sensor.x = at->second.x;
     output.sensor.y = at->second.y;
+    output.sensor.angle = at->second.angle;
   }
   if (index < model.vehicle.measurement_sd.size()) {
     output.given_sd = model.vehicle.measurement_sd[index];
@@ -46,6 +47,15 @@ VehicleRun::Output describe_output(const ModelFile& model, const Dataset& data, 
 /// Why rows were not used, for the message when none is left.
 struct Losses {
   Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, stretches = 0;
+
+  Losses& operator+=(const Losses& other) {
+    no_steering += other.no_steering;
+    no_speed += other.no_speed;
+    slow += other.slow;
+    fragments += other.fragments;
+    stretches += other.stretches;
+    return *this;
+  }
 };
 
 constexpr double kLongestStep = 1.0;  // [s]
@@ -115,16 +125,18 @@ std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Lo
 }
 
 /// Takes over the samples of the outputs, leaves out those that are dead.
-void pick_outputs(const ModelFile& model, const Dataset& data, VehicleRun& run) {
+/// @param all  outputs of the model x rows of all recordings
+void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::MatrixXd& all,
+                  VehicleRun& run) {
   std::string dead;
   std::vector<Eigen::VectorXd> rows;
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
     VehicleRun::Output output = describe_output(model, data, i);
-    Eigen::VectorXd y = Eigen::VectorXd::Constant(data.size(), kNone);
+    Eigen::VectorXd y = Eigen::VectorXd::Constant(all.cols(), kNone);
     double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
     for (const VehicleRun::Stretch& s : run.stretches) {
       for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
-        const double value = data.y(output.channel, t);
+        const double value = all(output.channel, t);
         if (!std::isfinite(value)) continue;
         y[t] = value;
         ++output.samples;
@@ -156,7 +168,7 @@ void pick_outputs(const ModelFile& model, const Dataset& data, VehicleRun& run) 
     throw InputError(in(data), dead.empty() ? "the model has no output" : dead,
                      "at least one measured output that moves");
   }
-  run.y.resize(static_cast<Eigen::Index>(rows.size()), data.size());
+  run.y.resize(static_cast<Eigen::Index>(rows.size()), all.cols());
   for (std::size_t j = 0; j < rows.size(); ++j) {
     run.y.row(static_cast<Eigen::Index>(j)) = rows[j].transpose();
   }
@@ -184,22 +196,7 @@ void require_steering(const Dataset& data, VehicleRun& run) {
                           "record a manoeuvre: lane change, step, sine or sweep"});
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-}  // namespace
-
-Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
-  for (std::size_t j = 0; j < outputs.size(); ++j) {
-    if (outputs[j].sensor.quantity == quantity) return static_cast<Eigen::Index>(j);
-  }
-  return -1;
-}
-
-VehicleRun usable_run(const ModelFile& model, const Dataset& data) {
+void require_shape(const ModelFile& model, const Dataset& data) {
   if (data.u.rows() != 2 || data.u.cols() != data.size()) {
     throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
                      "two: the steering angle, then vx");
@@ -215,25 +212,66 @@ VehicleRun usable_run(const ModelFile& model, const Dataset& data) {
         fmt::format("at most {:g} s: a car's yaw motion is over within a second", kLongestStep),
         "is the time column in ms? Its unit belongs into its header or the model");
   }
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    if (outputs[j].sensor.quantity == quantity) return static_cast<Eigen::Index>(j);
+  }
+  return -1;
+}
+
+VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings) {
   VehicleRun run;
   Losses lost;
   const double min_speed = std::max(model.vehicle.min_speed, kSlowestModel);
-  run.stretches = split(data, min_speed, lost);
-  if (run.stretches.empty()) no_usable_row(data, min_speed, lost);
-  run.time = data.time;
-  run.steering = data.u.row(0).transpose();
-  run.vx = data.u.row(1).transpose();
-  std::vector<double> speeds;
-  for (const VehicleRun::Stretch& s : run.stretches) {
-    run.used += s.rows;
-    speeds.insert(speeds.end(), run.vx.data() + s.first, run.vx.data() + s.first + s.rows);
+  Eigen::Index N = 0;
+  for (const Dataset& data : recordings) N += data.size();
+  run.time.resize(N);
+  run.steering.resize(N);
+  run.vx.resize(N);
+  Eigen::MatrixXd y(static_cast<Eigen::Index>(model.outputs.size()), N);
+  std::vector<double> speeds, steps;
+  Eigen::Index at = 0;
+  for (const Dataset& data : recordings) {
+    require_shape(model, data);
+    Losses here;
+    std::vector<VehicleRun::Stretch> stretches = split(data, min_speed, here);
+    if (stretches.empty()) no_usable_row(data, min_speed, here);
+    lost += here;
+    run.time.segment(at, data.size()) = data.time;
+    run.steering.segment(at, data.size()) = data.u.row(0).transpose();
+    run.vx.segment(at, data.size()) = data.u.row(1).transpose();
+    y.middleCols(at, data.size()) = data.y;
+    run.recording.insert(run.recording.end(), static_cast<std::size_t>(data.size()),
+                         static_cast<int>(run.used_of.size()));
+    run.used_of.push_back(0);
+    for (const VehicleRun::Stretch& s : stretches) {
+      run.stretches.push_back({at + s.first, s.rows});
+      run.used += s.rows;
+      run.used_of.back() += s.rows;
+      const double* vx = run.vx.data() + at + s.first;
+      speeds.insert(speeds.end(), vx, vx + s.rows);
+    }
+    steps.push_back(data.dt);
+    at += data.size();
   }
   run.median_speed = median(std::move(speeds));
-  pick_outputs(model, data, run);
-  require_steering(data, run);
+  run.step = median(std::move(steps));
+  pick_outputs(model, recordings.front(), y, run);
+  require_steering(recordings.front(), run);
 
-  std::string note = fmt::format("{} of {} rows used in {} stretch{}", run.used, data.size(),
+  std::string note = fmt::format("{} of {} rows used in {} stretch{}", run.used, N,
                                  run.stretches.size(), run.stretches.size() == 1 ? "" : "es");
+  if (recordings.size() > 1) note += fmt::format(" of {} recordings", recordings.size());
   if (lost.slow > 0) note += fmt::format("; {} rows below {:.3g} m/s", lost.slow, min_speed);
   if (lost.no_speed > 0) note += fmt::format("; {} without vx", lost.no_speed);
   if (lost.no_steering > 0) note += fmt::format("; {} without steering angle", lost.no_steering);

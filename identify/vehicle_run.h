@@ -1,4 +1,4 @@
-// Which rows of a recording can the vehicle be fitted to?
+// Which rows of the recordings can the vehicle be fitted to?
 #pragma once
 
 #include <string>
@@ -13,8 +13,8 @@
 
 namespace identikal {
 
-/// The usable part of a recording, SI. Columns of `y` and entries of the vectors follow the
-/// recording's rows.
+/// The usable part of one or several recordings, SI. Columns of `y` and entries of the vectors
+/// follow the recordings' rows, one recording after the other.
 struct VehicleRun {
   struct Output {
     std::string name;
@@ -30,10 +30,13 @@ struct VehicleRun {
 
   std::vector<Output> outputs;  ///< those that carry information
   Eigen::VectorXd time, steering, vx;
+  std::vector<int> recording;      ///< 0, 1, ... of each row
   Eigen::MatrixXd y;               ///< outputs x N; NaN where missing or not usable
   std::vector<Stretch> stretches;  ///< runs of usable rows, each with an initial state of its own
   Eigen::Index used = 0;           ///< rows in stretches
-  double median_speed = kNone;     ///< [m/s], over the rows used
+  std::vector<Eigen::Index> used_of;  ///< the same of each recording
+  double step = kNone;                ///< median time between rows [s]
+  double median_speed = kNone;        ///< [m/s], over the rows used
   std::vector<Warning> warnings;
   std::vector<std::string> notes;
 
@@ -41,10 +44,10 @@ struct VehicleRun {
   Eigen::Index find(VehicleQuantity quantity) const;
 };
 
-/// Splits the recording where steering or vx is missing, vx is below the minimum speed or time
+/// Splits the recordings where steering or vx is missing, vx is below the minimum speed or time
 /// jumps by more than three sampling periods; leaves out stretches under 1 s or 8 rows and outputs
-/// that are dead.
-/// @throws InputError, in words, when nothing usable is left or the steering never moves
-VehicleRun usable_run(const ModelFile& model, const Dataset& data);
+/// that are dead. A stretch never reaches from one recording into the next.
+/// @throws InputError, in words, when a recording holds nothing usable or the steering never moves
+VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -265,6 +265,15 @@ Dataset first_samples(const Dataset& data, Index count) {
   return out;
 }
 
+Dataset samples_from(const Dataset& data, Index first) {
+  const Index keep = std::max<Index>(0, data.size() - first);
+  Dataset out = data;
+  out.time = data.time.tail(keep);
+  out.u = data.u.rightCols(keep);
+  out.y = data.y.rightCols(keep);
+  return out;
+}
+
 Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
   if (!(step > 0.0) || !std::isfinite(step)) {
     throw std::invalid_argument("on_uniform_raster: step is " + number(step) +

@@ -75,6 +75,9 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
 /// The first `count` rows, or all when there are fewer.
 Dataset first_samples(const Dataset& data, Eigen::Index count);
 
+/// The rows from number `first` (0-based) on.
+Dataset samples_from(const Dataset& data, Eigen::Index first);
+
 /// Puts a recording onto the uniform raster that a discrete-time model needs: rows whose time
 /// stamps are a whole number of steps apart keep their values, rows that are absent become missing
 /// samples. Each distance between neighbours counts, so a clock that runs slightly fast or slow

@@ -116,6 +116,15 @@ Dual<N> sqrt(const Dual<N>& x) {
   return detail::chain(root, 0.5 / root, x);
 }
 template <int N>
+bool operator<(double x, const Dual<N>& y) {
+  return x < y.a;
+}
+
+template <int N>
+Dual<N> cos(const Dual<N>& x) {
+  return detail::chain(std::cos(x.a), -std::sin(x.a), x);
+}
+template <int N>
 Dual<N> sin(const Dual<N>& x) {
   return detail::chain(std::sin(x.a), std::cos(x.a), x);
 }

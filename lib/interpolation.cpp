@@ -55,14 +55,23 @@ Pchip::Pchip(const Eigen::VectorXd& x, const Eigen::VectorXd& y)
   }
 }
 
+Pchip::Cubic Pchip::cubic(Eigen::Index k, double at) const {
+  const double h = x_[k + 1] - x_[k];
+  const double chord = (y_[k + 1] - y_[k]) / h;
+  return {h, (at - x_[k]) / h, 3.0 * chord - 2.0 * slope_[k] - slope_[k + 1],
+          slope_[k] + slope_[k + 1] - 2.0 * chord};
+}
+
 double Pchip::in_interval(Eigen::Index k, double at) const {
   if (x_.size() == 1) return y_[0];
-  const double h = x_[k + 1] - x_[k];
-  const double s = (at - x_[k]) / h;
-  const double chord = (y_[k + 1] - y_[k]) / h;
-  const double c2 = 3.0 * chord - 2.0 * slope_[k] - slope_[k + 1];
-  const double c3 = slope_[k] + slope_[k + 1] - 2.0 * chord;
-  return y_[k] + s * h * (slope_[k] + s * (c2 + s * c3));
+  const Cubic c = cubic(k, at);
+  return y_[k] + c.s * c.h * (slope_[k] + c.s * (c.c2 + c.s * c.c3));
+}
+
+double Pchip::slope_in_interval(Eigen::Index k, double at) const {
+  if (x_.size() == 1) return 0.0;
+  const Cubic c = cubic(k, at);
+  return slope_[k] + c.s * (2.0 * c.c2 + c.s * 3.0 * c.c3);
 }
 
 }  // namespace identikal

@@ -19,8 +19,16 @@ class Pchip {
   /// Value at `at` inside [x_k, x_(k+1)] of interval k (0-based, k <= N - 2); no search, no check.
   /// A single sample stands for a constant.
   double in_interval(Eigen::Index k, double at) const;
+  /// Its derivative there.
+  double slope_in_interval(Eigen::Index k, double at) const;
 
  private:
+  /// y = y_k + s h (slope_k + s (c2 + s c3)) with s = (at - x_k)/h.
+  struct Cubic {
+    double h, s, c2, c3;
+  };
+  Cubic cubic(Eigen::Index k, double at) const;
+
   Eigen::VectorXd x_, y_, slope_;
 };
 

@@ -7,8 +7,6 @@
 
 #include <Eigen/LU>
 
-#include "lib/interpolation.h"
-
 namespace identikal {
 namespace {
 
@@ -21,16 +19,25 @@ constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
                                                                      "steering_ratio",
                                                                      "steering_gain",
                                                                      "steering_offset",
+                                                                     "steering_delay",
                                                                      "bias_r",
                                                                      "bias_vy",
                                                                      "bias_ay",
+                                                                     "mounting_angle",
                                                                      "bank",
-                                                                     "softening_f",
-                                                                     "softening_r"};
+                                                                     "relaxation_length",
+                                                                     "cg_height",
+                                                                     "load_sensitivity",
+                                                                     "Ff_max",
+                                                                     "Fr_max",
+                                                                     "curve_shape",
+                                                                     "curve_curvature"};
 
 // Largest step in units of the fastest time constant. One Runge-Kutta step of this length errs by
 // about 0.35^5 / 120 = 4e-5 of a mode that has already decayed to 70 % within it.
 constexpr double kStepPerTimeConstant = 0.35;
+// The same for the lag of the forces, which is fed smoothly.
+constexpr double kStepPerRelaxation = 0.7;
 
 }  // namespace
 
@@ -51,6 +58,9 @@ VehicleParameters<double> neutral_vehicle() {
   }
   p[kSteeringRatio] = 1.0;
   p[kSteeringGain] = 1.0;
+  p[kLoadSensitivity] = 1.0;
+  p[kCurveShape] = CurveShape().shape;
+  p[kCurveCurvature] = CurveShape().curvature;
   return p;
 }
 
@@ -64,7 +74,7 @@ SingleTrackMatrices single_track_matrices(const SingleTrack<double>& car, double
 }
 
 DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
-                    const Eigen::VectorXd& vx, double decay_rate, double max_step) {
+                    const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay) {
   const Eigen::Index n = time.size();
   if (n < 2 || steering.size() != n || vx.size() != n || !(vx.minCoeff() > 0.0)) {
     std::ostringstream text;
@@ -73,18 +83,22 @@ DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
     if (vx.size() > 0) text << " (smallest " << vx.minCoeff() << " m/s)";
     throw std::invalid_argument(text.str());
   }
-  const Pchip steering_at(time, steering), vx_at(time, vx);
+  const Pchip vx_at(time, vx);
   DrivenStretch out;
   out.intervals.reserve(static_cast<std::size_t>(n - 1));
   const auto add_node = [&](Eigen::Index k, double t) {
     const double speed = vx_at.in_interval(k, t);
-    out.nodes.push_back({steering_at.in_interval(k, t), speed, 1.0 / speed});
+    out.nodes.push_back({0.0, speed, 1.0 / speed, 0.0, vx_at.slope_in_interval(k, t)});
   };
   add_node(0, time[0]);
   for (Eigen::Index k = 0; k + 1 < n; ++k) {
     const double length = time[k + 1] - time[k];
-    const double slowest = std::min(vx[k], vx[k + 1]);
-    const double limit = std::min(max_step, kStepPerTimeConstant * slowest / decay_rate);
+    const double slowest = std::min(vx[k], vx[k + 1]), fastest = std::max(vx[k], vx[k + 1]);
+    double limit =
+        std::min(demand.longest_step, kStepPerTimeConstant * slowest / demand.decay_rate);
+    if (demand.relaxation_length > 0.0) {
+      limit = std::min(limit, kStepPerRelaxation * demand.relaxation_length / fastest);
+    }
     // A step that is too long by rounding only is not worth a second one.
     const int steps = std::max(1, static_cast<int>(std::ceil(length / limit - 1e-6)));
     const double step = length / steps;
@@ -92,7 +106,35 @@ DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
     for (int half = 1; half < 2 * steps; ++half) add_node(k, time[k] + 0.5 * half * step);
     add_node(k, time[k + 1]);
   }
+  set_delay(out, time, steering, delay);
   return out;
+}
+
+void set_delay(DrivenStretch& stretch, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
+               double delay) {
+  const Pchip steering_at(time, steering);
+  const Eigen::Index n = time.size();
+  stretch.delay = delay;
+  Eigen::Index from = 0;  // interval that holds the time to read at
+  const auto read = [&](DrivenStretch::Node& node, double t) {
+    if (t < time[0] || t > time[n - 1]) {
+      node.steering = steering[t < time[0] ? 0 : n - 1];
+      node.steering_rate = 0.0;
+      return;
+    }
+    while (from + 2 < n && time[from + 1] < t) ++from;
+    node.steering = steering_at.in_interval(from, t);
+    node.steering_rate = steering_at.slope_in_interval(from, t);
+  };
+  std::size_t at = 0;
+  read(stretch.nodes[at++], time[0] - delay);
+  for (Eigen::Index k = 0; k + 1 < n; ++k) {
+    const DrivenStretch::Interval& interval = stretch.intervals[static_cast<std::size_t>(k)];
+    for (int half = 1; half < 2 * interval.steps; ++half) {
+      read(stretch.nodes[at++], time[k] + 0.5 * half * interval.step - delay);
+    }
+    read(stretch.nodes[at++], time[k + 1] - delay);
+  }
 }
 
 Eigen::Vector2d steady_state(const SingleTrack<double>& car, const DrivenStretch::Node& at) {

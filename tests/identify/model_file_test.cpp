@@ -55,8 +55,8 @@ const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, A, B, C, D, G, Q, R, S, "
     "initial, sensors, tyre, use_when";
 const std::string kVehicleKeys =
-    "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, bias_r, bias_vy, "
-    "bias_ay, bank";
+    "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, bias_r, "
+    "bias_vy, bias_ay, mounting_angle, bank, relaxation_length, cg_height, load_sensitivity";
 
 std::string replaced(const std::string& text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);
@@ -794,11 +794,12 @@ constexpr Mistake kVehicleMistakes[] = {
     {"  m: 1446 kg", "  M: 1446 m",
      "6:3: unknown key 'M' in parameters; expected one of {vehicle}; did you mean 'm'?"},
     {"  m: 1446 kg", "  m: 1446 kg\n  Ff_max: 3",
-     "7:3: 'Ff_max' is not available yet; known: {vehicle}"},
-    {"  m: 1446 kg", "  m: 1446 kg\n  steering_delay: 3 ms",
-     "7:3: 'steering_delay' is not available yet; known: {vehicle}"},
-    {"  m: 1446 kg", "  m: 1446 kg\n  relaxation_length: 3",
-     "7:3: 'relaxation_length' is not available yet; known: {vehicle}"},
+     "7:3: 'Ff_max' belongs to tyres that saturate; expected tyre: {curve: tanh}, fiala or "
+     "magic-formula"},
+    {"  m: 1446 kg", "  m: 1446 kg\n  curve_shape: 1.3",
+     "7:3: 'curve_shape' belongs to the magic formula; expected tyre: {curve: magic-formula}"},
+    {"  m: 1446 kg", "  m: 1446 kg\n  steering_delay: 3 m",
+     "7:19: parameter 'steering_delay' is in 'm'; expected a unit like 's'"},
     {"  steering_ratio: 21\n", "",
      "6:3: 'steering_ratio' is missing in parameters; expected steering-wheel angle over "
      "road-wheel angle"},
@@ -848,10 +849,8 @@ constexpr Mistake kVehicleMistakes[] = {
      "4:19: x is in 's'; expected a unit like 'm'"},
     {"model: single-track", "model: single-track\nsensors: {vy: {z: 0.2}}",
      "4:16: unknown key 'z' in 'vy'; expected one of x, y; did you mean 'x'?"},
-    {"model: single-track", "model: single-track\ntyre: {curve: fiala}",
-     "4:15: 'fiala' is not available yet; known: linear"},
     {"model: single-track", "model: single-track\ntyre: {curve: linaer}",
-     "4:15: curve is 'linaer'; expected linear"},
+     "4:15: curve is 'linaer'; expected linear, tanh, fiala or magic-formula"},
     {"model: single-track", "model: single-track\ntyre: {}",
      "4:7: 'curve' is missing in tyre; expected curve: linear"},
     {"model: single-track", "model: single-track\ntyre: linear",

@@ -99,7 +99,7 @@ TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
   VehicleParameters<double> p = thesis_car();
   const SingleTrack<double> car = linear_car(p);
   const DrivenStretch stretch =
-      drive(data.time, data.u.row(0), data.u.row(1), decay_rate_times_speed(car));
+      drive(data.time, data.u.row(0), data.u.row(1), {decay_rate_times_speed(car)});
   simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index t, const Motion<double>& motion, double) {
     data.y.col(t) << motion.r, motion.vy;
   });

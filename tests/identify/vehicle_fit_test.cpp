@@ -124,7 +124,7 @@ TEST(VehicleFit, StartValueDecidesNothing) {
       if (p.name == "Iz") p.value(0, 0) = 5900.0;
     }
     VehicleFitOptions options;
-    options.seed = 77;
+    options.search.seed = 77;
     const Estimate fit = fit_vehicle(model, data, options);
     for (const char* name : {"Cf", "Cr", "Iz"}) {
       const double value = parameter(reference, name).value;
@@ -152,7 +152,8 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
     }
     const VehicleUnknowns unknowns = vehicle_unknowns(model);
     VehicleParameters<double> p = unknowns.value;
-    ASSERT_TRUE(vehicle_by_equation_error(usable_run(model, part), unknowns, p)) << outputs.back();
+    ASSERT_TRUE(vehicle_by_equation_error(usable_run(model, {part}), unknowns, p))
+        << outputs.back();
     EXPECT_NEAR(p[kCf], 88107.7, 0.15 * 88107.7) << outputs.back();
     EXPECT_NEAR(p[kCr], 88107.7, 0.15 * 88107.7) << outputs.back();
     EXPECT_NEAR(p[kYawInertia], 2319.0, 0.3 * 2319.0) << outputs.back();
@@ -162,7 +163,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
   part.outputs.resize(1);
   part.y.conservativeResize(1, Eigen::NoChange);
   VehicleParameters<double> p = vehicle_unknowns(model).value;
-  EXPECT_FALSE(vehicle_by_equation_error(usable_run(model, part), vehicle_unknowns(model), p));
+  EXPECT_FALSE(vehicle_by_equation_error(usable_run(model, {part}), vehicle_unknowns(model), p));
   EXPECT_EQ(p[kCf], 8e4);
 }
 
@@ -422,9 +423,9 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   EXPECT_LT(parameter(fit, "Cr").value, 0.9 * 88107.7);
 
   const ModelFile model = thesis_model();
-  const VehicleRun run = usable_run(model, data);
+  const VehicleRun run = usable_run(model, {data});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const VehicleProblem problem = make_vehicle_problem(run, unknowns, false, 300.0);
+  const VehicleProblem problem = make_vehicle_problem(run, unknowns, {300.0});
   const VehicleOptimum optimum =
       maximise_likelihood(problem, coordinates_of(problem, unknowns.value), {});
   const TyreSaturation found =

@@ -44,7 +44,7 @@ TEST(SevereLaneChange, MovesThePassengerCarByALane) {
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(3501, 0.0, 7.0);
   const DrivenStretch stretch =
       drive(time, steering(SevereLaneChange{}, time), Eigen::VectorXd::Constant(3501, 60.0 / 3.6),
-            decay_rate_times_speed(car));
+            {decay_rate_times_speed(car)});
   double heading = 0.0, side = 0.0, farthest = 0.0, hardest = 0.0;
   simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index, const Motion<double>& motion, double vx) {
     side += h * (vx * std::sin(heading) + motion.vy * std::cos(heading));

@@ -9,6 +9,7 @@
 
 #include "lib/dual.h"
 #include "lib/manoeuvre.h"
+#include "lib/steering_response.h"
 #include "tests/support/thesis_car.h"
 
 namespace identikal {
@@ -102,7 +103,7 @@ Final drive_constant(const Car& car, double delta_measured, double vx, double se
       VectorXd::LinSpaced(static_cast<Eigen::Index>(seconds * 100.0) + 1, 0.0, seconds);
   const DrivenStretch stretch =
       drive(time, VectorXd::Constant(time.size(), delta_measured),
-            VectorXd::Constant(time.size(), vx), decay_rate_times_speed(car));
+            VectorXd::Constant(time.size(), vx), {decay_rate_times_speed(car)});
   Final last;
   simulate(car, stretch, vy, r, [&](Eigen::Index, const Motion<double>& motion, double) {
     last = {motion.vy, motion.r, motion.ay};
@@ -142,14 +143,16 @@ TEST(SingleTrack, BankPullsDownTheSlope) {
   p[kBank] = 0.03;
   const SingleTrack<double> car = linear_car(p);
   const double gravity = kStandardGravity * std::sin(0.03);
-  const Balance<double, LinearAxle<double>> balance(car);
-  const Motion<double> begin = balance.motion(0.0, 0.0, {0.0, 20.0, 0.05});
+  const Balance<double, TyreCurve::linear> balance(car);
+  const Motion<double> begin =
+      balance.motion(0.0, 0.0, {.steering = 0.0, .vx = 20.0, .inverse_vx = 0.05});
   EXPECT_NEAR(balance.lateral_rate(begin, 20.0), -gravity, 1e-15);
   // Steady: forces carry the weight component and bend the path, ay = vx r + g sin(bank).
   const Final last = drive_constant(car, 0.0, 20.0, 10.0);
   EXPECT_NEAR(last.ay, 20.0 * last.r + gravity, 1e-10);
   EXPECT_LT(last.r, 0.0);
-  const Eigen::Vector2d steady = steady_state(car, {0.0, 20.0, 0.05});
+  const Eigen::Vector2d steady =
+      steady_state(car, {.steering = 0.0, .vx = 20.0, .inverse_vx = 0.05});
   EXPECT_NEAR(steady[1], last.r, 1e-10);
 }
 
@@ -158,7 +161,11 @@ TEST(SingleTrack, SensorsMoveWithTheRigidBody) {
   car.bias_r = 0.01;
   car.bias_vy = 0.02;
   car.bias_ay = 0.03;
-  const Motion<double> motion{0.5, 0.2, 3.0, -0.4, 0.0, 0.0};
+  Motion<double> motion{};
+  motion.vy = 0.5;
+  motion.r = 0.2;
+  motion.ay = 3.0;
+  motion.yaw_acceleration = -0.4;
   const double vx = 15.0;
   EXPECT_DOUBLE_EQ(measured({VehicleQuantity::r, 2.0, 1.0}, car, motion, vx), 0.21);
   EXPECT_DOUBLE_EQ(measured({VehicleQuantity::vy, 2.0, 1.0}, car, motion, vx), 0.5 + 0.4 + 0.02);
@@ -184,30 +191,6 @@ TEST(SingleTrack, NamesItsParametersAndQuantities) {
   EXPECT_EQ(neutral_vehicle()[kSteeringGain], 1.0);
 }
 
-TEST(SofteningAxle, IsLinearAtZeroAndSaturates) {
-  const double C = 8e4, alpha = 0.02;
-  const SofteningAxle<double> linear{C, 0.0}, soft{C, 1.0 / (3000.0 * 3000.0)};
-  EXPECT_DOUBLE_EQ(linear.force(alpha), -C * alpha);
-  EXPECT_NEAR(soft.force(alpha), -3000.0 * std::tanh(C * alpha / 3000.0), 1e-9);
-  EXPECT_NEAR(soft.force(1.0), -3000.0, 1e-6);
-  EXPECT_NEAR(soft.force(-alpha), -soft.force(alpha), 1e-12);
-  // Where the linear tyre is: dF/d(softening) = (C alpha)^3 / 3, dF/dC = -alpha.
-  SofteningAxle<Dual<2>> axle;
-  axle.stiffness = Dual<2>(C, 0);
-  axle.softening = Dual<2>(0.0, 1);
-  const Dual<2> force = axle.force(Dual<2>(alpha));
-  EXPECT_DOUBLE_EQ(force.v[0], -alpha);
-  EXPECT_NEAR(force.v[1] / (std::pow(C * alpha, 3) / 3.0), 1.0, 1e-14);
-}
-
-TEST(SofteningAxle, SeriesMeetsTheClosedForm) {
-  const double below = tanh_ratio(0.01 - 1e-12), above = tanh_ratio(0.01);
-  EXPECT_NEAR(below, above, 1e-12);
-  const Dual<1> slope_below = tanh_ratio(Dual<1>(0.01 - 1e-12, 0));
-  const Dual<1> slope_above = tanh_ratio(Dual<1>(0.01, 0));
-  EXPECT_NEAR(slope_below.v[0], slope_above.v[0], 1e-11);
-}
-
 // Constant inputs: the exact answer is the matrix exponential. At walking pace the fastest pole is
 // at -100 1/s, where steps of 0.01 s would err by percents.
 TEST(Simulation, IsAccurateAtWalkingPace) {
@@ -218,7 +201,7 @@ TEST(Simulation, IsAccurateAtWalkingPace) {
   const Eigen::Vector2d steady = -model.A.inverse() * model.B * (wheel / 21.0);
   const VectorXd time = VectorXd::LinSpaced(51, 0.0, 0.5);
   const DrivenStretch stretch = drive(time, VectorXd::Constant(51, wheel),
-                                      VectorXd::Constant(51, u), decay_rate_times_speed(car));
+                                      VectorXd::Constant(51, u), {decay_rate_times_speed(car)});
   EXPECT_GT(stretch.intervals.front().steps, 1);
   double worst = 0.0;
   simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index k, const Motion<double>& motion, double) {
@@ -237,7 +220,7 @@ TEST(Simulation, DoesNotDependOnTheSampling) {
   const auto run = [&](const VectorXd& time) {
     const VectorXd vx = (14.0 + 2.0 * (0.7 * time.array()).sin()).matrix();
     const DrivenStretch stretch =
-        drive(time, steering(SevereLaneChange{}, time), vx, decay_rate_times_speed(car));
+        drive(time, steering(SevereLaneChange{}, time), vx, {decay_rate_times_speed(car)});
     VectorXd r(time.size());
     simulate(car, stretch, 0.1, 0.0,
              [&](Eigen::Index k, const Motion<double>& motion, double) { r[k] = motion.r; });
@@ -261,29 +244,37 @@ TEST(Simulation, DoesNotDependOnTheSampling) {
 }
 
 // Derivatives by every parameter and by the initial state against central differences of the same
-// simulation.
-TEST(Simulation, CarriesExactDerivatives) {
+// simulation, for every curve, with forces that relax and without.
+void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double tolerance) {
   VehicleParameters<double> p = thesis_car();
   p[kCr] = 110000.0;
   p[kSteeringOffset] = 0.01;
+  p[kSteeringDelay] = 0.033;
   p[kBiasR] = 0.01;
   p[kBank] = 0.02;
+  p[kMountingAngle] = 0.03;
+  p[kRelaxationLength] = relaxation_length;
+  p[kCgHeight] = 0.5;
+  p[kLoadSensitivity] = 0.7;
   p[kSofteningFront] = 1.0 / std::pow(7000.0, 2);
   p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
   const VectorXd time = VectorXd::LinSpaced(141, 0.0, 7.0);
   const VectorXd vx = (15.0 + 4.0 * (0.5 * time.array()).cos()).matrix();
-  const DrivenStretch stretch = drive(time, steering(SevereLaneChange{}, time), vx, 300.0);
+  const VectorXd angle = steering(SevereLaneChange{}, time);
+  const IntegrationDemand demand{300.0, relaxation_length};
   const std::vector<VehicleSensor> sensors = {{VehicleQuantity::r, 0.0, 0.0},
-                                              {VehicleQuantity::vy, 1.5, 0.2},
-                                              {VehicleQuantity::ay, -0.4, 0.3},
-                                              {VehicleQuantity::beta, 2.1, -0.3}};
+                                              {VehicleQuantity::vy, 1.5, 0.2, 0.1},
+                                              {VehicleQuantity::ay, -0.4, 0.3, -0.1},
+                                              {VehicleQuantity::beta, 2.1, -0.3, 0.05}};
   constexpr int kStates = kVehicleParameters;
   constexpr int N = kVehicleParameters + 2;
   const auto outputs = [&](const VehicleParameters<double>& q, double vy, double r) {
     std::vector<double> out;
-    const auto car = softening_car(q);
-    simulate(car, stretch, vy, r, [&](Eigen::Index, const Motion<double>& motion, double u) {
-      for (const VehicleSensor& sensor : sensors) out.push_back(measured(sensor, car, motion, u));
+    const DrivenStretch stretch = drive(time, angle, vx, demand, q[kSteeringDelay]);
+    with_car(curve, q, [&](const auto& car) {
+      simulate(car, stretch, vy, r, [&](Eigen::Index, const Motion<double>& motion, double u) {
+        for (const VehicleSensor& sensor : sensors) out.push_back(measured(sensor, car, motion, u));
+      });
     });
     return out;
   };
@@ -291,15 +282,20 @@ TEST(Simulation, CarriesExactDerivatives) {
   for (int i = 0; i < kVehicleParameters; ++i) {
     q[static_cast<std::size_t>(i)] = Dual<N>(p[static_cast<std::size_t>(i)], i);
   }
+  // Zero stands for "none" of these, and is no point to differentiate at.
+  if (relaxation_length == 0.0) q[kRelaxationLength] = Dual<N>(0.0);
   std::vector<Dual<N>> exact;
-  const auto car = softening_car(q);
-  simulate(car, stretch, Dual<N>(0.3, kStates), Dual<N>(0.1, kStates + 1),
-           [&](Eigen::Index, const Motion<Dual<N>>& motion, double u) {
-             for (const VehicleSensor& sensor : sensors) {
-               exact.push_back(measured(sensor, car, motion, u));
-             }
-           });
+  const DrivenStretch stretch = drive(time, angle, vx, demand, p[kSteeringDelay]);
+  with_car(curve, q, [&](const auto& car) {
+    simulate(car, stretch, Dual<N>(0.3, kStates), Dual<N>(0.1, kStates + 1),
+             [&](Eigen::Index, const Motion<Dual<N>>& motion, double u) {
+               for (const VehicleSensor& sensor : sensors) {
+                 exact.push_back(measured(sensor, car, motion, u));
+               }
+             });
+  });
   for (int i = 0; i < N; ++i) {
+    if (i == kRelaxationLength && relaxation_length == 0.0) continue;
     const auto n = static_cast<std::size_t>(i);
     const double value = i < kStates ? p[n] : i == kStates ? 0.3 : 0.1;
     const double h = value != 0.0 ? 1e-5 * std::abs(value) : 1e-5;
@@ -319,15 +315,76 @@ TEST(Simulation, CarriesExactDerivatives) {
       scale = std::max(scale, std::abs(difference));
       worst = std::max(worst, std::abs(exact[j].v[n] - difference));
     }
-    EXPECT_LE(worst, 1e-6 * scale) << "variable " << i;
+    EXPECT_LE(worst, tolerance * scale) << name_of(curve) << " variable " << i;
+  }
+}
+
+TEST(Simulation, CarriesExactDerivatives) {
+  for (const double relaxation_length : {0.0, 0.4}) {
+    expect_exact_derivatives(TyreCurve::linear, relaxation_length, 1e-6);
+    expect_exact_derivatives(TyreCurve::tanh, relaxation_length, 1e-6);
+    expect_exact_derivatives(TyreCurve::magic_formula, relaxation_length, 1e-6);
+    // Its second derivative jumps where the whole contact begins to slide.
+    expect_exact_derivatives(TyreCurve::fiala, relaxation_length, 1e-5);
+  }
+}
+
+// A force that relaxes follows a step of the steering with the time constant sigma / vx: the first
+// instant has no force, and a car whose forces relax within a hair is the one without relaxation.
+TEST(Simulation, ForcesRelax) {
+  VehicleParameters<double> p = thesis_car();
+  const VectorXd time = VectorXd::LinSpaced(201, 0.0, 2.0);
+  const VectorXd vx = VectorXd::Constant(201, 20.0), angle = steering(SevereLaneChange{}, time);
+  const auto yaw_rate = [&](double relaxation_length) {
+    p[kRelaxationLength] = relaxation_length;
+    const auto car = linear_car(p);
+    VectorXd out(201);
+    simulate(car, drive(time, angle, vx, {decay_rate_times_speed(car), relaxation_length}), 0.0,
+             0.0, [&](Eigen::Index k, const Motion<double>& motion, double) { out[k] = motion.r; });
+    return out;
+  };
+  const VectorXd at_once = yaw_rate(0.0);
+  // First order in sigma: halving it halves the difference.
+  const double far = (yaw_rate(0.02) - at_once).norm(), near = (yaw_rate(0.01) - at_once).norm();
+  EXPECT_NEAR(far / near, 2.0, 0.05);
+  EXPECT_LT(near, 0.02 * at_once.norm());
+}
+
+// Braking loads the front axle: with h = 0.5 m and 4 m/s^2 by 0.5 * 4 / (9.80665 * 1.525).
+TEST(Simulation, BrakingShiftsLoad) {
+  VehicleParameters<double> p = thesis_car();
+  p[kCgHeight] = 0.5;
+  p[kLoadSensitivity] = 0.8;
+  const Balance<double, TyreCurve::linear> balance(linear_car(p));
+  const DrivenStretch::Node straight{.steering = 0.1, .vx = 20.0, .inverse_vx = 0.05};
+  DrivenStretch::Node braking = straight;
+  braking.vx_rate = -4.0;
+  const Motion<double> before = balance.motion(0.2, 0.1, straight);
+  const Motion<double> after = balance.motion(0.2, 0.1, braking);
+  EXPECT_NEAR(after.force_front / before.force_front, 1.0 + 0.8 * 2.0 / (kStandardGravity * 1.525),
+              1e-12);
+  EXPECT_NEAR(after.force_rear / before.force_rear, 1.0 - 0.8 * 2.0 / (kStandardGravity * 0.987),
+              1e-12);
+}
+
+// A delay is the same as steering that comes later.
+TEST(Simulation, DelayMovesTheSteering) {
+  const VectorXd time = VectorXd::LinSpaced(701, 0.0, 7.0), vx = VectorXd::Constant(701, 16.0);
+  const DrivenStretch late = drive(time, steering(SevereLaneChange{}, time), vx, {300.0}, 0.2);
+  SevereLaneChange later;
+  later.start += 0.2;
+  const DrivenStretch moved = drive(time, steering(later, time), vx, {300.0});
+  ASSERT_EQ(late.nodes.size(), moved.nodes.size());
+  for (std::size_t i = 0; i < late.nodes.size(); ++i) {
+    EXPECT_NEAR(late.nodes[i].steering, moved.nodes[i].steering, 1e-9);
   }
 }
 
 TEST(Simulation, RefusesWhatCannotBeDriven) {
   const VectorXd time = VectorXd::LinSpaced(5, 0.0, 1.0), zero = VectorXd::Zero(5);
-  EXPECT_THROW(drive(time, zero, zero, 100.0), std::invalid_argument);
-  EXPECT_THROW(drive(time, VectorXd::Zero(4), VectorXd::Ones(5), 100.0), std::invalid_argument);
-  EXPECT_THROW(drive(VectorXd::Zero(1), VectorXd::Zero(1), VectorXd::Ones(1), 100.0),
+  EXPECT_THROW(drive(time, zero, zero, {100.0}), std::invalid_argument);
+  EXPECT_THROW(drive(time, VectorXd::Zero(4), VectorXd::Ones(5), {100.0}), std::invalid_argument);
+  EXPECT_THROW(drive(VectorXd::Zero(1), VectorXd::Zero(1), VectorXd::Ones(1), {100.0}),
                std::invalid_argument);
 }
 

@@ -155,7 +155,7 @@ TEST(CeresBackend, JetsAgreeWithDuals) {
   p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
   const VectorXd time = VectorXd::LinSpaced(71, 0.0, 7.0);
   const DrivenStretch stretch =
-      drive(time, steering(SevereLaneChange{}, time), VectorXd::Constant(71, 16.7), 300.0);
+      drive(time, steering(SevereLaneChange{}, time), VectorXd::Constant(71, 16.7), {300.0});
   const auto last = [&](auto variable) {
     using T = decltype(variable(0.0, 0));
     VehicleParameters<T> q;
@@ -163,7 +163,7 @@ TEST(CeresBackend, JetsAgreeWithDuals) {
     q[kCf] = variable(p[kCf], 0);
     q[kYawInertia] = variable(p[kYawInertia], 1);
     q[kSofteningRear] = variable(p[kSofteningRear], 2);
-    const auto car = softening_car(q);
+    const auto car = car_with<TyreCurve::tanh>(q);
     T beta(0.0);
     simulate(car, stretch, T(0.0), variable(0.1, 3),
              [&](Eigen::Index k, const Motion<T>& motion, double vx) {

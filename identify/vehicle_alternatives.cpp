@@ -1,0 +1,129 @@
+#include "identify/vehicle_alternatives.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "identify/distribution.h"
+#include "identify/vehicle_series.h"
+#include "lib/units.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kSignificant = 0.995;  // one-sided, with a sandwich that allows for colour
+constexpr double kBetterFit = 0.10;     // of the root mean square residual of an output
+constexpr double kSlightlyBetterFit = 0.03;
+constexpr double kWrongRatio = 0.02;  // relative; steering ratios are known to about 1 %
+
+struct Alternative {
+  VehicleSearch found;
+  VehicleParameters<double> p;
+  double better = 0.0;  ///< largest drop of an output's residual, relative
+  std::string text;     ///< what moved
+};
+
+/// @param near  the answer lies near the original one: no other starts are tried
+Alternative fit_alternative(const VehicleSearch& original, const VehicleUnknowns& unknowns,
+                            bool near, VehicleSearchOptions options, const Estimate& estimate) {
+  const VehicleRun& run = *original.problem.run;
+  const VehicleParameters<double> before = parameters_at(original.problem, original.best.z);
+  Alternative out;
+  if (near) {
+    out.found.problem = make_vehicle_problem(run, unknowns, original.problem.demand);
+    out.found.problem.robust = options.robust;
+    SolverOptions solver;
+    solver.progress = options.progress;
+    out.found.best =
+        maximise_likelihood(out.found.problem, coordinates_of(out.found.problem, before), solver);
+  } else {
+    options.starts = 1;
+    out.found = search_vehicle(run, unknowns, options, &before);
+  }
+  if (!out.found.best.converged) return out;
+  out.p = parameters_at(out.found.problem, out.found.best.z);
+  for (std::size_t i = 0; i < original.problem.unknowns.free.size(); ++i) {
+    const VehicleParameter parameter = original.problem.unknowns.free[i];
+    if (parameter != kCf && parameter != kCr && parameter != kYawInertia) continue;
+    const EstimatedParameter& p = estimate.parameters[original.problem.unknowns.position[i]];
+    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    out.text += fmt::format(", {} {:.4g} {} (was {:.4g})", p.name, unit.from_si(out.p[parameter]),
+                            p.unit, p.value);
+  }
+  const std::vector<ChannelFit> fits =
+      channel_fits(vehicle_series(out.found.problem, out.found.best.z));
+  for (std::size_t j = 0; j < fits.size(); ++j) {
+    out.better = std::max(out.better, 1.0 - fits[j].rmse / estimate.simulation[j].rmse);
+    out.text += fmt::format(", fit of {} {:.1f} % (was {:.1f})", fits[j].channel,
+                            fits[j].fit_percent, estimate.simulation[j].fit_percent);
+  }
+  return out;
+}
+
+/// Estimate and standard error of the parameter that the alternative freed, and whether it is
+/// away from the value it had.
+struct Freed {
+  double value, se;
+  bool significant;
+};
+
+Freed freed(const Alternative& alternative, VehicleParameter parameter, double was) {
+  const VehicleProblem& problem = alternative.found.problem;
+  const VehicleCovariance covariance = vehicle_covariance(problem, alternative.found.best);
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
+  gradient[problem.unknowns.find(parameter)] = 1.0;
+  const double se = standard_error(problem, covariance, gradient);
+  const double value = alternative.p[parameter];
+  const double quantile = student_t_quantile(kSignificant, covariance.freedom);
+  return {value, se, std::abs(value - was) > quantile * se};
+}
+
+}  // namespace
+
+void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions& options,
+                          Estimate& estimate) {
+  const VehicleUnknowns& unknowns = found.problem.unknowns;
+  const double step = found.problem.run->step;
+  for (const VehicleParameter parameter : {kSteeringGain, kSteeringDelay}) {
+    if (unknowns.find(parameter) >= 0 || unknowns.find(kSteeringRatio) >= 0) continue;
+    VehicleUnknowns more = unknowns;
+    set_free(more, parameter);
+    const Alternative other =
+        fit_alternative(found, more, parameter == kSteeringDelay, options, estimate);
+    if (!other.found.best.converged) continue;
+    const double was = unknowns.value[parameter];
+    const Freed now = freed(other, parameter, was);
+    if (!now.significant) continue;
+    const bool gain = parameter == kSteeringGain;
+    const std::string name(name_of(parameter));
+    const std::string text = fmt::format("with {} free it is {:.3g} +- {:.2g}{}{}", name, now.value,
+                                         now.se, gain ? "" : " s", other.text);
+    const bool large = gain ? std::abs(now.value / was - 1.0) > kWrongRatio
+                            : std::abs(now.value - was) > 0.5 * step;
+    if (!large || other.better < kSlightlyBetterFit) {
+      estimate.notes.push_back(text);
+      continue;
+    }
+    estimate.warnings.push_back(
+        {name,
+         other.better > kBetterFit ? "serious" : "warning",
+         {name},
+         text,
+         gain ? "the recording speaks against the given steering ratio: free steering_gain, or "
+                "correct the ratio"
+              : "the steering channel's clock or the steering itself lags: free steering_delay"});
+  }
+  if (unknowns.curve != TyreCurve::linear && unknowns.find(kCurveShape) < 0 &&
+      unknowns.find(kCurveCurvature) < 0) {
+    const VehicleUnknowns curved = with_curve(
+        unknowns, unknowns.curve == TyreCurve::tanh ? TyreCurve::fiala : TyreCurve::tanh);
+    const Alternative other = fit_alternative(found, curved, true, options, estimate);
+    if (other.found.best.converged) {
+      estimate.notes.push_back(
+          fmt::format("with the curve {} instead{}; log-likelihood {:+.4g}", name_of(curved.curve),
+                      other.text, other.found.best.log_likelihood - found.best.log_likelihood));
+    }
+  }
+}
+
+}  // namespace identikal

@@ -1,0 +1,16 @@
+// Would another form of the model say something else?
+#pragma once
+
+#include "identify/vehicle_covariance.h"
+#include "identify/vehicle_search.h"
+
+namespace identikal {
+
+/// Fits the car again with one thing changed at a time (the gain of the steering free, its delay
+/// free, another tyre curve) and says how parameters and fit move with it. A steering that fits
+/// clearly better with another gain or delay makes a warning: the recording then speaks against the
+/// model file's ratio, or against the clock of the steering channel.
+void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions& options,
+                          Estimate& estimate);
+
+}  // namespace identikal
