@@ -159,6 +159,19 @@ VectorXd gain(const RecursiveLeastSquares& rls, const Eigen::Ref<const VectorXd>
   return out;
 }
 
+MatrixXd information_of_rows(const RecursiveLeastSquares& rls) {
+  constexpr double kNothing = 1e-9;
+  const MatrixXd all = rls.L * rls.L.transpose();
+  MatrixXd out = all;
+  out.diagonal().array() -= rls.prior;
+  for (Index i = 0; i < out.rows(); ++i) {
+    if (out(i, i) > kNothing * all(i, i)) continue;
+    out.row(i).setZero();
+    out.col(i).setZero();
+  }
+  return out;
+}
+
 VectorXd noise_variance(const RecursiveLeastSquares& rls) {
   const auto d = static_cast<double>(rls.theta.rows());
   const double freedom = rls.weight - d * rls.squared_weight / rls.weight;

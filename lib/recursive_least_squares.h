@@ -69,6 +69,10 @@ Eigen::VectorXd gain(const RecursiveLeastSquares& rls,
                      const Eigen::Ref<const Eigen::VectorXd>& phi);
 Eigen::MatrixXd inverse_correlation(const RecursiveLeastSquares& rls);
 
+/// d x d: R_phi(t) without what is left of the soft constraint, that is what the rows have told;
+/// zero in row and column of a coefficient of which they told 1e-9 of its information or less.
+Eigen::MatrixXd information_of_rows(const RecursiveLeastSquares& rls);
+
 /// ny: squares of the residuals over w - d w2 / w, w and w2 the sums of the weights and of their
 /// squares: n - d without forgetting. NaN until that is positive. Without bias for constant
 /// coefficients, regressors without feedback and lambda = 1; else as good as that.
