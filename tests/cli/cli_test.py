@@ -374,16 +374,16 @@ class TrackRegression(unittest.TestCase):
 
     def test_bad_models(self):
         for text, words in (
-                (REGRESSION.replace("feedback", "fedback"), ("8", "did you mean 'feedback'")),
-                (REGRESSION.replace("0.999", "1.2"), ("8", "above 0 and at most 1")),
-                (REGRESSION.replace("0.999", "0"), ("8", "above 0 and at most 1")),
-                (REGRESSION.replace("delta: 100", "delta: -1"), ("8", "delta is '-1'")),
-                (REGRESSION.replace("inputs: 1", "inputs: 0"), ("8", "whole number from 1")),
-                (REGRESSION.replace("delta: 100", "memory: 50"), ("8", "forgetting: variable")),
+                (REGRESSION.replace("feedback", "fedback"), (":7:", "did you mean 'feedback'")),
+                (REGRESSION.replace("0.999", "1.2"), (":7:", "above 0 and at most 1")),
+                (REGRESSION.replace("0.999", "0"), (":7:", "above 0 and at most 1")),
+                (REGRESSION.replace("delta: 100", "delta: -1"), (":7:", "delta is '-1'")),
+                (REGRESSION.replace("inputs: 1", "inputs: 0"), (":7:", "whole number from 1")),
+                (REGRESSION.replace("delta: 100", "memory: 50"), (":7:", "forgetting: variable")),
                 (REGRESSION.replace("inputs: {steer: {column: swa, unit: deg}}\n", ""), ("inputs",)),
-                (REGRESSION.replace("deg/s}}", "deg/s}, b: {column: swa}}"), ("6", "one")),
-                (REGRESSION.replace("name: yaw", "parameters: {a: 1}\nname: yaw"), ("2", "does not belong")),
-                (REGRESSION + "A: [[1]]\n", ("9", "does not belong to model: regression")),
+                (REGRESSION.replace("deg/s}}", "deg/s}, b: {column: swa}}"), (":6:", "one")),
+                (REGRESSION.replace("name: yaw", "parameters: {a: 1}\nname: yaw"), (":2:", "does not belong")),
+                (REGRESSION + "A: [[1]]\n", (":8:", "does not belong to model: regression")),
                 (SYSTEM_1 + "regression: {inputs: 1}\n", ("belongs to model: regression",))):
             error = run("track", *self.write(text), code=2).stderr
             for word in words:
