@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -118,24 +119,38 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
   const double lambda =
       settings.memory > 0.0 ? 1.0 - 1.0 / settings.memory : settings.forgetting.value_or(1.0);
 
-  out.criterion = std::numeric_limits<double>::infinity();
-  LaggedRows rows;
+  struct Candidate {
+    RegressionOrder order;
+    Tried tried;
+  };
+  std::vector<Candidate> candidates;
+  double least = std::numeric_limits<double>::infinity();
   for (Index inputs = shortest.inputs; inputs <= out.longest.inputs; ++inputs) {
     for (Index feedback = shortest.feedback; feedback <= out.longest.feedback; ++feedback) {
       const RegressionOrder order{inputs, feedback};
       if (progress) progress(order);
-      const LaggedRows candidate = lagged_rows(u, y, order, out.longest);
-      const Tried tried = free_lambda ? best_factor(candidate.phi, candidate.y, out.delta, lead)
-                                      : Tried{lambda, predictive_squares(candidate.phi, candidate.y,
-                                                                         out.delta, lambda, lead)};
-      ++out.candidates;
-      if (!(tried.criterion < out.criterion)) continue;
-      out.criterion = tried.criterion;
-      out.order = order;
-      out.forgetting = tried.lambda;
-      rows = candidate;
+      const LaggedRows rows = lagged_rows(u, y, order, out.longest);
+      candidates.push_back(
+          {order, free_lambda ? best_factor(rows.phi, rows.y, out.delta, lead)
+                              : Tried{lambda, predictive_squares(rows.phi, rows.y, out.delta,
+                                                                 lambda, lead)}});
+      least = std::min(least, candidates.back().tried.criterion);
     }
   }
+  out.candidates = static_cast<Index>(candidates.size());
+  // The fewest coefficients that are not much worse than the best; of these the best.
+  std::erase_if(candidates, [&](const Candidate& c) {
+    return worth_it(c.tried.criterion, least, out.counted);
+  });
+  const Candidate& chosen = *std::min_element(
+      candidates.begin(), candidates.end(), [&](const Candidate& one, const Candidate& other) {
+        const Index a = coefficients(one.order), b = coefficients(other.order);
+        return a != b ? a < b : one.tried.criterion < other.tried.criterion;
+      });
+  out.order = chosen.order;
+  out.forgetting = chosen.tried.lambda;
+  out.criterion = chosen.tried.criterion;
+  const LaggedRows rows = lagged_rows(u, y, out.order, out.longest);
   if (free_lambda || !settings.delta) {
     const Refined refined =
         refine(rows.phi, rows.y, lead, scale, {out.forgetting, out.delta, out.criterion},

@@ -27,10 +27,11 @@ struct RegressionChoice {
 /// too many by itself. All orders are judged on the same samples, from 3 times the longest order's
 /// coefficients on, up to the order 5 or what tenfold as many rows as coefficients allow.
 ///
-/// Orders are enumerated, lambda on a grid; then lambda and delta of the best are refined without
-/// gradient (solvers/solve.h). A lambda below 1, and values found by refinement, replace the simple
-/// ones (1; delta a thousandth of the regressors' mean square) only where they gain more than 2 in
-/// log-likelihood, n/2 log of the ratio of the criteria. With variable forgetting the orders are
+/// Orders are enumerated, lambda on a grid; then lambda and delta of the chosen order are refined
+/// without gradient (solvers/solve.h). What is simpler stands unless something else gains more than
+/// 2 in log-likelihood, n/2 log of the ratio of the criteria: lambda = 1, delta a thousandth of the
+/// regressors' mean square, and of the orders the one with the fewest coefficients (of several the
+/// better) that the best of all does not beat by that. With variable forgetting the orders are
 /// judged with lambda = 1 - 1 / memory.
 /// @param u  m x N, y  N: NaN where missing
 /// @param progress  called with the order being tried
