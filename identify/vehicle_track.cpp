@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -15,6 +14,7 @@
 #include "identify/vehicle_run.h"
 #include "identify/vehicle_starts.h"
 #include "lib/error.h"
+#include "lib/least_squares.h"
 #include "lib/recursive_least_squares.h"
 
 namespace identikal {
@@ -24,53 +24,92 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kSoftConstraint = 0.01;  // [(m/s^2)^2], [(rad/s^2)^2]
+constexpr double kSoftConstraint = 0.01;  // [(m/s^2)^2]
 constexpr Index kFewestRows = 30;         // of the balances
 
-bool sought(const VehicleUnknowns& unknowns, VehicleParameter parameter) {
-  return std::find(unknowns.free.begin(), unknowns.free.end(), parameter) != unknowns.free.end();
+// The balances as rows of one regression, two for each point of time: force, then moment.
+struct BalanceRows {
+  std::vector<VehicleParameter> sought;  // the coefficients
+  MatrixXd phi;                          // sought x 2n [m/s^2]
+  VectorXd y;                            // 2n [m/s^2]
+  double moment = 0.0;                   // what m r' is multiplied with in a moment row [m]
+};
+
+// Coefficients are changes relative to the values in p; what is not sought goes to the other side.
+BalanceRows rows_of(const VehicleBalances& balances, const VehicleUnknowns& unknowns) {
+  const VehicleParameters<double>& p = unknowns.value;
+  const Index n = balances.time.size();
+  const double length = std::sqrt(p[kA] * p[kB]);
+  MatrixXd all = MatrixXd::Zero(3, 2 * n);
+  VectorXd y(2 * n);
+  for (Index t = 0; t < n; ++t) {
+    const double front = p[kCf] / p[kMass] * balances.slip_front[t],
+                 rear = p[kCr] / p[kMass] * balances.slip_rear[t];
+    all.col(2 * t) << front, rear, 0.0;
+    all.col(2 * t + 1) << p[kA] / length * front, -p[kB] / length * rear,
+        -p[kYawInertia] / (p[kMass] * length) * balances.yaw_acceleration[t];
+    y.segment<2>(2 * t) << balances.acceleration[t], 0.0;
+  }
+  y -= all.colwise().sum().transpose();
+  BalanceRows out;
+  std::vector<Index> picked;
+  constexpr VehicleParameter kOrder[] = {kCf, kCr, kYawInertia};
+  for (Index i = 0; i < 3; ++i) {
+    const auto& free = unknowns.free;
+    if (std::find(free.begin(), free.end(), kOrder[i]) == free.end()) continue;
+    picked.push_back(i);
+    out.sought.push_back(kOrder[i]);
+  }
+  out.phi = all(picked, Eigen::all);
+  out.y = std::move(y);
+  // Both balances count by what they leave unexplained over the whole recording.
+  double weight = 1.0;
+  if (!picked.empty()) {
+    const VectorXd e = least_squares(out.phi.transpose(), out.y).residuals;
+    Eigen::Vector2d rms(0.0, 0.0);
+    for (Index t = 0; t < n; ++t) rms += e.segment<2>(2 * t).cwiseAbs2();
+    if (rms.minCoeff() > 1e-12 * rms.maxCoeff()) weight = std::sqrt(rms[0] / rms[1]);
+  }
+  for (Index t = 0; t < n; ++t) {
+    out.phi.col(2 * t + 1) *= weight;
+    out.y[2 * t + 1] *= weight;
+  }
+  out.moment = weight / length;
+  return out;
 }
 
-// One parameter along the recording, SI.
-struct TrackedParameter {
-  VehicleParameter parameter;
-  std::size_t position = 0;  // in Estimate::parameters
-  VectorXd value, sd;
-  std::size_t balance = 0;  // that tells it,
-  Index coefficient = 0;    // which of its coefficients,
-  double scale = 0.0;       // and the parameter's change with that, at the end
-};
+// What the two rows of each point of time leave.
+RegressionCourse after_both(const RegressionCourse& rows) {
+  const Index n = rows.lambda.size() / 2;
+  RegressionCourse out = rows;
+  out.lambda.resize(n);
+  out.log_alarm.resize(n);
+  out.theta.resize(Eigen::NoChange, n);
+  out.sd.resize(Eigen::NoChange, n);
+  for (Index t = 0; t < n; ++t) {
+    out.theta.col(t) = rows.theta.col(2 * t + 1);
+    out.sd.col(t) = rows.sd.col(2 * t + 1);
+    out.lambda[t] = rows.lambda[2 * t] * rows.lambda[2 * t + 1];
+    out.log_alarm[t] = std::fmax(rows.log_alarm[2 * t], rows.log_alarm[2 * t + 1]);
+  }
+  for (RegressionCourse::Change& change : out.changes) {
+    change.since /= 2;
+    change.found /= 2;
+  }
+  return out;
+}
 
-// What has been learnt from one of the balances.
-struct BalanceTrack {
-  std::string channel, unit;
-  VectorXd measured;
-  RegressionCourse course;
-};
-
-void report_balance(Estimate& estimate, const BalanceTrack& track, Index row) {
-  Series& series = estimate.series;
-  series.channels.push_back(track.channel);
-  series.units.push_back(track.unit);
-  series.measured.row(row) = track.measured.transpose();
-  series.predicted.row(row) = (track.measured - track.course.prior_error).transpose();
-  series.standardised.row(row) = track.course.standardised.transpose();
-  estimate.one_step.push_back(
-      one_step_fit(track.channel, track.unit, track.measured, track.course.prior_error));
+// Of every second row, from `first` on.
+VectorXd every_second(const VectorXd& rows, Index first) {
+  return Eigen::Map<const VectorXd, 0, Eigen::InnerStride<2>>(rows.data() + first, rows.size() / 2);
 }
 
 }  // namespace
 
 Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const bool free_front = sought(unknowns, kCf), free_rear = sought(unknowns, kCr),
-             free_inertia = sought(unknowns, kYawInertia);
-  if (!free_front && !free_rear && !free_inertia) {
-    throw InputError({model.path, 0, 0}, "none of Cf, Cr and Iz is sought",
-                     "one of them as {value: ..., min: ..., max: ...}");
-  }
-  const VehicleRun run = usable_run(model, recording);
   const VehicleParameters<double>& p = unknowns.value;
+  const VehicleRun run = usable_run(model, recording);
   const VehicleBalances balances = vehicle_balances(run, p);
   const Index n = balances.time.size();
   if (n == 0 && (run.find(VehicleQuantity::r) < 0 || run.outputs.size() < 2)) {
@@ -82,6 +121,23 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
                      fmt::format("{} means of 0.1 s with neighbours on both sides", n),
                      fmt::format("{} or more", kFewestRows));
   }
+  const BalanceRows rows = rows_of(balances, unknowns);
+  if (rows.sought.empty()) {
+    throw InputError({model.path, 0, 0}, "none of Cf, Cr and Iz is sought",
+                     "one of them as {value: ..., min: ..., max: ...}");
+  }
+  const bool chosen = !model.regression.forgetting && model.regression.memory == 0.0;
+  // Settings are per point of time, of which each row is half.
+  const Forgetting forgetting = forgetting_of(
+      model.regression,
+      chosen ? std::pow(choose_forgetting(rows.phi, rows.y, kSoftConstraint), 2) : 1.0);
+  Forgetting per_row = forgetting;
+  per_row.factor = std::sqrt(forgetting.factor);
+  per_row.memory = 2.0 * forgetting.memory;
+  per_row.samples_per_false_alarm = 2.0 * forgetting.samples_per_false_alarm;
+  const RegressionCourse by_row =
+      run_recursive_least_squares(rows.phi, rows.y, kSoftConstraint, per_row);
+  const RegressionCourse track = after_both(by_row);
 
   Estimate estimate;
   estimate.verb = "track";
@@ -93,139 +149,73 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   estimate.notes = run.notes;
   list_parameters(estimate, model.parameters, model.parameters);
 
-  // Accelerations of the start's forces; what is free adds a share of its own.
-  MatrixXd force(2, n);
-  force.row(0) = p[kCf] / p[kMass] * balances.slip_front.transpose();
-  force.row(1) = p[kCr] / p[kMass] * balances.slip_rear.transpose();
-  std::vector<TrackedParameter> tracked;
-  std::vector<Index> rows;
-  if (free_front) rows.push_back(0);
-  if (free_rear) rows.push_back(1);
-  std::vector<BalanceTrack> tracks;
-  std::optional<Forgetting> forgetting;
-  const auto run_balance = [&](const MatrixXd& phi, const VectorXd& known, BalanceTrack track) {
-    const VectorXd y = track.measured - known;
-    if (!forgetting) {
-      const bool given = model.regression.forgetting || model.regression.memory > 0.0;
-      forgetting =
-          forgetting_of(model.regression, given ? 1.0 : choose_forgetting(phi, y, kSoftConstraint));
-    }
-    track.course = run_recursive_least_squares(phi, y, kSoftConstraint, *forgetting);
-    tracks.push_back(std::move(track));
-    return tracks.back().course;
-  };
-  MatrixXd share = MatrixXd::Ones(2, n);  // of the start's stiffness
-  if (!rows.empty()) {
-    const RegressionCourse course =
-        run_balance(force(rows, Eigen::all), force.colwise().sum().transpose(),
-                    {"ay", "m/s^2", balances.acceleration, {}});
-    for (std::size_t k = 0; k < rows.size(); ++k) {
-      const auto at = static_cast<Index>(k);
-      const VehicleParameter parameter = rows[k] == 0 ? kCf : kCr;
-      share.row(rows[k]) += course.theta.row(at);
-      tracked.push_back({parameter, 0, p[parameter] * share.row(rows[k]).transpose(),
-                         p[parameter] * course.sd.row(at).transpose(), 0, at, p[parameter]});
-    }
-  }
-  if (free_inertia) {
-    const VectorXd yaw = (p[kMass] / p[kYawInertia] *
-                          (p[kA] * force.row(0).cwiseProduct(share.row(0)) -
-                           p[kB] * force.row(1).cwiseProduct(share.row(1))))
-                             .transpose();
-    const RegressionCourse course = run_balance(
-        yaw.transpose(), yaw, {"yaw acceleration", "rad/s^2", balances.yaw_acceleration, {}});
-    const VectorXd inverse = 1.0 + course.theta.row(0).transpose().array();
-    TrackedParameter inertia{kYawInertia,
-                             0,
-                             VectorXd::Constant(n, kNone),
-                             VectorXd::Constant(n, kNone),
-                             tracks.size() - 1,
-                             0,
-                             kNone};
-    for (Index t = 0; t < n; ++t) {
-      if (!(inverse[t] > 0.0)) continue;
-      inertia.value[t] = p[kYawInertia] / inverse[t];
-      inertia.sd[t] = inertia.value[t] * course.sd(0, t) / inverse[t];
-    }
-    inertia.scale = -inertia.value[n - 1] / inverse[n - 1];
-    tracked.push_back(std::move(inertia));
-  }
-
   // In the order of the model file.
-  for (TrackedParameter& each : tracked) {
-    const auto k = std::find(unknowns.free.begin(), unknowns.free.end(), each.parameter) -
-                   unknowns.free.begin();
-    each.position = unknowns.position[static_cast<std::size_t>(k)];
-  }
-  std::sort(tracked.begin(), tracked.end(),
-            [](const auto& one, const auto& other) { return one.position < other.position; });
-  const auto count = static_cast<Index>(tracked.size());
   Course& course = estimate.course.emplace();
+  const auto count = static_cast<Index>(rows.sought.size());
+  std::vector<Index> order;
+  VectorXd scale(count);  // the parameter's change with its coefficient, in its unit
   course.mean.resize(count, n);
   course.sd.resize(count, n);
   std::string held;
-  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    EstimatedParameter& reported = estimate.parameters[i];
-    const auto hit = std::find_if(tracked.begin(), tracked.end(),
-                                  [i](const auto& each) { return each.position == i; });
-    if (hit == tracked.end()) {
-      if (!reported.fixed) held += (held.empty() ? "" : ", ") + reported.name;
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    EstimatedParameter& reported = estimate.parameters[unknowns.position[i]];
+    const auto hit = std::find(rows.sought.begin(), rows.sought.end(), unknowns.free[i]);
+    if (hit == rows.sought.end()) {
+      held += (held.empty() ? "" : ", ") + reported.name;
       reported.fixed = true;
       continue;
     }
-    const auto k = static_cast<Index>(hit - tracked.begin());
-    const double unit = unit_scale(reported.unit);
+    const auto k = static_cast<Index>(order.size());
+    order.push_back(hit - rows.sought.begin());
+    scale[k] = p[unknowns.free[i]] / unit_scale(reported.unit);
     course.names.push_back(reported.name);
     course.units.push_back(reported.unit);
-    course.mean.row(k) = hit->value.transpose() / unit;
-    course.sd.row(k) = hit->sd.transpose() / unit;
+    course.mean.row(k) = scale[k] * (1.0 + track.theta.row(order.back()).array());
+    course.sd.row(k) = scale[k] * track.sd.row(order.back());
     reported.value = course.mean(k, n - 1);
   }
-  MatrixXd information = MatrixXd::Zero(count, count), covariance = information;
-  for (Index k = 0; k < count; ++k) {
-    for (Index l = 0; l < count; ++l) {
-      const TrackedParameter &one = tracked[static_cast<std::size_t>(k)],
-                             &other = tracked[static_cast<std::size_t>(l)];
-      if (one.balance != other.balance) continue;
-      const RecursiveLeastSquares& end = tracks[one.balance].course.end;
-      const double per_unit = one.scale / unit_scale(course.units[static_cast<std::size_t>(k)]) *
-                              other.scale / unit_scale(course.units[static_cast<std::size_t>(l)]);
-      const double noise = std::max(1e-30, noise_variance(end)[0]);
-      information(k, l) =
-          information_of_rows(end)(one.coefficient, other.coefficient) / (noise * per_unit);
-      covariance(k, l) =
-          inverse_correlation(end)(one.coefficient, other.coefficient) * noise * per_unit;
-    }
-  }
-  judge_parameters(estimate, information, covariance);
+  const double noise = std::max(1e-30, noise_variance(by_row.end)[0]);
+  const VectorXd per_scale = scale.cwiseInverse();
+  judge_parameters(
+      estimate,
+      per_scale.asDiagonal() * (information_of_rows(by_row.end)(order, order) / noise).eval() *
+          per_scale.asDiagonal(),
+      scale.asDiagonal() * (inverse_correlation(by_row.end)(order, order) * noise).eval() *
+          scale.asDiagonal());
   estimate.covariance_kind =
-      "the noise at the end times P; bias by noise in the regressors, and for Iz the errors of the "
-      "stiffnesses, come on top";
+      "the noise at the end times P; noise in the regressors biases the values on top";
+  course.changes = reported_changes(track.changes, balances.time, course.mean);
+  course.log_alarm = track.log_alarm;
+  if (forgetting.reset || forgetting.watch) {
+    course.log_threshold = std::log(per_row.samples_per_false_alarm);
+  }
 
+  // The moment's error as that of the yaw acceleration, with the inertia known before.
+  VectorXd inertia = VectorXd::Constant(n, p[kYawInertia]);
+  if (rows.sought.back() == kYawInertia) {
+    inertia.tail(n - 1).array() *= 1.0 + track.theta.row(count - 1).head(n - 1).transpose().array();
+  }
+  const VectorXd force_error = every_second(by_row.prior_error, 0);
+  const VectorXd moment_error =
+      every_second(by_row.prior_error, 1).array() * p[kMass] / (rows.moment * inertia.array());
+  estimate.one_step = {
+      one_step_fit("ay", "m/s^2", balances.acceleration, force_error),
+      one_step_fit("yaw acceleration", "rad/s^2", balances.yaw_acceleration, moment_error)};
   Series& series = estimate.series;
   series.time = balances.time;
-  const auto channels = static_cast<Index>(tracks.size());
-  series.measured.resize(channels, n);
+  series.channels = {"ay", "yaw acceleration"};
+  series.units = {"m/s^2", "rad/s^2"};
+  series.measured.resize(2, n);
   series.predicted = series.standardised = series.measured;
-  course.log_alarm = VectorXd::Constant(n, kNone);
-  std::vector<RegressionCourse::Change> changes;
-  for (Index k = 0; k < channels; ++k) {
-    const BalanceTrack& track = tracks[static_cast<std::size_t>(k)];
-    report_balance(estimate, track, k);
-    estimate.notes.push_back(
-        track.channel + ": " +
-        describe_forgetting(*forgetting, track.course, !model.regression.forgetting));
-    for (Index t = 0; t < n; ++t) {
-      course.log_alarm[t] = std::fmax(course.log_alarm[t], track.course.log_alarm[t]);
-    }
-    changes.insert(changes.end(), track.course.changes.begin(), track.course.changes.end());
+  series.measured << balances.acceleration.transpose(), balances.yaw_acceleration.transpose();
+  series.predicted.row(0) = (balances.acceleration - force_error).transpose();
+  series.predicted.row(1) = (balances.yaw_acceleration - moment_error).transpose();
+  for (Index k = 0; k < 2; ++k) {
+    series.standardised.row(k) = every_second(by_row.standardised, k).transpose();
   }
-  std::sort(changes.begin(), changes.end(),
-            [](const auto& one, const auto& other) { return one.found < other.found; });
-  course.changes = reported_changes(changes, balances.time, course.mean);
-  if (forgetting->reset || forgetting->watch) {
-    course.log_threshold = std::log(forgetting->samples_per_false_alarm);
-  }
+
+  estimate.notes.push_back(describe_forgetting(forgetting, track, chosen) +
+                           "; a sample is a mean of 0.1 s");
   if (!held.empty()) {
     estimate.notes.push_back("held at the file's value, because only Cf, Cr and Iz are tracked: " +
                              held);
@@ -237,14 +227,15 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
        "recursive least squares follows changes; noise in its regressors biases the values, and no "
        "standard error here knows of that",
        "take values from 'identikal fit'"});
-  if (!course.mean.rightCols(1).allFinite()) {
-    estimate.status = Status::answer_no;
-    estimate.message = "the moment balance gives no positive yaw inertia here";
-    return estimate;
+  std::string open;
+  for (const EstimatedParameter& each : estimate.parameters) {
+    if (each.verdict != Verdict::flat && each.verdict != Verdict::unexcited) continue;
+    open += (open.empty() ? "" : ", ") + each.name;
   }
-  estimate.status = Status::ok;
-  estimate.message =
-      fmt::format("{} parameter{} tracked over {} means of 0.1 s", count, count == 1 ? "" : "s", n);
+  estimate.status = open.empty() ? Status::ok : Status::answer_no;
+  estimate.message = open.empty() ? fmt::format("{} parameter{} tracked over {} means of 0.1 s",
+                                                count, count == 1 ? "" : "s", n)
+                                  : "this recording does not determine " + open + " separately";
   return estimate;
 }
 

@@ -308,7 +308,7 @@ model: regression
 time: {column: t, unit: s}
 inputs: {steer: {column: swa, unit: deg}}
 outputs: {r: {column: yaw_rate, unit: deg/s}}
-regression: {inputs: 1, feedback: 1, forgetting: 0.999, delta: 100}
+regression: {inputs: 1, feedback: 1, forgetting: 0.999, delta: 0.01}
 """
 
 
@@ -352,11 +352,11 @@ class TrackRegression(unittest.TestCase):
         self.assertEqual([p["name"] for p in out["parameters"]], ["steer(t)", "r(t-1)"])
         derived = {d["name"]: d["value"] for d in out["derived"]}
         self.assertEqual((derived["inputs"], derived["feedback"], derived["forgetting"]), (1, 1, 1))
-        auto = self.write(REGRESSION.replace("0.999", "auto").replace("100", "auto"), self.rows)
+        auto = self.write(REGRESSION.replace("0.999", "auto").replace("0.01", "auto"), self.rows)
         self.assertLess({d["name"]: d["value"] for d in result("track", *auto)["derived"]}["forgetting"], 1)
 
     def test_a_change_is_found(self):
-        for text in (REGRESSION.replace("100", "0.01, reset: true"),
+        for text in (REGRESSION.replace("0.01", "0.01, reset: true"),
                      REGRESSION.replace("0.999", "variable, memory: 200")):
             out = result("track", *self.write(text))
             self.assertLess(abs(out["course"]["changes"][0]["since"] - 60), 2)
@@ -377,9 +377,9 @@ class TrackRegression(unittest.TestCase):
                 (REGRESSION.replace("feedback", "fedback"), (":7:", "did you mean 'feedback'")),
                 (REGRESSION.replace("0.999", "1.2"), (":7:", "above 0 and at most 1")),
                 (REGRESSION.replace("0.999", "0"), (":7:", "above 0 and at most 1")),
-                (REGRESSION.replace("delta: 100", "delta: -1"), (":7:", "delta is '-1'")),
+                (REGRESSION.replace("delta: 0.01", "delta: -1"), (":7:", "delta is '-1'")),
                 (REGRESSION.replace("inputs: 1", "inputs: 0"), (":7:", "whole number from 1")),
-                (REGRESSION.replace("delta: 100", "memory: 50"), (":7:", "forgetting: variable")),
+                (REGRESSION.replace("delta: 0.01", "memory: 50"), (":7:", "forgetting: variable")),
                 (REGRESSION.replace("inputs: {steer: {column: swa, unit: deg}}\n", ""), ("inputs",)),
                 (REGRESSION.replace("deg/s}}", "deg/s}, b: {column: swa}}"), (":6:", "one")),
                 (REGRESSION.replace("name: yaw", "parameters: {a: 1}\nname: yaw"), (":2:", "does not belong")),
@@ -407,8 +407,8 @@ class TrackRegression(unittest.TestCase):
         tracked = [p for p in out["parameters"] if not p["fixed"]]
         self.assertEqual([p["name"] for p in tracked], out["course"]["names"])
         for p in tracked:
-            fitted = 88107.7 if p["name"] != "Iz" else 2319
-            self.assertLess(abs(p["value"] / fitted - 1), 0.25)
+            truth = 88107.7 if p["name"] != "Iz" else 2319
+            self.assertLess(abs(p["value"] / truth - 1), 0.1)
 
 
 class Shape(unittest.TestCase):

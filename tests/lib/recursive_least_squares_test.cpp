@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <gtest/gtest.h>
 
@@ -24,7 +23,7 @@ using Eigen::VectorXd;
 
 const double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// The recursion of the source, table 6.1, as printed.
+// The recursion of the source: table 6.1, and as its m-file (9.2.1) orders the same products.
 struct PrintedRecursion {
   VectorXd theta, g;
   MatrixXd P;
@@ -36,6 +35,11 @@ struct PrintedRecursion {
     xi = y - phi.dot(theta);
     theta += xi * g;
     P = (P - g * phi.transpose() * P) / lambda;
+  }
+  void take_as_the_m_file(const VectorXd& phi, double lambda) {
+    g = (phi.transpose() * P).transpose() / (lambda + phi.transpose() * P * phi);
+    const MatrixXd left = g * phi.transpose();
+    P = (P - left * P) / lambda;
   }
 };
 
@@ -141,7 +145,7 @@ TEST(RecursiveLeastSquares, StaysDefiniteOverAMillionSamplesWithAStretchWithoutE
   Random random(6);
   RecursiveLeastSquares rls = start_recursive_least_squares(d, 1, 0.01);
   PrintedRecursion printed(d, 0.01);
-  bool printed_lost = false;
+  int printed_lost_at = -1;
   VectorXd y(1), phi(d), kept;
   double most = 0.0;
   for (int t = 0; t < 1000000; ++t) {
@@ -151,12 +155,10 @@ TEST(RecursiveLeastSquares, StaysDefiniteOverAMillionSamplesWithAStretchWithoutE
     if (collinear) phi[1] = 3.0 * phi[0];
     y[0] = phi.dot(truth) + 0.1 * random.normal();
     update(rls, phi, y, lambda);
-    if (!printed_lost) {
-      printed.take(phi, y[0], lambda);
-      printed_lost =
-          !printed.P.allFinite() || (t % 100 == 0 && Eigen::SelfAdjointEigenSolver<MatrixXd>(
-                                                         0.5 * (printed.P + printed.P.transpose()))
-                                                             .eigenvalues()[0] < 0.0);
+    if (printed_lost_at < 0) {
+      printed.take_as_the_m_file(phi, lambda);
+      const MatrixXd& P = printed.P;
+      if (!((P - P.transpose()).norm() < 1e-2 * P.norm())) printed_lost_at = t;
     }
     ASSERT_TRUE(rls.theta.allFinite() && (rls.L.diagonal().array() > 0.0).all()) << t;
     if (t % 1000 == 0) {
@@ -176,7 +178,10 @@ TEST(RecursiveLeastSquares, StaysDefiniteOverAMillionSamplesWithAStretchWithoutE
       most = std::max(most, (rls.theta.col(0) - truth).norm());
     }
   }
-  EXPECT_TRUE(printed_lost);
+  RecordProperty("printed_lost_at", printed_lost_at);
+  // What rounding leaves unsymmetric grows by 1 / lambda a sample: 1e-16 is 1 after 1800.
+  EXPECT_GT(printed_lost_at, 1000);
+  EXPECT_LT(printed_lost_at, 3000);
   EXPECT_LT(most, 0.25);  // a memory of 50 samples, noise .1: sd about .02 of the norm .017
 }
 
@@ -263,6 +268,7 @@ TEST(RecursiveLeastSquares, ResetFindsASuddenChangeSoonAndRarelyElse) {
     without += (slow.theta.col(at + 40) - truth).norm() / runs;
   }
   RecordProperty("delay", std::to_string(delay / found));
+  RecordProperty("false_alarms", false_alarms);
   EXPECT_EQ(found, runs);
   // At most 280 / 10000 of the runs: 5.6 expected at the very most, sd 2.4.
   EXPECT_LE(false_alarms, 12);
