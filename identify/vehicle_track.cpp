@@ -27,6 +27,17 @@ using Eigen::VectorXd;
 constexpr double kSoftConstraint = 0.01;  // [(m/s^2)^2]
 constexpr Index kFewestRows = 30;         // of the balances
 
+// Of every second row, from `first` on.
+VectorXd every_second(const VectorXd& rows, Index first) {
+  return Eigen::Map<const VectorXd, 0, Eigen::InnerStride<2>>(rows.data() + first, rows.size() / 2);
+}
+
+double median_size(VectorXd v) {
+  v = v.cwiseAbs();
+  std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());
+  return v[v.size() / 2];
+}
+
 // The balances as rows of one regression, two for each point of time: force, then moment.
 struct BalanceRows {
   std::vector<VehicleParameter> sought;  // the coefficients
@@ -62,13 +73,13 @@ BalanceRows rows_of(const VehicleBalances& balances, const VehicleUnknowns& unkn
   }
   out.phi = all(picked, Eigen::all);
   out.y = std::move(y);
-  // Both balances count by what they leave unexplained over the whole recording.
+  // Both balances count by what they leave unexplained over the whole recording; medians, because
+  // coefficients that change leave much of it somewhere.
   double weight = 1.0;
   if (!picked.empty()) {
     const VectorXd e = least_squares(out.phi.transpose(), out.y).residuals;
-    Eigen::Vector2d rms(0.0, 0.0);
-    for (Index t = 0; t < n; ++t) rms += e.segment<2>(2 * t).cwiseAbs2();
-    if (rms.minCoeff() > 1e-12 * rms.maxCoeff()) weight = std::sqrt(rms[0] / rms[1]);
+    const double force = median_size(every_second(e, 0)), moment = median_size(every_second(e, 1));
+    if (std::min(force, moment) > 1e-6 * std::max(force, moment)) weight = force / moment;
   }
   for (Index t = 0; t < n; ++t) {
     out.phi.col(2 * t + 1) *= weight;
@@ -97,11 +108,6 @@ RegressionCourse after_both(const RegressionCourse& rows) {
     change.found /= 2;
   }
   return out;
-}
-
-// Of every second row, from `first` on.
-VectorXd every_second(const VectorXd& rows, Index first) {
-  return Eigen::Map<const VectorXd, 0, Eigen::InnerStride<2>>(rows.data() + first, rows.size() / 2);
 }
 
 }  // namespace

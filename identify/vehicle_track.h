@@ -12,9 +12,9 @@ namespace identikal {
 ///   m ay = Cf slip_front + Cr slip_rear,   0 = a Cf slip_front - b Cr slip_rear - Iz r',
 /// linear in those of Cf, Cr and Iz that are free. (One after the other, Iz from forces that are
 /// estimated, costs a factor 2.5 to 4 in their errors.) The second is weighted so that both leave
-/// residuals of one size over the recording. Coefficients are relative to the file's values, P(0) =
-/// I / delta, delta = 0.01 (m/s^2)^2. Forgetting as ModelFile::regression has it, per mean; without
-/// it by choose_forgetting().
+/// residuals of one median size over the recording. Coefficients are relative to the file's values,
+/// P(0) = I / delta, delta = 0.01 (m/s^2)^2. Forgetting as ModelFile::regression has it, per mean;
+/// without it by choose_forgetting().
 ///
 /// Noise of the sensors is noise of the regressors here, which biases the values: it follows a
 /// change, the values are fit_vehicle()'s to find.
