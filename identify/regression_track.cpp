@@ -28,9 +28,12 @@ MatrixXd in_channel_units(const MatrixXd& si, const std::vector<Channel>& channe
 }
 
 std::string quotient(const std::string& unit, const std::string& by) {
+  const auto factor = [](const std::string& text) {
+    return text.find_first_of(" */") == std::string::npos ? text : "(" + text + ")";
+  };
   if (unit == by) return "";
   if (by.empty()) return unit;
-  return fmt::format("{}/({})", unit.empty() ? "1" : "(" + unit + ")", by);
+  return (unit.empty() ? "1" : factor(unit)) + "/" + factor(by);
 }
 
 std::string lagged(const std::string& name, Index lag) {
@@ -159,10 +162,11 @@ std::string describe_forgetting(const Forgetting& forgetting, const RegressionCo
     }
   }
   if (!forgetting.reset && !forgetting.watch) return out;
-  return out + fmt::format("; {} change{} found{}, one false alarm in {:.3g} samples or more",
-                           course.changes.size(), course.changes.size() == 1 ? "" : "s",
-                           forgetting.reset ? " and the past dropped there" : "",
-                           forgetting.samples_per_false_alarm);
+  return out + fmt::format(
+                   "; {} change{} found{}, one false alarm in {:.3g} samples or more",
+                   course.changes.size(), course.changes.size() == 1 ? "" : "s",
+                   forgetting.reset && !course.changes.empty() ? " and the past dropped there" : "",
+                   forgetting.samples_per_false_alarm);
 }
 
 Estimate track_regression(const ModelFile& model, const Dataset& recording,

@@ -336,7 +336,7 @@ class TrackRegression(unittest.TestCase):
         folder = self.path / "out"
         out = result("track", *self.write(rows=self.rows[:600]), "-o", folder)
         steer, before = out["parameters"]
-        self.assertEqual((steer["name"], steer["unit"], before["name"]), ("steer(t)", "(deg/s)/(deg)", "r(t-1)"))
+        self.assertEqual((steer["name"], steer["unit"], before["name"]), ("steer(t)", "(deg/s)/deg", "r(t-1)"))
         self.assertLess(abs(steer["value"] - 0.05), 4 * steer["se"])
         self.assertLess(abs(before["value"] - 0.8), 4 * before["se"])
         self.assertEqual(list(out["fit"]["one_step"]), ["r"])

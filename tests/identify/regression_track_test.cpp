@@ -115,7 +115,7 @@ TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
     EXPECT_NEAR(p.value, batch.theta(static_cast<Index>(i), 0), 1e-6);
     EXPECT_NEAR(p.se, se(static_cast<Index>(i), 0), 1e-6);
   }
-  EXPECT_EQ(estimate.parameters[0].unit, "(km/h)/(deg)");
+  EXPECT_EQ(estimate.parameters[0].unit, "(km/h)/deg");
   EXPECT_EQ(estimate.parameters[2].unit, "");
   ASSERT_TRUE(estimate.course.has_value());
   EXPECT_EQ(estimate.course->mean.cols(), 2000);
