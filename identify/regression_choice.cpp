@@ -22,8 +22,8 @@ constexpr Index kMostOrder = 5;
 constexpr Index kRowsPerCoefficient = 10;  // of the longest order tried
 constexpr double kWorth = 2.0;             // in log-likelihood
 constexpr double kFactors[] = {1.0, 0.999, 0.998, 0.995, 0.99, 0.98, 0.95, 0.9};
-constexpr double kLeastTried = 0.8;   // lambda
-constexpr double kUsualDelta = -3.0;  // log10, of the mean square
+constexpr double kMemoryPerCoefficient = 5.0;  // samples, at the least
+constexpr double kUsualDelta = -3.0;           // log10, of the mean square
 constexpr double kDeltaRange[] = {-9.0, 2.0};
 
 Index lead_of(Index coefficients) { return 3 * coefficients; }
@@ -36,9 +36,10 @@ bool worth_it(double before, double after, Index errors) {
 struct Tried {
   double lambda = 1.0, criterion = std::numeric_limits<double>::infinity();
 };
-Tried best_factor(const MatrixXd& phi, const VectorXd& y, double delta, Index lead) {
+Tried best_factor(const MatrixXd& phi, const VectorXd& y, double delta, double least, Index lead) {
   Tried none, best;
   for (const double lambda : kFactors) {
+    if (lambda < least) break;
     const Tried tried{lambda, predictive_squares(phi, y, delta, lambda, lead)};
     if (lambda == 1.0) none = tried;
     if (tried.criterion < best.criterion) best = tried;
@@ -51,7 +52,7 @@ struct Refined {
   double lambda, delta, criterion;
 };
 Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, double scale,
-               const Refined& from, bool free_lambda, bool free_delta) {
+               const Refined& from, bool free_lambda, double least, bool free_delta) {
   Refined best = from;
   Minimization problem;
   const Index n = (free_lambda ? 1 : 0) + (free_delta ? 1 : 0);
@@ -60,7 +61,7 @@ Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, double scale,
   VectorXd start(n);
   if (free_lambda) {
     problem.lower[0] = 0.0;
-    problem.upper[0] = std::sqrt(1.0 - kLeastTried);
+    problem.upper[0] = std::sqrt(1.0 - least);
     start[0] = std::sqrt(1.0 - from.lambda);
   }
   if (free_delta) {
@@ -70,7 +71,7 @@ Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, double scale,
   }
   problem.evaluate = [&](const VectorXd& x, double& f, VectorXd*) {
     Refined tried = from;
-    if (free_lambda) tried.lambda = 1.0 - x[0] * x[0];
+    if (free_lambda) tried.lambda = std::max(least, 1.0 - x[0] * x[0]);
     if (free_delta) tried.delta = scale * std::pow(10.0, x[n - 1]);
     f = tried.criterion = predictive_squares(phi, y, tried.delta, tried.lambda, lead);
     if (f < best.criterion) best = tried;
@@ -131,9 +132,10 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
       if (progress) progress(order);
       const LaggedRows rows = lagged_rows(u, y, order, out.longest);
       candidates.push_back(
-          {order, free_lambda ? best_factor(rows.phi, rows.y, out.delta, lead)
-                              : Tried{lambda, predictive_squares(rows.phi, rows.y, out.delta,
-                                                                 lambda, lead)}});
+          {order,
+           free_lambda
+               ? best_factor(rows.phi, rows.y, out.delta, least_forgetting(rows.phi.rows()), lead)
+               : Tried{lambda, predictive_squares(rows.phi, rows.y, out.delta, lambda, lead)}});
       least = std::min(least, candidates.back().tried.criterion);
     }
   }
@@ -154,7 +156,7 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
   if (free_lambda || !settings.delta) {
     const Refined refined =
         refine(rows.phi, rows.y, lead, scale, {out.forgetting, out.delta, out.criterion},
-               free_lambda, !settings.delta);
+               free_lambda, least_forgetting(rows.phi.rows()), !settings.delta);
     out.forgetting = refined.lambda;
     out.delta = refined.delta;
     out.criterion = refined.criterion;
@@ -164,11 +166,16 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
   return out;
 }
 
+double least_forgetting(Index coefficients) {
+  return 1.0 - 1.0 / (kMemoryPerCoefficient * static_cast<double>(coefficients));
+}
+
 double choose_forgetting(const Eigen::Ref<const MatrixXd>& phi, const Eigen::Ref<const VectorXd>& y,
-                         double delta) {
+                         double delta, double least) {
   const Index lead = lead_of(phi.rows());
-  const Tried tried = best_factor(phi, y, delta, lead);
-  return refine(phi, y, lead, 1.0, {tried.lambda, delta, tried.criterion}, true, false).lambda;
+  const Tried tried = best_factor(phi, y, delta, least, lead);
+  return refine(phi, y, lead, 1.0, {tried.lambda, delta, tried.criterion}, true, least, false)
+      .lambda;
 }
 
 }  // namespace identikal

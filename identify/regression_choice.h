@@ -43,9 +43,14 @@ RegressionChoice choose_regression(
     const Eigen::Ref<const Eigen::VectorXd>& y, const std::string& data,
     const std::function<void(const RegressionOrder&)>& progress = {});
 
-/// The same for lambda alone, over rows that are given: 1, or the minimiser where it gains more
-/// than 2.
+/// The shortest memory that is tried has 5 samples for each coefficient: below, a regression
+/// follows its own errors, which pays where these are coloured and tells nothing of the
+/// coefficients.
+double least_forgetting(Eigen::Index coefficients);
+
+/// The same for lambda alone, over rows that are given: 1, or the minimiser not below `least` where
+/// it gains more than 2.
 double choose_forgetting(const Eigen::Ref<const Eigen::MatrixXd>& phi,
-                         const Eigen::Ref<const Eigen::VectorXd>& y, double delta);
+                         const Eigen::Ref<const Eigen::VectorXd>& y, double delta, double least);
 
 }  // namespace identikal

@@ -140,6 +140,37 @@ std::vector<Course::Change> reported_changes(const std::vector<RegressionCourse:
   return out;
 }
 
+void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool shortest) {
+  constexpr double kCorrelated = 0.2, kDeviations = 4.0;
+  double product = 0.0, squares = 0.0;
+  Index n = 0;
+  for (Index t = 1; t < standardised.size(); ++t) {
+    if (!std::isfinite(standardised[t]) || !std::isfinite(standardised[t - 1])) continue;
+    product += standardised[t] * standardised[t - 1];
+    squares += standardised[t] * standardised[t];
+    ++n;
+  }
+  const double r = squares > 0.0 ? product / squares : 0.0;
+  if (std::abs(r) > kCorrelated && std::abs(r) * std::sqrt(static_cast<double>(n)) > kDeviations) {
+    estimate.warnings.push_back(
+        {"coloured_errors",
+         "warning",
+         {},
+         fmt::format("errors are correlated with the ones before ({:.2f}): standard errors, the "
+                     "choice of the memory and the rate of false alarms suppose that they are not",
+                     r),
+         "the model lacks something: another order or input, an offset, a delay"});
+  }
+  if (shortest) {
+    estimate.warnings.push_back({"short_memory",
+                                 "warning",
+                                 {},
+                                 "of all memories tried the shortest predicts best: there is no "
+                                 "telling coefficients that change from errors that are followed",
+                                 "give forgetting in the model file"});
+  }
+}
+
 Forgetting forgetting_of(const RegressionSettings& settings, double lambda) {
   Forgetting out;
   out.factor = settings.forgetting.value_or(lambda);
@@ -231,6 +262,9 @@ Estimate track_regression(const ModelFile& model, const Dataset& recording,
         "little of the coefficients",
         fit_percent(rows.y, rows.y - before)));
   }
+  warn_of_regression(estimate, course.standardised,
+                     choice.forgetting_chosen && choice.forgetting < 1.0 &&
+                         choice.forgetting <= least_forgetting(rows.phi.rows()) * (1.0 + 1e-6));
   conclude_regression(estimate, rows.y.size());
   return estimate;
 }

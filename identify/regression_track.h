@@ -39,6 +39,11 @@ std::vector<Course::Change> reported_changes(const std::vector<RegressionCourse:
                                              const Eigen::VectorXd& time,
                                              const Eigen::MatrixXd& estimates);
 
+/// Warnings where what recursive least squares relies on does not hold: errors that are correlated
+/// from one sample to the next, and a chosen memory that is the shortest allowed.
+/// @param standardised  n: of the predictions' errors
+void warn_of_regression(Estimate& estimate, const Eigen::VectorXd& standardised, bool shortest);
+
 /// As far as the settings say; lambda when they leave it open.
 Forgetting forgetting_of(const RegressionSettings& settings, double lambda);
 

@@ -24,8 +24,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kSoftConstraint = 0.01;  // [(m/s^2)^2]
-constexpr Index kFewestRows = 30;         // of the balances
+constexpr double kSoftConstraint = 0.01;   // [(m/s^2)^2]
+constexpr double kLeastForgetting = 0.98;  // chosen, per mean of 0.1 s: 5 s of memory
+constexpr Index kFewestRows = 30;          // of the balances
 
 // Of every second row, from `first` on.
 VectorXd every_second(const VectorXd& rows, Index first) {
@@ -135,8 +136,10 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   const bool chosen = !model.regression.forgetting && model.regression.memory == 0.0;
   // Settings are per point of time, of which each row is half.
   const Forgetting forgetting = forgetting_of(
-      model.regression,
-      chosen ? std::pow(choose_forgetting(rows.phi, rows.y, kSoftConstraint), 2) : 1.0);
+      model.regression, chosen ? std::pow(choose_forgetting(rows.phi, rows.y, kSoftConstraint,
+                                                            std::sqrt(kLeastForgetting)),
+                                          2)
+                               : 1.0);
   Forgetting per_row = forgetting;
   per_row.factor = std::sqrt(forgetting.factor);
   per_row.memory = 2.0 * forgetting.memory;
@@ -233,15 +236,19 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
        "recursive least squares follows changes; noise in its regressors biases the values, and no "
        "standard error here knows of that",
        "take values from 'identikal fit'"});
+  warn_of_regression(
+      estimate, every_second(by_row.standardised, 0),
+      chosen && forgetting.factor < 1.0 && forgetting.factor <= kLeastForgetting * (1.0 + 1e-6));
   std::string open;
   for (const EstimatedParameter& each : estimate.parameters) {
-    if (each.verdict != Verdict::flat && each.verdict != Verdict::unexcited) continue;
+    const bool shown = each.verdict != Verdict::flat && each.verdict != Verdict::unexcited;
+    if (each.fixed || (shown && each.value > 0.0)) continue;
     open += (open.empty() ? "" : ", ") + each.name;
   }
   estimate.status = open.empty() ? Status::ok : Status::answer_no;
   estimate.message = open.empty() ? fmt::format("{} parameter{} tracked over {} means of 0.1 s",
                                                 count, count == 1 ? "" : "s", n)
-                                  : "this recording does not determine " + open + " separately";
+                                  : "the end of this recording does not determine " + open;
   return estimate;
 }
 

@@ -14,7 +14,7 @@ namespace identikal {
 /// estimated, costs a factor 2.5 to 4 in their errors.) The second is weighted so that both leave
 /// residuals of one median size over the recording. Coefficients are relative to the file's values,
 /// P(0) = I / delta, delta = 0.01 (m/s^2)^2. Forgetting as ModelFile::regression has it, per mean;
-/// without it by choose_forgetting().
+/// without it by choose_forgetting(), with a memory of 5 s or more.
 ///
 /// Noise of the sensors is noise of the regressors here, which biases the values: it follows a
 /// change, the values are fit_vehicle()'s to find.

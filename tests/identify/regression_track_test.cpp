@@ -84,13 +84,37 @@ TEST(ChooseRegression, ForgetsWhereCoefficientsDriftAndAsFastAsPays) {
     phi(0, t) = random.normal();
     y[t] = gain * phi(0, t) + 0.2 * random.normal();
   }
-  const double lambda = choose_forgetting(phi, y, 1e-3);
+  const double lambda = choose_forgetting(phi, y, 1e-3, least_forgetting(1));
   // Steady Kalman filter of a random walk seen at ratio q = (.02/.2)^2: 1 - lambda about sqrt(q).
   EXPECT_NEAR(lambda, 0.9, 0.04);
   const double best = predictive_squares(phi, y, 1e-3, lambda, 3);
   for (const double other : {0.8, 0.85, 0.95, 0.98, 1.0}) {
     EXPECT_LE(best, predictive_squares(phi, y, 1e-3, other, 3)) << other;
   }
+}
+
+TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
+  // Constant gain, errors with a memory of 10 samples.
+  Random random(8);
+  const Index N = 1000;
+  Simulated s{MatrixXd(1, N), VectorXd(N)};
+  double error = 0.0;
+  for (Index t = 0; t < N; ++t) {
+    error = 0.9 * error + 0.2 * random.normal();
+    s.u(0, t) = 1.0 + 0.1 * random.normal();
+    s.y[t] = s.u(0, t) + error;
+  }
+  ModelFile model = regression_model();
+  model.regression.inputs = 1;
+  model.regression.feedback = 0;
+  const Estimate estimate = track_regression(model, as_recording(s));
+  EXPECT_NE(testing::warning(estimate, "coloured_errors"), nullptr);
+  EXPECT_NE(testing::warning(estimate, "short_memory"), nullptr);
+  EXPECT_GE(testing::derived(estimate, "forgetting")->value, 0.8 - 1e-9);
+  model.regression.feedback = 1;
+  model.regression.inputs = 2;
+  const Estimate complete = track_regression(model, as_recording(s));
+  EXPECT_TRUE(complete.warnings.empty());
 }
 
 TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
