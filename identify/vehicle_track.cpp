@@ -26,7 +26,7 @@ using Eigen::VectorXd;
 
 constexpr double kSoftConstraint = 0.01;   // [(m/s^2)^2]
 constexpr double kLeastForgetting = 0.98;  // chosen, per mean of 0.1 s: 5 s of memory
-constexpr Index kFewestRows = 30;          // of the balances
+constexpr Index kFewestMeans = 30;         // of the balances
 
 // Of every second row, from `first` on.
 VectorXd every_second(const VectorXd& rows, Index first) {
@@ -123,10 +123,10 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
     throw InputError({model.path, 0, 0}, "the outputs do not show the balances of force and moment",
                      "r and one of vy, beta and ay");
   }
-  if (n < kFewestRows) {
+  if (n < kFewestMeans) {
     throw InputError({recording.name, 0, 0},
                      fmt::format("{} means of 0.1 s with neighbours on both sides", n),
-                     fmt::format("{} or more", kFewestRows));
+                     fmt::format("{} or more", kFewestMeans));
   }
   const BalanceRows rows = rows_of(balances, unknowns);
   if (rows.sought.empty()) {

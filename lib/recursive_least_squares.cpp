@@ -19,12 +19,12 @@ constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 // Pivots over the most their regressor has had alone: at the first forgetting ends. Over what it
 // has now: below the second, which rounding alone reaches, nothing is determined.
 constexpr double kForgetDownTo = 1e-7;
-constexpr double kDetermined = 1e-10;
+constexpr double kDeterminedPivot = 1e-10;
 
 double alone(const RecursiveLeastSquares& rls, Index i) { return rls.L.row(i).head(i + 1).norm(); }
 
 bool determines(const RecursiveLeastSquares& rls, Index i) {
-  return rls.L(i, i) > kDetermined * alone(rls, i);
+  return rls.L(i, i) > kDeterminedPivot * alone(rls, i);
 }
 
 void forget(RecursiveLeastSquares& rls, double lambda) {
@@ -127,7 +127,7 @@ double leverage(RecursiveLeastSquares& rls, const Eigen::Ref<const VectorXd>& ph
     rls.row[i] -= rls.L.row(i).head(i).dot(rls.row.head(i));
     if (determines(rls, i)) {
       rls.row[i] /= rls.L(i, i);
-    } else if (std::abs(rls.row[i]) > kDetermined * std::abs(phi[i])) {
+    } else if (std::abs(rls.row[i]) > kDeterminedPivot * std::abs(phi[i])) {
       return kInfinite;
     } else {
       rls.row[i] = 0.0;

@@ -20,13 +20,13 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // y = u(t) + .5 u(t-1) + 1.5 y(t-1) - .7 y(t-2) + noise
-struct Simulated {
+struct ArxRun {
   MatrixXd u;
   VectorXd y;
 };
-Simulated second_order(std::uint64_t seed, Index N, double sd) {
+ArxRun second_order(std::uint64_t seed, Index N, double sd) {
   Random random(seed);
-  Simulated out{MatrixXd(1, N), VectorXd::Zero(N)};
+  ArxRun out{MatrixXd(1, N), VectorXd::Zero(N)};
   for (Index t = 0; t < N; ++t) {
     out.u(0, t) = random.normal();
     const auto u = [&](Index s) { return s < 0 ? 0.0 : out.u(0, s); };
@@ -37,7 +37,7 @@ Simulated second_order(std::uint64_t seed, Index N, double sd) {
 }
 
 // Input in degrees, output in km/h, SI inside as everywhere.
-Dataset as_recording(const Simulated& s) {
+Dataset as_recording(const ArxRun& s) {
   Dataset data;
   data.name = "simulated.csv";
   data.dt = 0.1;
@@ -60,7 +60,7 @@ ModelFile regression_model() {
 TEST(ChooseRegression, FindsTheTrueOrderInNineOfTenRecordings) {
   int right = 0, no_forgetting = 0;
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
-    const Simulated s = second_order(seed, 600, 0.5);
+    const ArxRun s = second_order(seed, 600, 0.5);
     const RegressionChoice choice = choose_regression({}, s.u, s.y, "simulated");
     right += choice.order.inputs == 2 && choice.order.feedback == 2;
     no_forgetting += choice.forgetting == 1.0;
@@ -97,7 +97,7 @@ TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
   // Constant gain, errors with a memory of 10 samples.
   Random random(8);
   const Index N = 1000;
-  Simulated s{MatrixXd(1, N), VectorXd(N)};
+  ArxRun s{MatrixXd(1, N), VectorXd(N)};
   double error = 0.0;
   for (Index t = 0; t < N; ++t) {
     error = 0.9 * error + 0.2 * random.normal();
@@ -118,7 +118,7 @@ TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
 }
 
 TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
-  const Simulated s = second_order(3, 2000, 0.5);
+  const ArxRun s = second_order(3, 2000, 0.5);
   Dataset data = as_recording(s);
   ModelFile model = regression_model();
   model.regression.inputs = model.regression.feedback = 2;
@@ -149,7 +149,7 @@ TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
 }
 
 TEST(TrackRegression, MissingSamplesAreLeftOutAndSaid) {
-  const Simulated s = second_order(4, 400, 0.5);
+  const ArxRun s = second_order(4, 400, 0.5);
   Dataset data = as_recording(s);
   data.y(0, 100) = data.u(0, 200) = std::numeric_limits<double>::quiet_NaN();
   ModelFile model = regression_model();
@@ -166,7 +166,7 @@ TEST(TrackRegression, MissingSamplesAreLeftOutAndSaid) {
 }
 
 TEST(TrackRegression, WhatIsNotExcitedIsSaid) {
-  Simulated s = second_order(5, 400, 0.5);
+  ArxRun s = second_order(5, 400, 0.5);
   Dataset data = as_recording(s);
   data.u.setZero();
   ModelFile model = regression_model();
