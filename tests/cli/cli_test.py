@@ -400,6 +400,11 @@ class TrackRegression(unittest.TestCase):
         self.assertIn("--adaptive", run("track", *files, "--adaptive", code=2).stderr)
         self.assertIn("steer", run("info", *files, code=0).stdout)
 
+    def test_the_example(self):
+        out = result("track", ROOT / "examples/yaw_rate_regression.yaml", LANE_CHANGE[1])
+        # One coefficient of the past alone nearly repeats the output.
+        self.assertGreater(out["fit"]["one_step"]["r"]["fit_percent"], 80)
+
     def test_a_vehicle(self):
         out = run("track", *LANE_CHANGE, code=0).stdout
         self.assertIn("identikal fit", out)
