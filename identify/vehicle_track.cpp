@@ -199,14 +199,10 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
     course.log_threshold = std::log(per_row.samples_per_false_alarm);
   }
 
-  // The moment's error as that of the yaw acceleration, with the inertia known before.
-  VectorXd inertia = VectorXd::Constant(n, p[kYawInertia]);
-  if (rows.sought.back() == kYawInertia) {
-    inertia.tail(n - 1).array() *= 1.0 + track.theta.row(count - 1).head(n - 1).transpose().array();
-  }
+  // The moment's error as one of the yaw acceleration, with the file's inertia.
   const VectorXd force_error = every_second(by_row.prior_error, 0);
   const VectorXd moment_error =
-      every_second(by_row.prior_error, 1).array() * p[kMass] / (rows.moment * inertia.array());
+      p[kMass] / (rows.moment * p[kYawInertia]) * every_second(by_row.prior_error, 1);
   estimate.one_step = {
       one_step_fit("ay", "m/s^2", balances.acceleration, force_error),
       one_step_fit("yaw acceleration", "rad/s^2", balances.yaw_acceleration, moment_error)};

@@ -116,8 +116,9 @@ struct RegressionCourse {
 /// Variable forgetting: the lambda(t) that keeps the minimum V of the criterion where it is,
 ///   V(t) = lambda V(t-1) + xi^2 lambda / (lambda + zeta) = V(t-1) = memory s^2,
 ///   lambda = (c + sqrt(c^2 + 4 zeta)) / 2,  c = 1 - zeta - q,  q = xi^2 / (memory s^2),
-/// zeta = phi' P(t-1) phi, no less than 0.1; s^2, the mean of xi^2 / (1 + zeta) over ten memories,
-/// stands for the variance of the noise. 1 - q / (1 + zeta) to first order: Fortescue, Kershenbaum
+/// zeta = phi' P(t-1) phi, and lambda no less than 0.1; s^2, the mean of xi^2 / (1 + zeta) over ten
+/// memories, stands for the variance of the noise. 1 - q / (1 + zeta) to first order: Fortescue,
+/// Kershenbaum
 /// & Ydstie (1981), Automatica 17, who discount after the sample and not before it. Errors the size
 /// of the noise give 1 - 1 / memory in the mean. lambda is 1 for the first 2 d + 10 rows.
 ///

@@ -205,6 +205,24 @@ TEST(RecursiveLeastSquares, StandardErrorsAreThoseOfManyRuns) {
   EXPECT_NEAR(noise / runs, 0.09, 0.0016);
 }
 
+TEST(RecursiveLeastSquares, WithForgettingTheyAreTooLargeForConstantCoefficients) {
+  const double lambda = 0.95;
+  double squares = 0.0, claimed = 0.0, noise = 0.0;
+  const int runs = 2000;
+  Random random(13);
+  for (int run = 0; run < runs; ++run) {
+    RecursiveLeastSquares rls = start_recursive_least_squares(2, 1, 0.0);
+    for (int t = 0; t < 150; ++t) {
+      update(rls, random.normal(2), VectorXd::Constant(1, 0.3 * random.normal()), lambda);
+    }
+    squares += rls.theta.squaredNorm();
+    claimed += standard_errors(rls).squaredNorm();
+    noise += noise_variance(rls)[0];
+  }
+  EXPECT_NEAR(claimed / squares, 1.0 + lambda, 0.2);
+  EXPECT_NEAR(noise / runs, 0.09, 0.003);
+}
+
 TEST(RecursiveLeastSquares, MissingSamplesChangeNothingAndWrongArgumentsAreRefused) {
   RecursiveLeastSquares rls = start_recursive_least_squares(1, 1, 1.0);
   const VectorXd one = VectorXd::Ones(1), missing = VectorXd::Constant(1, kNan);
