@@ -162,7 +162,6 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
     out.criterion = refined.criterion;
   }
   out.forgetting_chosen = free_lambda;
-  out.delta_chosen = !settings.delta;
   return out;
 }
 

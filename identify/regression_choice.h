@@ -15,7 +15,7 @@ struct RegressionChoice {
   RegressionOrder order;
   double forgetting = 1.0;
   double delta = 0.0;
-  bool order_chosen = false, forgetting_chosen = false, delta_chosen = false;
+  bool order_chosen = false, forgetting_chosen = false;
   double criterion = 0.0;       ///< predictive squares of the winner
   Eigen::Index counted = 0;     ///< errors in it
   Eigen::Index candidates = 0;  ///< orders compared
