@@ -159,7 +159,7 @@ struct Posterior {
   std::vector<std::string> prior;  ///< in words
 };
 
-/// How the noise was estimated from sample to sample, in the parameters' units.
+/// How noise or coefficients were estimated from sample to sample, in the parameters' units.
 struct Course {
   std::vector<std::string> names, units;  ///< of the free parameters
   Eigen::MatrixXd mean, sd;               ///< names x N; sd is kNone while nothing is learnt

@@ -25,12 +25,14 @@
 #include "identify/noise_bayes.h"
 #include "identify/noise_ml.h"
 #include "identify/noise_track.h"
+#include "identify/regression_track.h"
 #include "identify/report.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
 #include "identify/suspect_data.h"
 #include "identify/vehicle_fit.h"
+#include "identify/vehicle_track.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
 #include "lib/error.h"
@@ -92,6 +94,10 @@ TimeRange parse_range(const std::string& text) {
 
 ModelFile load_model(const Arguments& args) {
   ModelFile model = read_model_file(args.model);
+  if (model.form == ModelFile::Form::regression && args.verb != "track") {
+    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
+                     "identikal track MODEL DATA");
+  }
   for (const std::string& assignment : args.settings) set_parameter(model, assignment);
   return model;
 }
@@ -103,7 +109,7 @@ Dataset load_data(const Arguments& args, const std::string& path, const ModelFil
   const std::vector<ChannelSource> no_outputs;
   Dataset data = make_dataset(table, model.time, model.inputs,
                               with_outputs ? model.outputs : no_outputs, parse_range(args.range));
-  if (model.form == ModelFile::Form::linear) {
+  if (model.form != ModelFile::Form::single_track) {
     const double step = model.time.step > 0.0 ? model.time.step : data.dt;
     data = on_uniform_raster(data, step);
   }
@@ -368,13 +374,23 @@ int run_bound(const Arguments& args) {
 int run_track(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
-  if (model.form != ModelFile::Form::linear) {
-    throw InputError({model.path, 0, 0}, "'track' takes a linear model, this is a vehicle",
-                     "a model with A, C, Q, R");
+  if (model.form != ModelFile::Form::linear && (args.adaptive || args.draws > 0)) {
+    throw InputError(
+        {}, fmt::format("{} has no meaning here", args.adaptive ? "--adaptive" : "--draws"),
+        "a model with A, C, Q, R", "the model file says how the past is forgotten");
   }
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   Progress progress(args);
+  if (model.form != ModelFile::Form::linear) {
+    Estimate coefficients =
+        model.form == ModelFile::Form::single_track
+            ? track_vehicle(model, recordings.data.front())
+            : track_regression(model, recordings.data.front(),
+                               [&](const std::string& what) { progress.show(what); });
+    progress.clear();
+    return finish(args, recordings, coefficients, begin);
+  }
   NoiseTrackOptions options;
   options.adaptive = args.adaptive;
   if (args.draws > 0) options.draws = args.draws;
@@ -616,7 +632,8 @@ int run(int argc, char** argv) {
     }
   }
 
-  CLI::App* track = app.add_subcommand("track", "estimate Q and R sample by sample");
+  CLI::App* track =
+      app.add_subcommand("track", "estimate sample by sample: Q and R, a regression, a vehicle");
   track->add_option("MODEL", args.model, "model file (YAML)")->required();
   track->add_option("DATA", args.data, "recording (CSV)")->required()->expected(1);
   add_common(*track, args, true);

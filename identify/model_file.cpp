@@ -12,6 +12,7 @@
 
 #include "identify/linear_form.h"
 #include "identify/model_values.h"
+#include "identify/regression_form.h"
 #include "identify/yaml_reader.h"
 #include "lib/nearest_name.h"
 #include "lib/single_track.h"
@@ -24,6 +25,7 @@ const std::vector<std::string> kCommonKeys = {"identikal",  "name",   "model",  
                                               "parameters", "inputs", "outputs", "noise"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"sensors", "tyre", "use_when"};
+const std::vector<std::string> kRegressionKeys = {"regression"};
 const std::vector<std::string> kKeysNotYet = {"states", "dynamics"};
 
 constexpr double kRequired = std::numeric_limits<double>::quiet_NaN();
@@ -81,6 +83,9 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
     if (!continuous && form == ModelFile::Form::single_track) {
       throw InputError(kind->at, "kind is 'discrete'", "continuous: the vehicle's equations are");
+    }
+    if (continuous && form == ModelFile::Form::regression) {
+      throw InputError(kind->at, "kind is 'continuous'", "discrete: a regression is over samples");
     }
   }
   TimeSource out;
@@ -256,6 +261,30 @@ void read_vehicle(const YamlNode& root, ModelFile& out) {
   if (const YamlNode* use_when = find(root, "use_when")) {
     vehicle.min_speed = read_min_speed(*use_when);
   }
+  out.regression = read_regression_settings(root, out.form);
+}
+
+// Throws at the first key that models of this form do not have.
+void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
+  const auto refuse = [&root](const std::vector<std::string>& keys, const char* verb,
+                              const char* model) {
+    for (const std::string& key : keys) {
+      if (find(root, key) == nullptr) continue;
+      const auto at = std::find_if(root.keys.begin(), root.keys.end(),
+                                   [&](const YamlNode& k) { return k.text == key; });
+      throw InputError(at->at, fmt::format("'{}' {} model: {}", key, verb, model));
+    }
+  };
+  if (form == ModelFile::Form::linear) {
+    refuse(kVehicleKeys, "belongs to", "single-track");
+    refuse(kRegressionKeys, "belongs to", "regression");
+  } else if (form == ModelFile::Form::single_track) {
+    refuse(kLinearKeys, "does not belong to", "single-track");
+  } else {
+    refuse(kLinearKeys, "does not belong to", "regression");
+    refuse(kVehicleKeys, "does not belong to", "regression");
+    refuse({"parameters", "noise"}, "does not belong to", "regression");
+  }
 }
 
 }  // namespace
@@ -266,6 +295,7 @@ ModelFile read_model_file(const std::string& path) {
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
   keys.insert(keys.end(), kVehicleKeys.begin(), kVehicleKeys.end());
+  keys.insert(keys.end(), kRegressionKeys.begin(), kRegressionKeys.end());
   check_keys(root, top, keys, kKeysNotYet);
   word_of(required(root, "identikal", top, "identikal: 1, the version of the format"), "identikal",
           {"1"});
@@ -275,22 +305,17 @@ ModelFile read_model_file(const std::string& path) {
   const YamlNode* name = find(root, "name");
   out.name = name == nullptr ? std::filesystem::path(path).stem().string() : text_of(*name, "name");
   if (const YamlNode* model = find(root, "model")) {
-    word_of(*model, "model", {"single-track"});
-    out.form = ModelFile::Form::single_track;
+    const bool vehicle = word_of(*model, "model", {"single-track", "regression"}) == "single-track";
+    out.form = vehicle ? ModelFile::Form::single_track : ModelFile::Form::regression;
   }
-  const bool linear = out.form == ModelFile::Form::linear;
-  for (const std::string& key : linear ? kVehicleKeys : kLinearKeys) {
-    if (find(root, key) == nullptr) continue;
-    const auto at = std::find_if(root.keys.begin(), root.keys.end(),
-                                 [&](const YamlNode& k) { return k.text == key; });
-    throw InputError(at->at, fmt::format("'{}' {} model: single-track", key,
-                                         linear ? "belongs to" : "does not belong to"));
-  }
+  refuse_foreign_keys(root, out.form);
   out.time = read_time(root, out.form);
-  if (linear) {
+  if (out.form == ModelFile::Form::linear) {
     read_linear(root, out);
-  } else {
+  } else if (out.form == ModelFile::Form::single_track) {
     read_vehicle(root, out);
+  } else {
+    read_regression(root, out);
   }
   return out;
 }

@@ -3,8 +3,11 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "lib/axle.h"
 #include "lib/dataset.h"
@@ -31,17 +34,27 @@ struct VehicleSettings {
   TyreCurve curve = TyreCurve::linear;            ///< of both axles
 };
 
+/// How recursive least squares runs. What is not given is chosen from the recording.
+struct RegressionSettings {
+  std::optional<Eigen::Index> inputs, feedback;  ///< orders (lib/lagged_regressors.h)
+  std::optional<double> forgetting;              ///< lambda
+  std::optional<double> delta;                   ///< P(0) = I / delta
+  double memory = 0.0;  ///< samples: > 0 makes lambda variable (lib/recursive_least_squares.h)
+  bool reset = false;   ///< lambda drops for one sample when a change is found
+};
+
 struct ModelFile {
-  enum class Form { linear, single_track };
+  enum class Form { linear, single_track, regression };
   std::string path;
   std::string name;
   Form form = Form::linear;
   TimeSource time;
   ParameterSet parameters;
   std::vector<ChannelSource> inputs;   ///< single-track: [0] is the steering angle, [1] is vx
-  std::vector<ChannelSource> outputs;  ///< single-track: any of r, vy, ay, beta
+  std::vector<ChannelSource> outputs;  ///< single-track: any of r, vy, ay, beta; regression: one
   LinearModel linear;                  ///< Form::linear only
   VehicleSettings vehicle;             ///< Form::single_track only
+  RegressionSettings regression;       ///< Form::regression; Form::single_track when tracked
 };
 
 /// @throws InputError at line and column for text that is not YAML, unknown, duplicate or missing

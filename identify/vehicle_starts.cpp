@@ -13,6 +13,7 @@ namespace {
 constexpr double kTypicalStiffness = 12.0;  // cornering stiffness per axle load [1/rad]
 constexpr double kMeanOver = 0.1;           // [s]
 constexpr double kFilterTime = 1.0;         // [s]
+constexpr double kHole = 3.0;               // [means and samples]: no derivative over it
 
 bool is_free(const VehicleUnknowns& unknowns, VehicleParameter parameter) {
   return std::find(unknowns.free.begin(), unknowns.free.end(), parameter) != unknowns.free.end();
@@ -129,20 +130,24 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& str
 
 }  // namespace
 
-bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unknowns,
-                               VehicleParameters<double>& p) {
+VehicleBalances vehicle_balances(const VehicleRun& run, const VehicleParameters<double>& p) {
+  VehicleBalances out;
   const Eigen::Index ja = run.find(VehicleQuantity::ay);
   const bool vy_known = run.find(VehicleQuantity::vy) >= 0 || run.find(VehicleQuantity::beta) >= 0;
-  if (run.find(VehicleQuantity::r) < 0 || (!vy_known && ja < 0)) return false;
+  if (run.find(VehicleQuantity::r) < 0 || (!vy_known && ja < 0)) return out;
   const double ay_lever = ja >= 0 ? run.outputs[static_cast<std::size_t>(ja)].sensor.x : 0.0;
 
-  std::vector<double> slip_front, slip_rear, acceleration, yaw_acceleration;
+  std::vector<double> time, slip_front, slip_rear, acceleration, yaw_acceleration;
   for (const VehicleRun::Stretch& stretch : run.stretches) {
     const std::vector<Mean> mean = means_of(run, stretch, p);
+    const double step = (run.time[stretch.first + stretch.rows - 1] - run.time[stretch.first]) /
+                        static_cast<double>(stretch.rows - 1);
     for (std::size_t i = 1; i + 1 < mean.size(); ++i) {
       const double span = mean[i + 1].time - mean[i - 1].time;
+      if (span > kHole * (kMeanOver + step)) continue;
       const Signals& now = mean[i].value;
       const Signals rate = (mean[i + 1].value - mean[i - 1].value) / span;
+      time.push_back(mean[i].time);
       slip_front.push_back(now[kDelta] - now[kVyOverVx] - p[kA] * now[kROverVx]);
       slip_rear.push_back(p[kB] * now[kROverVx] - now[kVyOverVx]);
       acceleration.push_back(now[kAcceleration] +
@@ -150,14 +155,26 @@ bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unk
       yaw_acceleration.push_back(rate[kYawRate]);
     }
   }
-  const auto n = static_cast<Eigen::Index>(slip_front.size());
-  if (n < 6) return false;
+  const auto n = static_cast<Eigen::Index>(time.size());
   const auto as_vector = [n](const std::vector<double>& v) {
     return Eigen::Map<const Eigen::VectorXd>(v.data(), n);
   };
+  out.time = as_vector(time);
+  out.slip_front = as_vector(slip_front);
+  out.slip_rear = as_vector(slip_rear);
+  out.acceleration = as_vector(acceleration);
+  out.yaw_acceleration = as_vector(yaw_acceleration);
+  return out;
+}
+
+bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unknowns,
+                               VehicleParameters<double>& p) {
+  const VehicleBalances balances = vehicle_balances(run, p);
+  const Eigen::Index n = balances.time.size();
+  if (n < 6) return false;
   Eigen::MatrixXd X(n, 2);
-  X << as_vector(slip_front), as_vector(slip_rear);
-  Eigen::VectorXd force = p[kMass] * as_vector(acceleration);
+  X << balances.slip_front, balances.slip_rear;
+  Eigen::VectorXd force = p[kMass] * balances.acceleration;
   Eigen::Vector2d stiffness(p[kCf], p[kCr]);
   const bool free_front = is_free(unknowns, kCf), free_rear = is_free(unknowns, kCr);
   if (free_front && free_rear) {
@@ -179,7 +196,7 @@ bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unk
   if (is_free(unknowns, kYawInertia)) {
     const Eigen::VectorXd moment =
         p[kA] * stiffness[0] * X.col(0) - p[kB] * stiffness[1] * X.col(1);
-    const double inertia = moment.squaredNorm() / moment.dot(as_vector(yaw_acceleration));
+    const double inertia = moment.squaredNorm() / moment.dot(balances.yaw_acceleration);
     const double typical = p[kMass] * p[kA] * p[kB];
     if (!(inertia > 0.1 * typical) || !(inertia < 10.0 * typical)) return false;
     found[kYawInertia] = inertia;

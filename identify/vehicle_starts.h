@@ -15,6 +15,22 @@ std::vector<VehicleParameters<double>> vehicle_starts(const VehicleRun& run,
                                                       const VehicleUnknowns& unknowns, int besides,
                                                       unsigned long long seed);
 
+/// What the balances of force and moment are made of at n points of time, means of 0.1 s:
+///   m ay = Ff + Fr,  Iz r' = a Ff - b Fr,  Ff = Cf slip_front,  Fr = Cr slip_rear.
+struct VehicleBalances {
+  Eigen::VectorXd time;                   ///< [s]
+  Eigen::VectorXd slip_front, slip_rear;  ///< [rad]: delta - (vy + a r)/vx and (b r - vy)/vx
+  Eigen::VectorXd acceleration;           ///< [m/s^2]: lateral, of the centre of gravity
+  Eigen::VectorXd yaw_acceleration;       ///< [rad/s^2]
+};
+
+/// Derivatives are central differences of the means, within stretches and not across missing
+/// samples. Needs r and one of vy, beta, ay; from ay alone everything is high-pass filtered (see
+/// vehicle_by_equation_error()).
+/// @param p  all parameters but Cf, Cr and Iz are used
+/// @return nothing in it when the outputs do not allow it
+VehicleBalances vehicle_balances(const VehicleRun& run, const VehicleParameters<double>& p);
+
 /// Cf, Cr and Iz by regression on the balances of force and moment, without any simulation:
 ///   m ay = Ff + Fr,  Iz r' = a Ff - b Fr,  Ff = Cf (delta - (vy + a r)/vx),  Fr = Cr (b r -
 ///   vy)/vx,

@@ -34,10 +34,8 @@ double objective(const std::vector<double>& x, std::vector<double>& gradient, vo
   return f;
 }
 
-}  // namespace
-
-Solution solve(const Minimization& problem, const Eigen::VectorXd& start,
-               const SolverOptions& options) {
+Solution solve_by(nlopt::algorithm algorithm, const Minimization& problem,
+                  const Eigen::VectorXd& start, const SolverOptions& options) {
   const auto n = static_cast<unsigned>(start.size());
   if (problem.lower.size() != start.size() || problem.upper.size() != start.size()) {
     throw std::invalid_argument("solve: start and bounds differ in size");
@@ -49,7 +47,7 @@ Solution solve(const Minimization& problem, const Eigen::VectorXd& start,
   Solution out;
   out.x = start;
   Call call{&problem, &options, &out.summary};
-  nlopt::opt optimiser(nlopt::LD_LBFGS, n);
+  nlopt::opt optimiser(algorithm, n);
   optimiser.set_min_objective(objective, &call);
   optimiser.set_lower_bounds({problem.lower.data(), problem.lower.data() + n});
   optimiser.set_upper_bounds({problem.upper.data(), problem.upper.data() + n});
@@ -76,6 +74,18 @@ Solution solve(const Minimization& problem, const Eigen::VectorXd& start,
   out.summary.objective = f;
   out.summary.iterations = out.summary.evaluations;
   return out;
+}
+
+}  // namespace
+
+Solution solve(const Minimization& problem, const Eigen::VectorXd& start,
+               const SolverOptions& options) {
+  return solve_by(nlopt::LD_LBFGS, problem, start, options);
+}
+
+Solution solve_without_gradient(const Minimization& problem, const Eigen::VectorXd& start,
+                                const SolverOptions& options) {
+  return solve_by(nlopt::LN_SBPLX, problem, start, options);
 }
 
 }  // namespace identikal

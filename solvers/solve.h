@@ -15,4 +15,10 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
 Solution solve(const Minimization& problem, const Eigen::VectorXd& start,
                const SolverOptions& options = {});
 
+/// NLopt, Sbplx (Rowan's subplex in a box): for an f whose gradient nobody has. `evaluate` is never
+/// asked for one; the bounds are finite, and the first steps a part of their distance.
+/// @throws std::invalid_argument when shapes disagree or the start lies outside the box.
+Solution solve_without_gradient(const Minimization& problem, const Eigen::VectorXd& start,
+                                const SolverOptions& options = {});
+
 }  // namespace identikal

@@ -53,7 +53,7 @@ outputs: {r: {column: 3, unit: deg/s}, vy: {column: vy}}
 
 const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, A, B, C, D, G, Q, R, S, "
-    "initial, sensors, tyre, use_when";
+    "initial, sensors, tyre, use_when, regression";
 const std::string kVehicleKeys =
     "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, bias_r, "
     "bias_vy, bias_ay, mounting_angle, bank, relaxation_length, cg_height, load_sensitivity";
@@ -468,8 +468,11 @@ constexpr Mistake kLinearMistakes[] = {
     {"name: demo", "name: \"\"", "2:7: name is ''; expected a single value"},
     {"name: demo", "name: demo\nname: again",
      "3:1: key 'name' is given twice; the first is on line 2"},
-    {"name: demo", "model: bicycle", "2:8: model is 'bicycle'; expected single-track"},
-    {"name: demo", "model: single-trak", "2:8: model is 'single-trak'; expected single-track"},
+    {"name: demo", "model: bicycle",
+     "2:8: model is 'bicycle'; expected one of single-track, regression"},
+    {"name: demo", "model: single-trak",
+     "2:8: model is 'single-trak'; expected one of single-track, regression; did you mean "
+     "'single-track'?"},
     {"name: demo", "states: {vy: m/s}", "2:1: 'states' is not available yet; known: {top}"},
     {"name: demo", "dynamics: {x: y}", "2:1: 'dynamics' is not available yet; known: {top}"},
     {"name: demo", "tyre: {curve: linear}", "2:1: 'tyre' belongs to model: single-track"},

@@ -5,7 +5,9 @@
 
 #include <gtest/gtest.h>
 
+#include "lib/growth_test.h"
 #include "lib/likelihood.h"
+#include "lib/recursive_least_squares.h"
 #include "lib/sequential_test.h"
 #include "tests/support/random_model.h"
 
@@ -61,6 +63,26 @@ TEST(Allocation, NoneInAnUpdateOfTheSequentialTest) {
     counting = false;
     EXPECT_EQ(allocations, 0) << ny << " outputs";
     EXPECT_GT(decisions, 0) << ny << " outputs";
+  }
+}
+
+TEST(Allocation, NoneInAnUpdateOfRecursiveLeastSquares) {
+  for (Eigen::Index ny = 1; ny <= 3; ++ny) {
+    Random random(static_cast<std::uint64_t>(ny));
+    const Eigen::MatrixXd phi = random_matrix(random, 7, 1000), y = random_matrix(random, ny, 1000);
+    RecursiveLeastSquares rls = start_recursive_least_squares(7, ny, 0.1);
+    GrowthTest growth = start_growth_test(1e4, 10);
+    double sum = 0.0;
+    allocations = 0;
+    counting = true;
+    for (Eigen::Index t = 0; t < phi.cols(); ++t) {
+      sum += leverage(rls, phi.col(t));
+      update(rls, phi.col(t), y.col(t), 0.98);
+      update(growth, rls.prior_error[0]);
+    }
+    counting = false;
+    EXPECT_EQ(allocations, 0) << ny << " outputs";
+    EXPECT_TRUE(std::isfinite(sum));
   }
 }
 

@@ -1,0 +1,41 @@
+// What do inputs up to now and outputs before now say about the output? The rows of that
+// regression.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace identikal {
+
+/// How far a regression looks back.
+struct RegressionOrder {
+  Eigen::Index inputs = 1;    ///< n_u >= 1: samples of every input, the present one counted
+  Eigen::Index feedback = 0;  ///< n_y >= 0: samples of the output, from the one before
+};
+
+/// y(sample[k]) = phi.col(k)' theta + error
+struct LaggedRows {
+  Eigen::MatrixXd phi;               ///< d x n
+  Eigen::VectorXd y;                 ///< n
+  std::vector<Eigen::Index> sample;  ///< n, ascending
+  Eigen::Index skipped = 0;          ///< rows that a missing sample has cost
+};
+
+/// phi(t) = [u_1(t) .. u_1(t - n_u + 1), u_2(t) .., y(t-1) .. y(t - n_y)], d = m n_u + n_y, for
+/// every t whose samples all exist and are finite: from t = max(n_u - 1, n_y) on, and never across
+/// a missing one.
+/// @param u      m x N
+/// @param y      N
+/// @param reach  the longest order whose rows are to be complete too: orders compared on the same
+///   rows. Left out: `order` itself
+/// @throws std::invalid_argument when shapes disagree or an order is out of range
+/// Source: Sladká (2010), (1.1), 9.2.1. The loop there begins at t = n_u (counted from 1) and reads
+/// y(0) and before when n_y >= n_u; (1.1) has the inputs of the present sample only.
+LaggedRows lagged_rows(const Eigen::Ref<const Eigen::MatrixXd>& u,
+                       const Eigen::Ref<const Eigen::VectorXd>& y, const RegressionOrder& order);
+LaggedRows lagged_rows(const Eigen::Ref<const Eigen::MatrixXd>& u,
+                       const Eigen::Ref<const Eigen::VectorXd>& y, const RegressionOrder& order,
+                       const RegressionOrder& reach);
+
+}  // namespace identikal
