@@ -9,6 +9,7 @@
 #include "identify/study_figures.h"
 #include "identify/study_optimality.h"
 #include "identify/study_tables.h"
+#include "identify/study_vehicle.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
 
@@ -22,6 +23,7 @@ const std::vector<Study>& studies() {
     for (Study& figure : figure_studies()) out.push_back(std::move(figure));
     for (Study& figure : detection_studies()) out.push_back(std::move(figure));
     for (Study& each : colour_studies()) out.push_back(std::move(each));
+    for (Study& each : vehicle_studies()) out.push_back(std::move(each));
     return out;
   }();
   return all;
