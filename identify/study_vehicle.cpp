@@ -141,11 +141,12 @@ struct Experiment {
 MatrixXd regressor(const Experiment& run, Moment moment, bool from_measured_state) {
   const SingleTrack<double> car = source_car();
   MatrixXd out(2, kSamples);
-  out.col(0) = from_measured_state ? Vector2d(run.derived.col(0).tail<2>()) : Vector2d(0.0, 0.0);
-  for (Index t = 0; t + 1 < kSamples; ++t) {
-    const Vector2d from =
-        from_measured_state ? Vector2d(run.derived.col(t).tail<2>()) : Vector2d(out.col(t));
-    out.col(t + 1) = source_step(car, moment, from, run.steering[t], run.derived(0, t));
+  Vector2d state = Vector2d::Zero();
+  for (Index t = 0; t < kSamples; ++t) {
+    if (t > 0) state = source_step(car, moment, state, run.steering[t - 1], run.derived(0, t - 1));
+    out(0, t) = state[0];
+    out(1, t) = state[1];
+    if (from_measured_state) state = run.derived.col(t).tail<2>();
   }
   return out;
 }
