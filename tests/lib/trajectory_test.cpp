@@ -73,13 +73,14 @@ Eigen::Matrix2Xd lane_change_track() {
 TEST(FitTrack, FindsTurnAndShift) {
   const Eigen::Matrix2Xd from = lane_change_track();
   for (const double angle : {0.033, -2.5, 3.1}) {
-    const Eigen::Matrix2Xd to =
-        (Eigen::Rotation2Dd(angle) * from).colwise() + Eigen::Vector2d(4.0, -7.0);
+    const Eigen::Matrix2Xd to = (Eigen::Rotation2Dd(angle).toRotationMatrix() * from).colwise() +
+                                Eigen::Vector2d(4.0, -7.0);
     const TrackFit fit = fit_track(from, to, true);
     EXPECT_NEAR(fit.angle, angle, 1e-13);
     EXPECT_LT((fit.shift - Eigen::Vector2d(4.0, -7.0)).norm(), 1e-11);
     EXPECT_LT(fit.rms, 1e-11);
-    const TrackFit about_origin = fit_track(from, Eigen::Rotation2Dd(angle) * from, false);
+    const TrackFit about_origin =
+        fit_track(from, Eigen::Rotation2Dd(angle).toRotationMatrix() * from, false);
     EXPECT_NEAR(about_origin.angle, angle, 1e-13);
     EXPECT_EQ(about_origin.shift, Eigen::Vector2d::Zero());
   }
@@ -89,12 +90,12 @@ TEST(FitTrack, FindsTurnAndShift) {
 TEST(FitTrack, IsTheLeastSquaresTurn) {
   const Eigen::Matrix2Xd from = lane_change_track();
   Random random(3);
-  Eigen::Matrix2Xd to = Eigen::Rotation2Dd(0.2) * from;
+  Eigen::Matrix2Xd to = Eigen::Rotation2Dd(0.2).toRotationMatrix() * from;
   for (Eigen::Index t = 0; t < to.cols(); ++t) to.col(t) += random.normal(2);
   const TrackFit fit = fit_track(from, to, true);
   double best = HUGE_VAL, at = 0.0;
   for (double angle = 0.1; angle < 0.3; angle += 1e-5) {
-    const Eigen::Matrix2Xd left = to - Eigen::Rotation2Dd(angle) * from;
+    const Eigen::Matrix2Xd left = to - Eigen::Rotation2Dd(angle).toRotationMatrix() * from;
     const double squares = (left.colwise() - left.rowwise().mean()).squaredNorm();
     if (squares < best) {
       best = squares;
@@ -117,7 +118,7 @@ TEST(FitTrack, StandardErrorIsCovered) {
     double squares = 0.0;
     constexpr int kRuns = 2000;
     for (int run = 0; run < kRuns; ++run) {
-      Eigen::Matrix2Xd to = Eigen::Rotation2Dd(kAngle) * from;
+      Eigen::Matrix2Xd to = Eigen::Rotation2Dd(kAngle).toRotationMatrix() * from;
       for (Eigen::Index t = 0; t < to.cols(); ++t) to.col(t) += 0.03 * random.normal(2);
       const TrackFit fit = fit_track(from, to, with_shift);
       const double z = (fit.angle - kAngle) / fit.angle_se;
