@@ -72,14 +72,13 @@ Eigen::VectorXd steering(const Manoeuvre& manoeuvre, const Eigen::VectorXd& time
   return time.unaryExpr([&](double t) { return steering(manoeuvre, t); });
 }
 
-/// Speed that rises so slowly that every moment is nearly steady, ISO 4138 (not above 0.2 m/s^2 of
-/// lateral acceleration a second): on a circle of this radius the lateral acceleration would rise
-/// evenly,
+/// Speed that rises so slowly that every moment is nearly steady, ISO 4138: on a circle of this
+/// radius the lateral acceleration would rise evenly,
 ///   vx^2 = start_speed^2 + radius * rise * time.
 struct SteadyCircle {
-  double radius = 100.0;     ///< ISO 4138: 100 m, at least 30 m [m]
-  double start_speed = 5.0;  ///< [m/s]
-  double rise = 0.2;         ///< of the lateral acceleration [m/s^3]
+  double radius = 100.0;            ///< that of ISO 4138 [m]
+  double start_speed = 30.0 / 3.6;  ///< [m/s]
+  double rise = 0.1;                ///< of the lateral acceleration [m/s^3]
 };
 
 /// Forward speed [m/s] at time [s].
