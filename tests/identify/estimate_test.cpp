@@ -13,7 +13,7 @@ namespace identikal {
 namespace {
 
 using Eigen::MatrixXd;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 Estimate with_parameters(std::initializer_list<double> values) {
   Estimate estimate;

@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // y = v, v of variance R: nothing but a variance to be wrong about.
 StateSpace white_system(double R) {
