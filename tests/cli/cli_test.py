@@ -369,7 +369,7 @@ class Fit(unittest.TestCase):
         self.assertEqual(made, pathlib.Path(LANE_CHANGE[1]).read_text())
 
 
-class Simulate(unittest.TestCase):
+class Manoeuvres(unittest.TestCase):
     def test_manoeuvres(self):
         help_text = run("simulate", "--help", code=0).stdout
         for name in ("severe-lane-change", "obstacle-avoidance", "double-lane-change", "step-steer", "sine", "sweep", "steady-circle",
