@@ -625,11 +625,7 @@ int run(int argc, char** argv) {
 
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
-  study
-      ->add_option("NAME", args.model,
-                   "matisko-table-1 to -13, matisko-figure-1 to -15, sladka-figure-9.2 to -9.9, "
-                   "sladka-logarithm")
-      ->required();
+  study->add_option("NAME", args.model, study_ranges())->required();
   study
       ->add_option("-o,--output", args.output,
                    "folder for NAME.txt, and of a figure NAME.svg and its numbers, NAME.csv")

@@ -496,12 +496,10 @@ StudyReport track_figure(const char* name, bool with_kalman, const char* publish
   out.text +=
       "The standard error takes the distances for independent; those of an integrated track are "
       "not, and sd is larger.\n";
-  out.text +=
-      with_kalman
-          ? "agrees? Yes: the Kalman filter's track is nearer, by a third. Most of what is "
-            "left is heading: errors of r, integrated.\n"
-          : "agrees? Yes: the turn that was put in is found to a tenth of a degree. Forward "
-            "Euler alone bends a track at 10 Hz.\n";
+  out.text += with_kalman
+                  ? "agrees? Yes: the Kalman filter's track is nearer, by a third; what is left is "
+                    "mostly heading.\n"
+                  : "agrees? Yes: the turn that was put in is found to a tenth of a degree.\n";
   const Experiment& first = runs.front();
   Panel panel;
   panel.title = "Track of the centre of gravity";
@@ -709,28 +707,23 @@ std::vector<Study> vehicle_studies() {
   constexpr int kRuns = 200;
   const StateFigure figures[] = {
       {"9.2", 0, false,
-       "curves. The filter follows the measured lateral velocity, but \"does not react on the "
-       "small "
-       "velocity changes\".",
-       "Yes: the estimate is smooth, misses what the simulation lacks, and is farther from the "
-       "truth than the measurement."},
+       "curves. The filter follows the lateral velocity, but \"does not react on the small "
+       "velocity "
+       "changes\".",
+       "Yes: smooth, without what the simulation lacks, farther from the truth than the "
+       "measurement."},
       {"9.4", 1, false,
-       "curves. As 9.2; from about the 35th sample the filtered yaw rate is \"delayed\" by two to "
-       "three samples.",
-       "In kind: late, and farther from the truth than the measurement; but half a sample late, "
-       "not "
-       "two to three."},
+       "curves. As 9.2; from about the 35th sample the yaw rate is \"delayed\" by two to three "
+       "samples.",
+       "In kind: late, and farther from the truth than the measurement; but half a sample late."},
       {"9.7", 0, true,
        "curves. The Kalman filter \"copies almost exactly\" the measured lateral velocity and is "
        "preferred.",
-       "Yes in rank. Ours does not copy the measurement but has a third of its error; a filter "
-       "that "
-       "copies filters nothing."},
+       "Yes in rank. Ours has a third of the measurement's error; a copy of it would have all."},
       {"9.8", 1, true,
        "curves. The Kalman filter \"copies almost exactly\" the measured yaw rate and is "
        "preferred.",
-       "Yes in rank. Ours does not copy the measurement but has two thirds of its error; a filter "
-       "that copies filters nothing."}};
+       "Yes in rank. Ours has two thirds of the measurement's error; a copy would have all."}};
   std::vector<Study> out;
   for (const StateFigure& figure : figures) {
     out.push_back(
@@ -743,13 +736,14 @@ std::vector<Study> vehicle_studies() {
                        "Yes: one but for noise and held steering, as the model is the car.",
                        options);
                  }});
-  out.push_back({"sladka-figure-9.5", kRuns, [](const StudyOptions& options) {
-                   return coefficient_figure(
-                       "9.5", 1, "a curve about 1.3 from about the 35th sample on.",
-                       "No: no regressor gives 1.3 here, where the model is the car. The source's "
-                       "yawed a third more than (7.4) with table 8.1.",
-                       options);
-                 }});
+  out.push_back(
+      {"sladka-figure-9.5", kRuns, [](const StudyOptions& options) {
+         return coefficient_figure(
+             "9.5", 1, "a curve about 1.3 from about the 35th sample on.",
+             "No: no regressor gives 1.3 where the model is the car. 1.3 would be one that "
+             "yaws a third more.",
+             options);
+       }});
   out.push_back({"sladka-figure-9.6", kRuns, [](const StudyOptions& options) {
                    return track_figure("9.6", false,
                                        "the derived track is \"slightly rotated\"; turned by 1.9 "
