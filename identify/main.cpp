@@ -56,7 +56,8 @@ struct Arguments {
   bool regain = false, robust = false, adaptive = false;
   bool compare = false, full_matrix = false, sources = false;
   long lags = 0, draws = 0;
-  std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
+  std::string range, manoeuvre, speed, rate = "100 Hz", duration, snr;
+  std::vector<std::string> manoeuvre_settings;
   long rows = 0;
 };
 
@@ -472,6 +473,32 @@ int run_study(const Arguments& args) {
   return 0;
 }
 
+ManoeuvreRequest manoeuvre_request(const Arguments& args) {
+  ManoeuvreRequest request;
+  request.name = args.manoeuvre;
+  const Manoeuvre& manoeuvre = find_manoeuvre(args.manoeuvre);
+  if (!args.speed.empty()) request.speed = quantity("--speed", args.speed, "m/s");
+  if (!args.duration.empty()) request.duration = quantity("--duration", args.duration, "s");
+  request.rate = quantity("--rate", args.rate, "Hz");
+  for (const std::string& assignment : args.manoeuvre_settings) {
+    const std::size_t equals = assignment.find('=');
+    if (equals == std::string::npos) {
+      throw InputError({}, fmt::format("--with '{}' has no '='", assignment), "NAME=VALUE");
+    }
+    const ManoeuvreSetting& setting = find_setting(manoeuvre, assignment.substr(0, equals));
+    request.settings[setting.name] =
+        quantity("--with " + setting.name, assignment.substr(equals + 1), setting.unit);
+  }
+  return request;
+}
+
+std::optional<double> signal_to_noise(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  std::string number = text;
+  if (lower_case(text).ends_with("db")) number.resize(number.size() - 2);
+  return quantity("--snr", number, "");
+}
+
 int run_simulate(const Arguments& args) {
   ModelFile model = load_model(args);
   std::optional<Dataset> recording;
@@ -484,25 +511,19 @@ int run_simulate(const Arguments& args) {
                      inputs != nullptr ? "as many rows as the recording of the inputs has"
                                        : "--duration and --rate");
   }
-  if (!args.manoeuvre.empty() && (inputs != nullptr || !vehicle)) {
-    throw InputError({}, "--manoeuvre has no meaning here", "a vehicle without a recording");
+  const bool asks_for_manoeuvre = !args.manoeuvre.empty() || !args.manoeuvre_settings.empty();
+  if (asks_for_manoeuvre && (inputs != nullptr || !vehicle)) {
+    throw InputError({}, "--manoeuvre and --with have no meaning here",
+                     "a vehicle without a recording");
+  }
+  const std::optional<double> snr = signal_to_noise(args.snr);
+  if (snr && !vehicle) {
+    throw InputError({}, "--snr has no meaning here", "a vehicle", "a linear model has Q and R");
   }
   Simulated simulated;
   if (vehicle) {
-    if (inputs == nullptr && !args.manoeuvre.empty() && args.manoeuvre != "severe-lane-change") {
-      throw InputError({}, fmt::format("unknown manoeuvre '{}'", args.manoeuvre),
-                       "severe-lane-change");
-    }
-    ManoeuvreSettings settings;
-    settings.speed = quantity("--speed", args.speed, "m/s");
-    settings.rate = quantity("--rate", args.rate, "Hz");
-    settings.duration = quantity("--duration", args.duration, "s");
-    if (!(settings.speed > 0.0 && settings.rate > 0.0 && settings.duration * settings.rate >= 2.0 &&
-          settings.duration * settings.rate <= 1e8)) {
-      throw InputError({}, "--speed, --rate and --duration describe no recording",
-                       "positive values and 2 to 1e8 rows");
-    }
-    simulated = simulate_vehicle(model, settings, inputs, static_cast<std::uint64_t>(args.seed));
+    simulated = simulate_vehicle(model, manoeuvre_request(args), inputs, snr,
+                                 static_cast<std::uint64_t>(args.seed));
   } else {
     if (inputs == nullptr && args.rows < 1) {
       throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
@@ -516,6 +537,7 @@ int run_simulate(const Arguments& args) {
     write_files(args.output, {{"simulated.csv", simulated.csv}});
     fmt::print("{} rows written to {}\n", simulated.rows,
                (std::filesystem::path(args.output) / "simulated.csv").string());
+    for (const std::string& note : simulated.notes) fmt::print("{}\n", note);
   }
   return 0;
 }
@@ -673,8 +695,7 @@ int run(int argc, char** argv) {
 
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
-  study->add_option("NAME", args.model, "matisko-table-1 to -13, matisko-figure-3 to -6, -14, -15")
-      ->required();
+  study->add_option("NAME", args.model, study_ranges())->required();
   study
       ->add_option("-o,--output", args.output,
                    "folder for NAME.txt, and of a figure NAME.svg and its numbers, NAME.csv")
@@ -699,11 +720,20 @@ int run(int argc, char** argv) {
       ->capture_default_str();
   simulate->add_option("-n,--rows", args.rows, "rows of a linear model's record")
       ->check(CLI::Range(1L, 100000000L));
-  simulate->add_option("--manoeuvre", args.manoeuvre, "vehicle without DATA: severe-lane-change");
-  simulate->add_option("--speed", args.speed, "of the manoeuvre")->capture_default_str();
+  simulate->add_option("--manoeuvre", args.manoeuvre,
+                       "vehicle without DATA: one of those below; without it, the first");
+  simulate
+      ->add_option("--with", args.manoeuvre_settings,
+                   "NAME=VALUE changes the manoeuvre, e.g. ay=3 m/s^2; may be repeated")
+      ->allow_extra_args(false);
+  simulate->add_option("--speed", args.speed, "of the manoeuvre, where it begins");
   simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")
       ->capture_default_str();
-  simulate->add_option("--duration", args.duration, "of the manoeuvre")->capture_default_str();
+  simulate->add_option("--duration", args.duration, "of the recording");
+  simulate->add_option("--snr", args.snr,
+                       "signal-to-noise ratio of every output, e.g. 30dB, instead of the model "
+                       "file's noise");
+  simulate->footer(manoeuvre_help());
 
   if (argc > 1 && argv[1][0] != '-') {
     const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",   "fit",

@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "identify/vehicle_problem.h"
-#include "lib/manoeuvre.h"
 #include "lib/random.h"
 #include "lib/realisation.h"
 #include "lib/single_track.h"
@@ -37,8 +36,10 @@ std::string column_name(const ChannelSource& source) {
 }
 
 std::string csv_text(const ModelFile& model, std::uint64_t seed,
+                     const std::vector<std::string>& notes,
                      const std::vector<OutputColumn>& columns) {
   std::string out = fmt::format("# simulated from '{}', seed {}\n", model.name, seed);
+  for (const std::string& note : notes) out += "# " + note + "\n";
   for (const ReportedEntries entries = reported_entries(model.parameters);
        const std::string& name : entries.names) {
     const auto i = static_cast<std::size_t>(&name - entries.names.data());
@@ -104,46 +105,34 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
     columns.push_back({column_name(source), source.unit, values});
   }
   columns.push_back(time_column(model, time));
-  return {csv_text(model, seed, columns), N};
+  return {csv_text(model, seed, {}, columns), N, {}};
 }
 
-Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& settings,
-                           const Dataset* inputs, std::uint64_t seed) {
-  VectorXd time, angle, vx;
+Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
+                           const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
+  const VehicleUnknowns vehicle = vehicle_unknowns(model);
+  const SingleTrack<double> car = linear_car(vehicle.value);
+  DrivenRecord driven;
   if (inputs != nullptr) {
-    time = inputs->time;
-    angle = inputs->u.row(0).transpose();
-    vx = inputs->u.row(1).transpose();
+    const VectorXd angle = inputs->u.row(0).transpose(), vx = inputs->u.row(1).transpose();
     if (!angle.allFinite() || !vx.allFinite() || vx.minCoeff() <= 0.0) {
       throw InputError({inputs->name, 0, 0},
                        "steering or speed is missing or not positive in some row",
                        "both in every row", "select rows with --range");
     }
+    driven = drive_inputs(vehicle.curve, vehicle.value, inputs->time, angle, vx);
   } else {
-    const auto N = static_cast<Index>(std::llround(settings.duration * settings.rate));
-    time = VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) / settings.rate);
-    angle = steering(SevereLaneChange{}, time);
-    if (model.vehicle.steering_at_road_wheel) {
-      // The manoeuvre is that of a steering wheel with the ratio of the source's car.
-      angle /= 21.0;
-    }
-    vx = VectorXd::Constant(N, settings.speed);
+    driven = drive_manoeuvre(request, vehicle.curve, vehicle.value,
+                             model.vehicle.steering_at_road_wheel);
   }
-  const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const DrivenStretch driven =
-      drive(time, angle, vx, demand_of(unknowns, unknowns.value), unknowns.value[kSteeringDelay]);
-
-  std::vector<OutputColumn> columns{time_column(model, time)};
-  columns.push_back({column_name(model.inputs[0]), model.inputs[0].unit, angle});
-  columns.push_back({column_name(model.inputs[1]), model.inputs[1].unit, vx});
-  std::vector<VehicleSensor> sensors;
+  const Index N = driven.time.size();
+  std::vector<OutputColumn> columns{time_column(model, driven.time)};
+  columns.push_back({column_name(model.inputs[0]), model.inputs[0].unit, driven.steering});
+  columns.push_back({column_name(model.inputs[1]), model.inputs[1].unit, driven.vx});
+  const std::size_t first = columns.size();
+  std::vector<double> sd = model.vehicle.measurement_sd;
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
     const ChannelSource& source = model.outputs[i];
-    if (std::isnan(model.vehicle.measurement_sd[i])) {
-      throw InputError(source.at,
-                       fmt::format("no measurement noise is given for output '{}'", source.name),
-                       "noise: {measurement: {kind: per-sample, sd: {" + source.name + ": ...}}}");
-    }
     VehicleSensor sensor;
     sensor.quantity = *vehicle_quantity(source.name);
     const auto position = model.vehicle.sensors.find(source.name);
@@ -152,19 +141,30 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& sett
       sensor.y = position->second.y;
       sensor.angle = position->second.angle;
     }
-    sensors.push_back(sensor);
-    columns.push_back({column_name(source), source.unit, VectorXd(time.size())});
+    VectorXd clean(N);
+    for (Index t = 0; t < N; ++t) {
+      clean[t] = measured(sensor, car, driven.motion[static_cast<std::size_t>(t)], driven.vx[t]);
+    }
+    if (snr) {
+      sd[i] = std::pow(10.0, -*snr / 20.0) * clean.norm() / std::sqrt(static_cast<double>(N));
+      const double per_unit = parse_unit(source.unit).value_or(Unit{}).scale;
+      driven.notes.push_back(fmt::format("noise: {} {:g} dB, sd {:.6g} {}", source.name, *snr,
+                                         sd[i] / per_unit, source.unit));
+    } else if (std::isnan(sd[i])) {
+      throw InputError(source.at,
+                       fmt::format("no measurement noise is given for output '{}'", source.name),
+                       "noise: {measurement: {kind: per-sample, sd: {" + source.name + ": ...}}}",
+                       "or --snr 30dB on the command line");
+    }
+    columns.push_back({column_name(source), source.unit, clean});
   }
   Random random(seed);
-  with_car(unknowns.curve, unknowns.value, [&](const auto& car) {
-    simulate(car, driven, 0.0, 0.0, [&](Index row, const Motion<double>& motion, double speed) {
-      for (std::size_t i = 0; i < sensors.size(); ++i) {
-        columns[3 + i].values[row] = measured(sensors[i], car, motion, speed) +
-                                     model.vehicle.measurement_sd[i] * random.normal();
-      }
-    });
-  });
-  return {csv_text(model, seed, columns), time.size()};
+  for (Index t = 0; t < N; ++t) {
+    for (std::size_t i = 0; i < sd.size(); ++i) {
+      columns[first + i].values[t] += sd[i] * random.normal();
+    }
+  }
+  return {csv_text(model, seed, driven.notes, columns), N, driven.notes};
 }
 
 }  // namespace identikal

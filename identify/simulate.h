@@ -2,8 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "identify/manoeuvres.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
 
@@ -15,6 +18,7 @@ namespace identikal {
 struct Simulated {
   std::string csv;
   Eigen::Index rows = 0;
+  std::vector<std::string> notes;  ///< what was driven, and how; also in the '#' lines
 };
 
 /// A record of a linear model: x(1) from the model's initial state (zero when it is diffuse), w and
@@ -26,18 +30,14 @@ struct Simulated {
 Simulated simulate_linear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
                           std::uint64_t seed);
 
-/// How the built-in manoeuvre is driven.
-struct ManoeuvreSettings {
-  double speed = 60.0 / 3.6;  ///< [m/s]
-  double rate = 100.0;        ///< [Hz]
-  double duration = 7.0;      ///< [s]
-};
-
-/// The vehicle through the open-loop severe lane change (lib/manoeuvre.h), with the measurement
-/// noise of the model file. `inputs`, when not null, replaces the manoeuvre by a recording's
-/// steering and speed.
-/// @throws InputError when the model gives no sd for an output (noise: {measurement: {sd: ...}})
-Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreSettings& settings,
-                           const Dataset* inputs, std::uint64_t seed);
+/// The vehicle through a manoeuvre (identify/manoeuvres.h) or under recorded inputs, with white
+/// measurement noise: where `snr` is given, 10^(-snr/20) times the root mean square of each output
+/// without noise (Sladká 2010, section 9.3.1: awgn, 'measured'), else the model file's.
+/// @param inputs  recording whose steering and speed replace the manoeuvre; may be null
+/// @param snr     signal-to-noise ratio [dB]
+/// @throws InputError when there is neither `snr` nor an sd for an output in the model file, and as
+///   drive_manoeuvre() does
+Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
+                           const Dataset* inputs, std::optional<double> snr, std::uint64_t seed);
 
 }  // namespace identikal

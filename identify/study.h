@@ -34,6 +34,9 @@ struct Study {
 /// Names that study() knows.
 std::vector<std::string> study_names();
 
+/// The same for people: "matisko-table-1 to 13, ...".
+std::string study_ranges();
+
 /// Reruns what was published under that name (identify/study_tables.h, study_figures.h). The same
 /// for the same seed, whatever the number of threads.
 /// @throws InputError for a name that study_names() does not hold, and for a number of runs where

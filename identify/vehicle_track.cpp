@@ -116,7 +116,7 @@ RegressionCourse after_both(const RegressionCourse& rows) {
 Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleParameters<double>& p = unknowns.value;
-  const VehicleRun run = usable_run(model, recording);
+  const VehicleRun run = usable_run(model, {recording});
   const VehicleBalances balances = vehicle_balances(run, p);
   const Index n = balances.time.size();
   if (n == 0 && (run.find(VehicleQuantity::r) < 0 || run.outputs.size() < 2)) {

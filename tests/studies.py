@@ -20,9 +20,12 @@ SMALL = {
     "matisko-figure-14-2-runs": ["matisko-figure-14", "--runs", "2"],
     "matisko-figure-1-50-runs": ["matisko-figure-1", "--runs", "50"],
     **{f"matisko-figure-{n}": [f"matisko-figure-{n}"] for n in range(4, 14)},
+    **{f"sladka-figure-9.{n}": [f"sladka-figure-9.{n}"] for n in range(2, 10)},
+    "sladka-logarithm-10-runs": ["sladka-logarithm", "--runs", "10"],
 }
 LARGE = {
     **{name: [name] for name in TABLES + [f"matisko-figure-{n}" for n in (1, 2, 3, 14, 15)]},
+    "sladka-logarithm": ["sladka-logarithm"],
     **{f"matisko-table-{n}-200-runs": [f"matisko-table-{n}", "--runs", "200"] for n in (1, 2)},
 }
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")

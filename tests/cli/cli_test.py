@@ -482,6 +482,28 @@ class Fit(unittest.TestCase):
         self.assertEqual(made, pathlib.Path(LANE_CHANGE[1]).read_text())
 
 
+class Manoeuvres(unittest.TestCase):
+    def test_manoeuvres(self):
+        help_text = run("simulate", "--help", code=0).stdout
+        for name in ("severe-lane-change", "obstacle-avoidance", "double-lane-change", "step-steer", "sine", "sweep", "steady-circle",
+                     "constant-steering", "weave", "sine-with-dwell"):
+            self.assertIn(f"  {name} (", help_text)
+            out = run("simulate", LANE_CHANGE[0], "--manoeuvre", name, "--rate", "20 Hz", "--snr", "30dB", code=0).stdout
+            self.assertIn(f"# manoeuvre: {name} (", out)
+            self.assertIn("# noise: vy 30 dB, sd ", out)
+            self.assertIn("# truth: Cf = 80000 N/rad", out)
+
+    def test_gates_are_told(self):
+        with Folder() as folder:
+            out = run("simulate", LANE_CHANGE[0], "--manoeuvre", "obstacle-avoidance", "--set", "Cf=88107.7", "--set", "Cr=88107.7", "--set",
+                      "Iz=2319", "-o", folder.path, code=0).stdout
+            self.assertEqual(out.count(": passed, clearance 0."), 3)
+            fit = result("fit", LANE_CHANGE[0], folder.path / "simulated.csv")
+            for p in fit["parameters"]:
+                if p["name"] in ("Cf", "Cr"):
+                    self.assertLess(abs(p["value"] - 88107.7), 4 * p["se"])
+
+
 class Check(unittest.TestCase):
     def test_optimal_and_not(self):
         with Folder() as folder:
@@ -653,6 +675,13 @@ class BadInput(unittest.TestCase):
         self.refused(["'p'"], "tune", *NILE, "--set", "p=1")
         self.refused(["range"], "tune", *NILE, "--range", "1to5")
         self.refused(["-n"], "simulate", NILE[0])
+        self.refused(["unknown manoeuvre", "did you mean 'step-steer'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-ster")
+        self.refused(["unknown setting", "'width'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "obstacle-avoidance", "--with", "widht=2 m")
+        self.refused(["--with rise '2 kg'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "rise=2 kg")
+        self.refused(["--with 'rise' has no '='"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "rise")
+        self.refused(["no meaning"], "simulate", *LANE_CHANGE, "--manoeuvre", "step-steer")
+        self.refused(["--snr"], "simulate", NILE[0], "-n", 9, "--snr", "30dB")
+        self.refused(["--snr '30 dezibel'"], "simulate", LANE_CHANGE[0], "--snr", "30 dezibel")
         self.refused(["-n"], "bound", NILE[0])
         self.refused(["--accuracy"], "bound", NILE[0], "-n", 100, "--accuracy", "-1")
         self.refused(["--lags"], "tune", *NILE, "--lags", 5)
