@@ -28,11 +28,15 @@
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
+#include "identify/survey_report.h"
 #include "identify/suspect_data.h"
+#include "identify/vehicle_columns.h"
 #include "identify/vehicle_fit.h"
+#include "identify/vehicle_survey.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
 #include "lib/error.h"
+#include "lib/join.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
 
@@ -51,6 +55,7 @@ struct Arguments {
   std::string method = "ml", accuracy, place = "both", hold_out = "30%";
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
+  bool vehicle = false;
   bool compare = false, full_matrix = false, sources = false;
   long lags = 0, draws = 0;
   std::string range, manoeuvre, speed = "60 km/h", rate = "100 Hz", duration = "7 s";
@@ -95,13 +100,20 @@ ModelFile load_model(const Arguments& args) {
   return model;
 }
 
-Dataset load_data(const Arguments& args, const std::string& path, const ModelFile& model,
-                  long* rows, bool with_outputs = true) {
-  const Table table = read_csv(path);
-  if (rows != nullptr) *rows = static_cast<long>(table.rows);
+// The files that one DATA argument names, read.
+std::vector<Table> read_files(const std::string& argument) {
+  std::vector<Table> out;
+  for (const std::string& path : joined_files(argument)) out.push_back(read_csv(path));
+  return out;
+}
+
+Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+                  bool with_outputs = true) {
+  const Joined joined = join_tables(files, model.time);
   const std::vector<ChannelSource> no_outputs;
-  Dataset data = make_dataset(table, model.time, model.inputs,
+  Dataset data = make_dataset(joined.table, model.time, model.inputs,
                               with_outputs ? model.outputs : no_outputs, parse_range(args.range));
+  data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
   if (model.form == ModelFile::Form::linear) {
     const double step = model.time.step > 0.0 ? model.time.step : data.dt;
     data = on_uniform_raster(data, step);
@@ -111,16 +123,24 @@ Dataset load_data(const Arguments& args, const std::string& path, const ModelFil
 
 struct Recordings {
   std::vector<Dataset> data;
-  std::vector<InputRecord> records;
+  std::vector<InputRecord> records;     // one per file
+  std::vector<std::size_t> of_records;  // the recording that the file belongs to
+
+  void add(Dataset dataset, const std::vector<Table>& files) {
+    for (const Table& file : files) {
+      records.push_back({file.path, sha256_of_file(file.path), static_cast<long>(file.rows),
+                         static_cast<long>(dataset.size())});
+      of_records.push_back(data.size());
+    }
+    data.push_back(std::move(dataset));
+  }
 };
 
 Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
   for (const std::string& path : args.data) {
-    long rows = 0;
-    out.data.push_back(load_data(args, path, model, &rows));
-    out.records.push_back(
-        {path, sha256_of_file(path), rows, static_cast<long>(out.data.back().size())});
+    const std::vector<Table> files = read_files(path);
+    out.add(load_data(args, files, model), files);
     const double dt = out.data.front().dt;
     if (model.form == ModelFile::Form::linear && model.time.step == 0.0 &&
         std::abs(out.data.back().dt - dt) > 1e-6 * dt) {
@@ -166,7 +186,15 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   // The vehicle fit says itself how many rows it used.
   const std::vector<InputRecord> used = estimate.inputs;
   estimate.inputs = recordings.records;
-  for (std::size_t i = 0; i < used.size(); ++i) estimate.inputs[i].used = used[i].used;
+  for (std::size_t i = 0; i < estimate.inputs.size(); ++i) {
+    const std::size_t recording = recordings.of_records[i];
+    if (recording < used.size()) estimate.inputs[i].used = used[recording].used;
+  }
+  for (const Dataset& data : recordings.data) {
+    for (const std::string& note : data.notes) {
+      estimate.warnings.push_back({"data_treated", "note", {}, note, ""});
+    }
+  }
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
@@ -301,10 +329,8 @@ int run_bound(const Arguments& args) {
   }
   Recordings recordings;
   if (!args.data.empty()) {
-    long rows = 0;
-    recordings.data.push_back(load_data(args, args.data.front(), model, &rows, false));
-    recordings.records.push_back({args.data.front(), sha256_of_file(args.data.front()), rows,
-                                  static_cast<long>(recordings.data.front().size())});
+    const std::vector<Table> files = read_files(args.data.front());
+    recordings.add(load_data(args, files, model, false), files);
     if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   }
   const bool given = !recordings.data.empty();
@@ -420,7 +446,9 @@ int run_study(const Arguments& args) {
 int run_simulate(const Arguments& args) {
   ModelFile model = load_model(args);
   std::optional<Dataset> recording;
-  if (!args.data.empty()) recording = load_data(args, args.data.front(), model, nullptr, false);
+  if (!args.data.empty()) {
+    recording = load_data(args, read_files(args.data.front()), model, false);
+  }
   const Dataset* inputs = recording ? &*recording : nullptr;
   if (inputs != nullptr && model.time.step == 0.0) model.linear.dt = inputs->dt;
   const bool vehicle = model.form == ModelFile::Form::single_track;
@@ -465,23 +493,73 @@ int run_simulate(const Arguments& args) {
   return 0;
 }
 
-int run_info(const Arguments& args) {
-  std::vector<std::string> files = args.data;
-  if (!args.model.empty()) files.insert(files.begin(), args.model);
-  std::optional<ModelFile> model;
-  if (!files.empty() && is_model(files.front())) {
-    model = read_model_file(files.front());
-    files.erase(files.begin());
+// A survey of each recording, as a person or a program reads it.
+int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
+               const std::vector<std::string>& recordings) {
+  if (args.json && recordings.size() > 1) {
+    throw InputError({}, fmt::format("{} recordings with --json", recordings.size()), "one");
   }
-  if (files.empty())
-    throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
-  std::string text;
-  for (const std::string& file : files) {
-    const Table table = read_csv(file);
-    text += describe_table(table);
+  if (model && model->form != ModelFile::Form::single_track) {
+    throw InputError({model->path, 0, 0}, "--vehicle with a linear model", "model: single-track");
+  }
+  for (const std::string& argument : recordings) {
+    const auto begin = std::chrono::steady_clock::now();
+    const std::vector<Table> files = read_files(argument);
+    Estimate estimate;
+    estimate.verb = "info";
+    estimate.status = Status::ok;
+    estimate.message = "surveyed";
+    Recordings records;
     if (model) {
-      text += describe_channels(*model, make_dataset(table, model->time, model->inputs,
-                                                     model->outputs, parse_range(args.range)));
+      estimate.model_name = model->name;
+      records.add(load_data(args, files, *model), files);
+      estimate.survey = survey(vehicle_signals(*model, records.data[0]));
+    } else {
+      GuessedVehicle guessed = guess_vehicle(files);
+      Dataset whole;
+      whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
+      records.add(std::move(whole), files);
+      estimate.survey = survey(guessed.signals);
+      std::vector<Warning>& findings = estimate.survey->findings;
+      findings.insert(findings.begin(), guessed.findings.begin(), guessed.findings.end());
+    }
+    estimate.inputs = records.records;
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    if (args.json) {
+      std::cout << result_json(estimate, false, spent.count());
+    } else {
+      for (const std::string& note : records.data[0].notes) std::cout << note << "\n";
+      std::cout << argument << "\n" << survey_text(*estimate.survey);
+    }
+  }
+  std::cout << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return 0;
+}
+
+int run_info(const Arguments& args) {
+  std::vector<std::string> recordings = args.data;
+  std::optional<ModelFile> model;
+  if (const auto file = std::find_if(recordings.begin(), recordings.end(), is_model);
+      file != recordings.end()) {
+    model = read_model_file(*file);
+    recordings.erase(file);
+  }
+  if (recordings.empty())
+    throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
+  if (args.vehicle) return run_survey(args, model, recordings);
+  if (args.json) throw InputError({}, "--json without --vehicle", "info --vehicle DATA --json");
+  std::string text;
+  for (const std::string& argument : recordings) {
+    const std::vector<Table> files = read_files(argument);
+    for (const Table& table : files) text += describe_table(table);
+    if (!model && files.size() == 1) continue;
+    if (model) {
+      const Dataset data = load_data(args, files, *model);
+      for (const std::string& note : data.notes) text += note + "\n";
+      text += describe_channels(*model, data);
+    } else {
+      for (const std::string& note : join_tables(files, {}).notes) text += note + "\n";
     }
   }
   std::cout << text << std::flush;
@@ -520,6 +598,9 @@ int run(int argc, char** argv) {
   CLI::App* info = app.add_subcommand("info", "columns, units, rates, gaps of a recording");
   info->add_option("files", args.data, "[MODEL] DATA...")->required();
   info->add_option("--range", args.range, "FROM:TO: use these rows, in seconds from the first");
+  info->add_flag("--vehicle", args.vehicle,
+                 "survey of a vehicle's recording: signs, units, clocks, what can be identified");
+  info->add_flag("--json", args.json, "with --vehicle: print the survey as JSON");
 
   const std::pair<const char*, const char*> estimators[] = {
       {"tune", "estimate Q and R of a Kalman filter"},
