@@ -515,13 +515,10 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
       records.add(load_data(args, files, *model), files);
       estimate.survey = survey(vehicle_signals(*model, records.data[0]));
     } else {
-      GuessedVehicle guessed = guess_vehicle(files);
       Dataset whole;
       whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
       records.add(std::move(whole), files);
-      estimate.survey = survey(guessed.signals);
-      std::vector<Warning>& findings = estimate.survey->findings;
-      findings.insert(findings.begin(), guessed.findings.begin(), guessed.findings.end());
+      estimate.survey = survey(guess_vehicle(files));
     }
     estimate.inputs = records.records;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;

@@ -1,5 +1,7 @@
 #include "identify/survey_report.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -9,24 +11,28 @@ namespace {
 
 constexpr std::size_t kSurveyWidth = 80;
 
-// Words wrapped to the width; lines after the first are indented.
-std::string in_lines(const std::string& text, std::size_t indent) {
-  std::string out, line;
+// A head as it is, then words wrapped to the width; lines after the first are indented.
+std::string in_lines(const std::string& head, const std::string& text, std::size_t indent) {
+  std::string out, line = head;
+  bool begun = false;
   for (std::size_t at = 0; at < text.size();) {
-    std::size_t end = text.find(' ', at);
-    // Blanks at the begin keep their width.
-    while (end == at && end != std::string::npos) end = text.find(' ', end + 1);
-    if (end == std::string::npos) end = text.size();
+    const std::size_t end = std::min(text.find(' ', at), text.size());
     const std::string word = text.substr(at, end - at);
-    if (!line.empty() && line.size() + 1 + word.size() > kSurveyWidth) {
+    if (begun && line.size() + 1 + word.size() > kSurveyWidth) {
       out += line + "\n";
       line = std::string(indent, ' ') + word;
     } else {
-      line += (line.empty() || line.ends_with(' ') ? "" : " ") + word;
+      line += (begun ? " " : "") + word;
     }
+    begun = true;
     at = end + 1;
   }
   return out + line + "\n";
+}
+
+// Names of columns may be of any length.
+std::string fitting(const std::string& name, std::size_t width) {
+  return name.size() <= width ? name : name.substr(0, width - 2) + "..";
 }
 
 std::string number(double value, const char* format = "{:.4g}") {
@@ -78,8 +84,8 @@ std::string survey_text(const VehicleSurvey& survey) {
   std::string out = fmt::format("{:<20} {:<11} {:<6} {:>7} {:>9} {:>9} {:>5} {:>7}\n", "column",
                                 "taken as", "unit", "Hz", "min", "max", "held", "step");
   for (const VehicleSurvey::Signal& s : survey.signals) {
-    out += fmt::format("{:<20} {:<11} {:<6} {:>7} {:>9} {:>9} {:>5} {:>7}\n", s.column, s.quantity,
-                       s.unit, number(s.rate), number(s.lowest), number(s.highest),
+    out += fmt::format("{:<20} {:<11} {:<6} {:>7} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 20),
+                       s.quantity, s.unit, number(s.rate), number(s.lowest), number(s.highest),
                        std::isfinite(s.held) ? fmt::format("{:.0f}%", 100.0 * s.held) : "-",
                        number(s.quantum, "{:.2g}"));
   }
@@ -89,7 +95,7 @@ std::string survey_text(const VehicleSurvey& survey) {
     straight += fmt::format("{}{} {:.3g} {}", straight.empty() ? "straight on: " : ", ", s.column,
                             s.straight, s.unit);
   }
-  if (!straight.empty()) out += in_lines(straight + " (median)", 2);
+  if (!straight.empty()) out += in_lines("", straight + " (median)", 2);
   if (!survey.relations.empty()) {
     out += fmt::format("\n{:<12} {:<12} {:>11} {:>8} {:>16} {:>16}\n", "expected", "seen",
                        "correlation", "size", "seen later by", "next peak");
@@ -117,19 +123,19 @@ std::string survey_text(const VehicleSurvey& survey) {
   }
   if (survey.lateral[0] > 0.0) {
     constexpr const char* kBins[] = {"1", "2", "3", "4", "6", "8", "more"};
-    std::string line = "|ay|    [m/s^2] up to";
+    std::string line = "[m/s^2] up to";
     for (std::size_t k = 0; k < survey.lateral.size(); ++k) {
       line += fmt::format(" {}: {}", kBins[k], share(survey.lateral[k]));
     }
-    out += in_lines(line, 8);
+    out += in_lines("|ay|    ", line, 8);
     double far = 0.0;
     for (std::size_t k = 4; k < survey.lateral.size(); ++k) far += survey.lateral[k];
     if (far > 0.05) {
-      out +=
-          in_lines(fmt::format("        {} lies above 4 m/s^2, where tyres leave the linear range: "
-                               "a curve for the tyre, or those rows left out",
-                               share(far)),
-                   8);
+      out += in_lines("        ",
+                      fmt::format("{} lies above 4 m/s^2, where tyres leave the linear range: "
+                                  "a curve for the tyre, or those rows left out",
+                                  share(far)),
+                      8);
     }
   }
   if (std::isfinite(survey.above_half_hertz)) {
@@ -139,17 +145,15 @@ std::string survey_text(const VehicleSurvey& survey) {
   }
   out += "\nbefore any fit, this recording can tell\n";
   for (const VehicleSurvey::Verdict& v : survey.verdicts) {
-    out += in_lines(fmt::format("  {:<14} {:<11} {}", v.of, v.answer, v.why), 29);
+    out += in_lines(fmt::format("  {:<14} {:<11} ", v.of, v.answer), v.why, 29);
   }
   out += "\n";
   for (const Warning& w : survey.findings) {
-    out += in_lines(fmt::format("{:<7}{}: {}",
-                                w.severity == "note"      ? "note"
-                                : w.severity == "serious" ? "SERIOUS"
-                                                          : "warn",
-                                (w.severity == "serious" ? " " : "") + w.code, w.text),
-                    7);
-    if (!w.todo.empty()) out += in_lines("       -> " + w.todo, 10);
+    const char* severity = w.severity == "note"      ? "note"
+                           : w.severity == "serious" ? "SERIOUS"
+                                                     : "warn";
+    out += in_lines(fmt::format("{:<8}", severity), w.code + ": " + w.text, 8);
+    if (!w.todo.empty()) out += in_lines("        -> ", w.todo, 11);
   }
   if (survey.findings.empty()) out += "nothing wrong was found\n";
   if (survey.mapping.empty()) return out;

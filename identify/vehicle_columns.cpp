@@ -337,7 +337,7 @@ class Guess {
     for (const Table& table : files) clocks_.push_back(read_clock(table));
     candidates_ = candidates_of(files, clocks_);
   }
-  GuessedVehicle run();
+  VehicleSignals run();
 
  private:
   const Candidate* best(SignalKind kind) const {
@@ -357,6 +357,20 @@ class Guess {
   void choose_units();
   void choose_steering_unit();
   void try_unnamed();
+  // Of a second column of the same kind: the unit in which it is as large as the first.
+  std::string unit_like(const Candidate& c, const Candidate& first) const {
+    const double like = high_quantile(sampled(first)) * parse_unit(units_.at(c.kind))->scale;
+    std::string best_unit = si_unit(c.kind);
+    double nearest = kInfinity;
+    for (const std::string& unit : usual_units(c.kind)) {
+      const double off =
+          std::abs(std::log(high_quantile(sampled(c)) * parse_unit(unit)->scale / like));
+      if (!(off < nearest)) continue;
+      nearest = off;
+      best_unit = unit;
+    }
+    return best_unit;
+  }
   double scale_of(SignalKind kind) const {
     const auto unit = units_.find(kind);
     return unit == units_.end() ? 1.0 : parse_unit(unit->second)->scale;
@@ -377,7 +391,7 @@ class Guess {
   OnRaster raster_;
   std::map<SignalKind, std::string> units_;
   bool at_wheel_ = true;
-  GuessedVehicle out_;
+  VehicleSignals out_;
 };
 
 // Units that nobody gives: those that make a car's kinematics.
@@ -587,8 +601,8 @@ void Guess::try_unnamed() {
   follow(SignalKind::steering, SignalKind::r, true, 0.8);
 }
 
-GuessedVehicle Guess::run() {
-  VehicleSignals& signals = out_.signals;
+VehicleSignals Guess::run() {
+  VehicleSignals& signals = out_;
   signals.name = tables_.empty() ? "" : std::filesystem::path(tables_[0].path).filename().string();
   const auto timed = std::find_if(clocks_.begin(), clocks_.end(),
                                   [](const Clock& c) { return c.time.size() > 0; });
@@ -628,6 +642,7 @@ GuessedVehicle Guess::run() {
   signals.time_column = timed->column;
   signals.time_unit = timed->unit;
   std::set<const Column*> used;
+  std::string unclear;
   for (const Candidate& c : candidates_) {
     if (!used.insert(c.column).second) continue;
     VehicleSignal s;
@@ -635,28 +650,30 @@ GuessedVehicle Guess::run() {
     s.column = called(c);
     const Candidate* first = best(c.kind);
     s.unit = first == &c ? units_[c.kind] : c.unit;
-    if (s.unit.empty()) s.unit = si_unit(c.kind);
+    if (s.unit.empty()) s.unit = unit_like(c, *first);
     s.source = std::filesystem::path(tables_[c.file].path).filename().string();
     s.at_wheel = at_wheel_;
     s.axis = c.words.any({"down", "right"}) ? -1.0 : 1.0;
     s.time = clocks_[c.file].time;
     s.value = raw_values(*c.column) * parse_unit(s.unit).value_or(Unit{}).scale;
-    if (first == &c && c.unit.empty()) {
-      out_.findings.push_back({"unit_unclear",
-                               "note",
-                               {s.column},
-                               fmt::format("the unit of '{}' is nowhere given; {} makes the "
-                                           "kinematics fit",
-                                           s.column, s.unit),
-                               "check it"});
-    }
+    if (c.unit.empty())
+      unclear += fmt::format("{}{} {}", unclear.empty() ? "" : ", ", s.column, s.unit);
     signals.signals.push_back(std::move(s));
+  }
+  if (!unclear.empty()) {
+    signals.findings.push_back({"unit_unclear",
+                                "note",
+                                {},
+                                "the file gives no unit of some columns; these make the kinematics "
+                                "of a car: " +
+                                    unclear,
+                                "check them"});
   }
   return std::move(out_);
 }
 
 }  // namespace
 
-GuessedVehicle guess_vehicle(const std::vector<Table>& tables) { return Guess(tables).run(); }
+VehicleSignals guess_vehicle(const std::vector<Table>& tables) { return Guess(tables).run(); }
 
 }  // namespace identikal

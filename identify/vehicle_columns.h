@@ -9,11 +9,6 @@
 
 namespace identikal {
 
-struct GuessedVehicle {
-  VehicleSignals signals;
-  std::vector<Warning> findings;  ///< several_runs, no_time, unit_unclear, guessed_by_physics
-};
-
 /// Guesses steering angle, speed, yaw rate, lateral speed and acceleration, sideslip among the
 /// columns of one recording. A name is cut into words ("LatAcc_obd": lat, acc, obd) and compared
 /// with the usual ones in several spellings; an ending such as "_mps2" counts as unit. A unit that
@@ -23,7 +18,8 @@ struct GuessedVehicle {
 ///
 /// Every table keeps its own clock. Where time runs backwards a new run begins; runs are put one
 /// after the other, parted by a gap.
+/// Findings: several_runs, no_time, unit_unclear, guessed_by_physics.
 /// @param tables  the files of one recording
-GuessedVehicle guess_vehicle(const std::vector<Table>& tables);
+VehicleSignals guess_vehicle(const std::vector<Table>& tables);
 
 }  // namespace identikal

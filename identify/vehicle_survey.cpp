@@ -140,7 +140,7 @@ struct Scene {
   }
   VehicleSurvey::Proposal* proposal(SignalKind kind) {
     for (VehicleSurvey::Proposal& p : out.mapping) {
-      if (first.contains(kind) && p.column == signal(kind).column) return &p;
+      if (signal_kind(p.name) == kind) return &p;
     }
     return nullptr;
   }
@@ -154,16 +154,23 @@ double unit_scale(const VehicleSignal& signal) {
 
 // Runs of one value: those up to half a second long are held samples, longer ones a quantity at
 // rest.
-double held_share(const VehicleSignal& signal) {
-  double held = 0.0, moving = 0.0;
+struct Held {
+  double of_all = 0.0, of_moving = 0.0;
+};
+
+Held held_share(const VehicleSignal& signal) {
+  double held = 0.0, moving = 0.0, repeated = 0.0, all = 0.0;
   const VectorXd& x = signal.value;
   for (Index i = 0, end = 0; i < x.size(); i = end) {
     for (end = i + 1; end < x.size() && (x[end] == x[i] || std::isnan(x[end]));) ++end;
-    if (std::isnan(x[i]) || signal.time[end - 1] - signal.time[i] > 0.5) continue;
+    if (std::isnan(x[i])) continue;
+    repeated += static_cast<double>(end - i - 1);
+    all += static_cast<double>(end - i);
+    if (signal.time[end - 1] - signal.time[i] > 0.5) continue;
     held += static_cast<double>(end - i - 1);
     moving += static_cast<double>(end - i);
   }
-  return moving > 0.0 ? held / moving : 0.0;
+  return {all > 0.0 ? repeated / all : 0.0, moving > 0.0 ? held / moving : 0.0};
 }
 
 double quantum_of(const VectorXd& x) {
@@ -181,7 +188,8 @@ double quantum_of(const VectorXd& x) {
 }
 
 // Samples that leap away from the median of their neighbours and back.
-std::vector<Index> leaps(const VectorXd& x) {
+std::vector<Index> leaps(const VectorXd& t, const VectorXd& x) {
+  const double period = own_period(t, x);
   std::vector<double> off;
   std::vector<Index> at;
   for (Index i = 3; i + 3 < x.size(); ++i) {
@@ -189,7 +197,8 @@ std::vector<Index> leaps(const VectorXd& x) {
     for (Index k = i - 3; k <= i + 3; ++k) {
       if (k != i && !std::isnan(x[k])) around.push_back(x[k]);
     }
-    if (std::isnan(x[i]) || around.size() < 4) continue;
+    const bool gap = t[i + 3] - t[i - 3] > 3.0 * 6.0 * period;
+    if (gap || std::isnan(x[i]) || around.size() < 4) continue;
     off.push_back(std::abs(x[i] - quantile_of(std::move(around), 0.5)));
     at.push_back(i);
   }
@@ -214,7 +223,8 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
       entry.highest = *std::max_element(values.begin(), values.end()) / scale;
     }
     const bool constant = values.empty() || entry.lowest == entry.highest;
-    entry.held = constant ? kNaN : held_share(s);
+    const Held held = held_share(s);
+    entry.held = held.of_all;
     entry.quantum = quantum_of(s.value) / scale;
     scene.out.signals.push_back(entry);
     const bool used = scene.first.contains(s.kind) && scene.first.at(s.kind) == &s;
@@ -231,16 +241,18 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
     }
     if (!used) continue;
     const double spread = (quantile_of(values, 0.95) - quantile_of(values, 0.05)) / 3.3 / scale;
-    if (entry.held > 0.4) {
-      scene.find("held_samples", "warning", {s.column},
-                 fmt::format("'{}' repeats the sample before in {} of its rows while it moves, and "
-                             "changes in steps of {} {} ({} of its spread): a slow bus on a fast "
-                             "raster",
-                             s.column, percent(entry.held), shown(entry.quantum), s.unit,
-                             percent(entry.quantum / std::max(spread, 1e-300))),
-                 "its rows are not independent: trust no standard error that takes them so");
+    if (held.of_moving > 0.4) {
+      scene.find(
+          "held_samples", "warning", {s.column},
+          fmt::format("'{}' repeats the sample before in {} of its rows ({} while it moves), in "
+                      "steps of {} {}, {} of its spread",
+                      s.column, percent(held.of_all), percent(held.of_moving), shown(entry.quantum),
+                      s.unit, percent(entry.quantum / std::max(spread, 1e-300))),
+          "a slow bus, or coarse steps: its rows are not independent, and standard errors that "
+          "take "
+          "them so are too small");
     }
-    const std::vector<Index> odd = leaps(s.value);
+    const std::vector<Index> odd = leaps(s.time, s.value);
     if (!odd.empty()) {
       std::string where;
       for (std::size_t i = 0; i < std::min<std::size_t>(3, odd.size()); ++i) {
@@ -456,14 +468,40 @@ void judge_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
 
+// dvy/dt on the raster, over the length of the smoothing; empty when nothing tells vy.
+VectorXd lateral_rate(const Scene& scene) {
+  if (!scene.has(SignalKind::vy) && !scene.has(SignalKind::beta)) return {};
+  const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
+  VectorXd vy = scene.smooth.at(kind);
+  if (kind == SignalKind::beta) vy = vy.cwiseProduct(scene.speed);
+  VectorXd rate = VectorXd::Constant(vy.size(), kNaN);
+  const auto half = std::max<Index>(1, std::lround(0.25 * kSmoothing / scene.step));
+  for (Index i = half; i + half < vy.size(); ++i) {
+    rate[i] = (vy[i + half] - vy[i - half]) / (scene.time[i + half] - scene.time[i - half]);
+  }
+  return rate;
+}
+
 void check_acceleration(Scene& scene) {
   if (!scene.has(SignalKind::r) || !scene.has(SignalKind::ay)) return;
-  const VectorXd expected =
+  VectorXd expected =
       while_driving(scene, scene.speed.cwiseProduct(scene.smooth[SignalKind::r]), kSlowestTest);
   const VectorXd seen = while_driving(scene, scene.smooth[SignalKind::ay], kSlowestTest);
   VehicleSurvey::Relation relation = relate(scene.time, expected, seen, "vx r", "ay");
+  // Without dvy/dt the car's own dynamics shift the one against the other; which of the two mirrors
+  // vy is another question.
+  double least = 0.25;
+  if (const VectorXd rate = lateral_rate(scene); rate.size() > 0) {
+    for (const double sign : {1.0, -1.0}) {
+      VehicleSurvey::Relation with = relate(scene.time, expected + sign * rate, seen, "vx r", "ay");
+      if (!(std::abs(with.correlation) > std::abs(relation.correlation) + 0.002)) continue;
+      with.slope = relation.slope;
+      relation = with;
+      least = 0.1;
+    }
+  }
   if (!scene.found("swapped_channels")) {
-    judge_clock(scene, relation, 0.08, SignalKind::ay);
+    judge_clock(scene, relation, least, SignalKind::ay);
     const double ratio = 1.0 / relation.slope;  // vx r over ay
     if (std::abs(relation.correlation) > 0.7 && !near_one(relation.slope)) {
       std::string guess;
@@ -496,11 +534,11 @@ Steered compare_steering(Scene& scene) {
       while_driving(scene, gain.cwiseProduct(scene.on[SignalKind::steering]), kSlowestTest);
   const VectorXd y = while_driving(scene, scene.on[SignalKind::r], kSlowestTest);
   Steered out;
-  for (const double time_constant : {0.0, 0.05, 0.1, 0.15, 0.2, 0.3}) {
-    VehicleSurvey::Relation one =
-        relate(scene.time, lagged(x, scene.step, time_constant), y, "steering", "r");
-    if (!(std::abs(one.correlation) <= std::abs(out.relation.correlation))) out.relation = one;
-  }
+  // A usual car's yaw motion takes about so long; that it is not known better is an error of the
+  // lag.
+  constexpr double kYawLag = 0.1, kYawLagError = 0.05;
+  out.relation = relate(scene.time, lagged(x, scene.step, kYawLag), y, "steering", "r");
+  out.relation.lag_se = std::hypot(out.relation.lag_se, kYawLagError);
   VectorXd slow = x;
   for (Index i = 0; i < slow.size(); ++i) {
     if (std::abs(v[i] * y[i]) > 4.0) slow[i] = kNaN;
@@ -592,16 +630,8 @@ void check_sideslip(Scene& scene) {
     }
     scene.out.relations.push_back(relation);
   }
-  const bool moves = scene.has(SignalKind::vy) || scene.has(SignalKind::beta);
-  if (!moves || !scene.has(SignalKind::r) || !scene.has(SignalKind::ay)) return;
-  const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
-  VectorXd vy = scene.smooth[kind];
-  if (kind == SignalKind::beta) vy = vy.cwiseProduct(scene.speed);
-  VectorXd rate = VectorXd::Constant(vy.size(), kNaN);
-  const auto half = std::max<Index>(1, std::lround(0.5 * kSmoothing / scene.step));
-  for (Index i = half; i + half < vy.size(); ++i) {
-    rate[i] = (vy[i + half] - vy[i - half]) / (scene.time[i + half] - scene.time[i - half]);
-  }
+  const VectorXd rate = lateral_rate(scene);
+  if (rate.size() == 0 || !scene.has(SignalKind::r) || !scene.has(SignalKind::ay)) return;
   const VectorXd left_over =
       scene.smooth[SignalKind::ay] - scene.speed.cwiseProduct(scene.smooth[SignalKind::r]);
   VehicleSurvey::Relation relation;
@@ -833,7 +863,8 @@ void judge_identifiability(Scene& scene) {
   const double spread = out.speed[3] / out.speed[1];
   const bool several_speeds = spread > 2.0;
   // Dynamics show where the steering moves faster than the yaw motion settles.
-  const bool quick = out.above_half_hertz > 0.05 || out.above_1_5_hertz > 0.01;
+  const bool quick = out.above_half_hertz > 0.05;
+  const bool rather_quick = out.above_half_hertz > 0.005;
   const bool very_quick = out.above_1_5_hertz > 0.02;
   const bool circles = out.steady > 0.8 && out.above_half_hertz < 0.05;
   const std::string frequencies =
@@ -846,15 +877,24 @@ void judge_identifiability(Scene& scene) {
   const double strong =
       out.lateral[2] + out.lateral[3] + out.lateral[4] + out.lateral[5] + out.lateral[6];
   const bool gain_told = several_speeds && strong > 0.05;
-  if (circles) {
+  const bool gain_weak = spread > 1.5 && strong > 0.05;
+  const bool loaded = out.lateral[0] < 0.98;
+  if (!loaded) {
+    const std::string why = fmt::format(
+        "the tyres are hardly loaded: |ay| stays below 1 m/s^2 {} of "
+        "the time",
+        percent(out.lateral[0]));
+    say("Cf, Cr", "no", why);
+    say("Iz", "no", why);
+  } else if (circles) {
     say("Cf, Cr", "combination",
         fmt::format("steady circles tell i L and i K only, K = m (b Cr - a Cf)/(L Cf Cr){}",
                     slip ? "; with sideslip the rear axle too" : ""));
     say("Iz", "no", "yaw inertia acts only while the yaw rate changes; " + frequencies);
   } else if (slip) {
-    say("Cf, Cr", quick || gain_told ? "yes" : "weak",
+    say("Cf, Cr", quick || gain_told || gain_weak ? "yes" : "weak",
         fmt::format("over mass, given the {}: sideslip tells the axles apart", ratio));
-    say("Iz", quick ? "yes" : "no", frequencies);
+    say("Iz", quick ? "yes" : rather_quick ? "weak" : "no", frequencies);
   } else if (very_quick) {
     say("Cf, Cr", "weak",
         fmt::format("yaw rate without sideslip: only with m, a, b and the {} exact; {}", ratio,
@@ -870,6 +910,8 @@ void judge_identifiability(Scene& scene) {
   if (gain_told) {
     say(which.c_str(), circles ? "combination" : "yes",
         speeds + (circles ? ": times the wheelbase" : ", with some strength"));
+  } else if (gain_weak) {
+    say(which.c_str(), "weak", speeds + ": a ratio above 2 tells it better");
   } else {
     say(which.c_str(), "no",
         speeds +
@@ -912,19 +954,61 @@ void propose(const VehicleSignals& signals, Scene& scene) {
 }
 
 void propose_delays(Scene& scene) {
-  for (const VehicleSurvey::Relation& relation : scene.out.relations) {
-    if (!relation.clock) continue;
-    if (relation.expected == "steering") {
-      // r is late behind the steering: the steering is early.
-      if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::steering)) {
-        p->delay = -relation.lag;
-      }
-    } else if (relation.seen == "ay") {
-      if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::ay)) p->delay = relation.lag;
-    } else if (relation.seen == "beta") {
-      if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::beta)) p->delay = relation.lag;
+  const auto relation = [&](std::string_view expected, std::string_view seen) {
+    const auto& all = scene.out.relations;
+    const auto hit = std::find_if(all.begin(), all.end(), [&](const VehicleSurvey::Relation& r) {
+      return r.clock && r.expected == expected && r.seen == seen;
+    });
+    return hit == all.end() ? nullptr : &*hit;
+  };
+  const VehicleSurvey::Relation* steering = relation("steering", "r");
+  const VehicleSurvey::Relation* wheels = relation("vx", "wheel speed");
+  if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::steering); p && steering) {
+    // r is late behind the steering: the steering is early.
+    p->delay = -steering->lag;
+    if (wheels && std::abs(wheels->lag + steering->lag) <
+                      3.0 * std::hypot(wheels->lag_se, steering->lag_se)) {
+      // Both come from one bus; how fast the car answers does not blur what its wheels say.
+      const double w = 1.0 / (wheels->lag_se * wheels->lag_se);
+      const double s = 1.0 / (steering->lag_se * steering->lag_se);
+      p->delay = (w * wheels->lag - s * steering->lag) / (w + s);
+      scene.find(
+          "one_clock", "note",
+          {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::wheel_speed).column},
+          fmt::format("{} and {} lag alike: one clock, {:.2f} s {} for both",
+                      scene.name(SignalKind::steering), scene.name(SignalKind::wheel_speed),
+                      std::abs(p->delay), p->delay > 0.0 ? "late" : "early"),
+          "");
     }
   }
+  if (const auto* ay = relation("vx r", "ay")) {
+    if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::ay)) p->delay = ay->lag;
+  }
+  if (const auto* beta = relation("vy / vx", "beta")) {
+    if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::beta)) p->delay = beta->lag;
+  }
+}
+
+// Files keep their own time; the lags say how far apart these run.
+void name_clocks(Scene& scene) {
+  std::map<std::string, std::string> of_source;
+  for (const auto& [kind, signal] : scene.first) {
+    std::string& list = of_source[signal->source];
+    list += (list.empty() ? "" : ", ") + signal->column;
+  }
+  if (of_source.size() < 2) return;
+  std::string text =
+      fmt::format("the signals come from {} files with clocks of their own:", of_source.size());
+  for (const auto& [source, list] : of_source) {
+    text += fmt::format("{} {} ({})", text.ends_with(':') ? "" : ";", source, list);
+  }
+  std::string lags;
+  for (const VehicleSurvey::Relation& r : scene.out.relations) {
+    if (!std::isfinite(r.lag)) continue;
+    lags += fmt::format("{}{} after {} by {:.2f} +- {:.2f} s", lags.empty() ? "" : ", ", r.seen,
+                        r.expected, r.lag, r.lag_se);
+  }
+  scene.find("several_clocks", "note", {}, text, lags);
 }
 
 }  // namespace
@@ -983,7 +1067,7 @@ VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data) {
       if (!kind) continue;
       s.kind = *kind;
       s.at_wheel = name != "road_wheel_angle";
-      s.column = sources[i].column;
+      s.column = sources[i].column.empty() ? name : sources[i].column;
       s.unit = channels[i].unit;
       s.source = data.name;
       s.time = data.time;
@@ -1007,6 +1091,7 @@ std::optional<SignalKind> signal_kind(std::string_view name) {
 
 VehicleSurvey survey(const VehicleSignals& signals) {
   Scene scene;
+  scene.out.findings = signals.findings;
   const bool raster = make_raster(signals, scene);
   propose(signals, scene);
   if (!scene.first.contains(SignalKind::steering)) {
@@ -1048,6 +1133,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
     look_at_excitation(scene);
     look_at_straights(scene);
     propose_delays(scene);
+    name_clocks(scene);
   }
   judge_identifiability(scene);
   const auto rank = [](const Warning& w) {

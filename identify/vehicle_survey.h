@@ -41,6 +41,7 @@ struct VehicleSignals {
   std::string name;
   std::vector<VehicleSignal> signals;
   std::string time_column, time_unit;
+  std::vector<Warning> findings;  ///< what was found while the columns were guessed
 };
 
 /// The channels of a recording as a model file maps them.
@@ -52,9 +53,10 @@ VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data);
 ///
 /// Codes of the findings, stable: too_short, no_steering, no_speed, no_yaw_rate, dead_channel,
 /// stuck_channel, swapped_channels, units_ay, units_speed, units_steering, sign_steering, sign_r,
-/// sign_ay, sign_vy, clock_offset, clock_unclear, held_samples, outliers, reversing, standstill. A
-/// finding is "serious" where a fit would be wrong, else a "warning" or a "note".
-/// Lags between signals are searched over +-5 s, or a quarter of the recording where that is less.
+/// sign_ay, sign_vy, clock_offset, clock_unclear, several_clocks, one_clock, held_samples, outliers,
+/// reversing, standstill. A finding is "serious" where a fit would be wrong, else a "warning" or a
+/// "note". Lags between signals are searched over +-5 s, or a quarter of the recording where that
+/// is less.
 VehicleSurvey survey(const VehicleSignals& signals);
 
 }  // namespace identikal
