@@ -97,11 +97,11 @@ std::string survey_text(const VehicleSurvey& survey) {
   }
   if (!straight.empty()) out += in_lines("", straight + " (median)", 2);
   if (!survey.relations.empty()) {
-    out += fmt::format("\n{:<12} {:<12} {:>11} {:>8} {:>16} {:>16}\n", "expected", "seen",
+    out += fmt::format("\n{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", "expected", "seen",
                        "correlation", "size", "seen later by", "next peak");
     for (const VehicleSurvey::Relation& r : survey.relations) {
       out += fmt::format(
-          "{:<12} {:<12} {:>11} {:>8} {:>16} {:>16}\n", r.expected, r.seen,
+          "{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
           number(r.correlation, "{:.3f}"), number(r.slope, "{:.3g}"),
           std::isfinite(r.lag) ? fmt::format("{:.3f} +- {:.3f} s", r.lag, r.lag_se) : "-",
           std::isfinite(r.other_lag)

@@ -193,13 +193,12 @@ std::vector<Index> leaps(const VectorXd& t, const VectorXd& x) {
   std::vector<double> off;
   std::vector<Index> at;
   for (Index i = 3; i + 3 < x.size(); ++i) {
-    std::vector<double> around;
-    for (Index k = i - 3; k <= i + 3; ++k) {
-      if (k != i && !std::isnan(x[k])) around.push_back(x[k]);
-    }
-    const bool gap = t[i + 3] - t[i - 3] > 3.0 * 6.0 * period;
-    if (gap || std::isnan(x[i]) || around.size() < 4) continue;
-    off.push_back(std::abs(x[i] - quantile_of(std::move(around), 0.5)));
+    if (std::isnan(x[i]) || t[i + 3] - t[i - 3] > 3.0 * 6.0 * period) continue;
+    const double before = x[i] - quantile_of(VectorXd(x.segment(i - 3, 3)), 0.5);
+    const double after = x[i] - quantile_of(VectorXd(x.segment(i + 1, 3)), 0.5);
+    if (std::isnan(before) || std::isnan(after)) continue;
+    // A step leaves one side only.
+    off.push_back(before * after > 0.0 ? std::min(std::abs(before), std::abs(after)) : 0.0);
     at.push_back(i);
   }
   std::vector<Index> out;
@@ -207,7 +206,9 @@ std::vector<Index> leaps(const VectorXd& t, const VectorXd& x) {
   const double usual = quantile_of(off, 0.5), often = quantile_of(off, 0.95);
   const double range = quantile_of(x, 0.95) - quantile_of(x, 0.05);
   for (std::size_t i = 0; i < off.size(); ++i) {
-    if (off[i] > 20.0 * usual && off[i] > 6.0 * often && off[i] > 0.3 * range) out.push_back(at[i]);
+    if (off[i] > 20.0 * usual && off[i] > 6.0 * often && off[i] > 0.3 * range) {
+      out.push_back(at[i]);
+    }
   }
   return out;
 }
