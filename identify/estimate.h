@@ -251,7 +251,8 @@ struct VehicleSurvey {
     bool input = false;
     std::string name, column, unit;
     double scale = 1.0;
-    double delay = 0.0;  ///< [s]
+    double offset = 0.0;  ///< in `unit`: only what the model file says already
+    double delay = 0.0;   ///< [s]
   };
   std::vector<Proposal> mapping;
   std::string time_column, time_unit;  ///< empty: none

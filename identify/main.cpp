@@ -518,7 +518,7 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
       Dataset whole;
       whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
       records.add(std::move(whole), files);
-      estimate.survey = survey(guess_vehicle(files));
+      estimate.survey = survey(within(guess_vehicle(files), parse_range(args.range)));
     }
     estimate.inputs = records.records;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;

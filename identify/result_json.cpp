@@ -157,6 +157,7 @@ Json survey(const Estimate& estimate) {
                        {"column", p.column},
                        {"unit", p.unit},
                        {"scale", number(p.scale)},
+                       {"offset", number(p.offset)},
                        {"delay", number(p.delay)}});
   }
   Json speed = Json::array(), lateral = Json::array();

@@ -72,6 +72,7 @@ std::string mapping_text(const VehicleSurvey& survey) {
       lines += fmt::format("  {}: {{column: {}", p.name, yaml(p.column));
       if (!p.unit.empty()) lines += ", unit: " + yaml(p.unit);
       if (p.scale != 1.0) lines += fmt::format(", scale: {:g}", p.scale);
+      if (p.offset != 0.0) lines += fmt::format(", offset: {:.6g}", p.offset);
       if (p.delay != 0.0) lines += fmt::format(", delay: {:.3g} s", p.delay);
       lines += "}\n";
     }
@@ -81,10 +82,13 @@ std::string mapping_text(const VehicleSurvey& survey) {
 }
 
 std::string survey_text(const VehicleSurvey& survey) {
-  std::string out = fmt::format("{:<20} {:<11} {:<6} {:>7} {:>9} {:>9} {:>5} {:>7}\n", "column",
-                                "taken as", "unit", "Hz", "min", "max", "held", "step");
+  std::string out;
+  if (!survey.signals.empty()) {
+    out = fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", "column", "taken as",
+                      "unit", "Hz", "min", "max", "held", "step");
+  }
   for (const VehicleSurvey::Signal& s : survey.signals) {
-    out += fmt::format("{:<20} {:<11} {:<6} {:>7} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 20),
+    out += fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 19),
                        s.quantity, s.unit, number(s.rate), number(s.lowest), number(s.highest),
                        std::isfinite(s.held) ? fmt::format("{:.0f}%", 100.0 * s.held) : "-",
                        number(s.quantum, "{:.2g}"));

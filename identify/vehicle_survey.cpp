@@ -529,16 +529,39 @@ struct Steered {
 };
 
 Steered compare_steering(Scene& scene) {
-  const VectorXd& v = scene.speed;
-  const VectorXd gain = v.array() / (1.0 + (v.array() / kTypicalSpeed).square());
-  const VectorXd x =
-      while_driving(scene, gain.cwiseProduct(scene.on[SignalKind::steering]), kSlowestTest);
-  const VectorXd y = while_driving(scene, scene.on[SignalKind::r], kSlowestTest);
-  Steered out;
   // A usual car's yaw motion takes about so long; that it is not known better is an error of the
   // lag.
   constexpr double kYawLag = 0.1, kYawLagError = 0.05;
-  out.relation = relate(scene.time, lagged(x, scene.step, kYawLag), y, "steering", "r");
+  const VectorXd& v = scene.speed;
+  const VectorXd gain = v.array() / (1.0 + (v.array() / kTypicalSpeed).square());
+  const VehicleSignal& steering = scene.signal(SignalKind::steering);
+  const double widest = kBridgedPeriods * own_period(steering.time, steering.value);
+  const VectorXd y = while_driving(scene, scene.on[SignalKind::r], kSlowestTest);
+  Steered out;
+  VectorXd x;
+  double lag = 0.0;
+  // Steering has to meet the speed of its own time, so that the lag is found in a few passes.
+  for (int pass = 0; pass < 4; ++pass) {
+    const VectorXd delta =
+        interpolate_linearly(steering.time, steering.value, scene.time.array() - lag, widest);
+    x = while_driving(scene, gain.cwiseProduct(delta), kSlowestTest);
+    VehicleSurvey::Relation one =
+        relate(scene.time, lagged(x, scene.step, kYawLag), y, "steering", "r");
+    if (!std::isfinite(one.lag)) break;
+    if (pass == 0) {
+      out.relation = one;
+    } else if (std::abs(lag + one.lag) < kFarLag) {
+      out.relation.correlation = one.correlation;
+      out.relation.slope = one.slope;
+      out.relation.lag = lag + one.lag;
+      out.relation.lag_se = one.lag_se;
+    } else {
+      break;
+    }
+    lag = out.relation.lag;
+    // Only a lag of clocks is worth it.
+    if (!out.relation.clock || std::abs(one.lag) < 0.01) break;
+  }
   out.relation.lag_se = std::hypot(out.relation.lag_se, kYawLagError);
   VectorXd slow = x;
   for (Index i = 0; i < slow.size(); ++i) {
@@ -654,7 +677,10 @@ double correlation_of(const Scene& scene, std::string_view expected) {
 }
 
 void flip(Scene& scene, SignalKind kind) {
-  if (VehicleSurvey::Proposal* p = scene.proposal(kind)) p->scale = -p->scale;
+  if (VehicleSurvey::Proposal* p = scene.proposal(kind)) {
+    p->scale = -p->scale;
+    p->offset = -p->offset;
+  }
 }
 
 void check_signs_of(Scene& scene) {
@@ -856,9 +882,13 @@ void judge_identifiability(Scene& scene) {
     out.verdicts.push_back({of, answer, std::move(why)});
   };
   if (scene.found("too_short") || scene.found("no_steering") || scene.found("no_speed") ||
-      scene.found("no_yaw_rate")) {
+      (scene.found("no_yaw_rate") && !scene.has(SignalKind::ay))) {
     say("Cf, Cr", "no",
         "steering angle, speed and yaw rate of a driven manoeuvre are not all there");
+    return;
+  }
+  if (scene.found("no_yaw_rate")) {
+    say("Cf, Cr", "weak", "no yaw rate: what the others can tell was not looked at");
     return;
   }
   const double spread = out.speed[3] / out.speed[1];
@@ -947,7 +977,7 @@ void propose(const VehicleSignals& signals, Scene& scene) {
     const std::string name = line.kind == SignalKind::steering
                                  ? (s.at_wheel ? "steering_wheel_angle" : "road_wheel_angle")
                                  : to_string(line.kind);
-    scene.out.mapping.push_back({line.input, name, s.column, s.unit, 1.0, 0.0});
+    scene.out.mapping.push_back({line.input, name, s.column, s.unit, s.scale, s.offset, s.delay});
   }
   scene.out.time_column = signals.time_column;
   scene.out.time_unit = signals.time_unit;
@@ -966,27 +996,28 @@ void propose_delays(Scene& scene) {
   const VehicleSurvey::Relation* wheels = relation("vx", "wheel speed");
   if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::steering); p && steering) {
     // r is late behind the steering: the steering is early.
-    p->delay = -steering->lag;
+    double late = -steering->lag;
     if (wheels && std::abs(wheels->lag + steering->lag) <
                       3.0 * std::hypot(wheels->lag_se, steering->lag_se)) {
       // Both come from one bus; how fast the car answers does not blur what its wheels say.
       const double w = 1.0 / (wheels->lag_se * wheels->lag_se);
       const double s = 1.0 / (steering->lag_se * steering->lag_se);
-      p->delay = (w * wheels->lag - s * steering->lag) / (w + s);
+      late = (w * wheels->lag - s * steering->lag) / (w + s);
       scene.find(
           "one_clock", "note",
           {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::wheel_speed).column},
           fmt::format("{} and {} lag alike: one clock, {:.2f} s {} for both",
                       scene.name(SignalKind::steering), scene.name(SignalKind::wheel_speed),
-                      std::abs(p->delay), p->delay > 0.0 ? "late" : "early"),
+                      std::abs(late), late > 0.0 ? "late" : "early"),
           "");
     }
+    p->delay += late;
   }
   if (const auto* ay = relation("vx r", "ay")) {
-    if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::ay)) p->delay = ay->lag;
+    if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::ay)) p->delay += ay->lag;
   }
   if (const auto* beta = relation("vy / vx", "beta")) {
-    if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::beta)) p->delay = beta->lag;
+    if (VehicleSurvey::Proposal* p = scene.proposal(SignalKind::beta)) p->delay += beta->lag;
   }
 }
 
@@ -1071,6 +1102,9 @@ VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data) {
       s.column = sources[i].column.empty() ? name : sources[i].column;
       s.unit = channels[i].unit;
       s.source = data.name;
+      s.scale = sources[i].scale;
+      s.offset = sources[i].offset;
+      s.delay = sources[i].delay;
       s.time = data.time;
       s.value = values.row(static_cast<Index>(i)).transpose();
       out.signals.push_back(std::move(s));
@@ -1090,9 +1124,29 @@ std::optional<SignalKind> signal_kind(std::string_view name) {
   return std::nullopt;
 }
 
+VehicleSignals within(const VehicleSignals& signals, const TimeRange& range) {
+  double begin = kInfinity;
+  for (const VehicleSignal& s : signals.signals) {
+    if (s.time.size() > 0) begin = std::min(begin, s.time[0]);
+  }
+  VehicleSignals out = signals;
+  for (VehicleSignal& s : out.signals) {
+    const auto first = std::lower_bound(s.time.begin(), s.time.end(), begin + range.from);
+    const auto last = std::upper_bound(first, s.time.end(), begin + range.to);
+    const Index at = first - s.time.begin(), count = last - first;
+    s.time = VectorXd(s.time.segment(at, count));
+    s.value = VectorXd(s.value.segment(at, count));
+  }
+  return out;
+}
+
 VehicleSurvey survey(const VehicleSignals& signals) {
   Scene scene;
   scene.out.findings = signals.findings;
+  if (signals.signals.empty() && scene.found("no_time")) {
+    scene.out.verdicts = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
+    return scene.out;
+  }
   const bool raster = make_raster(signals, scene);
   propose(signals, scene);
   if (!scene.first.contains(SignalKind::steering)) {
@@ -1105,8 +1159,9 @@ VehicleSurvey survey(const VehicleSignals& signals) {
                "is it the right column? Else record a manoeuvre");
   }
   if (!scene.first.contains(SignalKind::r)) {
-    scene.find("no_yaw_rate", "serious", {}, "no column looks like a yaw rate",
-               "name it in the model file");
+    const bool ay = scene.first.contains(SignalKind::ay);
+    scene.find("no_yaw_rate", ay ? "warning" : "serious", {}, "no column looks like a yaw rate",
+               "name it in the model file; without it signs, units and clocks are not compared");
   }
   const bool speed = scene.speed.size() > 0;
   if (!speed) {

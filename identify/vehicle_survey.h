@@ -27,10 +27,11 @@ std::optional<SignalKind> signal_kind(std::string_view name);
 
 struct VehicleSignal {
   SignalKind kind = SignalKind::r;
-  std::string column;     ///< how the file, or the model, calls it
-  std::string unit;       ///< the recorded one, or the guessed one
-  std::string source;     ///< file that it comes from: signals of one file share a clock
-  bool at_wheel = true;   ///< steering: angle of the steering wheel, not of the road wheels
+  std::string column;    ///< how the file, or the model, calls it
+  std::string unit;      ///< the recorded one, or the guessed one
+  std::string source;    ///< file that it comes from: signals of one file share a clock
+  bool at_wheel = true;  ///< steering: angle of the steering wheel, not of the road wheels
+  double scale = 1.0, offset = 0.0, delay = 0.0;  ///< of the model file, applied already
   double axis = 1.0;      ///< -1: the name says that its axis points right or down
   Eigen::VectorXd time;   ///< [s], increasing
   Eigen::VectorXd value;  ///< SI, NaN = missing
@@ -47,16 +48,19 @@ struct VehicleSignals {
 /// The channels of a recording as a model file maps them.
 VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data);
 
+/// The samples inside the range, which counts from the earliest sample of all.
+VehicleSignals within(const VehicleSignals& signals, const TimeRange& range);
+
 /// Looks at the signals and says what is there, what is wrong and what they can tell. Kinematics
 /// (ISO 8855, small angles): ay = dvy/dt + vx r, beta = vy/vx; at low lateral acceleration r
 /// follows vx delta / L within a few tenths of a second.
 ///
 /// Codes of the findings, stable: too_short, no_steering, no_speed, no_yaw_rate, dead_channel,
 /// stuck_channel, swapped_channels, units_ay, units_speed, units_steering, sign_steering, sign_r,
-/// sign_ay, sign_vy, clock_offset, clock_unclear, several_clocks, one_clock, held_samples, outliers,
-/// reversing, standstill. A finding is "serious" where a fit would be wrong, else a "warning" or a
-/// "note". Lags between signals are searched over +-5 s, or a quarter of the recording where that
-/// is less.
+/// sign_ay, sign_vy, clock_offset, clock_unclear, several_clocks, one_clock, held_samples,
+/// outliers, reversing, standstill. A finding is "serious" where a fit would be wrong, else a
+/// "warning" or a "note". Lags between signals are searched over +-5 s, or a quarter of the
+/// recording where that is less.
 VehicleSurvey survey(const VehicleSignals& signals);
 
 }  // namespace identikal

@@ -1,5 +1,6 @@
 #include "identify/vehicle_survey.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -182,6 +183,32 @@ TEST(VehicleSurvey, ClocksApart) {
   }
   // A delay of a tenth of a second is a car's, or an actuator's: nothing for a survey.
   EXPECT_EQ(alarms(surveyed_when([&](Dataset& d) { come_late(d, d.u, 0, 0.05); })), Codes{});
+}
+
+// What the model file does already stays, and what is found comes on top.
+TEST(VehicleSurvey, TheMappingOfTheModelFileIsTheStart) {
+  Dataset data = drive_around();
+  come_late(data, data.u, 0, 0.4);
+  data.y.row(kAy) *= -1.0;
+  ModelFile model = testing::thesis_model(kAll);
+  model.inputs[0].delay = 0.3;
+  model.outputs[kAy].scale = -2.0;
+  model.outputs[kAy].offset = 0.5;
+  const VehicleSurvey s = survey(vehicle_signals(model, data));
+  EXPECT_NEAR(proposal(s, "steering_wheel_angle").delay, 0.7, 0.1);
+  EXPECT_EQ(proposal(s, "ay").scale, 2.0);
+  EXPECT_EQ(proposal(s, "ay").offset, -0.5);
+}
+
+TEST(VehicleSurvey, OnlyTheRangeCounts) {
+  const VehicleSignals all = vehicle_signals(testing::thesis_model(kAll), drive_around());
+  TimeRange range;
+  range.from = 10.0;
+  range.to = 30.0;
+  EXPECT_NEAR(survey(within(all, range)).duration, 20.0, 0.05);
+  range.from = 100.0;
+  range.to = 110.0;
+  EXPECT_TRUE(alarms(survey(within(all, range))).contains("too_short"));
 }
 
 TEST(VehicleSurvey, SensorsThatFail) {
@@ -442,7 +469,9 @@ TEST(VehicleSurvey, TenRealRecordings) {
     EXPECT_EQ(steering, c.steering);
     EXPECT_EQ(proposal(s, "r").column, c.r);
     EXPECT_EQ(proposal(s, "ay").column, c.ay);
-    if (!c.iz.empty()) EXPECT_EQ(answer(s, "Iz"), c.iz);
+    if (!c.iz.empty()) {
+      EXPECT_EQ(answer(s, "Iz"), c.iz);
+    }
   }
 }
 
@@ -480,7 +509,9 @@ TEST(VehicleSurvey, SignsStepsAndUnitsOfRealRecordings) {
   EXPECT_EQ(proposal(ferrari, "r").unit, "rad/s");
   EXPECT_EQ(proposal(ferrari, "vy").column, "vy");
   for (const VehicleSurvey::Signal& x : ferrari.signals) {
-    if (x.column == "yawRateFilt") EXPECT_EQ(x.unit, "deg/s");
+    if (x.column == "yawRateFilt") {
+      EXPECT_EQ(x.unit, "deg/s");
+    }
   }
   const VehicleSurvey circles = of_recording("polaris_circle_timeseries.csv");
   EXPECT_EQ(answer(circles, "Cf, Cr"), "combination");
@@ -488,6 +519,112 @@ TEST(VehicleSurvey, SignsStepsAndUnitsOfRealRecordings) {
   const VehicleSurvey marc3 = of_recording("cobb_sim_marc3.txt");
   EXPECT_EQ(proposal(marc3, "steering_wheel_angle").unit, "deg");
   EXPECT_EQ(proposal(marc3, "ay").unit, "g");
+}
+
+// Every real recording, spoilt in every way: which mistakes are found?
+TEST(VehicleSurvey, MistakesPutIntoRealRecordings) {
+  const std::vector<std::vector<std::string>> recordings = {
+      {"polaris_human_connor_track3_1.csv"},
+      {"revsted_obd_sample.csv"},
+      {"comma2k19_rav4_imu.csv", "comma2k19_rav4_speed.csv", "comma2k19_rav4_steer.csv"},
+      {"iac_av21_Putnam_park2023_run4_2.csv"},
+      {"revs_250lm_first_half.csv"},
+      {"stanford_me227_ab.csv"},
+      {"cobb_sim_marc2.txt"}};
+  struct Mistake {
+    const char* name;
+    SignalKind in;
+    std::function<void(VehicleSignal&)> make;
+    std::function<bool(const VehicleSurvey& before, const VehicleSurvey& after)> found;
+  };
+  const auto signs = [](const VehicleSurvey& s, const char* one, const char* other) {
+    const auto scale = [&](const std::string& name) {
+      if (name != "steering") return proposal(s, name).scale;
+      return proposal(s, "steering_wheel_angle").scale * proposal(s, "road_wheel_angle").scale;
+    };
+    return scale(one) * scale(other);
+  };
+  const auto has = [](const char* code) {
+    return [code](const VehicleSurvey&, const VehicleSurvey& s) {
+      return finding(s, code) != nullptr;
+    };
+  };
+  const auto times = [](double factor) {
+    return [factor](VehicleSignal& x) { x.value *= factor; };
+  };
+  const auto later = [](double seconds) {
+    return [seconds](VehicleSignal& x) { x.time.array() += seconds; };
+  };
+  const auto late = [](const VehicleSurvey& s) { return -relation(s, "steering")->lag; };
+  const Mistake mistakes[] = {
+      {"-r", SignalKind::r, times(-1),
+       [&](const VehicleSurvey& a, const VehicleSurvey& b) {
+         return signs(a, "steering", "r") == -signs(b, "steering", "r");
+       }},
+      {"-ay", SignalKind::ay, times(-1),
+       [&](const VehicleSurvey& a, const VehicleSurvey& b) {
+         return signs(a, "r", "ay") == -signs(b, "r", "ay");
+       }},
+      {"-steering", SignalKind::steering, times(-1),
+       [&](const VehicleSurvey& a, const VehicleSurvey& b) {
+         return signs(a, "steering", "r") == -signs(b, "steering", "r");
+       }},
+      {"ay in g", SignalKind::ay, times(1 / 9.80665), has("units_ay")},
+      {"r in deg/s", SignalKind::r, times(57.29578), has("units_ay")},
+      {"steering in deg", SignalKind::steering, times(57.29578), has("units_steering")},
+      {"steering late", SignalKind::steering, later(1.2),
+       [&](const VehicleSurvey& a, const VehicleSurvey& b) {
+         return finding(b, "clock_offset") && std::abs(late(b) - late(a) - 1.2) < 0.15;
+       }},
+      {"steering early", SignalKind::steering, later(-2.0),
+       [&](const VehicleSurvey& a, const VehicleSurvey& b) {
+         return finding(b, "clock_offset") && std::abs(late(b) - late(a) + 2.0) < 0.15;
+       }},
+      {"ay late", SignalKind::ay, later(0.6),
+       [&](const VehicleSurvey&, const VehicleSurvey& b) {
+         return finding(b, "clock_offset") && std::abs(proposal(b, "ay").delay - 0.6) < 0.2;
+       }},
+      {"r stuck", SignalKind::r,
+       [](VehicleSignal& x) {
+         // Three seconds from where it is farthest from its mean.
+         Index at = 0;
+         (x.value.array() - x.value.mean()).abs().maxCoeff(&at);
+         for (Index i = at; i < x.value.size() && x.time[i] < x.time[at] + 3.0; ++i) {
+           x.value[i] = x.value[at];
+         }
+       },
+       has("stuck_channel")},
+      {"steering dead", SignalKind::steering, times(0.0), has("no_steering")},
+  };
+  int found = 0, tried = 0;
+  for (const Mistake& m : mistakes) {
+    std::string line;
+    for (const std::vector<std::string>& files : recordings) {
+      std::vector<Table> tables;
+      for (const std::string& file : files) {
+        IDENTIKAL_NEEDS_SHARED_FILE("recordings/" + file);
+        tables.push_back(read_csv(shared_file("recordings/" + file)));
+      }
+      VehicleSignals signals = guess_vehicle(tables);
+      const auto hit = std::find_if(signals.signals.begin(), signals.signals.end(),
+                                    [&](const VehicleSignal& x) { return x.kind == m.in; });
+      const VehicleSurvey before = survey(signals);
+      const bool no_ay = proposal(before, "ay").column.empty();
+      const std::string code = m.name;
+      if (hit == signals.signals.end() || (no_ay && code == "r in deg/s")) {
+        line += "    -";
+        continue;
+      }
+      m.make(*hit);
+      const bool here = m.found(before, survey(signals));
+      ++tried;
+      found += here ? 1 : 0;
+      line += here ? "  yes" : "   no";
+    }
+    std::printf("%-16s%s\n", m.name, line.c_str());
+  }
+  std::printf("%d of %d mistakes found\n", found, tried);
+  EXPECT_GE(found, 66);
 }
 
 TEST(SurveyReport, TheMappingIsWhatAModelFileTakes) {
@@ -502,12 +639,12 @@ TEST(SurveyReport, TheMappingIsWhatAModelFileTakes) {
   EXPECT_THAT(text, HasSubstr("  ay: {column: ay, unit: m/s^2, scale: -1}"));
   EXPECT_THAT(text, ::testing::ContainsRegex("steering_wheel_angle: .*, delay: 0\\.[678]"));
   EXPECT_THAT(text, HasSubstr("use_when: \"vx > 3\""));
-  std::size_t longest = 0, begin = 0;
-  const std::string report = survey_text(s);
-  for (std::size_t end; (end = report.find('\n', begin)) != std::string::npos; begin = end + 1) {
-    longest = std::max(longest, end - begin);
+  // Lines of a model file are as long as the names in them.
+  const std::string whole = survey_text(s), report = whole.substr(0, whole.find("\nproposed"));
+  for (std::size_t begin = 0, end; (end = report.find('\n', begin)) != std::string::npos;
+       begin = end + 1) {
+    EXPECT_LE(end - begin, 80u) << report.substr(begin, end - begin);
   }
-  EXPECT_LE(longest, 80u);
 }
 
 }  // namespace
