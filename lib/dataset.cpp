@@ -361,6 +361,7 @@ Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
   out.dt = step;
   out.inputs = data.inputs;
   out.outputs = data.outputs;
+  out.notes = data.notes;
   const Index rows = n == 0 ? 0 : target.back() + 1;
   out.time.resize(rows);
   for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;

@@ -430,6 +430,7 @@ TEST(Dataset, ScaleOffsetAndDelayOfAChannel) {
   EXPECT_TRUE(std::isnan(early.y(0, 3))) << "nothing was recorded 0.15 s later";
   EXPECT_THAT(early.notes,
               testing::ElementsAre("ay is column 'ay' 0.15 s earlier, interpolated linearly"));
+  EXPECT_EQ(on_uniform_raster(early, 0.1).notes, early.notes);
   // Rows outside the range are known all the same.
   TimeRange range;
   range.to = 0.1;
