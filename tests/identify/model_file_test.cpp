@@ -1197,10 +1197,10 @@ TEST_F(ModelFileTest, ScaleOffsetAndDelayOfAChannel) {
   EXPECT_EQ(read(with("delay: -2")).outputs[0].delay, -2.0);
   EXPECT_NEAR(read(with("unit: deg/s, offset: 0.01 rad/s")).outputs[0].offset, 0.572958, 1e-6);
   EXPECT_EQ(error_of(with("scale: 0")),
-            "14:29: scale is 0; expected a number that leaves something, e.g. -1");
-  EXPECT_EQ(error_of(with("scale: none")), "14:29: scale is 'none'; expected a finite number");
+            "14:33: scale is 0; expected a number that leaves something, e.g. -1");
+  EXPECT_EQ(error_of(with("scale: none")), "14:33: scale is 'none'; expected a finite number");
   EXPECT_THAT(error_of(with("unit: deg/s, offset: 2 m")),
-              testing::HasSubstr("14:43: offset is in 'm'; expected a unit like 'deg/s'"));
+              testing::HasSubstr("14:47: offset is in 'm'; expected a unit like 'deg/s'"));
   EXPECT_THAT(error_of(with("delay: 3 m")), testing::HasSubstr("delay is in 'm'"));
   EXPECT_THAT(error_of(with("lag: 3 s")), testing::HasSubstr("'lag'"));
 }
