@@ -205,6 +205,61 @@ struct Shaping {
   double held_out_without = kNone, held_out_with = kNone;  ///< log-likelihoods there
 };
 
+/// What a vehicle's recording holds and what it can tell, before any fit
+/// (identify/vehicle_survey.h).
+struct VehicleSurvey {
+  struct Signal {
+    std::string quantity;  ///< "steering", "vx", "wheel_speed", "r", "vy", "ay", "beta", "ax"
+    std::string column, unit;
+    std::string source;                      ///< the file, hence the clock, that it comes from
+    double rate = kNone;                     ///< [Hz]
+    double lowest = kNone, highest = kNone;  ///< in `unit`
+    double held = kNone;      ///< share of samples that repeat the one before while it moves
+    double quantum = kNone;   ///< least difference of two values, in `unit`
+    double straight = kNone;  ///< median while driving straight on, in `unit`
+  };
+  std::vector<Signal> signals;
+  /// Two things that kinematics ties together; lags as in lib/clock_offset.h.
+  struct Relation {
+    std::string expected, seen;          ///< e.g. "vx r" and "ay"
+    double correlation = kNone;          ///< at the best lag
+    double slope = kNone;                ///< size of what is seen over what is expected
+    double lag = kNone, lag_se = kNone;  ///< [s]: positive, `seen` comes late
+    double other_lag = kNone, other_correlation = kNone;
+    bool clock = false;  ///< the lag is one of clocks: certain and larger than any car's
+  };
+  std::vector<Relation> relations;
+  double duration = kNone;    ///< [s], of the times in which speed and yaw rate are known
+  double standstill = kNone;  ///< share of it
+  double reversing = kNone;
+  double moving = kNone;  ///< above the speed that `mapping` proposes [s]
+  std::array<double, 5> speed{kNone, kNone, kNone, kNone,
+                              kNone};  ///< [m/s]: least, 5 %, median, 95 %, largest while turning
+  std::array<double, 7> lateral{};     ///< share of |ay| [m/s^2] up to 1, 2, 3, 4, 6, 8 and above
+  double above_half_hertz = kNone;     ///< share of the steering's power above 0.5 Hz
+  double above_1_5_hertz = kNone;
+  double left = kNone;    ///< share of turning to the left
+  double steady = kNone;  ///< share of turning at a constant steering angle
+  struct Verdict {
+    std::string of;      ///< "Cf, Cr", "Iz", "steering_ratio", "a, b", "offsets"
+    std::string answer;  ///< "yes", "weak", "combination" or "no"
+    std::string why;
+  };
+  std::vector<Verdict> verdicts;
+  /// A line of `inputs` or `outputs` of a model file.
+  struct Proposal {
+    bool input = false;
+    std::string name, column, unit;
+    double scale = 1.0;
+    double offset = 0.0;  ///< in `unit`: only what the model file says already
+    double delay = 0.0;   ///< [s]
+  };
+  std::vector<Proposal> mapping;
+  std::string time_column, time_unit;  ///< empty: none
+  double least_speed = 3.0;            ///< [m/s] of use_when
+  std::vector<Warning> findings;
+};
+
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;
@@ -238,12 +293,13 @@ struct Estimate {
   std::vector<ChannelFit> hold_out;  ///< simulation of data that the fit did not see
   std::vector<TestResult> tests;
   Identifiability identifiability;
-  std::optional<Bound> bound;          ///< verb bound only
-  std::optional<Posterior> posterior;  ///< method bayes and verb track only
-  std::optional<Course> course;        ///< verb track only
-  std::optional<Shaping> shaping;      ///< verb shape only
-  std::optional<FilterLoss> loss;      ///< where noise is estimated, and verb bound
-  std::optional<Sources> sources;      ///< tune --sources only
+  std::optional<Bound> bound;           ///< verb bound only
+  std::optional<Posterior> posterior;   ///< method bayes and verb track only
+  std::optional<Course> course;         ///< verb track only
+  std::optional<Shaping> shaping;       ///< verb shape only
+  std::optional<FilterLoss> loss;       ///< where noise is estimated, and verb bound
+  std::optional<Sources> sources;       ///< tune --sources only
+  std::optional<VehicleSurvey> survey;  ///< info --vehicle only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram

@@ -1,7 +1,6 @@
 #include "identify/info.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <vector>
 
@@ -41,12 +40,6 @@ Summary summarise(const Values& values) {
   out.sd = std::sqrt(squares / n);
   out.held = held / n;
   return out;
-}
-
-bool looks_like_time(const Column& column) {
-  std::string name = column.name;
-  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return name == "t" || name.find("time") != std::string::npos;
 }
 
 bool increasing(const Column& column) {

@@ -30,12 +30,16 @@
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
+#include "identify/survey_report.h"
 #include "identify/suspect_data.h"
+#include "identify/vehicle_columns.h"
 #include "identify/vehicle_fit.h"
+#include "identify/vehicle_survey.h"
 #include "identify/vehicle_track.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
 #include "lib/error.h"
+#include "lib/join.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
 
@@ -54,6 +58,7 @@ struct Arguments {
   std::string method = "ml", accuracy, place = "both", hold_out;
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
+  bool vehicle = false;
   bool compare = false, full_matrix = false, sources = false;
   long lags = 0, draws = 0;
   std::string range, manoeuvre, speed, rate = "100 Hz", duration, snr;
@@ -103,32 +108,67 @@ ModelFile load_model(const Arguments& args) {
   return model;
 }
 
-Dataset load_data(const Arguments& args, const std::string& path, const ModelFile& model,
-                  long* rows, bool with_outputs = true) {
-  const Table table = read_csv(path);
-  if (rows != nullptr) *rows = static_cast<long>(table.rows);
-  const std::vector<ChannelSource> no_outputs;
-  Dataset data = make_dataset(table, model.time, model.inputs,
-                              with_outputs ? model.outputs : no_outputs, parse_range(args.range));
-  if (model.form != ModelFile::Form::single_track) {
-    const double step = model.time.step > 0.0 ? model.time.step : data.dt;
-    data = on_uniform_raster(data, step);
+// The files that one DATA argument names, read.
+std::vector<Table> read_files(const std::string& argument) {
+  std::vector<Table> out;
+  for (const std::string& path : joined_files(argument)) out.push_back(read_csv(path));
+  return out;
+}
+
+// One recording, or several where the model file says that time restarts.
+std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
+                               const ModelFile& model, bool with_outputs = true) {
+  if (model.time.restarts && files.size() > 1) {
+    throw InputError(model.time.at, "runs: restart with files that are joined",
+                     "one file, or one run");
   }
-  return data;
+  const Joined joined = join_tables(files, model.time);
+  const std::vector<ChannelSource> no_outputs;
+  std::vector<Dataset> out;
+  for (const Table& run : split_runs(joined.table, model.time)) {
+    Dataset data = make_dataset(run, model.time, model.inputs,
+                                with_outputs ? model.outputs : no_outputs, parse_range(args.range));
+    data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
+    if (model.form != ModelFile::Form::single_track) {
+      const double step = model.time.step > 0.0 ? model.time.step : data.dt;
+      data = on_uniform_raster(data, step);
+    }
+    out.push_back(std::move(data));
+  }
+  return out;
+}
+
+Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+                  bool with_outputs = true) {
+  std::vector<Dataset> runs = load_runs(args, files, model, with_outputs);
+  if (runs.size() > 1) {
+    throw InputError({files.front().path, 0, 0}, fmt::format("{} runs", runs.size()),
+                     "one run here", "'fit', 'tune' and 'check' take several");
+  }
+  return std::move(runs.front());
 }
 
 struct Recordings {
   std::vector<Dataset> data;
-  std::vector<InputRecord> records;
+  std::vector<InputRecord> records;                             // one per file
+  std::vector<std::pair<std::size_t, std::size_t>> of_records;  // recordings [from, to) of a file
+
+  void add(std::vector<Dataset> runs, const std::vector<Table>& files) {
+    long rows = 0;
+    for (const Dataset& run : runs) rows += static_cast<long>(run.size());
+    for (const Table& file : files) {
+      records.push_back({file.path, sha256_of_file(file.path), static_cast<long>(file.rows), rows});
+      of_records.emplace_back(data.size(), data.size() + runs.size());
+    }
+    for (Dataset& run : runs) data.push_back(std::move(run));
+  }
 };
 
 Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
   for (const std::string& path : args.data) {
-    long rows = 0;
-    out.data.push_back(load_data(args, path, model, &rows));
-    out.records.push_back(
-        {path, sha256_of_file(path), rows, static_cast<long>(out.data.back().size())});
+    const std::vector<Table> files = read_files(path);
+    out.add(load_runs(args, files, model), files);
     const double dt = out.data.front().dt;
     if (model.form == ModelFile::Form::linear && model.time.step == 0.0 &&
         std::abs(out.data.back().dt - dt) > 1e-6 * dt) {
@@ -174,7 +214,17 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   // The vehicle fit says itself how many rows it used.
   const std::vector<InputRecord> used = estimate.inputs;
   estimate.inputs = recordings.records;
-  for (std::size_t i = 0; i < used.size(); ++i) estimate.inputs[i].used = used[i].used;
+  for (std::size_t i = 0; i < estimate.inputs.size(); ++i) {
+    const auto [from, to] = recordings.of_records[i];
+    if (to > used.size()) continue;
+    estimate.inputs[i].used = 0;
+    for (std::size_t run = from; run < to; ++run) estimate.inputs[i].used += used[run].used;
+  }
+  for (const Dataset& data : recordings.data) {
+    for (const std::string& note : data.notes) {
+      estimate.warnings.push_back({"data_treated", "note", {}, note, ""});
+    }
+  }
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   if (!args.output.empty()) {
@@ -296,7 +346,7 @@ int run_fit(const Arguments& args) {
   if (share) {
     options.hold_out = cut_hold_out(recordings.data, args.hold_out);
   } else if (!args.hold_out.empty()) {
-    options.hold_out.push_back(load_data(args, args.hold_out, model, nullptr));
+    options.hold_out = load_runs(args, read_files(args.hold_out), model);
   }
   Progress progress(args);
   options.search.progress = [&](int iteration, double) {
@@ -347,10 +397,8 @@ int run_bound(const Arguments& args) {
   }
   Recordings recordings;
   if (!args.data.empty()) {
-    long rows = 0;
-    recordings.data.push_back(load_data(args, args.data.front(), model, &rows, false));
-    recordings.records.push_back({args.data.front(), sha256_of_file(args.data.front()), rows,
-                                  static_cast<long>(recordings.data.front().size())});
+    const std::vector<Table> files = read_files(args.data.front());
+    recordings.add({load_data(args, files, model, false)}, files);
     if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   }
   const bool given = !recordings.data.empty();
@@ -502,7 +550,9 @@ std::optional<double> signal_to_noise(const std::string& text) {
 int run_simulate(const Arguments& args) {
   ModelFile model = load_model(args);
   std::optional<Dataset> recording;
-  if (!args.data.empty()) recording = load_data(args, args.data.front(), model, nullptr, false);
+  if (!args.data.empty()) {
+    recording = load_data(args, read_files(args.data.front()), model, false);
+  }
   const Dataset* inputs = recording ? &*recording : nullptr;
   if (inputs != nullptr && model.time.step == 0.0) model.linear.dt = inputs->dt;
   const bool vehicle = model.form == ModelFile::Form::single_track;
@@ -542,23 +592,70 @@ int run_simulate(const Arguments& args) {
   return 0;
 }
 
-int run_info(const Arguments& args) {
-  std::vector<std::string> files = args.data;
-  if (!args.model.empty()) files.insert(files.begin(), args.model);
-  std::optional<ModelFile> model;
-  if (!files.empty() && is_model(files.front())) {
-    model = read_model_file(files.front());
-    files.erase(files.begin());
+// A survey of each recording, as a person or a program reads it.
+int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
+               const std::vector<std::string>& recordings) {
+  if (args.json && recordings.size() > 1) {
+    throw InputError({}, fmt::format("{} recordings with --json", recordings.size()), "one");
   }
-  if (files.empty())
-    throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
-  std::string text;
-  for (const std::string& file : files) {
-    const Table table = read_csv(file);
-    text += describe_table(table);
+  if (model && model->form != ModelFile::Form::single_track) {
+    throw InputError({model->path, 0, 0}, "--vehicle with a linear model", "model: single-track");
+  }
+  for (const std::string& argument : recordings) {
+    const auto begin = std::chrono::steady_clock::now();
+    const std::vector<Table> files = read_files(argument);
+    Estimate estimate;
+    estimate.verb = "info";
+    estimate.status = Status::ok;
+    estimate.message = "surveyed";
+    Recordings records;
     if (model) {
-      text += describe_channels(*model, make_dataset(table, model->time, model->inputs,
-                                                     model->outputs, parse_range(args.range)));
+      estimate.model_name = model->name;
+      records.add({load_data(args, files, *model)}, files);
+      estimate.survey = survey(vehicle_signals(*model, records.data[0]));
+    } else {
+      Dataset whole;
+      whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
+      records.add({std::move(whole)}, files);
+      estimate.survey = survey(within(guess_vehicle(files), parse_range(args.range)));
+    }
+    estimate.inputs = records.records;
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    if (args.json) {
+      std::cout << result_json(estimate, false, spent.count());
+    } else {
+      for (const std::string& note : records.data[0].notes) std::cout << note << "\n";
+      std::cout << argument << "\n" << survey_text(*estimate.survey);
+    }
+  }
+  std::cout << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return 0;
+}
+
+int run_info(const Arguments& args) {
+  std::vector<std::string> recordings = args.data;
+  std::optional<ModelFile> model;
+  if (const auto file = std::find_if(recordings.begin(), recordings.end(), is_model);
+      file != recordings.end()) {
+    model = read_model_file(*file);
+    recordings.erase(file);
+  }
+  if (recordings.empty())
+    throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
+  if (args.vehicle) return run_survey(args, model, recordings);
+  if (args.json) throw InputError({}, "--json without --vehicle", "info --vehicle DATA --json");
+  std::string text;
+  for (const std::string& argument : recordings) {
+    const std::vector<Table> files = read_files(argument);
+    for (const Table& table : files) text += describe_table(table);
+    if (!model && files.size() == 1) continue;
+    if (model) {
+      const Dataset data = load_data(args, files, *model);
+      for (const std::string& note : data.notes) text += note + "\n";
+      text += describe_channels(*model, data);
+    } else {
+      for (const std::string& note : join_tables(files, {}).notes) text += note + "\n";
     }
   }
   std::cout << text << std::flush;
@@ -597,6 +694,9 @@ int run(int argc, char** argv) {
   CLI::App* info = app.add_subcommand("info", "columns, units, rates, gaps of a recording");
   info->add_option("files", args.data, "[MODEL] DATA...")->required();
   info->add_option("--range", args.range, "FROM:TO: use these rows, in seconds from the first");
+  info->add_flag("--vehicle", args.vehicle,
+                 "survey of a vehicle's recording: signs, units, clocks, what can be identified");
+  info->add_flag("--json", args.json, "with --vehicle: print the survey as JSON");
 
   const std::pair<const char*, const char*> estimators[] = {
       {"tune", "estimate Q and R of a Kalman filter"},

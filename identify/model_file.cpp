@@ -76,7 +76,7 @@ std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
 TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
   const YamlNode& node =
       required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
-  std::vector<std::string> keys = {"kind", "step", "column", "unit"};
+  std::vector<std::string> keys = {"kind", "step", "column", "unit", "runs"};
   if (form == ModelFile::Form::linear) keys.emplace_back("inputs");
   check_keys(node, "time", keys);
   if (const YamlNode* kind = find(node, "kind")) {
@@ -103,6 +103,13 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
   if (const YamlNode* column = find(node, "column")) {
     out.column = text_of(*column, "column");
     out.at = column->at;
+  }
+  if (const YamlNode* runs = find(node, "runs")) {
+    word_of(*runs, "runs", {"restart"});
+    if (out.column.empty()) {
+      throw InputError(runs->at, "runs without a column of time stamps", "column: NAME");
+    }
+    out.restarts = true;
   }
   if (out.column.empty() && out.step == 0.0) {
     throw InputError(node.at, "time has neither a column nor a step",

@@ -211,6 +211,30 @@ Prior read_prior(const YamlNode& node, const std::string& unit, const std::strin
   return out;
 }
 
+namespace {
+
+void read_treatment(const YamlNode& item, ChannelSource& channel) {
+  if (const YamlNode* scale = find(item, "scale")) {
+    channel.scale = read_plain_number(*scale, "scale");
+    if (channel.scale == 0.0) {
+      throw InputError(scale->at, "scale is 0", "a number that leaves something, e.g. -1");
+    }
+  }
+  if (const YamlNode* offset = find(item, "offset")) {
+    const Quantity given = parse_quantity(text_of(*offset, "offset"), offset->at, "offset");
+    channel.offset = given.number;
+    if (!given.unit.empty() && given.unit != channel.unit) {
+      check_unit(given.unit, channel.unit, offset->at, "offset");
+      // A difference: the zero of a scale such as degC does not count.
+      channel.offset *= known_unit(given.unit, offset->at, "offset").scale /
+                        known_unit(channel.unit, offset->at, "offset").scale;
+    }
+  }
+  if (const YamlNode* delay = find(item, "delay")) channel.delay = read_si(*delay, "s", "delay");
+}
+
+}  // namespace
+
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,
                                          std::span<const ChannelRule> rules) {
   const std::vector<std::string> known = names_of(rules);
@@ -227,7 +251,7 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
                      fmt::format("1 to {}", kMaxSize));
   }
   const bool named_by_key = node.kind == YamlNode::Kind::mapping;
-  std::vector<std::string> keys = {"column", "unit"};
+  std::vector<std::string> keys = {"column", "unit", "scale", "offset", "delay"};
   if (!named_by_key) keys.insert(keys.begin(), "name");
   std::vector<ChannelSource> out;
   for (std::size_t i = 0; i < node.items.size(); ++i) {
@@ -255,6 +279,7 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
       check_unit(channel.unit, rules.empty() ? channel.unit : channel.si_unit, unit->at,
                  in_quotes(channel.name));
     }
+    read_treatment(item, channel);
     out.push_back(std::move(channel));
   }
   return out;

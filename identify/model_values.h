@@ -71,7 +71,8 @@ struct ChannelRule {
   const char* name;
   const char* si_unit;
 };
-/// A list of {name, column, unit}, or a mapping of name: {column, unit}.
+/// A list of {name, column, unit, scale, offset, delay}, or a mapping of name: {column, ...}. An
+/// offset with a unit needs the channel's `unit`, which it is converted to.
 /// @param rules  the names that may occur; none: any name, any unit
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,
                                          std::span<const ChannelRule> rules);

@@ -108,6 +108,80 @@ Json course(const Estimate& estimate) {
   return {{"names", c.names}, {"units", c.units}, {"changes", changes}};
 }
 
+Json warnings_of(const std::vector<Warning>& warnings) {
+  Json out = Json::array();
+  for (const Warning& w : warnings) {
+    out.push_back({{"code", w.code},
+                   {"severity", w.severity},
+                   {"about", w.about},
+                   {"text", w.text},
+                   {"do", w.todo}});
+  }
+  return out;
+}
+
+Json survey(const Estimate& estimate) {
+  if (!estimate.survey) return nullptr;
+  const VehicleSurvey& s = *estimate.survey;
+  Json signals = Json::array(), relations = Json::array(), verdicts = Json::array();
+  Json mapping = Json::array();
+  for (const VehicleSurvey::Signal& x : s.signals) {
+    signals.push_back({{"quantity", x.quantity},
+                       {"column", x.column},
+                       {"unit", x.unit},
+                       {"source", x.source},
+                       {"rate", number(x.rate)},
+                       {"min", number(x.lowest)},
+                       {"max", number(x.highest)},
+                       {"held", number(x.held)},
+                       {"quantum", number(x.quantum)},
+                       {"straight", number(x.straight)}});
+  }
+  for (const VehicleSurvey::Relation& x : s.relations) {
+    relations.push_back({{"expected", x.expected},
+                         {"seen", x.seen},
+                         {"correlation", number(x.correlation)},
+                         {"size", number(x.slope)},
+                         {"lag", number(x.lag)},
+                         {"lag_se", number(x.lag_se)},
+                         {"other_lag", number(x.other_lag)},
+                         {"other_correlation", number(x.other_correlation)},
+                         {"clock", x.clock}});
+  }
+  for (const VehicleSurvey::Verdict& v : s.verdicts) {
+    verdicts.push_back({{"of", v.of}, {"answer", v.answer}, {"why", v.why}});
+  }
+  for (const VehicleSurvey::Proposal& p : s.mapping) {
+    mapping.push_back({{"list", p.input ? "inputs" : "outputs"},
+                       {"name", p.name},
+                       {"column", p.column},
+                       {"unit", p.unit},
+                       {"scale", number(p.scale)},
+                       {"offset", number(p.offset)},
+                       {"delay", number(p.delay)}});
+  }
+  Json speed = Json::array(), lateral = Json::array();
+  for (const double v : s.speed) speed.push_back(number(v));
+  for (const double v : s.lateral) lateral.push_back(number(v));
+  return {{"signals", signals},
+          {"relations", relations},
+          {"duration", number(s.duration)},
+          {"moving", number(s.moving)},
+          {"standstill", number(s.standstill)},
+          {"reversing", number(s.reversing)},
+          {"speed", speed},
+          {"lateral_acceleration", lateral},
+          {"steering_above_0_5_hz", number(s.above_half_hertz)},
+          {"steering_above_1_5_hz", number(s.above_1_5_hertz)},
+          {"left", number(s.left)},
+          {"steady", number(s.steady)},
+          {"identifiable", verdicts},
+          {"mapping", mapping},
+          {"time", {{"column", s.time_column}, {"unit", s.time_unit}}},
+          {"least_speed", number(s.least_speed)},
+          {"findings", warnings_of(s.findings)}};
+}
+
 Json shaping(const Estimate& estimate) {
   if (!estimate.shaping) return nullptr;
   const Shaping& s = *estimate.shaping;
@@ -233,19 +307,13 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   out["course"] = course(estimate);
   out["shaping"] = shaping(estimate);
   out["sources"] = sources(estimate);
+  out["survey"] = survey(estimate);
   out["derived"] = Json::array();
   for (const DerivedValue& d : estimate.derived) {
     out["derived"].push_back(
         {{"name", d.name}, {"unit", d.unit}, {"value", number(d.value)}, {"se", number(d.se)}});
   }
-  out["warnings"] = Json::array();
-  for (const Warning& w : estimate.warnings) {
-    out["warnings"].push_back({{"code", w.code},
-                               {"severity", w.severity},
-                               {"about", w.about},
-                               {"text", w.text},
-                               {"do", w.todo}});
-  }
+  out["warnings"] = warnings_of(estimate.warnings);
   out["timing_s"] = number(timing_s);
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "identify/vehicle_problem.h"
+#include "lib/interpolation.h"
 #include "lib/random.h"
 #include "lib/realisation.h"
 #include "lib/single_track.h"
@@ -35,9 +36,32 @@ std::string column_name(const ChannelSource& source) {
   return number ? "column_" + name : name;
 }
 
+// What the recorder writes: scale, offset and delay of the model file make of it what the model
+// sees.
+void record(const std::vector<ChannelSource>& sources, const VectorXd& time,
+            std::vector<OutputColumn>& columns) {
+  for (const ChannelSource& source : sources) {
+    const auto column = std::find_if(columns.begin(), columns.end(), [&](const OutputColumn& c) {
+      return c.name == column_name(source);
+    });
+    if (column == columns.end()) continue;
+    const Unit unit = parse_unit(column->unit).value_or(Unit{});
+    if (source.delay != 0.0) {
+      column->values = interpolate_linearly(time, column->values, time.array() - source.delay,
+                                            kBridgedPeriods * own_period(time, column->values));
+    }
+    if (source.scale == 1.0 && source.offset == 0.0) continue;
+    for (double& x : column->values) {
+      x = unit.to_si((unit.from_si(x) - source.offset) / source.scale);
+    }
+  }
+}
+
 std::string csv_text(const ModelFile& model, std::uint64_t seed,
-                     const std::vector<std::string>& notes,
-                     const std::vector<OutputColumn>& columns) {
+                     const std::vector<std::string>& notes, const VectorXd& time,
+                     std::vector<OutputColumn> columns) {
+  record(model.inputs, time, columns);
+  record(model.outputs, time, columns);
   std::string out = fmt::format("# simulated from '{}', seed {}\n", model.name, seed);
   for (const std::string& note : notes) out += "# " + note + "\n";
   for (const ReportedEntries entries = reported_entries(model.parameters);
@@ -105,7 +129,7 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
     columns.push_back({column_name(source), source.unit, values});
   }
   columns.push_back(time_column(model, time));
-  return {csv_text(model, seed, {}, columns), N, {}};
+  return {csv_text(model, seed, {}, time, columns), N, {}};
 }
 
 Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
@@ -164,7 +188,7 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& reque
       columns[first + i].values[t] += sd[i] * random.normal();
     }
   }
-  return {csv_text(model, seed, driven.notes, columns), N, driven.notes};
+  return {csv_text(model, seed, driven.notes, driven.time, columns), N, driven.notes};
 }
 
 }  // namespace identikal

@@ -603,6 +603,24 @@ int Table::line_of_row(std::size_t row) const {
   return run.line + static_cast<int>(row - run.row);
 }
 
+Table rows_of(const Table& table, std::size_t first, std::size_t count) {
+  Table out = table;
+  out.rows = count;
+  for (Column& column : out.columns) {
+    const auto begin = column.values.begin() + static_cast<std::ptrdiff_t>(first);
+    column.values = std::vector<double>(begin, begin + static_cast<std::ptrdiff_t>(count));
+    column.missing = static_cast<std::size_t>(std::count_if(
+        column.values.begin(), column.values.end(), [](double x) { return std::isnan(x); }));
+  }
+  out.line_runs = {{0, table.line_of_row(first)}};
+  for (const Table::LineRun& run : table.line_runs) {
+    if (run.row > first && run.row < first + count) {
+      out.line_runs.push_back({run.row - first, run.line});
+    }
+  }
+  return out;
+}
+
 const Column* Table::find(const std::string& name) const {
   for (const Column& column : columns) {
     if (column.name == name) return &column;

@@ -55,6 +55,9 @@ struct Table {
   std::vector<LineRun> line_runs;
 };
 
+/// Rows [first, first + count) of a table, on their lines of the file.
+Table rows_of(const Table& table, std::size_t first, std::size_t count);
+
 /// `text` in single quotes and in UTF-8, cut to 40 characters: how a message quotes a file.
 std::string quoted_excerpt(std::string_view text);
 

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "lib/constants.h"
+#include "lib/interpolation.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
 
@@ -46,6 +47,18 @@ const Column& find_column(const Table& table, const std::string& name, const Loc
   const Column* column = table.find(name);
   if (column == nullptr) {
     const std::vector<std::string> names = table.column_names();
+    const std::string ending = "." + name;  // of a column that several joined files have
+    std::string several;
+    int files = 0;
+    for (const std::string& known : names) {
+      if (!known.ends_with(ending)) continue;
+      several += (files++ > 0 ? ", " : "") + quoted_excerpt(known);
+    }
+    if (files > 1) {
+      throw InputError(place(at, table),
+                       "column " + quoted_excerpt(name) + " stands in several files", several,
+                       "write which one is meant");
+    }
     std::string list;
     std::size_t shown = 0;
     for (; shown < names.size() && list.size() < 80; ++shown) {
@@ -160,32 +173,92 @@ struct Rows {
   std::size_t last;
 };
 
-Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source, const Rows& rows,
-                                Channel& channel) {
+// What the model file does to the recorded values, in words; empty when nothing.
+std::string treatment(const ChannelSource& source, const std::string& unit) {
+  std::string out;
+  if (source.scale != 1.0) out += " times " + number(source.scale);
+  if (source.offset != 0.0) {
+    out += (source.offset > 0.0 ? " plus " : " minus ") + number(std::abs(source.offset)) +
+           (unit.empty() ? "" : " " + unit);
+  }
+  if (source.delay != 0.0) {
+    out += (out.empty() ? " " : ", ") + number(std::abs(source.delay)) + " s " +
+           (source.delay > 0.0 ? "earlier" : "later") + ", interpolated linearly";
+  }
+  return out.empty() ? "" : source.name + " is column " + quoted_excerpt(source.column) + out;
+}
+
+Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
+                                const Stamps& stamps, const Rows& rows, Channel& channel,
+                                std::vector<std::string>& notes) {
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, source.si_unit, source.at);
   channel = {source.name, unit.text};
-  Eigen::RowVectorXd values(static_cast<Index>(rows.last - rows.first));
+  if (const std::string text = treatment(source, unit.text); !text.empty()) notes.push_back(text);
+  const auto first = static_cast<Index>(rows.first), count = static_cast<Index>(rows.last) - first;
+  const Eigen::Map<const Eigen::VectorXd> recorded(column.values.data(),
+                                                   static_cast<Index>(column.values.size()));
+  Eigen::VectorXd values = recorded.segment(first, count);
+  if (source.delay != 0.0) {
+    const Eigen::Map<const Eigen::VectorXd> t(stamps.values.data(), recorded.size());
+    const Eigen::VectorXd seconds = (t.array() - t[0]) * stamps.to_seconds;
+    values = interpolate_linearly(seconds, recorded,
+                                  seconds.segment(first, count).array() + source.delay,
+                                  kBridgedPeriods * own_period(seconds, recorded));
+  }
+  // Neutral scale and offset leave the bits alone.
+  if (source.scale != 1.0 || source.offset != 0.0) {
+    values = source.scale * values.array() + source.offset;
+  }
   bool any = false;
-  for (std::size_t row = rows.first; row < rows.last; ++row) {
-    const double value = unit.unit.to_si(column.values[row]);
-    values[static_cast<Index>(row - rows.first)] = value;
+  for (double& value : values) {
+    value = unit.unit.to_si(value);
     any = any || !std::isnan(value);
   }
   if (!any) {
+    if (source.delay != 0.0) {
+      throw InputError(place(source.at, table),
+                       "no number of column " + quoted_excerpt(column.name) + " is left after a " +
+                           "delay of " + number(source.delay) + " s",
+                       "a delay shorter than the recording");
+    }
     throw InputError({table.path, table.line_of_row(rows.first)},
                      "no number in column " + quoted_excerpt(column.name) +
                          " from this row to line " +
                          std::to_string(table.line_of_row(rows.last - 1)),
                      "at least one");
   }
-  return values;
+  return values.transpose();
 }
 
 }  // namespace
 
+bool looks_like_time(const Column& column) {
+  const std::string name = lower_case(column.name);
+  return name == "t" || name.find("time") != std::string::npos;
+}
+
+Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {
+  const Stamps stamps = read_stamps(table, time);
+  return stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(
+                                 stamps.values.data(), static_cast<Index>(stamps.values.size()));
+}
+
 TimeRange::TimeRange()
     : from(-std::numeric_limits<double>::infinity()), to(std::numeric_limits<double>::infinity()) {}
+
+std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
+  const Column* stamps = time.restarts ? table.find(time.column) : nullptr;
+  if (stamps == nullptr) return {table};  // a missing column is said where the dataset is made
+  std::vector<Table> out;
+  std::size_t first = 0;
+  for (std::size_t row = 1; row <= table.rows; ++row) {
+    if (row < table.rows && !(stamps->values[row] <= stamps->values[row - 1])) continue;
+    out.push_back(rows_of(table, first, row - first));
+    first = row;
+  }
+  return out;
+}
 
 Dataset make_dataset(const Table& table, const TimeSource& time,
                      const std::vector<ChannelSource>& inputs,
@@ -247,7 +320,8 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
     channels.resize(sources.size());
     Eigen::MatrixXd values(static_cast<Index>(sources.size()), n);
     for (std::size_t i = 0; i < sources.size(); ++i) {
-      values.row(static_cast<Index>(i)) = read_channel(table, sources[i], rows, channels[i]);
+      values.row(static_cast<Index>(i)) =
+          read_channel(table, sources[i], stamps, rows, channels[i], data.notes);
     }
     return values;
   };
@@ -309,6 +383,7 @@ Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
   out.dt = step;
   out.inputs = data.inputs;
   out.outputs = data.outputs;
+  out.notes = data.notes;
   const Index rows = n == 0 ? 0 : target.back() + 1;
   out.time.resize(rows);
   for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;

@@ -20,13 +20,14 @@ struct Channel {
 };
 
 struct Dataset {
-  std::string name;              ///< of the file, without its folder
-  double dt = 0.0;               ///< sampling period [s]: the step given, else the median step
-  Eigen::VectorXd time;          ///< N [s], strictly increasing
-  Eigen::MatrixXd u;             ///< nu x N, SI, NaN = missing
-  Eigen::MatrixXd y;             ///< ny x N, SI, NaN = missing
-  std::vector<Channel> inputs;   ///< nu
-  std::vector<Channel> outputs;  ///< ny
+  std::string name;                ///< of the file, without its folder
+  double dt = 0.0;                 ///< sampling period [s]: the step given, else the median step
+  Eigen::VectorXd time;            ///< N [s], strictly increasing
+  Eigen::MatrixXd u;               ///< nu x N, SI, NaN = missing
+  Eigen::MatrixXd y;               ///< ny x N, SI, NaN = missing
+  std::vector<Channel> inputs;     ///< nu
+  std::vector<Channel> outputs;    ///< ny
+  std::vector<std::string> notes;  ///< what was done to recorded values beyond their units
   Eigen::Index size() const { return time.size(); }
 };
 
@@ -37,6 +38,10 @@ struct ChannelSource {
   std::string unit;     ///< unit the column is in; empty = take the file's, else SI
   std::string si_unit;  ///< what the model works in, e.g. "rad/s"; empty = anything, no check
   Location at;          ///< where the model file says so, for error messages
+  // value = scale * recorded + offset in the column's unit, then SI.
+  double scale = 1.0;
+  double offset = 0.0;  ///< in the column's unit
+  double delay = 0.0;   ///< [s]: what is recorded at t was there at t - delay
 };
 
 /// Where time comes from: a column, or a fixed step.
@@ -45,6 +50,7 @@ struct TimeSource {
   std::string unit;    ///< unit of the column; empty = the file's, else s
   double step = 0.0;   ///< [s]; with a column: the expected step, or 0 to take the median
   Location at;
+  bool restarts = false;  ///< several runs in one file: each begins where the stamps go back
 };
 
 /// Which rows to use, in seconds from the first row's time, both ends included. Infinite = no
@@ -55,8 +61,23 @@ struct TimeRange {
   TimeRange();
 };
 
+/// True for a name like "t", "Time" or "INS_time_sec".
+bool looks_like_time(const Column& column);
+
+/// The runs of a table whose time stamps restart: one table wherever a stamp is not above the one
+/// before it. The table itself when time.restarts is false.
+std::vector<Table> split_runs(const Table& table, const TimeSource& time);
+
+/// Time stamps of a table in seconds.
+/// @param time  its column must be named
+/// @throws InputError as make_dataset() for the column, its unit and its stamps
+Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
+
 /// Builds the dataset of a table: picks the columns, converts to SI, checks time. Time stamps are
-/// kept as recorded: nothing is shifted, interpolated or resampled.
+/// kept as recorded: nothing is shifted, interpolated or resampled, but for a channel with a delay:
+/// its value at t is what was recorded at t + delay, interpolated linearly between neighbouring
+/// samples no further apart than kBridgedPeriods of the channel's own period, else missing. Scale,
+/// offset and delay that are not neutral are said in the notes.
 ///
 /// The unit of a column is the model's, else the file's, else SI. When both give one they must
 /// agree: two scales for one column (deg and rad) are a conflict that only the user can settle.

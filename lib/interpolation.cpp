@@ -1,8 +1,12 @@
 #include "lib/interpolation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
+#include <vector>
+
+#include "lib/constants.h"
 
 namespace identikal {
 namespace {
@@ -72,6 +76,45 @@ double Pchip::slope_in_interval(Eigen::Index k, double at) const {
   if (x_.size() == 1) return 0.0;
   const Cubic c = cubic(k, at);
   return slope_[k] + c.s * (2.0 * c.c2 + c.s * 3.0 * c.c3);
+}
+
+Eigen::VectorXd interpolate_linearly(const Eigen::Ref<const Eigen::VectorXd>& t,
+                                     const Eigen::Ref<const Eigen::VectorXd>& x,
+                                     const Eigen::Ref<const Eigen::VectorXd>& at, double widest) {
+  if (t.size() != x.size()) {
+    std::ostringstream text;
+    text << "interpolate_linearly: " << t.size() << " times and " << x.size() << " values";
+    throw std::invalid_argument(text.str());
+  }
+  Eigen::VectorXd out = Eigen::VectorXd::Constant(at.size(), kNaN);
+  Eigen::Index left = -1, right = 0;  // samples on both sides of the time asked for
+  for (Eigen::Index k = 0; k < at.size(); ++k) {
+    for (; right < t.size() && (std::isnan(x[right]) || t[right] < at[k]); ++right) {
+      if (!std::isnan(x[right])) left = right;
+    }
+    if (right == t.size()) break;
+    if (t[right] == at[k]) {
+      out[k] = x[right];
+    } else if (left >= 0 && t[right] - t[left] <= widest) {
+      out[k] = x[left] + (x[right] - x[left]) * (at[k] - t[left]) / (t[right] - t[left]);
+    }
+  }
+  return out;
+}
+
+double own_period(const Eigen::Ref<const Eigen::VectorXd>& t,
+                  const Eigen::Ref<const Eigen::VectorXd>& x) {
+  std::vector<double> steps;
+  Eigen::Index last = -1;
+  for (Eigen::Index i = 0; i < t.size(); ++i) {
+    if (std::isnan(x[i])) continue;
+    if (last >= 0) steps.push_back(t[i] - t[last]);
+    last = i;
+  }
+  if (steps.empty()) return kNaN;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return *middle;
 }
 
 }  // namespace identikal

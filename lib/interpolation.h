@@ -32,4 +32,24 @@ class Pchip {
   Eigen::VectorXd x_, y_, slope_;
 };
 
+/// Piecewise linear interpolation of the samples that are there: between two of them no further
+/// apart than `widest`; NaN in a wider gap, before the first and after the last (nothing is
+/// extrapolated). At a sample's own time, its value.
+/// @param t       N increasing times of the samples
+/// @param x       N values, NaN = missing
+/// @param at      M increasing times asked for
+/// @param widest  widest gap bridged, in the unit of t
+/// @throws std::invalid_argument when the sizes of t and x differ
+Eigen::VectorXd interpolate_linearly(const Eigen::Ref<const Eigen::VectorXd>& t,
+                                     const Eigen::Ref<const Eigen::VectorXd>& x,
+                                     const Eigen::Ref<const Eigen::VectorXd>& at, double widest);
+
+/// Median distance in time of neighbouring samples that are there (NaN = missing): the channel's
+/// own sampling period, whatever the raster it is written on. NaN for fewer than two samples.
+double own_period(const Eigen::Ref<const Eigen::VectorXd>& t,
+                  const Eigen::Ref<const Eigen::VectorXd>& x);
+
+/// Gaps up to so many of a channel's own periods are bridged: a lost sample or two, no more.
+inline constexpr double kBridgedPeriods = 3.5;
+
 }  // namespace identikal

@@ -582,6 +582,124 @@ class Info(unittest.TestCase):
         self.assertIn("level", run("info", *NILE, code=0).stdout)
 
 
+VEHICLE = """identikal: 1
+model: single-track
+time: {column: t, unit: s}
+parameters: {m: 1446 kg, a: 0.987 m, b: 1.525 m, steering_ratio: 21, Iz: {value: 2000 kg m^2, min: 800, max: 6000},
+             Cf: {value: 8e4 N/rad, min: 1e4, max: 4e5}, Cr: {value: 8e4 N/rad, min: 1e4, max: 4e5}}
+inputs: {steering_wheel_angle: {column: swa, unit: deg}, vx: {column: speed, unit: km/h}}
+outputs: {r: {column: yaw_rate, unit: deg/s}, vy: {column: vy, unit: m/s}}
+noise: {measurement: {kind: per-sample, sd: {r: 0.01 rad/s, vy: 0.03 m/s}}}
+"""
+
+
+class Treated(unittest.TestCase):
+    """Several files of one recording, and channels with scale, offset and delay: the same car comes out."""
+
+    def setUp(self):
+        self.folder = Folder()
+        self.folder.__enter__()
+        self.addCleanup(self.folder.__exit__, None, None, None)
+        with open(LANE_CHANGE[1], newline="") as file:
+            lines = [line for line in csv.reader(file) if line and not line[0].startswith("#")]
+        self.names = [name.split(" [")[0] for name in lines[0]]
+        self.rows = [dict(zip(self.names, map(float, row))) for row in lines[1:]]
+        self.plain = self.fitted(VEHICLE, LANE_CHANGE[1])
+
+    def fitted(self, model, data):
+        out = result("fit", self.folder.write("car.yaml", model), data)
+        return {p["name"]: p for p in out["parameters"]}, out
+
+    def write(self, name, columns, rows):
+        text = ",".join(columns) + "\n" + "".join(
+            ",".join("" if row[c] is None else f"{row[c]:.9g}" for c in columns) + "\n" for row in rows)
+        return self.folder.write(name, text)
+
+    def same_car(self, parameters, errors):
+        for name in ("Cf", "Cr", "Iz"):
+            one, other = self.plain[0][name], parameters[name]
+            self.assertLess(abs(one["value"] - other["value"]), errors * one["se"], name)
+
+    def test_joined_files(self):
+        imu = self.write("imu.csv", ["t", "yaw_rate", "vy"], self.rows)
+        late = [dict(row, t=row["t"] + 0.003) for row in self.rows]
+        can = self.write("can.csv", ["t", "swa", "speed"], late)
+        # The signals are as before, 3 ms apart: interpolated, not copied.
+        shifted = VEHICLE.replace("column: swa, unit: deg", "column: swa, unit: deg, delay: 3 ms")
+        parameters, out = self.fitted(shifted, imu + "+" + can)
+        self.same_car(parameters, 0.5)
+        self.assertEqual([imu, can], [i["path"] for i in out["inputs"]])
+        notes = " ".join(w["text"] for w in out["warnings"] if w["code"] == "data_treated")
+        self.assertIn("swa, speed interpolated linearly from can.csv", notes)
+        self.assertIn("steering_wheel_angle is column 'swa' 0.003 s earlier", notes)
+        text = run("fit", self.folder.path / "car.yaml", imu + "+" + can, code=0).stdout
+        self.assertIn("rows and times are those of imu.csv", " ".join(text.split()))
+
+    def test_scale_offset_and_delay(self):
+        step = self.rows[1]["t"] - self.rows[0]["t"]
+        late = round(0.3 / step)
+        rows = [dict(row, swa=self.rows[i - late]["swa"] if i >= late else None, yaw_rate=-row["yaw_rate"],
+                     vy=2 * (row["vy"] - 0.2)) for i, row in enumerate(self.rows)]
+        data = self.write("late.csv", self.names, rows)
+        model = VEHICLE.replace("column: swa, unit: deg", f"column: swa, unit: deg, delay: {late * step} s")
+        model = model.replace("column: yaw_rate, unit: deg/s", "column: yaw_rate, unit: deg/s, scale: -1")
+        model = model.replace("column: vy, unit: m/s", "column: vy, unit: m/s, scale: 0.5, offset: 20 cm/s")
+        self.same_car(self.fitted(model, data)[0], 0.5)
+
+    def test_round_trip(self):
+        model = VEHICLE.replace("column: swa, unit: deg", "column: swa, unit: deg, delay: 0.2 s, scale: -1")
+        model = self.folder.write("turned.yaml", model)
+        data = self.folder.write("turned.csv", run("simulate", model, "--rate", "100", code=0).stdout)
+        parameters = {p["name"]: p for p in result("fit", model, data)["parameters"]}
+        self.assertAlmostEqual(parameters["Cf"]["value"], 8e4, delta=4 * parameters["Cf"]["se"])
+
+    def test_without_the_keys_nothing_changes(self):
+        out = self.plain[1]
+        self.assertNotIn("data_treated", [w["code"] for w in out["warnings"]])
+
+    def test_plus_in_a_name(self):
+        self.folder.write("a+b.csv", pathlib.Path(LANE_CHANGE[1]).read_bytes())
+        self.same_car(self.fitted(VEHICLE, str(self.folder.path / "a+b.csv"))[0], 1e-9)
+
+
+class Vehicle(unittest.TestCase):
+    """info --vehicle: what is wrong with a recording before any fit."""
+
+    def surveyed(self, *arguments):
+        return result("info", "--vehicle", *arguments)["survey"]
+
+    def codes(self, survey):
+        return {w["code"] for w in survey["findings"]}
+
+    def test_clean(self):
+        for arguments in ((LANE_CHANGE[1],), LANE_CHANGE):
+            survey = self.surveyed(*arguments)
+            self.assertEqual(set(), self.codes(survey))
+            self.assertEqual("yes", {v["of"]: v["answer"] for v in survey["identifiable"]}["Iz"])
+            self.assertIn("nothing wrong was found", run("info", "--vehicle", *arguments, code=0).stdout)
+
+    def test_recordings(self):
+        names = ["recordings/comma2k19_rav4_imu.csv", "recordings/comma2k19_rav4_speed.csv",
+                 "recordings/comma2k19_rav4_steer.csv"]
+        survey = self.surveyed("+".join(shared(name) for name in names))
+        self.assertIn("several_clocks", self.codes(survey))
+        self.assertEqual("no", {v["of"]: v["answer"] for v in survey["identifiable"]}["steering_ratio"])
+        survey = self.surveyed(shared("recordings/revsted_obd_sample.csv"))
+        self.assertLessEqual({"sign_ay", "held_samples"}, self.codes(survey))
+        for path in sorted((SHARED / "recordings").glob("*.[ct][sx][vt]")):
+            text = run("info", "--vehicle", path, code=0).stdout
+            self.assertLessEqual(max(map(len, text.splitlines()[1:])), 80, path)
+
+    def test_the_mapping_proposed_is_a_model(self):
+        data = shared("recordings/polaris_human_connor_track3_1.csv")
+        text = run("info", "--vehicle", data, code=0).stdout.split("by itself:\n")[1]
+        with Folder() as folder:
+            model = folder.write("proposed.yaml", "identikal: 1\nparameters: {m: 900 kg, a: 1 m, b: 1 m, "
+                                 "Iz: 700 kg m^2, Cf: 3e4 N/rad, Cr: 3e4 N/rad, steering_ratio: 15}\n" + text)
+            survey = self.surveyed(model, data)
+            self.assertEqual(set(), {w["code"] for w in survey["findings"] if w["severity"] == "serious"})
+
+
 class Folder:
     """A temporary folder that can write files into itself."""
 
@@ -639,6 +757,30 @@ class BadInput(unittest.TestCase):
         for path, words in cases:
             with self.subTest(path=path):
                 self.refused(words, "tune", NILE[0], path, *self.out)
+
+    def test_joins(self):
+        self.refused(["'+' without a file"], "info", NILE[1] + "+")
+        self.refused(["missing.csv", "cannot open"], "info", NILE[1] + "+missing.csv")
+        self.refused(["no time column"], "tune", NILE[0], NILE[1] + "+" + NILE[1])
+        self.refused(["stands in two files"], "fit", LANE_CHANGE[0], LANE_CHANGE[1] + "+" + LANE_CHANGE[1])
+
+    def test_channel_keys(self):
+        text = pathlib.Path(LANE_CHANGE[0]).read_text()
+        for keys, words in (("scale: 0", "scale is 0"), ("scale: x", "scale is 'x'"), ("offset: 2 m", "offset"),
+                            ("delay: 3 m", "delay"), ("delay: 99 s", "shorter than the recording"),
+                            ("dely: 1 s", "did you mean 'delay'")):
+            model = self.folder.write("m.yaml", text.replace("column: yaw_rate", "column: yaw_rate, " + keys))
+            self.refused([words, "m.yaml:"], "fit", model, LANE_CHANGE[1])
+
+    def test_vehicle_survey(self):
+        self.refused(["--vehicle with a linear model"], "info", "--vehicle", *NILE)
+        self.refused(["--json without --vehicle"], "info", "--json", NILE[1])
+        for text in ("t,r\n0,1\n", "t,yaw_rate,vx,swa\n0,1,2,3\n", "a,b\n1,2\n2,3\n", "t,vx,r\n0,,\n1,,\n2,3,4\n",
+                     "t,vx,r,swa\n" + "".join(f"{i / 10},0,0,0\n" for i in range(50))):
+            data = self.folder.write("odd.csv", text)
+            done = run("info", "--vehicle", data)
+            self.assertEqual(0, done.returncode, done.stderr)
+            self.assertIn("SERIOUS", done.stdout)
 
     def test_time(self):
         header = "t,swa,speed,yaw_rate,vy\n"

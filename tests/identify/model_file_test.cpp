@@ -754,8 +754,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"outputs: [{name: y, column: level}]", "outputs: [y]",
      "11:11: entry 1 of outputs is 'y'; expected a mapping of 'key: value'"},
     {"column: level", "colum: level",
-     "11:21: unknown key 'colum' in entry 1 of outputs; expected one of name, column, unit; did "
-     "you mean 'column'?"},
+     "11:21: unknown key 'colum' in entry 1 of outputs; expected one of name, column, unit, "
+     "scale, offset, delay; did you mean 'column'?"},
     {"outputs: [{name: y, column: level}]", "outputs: [{column: level}]",
      "11:11: 'name' is missing in outputs; expected name: NAME of the channel"},
     {"outputs: [{name: y, column: level}]", "outputs: [{name: y}]",
@@ -763,7 +763,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"column: level", "column: level, unit: m/ss",
      "11:42: 'y' has the unknown unit 'm/ss'; did you mean 'm/s'?"},
     {"column: level", "column: level, equals: r",
-     "11:36: 'equals' is not available yet; known: name, column, unit"},
+     "11:36: 'equals' is not available yet; known: name, column, unit, scale, offset, delay"},
     {"[{name: y, column: level}]", "[{name: y, column: a}, {name: y, column: b}]",
      "11:40: outputs names 'y' twice"},
     {"outputs: [{name: y, column: level}]", "outputs: {y: level}",
@@ -1181,6 +1181,30 @@ TEST_F(ModelFileTest, RandomModelsAreReadBackAsWritten) {
       EXPECT_EQ(read_back.max, p.max);
     }
   }
+}
+
+TEST_F(ModelFileTest, ScaleOffsetAndDelayOfAChannel) {
+  const auto with = [&](const std::string& keys) {
+    return replaced(kVehicle, "{column: 3, unit: deg/s}", "{column: 3, " + keys + "}");
+  };
+  const ChannelSource plain = read(kVehicle).outputs[0];
+  EXPECT_EQ(plain.scale, 1.0);
+  EXPECT_EQ(plain.offset, 0.0);
+  EXPECT_EQ(plain.delay, 0.0);
+  const ChannelSource r =
+      read(with("unit: deg/s, scale: -1, offset: 0.2, delay: 740 ms")).outputs[0];
+  EXPECT_EQ(r.scale, -1.0);
+  EXPECT_EQ(r.offset, 0.2);
+  EXPECT_DOUBLE_EQ(r.delay, 0.74);
+  EXPECT_EQ(read(with("delay: -2")).outputs[0].delay, -2.0);
+  EXPECT_NEAR(read(with("unit: deg/s, offset: 0.01 rad/s")).outputs[0].offset, 0.572958, 1e-6);
+  EXPECT_EQ(error_of(with("scale: 0")),
+            "14:33: scale is 0; expected a number that leaves something, e.g. -1");
+  EXPECT_EQ(error_of(with("scale: none")), "14:33: scale is 'none'; expected a finite number");
+  EXPECT_THAT(error_of(with("unit: deg/s, offset: 2 m")),
+              testing::HasSubstr("14:47: offset is in 'm'; expected a unit like 'deg/s'"));
+  EXPECT_THAT(error_of(with("delay: 3 m")), testing::HasSubstr("delay is in 'm'"));
+  EXPECT_THAT(error_of(with("lag: 3 s")), testing::HasSubstr("'lag'"));
 }
 
 // Whatever a file holds, it is read into a consistent model or refused in one line with its path.

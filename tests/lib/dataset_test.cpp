@@ -409,5 +409,42 @@ TEST(Dataset, RefusesRunsJoinedInOneFile) {
                          "expected a number"));
 }
 
+TEST(Dataset, ScaleOffsetAndDelayOfAChannel) {
+  const Table t = table(
+      {column("t", "s", {0, 0.1, 0.2, 0.3, 0.4}), column("ay", "g", {0, 0.1, 0.2, kNaN, 0.4})});
+  ChannelSource source = channel("ay", "ay", "g", "m/s^2");
+  const Dataset plain = make_dataset(t, time_column("t"), {}, {source});
+  EXPECT_TRUE(plain.notes.empty());
+  source.scale = -1.0;
+  source.offset = 0.5;
+  const Dataset turned = make_dataset(t, time_column("t"), {}, {source});
+  EXPECT_DOUBLE_EQ(turned.y(0, 1), 9.80665 * 0.4);
+  EXPECT_TRUE(std::isnan(turned.y(0, 3)));
+  EXPECT_THAT(turned.notes, testing::ElementsAre("ay is column 'ay' times -1 plus 0.5 g"));
+  source = channel("ay", "ay", "g", "m/s^2");
+  source.delay = 0.15;
+  const Dataset early = make_dataset(t, time_column("t"), {}, {source});
+  EXPECT_NEAR(early.y(0, 0), 9.80665 * 0.15, 1e-12);
+  EXPECT_NEAR(early.y(0, 1), 9.80665 * 0.25, 1e-12) << "across the missing sample";
+  EXPECT_NEAR(early.y(0, 2), 9.80665 * 0.35, 1e-12);
+  EXPECT_TRUE(std::isnan(early.y(0, 3))) << "nothing was recorded 0.15 s later";
+  EXPECT_THAT(early.notes,
+              testing::ElementsAre("ay is column 'ay' 0.15 s earlier, interpolated linearly"));
+  EXPECT_EQ(on_uniform_raster(early, 0.1).notes, early.notes);
+  // Rows outside the range are known all the same.
+  TimeRange range;
+  range.to = 0.1;
+  EXPECT_NEAR(make_dataset(t, time_column("t"), {}, {source}, range).y(0, 1), 9.80665 * 0.25,
+              1e-12);
+  source.delay = -0.1;
+  const Dataset late = make_dataset(t, time_column("t"), {}, {source});
+  EXPECT_TRUE(std::isnan(late.y(0, 0)));
+  EXPECT_NEAR(late.y(0, 2), 9.80665 * 0.1, 1e-12);
+  source.delay = 10.0;
+  EXPECT_EQ(message_of(t, time_column("t"), {source}),
+            "model.yaml:9:5: no number of column 'ay' is left after a delay of 10 s; expected a "
+            "delay shorter than the recording");
+}
+
 }  // namespace
 }  // namespace identikal

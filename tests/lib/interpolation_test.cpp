@@ -80,5 +80,33 @@ TEST(Pchip, RefusesWhatIsNoFunction) {
                std::invalid_argument);
 }
 
+TEST(InterpolateLinearly, BridgesNarrowGapsOnlyAndNeverExtrapolates) {
+  const VectorXd t = (VectorXd(6) << 0, 1, 2, 3, 7, 8).finished();
+  VectorXd x = (VectorXd(6) << 0, 10, 20, 30, 70, 80).finished();
+  x[2] = std::nan("");
+  const VectorXd at = (VectorXd(8) << -0.5, 0, 0.25, 1.5, 3, 5, 7.5, 8.1).finished();
+  const VectorXd y = interpolate_linearly(t, x, at, 2.0);
+  EXPECT_TRUE(std::isnan(y[0]));
+  EXPECT_EQ(y[1], 0.0);
+  EXPECT_DOUBLE_EQ(y[2], 2.5);
+  EXPECT_DOUBLE_EQ(y[3], 15.0) << "across the missing sample";
+  EXPECT_EQ(y[4], 30.0);
+  EXPECT_TRUE(std::isnan(y[5])) << "a gap of 4 is too wide";
+  EXPECT_DOUBLE_EQ(y[6], 75.0);
+  EXPECT_TRUE(std::isnan(y[7]));
+  EXPECT_TRUE(
+      interpolate_linearly(t, VectorXd::Constant(6, std::nan("")), at, 2.0).array().isNaN().all());
+  EXPECT_THROW(interpolate_linearly(t, at, at, 1.0), std::invalid_argument);
+}
+
+TEST(OwnPeriod, IsThatOfTheSamplesThatAreThere) {
+  const VectorXd t = VectorXd::LinSpaced(100, 0.0, 0.99);
+  VectorXd x = VectorXd::Constant(100, std::nan(""));
+  for (Eigen::Index i = 0; i < 100; i += 10) x[i] = 1.0;
+  EXPECT_NEAR(own_period(t, x), 0.1, 1e-12);
+  EXPECT_NEAR(own_period(t, t), 0.01, 1e-12);
+  EXPECT_TRUE(std::isnan(own_period(t.head(1), t.head(1))));
+}
+
 }  // namespace
 }  // namespace identikal
