@@ -43,6 +43,7 @@ struct EstimatedParameter {
   double crb_se = kNone;  ///< Cramér-Rao standard deviation at the estimate, white noise assumed
   double start = kNone;
   bool fixed = false;
+  bool neutral = false;  ///< fixed at a value that changes nothing: people need not read it
   Verdict verdict = Verdict::ok;
   std::vector<std::string> with;
 };

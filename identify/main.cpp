@@ -222,7 +222,9 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   }
   for (const Dataset& data : recordings.data) {
     for (const std::string& note : data.notes) {
-      estimate.warnings.push_back({"data_treated", "note", {}, note, ""});
+      const bool said = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                    [&](const Warning& w) { return w.text == note; });
+      if (!said) estimate.warnings.push_back({"data_treated", "note", {}, note, ""});
     }
   }
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;

@@ -73,6 +73,7 @@ std::string parameter_table(const Estimate& estimate) {
                       unit, "value", "se", "95 % interval", "bound se", "verdict");
   }
   for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.neutral) continue;
     if (p.fixed) {
       known += fmt::format("{} {} = {:.6g}{}{}", known.empty() ? "known " : ",", p.name, p.value,
                            p.unit.empty() ? "" : " ", p.unit);

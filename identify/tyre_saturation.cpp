@@ -11,6 +11,7 @@ namespace identikal {
 namespace {
 
 constexpr double kScoreLevel = 0.01;
+constexpr double kLargestSlip = 0.7;  // [rad]
 constexpr double kAxleLevel = 0.005;  // one-sided, each of two axles
 
 VehicleProblem softening_problem(const VehicleProblem& linear) {
@@ -70,6 +71,13 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   const VehicleOptimum best =
       maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});
   if (!best.converged) return out;
+  double largest_slip = 0.0;
+  replay(problem, best.z, [&](Eigen::Index, const Motion<double>& motion, double) {
+    largest_slip =
+        std::max({largest_slip, std::abs(motion.slip_front), std::abs(motion.slip_rear)});
+  });
+  // A car that slides sideways all the time explains a wrong model, not a tyre.
+  if (largest_slip > kLargestSlip) return out;
   out.refitted = true;
   out.gain = best.log_likelihood - optimum.log_likelihood;
   out.softened = parameters_at(problem, best.z);

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
+#include "identify/vehicle_survey.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -42,7 +44,7 @@ double correlation(const VehicleRun& run, const Eigen::VectorXd& x, const Eigen:
 
 bool usable(const Estimate& estimate, const std::string& name) {
   for (const EstimatedParameter& p : estimate.parameters) {
-    if (p.name == name) return p.fixed || p.verdict == Verdict::ok || p.verdict == Verdict::weak;
+    if (p.name == name) return p.verdict != Verdict::flat && p.verdict != Verdict::unexcited;
   }
   return false;
 }
@@ -116,6 +118,53 @@ void check_plausibility(const VehicleProblem& problem, const VehicleParameters<d
   }
 }
 
+void describe_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                                const VehicleParameters<double>& p, Estimate& estimate) {
+  constexpr double kHardlyKnown = 0.25;  // relative standard error
+  constexpr double kTakesPart = 0.2;
+  std::vector<std::string> names;
+  std::vector<Eigen::Index> rows;
+  std::vector<double> values;
+  for (std::size_t i = 0; i < covariance.inner.size(); ++i) {
+    const VehicleParameter parameter =
+        problem.unknowns.free[static_cast<std::size_t>(covariance.inner[i])];
+    if (!must_be_positive(parameter)) continue;
+    names.emplace_back(name_of(parameter));
+    rows.push_back(static_cast<Eigen::Index>(i));
+    values.push_back(p[parameter]);
+  }
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  if (n < 2) return;
+  Eigen::MatrixXd relative(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);
+      relative(i, j) = covariance.covariance(rows[a], rows[b]) / (values[a] * values[b]);
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(relative);
+  const double size = std::sqrt(eigen.eigenvalues()[n - 1]);
+  if (!(size > kHardlyKnown)) return;
+  const Eigen::VectorXd along = eigen.eigenvectors().col(n - 1);
+  Eigen::Index lead = 0;
+  along.cwiseAbs().maxCoeff(&lead);
+  std::string text;
+  std::vector<std::string> about;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double share = along[i] / along[lead];
+    if (std::abs(share) < kTakesPart) continue;
+    const std::string& name = names[static_cast<std::size_t>(i)];
+    about.push_back(name);
+    text += fmt::format("{}{} by {:+.0f} %", text.empty() ? "" : ", ", name,
+                        100.0 * share * std::abs(along[lead]) * size);
+  }
+  estimate.warnings.push_back(
+      {"weak_direction", "warning", about,
+       "the recording hardly tells this change from none (one standard error): " + text,
+       "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
+       "speeds that differ by 2, sideslip"});
+}
+
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate) {
   const auto& outputs = problem.run->outputs;
   // The yaw rate has to follow the steering, or else the output that does best; any other may be
@@ -164,6 +213,24 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
   }
 }
 
+void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                      Estimate& estimate) {
+  constexpr std::string_view kSaidElsewhere[] = {"too_short",   "no_steering",  "no_speed",
+                                                 "no_yaw_rate", "dead_channel", "sign_steering",
+                                                 "sign_ay",     "standstill",   "one_clock"};
+  for (const Dataset& data : recordings) {
+    for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
+      const bool said =
+          std::find(std::begin(kSaidElsewhere), std::end(kSaidElsewhere), finding.code) !=
+              std::end(kSaidElsewhere) ||
+          std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [&](const Warning& w) {
+            return w.code == finding.code && w.about == finding.about;
+          });
+      if (!said) estimate.warnings.push_back(std::move(finding));
+    }
+  }
+}
+
 void check_hold_out(Estimate& estimate) {
   for (const ChannelFit& held : estimate.hold_out) {
     for (const ChannelFit& own : estimate.simulation) {
@@ -205,6 +272,7 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
 
 void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
   if (!covariance.coloured) return;
+  const bool errors = covariance.white.size() > 0;
   double widened = 0.0;
   for (Eigen::Index i = 0; i < covariance.white.rows(); ++i) {
     const double white = covariance.white(i, i);
@@ -219,10 +287,12 @@ void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
   }
   estimate.warnings.push_back(
       {"coloured_residuals", "warning", about,
-       fmt::format(
-           "residuals of {} are correlated in time: the model misses something. Standard "
-           "errors allow for it over {:.2g} s; white ones would be up to {:.1f} times smaller",
-           names, covariance.memory, std::max(widened, 1.0)),
+       fmt::format("residuals of {} are correlated in time: the model misses something", names) +
+           (errors
+                ? fmt::format(". Standard errors allow for it over {:.2g} s; white ones would be "
+                              "up to {:.1f} times smaller",
+                              covariance.memory, std::max(widened, 1.0))
+                : ""),
        "plot the residuals; validate on another recording"});
 }
 

@@ -19,9 +19,20 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
 void check_plausibility(const VehicleProblem& problem, const VehicleParameters<double>& p,
                         Estimate& estimate);
 
+/// Which change of the positive parameters, relative to their size, the recording tells least, when
+/// it leaves more than a quarter open: the direction in which a user must look for more knowledge.
+void describe_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                                const VehicleParameters<double>& p, Estimate& estimate);
+
 /// A free-run simulation that explains less than half, and noise far from what the model file gave.
 /// @param rms  per output, SI
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate);
+
+/// What the survey (identify/vehicle_survey.h) finds wrong with the recordings as the model file
+/// maps them: units, swapped or stuck channels, clocks, outliers, reversing. What the fit leaves
+/// out by itself, or says in its own words, is not repeated.
+void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                      Estimate& estimate);
 
 /// Held-out data that the car foretells much worse than what it was fitted to.
 void check_hold_out(Estimate& estimate);

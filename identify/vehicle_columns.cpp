@@ -616,13 +616,13 @@ VehicleSignals Guess::run() {
                                "name it 'time' or 't'; time: {step: ...} in a model file"});
     }
     if (clocks_[f].runs > 1) {
-      out_.findings.push_back(
-          {"several_runs",
-           "serious",
-           {file},
-           fmt::format("time runs back {} times: {} runs in one file", clocks_[f].runs - 1,
-                       clocks_[f].runs),
-           "split it, one run per file; this survey puts them one after the other"});
+      out_.findings.push_back({"several_runs",
+                               "serious",
+                               {file},
+                               fmt::format("time runs back {} times: {} runs in one file",
+                                           clocks_[f].runs - 1, clocks_[f].runs),
+                               "time: {..., runs: restart} in the model file; this survey puts "
+                               "them one after the other"});
     }
   }
   std::erase_if(candidates_, [&](const Candidate& c) { return clocks_[c.file].time.size() == 0; });

@@ -32,6 +32,8 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
     result.fixed = given.fixed;
     result.start = parse_unit(given.unit).value_or(Unit{}).from_si(given.scalar());
     result.value = result.start;
+    const auto parameter = vehicle_parameter(given.name);
+    result.neutral = given.fixed && given.scalar() == neutral_vehicle()[*parameter];
     estimate.parameters.push_back(result);
   }
 }
@@ -230,6 +232,15 @@ std::string listed(const std::vector<std::string>& names) {
   return out;
 }
 
+/// Whether a channel is so wrong that no other form of the model can mend it.
+bool misread(const Estimate& estimate) {
+  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [](const Warning& w) {
+    return w.severity == "serious" &&
+           (w.code.starts_with("sign_") || w.code.starts_with("units_") ||
+            w.code == "clock_offset" || w.code == "swapped_channels");
+  });
+}
+
 /// Goes on from the best simulation with a filter gain that starts at none.
 void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) {
   Eigen::VectorXd z = found.best.z;
@@ -256,7 +267,10 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
     if (must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0) open.push_back(p.name);
   }
   for (const Warning& warning : estimate.warnings) {
-    if (warning.severity == "serious") serious.push_back(warning.code);
+    if (warning.severity != "serious") continue;
+    if (std::find(serious.begin(), serious.end(), warning.code) == serious.end()) {
+      serious.push_back(warning.code);
+    }
   }
   if (!found.best.converged) {
     estimate.status = Status::not_converged;
@@ -331,19 +345,21 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
+  check_recordings(model, recordings, estimate);
   Eigen::VectorXd e;
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);
-  if (unknowns.curve == TyreCurve::linear && !prediction) {
+  if (unknowns.curve == TyreCurve::linear && !prediction && !misread(estimate)) {
     check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance),
                 estimate);
   }
   check_whiteness(covariance, estimate);
   check_steering_gain(found.problem, covariance, p, estimate);
-  if (!prediction && !unknowns.free.empty()) {
+  if (!prediction && !unknowns.free.empty() && !misread(estimate)) {
     compare_alternatives(found, options.search, estimate);
   }
   check_plausibility(found.problem, p, estimate);
+  describe_weakest_direction(found.problem, covariance, p, estimate);
   describe_acceleration(found.problem, found.best, estimate);
   conclude(found, estimate);
   return estimate;

@@ -22,6 +22,8 @@ namespace {
 // What ends here is reported as at its bound: the data want a rigid car.
 constexpr double kSmallest = 1e-3, kLargest = 20.0;
 constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
+constexpr double kLongestDelay = 1.0;         // [s]
+constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
 constexpr double kLeastFiala = 1e-6;          // softening in typical sizes
 constexpr double kRobustFrom = 1.5;           // [standard deviations]
 
@@ -82,16 +84,12 @@ void predict(const VehicleProblem& problem, const Car& car, const DrivenStretch&
       moved = true;
     }
   };
-  if (gain.empty()) {
-    simulate(car, driven, vy, r, observe);
-  } else {
-    simulate(car, driven, vy, r, observe, [&](Eigen::Index, T& vy_now, T& r_now) {
-      if (!moved) return false;
-      vy_now += vy_step;
-      r_now += r_step;
-      return true;
-    });
-  }
+  simulate(car, driven, vy, r, observe, [&](Eigen::Index, T& vy_now, T& r_now) {
+    if (!moved) return false;
+    vy_now += vy_step;
+    r_now += r_step;
+    return true;
+  });
 }
 
 /// The stretches as these parameters drive them: a delay that is sought moves the steering.
@@ -175,6 +173,14 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
     lower = unknowns.curve == TyreCurve::fiala ? kLeastFiala * scale : 0.0;
     upper = 100.0 * scale;
   }
+  if (parameter == kSteeringDelay) {
+    lower = -kLongestDelay;
+    upper = kLongestDelay;
+  }
+  if (parameter == kMountingAngle || parameter == kBank) {
+    lower = -kLargestAngle;
+    upper = kLargestAngle;
+  }
   if (parameter == kRelaxationLength) lower = kShortestRelaxation;
   if (parameter == kCgHeight || parameter == kLoadSensitivity) lower = 0.0;
   if (parameter == kCurveShape) {
@@ -249,6 +255,7 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
       out.lower[k] = std::max(out.lower[k], low);
       // What the file allows expressly is allowed.
       if (std::isfinite(high)) out.upper[k] = high;
+      if (!must_be_positive(parameter) && std::isfinite(low)) out.lower[k] = low;
     }
     double& start = out.value[parameter];
     start = std::min(std::max(start, out.lower[k]), out.upper[k]);

@@ -144,9 +144,7 @@ Dual<N> atan2(const Dual<N>& y, const Dual<N>& x) {
 /// @throws std::invalid_argument for n above 20
 template <typename F>
 decltype(auto) with_dual_size(Eigen::Index n, F&& f) {
-  if (n <= 4) return f(std::integral_constant<int, 4>());
   if (n <= 6) return f(std::integral_constant<int, 6>());
-  if (n <= 8) return f(std::integral_constant<int, 8>());
   if (n <= 12) return f(std::integral_constant<int, 12>());
   if (n <= 20) return f(std::integral_constant<int, 20>());
   throw std::invalid_argument("more than 20 variables to differentiate by");

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "lib/steering_response.h"
+
 namespace identikal {
 namespace {
 

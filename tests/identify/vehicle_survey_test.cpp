@@ -298,7 +298,7 @@ TEST(VehicleSurvey, FalseAlarmsOnCleanData) {
     lane_changes += alarms(surveyed(change)).empty() ? 0 : 1;
     std::FILE* file = std::fopen(path.c_str(), "w");
     ASSERT_NE(file, nullptr);
-    std::fputs(simulate_vehicle(model, {}, nullptr, seed).csv.c_str(), file);
+    std::fputs(simulate_vehicle(model, {}, nullptr, std::nullopt, seed).csv.c_str(), file);
     std::fclose(file);
     bare += alarms(survey(guess_vehicle({read_csv(path)}))).empty() ? 0 : 1;
   }
