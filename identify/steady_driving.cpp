@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
-#include "lib/error.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -91,12 +90,9 @@ bool is_steady(const VehicleRun& run) {
   return angle_change < most * angle && r_change < most * r;
 }
 
-SteadyTurning steady_turning(const ModelFile& model, const VehicleRun& run) {
+std::optional<SteadyTurning> steady_turning(const VehicleRun& run) {
   const Eigen::Index yaw = run.find(VehicleQuantity::r);
-  if (yaw < 0) {
-    throw InputError({model.path, 0, 0}, "steady driving without yaw rate",
-                     "output r: i L and i K come from it");
-  }
+  if (yaw < 0) return std::nullopt;
   const std::vector<Mean> all = equations(run, yaw);
   const auto n = static_cast<Eigen::Index>(all.size());
   Eigen::MatrixXd X(n, 3);
@@ -117,13 +113,7 @@ SteadyTurning steady_turning(const ModelFile& model, const VehicleRun& run) {
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(used *
                                                  used.colwise().norm().cwiseInverse().asDiagonal());
   qr.setThreshold(kTellsApart);
-  if (n < unknowns || qr.rank() < unknowns) {
-    throw InputError({model.path, 0, 0},
-                     fmt::format("steady driving at {} combination{} of speed and steering angle",
-                                 n, n == 1 ? "" : "s"),
-                     "two speeds at least, better both directions too",
-                     "one circle at one speed fixes one number");
-  }
+  if (n < unknowns || qr.rank() < unknowns) return std::nullopt;
   const Eigen::VectorXd theta = used.colPivHouseholderQr().solve(angle);
   out.value.setZero();
   out.value.head(unknowns) = theta;
@@ -139,8 +129,7 @@ SteadyTurning steady_turning(const ModelFile& model, const VehicleRun& run) {
   return out;
 }
 
-void report_steady(const ModelFile& model, const VehicleRun& run, Estimate& estimate) {
-  const SteadyTurning found = steady_turning(model, run);
+void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate& estimate) {
   for (EstimatedParameter& p : estimate.parameters) {
     if (!p.fixed) p.verdict = Verdict::unexcited;
   }

@@ -1,6 +1,8 @@
 // Circles and slow ramps: what does steady driving tell of a car?
 #pragma once
 
+#include <optional>
+
 #include <Eigen/Core>
 
 #include "identify/vehicle_problem.h"
@@ -28,10 +30,10 @@ struct SteadyTurning {
   double freedom = kNone;
 };
 
-/// @throws InputError when yaw rate is not measured, or speeds and angles are too much alike
-SteadyTurning steady_turning(const ModelFile& model, const VehicleRun& run);
+/// @return nothing when the yaw rate is not measured, or speeds and angles are too much alike
+std::optional<SteadyTurning> steady_turning(const VehicleRun& run);
 
 /// Fills the answer for a steady recording: the two products, no parameter.
-void report_steady(const ModelFile& model, const VehicleRun& run, Estimate& estimate);
+void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate& estimate);
 
 }  // namespace identikal

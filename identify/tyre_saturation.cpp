@@ -71,13 +71,15 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   const VehicleOptimum best =
       maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});
   if (!best.converged) return out;
-  double largest_slip = 0.0;
+  std::vector<double> slips[2];
   replay(problem, best.z, [&](Eigen::Index, const Motion<double>& motion, double) {
-    largest_slip =
-        std::max({largest_slip, std::abs(motion.slip_front), std::abs(motion.slip_rear)});
+    slips[0].push_back(std::abs(motion.slip_front));
+    slips[1].push_back(std::abs(motion.slip_rear));
   });
-  // A car that slides sideways all the time explains a wrong model, not a tyre.
-  if (largest_slip > kLargestSlip) return out;
+  out.front.slip = quantile_95(slips[0]);
+  out.rear.slip = quantile_95(slips[1]);
+  // A car that slides sideways most of the time explains a wrong model, not a tyre.
+  if (std::max(out.front.slip, out.rear.slip) > kLargestSlip) return out;
   out.refitted = true;
   out.gain = best.log_likelihood - optimum.log_likelihood;
   out.softened = parameters_at(problem, best.z);
@@ -85,16 +87,10 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   out.rms = rms_per_output(problem, e);
 
   const VehicleCovariance refit = vehicle_covariance(problem, best);
-  std::vector<double> slips[2];
-  replay(problem, best.z, [&](Eigen::Index, const Motion<double>& motion, double) {
-    slips[0].push_back(std::abs(motion.slip_front));
-    slips[1].push_back(std::abs(motion.slip_rear));
-  });
   for (int axle = 0; axle < 2; ++axle) {
     TyreSaturation::Axle& result = axle == 0 ? out.front : out.rear;
     const double softening = out.softened[axle == 0 ? kSofteningFront : kSofteningRear];
     const double stiffness = out.softened[axle == 0 ? kCf : kCr];
-    result.slip = quantile_95(slips[axle]);
     const double linear_force = stiffness * result.slip;
     result.loss =
         1.0 - force_share<TyreCurve::tanh>(softening * linear_force * linear_force, {}).value;

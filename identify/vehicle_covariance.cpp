@@ -219,7 +219,9 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     // At the optimum the scores of the data balance those of the priors: without their mean they
     // scatter about zero.
     scores.colwise() -= Eigen::VectorXd(scores.rowwise().mean());
-    const Eigen::MatrixXd spread = widest_long_run_covariance(scores, inverse, out.bandwidth);
+    const Eigen::MatrixXd spread = out.coloured
+                                       ? widest_long_run_covariance(scores, inverse, out.bandwidth)
+                                       : long_run_covariance(scores, out.bandwidth);
     const double correction = static_cast<double>(m) / out.freedom;
     out.covariance = correction * (scale.asDiagonal() * spread * scale.asDiagonal());
     out.memory = static_cast<double>(out.bandwidth) * problem.run->step;

@@ -308,8 +308,10 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
 
   list_parameters(model, estimate);
   if (!unknowns.free.empty() && is_steady(run)) {
-    report_steady(model, run, estimate);
-    return estimate;
+    if (const std::optional<SteadyTurning> turning = steady_turning(run)) {
+      report_steady(model, *turning, estimate);
+      return estimate;
+    }
   }
 
   const std::size_t sought = unknowns.free.size() + 2 * run.stretches.size();

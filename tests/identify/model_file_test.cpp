@@ -184,7 +184,9 @@ TEST_F(ModelFileTest, ReadsTheLaneChangeExample) {
     if (!p.fixed) free.push_back(p.name);
   }
   EXPECT_THAT(names, ElementsAre("m", "a", "b", "Iz", "Cf", "Cr", "steering_ratio", "steering_gain",
-                                 "steering_offset", "bias_r", "bias_vy", "bias_ay", "bank"));
+                                 "steering_offset", "steering_delay", "bias_r", "bias_vy",
+                                 "bias_ay", "mounting_angle", "bank", "relaxation_length",
+                                 "cg_height", "load_sensitivity"));
   EXPECT_THAT(free, ElementsAre("Iz", "Cf", "Cr"));
   EXPECT_EQ(named(model, "Iz").scalar(), 2000.0);
   EXPECT_EQ(named(model, "Cf").min, 1e4);
@@ -491,7 +493,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"step: 0.5 s", "step: 0.5 kg", "3:30: step is in 'kg'; expected a unit like 's'"},
     {"step: 0.5 s", "step: 0 s", "3:30: step is '0 s'; expected a time above 0"},
     {"step: 0.5 s", "step: 0,5 s",
-     "3:32: unknown key '5 s' in time; expected one of kind, step, column, unit, inputs"},
+     "3:32: unknown key '5 s' in time; expected one of kind, step, column, unit, runs, inputs"},
     {"{kind: discrete, step: 0.5 s}", "{kind: discrete, step: \"0,5 s\"}",
      "3:30: step is '0,5 s'; expected a finite number, with or without a unit; write a decimal "
      "point"},
@@ -512,7 +514,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"{kind: discrete, step: 0.5 s}", "1 s",
      "3:7: time is '1 s'; expected a mapping of 'key: value'"},
     {"step: 0.5 s", "stepp: 1",
-     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, inputs; did you "
+     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, runs, inputs; "
+     "did you "
      "mean "
      "'step'?"},
     {"{value: 2, min: 0}", "{value: 2, min: 3}",
@@ -851,9 +854,10 @@ constexpr Mistake kVehicleMistakes[] = {
     {"model: single-track", "model: single-track\nsensors: {vy: {x: 0.2 s}}",
      "4:19: x is in 's'; expected a unit like 'm'"},
     {"model: single-track", "model: single-track\nsensors: {vy: {z: 0.2}}",
-     "4:16: unknown key 'z' in 'vy'; expected one of x, y; did you mean 'x'?"},
+     "4:16: unknown key 'z' in 'vy'; expected one of x, y, angle; did you mean 'x'?"},
     {"model: single-track", "model: single-track\ntyre: {curve: linaer}",
-     "4:15: curve is 'linaer'; expected linear, tanh, fiala or magic-formula"},
+     "4:15: curve is 'linaer'; expected one of linear, tanh, fiala, magic-formula; did you mean "
+     "'linear'?"},
     {"model: single-track", "model: single-track\ntyre: {}",
      "4:7: 'curve' is missing in tyre; expected curve: linear"},
     {"model: single-track", "model: single-track\ntyre: linear",
@@ -1324,7 +1328,7 @@ TEST_F(ModelFileTest, DamagedFilesAreReadOrRefused) {
         ASSERT_EQ(at.outputs(), static_cast<Eigen::Index>(model.outputs.size()));
         ASSERT_EQ(at.inputs(), static_cast<Eigen::Index>(model.inputs.size()));
       } else {
-        ASSERT_EQ(model.parameters.size(), 13U);
+        ASSERT_EQ(model.parameters.size(), 18U);
         ASSERT_EQ(model.inputs.size(), 2U);
       }
       try {

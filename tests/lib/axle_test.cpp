@@ -96,8 +96,8 @@ TEST(Axle, DerivativesAreExact) {
 TEST(Axle, SeriesMeetsTheClosedForm) {
   const CurveShape shape;
   for (const double edge : {0.01, 0.01 * shape.shape * shape.shape}) {
-    const ForceShare below = force_share<TyreCurve::magic_formula>(edge * (1.0 - 1e-10), shape);
-    const ForceShare above = force_share<TyreCurve::magic_formula>(edge * (1.0 + 1e-10), shape);
+    const ForceShare below = force_share<TyreCurve::magic_formula>(edge * (1.0 - 1e-12), shape);
+    const ForceShare above = force_share<TyreCurve::magic_formula>(edge * (1.0 + 1e-12), shape);
     EXPECT_NEAR(below.value, above.value, 1e-12);
     EXPECT_NEAR(below.by_z, above.by_z, 1e-11);
     EXPECT_NEAR(below.by_shape, above.by_shape, 1e-11);
