@@ -39,8 +39,6 @@ VehicleParameters<double> typical_car(const VehicleUnknowns& unknowns) {
       p[parameter] = kTypicalStiffness * load[0];
     } else if (parameter == kCr) {
       p[parameter] = kTypicalStiffness * load[1];
-    } else if (parameter == kSofteningFront || parameter == kSofteningRear) {
-      p[parameter] = unknowns.scale[unknowns.find(parameter)];
     } else if (!std::isnan(neutral[parameter]) && parameter != kSteeringRatio) {
       p[parameter] = neutral[parameter];
     }

@@ -6,7 +6,7 @@ usage: against_scipy.py BUILD RECORDING.csv    (columns t, delta, vx, yawRate, v
 Nine parameters (Iz, Cf, Cr, both largest forces of a tanh tyre, steering offset, biases of r and vy, mounting angle) of
 the output error of r and vy, the integrator of both the classical Runge-Kutta at 0.01 s with the inputs' midpoints.
 scipy gets the residual compiled by cc -O3 through ctypes, parameters in units of their typical size, the same weights and
-the same start (equation error), and its defaults otherwise: trf, two-point differences. Initial states are fixed for scipy at the values
+the same start (a guess), and its defaults otherwise: trf, two-point differences. Initial states are fixed for scipy at the values
 that this project finds; this project estimates them along.
 """
 import ctypes
@@ -52,7 +52,7 @@ void residual(const double *x, int n, double h, const double *angle, const doubl
 
 NAMES = ["Iz", "Cf", "Cr", "Ff_max", "Fr_max", "steering_offset", "bias_r", "bias_vy", "mounting_angle"]
 SIZE = np.array([982 * 1.33 * 1.07, 4e4, 5e4, 4e3, 5e3, 0.02, 0.02, 0.2, 0.02])
-START = np.array([982 * 1.33 * 1.07, 5.2e4, 6.4e4, 4.3e3, 5.3e3, 0.0, 0.0, 0.0, 0.0])
+START = np.array([982 * 1.33 * 1.07, 6e4, 1e5, 4.3e3, 5.3e3, 0.0, 0.0, 0.0, 0.0])
 
 MODEL = """identikal: 1
 model: single-track
@@ -104,7 +104,6 @@ def main(build, recording):
         model.write_text(MODEL.format(*START))
         bench = json.loads(subprocess.run([f"{build}/tests/vehicle_bench", model, recording], check=True,
                                           capture_output=True, text=True).stdout)
-        start = np.array(bench["start"]) / SIZE
         residual = compiled(folder)
         inputs, evaluations = (with_midpoints(angle), with_midpoints(vx)), 0
         e = np.empty(2 * len(t))
@@ -116,11 +115,11 @@ def main(build, recording):
             return e.copy()
 
         begin = time.perf_counter()
-        error(start)
+        error(START / SIZE)
         once = time.perf_counter() - begin
         evaluations = 0
         begin = time.perf_counter()
-        found = least_squares(error, start)
+        found = least_squares(error, START / SIZE)
         theirs = time.perf_counter() - begin
     print(f"{'':18}{'this project':>14}{'scipy':>14}")
     for i, each in enumerate(NAMES):

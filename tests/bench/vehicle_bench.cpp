@@ -8,7 +8,6 @@
 
 #include "identify/model_file.h"
 #include "identify/vehicle_problem.h"
-#include "identify/vehicle_starts.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
 
@@ -28,9 +27,7 @@ double seconds_of(Run&& run, int repeats) {
 }
 
 VehicleOptimum fit(const VehicleProblem& problem) {
-  const VehicleParameters<double> start =
-      vehicle_starts(*problem.run, problem.unknowns, 1, 1).front();
-  return maximise_likelihood(problem, coordinates_of(problem, start), {});
+  return maximise_likelihood(problem, coordinates_of(problem, problem.unknowns.value), {});
 }
 
 void bench(const char* model_path, const char* data_path) {
@@ -47,14 +44,11 @@ void bench(const char* model_path, const char* data_path) {
   LeastSquares::RowMatrix J;
   const double simulation_s = seconds_of([&] { output_error(problem, best.z, e, nullptr); }, 20);
   const double gradient_s = seconds_of([&] { output_error(problem, best.z, e, &J); }, 20);
-  const VehicleParameters<double> start = vehicle_starts(run, unknowns, 1, 1).front();
-  std::string values, starts, growth;
+  std::string values, growth;
   for (const VehicleParameter parameter : {kYawInertia, kCf, kCr, kSofteningFront, kSofteningRear,
                                            kSteeringOffset, kBiasR, kBiasVy, kMountingAngle}) {
     values += fmt::format("{}{:.10g}", values.empty() ? "" : ", ",
                           in_user_terms(parameter, p[parameter]).value);
-    starts += fmt::format("{}{:.10g}", starts.empty() ? "" : ", ",
-                          in_user_terms(parameter, start[parameter]).value);
   }
   for (const Eigen::Index part : {8, 4, 2, 1}) {
     const VehicleRun shorter = usable_run(model, {first_samples(data, data.size() / part)});
@@ -64,9 +58,9 @@ void bench(const char* model_path, const char* data_path) {
   }
   fmt::print(
       "{{\"fit_s\": {}, \"evaluations\": {}, \"simulation_s\": {}, \"gradient_s\": {}, \"value\": "
-      "[{}], \"start\": [{}], "
+      "[{}], "
       "\"sd\": [{}, {}], \"vy0\": {}, \"r0\": {}, \"converged\": {}, \"growth\": [{}]}}\n",
-      fit_s, best.evaluations, simulation_s, gradient_s, values, starts, best.sd[0], best.sd[1],
+      fit_s, best.evaluations, simulation_s, gradient_s, values, best.sd[0], best.sd[1],
       best.z[problem.state_of(0)] * kStateScale[0],
       best.z[problem.state_of(0) + 1] * kStateScale[1], best.converged, growth);
 }

@@ -72,7 +72,7 @@ Tally study(const char* title, const Dataset& clean, int runs) {
 }
 
 void expect_at_the_limit(const Tally& tally) {
-  for (int i = 0; i < 2; ++i) {
+  for (int i = 0; i < kNames; ++i) {
     EXPECT_LE(std::abs(tally.bias[i]), 0.005) << kName[i];
     EXPECT_NEAR(tally.sd[i] / tally.bound[i], 1.0, 0.08) << kName[i];
   }
