@@ -34,8 +34,9 @@ enum class Relation { either, same_sign, opposite_sign };
 ///
 /// The standard error is that of least squares, y(t + l) = c + g x(t) + e: variance of the summed
 /// scores g x'(t) e(t) with their autocovariances (Newey & West 1987) over (sum g^2 x'^2)^2; under
-/// noise with a memory of ten samples it is 13 % below the scatter (tests/lib). The other peak is the highest local maximum that a valley of at least a tenth of the best
-/// correlation parts from the best: close to it in height, the lag is ambiguous.
+/// noise with a memory of ten samples it is 13 % below the scatter (tests/lib). The other peak is
+/// the highest local maximum that a valley of at least a tenth of the best correlation parts from
+/// the best: close to it in height, the lag is ambiguous.
 /// @param t_x, x   Nx increasing times [s] and values, NaN = missing; any unit
 /// @param t_y, y   Ny
 /// @param largest  [s], positive

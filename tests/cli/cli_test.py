@@ -678,6 +678,7 @@ class Vehicle(unittest.TestCase):
             self.assertEqual("yes", {v["of"]: v["answer"] for v in survey["identifiable"]}["Iz"])
             self.assertIn("nothing wrong was found", run("info", "--vehicle", *arguments, code=0).stdout)
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_recordings(self):
         names = ["recordings/comma2k19_rav4_imu.csv", "recordings/comma2k19_rav4_speed.csv",
                  "recordings/comma2k19_rav4_steer.csv"]

@@ -126,8 +126,8 @@ TEST(DriveAlong, HitsConesWhenItIsTooFast) {
   const auto course = obstacle_avoidance_course(body.width);
   auto p = thesis_car();
   p[kSofteningFront] = p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
-  const Driven drive =
-      driven(car_with<TyreCurve::tanh>(p), planned_path(course, body.width), 4.0, 100.0, 100.0 / 3.6);
+  const Driven drive = driven(car_with<TyreCurve::tanh>(p), planned_path(course, body.width), 4.0,
+                              100.0, 100.0 / 3.6);
   double worst = 1.0;
   for (const GatePassage& gate : gate_passages(course, body, drive.poses)) {
     if (gate.clearance < worst) worst = gate.clearance;

@@ -1,5 +1,4 @@
 #include "lib/manoeuvre.h"
-#include "lib/steering_response.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,7 @@
 
 #include "lib/interpolation.h"
 #include "lib/single_track.h"
+#include "lib/steering_response.h"
 #include "tests/support/thesis_car.h"
 
 namespace identikal {
