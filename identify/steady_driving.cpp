@@ -90,7 +90,7 @@ bool is_steady(const VehicleRun& run) {
   return angle_change < most * angle && r_change < most * r;
 }
 
-std::optional<SteadyTurning> steady_turning(const VehicleRun& run) {
+std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset, double bias_r) {
   const Eigen::Index yaw = run.find(VehicleQuantity::r);
   if (yaw < 0) return std::nullopt;
   const std::vector<Mean> all = equations(run, yaw);
@@ -100,14 +100,15 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run) {
   Eigen::Index left = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
     const Mean& mean = all[static_cast<std::size_t>(i)];
-    X.row(i) << mean.r / mean.vx, mean.r * mean.vx, -1.0;
-    angle[i] = mean.angle;
-    if (mean.r > 0.0) ++left;
+    const double r = mean.r - bias_r;
+    X.row(i) << r / mean.vx, r * mean.vx, -1.0;
+    angle[i] = mean.angle + offset;
+    if (r > 0.0) ++left;
   }
   SteadyTurning out;
   out.equations = n;
   const double rarer = static_cast<double>(std::min(left, n - left));
-  out.with_offset = rarer >= kBothSides * static_cast<double>(n);
+  out.with_offset = offset == 0.0 && rarer >= kBothSides * static_cast<double>(n);
   const Eigen::Index unknowns = out.with_offset ? 3 : 2;
   const Eigen::MatrixXd used = X.leftCols(unknowns);
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(used *
@@ -144,7 +145,8 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const double given = unknowns.value[kSteeringRatio] / unknowns.value[kSteeringGain] *
                        (unknowns.value[kA] + unknowns.value[kB]);
-  if (std::abs(found.value[0] - given) > student_t_quantile(0.995, found.freedom) * se(0)) {
+  if (found.freedom > 0.0 &&
+      std::abs(found.value[0] - given) > student_t_quantile(0.995, found.freedom) * se(0)) {
     estimate.warnings.push_back(
         {"steering_ratio",
          "warning",
@@ -155,9 +157,12 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
              found.value[0], se(0), given),
          "correct the ratio, the wheelbase, or the units and signs of the channels"});
   }
-  estimate.notes.push_back(
-      fmt::format("angle + offset = i L r/v + i K v r, {} equations, scatter {:.3g} {}",
-                  found.equations, found.sd / unit.scale, model.inputs[0].unit));
+  std::string note =
+      fmt::format("angle + offset = i L r/v + i K v r, {} equations", found.equations);
+  if (found.freedom > 0.0) {
+    note += fmt::format(", scatter {:.3g} {}", found.sd / unit.scale, model.inputs[0].unit);
+  }
+  estimate.notes.push_back(note);
   estimate.objective.method = "steady_driving";
   estimate.covariance_kind = "scatter of the circles about the line";
   estimate.status = Status::answer_no;

@@ -30,8 +30,13 @@ struct SteadyTurning {
   double freedom = kNone;
 };
 
+/// @param offset  of the steering sensor where it is known [rad]; 0: sought where there are turns
+/// to
+///   both sides
+/// @param bias_r  of the yaw rate [rad/s]
 /// @return nothing when the yaw rate is not measured, or speeds and angles are too much alike
-std::optional<SteadyTurning> steady_turning(const VehicleRun& run);
+std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset = 0.0,
+                                            double bias_r = 0.0);
 
 /// Fills the answer for a steady recording: the two products, no parameter.
 void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate& estimate);

@@ -634,7 +634,9 @@ StudyReport logarithm(const StudyOptions& options) {
     Cf(run, kEquationError) = found ? p[kCf] : kMissing;
     Cr(run, kEquationError) = found ? p[kCr] : kMissing;
 
-    const Estimate fit = fit_vehicle(model, data);
+    VehicleFitOptions fit_alone;
+    fit_alone.second_opinion = false;
+    const Estimate fit = fit_vehicle(model, data, fit_alone);
     for (const EstimatedParameter& each : fit.parameters) {
       if (each.name == "Cf") {
         Cf(run, kOutputError) = each.value;

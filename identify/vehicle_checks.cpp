@@ -94,8 +94,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
   }
 }
 
-void check_plausibility(const VehicleProblem& problem, const VehicleParameters<double>& p,
-                        Estimate& estimate) {
+void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate) {
   const auto warn = [&](const std::string& name, const std::string& text) {
     estimate.warnings.push_back({"implausible_" + name,
                                  "warning",
@@ -108,7 +107,7 @@ void check_plausibility(const VehicleProblem& problem, const VehicleParameters<d
   if (is_free(estimate, "Iz") && usable(estimate, "Iz") && (ratio < 0.8 || ratio > 1.3)) {
     warn("Iz", fmt::format("Iz/(m a b) = {:.2f}; cars lie between 0.8 and 1.3", ratio));
   }
-  const Eigen::Vector2d load = axle_loads(problem.unknowns.value);
+  const Eigen::Vector2d load = axle_loads(p);
   for (int axle = 0; axle < 2; ++axle) {
     const std::string name = axle == 0 ? "Cf" : "Cr";
     const double per_load = p[axle == 0 ? kCf : kCr] / load[axle];
@@ -132,7 +131,9 @@ void describe_weakest_direction(const VehicleProblem& problem, const VehicleCova
     if (!must_be_positive(parameter)) continue;
     names.emplace_back(name_of(parameter));
     rows.push_back(static_cast<Eigen::Index>(i));
-    values.push_back(p[parameter]);
+    // Relative to what the user sees, a largest force.
+    const UserValue user = in_user_terms(parameter, p[parameter]);
+    values.push_back(user.value / user.slope);
   }
   const auto n = static_cast<Eigen::Index>(rows.size());
   if (n < 2) return;
@@ -266,6 +267,16 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   if (at < 0) return;
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
   gradient[at] = 1.0;
+  if (p[kSteeringGain] < 0.0) {
+    estimate.warnings.push_back(
+        {"sign_steering",
+         "serious",
+         {"steering_gain"},
+         fmt::format("the steering gain is {:.3g}: the wheels turn against the angle",
+                     p[kSteeringGain]),
+         "the angle has the wrong sign: it is positive to the left (ISO 8855)"});
+    return;
+  }
   const double gain = p[kSteeringGain], se = standard_error(problem, covariance, gradient);
   const double quantile = student_t_quantile(0.995, covariance.freedom);
   if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;

@@ -16,8 +16,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
 
 /// Iz/(m a b) outside 0.8 to 1.3 and axle stiffness per load outside 5 to 25 per rad, for
 /// determined values.
-void check_plausibility(const VehicleProblem& problem, const VehicleParameters<double>& p,
-                        Estimate& estimate);
+void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate);
 
 /// Which change of the positive parameters, relative to their size, the recording tells least, when
 /// it leaves more than a quarter open: the direction in which a user must look for more knowledge.

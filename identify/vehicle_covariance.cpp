@@ -223,8 +223,13 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
                                        ? widest_long_run_covariance(scores, inverse, out.bandwidth)
                                        : long_run_covariance(scores, out.bandwidth);
     const double correction = static_cast<double>(m) / out.freedom;
-    out.covariance = correction * (scale.asDiagonal() * spread * scale.asDiagonal());
-    out.memory = static_cast<double>(out.bandwidth) * problem.run->step;
+    // What a prior knows scatters by itself, once.
+    const Eigen::MatrixXd priors = X.bottomRows(k).transpose() * X.bottomRows(k);
+    out.covariance = scale.asDiagonal() * (correction * spread + inverse * priors * inverse) *
+                     scale.asDiagonal();
+    // Rows without a sample have no score.
+    out.memory = static_cast<double>(out.bandwidth) * problem.run->step *
+                 static_cast<double>(problem.run->used) / static_cast<double>(scores.cols());
     // The spread is itself an estimate: with these degrees of freedom Student's t has the critical
     // values of Kiefer & Vogelsang (2005, table 1) for Bartlett's window at this share of the
     // record, within 2 %.
@@ -238,7 +243,10 @@ void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long lo
                       VehicleCovariance& covariance) {
   const Eigen::Index k = covariance.rows.cols();
   if (k == 0 || covariance.null_space.cols() > 0) return;
-  const Eigen::Index rows = problem.run->used;
+  Eigen::Index rows = 0;  // that hold a sample
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    if (i == 0 || problem.row[i] != problem.row[i - 1]) ++rows;
+  }
   const Eigen::Index blocks = std::clamp<Eigen::Index>(
       rows / (2 * covariance.bandwidth), std::min<Eigen::Index>(kFewestBlocks, rows), kMostBlocks);
   std::vector<Eigen::MatrixXd> H(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
@@ -269,6 +277,9 @@ void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long lo
           blocks - 1, static_cast<Eigen::Index>(random.uniform() * static_cast<double>(blocks))));
       information += H[drawn];
       score += g[drawn];
+    }
+    for (Eigen::Index i = 0; i < k; ++i) {
+      score[i] += std::sqrt(std::max(0.0, prior(i, i))) * random.normal();
     }
     moved.col(draw) = -information.ldlt().solve(score);
   }

@@ -232,15 +232,6 @@ std::string listed(const std::vector<std::string>& names) {
   return out;
 }
 
-/// Whether a channel is so wrong that no other form of the model can mend it.
-bool misread(const Estimate& estimate) {
-  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [](const Warning& w) {
-    return w.severity == "serious" &&
-           (w.code.starts_with("sign_") || w.code.starts_with("units_") ||
-            w.code == "clock_offset" || w.code == "swapped_channels");
-  });
-}
-
 /// Goes on from the best simulation with a filter gain that starts at none.
 void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) {
   Eigen::VectorXd z = found.best.z;
@@ -250,6 +241,15 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) 
   found.best = maximise_likelihood(found.problem, z, solver);
   found.iterations += found.best.iterations;
   found.evaluations += found.best.evaluations;
+}
+
+/// Whether a channel is so wrong that no other form of the model can mend it.
+bool misread(const Estimate& estimate) {
+  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [](const Warning& w) {
+    return w.severity == "serious" &&
+           (w.code.starts_with("sign_") || w.code.starts_with("units_") ||
+            w.code == "clock_offset" || w.code == "swapped_channels");
+  });
 }
 
 void conclude(const VehicleSearch& found, Estimate& estimate) {
@@ -275,6 +275,9 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
   if (!found.best.converged) {
     estimate.status = Status::not_converged;
     estimate.message = "the search did not converge: " + found.best.message;
+  } else if (misread(estimate)) {
+    estimate.status = Status::untrusted;
+    estimate.message = "do not use these values: " + listed(serious);
   } else if (!open.empty()) {
     estimate.status = Status::answer_no;
     estimate.message = "this recording does not determine " + listed(open) + " separately";
@@ -307,8 +310,16 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   estimate.notes = run.notes;
 
   list_parameters(model, estimate);
-  if (!unknowns.free.empty() && is_steady(run)) {
-    if (const std::optional<SteadyTurning> turning = steady_turning(run)) {
+  // Sideslip, or one stiffness that is known, lets a circle tell the stiffnesses.
+  const bool open = unknowns.find(kCf) >= 0 && unknowns.find(kCr) >= 0 &&
+                    run.find(VehicleQuantity::vy) < 0 && run.find(VehicleQuantity::beta) < 0;
+  if (open && is_steady(run)) {
+    const auto known = [&](VehicleParameter p) {
+      return unknowns.find(p) < 0 ? unknowns.value[p] : 0.0;
+    };
+    if (const std::optional<SteadyTurning> turning =
+            steady_turning(run, known(kSteeringOffset), known(kBiasR))) {
+      check_signs(run, unknowns.value, estimate);
       report_steady(model, *turning, estimate);
       return estimate;
     }
@@ -347,7 +358,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
-  check_recordings(model, recordings, estimate);
+  if (options.second_opinion) check_recordings(model, recordings, estimate);
   Eigen::VectorXd e;
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);
@@ -357,10 +368,10 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   check_whiteness(covariance, estimate);
   check_steering_gain(found.problem, covariance, p, estimate);
-  if (!prediction && !unknowns.free.empty() && !misread(estimate)) {
+  if (options.second_opinion && !prediction && !unknowns.free.empty() && !misread(estimate)) {
     compare_alternatives(found, options.search, estimate);
   }
-  check_plausibility(found.problem, p, estimate);
+  check_plausibility(p, estimate);
   describe_weakest_direction(found.problem, covariance, p, estimate);
   describe_acceleration(found.problem, found.best, estimate);
   conclude(found, estimate);

@@ -15,6 +15,7 @@ struct VehicleFitOptions {
   /// output_error simulates; prediction_error goes on from there with a filter gain of its own
   /// (identify/vehicle_problem.h), for cars that are pushed by more than their steering.
   enum class Method { output_error, prediction_error } method = Method::output_error;
+  bool second_opinion = true;     ///< survey the recordings and try other forms of the model
   int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
   std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on
 };

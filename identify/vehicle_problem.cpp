@@ -92,28 +92,6 @@ void predict(const VehicleProblem& problem, const Car& car, const DrivenStretch&
   });
 }
 
-/// The stretches as these parameters drive them: a delay that is sought moves the steering.
-class Driven {
- public:
-  Driven(const VehicleProblem& problem, const VehicleParameters<double>& p) : problem_(problem) {
-    if (problem.unknowns.find(kSteeringDelay) < 0) return;
-    moved_ = problem.driven;
-    const VehicleRun& run = *problem.run;
-    for (std::size_t s = 0; s < moved_.size(); ++s) {
-      const VehicleRun::Stretch& stretch = run.stretches[s];
-      set_delay(moved_[s], run.time.segment(stretch.first, stretch.rows),
-                run.steering.segment(stretch.first, stretch.rows), p[kSteeringDelay]);
-    }
-  }
-  const DrivenStretch& operator[](std::size_t s) const {
-    return moved_.empty() ? problem_.driven[s] : moved_[s];
-  }
-
- private:
-  const VehicleProblem& problem_;
-  std::vector<DrivenStretch> moved_;
-};
-
 // A long recording forgets its initial state: derivatives by it decay below 1e-308, where the
 // processor is a hundred times slower. In this scope they become zero.
 class FlushDenormals {
@@ -226,6 +204,11 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
       throw InputError(at, fmt::format("parameter '{}' is {:g}", given.name, given.scalar()),
                        "a positive number");
     }
+    if (*parameter == kRelaxationLength && given.fixed && given.scalar() != 0.0 &&
+        given.scalar() < kShortestRelaxation) {
+      throw InputError(at, fmt::format("parameter '{}' is {:g} m", given.name, given.scalar()),
+                       fmt::format("0 for none, or at least {:g} m", kShortestRelaxation));
+    }
     out.value[*parameter] = from_user_terms(*parameter, given.scalar());
     if (!given.fixed) sought.push_back(i);
   }
@@ -249,13 +232,16 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
     }
     const Eigen::Index k = out.scale.size() - 1;
     if (is_softening(parameter)) {
-      if (std::isfinite(high)) out.lower[k] = std::max(out.lower[k], 1.0 / (high * high));
-      if (low > 0.0) out.upper[k] = std::min(out.upper[k], 1.0 / (low * low));
+      if (std::isfinite(high)) out.lower[k] = 1.0 / (high * high);
+      if (low > 0.0) out.upper[k] = 1.0 / (low * low);
+      out.upper[k] = std::max(out.upper[k], out.lower[k]);
     } else {
       out.lower[k] = std::max(out.lower[k], low);
       // What the file allows expressly is allowed.
       if (std::isfinite(high)) out.upper[k] = high;
-      if (!must_be_positive(parameter) && std::isfinite(low)) out.lower[k] = low;
+      const bool bounded_both_ways =
+          parameter == kSteeringDelay || parameter == kMountingAngle || parameter == kBank;
+      if (bounded_both_ways && std::isfinite(low)) out.lower[k] = low;
     }
     double& start = out.value[parameter];
     start = std::min(std::max(start, out.lower[k]), out.upper[k]);
@@ -384,11 +370,25 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
   return z.cwiseMax(problem.lower).cwiseMin(problem.upper);
 }
 
+std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
+                                          const VehicleParameters<double>& p) {
+  if (problem.unknowns.find(kSteeringDelay) < 0) return {};
+  std::vector<DrivenStretch> moved = problem.driven;
+  const VehicleRun& run = *problem.run;
+  for (std::size_t s = 0; s < moved.size(); ++s) {
+    const VehicleRun::Stretch& stretch = run.stretches[s];
+    set_delay(moved[s], run.time.segment(stretch.first, stretch.rows),
+              run.steering.segment(stretch.first, stretch.rows), p[kSteeringDelay]);
+  }
+  return moved;
+}
+
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J) {
   const FlushDenormals flush;
   const VehicleParameters<double> p = parameters_at(problem, z);
-  const Driven driven(problem, p);
+  const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
+  const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
   const TyreCurve curve = problem.unknowns.curve;
   const Eigen::Index k = problem.parameters();
   e.resize(problem.residuals());

@@ -116,12 +116,19 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J);
 
+/// The stretches with the steering read at these parameters' delay; empty where that is known, and
+/// VehicleProblem::driven has it.
+std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
+                                          const VehicleParameters<double>& p);
+
 /// Motion of the simulated car at every row of the stretches, without gain: calls observe(row,
 /// motion, vx).
 template <typename Observe>
 void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& observe) {
   const VehicleParameters<double> p = parameters_at(problem, z);
-  for (std::size_t s = 0; s < problem.driven.size(); ++s) {
+  const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
+  const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
+  for (std::size_t s = 0; s < driven.size(); ++s) {
     const Eigen::Index at = problem.state_of(s);
     const Eigen::Index first = problem.run->stretches[s].first;
     const auto shifted = [&](Eigen::Index k, const Motion<double>& motion, double vx) {
@@ -129,7 +136,7 @@ void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& o
     };
     const double vy = z[at] * kStateScale[0], r = z[at + 1] * kStateScale[1];
     with_car(problem.unknowns.curve, p,
-             [&](const auto& car) { simulate(car, problem.driven[s], vy, r, shifted); });
+             [&](const auto& car) { simulate(car, driven[s], vy, r, shifted); });
   }
 }
 

@@ -55,7 +55,8 @@ TEST(VehicleModel, TanhTyreComesBack) {
   constexpr int kRuns = 40;
   for (int run = 0; run < kRuns; ++run) {
     const Estimate fit =
-        fit_vehicle(model, with_noise(clean, {0.01, 0.03}, static_cast<std::uint64_t>(run) + 1));
+        fit_vehicle(model, with_noise(clean, {0.01, 0.03}, static_cast<std::uint64_t>(run) + 1),
+                    without_second_opinion());
     ok += fit.status == Status::ok ? 1 : 0;
     for (std::size_t i = 0; i < 5; ++i) {
       const EstimatedParameter& p = parameter(fit, truth[i].first);
@@ -119,6 +120,62 @@ TEST(VehicleModel, DelayIsFoundOrSaid) {
   ASSERT_NE(said, nullptr);
   EXPECT_THAT(said->text, HasSubstr("with steering_delay free it is 0.07"));
   EXPECT_EQ(warning(fit_vehicle(thesis_model(), late_steering(0.0)), "steering_delay"), nullptr);
+}
+
+// What is shown as simulated is what was fitted, wherever the delay began.
+TEST(VehicleModel, ReplayFollowsAFittedDelay) {
+  const Dataset data = late_steering(0.08);
+  const ModelFile model = with_free(thesis_model(), "steering_delay", "s", 0.5);
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  const VehicleRun run = usable_run(model, {data});
+  const VehicleProblem problem =
+      make_vehicle_problem(run, unknowns, demand_of(unknowns, unknowns.value));
+  VehicleParameters<double> p = unknowns.value;
+  p[kSteeringDelay] = 0.08;
+  const Eigen::VectorXd z = coordinates_of(problem, p);
+  Eigen::VectorXd e;
+  ASSERT_TRUE(output_error(problem, z, e, nullptr));
+  Eigen::Index i = 0;
+  replay_outputs(problem, z,
+                 [&](Eigen::Index, const Motion<double>&, double, const Eigen::VectorXd& values) {
+                   for (Eigen::Index j = 0; j < 2; ++j, ++i) {
+                     EXPECT_NEAR(values[j] - problem.sample[i], e[i], 1e-12);
+                   }
+                 });
+  EXPECT_EQ(i, problem.residuals());
+}
+
+// A parameter that the prior alone knows keeps the prior's error, however errors are taken.
+TEST(VehicleModel, PriorsErrorIsKept) {
+  ModelFile model = thesis_model();
+  find(model, "m")->fixed = false;
+  find(model, "m")->prior = {Prior::Kind::normal, 1446.0, 50.0};
+  const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
+  VehicleFitOptions options = without_second_opinion();
+  const double plain = parameter(fit_vehicle(model, data, options), "Cf").se;
+  options.search.robust = true;
+  const Estimate robust = fit_vehicle(model, data, options);
+  EXPECT_NEAR(parameter(robust, "m").se, 50.0, 0.5);
+  EXPECT_NEAR(parameter(robust, "Cf").se / plain, 1.0, 0.15);
+  options.search.robust = false;
+  options.bootstrap = 2000;
+  const Estimate drawn = fit_vehicle(model, data, options);
+  EXPECT_NEAR(parameter(drawn, "m").se, 50.0, 4.0);
+  EXPECT_NEAR(parameter(drawn, "Cf").se / plain, 1.0, 0.15);
+}
+
+// Outputs at a tenth of the rows' rate: blocks are counted in rows that hold a sample.
+TEST(VehicleModel, BootstrapCountsSamples) {
+  Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    if (t % 10 != 0) data.y.col(t).setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  VehicleFitOptions options = without_second_opinion();
+  options.bootstrap = 2000;
+  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  for (const char* name : {"Cf", "Cr", "Iz"}) {
+    EXPECT_NEAR(parameter(fit, name).se / parameter(fit, name).crb_se, 1.0, 0.35) << name;
+  }
 }
 
 // A speed spread of 2 tells gain from stiffness.
@@ -188,7 +245,7 @@ TEST(VehicleModel, RobustCostShrugsOffOutliers) {
       data.y(0, t) += t % 200 < 100 ? 0.2 : -0.2;
       data.y(1, t) += 0.6;
     }
-    VehicleFitOptions options;
+    VehicleFitOptions options = without_second_opinion();
     plain +=
         std::pow(parameter(fit_vehicle(thesis_model(), data, options), "Cf").value - 88107.7, 2);
     options.search.robust = true;
@@ -261,7 +318,7 @@ TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
       vy += 0.03 * random.normal();
       r += 0.01 * random.normal();
     }
-    VehicleFitOptions options;
+    VehicleFitOptions options = without_second_opinion();
     const Estimate simulation = fit_vehicle(thesis_model(), data, options);
     simulated += std::pow(parameter(simulation, "Cf").value - 88107.7, 2);
     coloured += warning(simulation, "coloured_residuals") != nullptr ? 1 : 0;
@@ -369,6 +426,19 @@ TEST(SteadyDriving, ErrorsAreHonest) {
   std::printf("circles: covered %.1f and %.1f %%\n", 100.0 * covered[0] / runs,
               100.0 * covered[1] / runs);
   for (const int each : covered) EXPECT_NEAR(100.0 * each / runs, 95.0, 3.5);
+}
+
+// A known offset is no unknown, and as many circles as unknowns have no errors.
+TEST(SteadyDriving, KnownOffsetIsUsed) {
+  const VehicleRun run = usable_run(thesis_model({"r"}), circles(0.05, 1));
+  const SteadyTurning found = steady_turning(run, 0.05).value();
+  EXPECT_FALSE(found.with_offset);
+  EXPECT_NEAR(found.value[0], 52.752, 4.0 * std::sqrt(found.covariance(0, 0)));
+  std::vector<Dataset> two = circles(0.0, 1);
+  two.resize(2);
+  const Estimate fit = fit_vehicle(thesis_model({"r"}), two);
+  ASSERT_NE(derived(fit, "i L"), nullptr);
+  EXPECT_TRUE(std::isnan(derived(fit, "i L")->se));
 }
 
 TEST(SteadyDriving, ManoeuvresAreNotSteady) {

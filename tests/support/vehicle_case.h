@@ -12,6 +12,7 @@
 
 #include "identify/estimate.h"
 #include "identify/model_file.h"
+#include "identify/vehicle_fit.h"
 #include "lib/dataset.h"
 #include "lib/manoeuvre.h"
 #include "lib/random.h"
@@ -161,6 +162,13 @@ inline ModelFile thesis_model(const std::vector<std::string>& outputs = {"r", "v
     model.outputs.push_back(source);
   }
   return model;
+}
+
+/// For Monte Carlo: the fit alone, without the survey and the other forms of the model.
+inline VehicleFitOptions without_second_opinion() {
+  VehicleFitOptions options;
+  options.second_opinion = false;
+  return options;
 }
 
 inline const EstimatedParameter& parameter(const Estimate& estimate, const std::string& name) {
