@@ -22,13 +22,14 @@ constexpr double kBothSides = 0.2;  // share of the equations on the rarer side
 constexpr double kTellsApart = 1e-3;
 
 /// Means of rows [first, first + rows).
-struct Mean {
+struct SteadyMean {
   double angle = 0.0, vx = 0.0, r = 0.0;
   bool complete = false;
 };
 
-Mean mean_of(const VehicleRun& run, Eigen::Index yaw, Eigen::Index first, Eigen::Index rows) {
-  Mean out;
+SteadyMean steady_mean_of(const VehicleRun& run, Eigen::Index yaw, Eigen::Index first,
+                          Eigen::Index rows) {
+  SteadyMean out;
   double n = 0.0;
   for (Eigen::Index t = first; t < first + rows; ++t) {
     if (std::isnan(run.y(yaw, t))) continue;
@@ -44,25 +45,25 @@ Mean mean_of(const VehicleRun& run, Eigen::Index yaw, Eigen::Index first, Eigen:
   return out;
 }
 
-std::vector<Mean> means(const VehicleRun& run, Eigen::Index yaw, const VehicleRun::Stretch& stretch,
-                        Eigen::Index parts) {
-  std::vector<Mean> out;
+std::vector<SteadyMean> steady_means(const VehicleRun& run, Eigen::Index yaw,
+                                     const VehicleRun::Stretch& stretch, Eigen::Index parts) {
+  std::vector<SteadyMean> out;
   for (Eigen::Index part = 0; part < parts; ++part) {
     const Eigen::Index begin = part * stretch.rows / parts, end = (part + 1) * stretch.rows / parts;
-    const Mean mean = mean_of(run, yaw, stretch.first + begin, end - begin);
+    const SteadyMean mean = steady_mean_of(run, yaw, stretch.first + begin, end - begin);
     if (mean.complete) out.push_back(mean);
   }
   return out;
 }
 
-std::vector<Mean> equations(const VehicleRun& run, Eigen::Index yaw) {
-  std::vector<Mean> out;
+std::vector<SteadyMean> equations(const VehicleRun& run, Eigen::Index yaw) {
+  std::vector<SteadyMean> out;
   for (const VehicleRun::Stretch& stretch : run.stretches) {
     const auto vx = run.vx.segment(stretch.first, stretch.rows);
     const double mean = vx.mean();
     const double spread = std::sqrt((vx.array() - mean).square().mean());
     const bool one_speed = spread < kOneSpeed * mean;
-    const std::vector<Mean> each = means(run, yaw, stretch, one_speed ? 1 : kParts);
+    const std::vector<SteadyMean> each = steady_means(run, yaw, stretch, one_speed ? 1 : kParts);
     out.insert(out.end(), each.begin(), each.end());
   }
   return out;
@@ -77,7 +78,8 @@ bool is_steady(const VehicleRun& run) {
   for (const VehicleRun::Stretch& stretch : run.stretches) {
     const double seconds = static_cast<double>(stretch.rows) * run.step;
     const auto parts = std::max<Eigen::Index>(1, std::llround(seconds / kHalfSecond));
-    const std::vector<Mean> mean = means(run, yaw, stretch, std::min(parts, stretch.rows));
+    const std::vector<SteadyMean> mean =
+        steady_means(run, yaw, stretch, std::min(parts, stretch.rows));
     for (std::size_t i = 0; i < mean.size(); ++i) {
       angle += mean[i].angle * mean[i].angle;
       r += mean[i].r * mean[i].r;
@@ -93,13 +95,13 @@ bool is_steady(const VehicleRun& run) {
 std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset, double bias_r) {
   const Eigen::Index yaw = run.find(VehicleQuantity::r);
   if (yaw < 0) return std::nullopt;
-  const std::vector<Mean> all = equations(run, yaw);
+  const std::vector<SteadyMean> all = equations(run, yaw);
   const auto n = static_cast<Eigen::Index>(all.size());
   Eigen::MatrixXd X(n, 3);
   Eigen::VectorXd angle(n);
   Eigen::Index left = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Mean& mean = all[static_cast<std::size_t>(i)];
+    const SteadyMean& mean = all[static_cast<std::size_t>(i)];
     const double r = mean.r - bias_r;
     X.row(i) << r / mean.vx, r * mean.vx, -1.0;
     angle[i] = mean.angle + offset;

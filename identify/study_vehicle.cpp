@@ -124,7 +124,7 @@ ScalarRls scalar_rls(const VectorXd& regressor, const VectorXd& y, double start_
 }
 
 // One run of the experiment: what is measured, and what both filters say.
-struct Experiment {
+struct SensorExperiment {
   VectorXd steering;     // measured
   MatrixXd speed, slip;  // 2 x N, of both vector sensors
   Matrix3Xd derived;     // vx, vy, r from them
@@ -135,7 +135,7 @@ struct Experiment {
 };
 
 // The regressors that sections 9.1 to 9.3 leave open.
-MatrixXd regressor(const Experiment& run, Moment moment, bool from_measured_state) {
+MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measured_state) {
   const SingleTrack<double> car = source_car();
   MatrixXd out(2, kSamples);
   Vector2d state = Vector2d::Zero();
@@ -148,7 +148,8 @@ MatrixXd regressor(const Experiment& run, Moment moment, bool from_measured_stat
   return out;
 }
 
-MatrixXd kalman_states(const Experiment& run, const CentreVelocity& derived, double steering_sd) {
+MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derived,
+                       double steering_sd) {
   const SingleTrack<double> car = source_car();
   const VectorXd angle = run.steering / car.steering_ratio;
   // Steering between samples is not the straight line that the model takes it for.
@@ -177,14 +178,14 @@ MatrixXd kalman_states(const Experiment& run, const CentreVelocity& derived, dou
       .x_filt;
 }
 
-Experiment experiment(const TrueDrive& truth, Random& random) {
+SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   // Adds white noise, snr [dB] below the signal (awgn with 'measured'); returns its sd.
   const auto noisy = [&random](Eigen::Ref<Eigen::RowVectorXd> signal, double snr) {
     const double sd = std::pow(10.0, -snr / 20.0) * rms(signal);
     for (double& value : signal) value += sd * random.normal();
     return sd;
   };
-  Experiment out;
+  SensorExperiment out;
   // HS-CE in front, V1 behind: section 8.3.
   std::vector<VectorSensor> sensors(2);
   sensors[0].x = 2.109;
@@ -228,8 +229,8 @@ TrueDrive source_drive() {
   return true_drive(manoeuvre, 61.0 / 3.6, 58.0 / 3.6);
 }
 
-std::vector<Experiment> experiments(const TrueDrive& truth, const StudyOptions& options) {
-  std::vector<Experiment> out(static_cast<std::size_t>(options.runs));
+std::vector<SensorExperiment> experiments(const TrueDrive& truth, const StudyOptions& options) {
+  std::vector<SensorExperiment> out(static_cast<std::size_t>(options.runs));
   repeat(options, 0, [&](int run, Random& random) {
     out[static_cast<std::size_t>(run)] = experiment(truth, random);
   });
@@ -250,7 +251,7 @@ std::string set_up(const char* name, const char* what, int runs) {
 }
 
 // Everything that the first run measured and made of it.
-std::string experiment_csv(const TrueDrive& truth, const Experiment& run) {
+std::string experiment_csv(const TrueDrive& truth, const SensorExperiment& run) {
   std::string out =
       "t [s],steering [deg],U_front [m/s],slip_front [deg],U_rear [m/s],slip_rear [deg],"
       "vx [m/s],vy [m/s],r [rad/s],vx_true [m/s],vy_true [m/s],r_true [rad/s],"
@@ -318,14 +319,14 @@ double delay(const VectorXd& estimate, const VectorXd& truth) {
 
 StudyReport state_figure(const StateFigure& figure, const StudyOptions& options) {
   const TrueDrive truth = source_drive();
-  const std::vector<Experiment> runs = experiments(truth, options);
+  const std::vector<SensorExperiment> runs = experiments(truth, options);
   const Index i = figure.state;
   const VectorXd x = truth.states.row(i).transpose();
   enum { kDerived, kFreeRun, kRls, kKalman, kRows };
   Eigen::Vector4d squares = Eigen::Vector4d::Zero(), late = squares, delays = squares;
   const Index second = kSamples - kFromSample;
   const double share = 1.0 / static_cast<double>(runs.size());
-  for (const Experiment& run : runs) {
+  for (const SensorExperiment& run : runs) {
     const std::array<VectorXd, kRows> estimates{
         run.derived.row(1 + i).transpose(), run.free_run.row(i).transpose(),
         run.rls[static_cast<std::size_t>(i)].estimate, run.kalman.row(i).transpose()};
@@ -352,7 +353,7 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
         fmt::format("  {:<42} {:>9.5f} {:>17.5f} {:>15.2f}\n", kWhat[static_cast<std::size_t>(k)],
                     std::sqrt(squares[k]), std::sqrt(late[k]), delays[k]);
   }
-  const Experiment& first = runs.front();
+  const SensorExperiment& first = runs.front();
   const ScalarRls& rls = first.rls[static_cast<std::size_t>(i)];
   std::vector<Curve> curves{
       {"measured", truth.time, first.derived.row(1 + i).transpose(), Curve::Form::points},
@@ -379,7 +380,7 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
 StudyReport coefficient_figure(const char* name, Index i, const char* published, const char* agrees,
                                const StudyOptions& options) {
   const TrueDrive truth = source_drive();
-  const std::vector<Experiment> runs = experiments(truth, options);
+  const std::vector<SensorExperiment> runs = experiments(truth, options);
   StudyReport out;
   out.text =
       set_up(name, i == 0 ? "RLS coefficient of lateral velocity" : "RLS coefficient of yaw rate",
@@ -410,13 +411,13 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
                             std::sqrt(misfit));
   };
   line("free run, moment balance (used in the figures)", kStartP,
-       [](const Experiment& run) { return run.free_run; });
+       [](const SensorExperiment& run) { return run.free_run; });
   line("the same, P(0) = 1/delta as in table 6.1", 1.0 / kStartP,
-       [](const Experiment& run) { return run.free_run; });
+       [](const SensorExperiment& run) { return run.free_run; });
   line("one step from the measured state, moment balance", kStartP,
-       [](const Experiment& run) { return regressor(run, Moment::balanced, true); });
+       [](const SensorExperiment& run) { return regressor(run, Moment::balanced, true); });
   line("one step from the measured state, (7.4) as printed", kStartP,
-       [](const Experiment& run) { return regressor(run, Moment::as_printed, true); });
+       [](const SensorExperiment& run) { return regressor(run, Moment::as_printed, true); });
   const MatrixXd printed = regressor(runs.front(), Moment::as_printed, false);
   out.text += fmt::format(
       "P(0) = delta I is that of the m-file; with the inverse, as printed in table 6.1, delta = "
@@ -428,7 +429,7 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
       "printed.\n"
       "agrees? {}\n",
       printed.row(i).cwiseAbs()[kSamples - 1], i == 0 ? "m/s" : "rad/s", agrees);
-  const Experiment& first = runs.front();
+  const SensorExperiment& first = runs.front();
   const VectorXd one = VectorXd::Ones(kSamples);
   out.csv = experiment_csv(truth, first);
   out.figure = Figure{{panel_over_time(
@@ -438,7 +439,7 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
   return out;
 }
 
-Eigen::Matrix2Xd derived_track(const TrueDrive& truth, const Experiment& run, bool kalman,
+Eigen::Matrix2Xd derived_track(const TrueDrive& truth, const SensorExperiment& run, bool kalman,
                                TrackRule rule) {
   const VectorXd vx = run.derived.row(0).transpose();
   const VectorXd vy = kalman ? VectorXd(run.kalman.row(0).transpose()) : run.rls[0].estimate;
@@ -449,7 +450,7 @@ Eigen::Matrix2Xd derived_track(const TrueDrive& truth, const Experiment& run, bo
 StudyReport track_figure(const char* name, bool with_kalman, const char* published,
                          const StudyOptions& options) {
   const TrueDrive truth = source_drive();
-  const std::vector<Experiment> runs = experiments(truth, options);
+  const std::vector<SensorExperiment> runs = experiments(truth, options);
   StudyReport out;
   out.text =
       set_up(name, "track of the centre of gravity", options.runs) +
@@ -496,7 +497,7 @@ StudyReport track_figure(const char* name, bool with_kalman, const char* publish
                   ? "agrees? Yes: the Kalman filter's track is nearer, by a third; what is left is "
                     "mostly heading.\n"
                   : "agrees? Yes: the turn that was put in is found to a tenth of a degree.\n";
-  const Experiment& first = runs.front();
+  const SensorExperiment& first = runs.front();
   Panel panel;
   panel.title = "Track of the centre of gravity";
   const auto curve = [](const std::string& what, const Eigen::Matrix2Xd& points, Curve::Form form) {

@@ -35,11 +35,11 @@ std::string fitting(const std::string& name, std::size_t width) {
   return name.size() <= width ? name : name.substr(0, width - 2) + "..";
 }
 
-std::string number(double value, const char* format = "{:.4g}") {
+std::string printed(double value, const char* format = "{:.4g}") {
   return std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : "-";
 }
 
-std::string share(double value) { return number(100.0 * value, "{:.0f}") + " %"; }
+std::string share(double value) { return printed(100.0 * value, "{:.0f}") + " %"; }
 
 // Plain where YAML takes it as text; quoted otherwise.
 std::string yaml(const std::string& text) {
@@ -89,9 +89,9 @@ std::string survey_text(const VehicleSurvey& survey) {
   }
   for (const VehicleSurvey::Signal& s : survey.signals) {
     out += fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 19),
-                       s.quantity, s.unit, number(s.rate), number(s.lowest), number(s.highest),
+                       s.quantity, s.unit, printed(s.rate), printed(s.lowest), printed(s.highest),
                        std::isfinite(s.held) ? fmt::format("{:.0f}%", 100.0 * s.held) : "-",
-                       number(s.quantum, "{:.2g}"));
+                       printed(s.quantum, "{:.2g}"));
   }
   std::string straight;
   for (const VehicleSurvey::Signal& s : survey.signals) {
@@ -106,7 +106,7 @@ std::string survey_text(const VehicleSurvey& survey) {
     for (const VehicleSurvey::Relation& r : survey.relations) {
       out += fmt::format(
           "{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
-          number(r.correlation, "{:.3f}"), number(r.slope, "{:.3g}"),
+          printed(r.correlation, "{:.3f}"), printed(r.slope, "{:.3g}"),
           std::isfinite(r.lag) ? fmt::format("{:.3f} +- {:.3f} s", r.lag, r.lag_se) : "-",
           std::isfinite(r.other_lag)
               ? fmt::format("{:.2f} at {:.2f} s", r.other_correlation, r.other_lag)

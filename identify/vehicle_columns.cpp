@@ -180,7 +180,7 @@ std::vector<std::string> usual_units(SignalKind kind) {
 
 // --- Columns ---
 
-struct Candidate {
+struct ColumnCandidate {
   const Column* column = nullptr;
   std::size_t file = 0;
   SignalKind kind = SignalKind::r;
@@ -237,9 +237,9 @@ Clock read_clock(const Table& table) {
   return out;
 }
 
-std::vector<Candidate> candidates_of(const std::vector<Table>& tables,
-                                     const std::vector<Clock>& clocks) {
-  std::vector<Candidate> out;
+std::vector<ColumnCandidate> candidates_of(const std::vector<Table>& tables,
+                                           const std::vector<Clock>& clocks) {
+  std::vector<ColumnCandidate> out;
   for (std::size_t f = 0; f < tables.size(); ++f) {
     for (const Column& column : tables[f].columns) {
       if (column.text_cells > 0 || column.name == clocks[f].column ||
@@ -250,7 +250,7 @@ std::vector<Candidate> candidates_of(const std::vector<Table>& tables,
       Words set{{words.begin(), words.end()}, ""};
       for (const std::string& word : words) set.all += word;
       for (const NameGuess& guess : kinds_of(set)) {
-        Candidate c{&column, f, guess.kind, guess.score, "", false, set};
+        ColumnCandidate c{&column, f, guess.kind, guess.score, "", false, set};
         const std::optional<Unit> unit = parse_unit(column.unit);
         if (!column.unit.empty() && unit) {
           if (!same_dimension(*unit, *parse_unit(si_unit(guess.kind)))) continue;
@@ -272,8 +272,9 @@ std::vector<Candidate> candidates_of(const std::vector<Table>& tables,
       }
     }
   }
-  std::stable_sort(out.begin(), out.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+  std::stable_sort(out.begin(), out.end(), [](const ColumnCandidate& a, const ColumnCandidate& b) {
+    return a.score > b.score;
+  });
   return out;
 }
 
@@ -340,8 +341,8 @@ class Guess {
   VehicleSignals run();
 
  private:
-  const Candidate* best(SignalKind kind) const {
-    for (const Candidate& c : candidates_) {
+  const ColumnCandidate* best(SignalKind kind) const {
+    for (const ColumnCandidate& c : candidates_) {
       if (c.kind == kind) return &c;
     }
     return nullptr;
@@ -353,12 +354,12 @@ class Guess {
         interpolate_linearly(t, x, raster_.time, kBridgedPeriods * own_period(t, x));
     return averaged(on, static_cast<Index>(std::lround(0.15 / raster_.step)));
   }
-  VectorXd sampled(const Candidate& c) const { return sampled(*c.column, c.file); }
+  VectorXd sampled(const ColumnCandidate& c) const { return sampled(*c.column, c.file); }
   void choose_units();
   void choose_steering_unit();
   void try_unnamed();
   // Of a second column of the same kind: the unit in which it is as large as the first.
-  std::string unit_like(const Candidate& c, const Candidate& first) const {
+  std::string unit_like(const ColumnCandidate& c, const ColumnCandidate& first) const {
     const double like = high_quantile(sampled(first)) * parse_unit(units_.at(c.kind))->scale;
     std::string best_unit = si_unit(c.kind);
     double nearest = kInfinity;
@@ -375,7 +376,7 @@ class Guess {
     const auto unit = units_.find(kind);
     return unit == units_.end() ? 1.0 : parse_unit(unit->second)->scale;
   }
-  std::string called(const Candidate& c) const {
+  std::string called(const ColumnCandidate& c) const {
     std::string name = c.column->name;
     int files = 0;
     for (const Table& table : tables_) {
@@ -387,7 +388,7 @@ class Guess {
 
   const std::vector<Table>& tables_;
   std::vector<Clock> clocks_;
-  std::vector<Candidate> candidates_;
+  std::vector<ColumnCandidate> candidates_;
   OnRaster raster_;
   std::map<SignalKind, std::string> units_;
   bool at_wheel_ = true;
@@ -396,11 +397,11 @@ class Guess {
 
 // Units that nobody gives: those that make a car's kinematics.
 void Guess::choose_units() {
-  const Candidate* speed = best(SignalKind::vx);
+  const ColumnCandidate* speed = best(SignalKind::vx);
   if (speed == nullptr) speed = best(SignalKind::wheel_speed);
-  const Candidate* r = best(SignalKind::r);
-  const Candidate* ay = best(SignalKind::ay);
-  const auto choices = [](const Candidate* c) {
+  const ColumnCandidate* r = best(SignalKind::r);
+  const ColumnCandidate* ay = best(SignalKind::ay);
+  const auto choices = [](const ColumnCandidate* c) {
     if (c == nullptr) return std::vector<std::string>{""};
     return c->unit.empty() ? usual_units(c->kind) : std::vector<std::string>{c->unit};
   };
@@ -442,7 +443,7 @@ void Guess::choose_units() {
   const double kmh = speed == nullptr ? 1.0 : scale_of(speed->kind);
   for (const SignalKind kind : {SignalKind::vx, SignalKind::vy, SignalKind::wheel_speed,
                                 SignalKind::ax, SignalKind::beta}) {
-    const Candidate* c = best(kind);
+    const ColumnCandidate* c = best(kind);
     if (c == nullptr || units_.contains(kind)) continue;
     units_[kind] = c->unit;
     if (!c->unit.empty()) continue;
@@ -469,16 +470,16 @@ void Guess::choose_units() {
 
 // Steering wheel or road wheel, rad or deg: wheelbase times ratio, or wheelbase, of a car.
 void Guess::choose_steering_unit() {
-  const Candidate* c = best(SignalKind::steering);
+  const ColumnCandidate* c = best(SignalKind::steering);
   if (c == nullptr) return;
   const Words& w = c->words;
   const bool says_road = w.any({"rwa", "road"}) || w.part({"roadwheel", "delta"});
   const bool says_wheel = !says_road && (w.any({"swa", "sw", "hwa", "stw"}) || w.part({"wheel"}));
   at_wheel_ = !says_road;
   units_[SignalKind::steering] = c->unit.empty() ? "rad" : c->unit;
-  const Candidate* speed = best(SignalKind::vx);
+  const ColumnCandidate* speed = best(SignalKind::vx);
   if (speed == nullptr) speed = best(SignalKind::wheel_speed);
-  const Candidate* r = best(SignalKind::r);
+  const ColumnCandidate* r = best(SignalKind::r);
   const VectorXd delta = sampled(*c);
   double length = kNaN;  // in units of the angle
   if (speed != nullptr && r != nullptr) {
@@ -509,13 +510,13 @@ void Guess::choose_steering_unit() {
 
 // Columns whose names say nothing, for quantities that no name gives.
 void Guess::try_unnamed() {
-  std::vector<Candidate> free;
+  std::vector<ColumnCandidate> free;
   for (std::size_t f = 0; f < tables_.size(); ++f) {
     if (clocks_[f].time.size() == 0) continue;
     for (const Column& column : tables_[f].columns) {
       const bool taken = column.text_cells > 0 || column.name == clocks_[f].column ||
                          std::any_of(candidates_.begin(), candidates_.end(),
-                                     [&](const Candidate& c) { return c.column == &column; });
+                                     [&](const ColumnCandidate& c) { return c.column == &column; });
       const auto x = raw_values(column);
       if (taken || column.missing > column.values.size() / 2) continue;
       free.push_back({&column, f, SignalKind::r, 1.0, column.unit, false, {}});
@@ -523,8 +524,8 @@ void Guess::try_unnamed() {
     }
   }
   if (free.empty() || free.size() > 16) return;
-  const auto use = [&](const Candidate& c, SignalKind kind, const std::string& how) {
-    Candidate out = c;
+  const auto use = [&](const ColumnCandidate& c, SignalKind kind, const std::string& how) {
+    ColumnCandidate out = c;
     out.kind = kind;
     const std::optional<Unit> unit = parse_unit(c.unit);
     if (c.unit.empty() || !unit || !same_dimension(*unit, *parse_unit(si_unit(kind)))) {
@@ -537,18 +538,18 @@ void Guess::try_unnamed() {
          fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), how),
          "check it: its name does not say so"});
     candidates_.push_back(out);
-    std::erase_if(free, [&](const Candidate& f) { return f.column == c.column; });
+    std::erase_if(free, [&](const ColumnCandidate& f) { return f.column == c.column; });
   };
   const auto speed_of = [&]() {
-    const Candidate* c = best(SignalKind::vx);
+    const ColumnCandidate* c = best(SignalKind::vx);
     return c != nullptr ? c : best(SignalKind::wheel_speed);
   };
   std::vector<VectorXd> x;
-  for (const Candidate& c : free) x.push_back(sampled(c));
+  for (const ColumnCandidate& c : free) x.push_back(sampled(c));
   if (speed_of() == nullptr && best(SignalKind::r) == nullptr) {
     // All three at once: v r goes with ay, better than r alone does, and v is never negative.
     double top = 0.9;
-    const Candidate *v = nullptr, *r = nullptr, *ay = nullptr;
+    const ColumnCandidate *v = nullptr, *r = nullptr, *ay = nullptr;
     for (std::size_t i = 0; i < free.size(); ++i) {
       if (!(x[i].array().isNaN() || x[i].array() > -0.3).all() || high_quantile(x[i]) < 1.0)
         continue;
@@ -566,7 +567,7 @@ void Guess::try_unnamed() {
       }
     }
     if (v != nullptr) {
-      const Candidate one = *v, two = *r, three = *ay;
+      const ColumnCandidate one = *v, two = *r, three = *ay;
       const std::string how =
           fmt::format("'{}' times '{}' goes with '{}' (correlation {:.3f})", one.column->name,
                       two.column->name, three.column->name, top);
@@ -580,9 +581,9 @@ void Guess::try_unnamed() {
   const auto follow = [&](SignalKind kind, SignalKind with, bool times_speed, double least) {
     if (best(kind) != nullptr || best(with) == nullptr) return;
     const VectorXd y = sampled(*best(with));
-    const Candidate* found = nullptr;
+    const ColumnCandidate* found = nullptr;
     double top = least;
-    for (const Candidate& c : free) {
+    for (const ColumnCandidate& c : free) {
       const VectorXd one = sampled(c);
       const double here = std::abs(times_speed ? likeness(v.cwiseProduct(one), y).correlation
                                                : likeness(one, v.cwiseProduct(y)).correlation);
@@ -591,7 +592,7 @@ void Guess::try_unnamed() {
       found = &c;
     }
     if (found == nullptr) return;
-    const Candidate copy = *found;
+    const ColumnCandidate copy = *found;
     use(copy, kind,
         fmt::format("{} goes with {} (correlation {:.3f})", times_speed ? "speed times it" : "it",
                     times_speed ? to_string(with) : "speed times " + to_string(with), top));
@@ -625,11 +626,12 @@ VehicleSignals Guess::run() {
                                "them one after the other"});
     }
   }
-  std::erase_if(candidates_, [&](const Candidate& c) { return clocks_[c.file].time.size() == 0; });
+  std::erase_if(candidates_,
+                [&](const ColumnCandidate& c) { return clocks_[c.file].time.size() == 0; });
   if (timed == clocks_.end()) return std::move(out_);
   const auto base = [&]() -> std::size_t {
     for (const SignalKind kind : {SignalKind::r, SignalKind::ay, SignalKind::vx}) {
-      if (const Candidate* c = best(kind)) return c->file;
+      if (const ColumnCandidate* c = best(kind)) return c->file;
     }
     return static_cast<std::size_t>(timed - clocks_.begin());
   };
@@ -643,12 +645,12 @@ VehicleSignals Guess::run() {
   signals.time_unit = timed->unit;
   std::set<const Column*> used;
   std::string unclear;
-  for (const Candidate& c : candidates_) {
+  for (const ColumnCandidate& c : candidates_) {
     if (!used.insert(c.column).second) continue;
     VehicleSignal s;
     s.kind = c.kind;
     s.column = called(c);
-    const Candidate* first = best(c.kind);
+    const ColumnCandidate* first = best(c.kind);
     s.unit = first == &c ? units_[c.kind] : c.unit;
     if (s.unit.empty()) s.unit = unit_like(c, *first);
     s.source = std::filesystem::path(tables_[c.file].path).filename().string();

@@ -18,7 +18,7 @@ std::string file_name(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
 
-std::string rounded(double value) {
+std::string to_four_digits(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.4g", value);
   return text;
@@ -86,7 +86,9 @@ Joined join_tables(const std::vector<Table>& tables, const TimeSource& time) {
   const Table& first = tables.front();
   const TimeSource raster = time_of(first, time, true);
   const VectorXd at = time_stamps(first, raster);
-  const auto rate = [](const VectorXd& t) { return rounded(1.0 / own_period(t, t)) + " Hz"; };
+  const auto rate = [](const VectorXd& t) {
+    return to_four_digits(1.0 / own_period(t, t)) + " Hz";
+  };
   const auto require_two = [](const Table& table, const VectorXd& t) {
     if (t.size() < 2) {
       throw InputError({table.path}, "a single row", "at least two, to be joined with other files");
@@ -102,7 +104,7 @@ Joined join_tables(const std::vector<Table>& tables, const TimeSource& time) {
     require_two(table, t);
     if (t[0] > at[at.size() - 1] || t[t.size() - 1] < at[0]) {
       const auto span = [](const VectorXd& s) {
-        return rounded(s[0]) + " s to " + rounded(s[s.size() - 1]) + " s";
+        return to_four_digits(s[0]) + " s to " + to_four_digits(s[s.size() - 1]) + " s";
       };
       throw InputError({table.path},
                        "times from " + span(t) + ", " + file_name(first.path) + " has " + span(at),

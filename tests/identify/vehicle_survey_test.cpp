@@ -65,7 +65,7 @@ const VehicleSurvey::Relation* relation(const VehicleSurvey& survey, const std::
 // --- Simulated: the thesis' car, all that a fit may be given, spoilt one way at a time ---
 
 const std::vector<std::string> kAll = {"r", "vy", "ay", "beta"};
-enum Output { kR, kVy, kAy, kBeta };
+enum Output { kRowR, kVy, kAy, kBeta };
 
 // Steering in three tones, speed between 10 and 25 m/s.
 Dataset drive_around(std::uint64_t seed = 1, const std::vector<std::string>& outputs = kAll) {
@@ -108,7 +108,7 @@ TEST(VehicleSurvey, WrongSigns) {
   const VehicleSurvey ay = surveyed_when([](Dataset& d) { d.y.row(kAy) *= -1.0; });
   EXPECT_EQ(alarms(ay), Codes{"sign_ay"});
   EXPECT_EQ(proposal(ay, "ay").scale, -1.0);
-  const VehicleSurvey r = surveyed_when([](Dataset& d) { d.y.row(kR) *= -1.0; });
+  const VehicleSurvey r = surveyed_when([](Dataset& d) { d.y.row(kRowR) *= -1.0; });
   EXPECT_EQ(alarms(r), Codes{"sign_r"});
   EXPECT_EQ(proposal(r, "r").scale, -1.0);
   const VehicleSurvey steering = surveyed_when([](Dataset& d) { d.u.row(0) *= -1.0; });
@@ -116,7 +116,7 @@ TEST(VehicleSurvey, WrongSigns) {
   EXPECT_EQ(proposal(steering, "steering_wheel_angle").scale, -1.0);
   // Axes to the right and down: sideslip tells that it is r and ay that are mirrored.
   const VehicleSurvey down = surveyed_when([](Dataset& d) {
-    d.y.row(kR) *= -1.0;
+    d.y.row(kRowR) *= -1.0;
     d.y.row(kAy) *= -1.0;
   });
   EXPECT_EQ(alarms(down), Codes{"sign_steering"});
@@ -131,7 +131,7 @@ TEST(VehicleSurvey, WrongUnits) {
   const VehicleSurvey g = surveyed_when([](Dataset& d) { d.y.row(kAy) /= 9.80665; });
   EXPECT_EQ(alarms(g), Codes{"units_ay"});
   EXPECT_THAT(finding(g, "units_ay")->todo, HasSubstr("ay is in g, taken as m/s^2"));
-  const VehicleSurvey deg = surveyed_when([](Dataset& d) { d.y.row(kR) *= 57.29578; });
+  const VehicleSurvey deg = surveyed_when([](Dataset& d) { d.y.row(kRowR) *= 57.29578; });
   EXPECT_TRUE(alarms(deg).contains("units_ay"));
   EXPECT_THAT(finding(deg, "units_ay")->todo, HasSubstr("r is in deg/s, taken as rad/s"));
   const VehicleSurvey kmh = surveyed_when([](Dataset& d) { d.u.row(1) *= 3.6; });
@@ -146,8 +146,8 @@ TEST(VehicleSurvey, WrongUnits) {
 
 TEST(VehicleSurvey, SwappedChannels) {
   const VehicleSurvey swapped = surveyed_when([](Dataset& d) {
-    const Eigen::RowVectorXd r = d.y.row(kR);
-    d.y.row(kR) = d.y.row(kAy);
+    const Eigen::RowVectorXd r = d.y.row(kRowR);
+    d.y.row(kRowR) = d.y.row(kAy);
     d.y.row(kAy) = r;
   });
   EXPECT_TRUE(alarms(swapped).contains("swapped_channels"));
@@ -217,17 +217,17 @@ TEST(VehicleSurvey, SensorsThatFail) {
   const VehicleSurvey empty = surveyed_when([](Dataset& d) { d.y.row(kVy).setConstant(kNaN); });
   EXPECT_TRUE(alarms(empty).contains("dead_channel"));
   const VehicleSurvey stuck = surveyed_when([](Dataset& d) {
-    for (Index i = 1500; i < 2100; ++i) d.y(kR, i) = d.y(kR, 1500);
+    for (Index i = 1500; i < 2100; ++i) d.y(kRowR, i) = d.y(kRowR, 1500);
   });
   EXPECT_EQ(alarms(stuck), Codes{"stuck_channel"});
   EXPECT_THAT(finding(stuck, "stuck_channel")->text, HasSubstr("from 15 s"));
   const VehicleSurvey held = surveyed_when([](Dataset& d) {
-    for (Index i = 0; i < d.size(); ++i) d.y(kR, i) = d.y(kR, i - i % 10);
+    for (Index i = 0; i < d.size(); ++i) d.y(kRowR, i) = d.y(kRowR, i - i % 10);
   });
   EXPECT_EQ(alarms(held), Codes{"held_samples"});
   EXPECT_THAT(finding(held, "held_samples")->text, HasSubstr("90 %"));
   const VehicleSurvey spikes = surveyed_when([](Dataset& d) {
-    for (Index i = 500; i < 3000; i += 500) d.y(kR, i) += 3.0;
+    for (Index i = 500; i < 3000; i += 500) d.y(kRowR, i) += 3.0;
   });
   EXPECT_EQ(alarms(spikes), Codes{"outliers"});
   EXPECT_THAT(finding(spikes, "outliers")->text, HasSubstr("5 samples of 'r' leap"));
@@ -330,11 +330,12 @@ Table table_of(const std::vector<std::pair<std::string, VectorXd>>& columns) {
 
 TEST(VehicleColumns, NamesThatSayNothingAreToldByKinematics) {
   const Dataset d = drive_around();
-  const VehicleSignals s = guess_vehicle({table_of({{"t", d.time},
-                                                    {"ch1", d.y.row(kAy).transpose() / 9.80665},
-                                                    {"ch2", d.u.row(0).transpose() * 57.29578},
-                                                    {"ch3", d.u.row(1).transpose() * 3.6},
-                                                    {"ch4", d.y.row(kR).transpose() * 57.29578}})});
+  const VehicleSignals s =
+      guess_vehicle({table_of({{"t", d.time},
+                               {"ch1", d.y.row(kAy).transpose() / 9.80665},
+                               {"ch2", d.u.row(0).transpose() * 57.29578},
+                               {"ch3", d.u.row(1).transpose() * 3.6},
+                               {"ch4", d.y.row(kRowR).transpose() * 57.29578}})});
   std::map<std::string, std::string> found;
   for (const VehicleSignal& x : s.signals) found[x.column] = to_string(x.kind) + " " + x.unit;
   EXPECT_EQ(found["ch1"], "ay g");
