@@ -346,6 +346,7 @@ class TrackRegression(unittest.TestCase):
         self.assertEqual(rows[0]["r(t-1)"], "")
         self.assertAlmostEqual(float(rows[-1]["r(t-1)"]), before["value"], 6)
 
+    @unittest.skipIf(QUICK, "minutes")
     def test_what_is_left_open_is_chosen(self):
         model, data = self.write(REGRESSION.split("regression: {")[0], self.rows[:600])
         out = result("track", model, data)
@@ -662,6 +663,7 @@ class Treated(unittest.TestCase):
         self.same_car(self.fitted(VEHICLE, str(self.folder.path / "a+b.csv"))[0], 1e-9)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Vehicle(unittest.TestCase):
     """info --vehicle: what is wrong with a recording before any fit."""
 
