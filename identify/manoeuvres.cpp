@@ -155,14 +155,12 @@ DrivenRecord on_course(const Resolved& what, const std::vector<Gate>& course, Ty
   out.time = time;
   out.vx = VectorXd::Constant(time.size(), what.speed());
   out.steering.resize(time.size());
-  const Eigen::Matrix3Xd poses = with_car(curve, p, [&](const auto& car) {
-    return drive_along(car, planned_path(course, body.width), PreviewDriver{}, time, out.vx,
-                       -what["approach"],
-                       [&out](Index row, const Motion<double>& motion, double, double steering) {
-                         out.steering[row] = steering;
-                         out.motion.push_back(motion);
-                       });
-  });
+  const Eigen::Matrix3Xd poses = drive_along(
+      car_with(curve, p), planned_path(course, body.width), PreviewDriver{}, time, out.vx,
+      -what["approach"], [&out](Index row, const Motion& motion, double, double steering) {
+        out.steering[row] = steering;
+        out.motion.push_back(motion);
+      });
   const std::vector<GatePassage> passages = gate_passages(course, body, poses);
   for (std::size_t g = 0; g < course.size(); ++g) {
     // Left behind only when the whole car is.
@@ -216,22 +214,20 @@ std::string manoeuvre_help() {
 DrivenRecord drive_inputs(TyreCurve curve, const VehicleParameters<double>& p, const VectorXd& time,
                           const VectorXd& steering, const VectorXd& vx, bool from_steady_state) {
   DrivenRecord out{time, steering, vx, {}, {}};
-  const SingleTrack<double> linear = linear_car(p);
+  const SingleTrack<> linear = linear_car(p);
   const DrivenStretch driven =
       drive(time, steering, vx, {decay_rate_times_speed(linear), p[kRelaxationLength]},
             p[kSteeringDelay]);
   const Eigen::Vector2d start = from_steady_state ? steady_state(linear, driven.nodes.front())
                                                   : Eigen::Vector2d(Eigen::Vector2d::Zero());
-  with_car(curve, p, [&](const auto& car) {
-    simulate(car, driven, start[0], start[1],
-             [&out](Index, const Motion<double>& motion, double) { out.motion.push_back(motion); });
-  });
+  simulate(car_with(curve, p), driven, start[0], start[1],
+           [&out](Index, const Motion& motion, double) { out.motion.push_back(motion); });
   return out;
 }
 
 DrivenRecord drive_manoeuvre(const ManoeuvreRequest& request, TyreCurve curve,
                              const VehicleParameters<double>& p, bool steering_at_road_wheel) {
-  const SingleTrack<double> car = linear_car(p);
+  const SingleTrack<> car = linear_car(p);
   const Manoeuvre& manoeuvre = find_manoeuvre(request.name);
   for (const auto& [name, value] : request.settings) {
     if (find_setting(manoeuvre, name).positive && !(value > 0.0)) {

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "lib/single_track.h"
+#include "lib/vehicle_motion.h"
 
 namespace identikal {
 
@@ -57,7 +57,7 @@ struct ManoeuvreRequest {
 /// What was driven, SI, row by row.
 struct DrivenRecord {
   Eigen::VectorXd time, steering, vx;
-  std::vector<Motion<double>> motion;
+  std::vector<Motion> motion;
   std::vector<std::string> notes;  ///< the manoeuvre in words; how each gate was passed
 };
 

@@ -12,8 +12,8 @@
 #include "lib/interpolation.h"
 #include "lib/random.h"
 #include "lib/realisation.h"
-#include "lib/single_track.h"
 #include "lib/units.h"
+#include "lib/vehicle_sensor.h"
 
 namespace identikal {
 namespace {
@@ -135,7 +135,7 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
 Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
   const VehicleUnknowns vehicle = vehicle_unknowns(model);
-  const SingleTrack<double> car = linear_car(vehicle.value);
+  const SingleTrack<> car = linear_car(vehicle.value);
   DrivenRecord driven;
   if (inputs != nullptr) {
     const VectorXd angle = inputs->u.row(0).transpose(), vx = inputs->u.row(1).transpose();
@@ -165,9 +165,10 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& reque
       sensor.y = position->second.y;
       sensor.angle = position->second.angle;
     }
+    const VehicleReading reading(sensor, car);
     VectorXd clean(N);
     for (Index t = 0; t < N; ++t) {
-      clean[t] = measured(sensor, car, driven.motion[static_cast<std::size_t>(t)], driven.vx[t]);
+      clean[t] = reading.value(driven.motion[static_cast<std::size_t>(t)], driven.vx[t]);
     }
     if (snr) {
       sd[i] = std::pow(10.0, -*snr / 20.0) * clean.norm() / std::sqrt(static_cast<double>(N));

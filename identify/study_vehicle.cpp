@@ -20,8 +20,8 @@
 #include "lib/kalman.h"
 #include "lib/manoeuvre.h"
 #include "lib/recursive_least_squares.h"
-#include "lib/single_track.h"
 #include "lib/trajectory.h"
+#include "lib/vehicle_motion.h"
 #include "lib/velocity_sensors.h"
 
 namespace identikal {
@@ -44,7 +44,7 @@ constexpr double kAngleSnr = 30.0, kSpeedSnr = 50.0;  // [dB]
 constexpr double kTrackSd = 0.02;                     // of the marking device [m]
 constexpr Index kFromSample = 30;  // where the source begins to look at coefficients
 
-SingleTrack<double> source_car() {  // table 8.1
+SingleTrack<> source_car() {  // table 8.1
   VehicleParameters<double> p = neutral_vehicle();
   p[kMass] = 1446.0;
   p[kA] = 0.987;
@@ -67,15 +67,14 @@ struct TrueDrive {
 };
 
 TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, double to_speed) {
-  const SingleTrack<double> car = source_car();
+  const SingleTrack<> car = source_car();
   const Index fine = (kSamples - 1) * kFine + 1;
   const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kStep * (kSamples - 1));
   const VectorXd angle = steering(manoeuvre, time);
   const VectorXd vx = VectorXd::LinSpaced(fine, from_speed, to_speed);
   MatrixXd states(2, fine);
-  simulate(
-      car, drive(time, angle, vx, {decay_rate_times_speed(car)}), 0.0, 0.0,
-      [&](Index t, const Motion<double>& motion, double) { states.col(t) << motion.vy, motion.r; });
+  simulate(car, drive(time, angle, vx, {decay_rate_times_speed(car)}), 0.0, 0.0,
+           [&](Index t, const Motion& motion, double) { states.col(t) << motion.vy, motion.r; });
   const auto samples = Eigen::seqN(0, kSamples, kFine);
   TrueDrive out;
   out.time = time(samples);
@@ -89,8 +88,8 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
 // x' of (7.4), and of the m-file in 9.2.2, whose row 2, column 1 has the sign of b Cr turned.
 enum class Moment { balanced, as_printed };
 
-Vector2d source_rates(const SingleTrack<double>& car, Moment moment, const Vector2d& x,
-                      double steering, double vx) {
+Vector2d source_rates(const SingleTrack<>& car, Moment moment, const Vector2d& x, double steering,
+                      double vx) {
   SingleTrackMatrices model = single_track_matrices(car, vx);
   if (moment == Moment::as_printed)
     model.A(1, 0) -= 2.0 * car.b * car.rear.stiffness / (car.Iz * vx);
@@ -98,8 +97,8 @@ Vector2d source_rates(const SingleTrack<double>& car, Moment moment, const Vecto
 }
 
 // 'stateEq' of 9.2.2: Runge-Kutta over one sampling period, inputs held.
-Vector2d source_step(const SingleTrack<double>& car, Moment moment, const Vector2d& x,
-                     double steering, double vx) {
+Vector2d source_step(const SingleTrack<>& car, Moment moment, const Vector2d& x, double steering,
+                     double vx) {
   const auto rates = [&](const Vector2d& at) {
     return source_rates(car, moment, at, steering, vx);
   };
@@ -136,7 +135,7 @@ struct SensorExperiment {
 
 // The regressors that sections 9.1 to 9.3 leave open.
 MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measured_state) {
-  const SingleTrack<double> car = source_car();
+  const SingleTrack<> car = source_car();
   MatrixXd out(2, kSamples);
   Vector2d state = Vector2d::Zero();
   for (Index t = 0; t < kSamples; ++t) {
@@ -150,7 +149,7 @@ MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measure
 
 MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derived,
                        double steering_sd) {
-  const SingleTrack<double> car = source_car();
+  const SingleTrack<> car = source_car();
   const VectorXd angle = run.steering / car.steering_ratio;
   // Steering between samples is not the straight line that the model takes it for.
   const VectorXd bend =
@@ -569,7 +568,7 @@ struct DiscreteFit {
 };
 
 // @param x  2 x N: vy, r; @param angle  of the steering wheel
-DiscreteFit discrete_fit(const SingleTrack<double>& car, const MatrixXd& x, const VectorXd& angle,
+DiscreteFit discrete_fit(const SingleTrack<>& car, const MatrixXd& x, const VectorXd& angle,
                          double vx) {
   const Index n = x.cols() - 1;
   MatrixXd regressors(n, 3);
@@ -598,7 +597,7 @@ DiscreteFit discrete_fit(const SingleTrack<double>& car, const MatrixXd& x, cons
 
 StudyReport logarithm(const StudyOptions& options) {
   constexpr double kSdR = 0.01, kSdVy = 0.03, kSpeed = 60.0 / 3.6;  // [rad/s], [m/s], [m/s]
-  const SingleTrack<double> car = source_car();
+  const SingleTrack<> car = source_car();
   const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
   const ModelFile model = source_model();
   enum { kStates, kSteering, kEquationError, kOutputError, kMethods };

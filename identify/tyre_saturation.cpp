@@ -72,7 +72,7 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
       maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});
   if (!best.converged) return out;
   std::vector<double> slips[2];
-  replay(problem, best.z, [&](Eigen::Index, const Motion<double>& motion, double) {
+  replay(problem, best.z, [&](Eigen::Index, const Motion& motion, double) {
     slips[0].push_back(std::abs(motion.slip_front));
     slips[1].push_back(std::abs(motion.slip_rear));
   });
@@ -93,7 +93,7 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     const double stiffness = out.softened[axle == 0 ? kCf : kCr];
     const double linear_force = stiffness * result.slip;
     result.loss =
-        1.0 - force_share<TyreCurve::tanh>(softening * linear_force * linear_force, {}).value;
+        1.0 - force_share(TyreCurve::tanh, softening * linear_force * linear_force, {}).value;
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
     gradient[k + axle] = 1.0;
     const double se = standard_error(problem, refit, gradient);

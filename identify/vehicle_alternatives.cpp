@@ -88,8 +88,7 @@ void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions
     if (unknowns.find(parameter) >= 0 || unknowns.find(kSteeringRatio) >= 0) continue;
     VehicleUnknowns more = unknowns;
     set_free(more, parameter);
-    const Alternative other =
-        fit_alternative(found, more, parameter == kSteeringDelay, options, estimate);
+    const Alternative other = fit_alternative(found, more, true, options, estimate);
     if (!other.found.best.converged) continue;
     const double was = unknowns.value[parameter];
     const Freed now = freed(other, parameter, was);

@@ -378,12 +378,11 @@ void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& 
   const Eigen::Index N = run.time.size(), outputs = run.y.rows();
   Eigen::VectorXd ay = Eigen::VectorXd::Constant(N, kNone);
   Eigen::MatrixXd predicted = Eigen::MatrixXd::Constant(outputs, N, kNone);
-  replay_outputs(
-      problem, optimum.z,
-      [&](Eigen::Index t, const Motion<double>& motion, double, const Eigen::VectorXd& values) {
-        ay[t] = motion.ay;
-        predicted.col(t) = values;
-      });
+  replay_outputs(problem, optimum.z,
+                 [&](Eigen::Index t, const Motion& motion, double, const Eigen::VectorXd& values) {
+                   ay[t] = motion.ay;
+                   predicted.col(t) = values;
+                 });
   // A car whose tyres saturate does not reach what the linear model predicts: measured values go
   // first.
   if (ja >= 0) {

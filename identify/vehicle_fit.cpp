@@ -272,15 +272,16 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
       serious.push_back(warning.code);
     }
   }
-  if (!found.best.converged) {
-    estimate.status = Status::not_converged;
-    estimate.message = "the search did not converge: " + found.best.message;
-  } else if (misread(estimate)) {
+  if (misread(estimate)) {
     estimate.status = Status::untrusted;
     estimate.message = "do not use these values: " + listed(serious);
   } else if (!open.empty()) {
+    // The search has no end along a valley of equally likely cars: that is an answer.
     estimate.status = Status::answer_no;
     estimate.message = "this recording does not determine " + listed(open) + " separately";
+  } else if (!found.best.converged) {
+    estimate.status = Status::not_converged;
+    estimate.message = "the search did not converge: " + found.best.message;
   } else if (!serious.empty()) {
     estimate.status = Status::untrusted;
     estimate.message = "do not use these values: " + listed(serious);

@@ -6,10 +6,9 @@
 
 #include <fmt/format.h>
 
-#include "lib/dual.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
-#include "solvers/solve.h"
+#include "solvers/scoring.h"
 
 #if defined(__SSE2__)
 #include <immintrin.h>
@@ -61,37 +60,6 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
   }
 }
 
-/// Calls each(residual index, simulated value) for every sample there is in stretch s.
-/// @param gain  K, column by column; empty: simulation
-template <typename T, typename Car, typename Each>
-void predict(const VehicleProblem& problem, const Car& car, const DrivenStretch& driven,
-             std::size_t s, const T& vy, const T& r, const std::vector<T>& gain,
-             std::size_t& residual, Each&& each) {
-  const VehicleRun& run = *problem.run;
-  const Eigen::Index first = run.stretches[s].first;
-  T vy_step(0.0), r_step(0.0);
-  bool moved = false;
-  const auto observe = [&](Eigen::Index k, const Motion<T>& motion, double vx) {
-    moved = false;
-    for (; residual < problem.row.size() && problem.row[residual] == first + k; ++residual) {
-      const auto output = static_cast<std::size_t>(problem.output[residual]);
-      const T value = measured(run.outputs[output].sensor, car, motion, vx);
-      each(residual, value);
-      if (gain.empty()) continue;
-      const T e = problem.sample[static_cast<Eigen::Index>(residual)] - value;
-      vy_step = moved ? vy_step + gain[2 * output] * e : gain[2 * output] * e;
-      r_step = moved ? r_step + gain[2 * output + 1] * e : gain[2 * output + 1] * e;
-      moved = true;
-    }
-  };
-  simulate(car, driven, vy, r, observe, [&](Eigen::Index, T& vy_now, T& r_now) {
-    if (!moved) return false;
-    vy_now += vy_step;
-    r_now += r_step;
-    return true;
-  });
-}
-
 // A long recording forgets its initial state: derivatives by it decay below 1e-308, where the
 // processor is a hundred times slower. In this scope they become zero.
 class FlushDenormals {
@@ -136,6 +104,12 @@ Eigen::Index VehicleUnknowns::find(VehicleParameter parameter) const {
 Eigen::Vector2d axle_loads(const VehicleParameters<double>& p) {
   const double weight = p[kMass] * kStandardGravity / (p[kA] + p[kB]);
   return {weight * p[kB], weight * p[kA]};
+}
+
+std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car) {
+  std::vector<VehicleReading> out;
+  for (const VehicleRun::Output& output : run.outputs) out.emplace_back(output.sensor, car);
+  return out;
 }
 
 void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
@@ -344,7 +318,7 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
   for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
     z[i] = p[problem.unknowns.free[static_cast<std::size_t>(i)]] / problem.unknowns.scale[i];
   }
-  const SingleTrack<double> car = linear_car(p);
+  const SingleTrack<> car = linear_car(p);
   const auto first_sample = [&](VehicleQuantity quantity, Eigen::Index row) {
     const Eigen::Index j = run.find(quantity);
     return j < 0 ? kNone : run.y(j, row);
@@ -383,71 +357,139 @@ std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
   return moved;
 }
 
+namespace {
+
+/// Output error of one stretch: what its simulation, or prediction, gives less the samples.
+class StretchErrors {
+ public:
+  StretchErrors(const VehicleProblem& problem, const SingleTrack<>& car, const Eigen::VectorXd& z,
+                std::size_t s, std::size_t& residual, Eigen::VectorXd& e)
+      : problem_(problem),
+        car_(car),
+        readings_(readings(*problem.run, car)),
+        first_(problem.run->stretches[s].first),
+        state_(problem.state_of(s)),
+        x_(z.segment<2>(state_).cwiseProduct(kStateScale)),
+        residual_(residual),
+        e_(e) {
+    for (Eigen::Index i = 0; i < problem.gains(); ++i) {
+      gain_.push_back(z[problem.parameters() + i] * gain_scale(i));
+    }
+  }
+
+  void run(const DrivenStretch& driven) {
+    const auto observe = [&](Eigen::Index k, const Motion& motion, double vx) {
+      step_.setZero();
+      moved_ = false;
+      for_each_sample(k, motion, vx, [](std::size_t, std::size_t) {});
+    };
+    simulate(car_, driven, x_[0], x_[1], observe, [&](Eigen::Index, double& vy, double& r) {
+      vy += step_[0];
+      r += step_[1];
+      return moved_;
+    });
+  }
+
+  void run(const DrivenStretch& driven, LeastSquares::RowMatrix& J) {
+    const Eigen::Index k = problem_.parameters(), gains = problem_.gains(), shared = k + gains;
+    SlopeColumns columns;
+    columns.columns = shared + 2;
+    Eigen::RowVectorXd scale(columns.columns), slope(columns.columns);
+    for (Eigen::Index i = 0; i < k; ++i) {
+      columns.parameter[problem_.unknowns.free[static_cast<std::size_t>(i)]] = i;
+    }
+    columns.vy = shared;
+    columns.r = shared + 1;
+    scale << problem_.unknowns.scale.transpose(), Eigen::RowVectorXd::Ones(gains),
+        kStateScale.transpose();
+    Eigen::Matrix<double, 2, Eigen::Dynamic> step_slopes(2, columns.columns);
+    const auto observe = [&](Eigen::Index row, const Motion& motion, const MotionSlopes& slopes,
+                             double vx) {
+      step_.setZero();
+      moved_ = false;
+      step_slopes.setZero();
+      for_each_sample(row, motion, vx, [&](std::size_t residual, std::size_t output) {
+        readings_[output].slopes(motion, vx, columns, slopes, slope);
+        const auto n = static_cast<Eigen::Index>(residual);
+        J.row(n).head(shared) = slope.head(shared).cwiseProduct(scale.head(shared));
+        J.row(n).segment<2>(state_) = slope.tail<2>().cwiseProduct(scale.tail<2>());
+        if (gain_.empty()) return;
+        for (Eigen::Index i = 0; i < 2; ++i) {
+          const Eigen::Index at = 2 * static_cast<Eigen::Index>(output) + i;
+          step_slopes.row(i) -= gain_[static_cast<std::size_t>(at)] * slope;
+          step_slopes(i, k + at) -= gain_scale(at) * e_[n];
+        }
+      });
+    };
+    simulate_with_slopes(car_, driven, x_[0], x_[1], columns, observe,
+                         [&](Eigen::Index, double& vy, double& r, MotionSlopes& slopes) {
+                           if (!moved_) return false;
+                           vy += step_[0];
+                           r += step_[1];
+                           slopes.vy += step_slopes.row(0);
+                           slopes.r += step_slopes.row(1);
+                           return true;
+                         });
+  }
+
+ private:
+  double gain_scale(Eigen::Index i) const {
+    return kStateScale[i % 2] / problem_.output_scale[i / 2];
+  }
+
+  /// Writes the errors of row k of the stretch and the correction of the state that follows from
+  /// them, and calls also(residual, output).
+  template <typename Also>
+  void for_each_sample(Eigen::Index k, const Motion& motion, double vx, Also&& also) {
+    for (; residual_ < problem_.row.size() && problem_.row[residual_] == first_ + k; ++residual_) {
+      const auto output = static_cast<std::size_t>(problem_.output[residual_]);
+      const auto n = static_cast<Eigen::Index>(residual_);
+      e_[n] = readings_[output].value(motion, vx) - problem_.sample[n];
+      if (!gain_.empty()) {
+        step_ -= Eigen::Map<const Eigen::Vector2d>(gain_.data() + 2 * output) * e_[n];
+        moved_ = true;
+      }
+      also(residual_, output);
+    }
+  }
+
+  const VehicleProblem& problem_;
+  const SingleTrack<>& car_;
+  std::vector<VehicleReading> readings_;
+  Eigen::Index first_, state_;
+  Eigen::Vector2d x_;
+  std::size_t& residual_;
+  Eigen::VectorXd& e_;
+  std::vector<double> gain_;  // K, column by column; empty: simulation
+  Eigen::Vector2d step_ = Eigen::Vector2d::Zero();
+  bool moved_ = false;
+};
+
+}  // namespace
+
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J) {
   const FlushDenormals flush;
   const VehicleParameters<double> p = parameters_at(problem, z);
   const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
   const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
-  const TyreCurve curve = problem.unknowns.curve;
-  const Eigen::Index k = problem.parameters();
+  const SingleTrack<> car = car_with(problem.unknowns.curve, p);
   e.resize(problem.residuals());
-  std::size_t residual = 0;
-  const Eigen::Index gains = problem.gains();
-  const auto gain_scale = [&](Eigen::Index i) {
-    return kStateScale[i % 2] / problem.output_scale[i / 2];
-  };
-  if (J == nullptr) {
-    std::vector<double> gain;
-    for (Eigen::Index i = 0; i < gains; ++i) gain.push_back(z[k + i] * gain_scale(i));
-    with_car(curve, p, [&](const auto& car) {
-      for (std::size_t s = 0; s < problem.driven.size(); ++s) {
-        const auto x = z.segment<2>(problem.state_of(s)).cwiseProduct(kStateScale);
-        predict<double>(problem, car, driven[s], s, x[0], x[1], gain, residual,
-                        [&](std::size_t i, double value) {
-                          const auto n = static_cast<Eigen::Index>(i);
-                          e[n] = value - problem.sample[n];
-                        });
-      }
-    });
-    return e.allFinite();
+  if (J != nullptr) {
+    J->resize(problem.residuals(), problem.coordinates());
+    // Of the initial states a row depends on its own stretch's alone.
+    if (driven.size() > 1) J->setZero();
   }
-
-  J->setZero(problem.residuals(), problem.coordinates());
-  const Eigen::Index shared = k + gains;
-  with_dual_size(shared + 2, [&](auto size) {
-    constexpr int N = decltype(size)::value;
-    using T = Dual<N>;
-    const auto state = static_cast<std::size_t>(shared);
-    std::vector<T> gain;
-    for (Eigen::Index i = 0; i < gains; ++i) {
-      gain.emplace_back(z[k + i] * gain_scale(i));
-      gain.back().v[static_cast<std::size_t>(k + i)] = gain_scale(i);
+  std::size_t residual = 0;
+  for (std::size_t s = 0; s < driven.size(); ++s) {
+    StretchErrors errors(problem, car, z, s, residual, e);
+    if (J == nullptr) {
+      errors.run(driven[s]);
+    } else {
+      errors.run(driven[s], *J);
     }
-    VehicleParameters<T> q;
-    for (std::size_t i = 0; i < q.size(); ++i) q[i] = T(p[i]);
-    for (Eigen::Index i = 0; i < k; ++i) {
-      const auto n = static_cast<std::size_t>(i);
-      q[problem.unknowns.free[n]].v[n] = problem.unknowns.scale[i];
-    }
-    with_car(curve, q, [&](const auto& car) {
-      for (std::size_t s = 0; s < problem.driven.size(); ++s) {
-        const Eigen::Index at = problem.state_of(s);
-        T vy(z[at] * kStateScale[0]), r(z[at + 1] * kStateScale[1]);
-        vy.v[state] = kStateScale[0];
-        r.v[state + 1] = kStateScale[1];
-        predict<T>(
-            problem, car, driven[s], s, vy, r, gain, residual, [&](std::size_t i, const T& value) {
-              const auto n = static_cast<Eigen::Index>(i);
-              e[n] = value.a - problem.sample[n];
-              const Eigen::Map<const Eigen::RowVectorXd> derivative(value.v.data(), shared + 2);
-              J->row(n).head(shared) = derivative.head(shared);
-              J->row(n).segment<2>(at) = derivative.tail<2>();
-            });
-      }
-    });
-  });
-  return e.allFinite() && J->allFinite();
+  }
+  return e.allFinite();
 }
 
 NoiseCost noise_cost(bool robust, double r) {
@@ -544,78 +586,58 @@ PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorX
 
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options) {
-  constexpr int kMostRounds = 50;
-  constexpr double kNearlySettled = 1e-3, kSettled = 1e-5;  // relative change of every noise sd
+  constexpr Eigen::Index kBlock = 128;
+  Eigen::VectorXd e, weighted_e(kBlock);
+  LeastSquares::RowMatrix J, weighted_J(kBlock, problem.coordinates());
+  LikelihoodProblem likelihood;
+  likelihood.lower = problem.lower;
+  likelihood.upper = problem.upper;
+  // The noise is at its most likely size for every z, so that its derivative does not matter.
+  likelihood.evaluate = [&](const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
+                            Eigen::MatrixXd* information) {
+    const bool with_slopes = gradient != nullptr;
+    if (!output_error(problem, z, e, with_slopes ? &J : nullptr)) return false;
+    const Eigen::VectorXd sd = noise_sd(problem, e);
+    L = log_likelihood(problem, z, e, sd);
+    if (!with_slopes) return true;
+    gradient->setZero(z.size());
+    information->setZero(z.size(), z.size());
+    // By blocks that stay in the processor's first cache.
+    for (Eigen::Index first = 0; first < e.size(); first += kBlock) {
+      const Eigen::Index rows = std::min(kBlock, e.size() - first);
+      for (Eigen::Index n = 0; n < rows; ++n) {
+        const double scale = sd[problem.output[static_cast<std::size_t>(first + n)]];
+        const double r = e[first + n] / scale;
+        const double root = problem.robust ? std::sqrt(noise_cost(true, r).weight) : 1.0;
+        weighted_e[n] = root * r;
+        weighted_J.row(n) = (root / scale) * J.row(first + n);
+      }
+      const auto block = weighted_J.topRows(rows);
+      gradient->noalias() -= block.transpose() * weighted_e.head(rows);
+      information->selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
+    }
+    if (!gradient->allFinite()) return false;
+    information->triangularView<Eigen::StrictlyUpper>() = information->transpose();
+    for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+      const PriorResidual prior = prior_residual(problem, z, i);
+      (*gradient)[i] -= prior.value * prior.slope;
+      (*information)(i, i) += prior.slope * prior.slope;
+    }
+    return true;
+  };
+  const Solution solution = maximise(likelihood, start, options);
   VehicleOptimum out;
-  out.z = start;
-  Eigen::VectorXd e;
-  if (!output_error(problem, start, e, nullptr)) {
+  out.z = solution.x;
+  out.iterations = solution.summary.iterations;
+  out.evaluations = solution.summary.evaluations;
+  out.message = solution.summary.message;
+  out.converged = solution.summary.termination == Termination::converged;
+  if (solution.summary.termination == Termination::start_undefined) {
     out.message = "the car runs away at the start";
     return out;
   }
+  output_error(problem, out.z, e, nullptr);
   out.sd = noise_sd(problem, e);
-  // While the weights still move there is no point in an exact minimum.
-  SolverOptions coarse = options;
-  coarse.function_tolerance = std::max(options.function_tolerance, 1e-5);
-  bool exact = false;
-  for (int round = 0; round < kMostRounds; ++round) {
-    Eigen::VectorXd weight(problem.residuals());
-    for (std::size_t i = 0; i < problem.output.size(); ++i) {
-      weight[static_cast<Eigen::Index>(i)] = 1.0 / out.sd[problem.output[i]];
-    }
-    const Eigen::Index m = problem.residuals(), k = problem.parameters();
-    LeastSquares weighted;
-    weighted.residuals = m + k;
-    weighted.lower = problem.lower;
-    weighted.upper = problem.upper;
-    weighted.evaluate = [&](const Eigen::VectorXd& z, Eigen::VectorXd& r,
-                            LeastSquares::RowMatrix* J) {
-      Eigen::VectorXd errors;
-      LeastSquares::RowMatrix slopes;
-      if (!output_error(problem, z, errors, J == nullptr ? nullptr : &slopes)) return false;
-      errors.array() *= weight.array();
-      Eigen::VectorXd factor = weight;
-      if (problem.robust) {
-        // Least squares in sign(r) sqrt(rho) is the minimum of rho.
-        for (Eigen::Index i = 0; i < m; ++i) {
-          const NoiseCost cost = noise_cost(true, errors[i]);
-          const double share = errors[i] == 0.0 ? 1.0 : std::sqrt(cost.rho) / std::abs(errors[i]);
-          errors[i] *= share;
-          factor[i] *= cost.weight / share;
-        }
-      }
-      r.head(m) = errors;
-      if (J != nullptr) {
-        J->topRows(m) = factor.asDiagonal() * slopes;
-        J->bottomRows(k).setZero();
-      }
-      for (Eigen::Index i = 0; i < k; ++i) {
-        const PriorResidual prior = prior_residual(problem, z, i);
-        r[m + i] = prior.value;
-        if (J != nullptr) (*J)(m + i, i) = prior.slope;
-      }
-      return true;
-    };
-    SolverOptions left = exact ? options : coarse;
-    left.max_iterations = options.max_iterations - out.iterations;
-    const Solution solution = solve(weighted, out.z, left);
-    out.z = solution.x;
-    out.iterations += solution.summary.iterations;
-    out.evaluations += solution.summary.evaluations;
-    out.message = solution.summary.message;
-    if (!output_error(problem, out.z, e, nullptr)) return out;
-    const Eigen::VectorXd sd = noise_sd(problem, e);
-    const double change = (sd.cwiseQuotient(out.sd).array() - 1.0).abs().maxCoeff();
-    out.sd = sd;
-    const bool solved = solution.summary.termination == Termination::converged;
-    out.converged = solved && exact && change < kSettled;
-    if (!solved || out.converged) break;
-    if (out.iterations >= options.max_iterations) {
-      out.message = fmt::format("not settled after {} iterations", out.iterations);
-      break;
-    }
-    exact = exact || change < kNearlySettled;
-  }
   out.log_likelihood = log_likelihood(problem, out.z, e, out.sd);
   return out;
 }

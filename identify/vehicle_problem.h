@@ -9,7 +9,8 @@
 
 #include "identify/vehicle_run.h"
 #include "lib/parameter.h"
-#include "lib/single_track.h"
+#include "lib/vehicle_motion.h"
+#include "lib/vehicle_sensor.h"
 #include "solvers/problem.h"
 
 namespace identikal {
@@ -121,6 +122,9 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
 std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p);
 
+/// What each output of the run reads off that car.
+std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car);
+
 /// Motion of the simulated car at every row of the stretches, without gain: calls observe(row,
 /// motion, vx).
 template <typename Observe>
@@ -128,15 +132,15 @@ void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& o
   const VehicleParameters<double> p = parameters_at(problem, z);
   const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
   const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
+  const SingleTrack<> car = car_with(problem.unknowns.curve, p);
   for (std::size_t s = 0; s < driven.size(); ++s) {
     const Eigen::Index at = problem.state_of(s);
     const Eigen::Index first = problem.run->stretches[s].first;
-    const auto shifted = [&](Eigen::Index k, const Motion<double>& motion, double vx) {
+    const auto shifted = [&](Eigen::Index k, const Motion& motion, double vx) {
       observe(first + k, motion, vx);
     };
     const double vy = z[at] * kStateScale[0], r = z[at + 1] * kStateScale[1];
-    with_car(problem.unknowns.curve, p,
-             [&](const auto& car) { simulate(car, driven[s], vy, r, shifted); });
+    simulate(car, driven[s], vy, r, shifted);
   }
 }
 
@@ -144,16 +148,14 @@ void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& o
 /// observe(row, motion, vx, values) with one value per output of the run, SI.
 template <typename Observe>
 void replay_outputs(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& observe) {
-  const VehicleParameters<double> p = parameters_at(problem, z);
+  const std::vector<VehicleReading> sensors =
+      readings(*problem.run, car_with(problem.unknowns.curve, parameters_at(problem, z)));
   Eigen::VectorXd values(problem.run->y.rows());
-  with_car(problem.unknowns.curve, p, [&](const auto& car) {
-    replay(problem, z, [&](Eigen::Index t, const Motion<double>& motion, double vx) {
-      for (Eigen::Index j = 0; j < values.size(); ++j) {
-        values[j] =
-            measured(problem.run->outputs[static_cast<std::size_t>(j)].sensor, car, motion, vx);
-      }
-      observe(t, motion, vx, values);
-    });
+  replay(problem, z, [&](Eigen::Index t, const Motion& motion, double vx) {
+    for (Eigen::Index j = 0; j < values.size(); ++j) {
+      values[j] = sensors[static_cast<std::size_t>(j)].value(motion, vx);
+    }
+    observe(t, motion, vx, values);
   });
 }
 
@@ -200,8 +202,8 @@ struct VehicleOptimum {
   int evaluations = 0;
 };
 
-/// Least squares with fixed weights and re-estimation of the noise in turn, until neither moves:
-/// this climbs the likelihood to its maximum for white noise of unknown size.
+/// The maximum of the likelihood with every output's noise at its most likely size (unless given):
+/// Gauss-Newton steps whose weights follow the noise (solvers/scoring.h).
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options);
 

@@ -9,7 +9,7 @@
 #include "identify/estimate.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
-#include "lib/single_track.h"
+#include "lib/vehicle_sensor.h"
 
 namespace identikal {
 

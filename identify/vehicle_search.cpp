@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kOptimised = 3;  // of the starts, those with the best likelihood
 constexpr double kSameVehicle = 0.01;  // in log-likelihood
-constexpr int kBriefIterations = 30;
+constexpr int kBriefIterations = 12;
 constexpr double kPromising = 0.01;  // in log-likelihood per sample behind the best
 constexpr double kTooStiffForSteps =
     1.6;  // decay rate over what the integration steps were made for

@@ -19,7 +19,7 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z) {
     series.units.push_back(output.unit);
   }
   replay_outputs(problem, z,
-                 [&](Eigen::Index t, const Motion<double>&, double, const Eigen::VectorXd& values) {
+                 [&](Eigen::Index t, const Motion&, double, const Eigen::VectorXd& values) {
                    for (Eigen::Index j = 0; j < values.size(); ++j) {
                      const Unit& unit = units[static_cast<std::size_t>(j)];
                      series.predicted(j, t) = unit.from_si(values[j]);

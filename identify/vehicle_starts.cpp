@@ -6,6 +6,7 @@
 #include <Eigen/QR>
 
 #include "lib/random.h"
+#include "solvers/solve.h"
 
 namespace identikal {
 namespace {
@@ -128,6 +129,59 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& str
   return out;
 }
 
+/// Fits stiffness, softening and an offset of the slip angle to the forces of one axle; the curve's
+/// other values stay. false when no minimum is found.
+bool fit_axle(const Eigen::VectorXd& slip, const Eigen::VectorXd& force, double load,
+              Axle<>& axle) {
+  const Eigen::Vector3d scale(10.0 * load, 1.0 / (load * load), 0.02);
+  LeastSquares problem;
+  problem.residuals = slip.size();
+  problem.lower = Eigen::Vector3d(1e-3, 1e-3, -5.0);
+  problem.upper = Eigen::Vector3d(20.0, 20.0, 5.0);
+  problem.evaluate = [&](const Eigen::VectorXd& x, Eigen::VectorXd& r, LeastSquares::RowMatrix* J) {
+    Axle<> at = axle;
+    at.stiffness = x[0] * scale[0];
+    at.softening = x[1] * scale[1];
+    const AxleCurve curve(at);
+    for (Eigen::Index i = 0; i < slip.size(); ++i) {
+      // The balances turn slip angles so that they push the way the force does.
+      const AxleForce F = curve.force_and_slopes(-(slip[i] + x[2] * scale[2]));
+      r[i] = (F.value - force[i]) / load;
+      if (J == nullptr) continue;
+      J->row(i) = Eigen::RowVector3d(F.by_stiffness, F.by_softening, -F.by_slip)
+                      .cwiseProduct(scale.transpose()) /
+                  load;
+    }
+    return true;
+  };
+  SolverOptions coarse;
+  coarse.function_tolerance = 1e-6;
+  const Solution found = solve(problem, Eigen::Vector3d(0.1 * kTypicalStiffness, 1.0, 0.0), coarse);
+  axle.stiffness = found.x[0] * scale[0];
+  axle.softening = found.x[1] * scale[1];
+  return found.summary.usable();
+}
+
+/// Both axles on their own: at the inertia of p their forces follow from the balances. Where an
+/// axle saturates, a straight line through its forces is no start.
+bool curved_axles_by_equation_error(const VehicleBalances& balances,
+                                    const VehicleUnknowns& unknowns, VehicleParameters<double>& p) {
+  const Eigen::Vector2d load = axle_loads(p);
+  const double L = p[kA] + p[kB];
+  const Eigen::VectorXd force = p[kMass] * balances.acceleration,
+                        moment = p[kYawInertia] * balances.yaw_acceleration;
+  SingleTrack<> car = car_with(unknowns.curve, p);
+  if (!fit_axle(balances.slip_front, (p[kB] * force + moment) / L, load[0], car.front) ||
+      !fit_axle(balances.slip_rear, (p[kA] * force - moment) / L, load[1], car.rear)) {
+    return false;
+  }
+  p[kCf] = car.front.stiffness;
+  p[kCr] = car.rear.stiffness;
+  p[kSofteningFront] = car.front.softening;
+  p[kSofteningRear] = car.rear.softening;
+  return true;
+}
+
 }  // namespace
 
 VehicleBalances vehicle_balances(const VehicleRun& run, const VehicleParameters<double>& p) {
@@ -172,6 +226,14 @@ bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unk
   const VehicleBalances balances = vehicle_balances(run, p);
   const Eigen::Index n = balances.time.size();
   if (n < 6) return false;
+  const bool curved = is_free(unknowns, kCf) && is_free(unknowns, kCr) &&
+                      is_free(unknowns, kSofteningFront) && is_free(unknowns, kSofteningRear);
+  VehicleParameters<double> by_axle = p;
+  if (unknowns.curve != TyreCurve::linear && curved &&
+      curved_axles_by_equation_error(balances, unknowns, by_axle)) {
+    p = clipped(unknowns, by_axle);
+    return true;
+  }
   Eigen::MatrixXd X(n, 2);
   X << balances.slip_front, balances.slip_rear;
   Eigen::VectorXd force = p[kMass] * balances.acceleration;

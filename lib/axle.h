@@ -4,7 +4,6 @@
 #include <cmath>
 #include <optional>
 #include <string_view>
-#include <type_traits>
 
 namespace identikal {
 
@@ -35,61 +34,75 @@ struct ForceShare {
   double by_curvature = 0.0;  ///< magic formula only
 };
 
-ForceShare magic_formula_share(double z, const CurveShape& shape);
-
 /// @param z  >= 0
-template <TyreCurve curve>
-ForceShare force_share(double z, const CurveShape& shape) {
-  if constexpr (curve == TyreCurve::tanh) {
-    if (z < 0.01) {  // six terms of the series leave less than 1e-14 here
-      constexpr double c1 = -1.0 / 3.0, c2 = 2.0 / 15.0, c3 = -17.0 / 315.0, c4 = 62.0 / 2835.0,
-                       c5 = -1382.0 / 155925.0;
-      return {1.0 + z * (c1 + z * (c2 + z * (c3 + z * (c4 + z * c5)))),
-              c1 + z * (2.0 * c2 + z * (3.0 * c3 + z * (4.0 * c4 + z * 5.0 * c5)))};
-    }
-    const double x = std::sqrt(z), t = std::tanh(x), share = t / x;
-    return {share, (1.0 - t * t - share) / (2.0 * z)};
-  } else if constexpr (curve == TyreCurve::fiala) {
-    // The slope by z is infinite at 0; what it is multiplied by there is zero.
-    if (!(z > 0.0)) return {};
-    const double x = std::sqrt(z);
-    if (x < 3.0) return {1.0 - x / 3.0 + z / 27.0, 1.0 / 27.0 - 1.0 / (6.0 * x)};
-    return {1.0 / x, -0.5 / (x * z)};
-  } else if constexpr (curve == TyreCurve::magic_formula) {
-    return magic_formula_share(z, shape);
-  } else {
-    return {};
-  }
-}
+ForceShare force_share(TyreCurve curve, double z, const CurveShape& shape);
 
-/// One axle. The linear curve does not read the rest.
-template <typename T, TyreCurve curve = TyreCurve::linear>
+/// Side force of an axle and its derivatives.
+struct AxleForce {
+  double value = 0.0;  ///< [N]
+  double by_slip = 0.0, by_stiffness = 0.0, by_softening = 0.0, by_shape = 0.0, by_curvature = 0.0;
+};
+
+/// One axle. The linear curve reads its stiffness only.
+template <typename T = double>
 struct Axle {
   T stiffness = T(0.0);                     ///< C, both wheels together [N/rad], > 0
   T softening = T(0.0);                     ///< 1/(largest force)^2 [1/N^2], >= 0
   T shape = T(CurveShape().shape);          ///< c of the magic formula
   T curvature = T(CurveShape().curvature);  ///< e of the magic formula
+  TyreCurve curve = TyreCurve::linear;
+};
+
+/// An axle with what its curve needs at every instant computed once.
+class AxleCurve {
+ public:
+  explicit AxleCurve(const Axle<>& axle)
+      : axle_(axle), root_(std::sqrt(axle.softening)), largest_(1.0 / root_) {}
+
+  const Axle<>& axle() const { return axle_; }
 
   /// Side force [N] at a slip angle [rad], both positive to the left.
-  [[gnu::always_inline]] T force(const T& slip) const {
-    const T linear = -(stiffness * slip);
-    if constexpr (curve == TyreCurve::linear) {
-      return linear;
-    } else if constexpr (std::is_same_v<T, double>) {
-      return linear * force_share<curve>(softening * linear * linear, {shape, curvature}).value;
-    } else {
-      // Partial derivatives, carried over by differences that have the value 0.
-      const double L = linear.a, z = softening.a * L * L;
-      const ForceShare share = force_share<curve>(z, {shape.a, curvature.a});
-      T out = T(L * share.value) + (share.value + 2.0 * z * share.by_z) * (linear - L) +
-              (L * L * L * share.by_z) * (softening - softening.a);
-      if constexpr (curve == TyreCurve::magic_formula) {
-        out = out + (L * share.by_shape) * (shape - shape.a) +
-              (L * share.by_curvature) * (curvature - curvature.a);
-      }
-      return out;
+  double force(double slip) const {
+    const double L = -axle_.stiffness * slip;
+    if (axle_.curve == TyreCurve::linear) return L;
+    if (axle_.curve == TyreCurve::tanh) {
+      const double x = L * root_;
+      if (x * x >= kSeriesOfTanh) return largest_ * fast_tanh(x);
     }
+    return L * share(L).value;
   }
+
+  AxleForce force_and_slopes(double slip) const {
+    const double L = -axle_.stiffness * slip;
+    if (axle_.curve == TyreCurve::linear) return {L, -axle_.stiffness, -slip};
+    if (axle_.curve == TyreCurve::tanh) {
+      const double x = L * root_;
+      if (x * x >= kSeriesOfTanh) {
+        const double t = fast_tanh(x), value = largest_ * t, by_L = 1.0 - t * t;
+        return {value, -axle_.stiffness * by_L, -slip * by_L,
+                0.5 * largest_ * largest_ * (L * by_L - value)};
+      }
+    }
+    const ForceShare at = share(L);
+    const double by_L = at.value + 2.0 * axle_.softening * L * L * at.by_z;
+    return {L * at.value,        -axle_.stiffness * by_L, -slip * by_L,
+            L * L * L * at.by_z, L * at.by_shape,         L * at.by_curvature};
+  }
+
+ private:
+  static constexpr double kSeriesOfTanh = 0.01;  // of x^2; below it force_share() has a series
+
+  /// tanh for |x| >= 0.1, by one exponential: half the time of the library's.
+  static double fast_tanh(double x) {
+    const double decay = std::exp(-2.0 * std::abs(x));
+    return std::copysign((1.0 - decay) / (1.0 + decay), x);
+  }
+  ForceShare share(double L) const {
+    return force_share(axle_.curve, axle_.softening * L * L, {axle_.shape, axle_.curvature});
+  }
+
+  Axle<> axle_;
+  double root_, largest_;
 };
 
 }  // namespace identikal

@@ -11,9 +11,7 @@
 
 namespace identikal {
 
-/// A value and its derivatives by N variables (forward mode, exact). Does what ceres::Jet does;
-/// plain arrays and loops of known length, always inlined, so that the compiler keeps the terms of
-/// a Runge-Kutta step in registers: simulations with derivatives run more than twice as fast.
+/// A value and its derivatives by N variables (forward mode, exact).
 template <int N>
 struct Dual {
   double a = 0.0;             ///< value
@@ -137,17 +135,6 @@ template <int N>
 Dual<N> atan2(const Dual<N>& y, const Dual<N>& x) {
   const double scale = 1.0 / (x.a * x.a + y.a * y.a);
   return detail::chain(std::atan2(y.a, x.a), x.a * scale, y, -y.a * scale, x);
-}
-
-/// Calls f(std::integral_constant<int, N>) with the smallest N of a fixed list that is at least n,
-/// so that few variables cost little: the number of derivatives is a compile-time size.
-/// @throws std::invalid_argument for n above 20
-template <typename F>
-decltype(auto) with_dual_size(Eigen::Index n, F&& f) {
-  if (n <= 6) return f(std::integral_constant<int, 6>());
-  if (n <= 12) return f(std::integral_constant<int, 12>());
-  if (n <= 20) return f(std::integral_constant<int, 20>());
-  throw std::invalid_argument("more than 20 variables to differentiate by");
 }
 
 /// Value and gradient of f(std::array<T, N>) -> T at x.

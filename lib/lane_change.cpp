@@ -57,9 +57,8 @@ PlannedPath planned_path(const std::vector<Gate>& course, double car_width) {
   return out;
 }
 
-double steering_rate(const PreviewDriver& driver, const PlannedPath& path,
-                     const SingleTrack<double>& car, const Pose& pose, double vx, double vy,
-                     double r, double delta) {
+double steering_rate(const PreviewDriver& driver, const PlannedPath& path, const SingleTrack<>& car,
+                     const Pose& pose, double vx, double vy, double r, double delta) {
   constexpr Index kMoves = 20;
   const double step = driver.preview / kMoves;
   // x = (Y, psi, vy, r, delta), steered by its rate; small angles to the course.
@@ -125,6 +124,70 @@ std::vector<GatePassage> gate_passages(const std::vector<Gate>& course, const Ca
         }
       }
     }
+  }
+  return out;
+}
+
+namespace {
+
+/// The linear car with the same mass, lengths and stiffnesses at small slip: what a driver knows.
+SingleTrack<> linearised(const SingleTrack<>& car) {
+  SingleTrack<> out;
+  out.m = car.m;
+  out.a = car.a;
+  out.b = car.b;
+  out.Iz = car.Iz;
+  out.front.stiffness = car.front.stiffness;
+  out.rear.stiffness = car.rear.stiffness;
+  return out;
+}
+
+}  // namespace
+
+Eigen::Matrix3Xd drive_along(
+    const SingleTrack<>& car, const PlannedPath& path, const PreviewDriver& driver,
+    const Eigen::VectorXd& time, const Eigen::VectorXd& vx, double start,
+    const std::function<void(Eigen::Index, const Motion&, double, double)>& observe) {
+  const SingleTrack<> believed = linearised(car);
+  const IntegrationDemand demand{decay_rate_times_speed(car)};
+  const auto angle = [&car](double delta) {
+    return delta * car.steering_ratio / car.steering_gain - car.steering_offset;
+  };
+  std::vector<Pose> poses{{start, path.Y(start), 0.0}};
+  double vy = 0.0, r = 0.0, delta = 0.0;
+  for (Eigen::Index row = 0; row + 1 < time.size(); ++row) {
+    const double dt = time[row + 1] - time[row];
+    const int looks = std::max(1, static_cast<int>(std::ceil(dt / driver.update - 1e-6)));
+    const double h = dt / looks;
+    for (int look = 0; look < looks; ++look) {
+      const double share = static_cast<double>(look) / looks;
+      const Eigen::Vector2d u =
+          vx[row] + (vx[row + 1] - vx[row]) * Eigen::Array2d(share, share + 1.0 / looks);
+      const double next =
+          delta + h * steering_rate(driver, path, believed, poses.back(), u[0], vy, r, delta);
+      const DrivenStretch stretch =
+          drive(Eigen::Vector2d(0.0, h), Eigen::Vector2d(angle(delta), angle(next)), u, demand);
+      const double vy_before = vy, r_before = r;
+      simulate(car, stretch, vy_before, r_before,
+               [&](Eigen::Index end, const Motion& motion, double speed) {
+                 if (end == 1) {
+                   vy = motion.vy;
+                   r = motion.r;
+                   if (row + 2 == time.size() && look + 1 == looks) {
+                     observe(row + 1, motion, speed, angle(next));
+                   }
+                 } else if (look == 0) {
+                   observe(row, motion, speed, angle(delta));
+                 }
+               });
+      poses.push_back(
+          moved(poses.back(), u.mean(), 0.5 * (vy_before + vy), 0.5 * (r_before + r), h));
+      delta = next;
+    }
+  }
+  Eigen::Matrix3Xd out(3, static_cast<Eigen::Index>(poses.size()));
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    out.col(static_cast<Eigen::Index>(i)) << poses[i].X, poses[i].Y, poses[i].psi;
   }
   return out;
 }

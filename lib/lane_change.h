@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "lib/single_track.h"
 #include "lib/trajectory.h"
+#include "lib/vehicle_motion.h"
 
 namespace identikal {
 
@@ -74,9 +75,8 @@ struct PreviewDriver {
 /// Road-wheel rate [rad/s] that the driver steers with until he looks again.
 /// @param car  as he believes it to be; @param vx, vy  [m/s]; @param r  [rad/s]
 /// @param delta  road-wheel angle now [rad]
-double steering_rate(const PreviewDriver& driver, const PlannedPath& path,
-                     const SingleTrack<double>& car, const Pose& pose, double vx, double vy,
-                     double r, double delta);
+double steering_rate(const PreviewDriver& driver, const PlannedPath& path, const SingleTrack<>& car,
+                     const Pose& pose, double vx, double vy, double r, double delta);
 
 /// How a gate was passed.
 struct GatePassage {
@@ -90,19 +90,6 @@ struct GatePassage {
 std::vector<GatePassage> gate_passages(const std::vector<Gate>& course, const CarBody& body,
                                        const Eigen::Ref<const Eigen::Matrix3Xd>& poses);
 
-/// The linear car with the same mass, lengths and stiffnesses at small slip: what a driver knows.
-template <TyreCurve curve>
-SingleTrack<double> linearised(const SingleTrack<double, curve>& car) {
-  SingleTrack<double> out;
-  out.m = car.m;
-  out.a = car.a;
-  out.b = car.b;
-  out.Iz = car.Iz;
-  out.front.stiffness = car.front.stiffness;
-  out.rear.stiffness = car.rear.stiffness;
-  return out;
-}
-
 /// Drives the car along the path, straight ahead at first, and calls
 /// observe(row, motion, vx, steering) at every time stamp; steering is the angle that the car's
 /// sensor would measure [rad]. Between two looks of the driver steering changes evenly.
@@ -111,52 +98,10 @@ SingleTrack<double> linearised(const SingleTrack<double, curve>& car) {
 /// The car has neither steering delay nor relaxation length: between two looks it starts from
 /// (vy, r).
 /// @return the poses at every look, 3 x M
-template <TyreCurve curve, typename Observe>
-Eigen::Matrix3Xd drive_along(const SingleTrack<double, curve>& car, const PlannedPath& path,
+Eigen::Matrix3Xd drive_along(const SingleTrack<>& car, const PlannedPath& path,
                              const PreviewDriver& driver, const Eigen::VectorXd& time,
-                             const Eigen::VectorXd& vx, double start, Observe&& observe) {
-  const SingleTrack<double> believed = linearised(car);
-  const IntegrationDemand demand{decay_rate_times_speed(car)};
-  const auto angle = [&car](double delta) {
-    return delta * car.steering_ratio / car.steering_gain - car.steering_offset;
-  };
-  std::vector<Pose> poses{{start, path.Y(start), 0.0}};
-  double vy = 0.0, r = 0.0, delta = 0.0;
-  for (Eigen::Index row = 0; row + 1 < time.size(); ++row) {
-    const double dt = time[row + 1] - time[row];
-    const int looks = std::max(1, static_cast<int>(std::ceil(dt / driver.update - 1e-6)));
-    const double h = dt / looks;
-    for (int look = 0; look < looks; ++look) {
-      const double share = static_cast<double>(look) / looks;
-      const Eigen::Vector2d u =
-          vx[row] + (vx[row + 1] - vx[row]) * Eigen::Array2d(share, share + 1.0 / looks);
-      const double next =
-          delta + h * steering_rate(driver, path, believed, poses.back(), u[0], vy, r, delta);
-      const DrivenStretch stretch =
-          drive(Eigen::Vector2d(0.0, h), Eigen::Vector2d(angle(delta), angle(next)), u, demand);
-      const double vy_before = vy, r_before = r;
-      simulate(car, stretch, vy_before, r_before,
-               [&](Eigen::Index end, const Motion<double>& motion, double speed) {
-                 if (end == 1) {
-                   vy = motion.vy;
-                   r = motion.r;
-                   if (row + 2 == time.size() && look + 1 == looks) {
-                     observe(row + 1, motion, speed, angle(next));
-                   }
-                 } else if (look == 0) {
-                   observe(row, motion, speed, angle(delta));
-                 }
-               });
-      poses.push_back(
-          moved(poses.back(), u.mean(), 0.5 * (vy_before + vy), 0.5 * (r_before + r), h));
-      delta = next;
-    }
-  }
-  Eigen::Matrix3Xd out(3, static_cast<Eigen::Index>(poses.size()));
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    out.col(static_cast<Eigen::Index>(i)) << poses[i].X, poses[i].Y, poses[i].psi;
-  }
-  return out;
-}
+                             const Eigen::VectorXd& vx, double start,
+                             const std::function<void(Eigen::Index row, const Motion& motion,
+                                                      double vx, double steering)>& observe);
 
 }  // namespace identikal

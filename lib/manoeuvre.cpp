@@ -59,7 +59,7 @@ double speed(const SteadyCircle& circle, double time) {
   return std::sqrt(circle.start_speed * circle.start_speed + circle.radius * circle.rise * time);
 }
 
-double road_wheel_angle(const SingleTrack<double>& car, double radius, double vx) {
+double road_wheel_angle(const SingleTrack<>& car, double radius, double vx) {
   return (car.a + car.b + understeer_gradient(car) * vx * vx) / radius;
 }
 

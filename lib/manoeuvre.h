@@ -89,6 +89,6 @@ double speed(const SteadyCircle& circle, double time);
 /// (L wheelbase, K understeer gradient; linear axles, no bank). With radius = vx^2 / ay it is the
 /// angle of a lateral acceleration.
 /// @param radius  [m]; @param vx  [m/s]
-double road_wheel_angle(const SingleTrack<double>& car, double radius, double vx);
+double road_wheel_angle(const SingleTrack<>& car, double radius, double vx);
 
 }  // namespace identikal

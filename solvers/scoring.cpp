@@ -52,9 +52,10 @@ class CurvatureCorrection {
     if (std::abs(curvature) > 1e-8 * size) E_ += r * r.transpose() / curvature;
   }
 
-  // The information with what was learnt added, as long as that stays positive definite and within
-  // a factor of ten of the information on every free coordinate combination; else the information
-  // alone.
+  // The information with what was learnt added, as long as that is, on every combination of free
+  // coordinates, no less than a tenth of the information, where steps would grow too long, and no
+  // more than a thousand times it (a steering delay under a coarse model comes near that); else the
+  // information alone.
   MatrixXd apply(const Point& at, const std::vector<Index>& free) const {
     const MatrixXd corrected = at.information + E_;
     const auto m = static_cast<Index>(free.size());
@@ -68,7 +69,7 @@ class CurvatureCorrection {
         B(i, j) = corrected(ii, jj) / scale;
       }
     }
-    const Eigen::LLT<MatrixXd> above(B - 0.1 * J), below(10.0 * J - B);
+    const Eigen::LLT<MatrixXd> above(B - 0.1 * J), below(1000.0 * J - B);
     const bool trusted = above.info() == Eigen::Success && below.info() == Eigen::Success;
     return trusted ? corrected : at.information;
   }

@@ -58,7 +58,7 @@ TEST(Manoeuvres, SteadyAccelerationIsTheStandards) {
   EXPECT_NEAR(drive_named("step-steer").motion.back().ay, 4.0, 0.01);
   EXPECT_NEAR(drive_named("step-steer", {{"ay", -2.5}}).motion.back().ay, -2.5, 0.01);
   double weave = 0.0;
-  for (const Motion<double>& m : drive_named("weave").motion) weave = std::max(weave, m.ay);
+  for (const Motion& m : drive_named("weave").motion) weave = std::max(weave, m.ay);
   EXPECT_NEAR(weave, 2.0, 0.1);  // 0.2 Hz is nearly steady
   const DrivenRecord circle = drive_named("steady-circle");
   EXPECT_NEAR(circle.vx.tail(1)[0] / circle.motion.back().r, 100.0, 1.0);

@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/vehicle_fit.h"
-#include "lib/single_track.h"
+#include "lib/vehicle_motion.h"
 #include "tests/support/thesis_car.h"
 #include "tests/support/vehicle_case.h"
 
@@ -97,10 +97,10 @@ TEST(VehicleFitStudy, LaneChangeAtAHundredHertz) {
 TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
   Dataset data = lane_change({}, 10.0);
   VehicleParameters<double> p = thesis_car();
-  const SingleTrack<double> car = linear_car(p);
+  const SingleTrack<> car = linear_car(p);
   const DrivenStretch stretch =
       drive(data.time, data.u.row(0), data.u.row(1), {decay_rate_times_speed(car)});
-  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index t, const Motion<double>& motion, double) {
+  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index t, const Motion& motion, double) {
     data.y.col(t) << motion.r, motion.vy;
   });
   expect_at_the_limit(study("10 Hz, own path", data, 500));

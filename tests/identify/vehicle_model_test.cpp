@@ -137,7 +137,7 @@ TEST(VehicleModel, ReplayFollowsAFittedDelay) {
   ASSERT_TRUE(output_error(problem, z, e, nullptr));
   Eigen::Index i = 0;
   replay_outputs(problem, z,
-                 [&](Eigen::Index, const Motion<double>&, double, const Eigen::VectorXd& values) {
+                 [&](Eigen::Index, const Motion&, double, const Eigen::VectorXd& values) {
                    for (Eigen::Index j = 0; j < 2; ++j, ++i) {
                      EXPECT_NEAR(values[j] - problem.sample[i], e[i], 1e-12);
                    }

@@ -19,22 +19,20 @@ struct Driven {
   Eigen::Matrix3Xd poses;
 };
 
-template <typename Car>
-Driven driven(const Car& car, const PlannedPath& path, double seconds, double rate,
+Driven driven(const SingleTrack<>& car, const PlannedPath& path, double seconds, double rate,
               double speed = kSixty) {
   const auto N = static_cast<Eigen::Index>(seconds * rate);
   Driven out;
   out.time = VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) / rate);
   out.steering.resize(N);
   out.vy = out.r = out.steering;
-  out.poses =
-      drive_along(car, path, PreviewDriver{}, out.time, VectorXd::Constant(N, speed), -20.0,
-                  [&out](Eigen::Index row, const Motion<double>& motion, double, double steering) {
-                    out.steering[row] = steering;
-                    out.vy[row] = motion.vy;
-                    out.r[row] = motion.r;
-                    out.hardest = std::max(out.hardest, std::abs(motion.ay));
-                  });
+  out.poses = drive_along(car, path, PreviewDriver{}, out.time, VectorXd::Constant(N, speed), -20.0,
+                          [&out](Eigen::Index row, const Motion& motion, double, double steering) {
+                            out.steering[row] = steering;
+                            out.vy[row] = motion.vy;
+                            out.r[row] = motion.r;
+                            out.hardest = std::max(out.hardest, std::abs(motion.ay));
+                          });
   return out;
 }
 
@@ -126,7 +124,7 @@ TEST(DriveAlong, HitsConesWhenItIsTooFast) {
   const auto course = obstacle_avoidance_course(body.width);
   auto p = thesis_car();
   p[kSofteningFront] = p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
-  const Driven drive = driven(car_with<TyreCurve::tanh>(p), planned_path(course, body.width), 4.0,
+  const Driven drive = driven(car_with(TyreCurve::tanh, p), planned_path(course, body.width), 4.0,
                               100.0, 100.0 / 3.6);
   double worst = 1.0;
   for (const GatePassage& gate : gate_passages(course, body, drive.poses)) {
@@ -144,7 +142,7 @@ TEST(DriveAlong, IsTheCarsAnswerToTheSteering) {
   const Driven closed = driven(car, planned_path(double_lane_change_course(1.8), 1.8), 6.0, 50.0);
   const VectorXd vx = VectorXd::Constant(closed.time.size(), kSixty);
   simulate(car, drive(closed.time, closed.steering, vx, {decay_rate_times_speed(car)}), 0.0, 0.0,
-           [&](Eigen::Index row, const Motion<double>& motion, double) {
+           [&](Eigen::Index row, const Motion& motion, double) {
              EXPECT_NEAR(motion.vy, closed.vy[row], 2e-3);
              EXPECT_NEAR(motion.r, closed.r[row], 2e-3);
            });

@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "lib/interpolation.h"
-#include "lib/single_track.h"
 #include "lib/steering_response.h"
+#include "lib/vehicle_motion.h"
 #include "tests/support/thesis_car.h"
 
 namespace identikal {
@@ -41,14 +41,14 @@ TEST(SevereLaneChange, IsSmooth) {
 // What ISO 3888-2 asks of the car: about one lane to the side and back, hard but still on the road.
 TEST(SevereLaneChange, MovesThePassengerCarByALane) {
   VehicleParameters<double> p = thesis_car();
-  const SingleTrack<double> car = linear_car(p);
+  const SingleTrack<> car = linear_car(p);
   constexpr double h = 0.002;
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(3501, 0.0, 7.0);
   const DrivenStretch stretch =
       drive(time, steering(SevereLaneChange{}, time), Eigen::VectorXd::Constant(3501, 60.0 / 3.6),
             {decay_rate_times_speed(car)});
   double heading = 0.0, side = 0.0, farthest = 0.0, hardest = 0.0;
-  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index, const Motion<double>& motion, double vx) {
+  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index, const Motion& motion, double vx) {
     side += h * (vx * std::sin(heading) + motion.vy * std::cos(heading));
     heading += h * motion.r;
     farthest = std::max(farthest, side);
@@ -163,7 +163,7 @@ TEST(SineWithDwell, HoldsTheSecondPeak) {
 
 TEST(SteadyCircle, KeepsItsRadiusWhileTheSpeedRises) {
   VehicleParameters<double> p = thesis_car();
-  const SingleTrack<double> car = linear_car(p);
+  const SingleTrack<> car = linear_car(p);
   const SteadyCircle circle;
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(4001, 0.0, 40.0);
   const Eigen::VectorXd vx = time.unaryExpr([&](double t) { return speed(circle, t); });
@@ -172,17 +172,16 @@ TEST(SteadyCircle, KeepsItsRadiusWhileTheSpeedRises) {
       vx.unaryExpr([&](double u) { return 21.0 * road_wheel_angle(car, circle.radius, u); });
   const DrivenStretch stretch = drive(time, angle, vx, {decay_rate_times_speed(car)});
   const Eigen::Vector2d start = steady_state(car, stretch.nodes.front());
-  simulate(car, stretch, start[0], start[1],
-           [&](Eigen::Index t, const Motion<double>& motion, double u) {
-             // Behind its steady state by the lag of the car, less than a tenth of a second.
-             EXPECT_NEAR(u / motion.r, circle.radius, 0.01 * circle.radius) << time[t];
-             const double ay = std::pow(circle.start_speed, 2) / 100.0 + 0.1 * time[t];
-             EXPECT_NEAR(u * motion.r, ay, 0.01 * ay + 0.01) << time[t];
-           });
+  simulate(car, stretch, start[0], start[1], [&](Eigen::Index t, const Motion& motion, double u) {
+    // Behind its steady state by the lag of the car, less than a tenth of a second.
+    EXPECT_NEAR(u / motion.r, circle.radius, 0.01 * circle.radius) << time[t];
+    const double ay = std::pow(circle.start_speed, 2) / 100.0 + 0.1 * time[t];
+    EXPECT_NEAR(u * motion.r, ay, 0.01 * ay + 0.01) << time[t];
+  });
 }
 
 TEST(SteadyCircle, AngleOfALateralAcceleration) {
-  const SingleTrack<double> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(thesis_car());
   const double u = 100.0 / 3.6;
   EXPECT_NEAR(4.0 / steering_response(car, u).ay_gain, road_wheel_angle(car, u * u / 4.0, u),
               1e-15);

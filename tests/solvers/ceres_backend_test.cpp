@@ -2,14 +2,9 @@
 #include <limits>
 #include <stdexcept>
 
-#include <ceres/jet.h>
 #include <gtest/gtest.h>
 
-#include "lib/dual.h"
-#include "lib/manoeuvre.h"
-#include "lib/single_track.h"
 #include "solvers/solve.h"
-#include "tests/support/thesis_car.h"
 
 namespace identikal {
 namespace {
@@ -146,38 +141,6 @@ TEST(CeresBackend, RefusesWhatDoesNotFit) {
   EXPECT_THROW(solve(problem, at(0.0, 0.0)), std::invalid_argument);
   problem = rosenbrock();
   EXPECT_THROW(solve(problem, at(std::nan(""), 0.0)), std::invalid_argument);
-}
-
-// Ceres' own numbers run through the vehicle too, and agree with ours.
-TEST(CeresBackend, JetsAgreeWithDuals) {
-  constexpr int N = 4;
-  VehicleParameters<double> p = thesis_car();
-  p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
-  const VectorXd time = VectorXd::LinSpaced(71, 0.0, 7.0);
-  const DrivenStretch stretch =
-      drive(time, steering(SevereLaneChange{}, time), VectorXd::Constant(71, 16.7), {300.0});
-  const auto last = [&](auto variable) {
-    using T = decltype(variable(0.0, 0));
-    VehicleParameters<T> q;
-    for (std::size_t i = 0; i < q.size(); ++i) q[i] = T(p[i]);
-    q[kCf] = variable(p[kCf], 0);
-    q[kYawInertia] = variable(p[kYawInertia], 1);
-    q[kSofteningRear] = variable(p[kSofteningRear], 2);
-    const auto car = car_with<TyreCurve::tanh>(q);
-    T beta(0.0);
-    simulate(car, stretch, T(0.0), variable(0.1, 3),
-             [&](Eigen::Index k, const Motion<T>& motion, double vx) {
-               if (k == 25) beta = measured({VehicleQuantity::beta, 1.0, 0.2}, car, motion, vx);
-             });
-    return beta;
-  };
-  const Dual<N> ours = last([](double value, int i) { return Dual<N>(value, i); });
-  const ceres::Jet<double, N> theirs =
-      last([](double value, int i) { return ceres::Jet<double, N>(value, i); });
-  EXPECT_DOUBLE_EQ(ours.a, theirs.a);
-  for (int i = 0; i < N; ++i) {
-    EXPECT_NEAR(ours.v[static_cast<std::size_t>(i)], theirs.v[i], 1e-12 * std::abs(theirs.v[i]));
-  }
 }
 
 }  // namespace
