@@ -343,6 +343,8 @@ int run_fit(const Arguments& args) {
   options.bootstrap = args.bootstrap;
   if (args.method == "prediction-error") {
     options.method = VehicleFitOptions::Method::prediction_error;
+  } else if (args.method == "trajectory") {
+    options.method = VehicleFitOptions::Method::trajectory;
   }
   const bool share = args.hold_out.ends_with('%');
   if (share) {
@@ -722,11 +724,11 @@ int run(int argc, char** argv) {
     if (std::string(name) == "fit") {
       verb->add_option(
               "--method", args.method,
-              "output-error: simulate; prediction-error: with a filter gain, for cars that "
-              "wind and road push about")
-          ->check(CLI::IsMember({"output-error", "prediction-error"}))
+              "output-error: simulate. For cars that wind and road push about: prediction-error, "
+              "with a filter gain; trajectory, with the states of all rows unknown")
+          ->check(CLI::IsMember({"output-error", "prediction-error", "trajectory"}))
           ->default_str("output-error");
-      verb->add_flag("--robust", args.robust, "noise with outliers: cost linear beyond 1.5 sd");
+      verb->add_flag("--robust", args.robust, "noise with outliers: Student's t instead of normal");
       verb->add_option("--bootstrap", args.bootstrap,
                        "draws of a block bootstrap for the errors, e.g. 500")
           ->check(CLI::Range(20, 100000));

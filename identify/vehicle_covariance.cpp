@@ -184,11 +184,12 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   }
   out.residuals = e;
   if (problem.robust) {
-    // Rows by the curvature of what they cost, errors so that rows times errors are the scores.
+    // Rows by the information of a sample, errors so that rows times errors are the scores.
+    const double root = std::sqrt(noise_information(true));
     for (Eigen::Index n = 0; n < m; ++n) {
       const NoiseCost cost = noise_cost(true, e[n]);
-      X.row(n) *= std::sqrt(cost.curvature);
-      e[n] *= cost.weight / std::sqrt(cost.curvature);
+      X.row(n) *= root;
+      e[n] *= cost.weight / root;
     }
   }
 

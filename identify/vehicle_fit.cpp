@@ -15,6 +15,7 @@
 #include "identify/vehicle_run.h"
 #include "identify/vehicle_search.h"
 #include "identify/vehicle_series.h"
+#include "identify/vehicle_trajectory.h"
 #include "lib/dual.h"
 #include "lib/error.h"
 #include "lib/steering_response.h"
@@ -206,7 +207,6 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
 void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
-  objective.method = problem.prediction ? "prediction_error" : "output_error";
   objective.log_likelihood = found.best.log_likelihood;
   Eigen::VectorXd e;
   if (output_error(problem, coordinates_of(problem, problem.unknowns.value), e, nullptr)) {
@@ -241,6 +241,27 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) 
   found.best = maximise_likelihood(found.problem, z, solver);
   found.iterations += found.best.iterations;
   found.evaluations += found.best.evaluations;
+}
+
+/// Goes on from the best simulation with the whole path unknown.
+VehicleCovariance follow_trajectory(const VehicleFitOptions& options, VehicleSearch& found,
+                                    Estimate& estimate) {
+  if (options.bootstrap > 0) {
+    throw InputError({}, "--bootstrap with --method trajectory",
+                     "one of them: blocks of a path are not independent");
+  }
+  SolverOptions solver;
+  solver.progress = options.search.progress;
+  VehicleTrajectory trajectory = fit_trajectory(found.problem, found.best, solver);
+  found.best = trajectory.best;
+  found.iterations += trajectory.best.iterations;
+  found.evaluations += trajectory.best.evaluations;
+  estimate.derived.push_back({"push on vy", "m/s^2 s^0.5", trajectory.process[0], kNone});
+  estimate.derived.push_back({"push on r", "rad/s^2 s^0.5", trajectory.process[1], kNone});
+  if (trajectory.left_out > 0) {
+    estimate.notes.push_back(fmt::format("{} samples left out as outliers", trajectory.left_out));
+  }
+  return trajectory.covariance;
 }
 
 /// Whether a channel is so wrong that no other form of the model can mend it.
@@ -341,16 +362,28 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     conclude(found, estimate);
     return estimate;
   }
-  const bool prediction = options.method == VehicleFitOptions::Method::prediction_error;
-  if (prediction) predict_instead(options.search, found);
+  using Method = VehicleFitOptions::Method;
+  const bool simulation = options.method == Method::output_error;
+  VehicleCovariance covariance;
+  if (options.method == Method::trajectory) {
+    covariance = follow_trajectory(options, found, estimate);
+  } else {
+    if (options.method == Method::prediction_error) predict_instead(options.search, found);
+    covariance = vehicle_covariance(found.problem, found.best);
+  }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
-  VehicleCovariance covariance = vehicle_covariance(found.problem, found.best);
   if (options.bootstrap > 0) {
     bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
   }
   estimate.tests = covariance.whiteness;
+  estimate.objective.method = options.method == Method::output_error       ? "output_error"
+                              : options.method == Method::prediction_error ? "prediction_error"
+                                                                           : "trajectory";
   report_objective(found, covariance.null_space.cols(), estimate);
   report_parameters(found, covariance, estimate);
+  if (options.method == Method::trajectory) {
+    estimate.covariance_kind = "inverse information, path eliminated";
+  }
   report_series(found, covariance, estimate);
   report_derived(found, covariance, estimate);
 
@@ -363,13 +396,13 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   Eigen::VectorXd e;
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);
-  if (unknowns.curve == TyreCurve::linear && !prediction && !misread(estimate)) {
+  if (unknowns.curve == TyreCurve::linear && simulation && !misread(estimate)) {
     check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance),
                 estimate);
   }
   check_whiteness(covariance, estimate);
   check_steering_gain(found.problem, covariance, p, estimate);
-  if (options.second_opinion && !prediction && !unknowns.free.empty() && !misread(estimate)) {
+  if (options.second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
     compare_alternatives(found, options.search, estimate);
   }
   check_plausibility(p, estimate);

@@ -12,9 +12,10 @@ namespace identikal {
 
 struct VehicleFitOptions {
   VehicleSearchOptions search;
-  /// output_error simulates; prediction_error goes on from there with a filter gain of its own
-  /// (identify/vehicle_problem.h), for cars that are pushed by more than their steering.
-  enum class Method { output_error, prediction_error } method = Method::output_error;
+  /// output_error simulates; for cars that are pushed by more than their steering prediction_error
+  /// goes on from there with a filter gain of its own (identify/vehicle_problem.h), trajectory with
+  /// the states of all rows as unknowns (identify/vehicle_trajectory.h).
+  enum class Method { output_error, prediction_error, trajectory } method = Method::output_error;
   bool second_opinion = true;     ///< survey the recordings and try other forms of the model
   int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
   std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on
@@ -31,14 +32,15 @@ struct VehicleFitOptions {
 /// sandwich (identify/vehicle_covariance.h); `covariance_kind` says which. All numbers are in the
 /// user's units. Status: answer_no when the data leave a parameter open, untrusted when a serious
 /// warning was raised (flipped sign, poor fit, saturating tyres), not_converged, else ok.
+/// With trajectory they come from the information with the path eliminated.
 /// `one_step` is filled by prediction_error only. Circles and slow ramps are answered with what
 /// they tell (identify/steady_driving.h); fits with another form of the model are compared
 /// (identify/vehicle_alternatives.h).
 /// @param model  of the form single_track; @param recordings  each with inputs steering angle and
 /// vx, outputs in the
 ///   order of the model
-/// @throws InputError, in words, when the recording or the model cannot be used at all: too few
-/// rows,
+/// @throws InputError for trajectory with a bootstrap or a relaxation length, and, in words, when
+/// the recording or the model cannot be used at all: too few rows,
 ///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
 Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options = {});

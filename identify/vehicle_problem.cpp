@@ -24,7 +24,6 @@ constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps fo
 constexpr double kLongestDelay = 1.0;         // [s]
 constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
 constexpr double kLeastFiala = 1e-6;          // softening in typical sizes
-constexpr double kRobustFrom = 1.5;           // [standard deviations]
 
 bool is_softening(VehicleParameter p) { return p == kSofteningFront || p == kSofteningRear; }
 
@@ -493,11 +492,20 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
 }
 
 NoiseCost noise_cost(bool robust, double r) {
-  if (!robust) return {r * r, 1.0, 1.0};
-  constexpr double k2 = kRobustFrom * kRobustFrom;
-  const double s = r * r, root = std::sqrt(1.0 + s / k2);
-  // 2 s / (1 + root) is 2 k^2 (root - 1) without cancellation.
-  return {2.0 * s / (1.0 + root), 1.0 / root, 1.0 / (root * root * root)};
+  constexpr double nu = kStudentFreedom;
+  if (!robust) return {r * r, 1.0};
+  return {(nu + 1.0) * std::log1p(r * r / nu), (nu + 1.0) / (nu + r * r)};
+}
+
+double noise_information(bool robust) {
+  return robust ? (kStudentFreedom + 1.0) / (kStudentFreedom + 3.0) : 1.0;
+}
+
+double log_norm_of_noise(bool robust) {
+  constexpr double nu = kStudentFreedom;
+  return robust ? 0.5 * std::log(nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
+                      std::lgamma(0.5 * (nu + 1.0))
+                : 0.5 * std::log(2.0 * std::numbers::pi);
 }
 
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e) {
@@ -552,10 +560,7 @@ Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e
 
 double log_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& z,
                       const Eigen::VectorXd& e, const Eigen::VectorXd& sd) {
-  constexpr double k2 = kRobustFrom * kRobustFrom;
-  const double norm = problem.robust
-                          ? std::log(2.0 * kRobustFrom) + k2 + std::log(std::cyl_bessel_k(1.0, k2))
-                          : 0.5 * std::log(2.0 * std::numbers::pi);
+  const double norm = log_norm_of_noise(problem.robust);
   double sum = 0.0;
   for (std::size_t i = 0; i < problem.output.size(); ++i) {
     const double scale = sd[problem.output[i]];

@@ -66,8 +66,7 @@ Eigen::Vector2d axle_loads(const VehicleParameters<double>& p);
 struct VehicleProblem {
   const VehicleRun* run = nullptr;
   VehicleUnknowns unknowns;
-  bool robust =
-      false;  ///< noise of hyperbolic distribution, which allows for outliers; else normal
+  bool robust = false;  ///< noise of Student's distribution, which allows for outliers; else normal
   bool prediction = false;       ///< one-step prediction with a gain of its own; else simulation
   Eigen::VectorXd output_scale;  ///< typical size of every output's error, for the gain
   std::vector<DrivenStretch> driven;
@@ -159,16 +158,22 @@ void replay_outputs(const VehicleProblem& problem, const Eigen::VectorXd& z, Obs
   });
 }
 
-/// What a residual of noise with standard deviation 1 costs: rho(s), s = r^2, so that its density
-/// is proportional to exp(-rho/2). Normal: rho = s. Robust: rho = 2 k^2 (sqrt(1 + s/k^2) - 1), k
-/// = 1.5, the hyperbolic distribution (Barndorff-Nielsen 1977), normal in the middle with
-/// exponential tails.
+inline constexpr double kStudentFreedom = 4.0;  ///< of robust noise
+
+/// What a residual r of noise with scale 1 costs: rho(s), s = r^2, so that its density is
+/// proportional to exp(-rho/2). Normal: rho = s. Robust: rho = (nu + 1) log(1 + s/nu), Student's t
+/// with nu = 4 (Lange, Little & Taylor 1989): the further off a sample, the less it pulls.
 struct NoiseCost {
-  double rho;        ///< of s
-  double weight;     ///< d rho / d s
-  double curvature;  ///< second derivative of rho/2 by r
+  double rho;     ///< of s
+  double weight;  ///< d rho / d s
 };
 NoiseCost noise_cost(bool robust, double r);
+
+/// Expected information of such a sample about its mean: 1, robust (nu + 1)/(nu + 3).
+double noise_information(bool robust);
+
+/// log of the integral of exp(-rho(r^2)/2) over r.
+double log_norm_of_noise(bool robust);
 
 /// Root mean square of the errors of each output.
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e);

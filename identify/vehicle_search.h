@@ -10,7 +10,7 @@ namespace identikal {
 struct VehicleSearchOptions {
   int starts = 5;  ///< tried besides the equation-error one (identify/vehicle_starts.h)
   unsigned long long seed = 1;
-  bool robust = false;  ///< noise of hyperbolic distribution (identify/vehicle_problem.h)
+  bool robust = false;  ///< noise of Student's distribution (identify/vehicle_problem.h)
   std::function<bool(int iteration, double objective)> progress;  ///< return false to stop
 };
 

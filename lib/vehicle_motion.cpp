@@ -364,13 +364,10 @@ void integrate(const SingleTrack<>& car, const DrivenStretch& stretch, double vy
   observe(row, motion_of<states>(balance, x, *node), node->vx);
 }
 
-using ObserveSlopes = std::function<void(Eigen::Index, const Motion&, const MotionSlopes&, double)>;
-using CorrectSlopes = std::function<bool(Eigen::Index, double&, double&, MotionSlopes&)>;
-
 template <std::size_t states>
 void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
                            double r, const SlopeColumns& columns, const ObserveSlopes& observe,
-                           const CorrectSlopes& correct) {
+                           const CorrectSlopes& correct, const ObserveSlopes& corrected) {
   const Balance balance(car, stretch.delay, columns.parameter[kCgHeight] >= 0);
   Linearised<states> linearised(balance, columns);
   const DrivenStretch::Node* node = stretch.nodes.data();
@@ -400,26 +397,30 @@ void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretc
   for (Eigen::RowVectorXd* each : {&slopes.vy, &slopes.r, &slopes.ay, &slopes.yaw_acceleration}) {
     each->setZero(columns.columns);
   }
-  const auto look = [&](Eigen::Index row, const Motion& now) {
+  Motion now;
+  const auto look = [&](Eigen::Index row, const ObserveSlopes& at) {
     slopes.vy = Eigen::Map<const Eigen::RowVectorXd>(s.data(), columns.columns);
     slopes.r = Eigen::Map<const Eigen::RowVectorXd>(s.data() + width, columns.columns);
     linearised.accelerations(s.data(), k1.data(), node->vx, slopes);
-    observe(row, now, slopes, node->vx);
+    at(row, now, slopes, node->vx);
   };
-  Motion now;
+  // The rates at a row, after it was observed and perhaps corrected.
+  const auto rates_at_row = [&](Eigen::Index row) {
+    const State<states> k1x = linearised.rates(x, *node, s.data(), k1.data(), now);
+    look(row, observe);
+    if (!correct || !correct(row, x[0], x[1], slopes)) return k1x;
+    Eigen::Map<Eigen::RowVectorXd>(s.data(), columns.columns) = slopes.vy;
+    Eigen::Map<Eigen::RowVectorXd>(s.data() + width, columns.columns) = slopes.r;
+    const State<states> moved = linearised.rates(x, *node, s.data(), k1.data(), now);
+    if (corrected) look(row, corrected);
+    return moved;
+  };
   Eigen::Index row = 0;
   for (const DrivenStretch::Interval& interval : stretch.intervals) {
     const double h = interval.step, half = 0.5 * h;
     for (int step = 0; step < interval.steps; ++step, node += 2) {
-      State<states> k1x = linearised.rates(x, node[0], s.data(), k1.data(), now);
-      if (step == 0) {
-        look(row, now);
-        if (correct && correct(row, x[0], x[1], slopes)) {
-          Eigen::Map<Eigen::RowVectorXd>(s.data(), columns.columns) = slopes.vy;
-          Eigen::Map<Eigen::RowVectorXd>(s.data() + width, columns.columns) = slopes.r;
-          k1x = linearised.rates(x, node[0], s.data(), k1.data(), now);
-        }
-      }
+      const State<states> k1x =
+          step == 0 ? rates_at_row(row) : linearised.rates(x, node[0], s.data(), k1.data(), now);
       sum = k1;
       step_to(half, k1);
       const State<states> k2x =
@@ -440,8 +441,7 @@ void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretc
     }
     ++row;
   }
-  linearised.rates(x, *node, s.data(), k1.data(), now);
-  look(row, now);
+  rates_at_row(row);
 }
 
 }  // namespace
@@ -523,10 +523,10 @@ void simulate(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
 
 void simulate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
                           double r, const SlopeColumns& columns, const ObserveSlopes& observe,
-                          const CorrectSlopes& correct) {
+                          const CorrectSlopes& correct, const ObserveSlopes& corrected) {
   const auto run =
       car.relaxation_length > 0.0 ? integrate_with_slopes<4> : integrate_with_slopes<2>;
-  run(car, stretch, vy, r, columns, observe, correct);
+  run(car, stretch, vy, r, columns, observe, correct, corrected);
 }
 
 Eigen::Vector2d steady_state(const SingleTrack<>& car, const DrivenStretch::Node& at) {

@@ -102,16 +102,21 @@ struct MotionSlopes {
   Eigen::RowVectorXd vy, r, ay, yaw_acceleration;
 };
 
+/// Looks at the motion and its derivatives.
+using ObserveSlopes = std::function<void(Eigen::Index row, const Motion& motion,
+                                         const MotionSlopes& slopes, double vx)>;
+/// Moves the state and its derivatives, slopes.vy and slopes.r; says whether it did.
+using CorrectSlopes =
+    std::function<bool(Eigen::Index row, double& vy, double& r, MotionSlopes& slopes)>;
+
 /// simulate() with exact derivatives of the discrete solution: the linearised equations go through
 /// the same Runge-Kutta steps. A steering delay in the columns is derived at the delay the stretch
 /// was read with.
-/// @param correct  may move the state and its derivatives, slopes.vy and slopes.r
+/// @param correct  called after every row was observed; may be empty
+/// @param corrected  looks again where `correct` moved the state; may be empty
 void simulate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
-                          double r, const SlopeColumns& columns,
-                          const std::function<void(Eigen::Index row, const Motion& motion,
-                                                   const MotionSlopes& slopes, double vx)>& observe,
-                          const std::function<bool(Eigen::Index row, double& vy, double& r,
-                                                   MotionSlopes& slopes)>& correct = {});
+                          double r, const SlopeColumns& columns, const ObserveSlopes& observe,
+                          const CorrectSlopes& correct = {}, const ObserveSlopes& corrected = {});
 
 /// State (vy, r) of steady driving of the linear car under constant inputs, for a start when
 /// nothing better is known; zero when there is no steady state (at the critical speed).

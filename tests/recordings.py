@@ -167,6 +167,15 @@ class Recordings(unittest.TestCase):
         for name, scatter in (("Cf", 3.2e3), ("Cr", 7.3e3)):
             low, high = p[name]["ci95"]
             self.assertGreater((high - low) / 2, scatter)
+        # The steepness at no slip depends on the curve: the magic formula's bend begins later.
+        code, half, p = self.fit(RACE_CAR.replace("tanh", "magic-formula"), data, "--hold-out", "50%", "--bootstrap", "500")
+        held = half["fit"]["hold_out"]
+        print(f"magic formula, trained on the first half: Cf {p['Cf']['value']:.0f} +- {p['Cf']['se']:.0f}, Cr "
+              f"{p['Cr']['value']:.0f} +- {p['Cr']['se']:.0f}, held out r {held['r']['fit_percent']:.1f}, vy "
+              f"{held['vy']['fit_percent']:.1f} %")
+        self.assertTrue(60e3 < p["Cf"]["value"] < 75e3)
+        self.assertTrue(95e3 < p["Cr"]["value"] < 120e3)
+        self.assertGreaterEqual(held["r"]["fit_percent"], 87)
 
     def test_wrong_steering_ratio(self):
         data = FOLDER / "stanford_me227_ab.csv"

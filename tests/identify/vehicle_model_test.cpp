@@ -295,29 +295,10 @@ TEST(VehicleModel, BootstrapAgreesWithTheInformation) {
 // errors are not, and the errors that follow from that hold.
 TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
   constexpr int kRuns = 30;
-  const auto angle = [](double t) { return 0.5 * std::sin(1.5 * t + 0.05 * t * t); };
-  const Eigen::VectorXd time = uniform_time(30.0, 50.0);
   double simulated = 0.0, predicted = 0.0, error = 0.0;
   int covered = 0, white = 0, coloured = 0;
   for (int run = 0; run < kRuns; ++run) {
-    Random random(static_cast<std::uint64_t>(run) + 1);
-    const TrueCar car;
-    Dataset data = record(car, time, {"r", "vy"}, angle, [](double) { return 20.0; });
-    // Euler steps of 2 ms with kicks once a sample: the car's own equations, written out again.
-    double vy = 0.0, r = 0.0;
-    for (Eigen::Index k = 0; k < time.size(); ++k) {
-      data.y.col(k) << r + 0.003 * random.normal(), vy + 0.01 * random.normal();
-      for (int i = 0; i < 40; ++i) {
-        const double t = time[k] + 0.0005 * i, u = 20.0;
-        const double front = -car.Cf * ((vy + car.a * r) / u - angle(t) / 21.0);
-        const double rear = -car.Cr * ((vy - car.b * r) / u);
-        const double dvy = (front + rear) / car.m - u * r;
-        r += 0.0005 * (car.a * front - car.b * rear) / car.Iz;
-        vy += 0.0005 * dvy;
-      }
-      vy += 0.03 * random.normal();
-      r += 0.01 * random.normal();
-    }
+    const Dataset data = pushed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
     const Estimate simulation = fit_vehicle(thesis_model(), data, options);
     simulated += std::pow(parameter(simulation, "Cf").value - 88107.7, 2);

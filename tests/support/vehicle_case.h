@@ -192,4 +192,29 @@ inline const Warning* warning(const Estimate& estimate, const std::string& code)
   return nullptr;
 }
 
+/// 30 s at 20 m/s, 50 Hz, of a car that is kicked once a sample: vy by .03 m/s, r by .01 rad/s
+/// (sd); r and vy measured with noise of .003 rad/s and .01 m/s. Euler steps of .5 ms.
+inline Dataset pushed_car(std::uint64_t seed) {
+  const auto angle = [](double t) { return 0.5 * std::sin(1.5 * t + 0.05 * t * t); };
+  const Eigen::VectorXd time = uniform_time(30.0, 50.0);
+  const TrueCar car;
+  Random random(seed);
+  Dataset data = record(car, time, {"r", "vy"}, angle, [](double) { return 20.0; });
+  double vy = 0.0, r = 0.0;
+  for (Eigen::Index k = 0; k < time.size(); ++k) {
+    data.y.col(k) << r + 0.003 * random.normal(), vy + 0.01 * random.normal();
+    for (int i = 0; i < 40; ++i) {
+      const double t = time[k] + 0.0005 * i, u = 20.0;
+      const double front = -car.Cf * ((vy + car.a * r) / u - angle(t) / 21.0);
+      const double rear = -car.Cr * ((vy - car.b * r) / u);
+      const double dvy = (front + rear) / car.m - u * r;
+      r += 0.0005 * (car.a * front - car.b * rear) / car.Iz;
+      vy += 0.0005 * dvy;
+    }
+    vy += 0.03 * random.normal();
+    r += 0.01 * random.normal();
+  }
+  return data;
+}
+
 }  // namespace identikal::testing
