@@ -17,11 +17,12 @@ namespace identikal {
 namespace {
 
 constexpr double kFixedPath = 1e-9;     // function tolerance of the path at given noise
-constexpr double kSettledNoise = 1e-4;  // relative change of every noise in a round
+constexpr double kSettledNoise = 1e-3;  // relative change of every noise in a round
 constexpr double kFarthest = 1.5;       // change of a noise's logarithm in a round
 constexpr double kLeastNoise = 1e-4;    // of the first guess: none
 constexpr int kMostRounds = 40;
 constexpr double kOutlier = 4.0;           // [standard deviations]; 1 of 16000 normal samples
+constexpr int kReadmitted = 5;             // rounds in which samples may come back
 constexpr double kLeftOut = 1e-12;         // weight
 constexpr double kStillIdentified = 1e-9;  // of the scaled information's largest eigenvalue
 
@@ -659,7 +660,9 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
     if (problem.robust) {
       const Eigen::VectorXd deviation = path.marginal(about, noise).deviation;
       for (Eigen::Index i = 0; i < weight.size(); ++i) {
-        const double now = deviation[i] > kOutlier ? kLeftOut : 1.0;
+        // Neighbours may accuse each other in turn: what is out later stays out.
+        const bool out_for_good = weight[i] != 1.0 && round >= kReadmitted;
+        const double now = out_for_good || deviation[i] > kOutlier ? kLeftOut : 1.0;
         changed_mind = changed_mind || now != weight[i];
         weight[i] = now;
       }
