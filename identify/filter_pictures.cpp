@@ -65,9 +65,7 @@ void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordin
     forecast(tuned, model.linear.initial, model.linear, data, at, out);
     at += data.size();
   }
-  const bool moved = std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
-                                 [](const EstimatedParameter& p) { return !p.fixed; });
-  if (!moved) return;
+  if (free_entries(end).isApprox(free_entries(model.parameters), 1e-9)) return;
   const StateSpace start = instantiate(model.linear, model.parameters);
   std::vector<FilterResult> filters;
   for (const Dataset& data : recordings) {

@@ -11,7 +11,7 @@ namespace identikal {
 
 /// Fills `standardised_before`, `one_step` and `free_run` of the estimate's pictures.
 ///
-/// Before: the filter at the model file's values; empty where nothing was estimated. Free run: from
+/// Before: the filter at the model file's values; empty where that is the estimate. Free run: from
 /// kForecastFrom of each recording on, E[y(t) | y up to there], with its standard deviation; the
 /// filter that it goes on from has seen the recording before, as much of it as memory allows.
 /// @param model       linear, its parameters at the start

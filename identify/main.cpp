@@ -210,8 +210,10 @@ class Progress {
   bool dirty_ = false;
 };
 
-/// Whether pictures are worth making: they go into the report, which -o makes possible later.
-bool wants_pictures(const Arguments& args) { return !args.report.empty() || !args.output.empty(); }
+// Whether pictures are worth making: they go into the report, which -o makes possible later.
+bool wants_pictures(const Arguments& args) {
+  return args.verb != "bound" && !args.compare && (!args.report.empty() || !args.output.empty());
+}
 
 std::string report_data_text(const Arguments& args, const Recordings& recordings,
                              const Estimate& estimate, const std::string& json) {
@@ -249,15 +251,8 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
   std::string page_data;
-  if (wants_pictures(args) && estimate.series.time.size() > 0) {
-    page_data = report_data_text(args, recordings, estimate, json);
-  }
-  if (!args.report.empty()) {
-    if (page_data.empty()) {
-      throw InputError({}, "this result has no series, and so no report", "a job without --report");
-    }
-    write_page(args.report, report_page(json, page_data));
-  }
+  if (wants_pictures(args)) page_data = report_data_text(args, recordings, estimate, json);
+  if (!args.report.empty()) write_page(args.report, report_page(json, page_data));
   if (!args.output.empty()) {
     std::vector<ResultFile> files{{"result.json", json}};
     if (estimate.series.time.size() > 0)
@@ -400,6 +395,9 @@ bool is_model(const std::string& path) {
 
 int run_compare(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
+  if (!args.report.empty()) {
+    throw InputError({}, "--report has no meaning with --compare", "'check' of one model");
+  }
   std::vector<std::string> paths{args.model};
   Arguments view = args;
   const auto data = std::stable_partition(view.data.begin(), view.data.end(), is_model);
@@ -718,6 +716,10 @@ std::string whole_number(const std::string& text) {
   return digits ? "" : "'" + text + "' is not a whole number from 0 to 999999999999999999";
 }
 
+std::string a_page(const std::string& text) {
+  return text.empty() || text.ends_with('/') ? "no file is named" : std::string();
+}
+
 std::string a_folder(const std::string& text) {
   return text.empty() ? "no folder is named" : std::string();
 }
@@ -732,7 +734,8 @@ void add_common(CLI::App& verb, Arguments& args, bool estimates, bool pictured =
   if (!estimates) return;
   verb.add_flag("--json", args.json, "print the result as JSON instead of text");
   verb.add_flag("--strict", args.strict, "exit 4 when there are warnings");
-  if (pictured) verb.add_option("--report", args.report, "FILE.html: everything as one page");
+  if (pictured)
+    verb.add_option("--report", args.report, "FILE.html: everything as one page")->check(a_page);
 }
 
 // As it can be typed again.
@@ -862,7 +865,8 @@ int run(int argc, char** argv) {
   CLI::App* report =
       app.add_subcommand("report", "rebuild the page of a result that -o has written");
   report->add_option("RESULT", args.model, "result.json, or its folder")->required();
-  report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder");
+  report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder")
+      ->check(a_page);
 
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");

