@@ -6,10 +6,10 @@
 namespace identikal {
 namespace {
 
-constexpr double kDeepEnough = 7.7;  // twice the 95 % quantile of chi-square with 1 degree
-constexpr double kFirstStep = 0.35;  // standard errors
-constexpr int kMostPoints = 14;      // on a side
-constexpr double kEvenDrop = 0.5;    // of sqrt(drop) from point to point
+constexpr double kDeepEnough = 7.7;     // twice the 95 % quantile of chi-square with 1 degree
+constexpr double kFirstStep = 0.35;     // standard errors
+constexpr int kMostPointsOfASide = 14;  // on a side
+constexpr double kEvenDrop = 0.5;       // of sqrt(drop) from point to point
 
 }  // namespace
 
@@ -21,7 +21,7 @@ LikelihoodProfile walk_profile(
     std::vector<double> values, drops;
     const double bound = sign < 0.0 ? lower : upper;
     double value = at, root = 0.0, step = kFirstStep * se;
-    for (int k = 0; k < kMostPoints && value != bound && root * root < kDeepEnough; ++k) {
+    for (int k = 0; k < kMostPointsOfASide && value != bound && root * root < kDeepEnough; ++k) {
       double next = value + sign * step;
       if (sign * (next - bound) > 0.0) next = bound;
       const std::optional<double> fallen = drop(next, k == 0);

@@ -61,16 +61,16 @@ Line row_line(const Columns& columns, const MatrixXd& X, Index i, Index from = 0
 }
 
 // Rows of all recordings one after the other, and the held-out ones behind them.
-struct Axis {
+struct RowAxis {
   VectorXd time;
   std::vector<double> joints;
   Index fitted = 0;
 };
 
-Axis laid_end_to_end(const Estimate& estimate) {
+RowAxis laid_end_to_end(const Estimate& estimate) {
   const Series& series = estimate.series;
   const VectorXd& held = estimate.pictures.held_time;
-  Axis out;
+  RowAxis out;
   out.fitted = series.time.size();
   out.time.resize(out.fitted + held.size());
   out.time << series.time, held;
@@ -451,7 +451,7 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
   }
   if (series.time.size() == 0) return out;
 
-  const Axis axis = laid_end_to_end(estimate);
+  const RowAxis axis = laid_end_to_end(estimate);
   const std::size_t of_inputs = recordings.empty() ? 0 : recordings[0].inputs.size();
   const double lines =
       7.0 * static_cast<double>(series.channels.size()) + static_cast<double>(of_inputs) +

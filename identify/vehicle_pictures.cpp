@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 // Profiles run the search anew some twenty times for every parameter.
-constexpr Index kMostResiduals = 50000;
+constexpr Index kMostResiduals = 20000;
 
 struct Slips {
   double front = 0.0, rear = 0.0;  // largest [rad]
@@ -123,7 +123,7 @@ void picture_profiles(const VehicleSearch& found, Estimate& estimate) {
   if (problem.residuals() > kMostResiduals || !found.best.converged) return;
   for (std::size_t n = 0; n < problem.unknowns.free.size(); ++n) {
     const EstimatedParameter& p = estimate.parameters[problem.unknowns.position[n]];
-    if (!std::isfinite(p.se) || p.se <= 0.0) continue;
+    if (!std::isfinite(p.crb_se) || p.crb_se <= 0.0) continue;
     const auto i = static_cast<Index>(n);
     const VehicleParameter parameter = problem.unknowns.free[n];
     const double at = found.best.z[i] * problem.unknowns.scale[i];
@@ -132,7 +132,7 @@ void picture_profiles(const VehicleSearch& found, Estimate& estimate) {
     VehicleProblem held = problem;
     VectorXd z = found.best.z;
     LikelihoodProfile profile = walk_profile(
-        found.best.z[i], p.se / (slope * problem.unknowns.scale[i]), problem.lower[i],
+        found.best.z[i], p.crb_se / (slope * problem.unknowns.scale[i]), problem.lower[i],
         problem.upper[i], [&](double value, bool turned) -> std::optional<double> {
           if (turned) z = found.best.z;
           held.lower[i] = held.upper[i] = z[i] = value;

@@ -162,7 +162,10 @@ class Page(unittest.TestCase):
         self.looked_at("lane_change", self.made("lane_change", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv"), 12)
 
     def test_held_out(self):
-        page = self.made("held_out", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv", "--hold-out", "30%")
+        data = self.path / ("a_long_name_" * 8) / "recording.csv"
+        data.parent.mkdir()
+        shutil.copy(ROOT / "data/severe_lane_change.csv", data)
+        page = self.made("held_out", "fit", "examples/severe_lane_change.yaml", data, "--hold-out", "30%")
         self.looked_at("held_out", page, 12)
 
     def test_check(self):

@@ -5,6 +5,19 @@
 const block = (id) => JSON.parse(document.getElementById(id).textContent);
 const result = block("result"), data = block("data"), versions = block("versions");
 
+// Seconds since 1970 and the like are counted from the first row.
+let timeLabel = "time [s]";
+if (data.time.length && Math.abs(data.time[0]) > 20 * (data.time[data.time.length - 1] - data.time[0])) {
+  const origin = data.time[0], since = (t) => t - origin;
+  timeLabel = `time since ${origin} s [s]`;
+  data.time = data.time.map(since);
+  data.nis.time = data.nis.time.map(since);
+  data.joints = data.joints.map(since);
+  if (data.held_from !== null) data.held_from -= origin;
+  data.forecasts = data.forecasts.map((run) => run.map(since));
+  data.used = data.used.map((run) => run.map(since));
+}
+
 // --- numbers ---
 const known = (v) => v !== null && v !== undefined && Number.isFinite(v);
 function num(v, digits = 5) {
@@ -209,7 +222,7 @@ function timePlot(title, unit, { times = data.time, lines, extent, levels = [], 
     for (const [from, until] of shades) ctx.fillRect(across(from), bbox.top, across(until) - across(from), bbox.height);
   });
   const marks = inside((u, ctx, bbox, across) => {
-    ctx.strokeStyle = colour("--muted"); ctx.lineWidth = devicePixelRatio; ctx.setLineDash([3 * devicePixelRatio, 3 * devicePixelRatio]);
+    ctx.strokeStyle = colour("--ink"); ctx.lineWidth = devicePixelRatio; ctx.setLineDash([3 * devicePixelRatio, 3 * devicePixelRatio]);
     for (const t of data.joints) { ctx.beginPath(); ctx.moveTo(across(t), bbox.top); ctx.lineTo(across(t), bbox.top + bbox.height); ctx.stroke(); }
     for (const v of levels) { const y = u.valToPos(v, "y", true); ctx.beginPath(); ctx.moveTo(bbox.left, y); ctx.lineTo(bbox.left + bbox.width, y); ctx.stroke(); }
   });
@@ -333,17 +346,19 @@ function errorBar(p) {
     blocks.push(el("h3", {}, language), el("div", { class: "code" }, pre, copy));
   };
   const exact = (v) => String(Number(v.toPrecision(8)));
-  const heading = `${result.model}: ${result.verb}${result.objective.method ? " " + result.objective.method : ""}`;
+  const usable = result.status.code === "ok" || result.verb === "check";
+  const heading = `${result.model}: ${result.verb}${result.objective.method && result.objective.method !== result.verb ? " " + result.objective.method : ""}` + (usable ? "" : `; NOT TO BE USED: ${result.status.message}`);
   if (matrices.length) {
     const kind = { Q: `process noise, ${result.noise.Q.kind}`, R: "measurement noise", S: "cov(w, v)", K: "steady gain of the one-step predictor", P: "steady covariance of x(t|t-1)" };
     add("MATLAB, Octave", `% ${heading}\n` + matrices.map(([name, M]) => `${name} = [${M.map((row) => row.map(exact).join(", ")).join("; ")}];  % ${kind[name]}`).join("\n"));
     add("Python", `# ${heading}\nimport numpy as np\n` + matrices.map(([name, M]) => `${name} = np.array([${M.map((row) => `[${row.map(exact).join(", ")}]`).join(", ")}])  # ${kind[name]}`).join("\n"));
   } else if (result.parameters.some(matters)) {
     const lines = result.parameters.filter(matters);
+    const lost = (p) => p.verdict === "flat" || p.verdict === "unexcited";
     const name = (p) => p.name.replace(/[^A-Za-z0-9_]/g, "_");
     const remark = (p) => [p.unit, p.fixed ? "known" : known(p.se) ? `+- ${num(p.se, 3)}` : p.verdict.replace("_", " ")].filter(Boolean).join(", ");
-    add("MATLAB, Octave", `% ${heading}\n` + lines.map((p) => `${name(p)} = ${exact(p.value)};  % ${remark(p)}`).join("\n"));
-    add("Python", `# ${heading}\n` + lines.map((p) => `${name(p)} = ${exact(p.value)}  # ${remark(p)}`).join("\n"));
+    add("MATLAB, Octave", `% ${heading}\n` + lines.map((p) => (lost(p) ? `% ${name(p)} is not determined` : `${name(p)} = ${exact(p.value)};  % ${remark(p)}`)).join("\n"));
+    add("Python", `# ${heading}\n` + lines.map((p) => (lost(p) ? `# ${name(p)} is not determined` : `${name(p)} = ${exact(p.value)}  # ${remark(p)}`)).join("\n"));
   }
   if (blocks.length) section("paste", "To paste", grid(blocks.reduce((all, node, i) => { if (i % 2 === 0) all.push(el("div", {}, node, blocks[i + 1])); return all; }, [])));
 })();
@@ -363,19 +378,19 @@ if (data.channels.length) {
     note("Drag to zoom, all plots over time together; double-click shows all. " + what.join(" ") + thinning),
     data.channels.map((c) => {
       const fits = [["one step", fitOf("one_step", c.name)], ["free run", fitOf("simulation", c.name)], ["held out", fitOf("hold_out", c.name)]].filter(([, f]) => f).map(([kind, f]) => `${kind} ${f}`);
-      return timePlot(c.name, [c.unit ? `[${c.unit}]` : "", fits.length ? "fit " + fits.join(", ") : ""].filter(Boolean).join(" · ") + " · time [s]", {
+      return timePlot(c.name, [c.unit ? `[${c.unit}]` : "", fits.length ? "fit " + fits.join(", ") : ""].filter(Boolean).join(" · ") + " · " + timeLabel, {
         lines: [{ label: "measured", line: c.measured, colour: "--muted", points: true }, { label: "one step", line: c.one_step, colour: "--accent" }, { label: "free run", line: c.free_run, colour: "--contrast" }],
         extent: c.forecast_low && { low: c.forecast_low, high: c.forecast_high, label: "±2 sd" }, height: 220 });
     }),
     data.inputs.length ? el("h3", {}, "Inputs") : null,
-    data.inputs.map((u) => timePlot(u.name, (u.unit ? `[${u.unit}] · ` : "") + "time [s]", { lines: [{ label: u.name, line: u.line, colour: "--accent" }], height: 130 })));
+    data.inputs.map((u) => timePlot(u.name, (u.unit ? `[${u.unit}] · ` : "") + timeLabel, { lines: [{ label: u.name, line: u.line, colour: "--accent" }], height: 130 })));
 }
 
 // --- estimates along the recording ---
 if (data.course.length) {
   section("course", "Estimates along the recording", note("Mean and two standard deviations either way." + thinning),
-    data.course.map((c) => timePlot(c.name, (c.unit ? `[${c.unit}] · ` : "") + "time [s]", { lines: [{ label: c.name, line: c.mean, colour: "--accent" }], extent: { low: c.low, high: c.high, label: "±2 sd" }, height: 170 })),
-    data.log_alarm ? timePlot("test for a change", "log statistic · time [s]", { lines: [{ label: "statistic", line: data.log_alarm, colour: "--contrast" }], levels: known(data.log_threshold) ? [data.log_threshold] : [], height: 130 }) : null,
+    data.course.map((c) => timePlot(c.name, (c.unit ? `[${c.unit}] · ` : "") + timeLabel, { lines: [{ label: c.name, line: c.mean, colour: "--accent" }], extent: { low: c.low, high: c.high, label: "±2 sd" }, height: 170 })),
+    data.log_alarm ? timePlot("test for a change", "log statistic · " + timeLabel, { lines: [{ label: "statistic", line: data.log_alarm, colour: "--contrast" }], levels: known(data.log_threshold) ? [data.log_threshold] : [], height: 130 }) : null,
     result.course && result.course.changes.length ? table(["#since [s]", "#found [s]", "change"], result.course.changes.map((c) => [num(c.since, 6), num(c.found, 6), result.course.names.map((n, i) => `${n} ${num(c.before[i], 4)} → ${num(c.after[i], 4)}`).join(", ")])) : null);
 }
 
@@ -388,9 +403,9 @@ if (withInnovations.length) {
   section("innovations", resultIsResidual ? "Residuals" : "Innovations",
     note(`Each ${word} over its standard deviation; dashed ±2, which 95 % of a good filter's stay within. ` + (anyBefore ? (resultIsResidual ? "Before: the same with the parameters of the model file, over the standard deviation after." : "Before: the filter with the noise of the model file, by its own standard deviation.") : "") + thinning),
     withInnovations.map((c) => [
-      timePlot(c.name, `${word} / σ${anyBefore ? ", after" : ""} · time [s]`, { lines: [{ label: "after", line: c.after, colour: "--accent" }], levels: [-2, 2], least: [-3, 3], height: 150 }),
-      c.before ? timePlot(c.name, `${word} / σ, before · time [s]`, { lines: [{ label: "before", line: c.before, colour: "--contrast" }], levels: [-2, 2], least: [-3, 3], height: 150 }) : null]),
-    data.nis.time.length ? timePlot("NIS", `normalised ${word} squared / degrees of freedom · time [s]`, {
+      timePlot(c.name, `${word} / σ${anyBefore ? ", after" : ""} · ${timeLabel}`, { lines: [{ label: "after", line: c.after, colour: "--accent" }], levels: [-2, 2], least: [-3, 3], height: 150 }),
+      c.before ? timePlot(c.name, `${word} / σ, before · ${timeLabel}`, { lines: [{ label: "before", line: c.before, colour: "--contrast" }], levels: [-2, 2], least: [-3, 3], height: 150 }) : null]),
+    data.nis.time.length ? timePlot("NIS", `normalised ${word} squared / degrees of freedom · ${timeLabel}`, {
       times: data.nis.time, lines: [{ label: "NIS", line: { y: data.nis.value }, colour: "--accent" }], extent: { low: { y: data.nis.low }, high: { y: data.nis.high }, label: "95 %" }, levels: [1], height: 150,
       caption: `Means over ${data.nis.block} rows. 19 of 20 should lie in the band.` }) : null);
 
@@ -493,7 +508,7 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
     }), key(profile && ["k-accent", "likelihood, others sought anew"], ["k-contrast k-dash", "from the standard error"], ["k-quiet k-dash", "95 %"])));
   }
   const names = result.correlation.names, M = result.correlation.matrix;
-  if (M && names.length > 0) {
+  if (M && names.length > 1) {
     const n = names.length, longest = Math.max(...names.map((s) => s.length)), margin = Math.min(120, 12 + 6.5 * longest), size = Math.min(46, (360 - margin) / n);
     const root = svgEl("svg", { viewBox: `0 0 ${margin + n * size + 4} ${n * size + margin + 6}`, style: `max-width:${Math.min(560, (margin + n * size + 4) * 1.3)}px`, role: "img", "aria-label": "correlation of the estimates" });
     M.forEach((row, i) => row.forEach((rho, j) => {
@@ -516,14 +531,15 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
       below.forEach((s, k) => { g.path(s.map((_, i) => i), s, k === 0 ? "accent line" : "quiet thin"); g.dots([s.length - 1], [s[s.length - 1]], k === 0 ? "fill-accent" : "fill-quiet", 2.5, 1); });
     }), [key(["k-accent", "first start"], searches.length > 1 && ["k-quiet", "others"]), result.objective.starts ? `${result.objective.starts_agree} of ${result.objective.starts} starts end at the best value.` : null].filter(Boolean)));
   }
-  if (plots.length) section("likelihood", "Likelihood and search", data.profiles.length === 0 && plots.length ? note("No likelihood profiles: the search was not by likelihood, or an evaluation is too long for some twenty of them.") : null, grid(plots));
+  if (plots.length) section("likelihood", "Likelihood and search", data.profiles.length === 0 && plots.length ? note("No likelihood profiles: the search was not by likelihood, or an evaluation is too long for some twenty of them.") : null,
+    result.covariance_kind.includes("sandwich") && data.profiles.length ? note("Profiles take the residuals as white; the standard errors allow for what they are, and are the ones to trust.") : null, grid(plots));
 })();
 
 // --- data ---
 (() => {
   const channels = data.recordings.flatMap((r) => r.channels.map((c) => [r.name, c.input ? "input" : "output", c.name, c.unit || "–", num(c.low, 5), num(c.mean, 5), num(c.high, 5), String(c.missing), percent(100 * c.missing / (r.rows || 1))]));
   const [from, until] = data.time.length ? timeRange() : [0, 1];
-  const strip = data.time.length ? figure("Rows that went in", "", chart({ x: [from, until], y: [0, 1], height: 84, xLabel: "time [s]", yLabel: "" }, (g) => {
+  const strip = data.time.length ? figure("Rows that went in", "", chart({ x: [from, until], y: [0, 1], height: 84, xLabel: timeLabel, yLabel: "" }, (g) => {
     for (const [a, b] of data.used) g.add("rect", { class: "fill-accent", opacity: 0.6, x: g.X(a), width: Math.max(0.7, g.X(b) - g.X(a)), y: g.top + 6, height: g.bottom - g.top - 12 });
     if (data.held_from !== null) g.add("rect", { class: "fill-contrast", opacity: 0.35, x: g.X(data.held_from), width: g.X(until) - g.X(data.held_from), y: g.top + 6, height: g.bottom - g.top - 12 });
     for (const t of data.joints) g.upright(t, "quiet thin dash");
