@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 
 // Rows, and numbers of all state covariances, that a forecast may hold at a time.
-constexpr double kMostRows = 1e5, kMostNumbers = 4e6;
+constexpr double kMostForecastRows = 1e5, kMostNumbers = 4e6;
 
 // Runs on from row `from` of the recording without its outputs; columns from `at` of the pictures.
 void forecast(const StateSpace& system, InitialState initial, const LinearModel& model,
@@ -23,8 +23,8 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
   const Index N = data.size();
   const auto from = static_cast<Index>(kForecastFrom * static_cast<double>(N));
   const Index states = std::max<Index>(1, system.states());
-  const auto window =
-      static_cast<Index>(std::min(kMostRows, kMostNumbers / static_cast<double>(states * states)));
+  const auto window = static_cast<Index>(
+      std::min(kMostForecastRows, kMostNumbers / static_cast<double>(states * states)));
   const Index end = std::min(N, from + window / 2);
   const Index first = std::max<Index>(0, from - window / 2);
   if (end - from < 2 || from - first < 2) return;

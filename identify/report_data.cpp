@@ -21,7 +21,7 @@ constexpr double kGap = 1.5;  // of the usual step
 constexpr std::size_t kMostGaps = 20;
 constexpr std::size_t kMostRuns = 200;
 constexpr Index kMostPoints = 1200;  // of a cloud or a track
-constexpr int kMostLags = 40;
+constexpr int kLagsOfReport = 40;
 constexpr Index kSegment = 1024;  // rows of a spectrum
 constexpr Index kFewestForSpectrum = 64;
 constexpr int kTapersOfReport = 5;
@@ -367,7 +367,7 @@ void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordi
   if (series.standardised.size() == 0) return;
   out.nis = nis_of(series.standardised, time);
   const Index N = series.time.size();
-  out.lags = static_cast<int>(std::clamp<Index>(N / 4, 1, kMostLags));
+  out.lags = static_cast<int>(std::clamp<Index>(N / 4, 1, kLagsOfReport));
   const MatrixXd after = apart(series.standardised, series.recording, out.lags);
   const MatrixXd before = apart(estimate.pictures.standardised_before, series.recording, out.lags);
   const Spectra now = spectra_of(after), then = before.size() > 0 ? spectra_of(before) : Spectra{};
