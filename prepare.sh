@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Installs the Debian packages named on the command line that are missing. Asks dpkg first, so that a prepared machine
-# needs neither root nor network.
+# needs neither root nor network. npm may have come with another nodejs than Debian's.
 set -euo pipefail
 missing=()
 for package in "$@"; do
+  [ "$package" = npm ] && command -v npm >/dev/null && continue
   dpkg-query -W -f='${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || missing+=("$package")
 done
 [ ${#missing[@]} -eq 0 ] && exit 0

@@ -10,6 +10,8 @@
 
 #include <Eigen/Core>
 
+#include "identify/pictures.h"
+
 namespace identikal {
 
 inline constexpr double kNone =
@@ -305,6 +307,7 @@ struct Estimate {
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram
   Series series;
+  Pictures pictures;  ///< filled where a report is asked for
 };
 
 std::string to_string(Status status);

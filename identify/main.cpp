@@ -18,6 +18,7 @@
 #include "identify/check.h"
 #include "identify/compare.h"
 #include "identify/figure.h"
+#include "identify/filter_pictures.h"
 #include "identify/info.h"
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
@@ -27,6 +28,7 @@
 #include "identify/noise_track.h"
 #include "identify/regression_track.h"
 #include "identify/report.h"
+#include "identify/report_page.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
@@ -49,7 +51,8 @@ namespace {
 struct Arguments {
   std::string verb, model;
   std::vector<std::string> data;
-  std::string output;
+  std::string output, report;
+  std::string command;  // as typed, for the report
   bool json = false, strict = false, quiet = false;
   std::int64_t seed = 1;
   int starts = 5, runs = 0, threads = 0, bootstrap = 0;
@@ -207,6 +210,24 @@ class Progress {
   bool dirty_ = false;
 };
 
+// Whether pictures are worth making: they go into the report, which -o makes possible later.
+bool wants_pictures(const Arguments& args) {
+  return args.verb != "bound" && !args.compare && (!args.report.empty() || !args.output.empty());
+}
+
+std::string report_data_text(const Arguments& args, const Recordings& recordings,
+                             const Estimate& estimate, const std::string& json) {
+  return report_data_json(report_data(estimate, recordings.data,
+                                      {args.command, args.model, sha256_of_file(args.model)}),
+                          json);
+}
+
+void write_page(const std::string& path, const std::string& page) {
+  const std::filesystem::path file(path);
+  const std::string folder = file.parent_path().string();
+  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, "--report");
+}
+
 int finish(const Arguments& args, const Recordings& recordings, Estimate& estimate,
            std::chrono::steady_clock::time_point begin,
            const std::vector<ResultFile>& more_files = {}) {
@@ -229,11 +250,15 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   }
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const std::string json = result_json(estimate, args.strict, spent.count());
+  std::string page_data;
+  if (wants_pictures(args)) page_data = report_data_text(args, recordings, estimate, json);
+  if (!args.report.empty()) write_page(args.report, report_page(json, page_data));
   if (!args.output.empty()) {
     std::vector<ResultFile> files{{"result.json", json}};
     if (estimate.series.time.size() > 0)
       files.push_back({"residuals.csv", residuals_csv(estimate)});
     if (estimate.course) files.push_back({"course.csv", course_csv(estimate)});
+    if (!page_data.empty()) files.push_back({kReportDataFile, page_data});
     files.insert(files.end(), more_files.begin(), more_files.end());
     write_files(args.output, files);
   }
@@ -265,6 +290,7 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
   NoiseMlOptions options;
   options.starts = args.starts;
   options.seed = static_cast<std::uint64_t>(args.seed);
+  options.pictures = wants_pictures(args);
   for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
     if (args.path == to_string(path)) options.path = path;
   }
@@ -308,6 +334,7 @@ int run_estimator(const Arguments& args) {
     };
     estimate = args.robust ? tune_robust(model, recordings.data, tune) : tune(recordings.data);
   }
+  if (wants_pictures(args)) picture_filter(model, recordings.data, estimate);
   progress.clear();
   return finish(args, recordings, estimate, begin);
 }
@@ -341,6 +368,7 @@ int run_fit(const Arguments& args) {
   options.search.seed = static_cast<std::uint64_t>(args.seed);
   options.search.robust = args.robust;
   options.bootstrap = args.bootstrap;
+  options.pictures = wants_pictures(args);
   if (args.method == "prediction-error") {
     options.method = VehicleFitOptions::Method::prediction_error;
   } else if (args.method == "trajectory") {
@@ -369,6 +397,9 @@ bool is_model(const std::string& path) {
 
 int run_compare(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
+  if (!args.report.empty()) {
+    throw InputError({}, "--report has no meaning with --compare", "'check' of one model");
+  }
   std::vector<std::string> paths{args.model};
   Arguments view = args;
   const auto data = std::stable_partition(view.data.begin(), view.data.end(), is_model);
@@ -479,6 +510,9 @@ int run_shape(const Arguments& args) {
   options.progress = [&](const std::string& what) { progress.show(what); };
   ShapeResult result = shape(model, recordings.data, options);
   progress.clear();
+  if (wants_pictures(args)) {
+    picture_filter(result.model ? *result.model : model, recordings.data, result.estimate);
+  }
   std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
   if (result.model) {
     const Shaping& s = *result.estimate.shaping;
@@ -499,6 +533,17 @@ int run_shape(const Arguments& args) {
               "of the two is right. The first states are the filter's."})});
   }
   return finish(args, recordings, result.estimate, begin, files);
+}
+
+int run_report(const Arguments& args) {
+  const std::filesystem::path given(args.model);
+  const std::string page = rebuilt_page(args.model);
+  const std::filesystem::path folder =
+      std::filesystem::is_directory(given) ? given : given.parent_path();
+  const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
+  write_page(path, page);
+  fmt::print("{} written\n", path);
+  return 0;
 }
 
 int run_study(const Arguments& args) {
@@ -673,11 +718,15 @@ std::string whole_number(const std::string& text) {
   return digits ? "" : "'" + text + "' is not a whole number from 0 to 999999999999999999";
 }
 
+std::string a_page(const std::string& text) {
+  return text.empty() || text.ends_with('/') ? "no file is named" : std::string();
+}
+
 std::string a_folder(const std::string& text) {
   return text.empty() ? "no folder is named" : std::string();
 }
 
-void add_common(CLI::App& verb, Arguments& args, bool estimates) {
+void add_common(CLI::App& verb, Arguments& args, bool estimates, bool pictured = true) {
   verb.add_option("-o,--output", args.output, "folder for the result files")->check(a_folder);
   verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")
       ->allow_extra_args(false);
@@ -687,6 +736,23 @@ void add_common(CLI::App& verb, Arguments& args, bool estimates) {
   if (!estimates) return;
   verb.add_flag("--json", args.json, "print the result as JSON instead of text");
   verb.add_flag("--strict", args.strict, "exit 4 when there are warnings");
+  if (pictured)
+    verb.add_option("--report", args.report, "FILE.html: everything as one page")->check(a_page);
+}
+
+// As it can be typed again.
+std::string command_line(int argc, char** argv) {
+  std::string out = "identikal";
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool plain = !word.empty() && word.find_first_not_of(
+                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVW"
+                                            "XYZ0123456789-_./:=+,%@^") == std::string::npos;
+    std::string quoted;
+    for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
+    out += plain ? " " + word : " '" + quoted + "'";
+  }
+  return out;
 }
 
 int run(int argc, char** argv) {
@@ -694,6 +760,7 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   app.set_version_flag("--version", "identikal 0.1.0");
   Arguments args;
+  args.command = command_line(argc, argv);
 
   CLI::App* info = app.add_subcommand("info", "columns, units, rates, gaps of a recording");
   info->add_option("files", args.data, "[MODEL] DATA...")->required();
@@ -792,10 +859,16 @@ int run(int argc, char** argv) {
   CLI::App* bound = app.add_subcommand("bound", "the best that any method can do, before any data");
   bound->add_option("MODEL", args.model, "model file (YAML), its values are the truth")->required();
   bound->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
-  add_common(*bound, args, true);
+  add_common(*bound, args, true, false);
   bound->add_option("-n,--samples", args.rows, "length of the recording that is planned")
       ->check(CLI::Range(1L, 1000000000L));
   bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
+
+  CLI::App* report =
+      app.add_subcommand("report", "rebuild the page of a result that -o has written");
+  report->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder")
+      ->check(a_page);
 
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
@@ -840,11 +913,11 @@ int run(int argc, char** argv) {
   simulate->footer(manoeuvre_help());
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",   "fit",
-                                         "check", "bound", "study", "simulate"};
+    const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",    "fit",
+                                         "check", "bound", "study", "simulate", "report"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, track, check, shape, fit, bound or study",
+                       "info, simulate, tune, track, check, shape, fit, bound, report or study",
                        did_you_mean(argv[1], verbs));
     }
   }
@@ -862,6 +935,7 @@ int run(int argc, char** argv) {
   if (args.verb == "shape") return run_shape(args);
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
+  if (args.verb == "report") return run_report(args);
   if (args.verb == "simulate") return run_simulate(args);
   return args.compare ? run_compare(args) : run_estimator(args);
 }

@@ -86,6 +86,15 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
   }
 }
 
+ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {
+  Eigen::VectorXd entries = free_entries(parameters);
+  Index i = 0;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed) entries[i++] = p.value * unit_scale(p.unit);
+  }
+  return with_entries(parameters, entries);
+}
+
 InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& at_boundary) {
   InsideParameters out;
   std::size_t i = 0;

@@ -29,6 +29,9 @@ double unit_scale(const std::string& unit);
 /// Values of all reported entries in the user's units, and where they started.
 void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end);
 
+/// The parameters with the values that a result holds.
+ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters);
+
 /// The free parameters that have errors: those that lie inside their bounds.
 struct InsideParameters {
   std::vector<Eigen::Index> entries;  ///< their positions among the free entries

@@ -10,6 +10,7 @@
 
 #include "identify/distribution.h"
 #include "identify/filter_report.h"
+#include "identify/likelihood_profile.h"
 #include "identify/noise_estimate.h"
 #include "identify/recordings_likelihood.h"
 #include "lib/likelihood.h"
@@ -51,6 +52,7 @@ struct Search {
   Solution best;
   double start_value = kNone;
   int iterations = 0, evaluations = 0, tried = 0, agree = 0;
+  std::vector<std::vector<double>> paths;  // log-likelihood by iteration
 };
 
 Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
@@ -62,13 +64,14 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
     const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
     SolverOptions solver;
     solver.decrement_tolerance = 1e-15;
-    if (options.progress) {
-      solver.progress = [&options, s](int iteration, double L) {
-        options.progress(s + 1, iteration, L);
-        return true;
-      };
-    }
+    std::vector<double> path;
+    solver.progress = [&](int iteration, double L) {
+      path.push_back(L);
+      if (options.progress) options.progress(s + 1, iteration, L);
+      return true;
+    };
     const Solution solution = maximise(problem, start, solver);
+    path.insert(path.begin(), solution.summary.initial_objective);
     if (s == 0) out.start_value = solution.summary.initial_objective;
     ++out.tried;
     out.iterations += solution.summary.iterations;
@@ -79,6 +82,7 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
       continue;
     }
     ends.push_back(solution.summary.objective);
+    out.paths.push_back(std::move(path));
     // A converged end beats an unconverged one unless that one is really higher.
     const double lead = solution.summary.objective - out.best.summary.objective;
     const bool first = std::isnan(out.best.summary.objective);
@@ -256,12 +260,16 @@ std::optional<double> profile_end(const LikelihoodProblem& problem, const Soluti
   return std::nullopt;
 }
 
+bool profile_is_cheap(const PathTaken& taken, Index samples) {
+  constexpr Index kCheap = 20000;  // samples
+  return taken.path == Path::compressed || samples <= kCheap;
+}
+
 // Profile intervals, where an evaluation is cheap. Coordinates of a full covariance matrix are not
 // its entries, and get none.
 void profile(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
              const Solution& best, const PathTaken& taken, Index samples) {
-  constexpr Index kCheap = 20000;  // samples
-  if (taken.path != Path::compressed && samples > kCheap) return;
+  if (!profile_is_cheap(taken, samples)) return;
   double maximum = 0.0;
   if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
   const ReportedEntries entries = reported_entries(end);
@@ -276,6 +284,43 @@ void profile(Estimate& estimate, const LikelihoodProblem& problem, const Paramet
     const auto low = profile_end(problem, best, maximum, i, p.se * unit, -1.0);
     const auto high = profile_end(problem, best, maximum, i, p.se * unit, 1.0);
     if (low && high) p.profile95 = {*low / unit, *high / unit};
+  }
+}
+
+// The profile likelihood as a curve, where an evaluation is cheap: from the maximum outwards until
+// it has fallen well below the 95 % limit, or to the bound.
+void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
+                      const Solution& best, const PathTaken& taken, Index samples) {
+  if (!profile_is_cheap(taken, samples)) return;
+  double maximum = 0.0;
+  if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
+  const ReportedEntries entries = reported_entries(end);
+  Index i = -1;
+  for (std::size_t k = 0; k < estimate.parameters.size(); ++k) {
+    const EstimatedParameter& p = estimate.parameters[k];
+    if (p.fixed) continue;
+    ++i;
+    const Domain domain = end[static_cast<std::size_t>(entries.parameter[k])].domain;
+    if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
+    const double unit = unit_scale(p.unit);
+    LikelihoodProblem held = problem;
+    VectorXd x = best.x;
+    const auto drop_at = [&](double value) -> std::optional<double> {
+      held.lower[i] = held.upper[i] = value;
+      x[i] = value;
+      const Solution solution = maximise(held, x);
+      if (!solution.summary.usable()) return std::nullopt;
+      x = solution.x;
+      return 2.0 * std::max(0.0, maximum - solution.summary.objective);
+    };
+    LikelihoodProfile profile = walk_profile(best.x[i], p.se * unit, problem.lower[i],
+                                             problem.upper[i], [&](double value, bool turned) {
+                                               if (turned) x = best.x;
+                                               return drop_at(value);
+                                             });
+    profile.name = p.name;
+    for (double& value : profile.value) value /= unit;
+    if (profile.value.size() > 2) estimate.pictures.profiles.push_back(std::move(profile));
   }
 }
 
@@ -363,6 +408,13 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   if (options.profiles && found.best.summary.usable()) {
     profile(estimate, problem, end, found.best, likelihood.path_taken(),
             samples_present(recordings));
+  }
+  if (options.pictures) {
+    estimate.pictures.searches = found.paths;
+    if (found.best.summary.usable()) {
+      picture_profiles(estimate, problem, end, found.best, likelihood.path_taken(),
+                       samples_present(recordings));
+    }
   }
   conclude_noise_estimate(estimate, found.best.summary);
   describe_noise_estimate(estimate, model, end, recordings);

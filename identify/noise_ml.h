@@ -16,7 +16,8 @@ struct NoiseMlOptions {
   int starts = 5;          ///< optimisations: the file's start, then scattered ones
   std::uint64_t seed = 1;  ///< of the scattered starts
   Path path = Path::automatic;
-  bool profiles = true;  ///< profile intervals, where an evaluation is cheap
+  bool profiles = true;   ///< profile intervals, where an evaluation is cheap
+  bool pictures = false;  ///< searches and profiles as curves, Estimate::pictures
   std::function<void(int start, int iteration, double log_likelihood)> progress;
 };
 

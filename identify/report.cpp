@@ -477,13 +477,14 @@ std::string residuals_csv(const Estimate& estimate) {
   return out;
 }
 
-void write_files(const std::string& folder, const std::vector<ResultFile>& files) {
+void write_files(const std::string& folder, const std::vector<ResultFile>& files,
+                 const std::string& option) {
   namespace fs = std::filesystem;
   std::error_code error;
   fs::create_directories(folder, error);
   if (error || !fs::is_directory(folder)) {
     throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") +
-                      "; give another with -o");
+                      "; give another with " + option);
   }
   const auto target = [&](const ResultFile& f) { return fs::path(folder) / f.name; };
   const auto part = [&](const ResultFile& f) {
@@ -493,7 +494,7 @@ void write_files(const std::string& folder, const std::vector<ResultFile>& files
     std::error_code ignored;
     for (const ResultFile& each : files) fs::remove(part(each), ignored);
     throw OutputError(target(f).string() + ": cannot write" + reason +
-                      "; give another folder with -o");
+                      "; give another place with " + option);
   };
   for (const ResultFile& f : files) {
     if (fs::is_directory(target(f))) fail(f, ": it is a folder");
@@ -508,23 +509,43 @@ void write_files(const std::string& folder, const std::vector<ResultFile>& files
   }
 }
 
+namespace {
+
+using DigestContext = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
+
+DigestContext sha256_begun() {
+  DigestContext context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
+  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  return context;
+}
+
+std::string sha256_ended(EVP_MD_CTX* context) {
+  unsigned char digest[EVP_MAX_MD_SIZE];
+  unsigned int size = 0;
+  EVP_DigestFinal_ex(context, digest, &size);
+  std::string out;
+  for (unsigned int i = 0; i < size; ++i) out += fmt::format("{:02x}", digest[i]);
+  return out;
+}
+
+}  // namespace
+
+std::string sha256_of_text(std::string_view text) {
+  const DigestContext context = sha256_begun();
+  EVP_DigestUpdate(context.get(), text.data(), text.size());
+  return sha256_ended(context.get());
+}
+
 std::string sha256_of_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw InputError({path, 0, 0}, "cannot be read");
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
-                                                                        &EVP_MD_CTX_free);
-  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  const DigestContext context = sha256_begun();
   std::vector<char> buffer(1 << 16);
   while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
          file.gcount() > 0) {
     EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(file.gcount()));
   }
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  EVP_DigestFinal_ex(context.get(), digest, &size);
-  std::string out;
-  for (unsigned int i = 0; i < size; ++i) out += fmt::format("{:02x}", digest[i]);
-  return out;
+  return sha256_ended(context.get());
 }
 
 }  // namespace identikal

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "identify/estimate.h"
@@ -31,8 +32,13 @@ struct ResultFile {
   std::string name, content;
 };
 /// Writes all files or none: each to a temporary name beside it, then renamed. Folders are made.
+/// @param option  of the command line, that another place can be given with
 /// @throws OutputError naming the path and the reason
-void write_files(const std::string& folder, const std::vector<ResultFile>& files);
+void write_files(const std::string& folder, const std::vector<ResultFile>& files,
+                 const std::string& option = "-o");
+
+/// SHA-256 of these bytes in hexadecimal.
+std::string sha256_of_text(std::string_view text);
 
 /// SHA-256 of a file's bytes in hexadecimal. @throws InputError when it cannot be read.
 std::string sha256_of_file(const std::string& path);

@@ -36,16 +36,6 @@ const char* place_name(NoisePlace place) {
   return place == NoisePlace::process ? "process" : "measurement";
 }
 
-// The free parameters' values that a result holds.
-ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {
-  VectorXd entries = free_entries(parameters);
-  Index i = 0;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (!p.fixed) entries[i++] = p.value * unit_scale(p.unit);
-  }
-  return with_entries(parameters, entries);
-}
-
 double bic_of(double log_likelihood, Index unknowns, Index samples) {
   return -2.0 * log_likelihood +
          static_cast<double>(unknowns) * std::log(static_cast<double>(samples));

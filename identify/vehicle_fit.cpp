@@ -11,6 +11,7 @@
 #include "identify/vehicle_alternatives.h"
 #include "identify/vehicle_checks.h"
 #include "identify/vehicle_covariance.h"
+#include "identify/vehicle_pictures.h"
 #include "identify/vehicle_problem.h"
 #include "identify/vehicle_run.h"
 #include "identify/vehicle_search.h"
@@ -126,6 +127,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
                   e[static_cast<Eigen::Index>(i)]);
     }
     estimate.one_step = channel_fits(one_step);
+    estimate.pictures.one_step = std::move(one_step.predicted);
   }
   Eigen::MatrixXd& standardised = estimate.series.standardised;
   standardised = Eigen::MatrixXd::Constant(problem.run->y.rows(), problem.run->time.size(), kNone);
@@ -244,14 +246,15 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) 
 }
 
 /// Goes on from the best simulation with the whole path unknown.
-VehicleCovariance follow_trajectory(const VehicleFitOptions& options, VehicleSearch& found,
+VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
+                                    const VehicleSearchOptions& search, VehicleSearch& found,
                                     Estimate& estimate) {
   if (options.bootstrap > 0) {
     throw InputError({}, "--bootstrap with --method trajectory",
                      "one of them: blocks of a path are not independent");
   }
   SolverOptions solver;
-  solver.progress = options.search.progress;
+  solver.progress = search.progress;
   VehicleTrajectory trajectory = fit_trajectory(found.problem, found.best, solver);
   found.best = trajectory.best;
   found.iterations += trajectory.best.iterations;
@@ -357,7 +360,16 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
                     samples, sought),
         "more samples than unknowns");
   }
-  VehicleSearch found = search_vehicle(run, unknowns, options.search);
+  VehicleSearchOptions watched = options.search;
+  int last = 0;
+  watched.progress = [&](int iteration, double L) {
+    std::vector<std::vector<double>>& searches = estimate.pictures.searches;
+    if (searches.empty() || iteration <= last) searches.emplace_back();
+    last = iteration;
+    searches.back().push_back(L);
+    return !options.search.progress || options.search.progress(iteration, L);
+  };
+  VehicleSearch found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) {
     conclude(found, estimate);
     return estimate;
@@ -366,9 +378,9 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   const bool simulation = options.method == Method::output_error;
   VehicleCovariance covariance;
   if (options.method == Method::trajectory) {
-    covariance = follow_trajectory(options, found, estimate);
+    covariance = follow_trajectory(options, watched, found, estimate);
   } else {
-    if (options.method == Method::prediction_error) predict_instead(options.search, found);
+    if (options.method == Method::prediction_error) predict_instead(watched, found);
     covariance = vehicle_covariance(found.problem, found.best);
   }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
@@ -388,7 +400,11 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   report_derived(found, covariance, estimate);
 
   if (!options.hold_out.empty()) {
-    estimate.hold_out = validate_vehicle(model, options.hold_out, unknowns, p);
+    Series held = validate_vehicle(model, options.hold_out, unknowns, p);
+    estimate.hold_out = channel_fits(held);
+    estimate.pictures.held_time = std::move(held.time);
+    estimate.pictures.held_measured = std::move(held.measured);
+    estimate.pictures.held_free_run = std::move(held.predicted);
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
@@ -409,6 +425,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   describe_weakest_direction(found.problem, covariance, p, estimate);
   describe_acceleration(found.problem, found.best, estimate);
   conclude(found, estimate);
+  if (options.pictures) picture_vehicle(found, covariance, estimate);
   return estimate;
 }
 

@@ -19,6 +19,7 @@ struct VehicleFitOptions {
   bool second_opinion = true;     ///< survey the recordings and try other forms of the model
   int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
   std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on
+  bool pictures = false;          ///< fills Estimate::pictures
 };
 
 /// Fits the free parameters of the single-track vehicle to a recording by output error: minimise

@@ -59,10 +59,8 @@ std::vector<ChannelFit> channel_fits(const Series& series) {
   return out;
 }
 
-std::vector<ChannelFit> validate_vehicle(const ModelFile& model,
-                                         const std::vector<Dataset>& recordings,
-                                         const VehicleUnknowns& unknowns,
-                                         const VehicleParameters<double>& p) {
+Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p) {
   const VehicleRun run = usable_run(model, recordings);
   VehicleUnknowns known;
   known.value = p;
@@ -70,7 +68,7 @@ std::vector<ChannelFit> validate_vehicle(const ModelFile& model,
   const VehicleProblem problem = make_vehicle_problem(run, known, demand_of(known, p));
   const VehicleOptimum states =
       maximise_likelihood(problem, coordinates_of(problem, p), SolverOptions{});
-  return channel_fits(vehicle_series(problem, states.z));
+  return vehicle_series(problem, states.z);
 }
 
 }  // namespace identikal

@@ -13,13 +13,12 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z);
 std::vector<ChannelFit> channel_fits(const Series& series);
 
 /// How well the car of these parameters foretells other recordings: it is simulated along them,
-/// with only the state at the begin of every stretch fitted, and compared.
+/// with only the state at the begin of every stretch fitted.
+/// @return measured and simulated, to be compared by channel_fits()
 /// @param model     says which channels are what; its parameters are not read
 /// @param unknowns  of the fit; its curve and the parameters `p` make the car
 /// @throws InputError when a recording holds no usable stretch
-std::vector<ChannelFit> validate_vehicle(const ModelFile& model,
-                                         const std::vector<Dataset>& recordings,
-                                         const VehicleUnknowns& unknowns,
-                                         const VehicleParameters<double>& p);
+Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p);
 
 }  // namespace identikal

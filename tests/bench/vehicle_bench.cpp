@@ -61,23 +61,25 @@ void bench(const char* model_path, const char* data_path) {
   Fit found;
   const double fit_s = seconds_of([&] { found = fit(run, unknowns); }, 3);
   const double search_s = seconds_of([&] { search_vehicle(run, unknowns, {}); }, 1);
-  const auto& [start, problem, best] = found;
+  const VehicleProblem& problem = found.problem;
+  const VehicleOptimum& best = found.best;
   Eigen::VectorXd e;
   LeastSquares::RowMatrix J;
   const double simulation_s = seconds_of([&] { output_error(problem, best.z, e, nullptr); }, 20);
   const double gradient_s = seconds_of([&] { output_error(problem, best.z, e, &J); }, 20);
+  Fit of_part;
   std::string growth;
   for (const Eigen::Index part : {8, 4, 2, 1}) {
     const VehicleRun shorter = usable_run(model, {first_samples(data, data.size() / part)});
-    const double s = seconds_of([&] { found = fit(shorter, unknowns); }, 3);
+    const double s = seconds_of([&] { of_part = fit(shorter, unknowns); }, 3);
     growth += fmt::format("{}[{}, {:.4f}, {}]", growth.empty() ? "" : ", ", shorter.used, s,
-                          found.best.evaluations);
+                          of_part.best.evaluations);
   }
   fmt::print(
       "{{\"fit_s\": {}, \"search_s\": {}, \"evaluations\": {}, \"simulation_s\": {}, "
       "\"gradient_s\": {}, \"start\": [{}], \"value\": [{}], \"sd\": [{}, {}], \"vy0\": {}, "
       "\"r0\": {}, \"converged\": {}, \"growth\": [{}]}}\n",
-      fit_s, search_s, best.evaluations, simulation_s, gradient_s, listed(start),
+      fit_s, search_s, best.evaluations, simulation_s, gradient_s, listed(found.start),
       listed(parameters_at(problem, best.z)), best.sd[0], best.sd[1],
       best.z[problem.state_of(0)] * kStateScale[0],
       best.z[problem.state_of(0) + 1] * kStateScale[1], best.converged, growth);

@@ -1,0 +1,225 @@
+"""The report page in a browser: everything drawn, nothing asked of the network, no complaint, readable on a telephone.
+
+Drives headless Chromium through chromedriver (Debian: chromium, chromium-driver). With --screenshots FOLDER it also
+writes pictures of both pages, light and dark, wide and narrow, for a person to look at."""
+import base64
+import json
+import os
+import pathlib
+import re
+import resource
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import urllib.request
+
+PROGRAM = sys.argv.pop(1)
+SCREENSHOTS = None
+if "--screenshots" in sys.argv:
+    at = sys.argv.index("--screenshots")
+    SCREENSHOTS = pathlib.Path(sys.argv[at + 1])
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    del sys.argv[at:at + 2]
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+MEGABYTE = 1_000_000
+
+
+class Browser:
+    """Just enough of the WebDriver protocol."""
+
+    def __init__(self):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.base = f"http://127.0.0.1:{port}"
+        self.driver = subprocess.Popen(["chromedriver", f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for _ in range(100):
+            try:
+                if self.call("GET", "/status")["ready"]:
+                    break
+            except OSError:
+                time.sleep(0.1)
+        flags = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars", "--window-size=1200,900"]
+        self.session = "/session/" + self.call("POST", "/session", {"capabilities": {"alwaysMatch": {
+            "browserName": "chrome", "goog:chromeOptions": {"args": flags, "binary": shutil.which("chromium")},
+            "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}}})["sessionId"]
+
+    def call(self, method, path, body=None):
+        request = urllib.request.Request(self.base + path, method=method, headers={"Content-Type": "application/json"},
+                                         data=None if body is None else json.dumps(body).encode())
+        with urllib.request.urlopen(request, timeout=120) as answer:
+            return json.load(answer)["value"]
+
+    def post(self, path, **body):
+        return self.call("POST", self.session + path, body)
+
+    def run(self, script, *arguments):
+        return self.post("/execute/sync", script=script, args=list(arguments))
+
+    def devtools(self, command, **parameters):
+        return self.post("/goog/cdp/execute", cmd=command, params=parameters)
+
+    def log(self, kind):
+        return self.post("/se/log", type=kind)
+
+    def open(self, path):
+        self.log("browser"), self.log("performance")
+        self.post("/url", url=path.as_uri())
+
+    def screen(self, width, height, scheme="light"):
+        self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
+    def close(self):
+        try:
+            self.call("DELETE", self.session)
+        finally:
+            self.driver.terminate()
+            self.driver.wait()
+
+
+# A canvas or drawing counts when something is on it.
+DRAWN = """
+const drawn = [];
+for (const plot of document.querySelectorAll(".plot")) {
+  const canvas = plot.querySelector("canvas");
+  let marks = plot.querySelectorAll("svg path[d], svg circle, svg rect:not(.frame), svg line.accent").length;
+  if (canvas) {
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    const colours = new Set();
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 200) colours.add(pixels[i] << 16 | pixels[i + 1] << 8 | pixels[i + 2]);
+    marks = colours.size;
+  }
+  drawn.push([plot.textContent.slice(0, 40), marks]);
+}
+return drawn;
+"""
+
+
+class Page(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        if not shutil.which("chromedriver") or not shutil.which("chromium"):
+            if os.environ.get("CI") == "true":
+                raise AssertionError("chromium or chromium-driver is missing, and CI=true")
+            raise unittest.SkipTest("no chromium and chromium-driver here")
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.path = pathlib.Path(cls.folder.name)
+        cls.browser = Browser()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.close()
+        cls.folder.cleanup()
+
+    def made(self, name, *arguments, code=0):
+        page = self.path / f"{name}.html"
+        done = subprocess.run([PROGRAM, *arguments, "--report", page], cwd=ROOT, capture_output=True, text=True, timeout=300)
+        self.assertEqual(code, done.returncode, done.stdout + done.stderr)
+        self.assertLess(page.stat().st_size, MEGABYTE)
+        # Only links that a person would have to follow, as text, and the namespace of SVG.
+        links = set(re.findall(r"(?:src|href)\s*=\s*[\"'](?!#|data:)[^\"']*", page.read_text()))
+        self.assertEqual(set(), links)
+        return page
+
+    def looked_at(self, name, page, least):
+        browser = self.browser
+        browser.screen(1200, 900)
+        browser.open(page)
+        self.assertTrue(browser.run("return 'ready' in document.documentElement.dataset"), browser.log("browser"))
+        drawn = browser.run(DRAWN)
+        self.assertGreaterEqual(len(drawn), least)
+        self.assertEqual([], [title for title, marks in drawn if marks < 2])
+        for scheme in ("light", "dark"):
+            for width in (360, 1200):
+                browser.screen(width, 900, scheme)
+                time.sleep(0.3)
+                overflow = browser.run("return document.documentElement.scrollWidth - innerWidth")
+                self.assertLessEqual(overflow, 0, f"{name} at {width} px")
+                if SCREENSHOTS:
+                    height = browser.run("return Math.ceil(document.documentElement.scrollHeight)")
+                    browser.screen(width, min(height, 9000), scheme)
+                    time.sleep(0.5)
+                    picture = browser.call("GET", browser.session + "/screenshot")
+                    (SCREENSHOTS / f"{name}-{scheme}-{width}.png").write_bytes(base64.b64decode(picture))
+        if SCREENSHOTS:
+            pdf = browser.call("POST", browser.session + "/print", {"background": True})
+            (SCREENSHOTS / f"{name}.pdf").write_bytes(base64.b64decode(pdf))
+        self.assertEqual([], [entry["message"] for entry in browser.log("browser")])
+        events = [json.loads(entry["message"])["message"] for entry in browser.log("performance")]
+        asked = [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
+        self.assertEqual([], [url for url in asked if url != page.as_uri() and not url.startswith("data:")])
+        print(f"{name}: {len(drawn)} plots, {page.stat().st_size / 1000:.0f} kB")
+
+    def test_nile(self):
+        self.looked_at("nile", self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv"), 12)
+
+    def test_lane_change(self):
+        self.looked_at("lane_change", self.made("lane_change", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv"), 12)
+
+    def test_held_out(self):
+        data = self.path / ("a_long_name_" * 8) / "recording.csv"
+        data.parent.mkdir()
+        shutil.copy(ROOT / "data/severe_lane_change.csv", data)
+        page = self.made("held_out", "fit", "examples/severe_lane_change.yaml", data, "--hold-out", "30%")
+        self.looked_at("held_out", page, 12)
+
+    def test_check(self):
+        page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
+        self.looked_at("check", page, 6)
+
+    def test_zoom_is_shared(self):
+        page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")
+        self.browser.screen(1200, 900)
+        self.browser.open(page)
+        plots = self.browser.run("return document.querySelectorAll('.uplot').length")
+        self.assertGreaterEqual(plots, 4)
+        over = "document.querySelectorAll('.u-over')[0]"
+        self.browser.run(f"{over}.scrollIntoView()")
+        box = self.browser.run(f"const b = {over}.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]")
+        shown = lambda: self.browser.run("return [...document.querySelectorAll('.uplot canvas')].map((c) => c.toDataURL().length)")
+        before = shown()
+        x, y = box[0] + 0.3 * box[2], box[1] + 0.5 * box[3]
+        for kind, dx, buttons in (("mousePressed", 0, 1), ("mouseMoved", 0.15, 1), ("mouseMoved", 0.3, 1), ("mouseReleased", 0.3, 0)):
+            self.browser.devtools("Input.dispatchMouseEvent", type=kind, x=x + dx * box[2], y=y, button="left", buttons=buttons, clickCount=1)
+        time.sleep(0.3)
+        self.assertTrue(all(a != b for a, b in zip(before, shown())))
+        self.assertTrue(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
+        self.browser.run("document.querySelector('.reset').click()")
+        time.sleep(0.3)
+        self.assertEqual(before[0], shown()[0])
+        self.assertFalse(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
+
+    def test_names_cannot_break_out(self):
+        model = self.path / "spiteful.yaml"
+        text = (ROOT / "examples/nile.yaml").read_text()
+        spite = "</script><img src=x onerror=document.title='broken'>"
+        model.write_text(text.replace("name: Nile", f'name: "{spite}"').replace("name: level", f'name: "{spite}"'))
+        page = self.path / "spiteful.html"
+        subprocess.run([PROGRAM, "tune", model, ROOT / "data/nile.csv", "--report", page], check=True, capture_output=True)
+        self.browser.open(page)
+        self.assertEqual(spite, self.browser.run("return document.querySelector('h1').textContent"))
+        self.assertEqual(0, self.browser.run("return document.querySelectorAll('img').length"))
+        self.assertEqual([], self.browser.log("browser"))
+
+    def test_a_long_recording(self):
+        data = self.path / "long.csv"
+        model = self.path / "long.yaml"
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        subprocess.run([PROGRAM, "simulate", model, "-n", "1000000", "-o", self.path / "long", "--seed", "3"], check=True, capture_output=True)
+        data = self.path / "long" / "simulated.csv"
+        used = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        begin, before = time.monotonic(), used()
+        page = self.made("long", "tune", str(model), str(data), "--starts", "1")
+        wall, spent = time.monotonic() - begin, used() - before
+        self.looked_at("long", page, 12)
+        print(f"1e6 samples read, tuned and reported: {page.stat().st_size / 1000:.0f} kB, {spent:.2f} s of one core, {wall:.2f} s in all")
+        self.assertLess(spent, 5.0)  # the processor's time: other tests run beside this one
+
+
+if __name__ == "__main__":
+    unittest.main()
