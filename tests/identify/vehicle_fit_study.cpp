@@ -11,7 +11,7 @@
 
 #include "identify/vehicle_fit.h"
 #include "lib/vehicle_motion.h"
-#include "tests/support/thesis_car.h"
+#include "lib/thesis_car.h"
 #include "tests/support/vehicle_case.h"
 
 namespace identikal {
