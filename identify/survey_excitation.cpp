@@ -130,10 +130,14 @@ void judge_identifiability(Scene& scene) {
   const bool very_quick = out.above_1_5_hertz > 0.02;
   const bool circles = out.steady > 0.8 && out.above_half_hertz < 0.05;
   const std::string frequencies =
-      fmt::format("{:.2g} % of the steering's power lies above 0.5 Hz, {:.2g} % above 1.5 Hz",
-                  100.0 * out.above_half_hertz, 100.0 * out.above_1_5_hertz);
+      std::isnan(out.above_half_hertz)
+          ? "how fast the steering moves cannot be told from so few samples"
+          : fmt::format("{:.2g} % of the steering's power lies above 0.5 Hz, {:.2g} % above 1.5 Hz",
+                        100.0 * out.above_half_hertz, 100.0 * out.above_1_5_hertz);
   const std::string speeds =
-      fmt::format("turning at {:.0f} to {:.0f} m/s (5 to 95 %)", out.speed[1], out.speed[3]);
+      std::isnan(out.speed[1])
+          ? "the car never turns"
+          : fmt::format("turning at {:.0f} to {:.0f} m/s (5 to 95 %)", out.speed[1], out.speed[3]);
   const char* ratio = wheel ? "steering ratio" : "steering gain";
   // Strong steady cornering at several speeds tells gain from understeer.
   const double strong =
@@ -186,8 +190,10 @@ void judge_identifiability(Scene& scene) {
            : "needs sideslip, or axle weights");
   const double lesser = std::min(out.left, 1.0 - out.left);
   say("offsets", lesser > 0.2 || several_speeds ? "yes" : "no",
-      fmt::format("steering offset, yaw bias, ay bias: {} of turning is to the left{}",
-                  percent(out.left), several_speeds ? ", several speeds" : ""));
+      std::isnan(out.left)
+          ? std::string("steering offset, yaw bias, ay bias: the car never turns")
+          : fmt::format("steering offset, yaw bias, ay bias: {} of turning is to the left{}",
+                        percent(out.left), several_speeds ? ", several speeds" : ""));
 }
 
 }  // namespace identikal::surveying

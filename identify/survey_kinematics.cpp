@@ -77,6 +77,23 @@ void check_swapped(Scene& scene) {
   const VectorXd& r = scene.smooth[SignalKind::r];
   const VectorXd& ay = scene.smooth[SignalKind::ay];
   const PairedCorrelation straight = fits(r, ay);
+  if (scene.has(SignalKind::vy)) {
+    const VehicleSignal& vy = scene.signal(SignalKind::vy);
+    for (const double as_r : {1.0, kDeg}) {
+      const PairedCorrelation crossed =
+          fits(scene.smooth[SignalKind::vy] / unit_scale(vy) * as_r, ay);
+      const bool better = std::abs(crossed.correlation) > 0.9 &&
+                          !(std::abs(straight.correlation) > std::abs(crossed.correlation) - 0.05);
+      if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
+      scene.find("swapped_channels", "serious", {scene.signal(SignalKind::r).column, vy.column},
+                 fmt::format("{} behaves like r, and {} does not: {} = vx {} then holds within {}",
+                             scene.name(SignalKind::vy), scene.name(SignalKind::r),
+                             scene.name(SignalKind::ay), scene.name(SignalKind::vy),
+                             percent(std::abs(crossed.slope - 1.0))),
+                 "exchange the two columns");
+      return;
+    }
+  }
   if (near_one(straight.slope) && std::abs(straight.correlation) > 0.7) return;
   for (const UnitGuess& guess : kUnitGuesses) {
     const bool fitting = straight.slope * guess.off > 0.8 && straight.slope * guess.off < 1.25;

@@ -27,13 +27,21 @@ Held held_share(const VehicleSignal& signal) {
   double held = 0.0, moving = 0.0, repeated = 0.0, all = 0.0;
   const VectorXd& x = signal.value;
   for (Index i = 0, end = 0; i < x.size(); i = end) {
-    for (end = i + 1; end < x.size() && (x[end] == x[i] || std::isnan(x[end]));) ++end;
+    end = i + 1;
     if (std::isnan(x[i])) continue;
-    repeated += static_cast<double>(end - i - 1);
-    all += static_cast<double>(end - i);
-    if (signal.time[end - 1] - signal.time[i] > 0.5) continue;
-    held += static_cast<double>(end - i - 1);
-    moving += static_cast<double>(end - i);
+    // An empty cell neither repeats a sample nor ends what is held.
+    double samples = 1.0;
+    Index last = i;
+    for (; end < x.size() && (x[end] == x[i] || std::isnan(x[end])); ++end) {
+      if (std::isnan(x[end])) continue;
+      samples += 1.0;
+      last = end;
+    }
+    repeated += samples - 1.0;
+    all += samples;
+    if (signal.time[last] - signal.time[i] > 0.5) continue;
+    held += samples - 1.0;
+    moving += samples;
   }
   return {all > 0.0 ? repeated / all : 0.0, moving > 0.0 ? held / moving : 0.0};
 }
@@ -98,10 +106,12 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
     if (held.of_moving > 0.4) {
       scene.find(
           "held_samples", "warning", {s.column},
-          fmt::format("'{}' repeats the sample before in {} of its rows ({} while it moves), in "
-                      "steps of {} {}, {} of its spread",
-                      s.column, percent(held.of_all), percent(held.of_moving), shown(entry.quantum),
-                      s.unit, percent(entry.quantum / std::max(spread, 1e-300))),
+          fmt::format(
+              "'{}' repeats the sample before in {} of its samples ({} while it moves), in "
+              "steps of {} {}{}",
+              s.column, percent(held.of_all), percent(held.of_moving), shown(entry.quantum), s.unit,
+              spread > 0.0 ? fmt::format(", {} of its spread", percent(entry.quantum / spread))
+                           : ""),
           "a slow bus, or coarse steps: its rows are not independent, and standard errors that "
           "take "
           "them so are too small");

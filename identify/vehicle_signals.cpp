@@ -79,6 +79,29 @@ VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data) {
   return out;
 }
 
+VehicleSignals vehicle_signals(const ModelFile& model, const std::vector<Dataset>& runs) {
+  VehicleSignals out;
+  for (const Dataset& run : runs) {
+    VehicleSignals next = vehicle_signals(model, run);
+    if (out.signals.empty()) {
+      out = std::move(next);
+      continue;
+    }
+    for (std::size_t i = 0; i < out.signals.size(); ++i) {
+      VectorXd& time = out.signals[i].time;
+      VectorXd& value = out.signals[i].value;
+      const VehicleSignal& more = next.signals[i];
+      const Index n = time.size();
+      const double begin = time[n - 1] + std::max(20.0 * run.dt, 6.0);
+      time.conservativeResize(n + more.time.size());
+      value.conservativeResize(n + more.value.size());
+      time.tail(more.time.size()) = more.time.array() - more.time[0] + begin;
+      value.tail(more.value.size()) = more.value;
+    }
+  }
+  return out;
+}
+
 std::optional<SignalKind> signal_kind(std::string_view name) {
   if (name == "steering_wheel_angle" || name == "road_wheel_angle") return SignalKind::steering;
   for (const SignalKind kind : {SignalKind::vx, SignalKind::r, SignalKind::vy, SignalKind::ay,
