@@ -227,6 +227,25 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
           });
       if (said) continue;
       if (finding.severity == "serious" && leading > kGoodFit) finding.severity = "warning";
+      if (finding.code == "reversing") {
+        finding.todo = "these rows are left out; if the car drives forward there, scale: -1 for vx";
+      }
+      estimate.warnings.push_back(std::move(finding));
+    }
+  }
+}
+
+void check_hold_out_recordings(const ModelFile& model, const std::vector<Dataset>& hold_out,
+                               Estimate& estimate) {
+  for (const Dataset& data : hold_out) {
+    for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
+      if (finding.severity != "serious" || finding.code == "too_short") continue;
+      const bool said = std::any_of(
+          estimate.warnings.begin(), estimate.warnings.end(),
+          [&](const Warning& w) { return w.code == finding.code && w.severity != "note"; });
+      if (said) continue;
+      finding.severity = "warning";
+      finding.text = fmt::format("held-out {}: {}", data.name, finding.text);
       estimate.warnings.push_back(std::move(finding));
     }
   }
@@ -236,7 +255,7 @@ void check_hold_out(Estimate& estimate) {
   for (const ChannelFit& held : estimate.hold_out) {
     for (const ChannelFit& own : estimate.simulation) {
       if (own.channel != held.channel || !(own.fit_percent > kPoorFit)) continue;
-      if (100.0 - held.fit_percent < kHoldOutFactor * (100.0 - own.fit_percent)) continue;
+      if (!(100.0 - held.fit_percent >= kHoldOutFactor * (100.0 - own.fit_percent))) continue;
       estimate.warnings.push_back(
           {"hold_out",
            "warning",

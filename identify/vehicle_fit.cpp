@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -61,7 +62,8 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
     if (!covariance.at_bound[i]) continue;
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     result.verdict = Verdict::at_bound;
-    if (std::isinf(result.value)) {
+    if (is_straight(unknowns, i, p[unknowns.free[i]])) {
+      result.value = std::numeric_limits<double>::infinity();
       estimate.warnings.push_back(
           {"no_saturation",
            "note",
@@ -112,7 +114,10 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
                    Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   estimate.series = vehicle_series(problem, found.best.z);
-  estimate.simulation = channel_fits(estimate.series);
+  estimate.simulation = channel_fits(estimate.series, problem.robust);
+  if (problem.robust) {
+    estimate.notes.push_back("fit and rmse count outliers as three standard deviations");
+  }
   if (problem.prediction) {
     Series one_step = estimate.series;
     Eigen::VectorXd e;
@@ -124,7 +129,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
           in_unit(problem.run->outputs[static_cast<std::size_t>(j)],
                   e[static_cast<Eigen::Index>(i)]);
     }
-    estimate.one_step = channel_fits(one_step);
+    estimate.one_step = channel_fits(one_step, problem.robust);
   }
   Eigen::MatrixXd& standardised = estimate.series.standardised;
   standardised = Eigen::MatrixXd::Constant(problem.run->y.rows(), problem.run->time.size(), kNone);
@@ -247,7 +252,7 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) 
 bool misread(const Estimate& estimate) {
   return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [](const Warning& w) {
     return w.severity == "serious" &&
-           (w.code.starts_with("sign_") || w.code.starts_with("units_") ||
+           (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
             w.code == "clock_offset" || w.code == "swapped_channels");
   });
 }
@@ -338,6 +343,9 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   VehicleSearch found = search_vehicle(run, unknowns, options.search);
   if (found.best.z.size() == 0) {
+    for (EstimatedParameter& each : estimate.parameters) {
+      if (!each.fixed) each.verdict = Verdict::unfitted;
+    }
     conclude(found, estimate);
     return estimate;
   }
@@ -355,11 +363,18 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   report_derived(found, covariance, estimate);
 
   if (!options.hold_out.empty()) {
-    estimate.hold_out = validate_vehicle(model, options.hold_out, unknowns, p);
+    estimate.hold_out =
+        validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust);
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
-  if (options.second_opinion) check_recordings(model, recordings, estimate);
+  if (options.second_opinion) {
+    check_recordings(model, recordings, estimate);
+    check_hold_out_recordings(model, options.hold_out, estimate);
+    if (!prediction && !unknowns.free.empty() && !misread(estimate)) {
+      check_turned_sideslip(found, options.search, estimate);
+    }
+  }
   Eigen::VectorXd e;
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);

@@ -40,6 +40,10 @@ struct UserValue {
 UserValue in_user_terms(VehicleParameter parameter, double value);
 double from_user_terms(VehicleParameter parameter, double value);
 
+/// Whether this value of a free parameter is the least softening that its curve allows (and not
+/// one that the user set): the axle is straight as far as the recording goes.
+bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value);
+
 /// Adds a parameter to the free ones, with the bounds and the scale that a model file without any
 /// gives it; it starts at value[parameter].
 void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter);
@@ -104,6 +108,9 @@ VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& 
 
 /// The unknowns with tyres of another curve, with largest forces free if it has any.
 VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve);
+
+/// Whether a free parameter lies at one of its bounds.
+bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter);
 
 /// All parameters at these coordinates, clipped to nothing.
 VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z);
@@ -170,7 +177,19 @@ struct NoiseCost {
 };
 NoiseCost noise_cost(bool robust, double r);
 
-/// Root mean square of the errors of each output.
+/// The scale that makes these errors the most likely of hyperbolic noise: sd^2 = mean of
+/// weight(e/sd) e^2. Of normal noise it is 0.789 of the standard deviation.
+double hyperbolic_scale(const Eigen::VectorXd& e);
+
+/// Fisher information of the noise about the mean, for standard deviation (scale) 1: 1 of normal
+/// noise, of hyperbolic noise E (d rho/2 / dr)^2 = k^2 (1 - E 1/(1 + r^2/k^2)).
+double noise_information(bool robust);
+
+/// What errors of one output weigh where their size is judged: 1; with the robust cost min(1, (3
+/// s/e)^2), s = 1.483 median |e|: an outlier counts as 3 s, and normal noise keeps its size.
+Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e);
+
+/// Root mean square of the errors of each output, weighted by error_weights().
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e);
 
 /// Standard deviations to weigh with: the given ones, else the most likely for these errors (normal
