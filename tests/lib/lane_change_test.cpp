@@ -1,10 +1,10 @@
 #include "lib/lane_change.h"
-#include "lib/thesis_car.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
+#include "lib/thesis_car.h"
 
 namespace identikal {
 namespace {
