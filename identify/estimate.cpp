@@ -111,6 +111,8 @@ std::string to_string(Verdict verdict) {
       return "unexcited";
     case Verdict::flat:
       return "flat";
+    case Verdict::unfitted:
+      return "unfitted";
   }
   return "";
 }

@@ -32,6 +32,7 @@ enum class Verdict {
   at_bound,    ///< the estimate lies on a bound; no interval
   unexcited,   ///< the recording never moved it
   flat,        ///< lies in a direction along which the fit does not change
+  unfitted,    ///< nothing was fitted: the value is the start
 };
 
 struct EstimatedParameter {
@@ -42,7 +43,9 @@ struct EstimatedParameter {
   std::array<double, 2> ci95{kNone, kNone};
   std::array<double, 2> profile95{kNone, kNone};  ///< interval of the profile likelihood
   double se_sandwich = kNone;                     ///< allows for noise that is not Gaussian
-  double crb_se = kNone;  ///< Cramér-Rao standard deviation at the estimate, white noise assumed
+  /// Cramér-Rao standard deviation at the estimate for white noise of the distribution that was
+  /// fitted: normal, or Student's with `fit --robust`
+  double crb_se = kNone;
   double start = kNone;
   bool fixed = false;
   bool neutral = false;  ///< fixed at a value that changes nothing: people need not read it

@@ -660,8 +660,8 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
     Recordings records;
     if (model) {
       estimate.model_name = model->name;
-      records.add({load_data(args, files, *model)}, files);
-      estimate.survey = survey(vehicle_signals(*model, records.data[0]));
+      records.add(load_runs(args, files, *model), files);
+      estimate.survey = survey(vehicle_signals(*model, records.data));
     } else {
       Dataset whole;
       whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));

@@ -37,24 +37,27 @@ constexpr ParameterRule kVehicleRules[] = {
     {"Cf", "N/rad", true, kRequired},
     {"Cr", "N/rad", true, kRequired},
     {"steering_ratio", "", true, 1.0},
-    {"steering_gain", "", false, 1.0},
+    {"steering_gain", "", false, 1.0, [](double x) { return x != 0.0; }, "a number other than 0"},
     {"steering_offset", "rad", false, 0.0},
-    {"steering_delay", "s", false, 0.0},
+    {"steering_delay", "s", false, 0.0, [](double x) { return std::abs(x) <= 1.0; },
+     "between -1 s and 1 s"},
     {"bias_r", "rad/s", false, 0.0},
     {"bias_vy", "m/s", false, 0.0},
     {"bias_ay", "m/s^2", false, 0.0},
     {"mounting_angle", "rad", false, 0.0},
     {"bank", "rad", false, 0.0},
-    {"relaxation_length", "m", false, 0.0},
-    {"cg_height", "m", false, 0.0},
-    {"load_sensitivity", "", false, 1.0},
+    {"relaxation_length", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"},
+    {"cg_height", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"},
+    {"load_sensitivity", "", false, 1.0, [](double x) { return x >= 0.0; }, "0 or above"},
 };
 // Of tyres that saturate: free where the file does not name them, about a friction of 1.
 constexpr ParameterRule kCurveRules[] = {{"Ff_max", "N", true, kRequired},
                                          {"Fr_max", "N", true, kRequired}};
 constexpr ParameterRule kMagicFormulaRules[] = {
-    {"curve_shape", "", true, CurveShape().shape},
-    {"curve_curvature", "", false, CurveShape().curvature}};
+    {"curve_shape", "", true, CurveShape().shape, [](double x) { return x >= 1.0 && x <= 2.0; },
+     "between 1 and 2"},
+    {"curve_curvature", "", false, CurveShape().curvature, [](double x) { return x < 1.0; },
+     "below 1"}};
 
 constexpr ChannelRule kVehicleInputs[] = {
     {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
@@ -133,6 +136,20 @@ Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
   return out;
 }
 
+/// A prior of a logarithm has nothing at 0 and below, nor may the search go there.
+void require_logarithm(const Parameter& parameter, const YamlNode& node) {
+  const Prior::Kind kind = parameter.prior.kind;
+  if (kind != Prior::Kind::log_uniform && kind != Prior::Kind::log_normal) return;
+  for (const char* key : {"value", "min", "max"}) {
+    const YamlNode* given = find(node, key);
+    if (given == nullptr) continue;
+    const std::string what = fmt::format("{} of parameter '{}'", key, parameter.name);
+    if (read_si(*given, parameter.unit, what) > 0.0) continue;
+    throw InputError(given->at, fmt::format("{} is {}", what, describe(*given)), "above 0",
+                     "its prior is one of the logarithm");
+  }
+}
+
 ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road_wheel,
                                      TyreCurve curve) {
   const YamlNode& node =
@@ -163,6 +180,7 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
   for (const ParameterRule& rule : rules) {
     if (const YamlNode* given = find(node, rule.name)) {
       out.push_back(read_parameter(rule.name, *given, &rule));
+      require_logarithm(out.back(), *given);
       continue;
     }
     if (std::string_view(rule.name).ends_with("_max")) {

@@ -106,6 +106,9 @@ void check_value(const Parameter& parameter, const ParameterRule* rule, const Lo
   if (rule != nullptr && rule->positive && !(value > 0.0)) {
     throw InputError(at, found, "a value above 0");
   }
+  if (rule != nullptr && rule->allows != nullptr && !rule->allows(value)) {
+    throw InputError(at, found, rule->expected);
+  }
   if (value < parameter.min) {
     throw InputError(at, found, in_unit_of(parameter, parameter.min) + " (min) or above");
   }

@@ -51,9 +51,11 @@ struct ParameterRule {
   const char* si_unit;
   bool positive;
   double fallback;  ///< taken as known when the file does not name it; NaN: the file must name it
+  bool (*allows)(double) = nullptr;  ///< whether a value may be so, in SI; null: any
+  const char* expected = "";         ///< the same in words
 };
 
-/// Throws unless the value lies inside the parameter's bounds and, by its rule, above zero.
+/// Throws unless the value lies inside the parameter's bounds and is what its rule allows.
 /// @param rule  nullptr: none
 void check_value(const Parameter& parameter, const ParameterRule* rule, const Location& at);
 

@@ -51,10 +51,10 @@ std::string wrapped(const std::string& text, std::size_t indent) {
 }
 
 std::string value_text(double value) {
-  return std::isnan(value) ? "-" : fmt::format("{:.6g}", value);
+  return !std::isfinite(value) ? "-" : fmt::format("{:.6g}", value);
 }
 std::string error_text(double value) {
-  return std::isnan(value) ? "-" : fmt::format("{:.3g}", value);
+  return !std::isfinite(value) ? "-" : fmt::format("{:.3g}", value);
 }
 
 // The free parameters as a table, what is known in one sentence below it.
@@ -308,9 +308,10 @@ std::string innovation_form_text(const Estimate& estimate) {
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
-    out += fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {:.4g} {}\n", kind, fit.channel,
-                       std::isnan(fit.fit_percent) ? "-" : fmt::format("{:.2f}", fit.fit_percent),
-                       fit.rmse, fit.unit);
+    out +=
+        fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {} {}\n", kind, fit.channel,
+                    std::isfinite(fit.fit_percent) ? fmt::format("{:.2f}", fit.fit_percent) : "-",
+                    std::isfinite(fit.rmse) ? fmt::format("{:.4g}", fit.rmse) : "-", fit.unit);
   }
   return out;
 }

@@ -30,9 +30,7 @@ struct SteadyTurning {
   double freedom = kNone;
 };
 
-/// @param offset  of the steering sensor where it is known [rad]; 0: sought where there are turns
-/// to
-///   both sides
+/// @param offset  of the steering sensor [rad]; 0: unknown, sought if the car turns to both sides
 /// @param bias_r  of the yaw rate [rad/s]
 /// @return nothing when the yaw rate is not measured, or speeds and angles are too much alike
 std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset = 0.0,

@@ -3,23 +3,21 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <complex>
-#include <limits>
 #include <string>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <fmt/format.h>
-#include <unsupported/Eigen/MatrixFunctions>
 
+#include "identify/study_logarithm.h"
 #include "identify/study_runs.h"
-#include "identify/vehicle_fit.h"
-#include "identify/vehicle_starts.h"
+#include "identify/thesis_drive.h"
 #include "lib/discretise.h"
 #include "lib/kalman.h"
 #include "lib/manoeuvre.h"
 #include "lib/recursive_least_squares.h"
+#include "lib/thesis_car.h"
 #include "lib/trajectory.h"
 #include "lib/vehicle_motion.h"
 #include "lib/velocity_sensors.h"
@@ -35,54 +33,14 @@ using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 constexpr double kDegree = EIGEN_PI / 180.0;
-constexpr Index kSamples = 70;                        // Sladká (2010), section 8.3: 7 s at 10 Hz
-constexpr double kStep = 0.1;                         // [s]
-constexpr int kFine = 100;                            // steps of the true car between two samples
 constexpr double kMemory = 0.999, kStartP = 100.0;    // section 9.3.1: lambda, delta
 constexpr double kTurned = 1.9 * kDegree;             // section 9.3.2
 constexpr double kAngleSnr = 30.0, kSpeedSnr = 50.0;  // [dB]
 constexpr double kTrackSd = 0.02;                     // of the marking device [m]
 constexpr Index kFromSample = 30;  // where the source begins to look at coefficients
 
-SingleTrack<> source_car() {  // table 8.1
-  VehicleParameters<double> p = neutral_vehicle();
-  p[kMass] = 1446.0;
-  p[kA] = 0.987;
-  p[kB] = 1.525;
-  p[kYawInertia] = 2319.0;
-  p[kCf] = p[kCr] = 88107.7;
-  p[kSteeringRatio] = 21.0;
-  return linear_car(p);
-}
-
 double rms(const Eigen::Ref<const MatrixXd>& x) {
   return x.norm() / std::sqrt(static_cast<double>(x.size()));
-}
-
-// The car through a lane change, integrated from steering in continuous time.
-struct TrueDrive {
-  VectorXd time, steering, vx;  // of the samples; angle at the steering wheel
-  MatrixXd states;              // 2 x N: vy, r
-  Matrix3Xd track;
-};
-
-TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, double to_speed) {
-  const SingleTrack<> car = source_car();
-  const Index fine = (kSamples - 1) * kFine + 1;
-  const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kStep * (kSamples - 1));
-  const VectorXd angle = steering(manoeuvre, time);
-  const VectorXd vx = VectorXd::LinSpaced(fine, from_speed, to_speed);
-  MatrixXd states(2, fine);
-  simulate(car, drive(time, angle, vx, {decay_rate_times_speed(car)}), 0.0, 0.0,
-           [&](Index t, const Motion& motion, double) { states.col(t) << motion.vy, motion.r; });
-  const auto samples = Eigen::seqN(0, kSamples, kFine);
-  TrueDrive out;
-  out.time = time(samples);
-  out.steering = angle(samples);
-  out.vx = vx(samples);
-  out.states = states(Eigen::all, samples);
-  out.track = track(time, vx, states.row(0), states.row(1))(Eigen::all, samples);
-  return out;
 }
 
 // x' of (7.4), and of the m-file in 9.2.2, whose row 2, column 1 has the sign of b Cr turned.
@@ -102,9 +60,9 @@ Vector2d source_step(const SingleTrack<>& car, Moment moment, const Vector2d& x,
   const auto rates = [&](const Vector2d& at) {
     return source_rates(car, moment, at, steering, vx);
   };
-  const Vector2d k1 = rates(x), k2 = rates(x + 0.5 * kStep * k1);
-  const Vector2d k3 = rates(x + 0.5 * kStep * k2), k4 = rates(x + kStep * k3);
-  return x + kStep / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
+  const Vector2d k1 = rates(x), k2 = rates(x + 0.5 * kThesisStep * k1);
+  const Vector2d k3 = rates(x + 0.5 * kThesisStep * k2), k4 = rates(x + kThesisStep * k3);
+  return x + kThesisStep / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
 }
 
 // What the recursive least squares of 9.2.1 makes of one signal and one regressor.
@@ -135,10 +93,10 @@ struct SensorExperiment {
 
 // The regressors that sections 9.1 to 9.3 leave open.
 MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measured_state) {
-  const SingleTrack<> car = source_car();
-  MatrixXd out(2, kSamples);
+  const SingleTrack<> car = linear_car(thesis_car());
+  MatrixXd out(2, kThesisSamples);
   Vector2d state = Vector2d::Zero();
-  for (Index t = 0; t < kSamples; ++t) {
+  for (Index t = 0; t < kThesisSamples; ++t) {
     if (t > 0) state = source_step(car, moment, state, run.steering[t - 1], run.derived(0, t - 1));
     out(0, t) = state[0];
     out(1, t) = state[1];
@@ -149,11 +107,11 @@ MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measure
 
 MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derived,
                        double steering_sd) {
-  const SingleTrack<> car = source_car();
+  const SingleTrack<> car = linear_car(thesis_car());
   const VectorXd angle = run.steering / car.steering_ratio;
   // Steering between samples is not the straight line that the model takes it for.
-  const VectorXd bend =
-      angle.tail(kSamples - 2) - 2.0 * angle.segment(1, kSamples - 2) + angle.head(kSamples - 2);
+  const VectorXd bend = angle.tail(kThesisSamples - 2) -
+                        2.0 * angle.segment(1, kThesisSamples - 2) + angle.head(kThesisSamples - 2);
   const double process_sd = std::hypot(steering_sd / car.steering_ratio, rms(bend) / 8.0);
   const ModelAt model = [&](Index t, StateSpace& at, std::vector<StateSpace>*) {
     const SingleTrackMatrices motion = single_track_matrices(car, derived.value(0, t));
@@ -168,7 +126,7 @@ MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derive
     continuous.S = Matrix2d::Zero();
     continuous.x0 = Vector2d::Zero();
     continuous.P0 = Vector2d(0.25, 0.04).asDiagonal();
-    at = discretise(continuous, ProcessNoise::per_sample, kStep, InputHold::linear);
+    at = discretise(continuous, ProcessNoise::per_sample, kThesisStep, InputHold::linear);
     const Vector2d gain = at.B.rowwise().sum();
     at.Q = process_sd * process_sd * gain * gain.transpose();
   };
@@ -191,8 +149,8 @@ SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   sensors[0].y = -0.027;
   sensors[1].x = -2.760;
   sensors[1].y = -0.379;
-  out.speed.resize(2, kSamples);
-  out.slip.resize(2, kSamples);
+  out.speed.resize(2, kThesisSamples);
+  out.slip.resize(2, kThesisSamples);
   Eigen::RowVectorXd angle = truth.steering.transpose();
   const double steering_sd = noisy(angle, kAngleSnr);
   out.steering = angle.transpose();
@@ -218,7 +176,7 @@ SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   }
   out.kalman = kalman_states(out, derived, steering_sd);
   out.marked = Eigen::Rotation2Dd(kTurned).toRotationMatrix() * truth.track.topRows<2>();
-  for (Index t = 0; t < kSamples; ++t) out.marked.col(t) += kTrackSd * random.normal(2);
+  for (Index t = 0; t < kThesisSamples; ++t) out.marked.col(t) += kTrackSd * random.normal(2);
   return out;
 }
 
@@ -256,7 +214,7 @@ std::string experiment_csv(const TrueDrive& truth, const SensorExperiment& run) 
       "vx [m/s],vy [m/s],r [rad/s],vx_true [m/s],vy_true [m/s],r_true [rad/s],"
       "vy_rls [m/s],r_rls [rad/s],vy_kalman [m/s],r_kalman [rad/s],"
       "coefficient_vy,coefficient_r,X_marked [m],Y_marked [m]\n";
-  for (Index t = 0; t < kSamples; ++t) {
+  for (Index t = 0; t < kThesisSamples; ++t) {
     out += fmt::format("{:g},{:.8g},{:.8g},{:.8g},{:.8g},{:.8g}", truth.time[t],
                        run.steering[t] / kDegree, run.speed(0, t), run.slip(0, t) / kDegree,
                        run.speed(1, t), run.slip(1, t) / kDegree);
@@ -275,7 +233,7 @@ Panel panel_over_time(const std::string& title, const std::string& label,
                       const std::vector<Curve>& curves) {
   Panel panel;
   panel.title = title;
-  panel.x = {"time [s]", 0.0, kStep * (kSamples - 1)};
+  panel.x = {"time [s]", 0.0, kThesisStep * (kThesisSamples - 1)};
   panel.y = {label, 0.0, 0.0};
   for (const Curve& curve : curves) {
     panel.y.low = std::min(panel.y.low, curve.y.minCoeff());
@@ -305,7 +263,7 @@ double delay(const VectorXd& estimate, const VectorXd& truth) {
   constexpr Index kFarthest = 10;
   std::array<double, 2 * kFarthest + 1> sum{};
   for (Index lag = -kFarthest; lag <= kFarthest; ++lag) {
-    const Index n = kSamples - std::abs(lag);
+    const Index n = kThesisSamples - std::abs(lag);
     sum[static_cast<std::size_t>(lag + kFarthest)] =
         estimate.segment(std::max<Index>(lag, 0), n)
             .dot(truth.segment(std::max<Index>(-lag, 0), n));
@@ -323,7 +281,7 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
   const VectorXd x = truth.states.row(i).transpose();
   enum { kDerived, kFreeRun, kRls, kKalman, kRows };
   Eigen::Vector4d squares = Eigen::Vector4d::Zero(), late = squares, delays = squares;
-  const Index second = kSamples - kFromSample;
+  const Index second = kThesisSamples - kFromSample;
   const double share = 1.0 / static_cast<double>(runs.size());
   for (const SensorExperiment& run : runs) {
     const std::array<VectorXd, kRows> estimates{
@@ -332,7 +290,7 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
     for (Index k = 0; k < kRows; ++k) {
       const VectorXd& estimate = estimates[static_cast<std::size_t>(k)];
       const VectorXd e = estimate - x;
-      squares[k] += share * e.squaredNorm() / kSamples;
+      squares[k] += share * e.squaredNorm() / kThesisSamples;
       late[k] += share * e.tail(second).squaredNorm() / static_cast<double>(second);
       delays[k] += share * delay(estimate, x);
     }
@@ -400,8 +358,8 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
       const VectorXd y = runs[k].derived.row(1 + i).transpose();
       const MatrixXd phi = of_run(runs[k]);
       const ScalarRls rls = scalar_rls(phi.row(i).transpose(), y, start_p);
-      last[static_cast<Index>(k)] = rls.coefficient[kSamples - 1];
-      const double late = rms((rls.estimate - y).tail(kSamples - kFromSample));
+      last[static_cast<Index>(k)] = rls.coefficient[kThesisSamples - 1];
+      const double late = rms((rls.estimate - y).tail(kThesisSamples - kFromSample));
       misfit += late * late / static_cast<double>(runs.size());
     }
     const double spread = std::sqrt((last.array() - last.mean()).square().sum() /
@@ -427,9 +385,9 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
       "{:.2g} {} at the last sample. So the source ran it from measured states, or not as "
       "printed.\n"
       "agrees? {}\n",
-      printed.row(i).cwiseAbs()[kSamples - 1], i == 0 ? "m/s" : "rad/s", agrees);
+      printed.row(i).cwiseAbs()[kThesisSamples - 1], i == 0 ? "m/s" : "rad/s", agrees);
   const SensorExperiment& first = runs.front();
-  const VectorXd one = VectorXd::Ones(kSamples);
+  const VectorXd one = VectorXd::Ones(kThesisSamples);
   out.csv = experiment_csv(truth, first);
   out.figure = Figure{{panel_over_time(
       "Filter coefficient", "coefficient [-]",
@@ -481,8 +439,8 @@ StudyReport track_figure(const char* name, bool with_kalman, const char* publish
       const Eigen::Matrix2Xd turned = Eigen::Rotation2Dd(kTurned).toRotationMatrix() * derived;
       angle[static_cast<Index>(k)] = fit.angle / kDegree;
       se += share * fit.angle_se / kDegree;
-      before += share * (derived - runs[k].marked).squaredNorm() / kSamples;
-      after += share * (turned - runs[k].marked).squaredNorm() / kSamples;
+      before += share * (derived - runs[k].marked).squaredNorm() / kThesisSamples;
+      after += share * (turned - runs[k].marked).squaredNorm() / kThesisSamples;
     }
     const double spread =
         std::sqrt((angle.array() - angle.mean()).square().sum() * share / (1.0 - share));
@@ -522,180 +480,6 @@ StudyReport track_figure(const char* name, bool with_kalman, const char* publish
   }
   out.csv = experiment_csv(truth, first);
   out.figure = Figure{{panel}};
-  return out;
-}
-
-// Everything but Cf, Cr and Iz known.
-ModelFile source_model() {
-  const auto parameter = [](const char* name, const char* unit, double value, double min,
-                            double max) {
-    Parameter p;
-    p.name = name;
-    p.unit = unit;
-    p.value = MatrixXd::Constant(1, 1, value);
-    p.fixed = !(min < max);
-    if (!p.fixed) {
-      p.min = min;
-      p.max = max;
-    }
-    return p;
-  };
-  ModelFile model;
-  model.path = model.name = "severe lane change";
-  model.form = ModelFile::Form::single_track;
-  model.parameters = {parameter("m", "kg", 1446.0, 0, 0),
-                      parameter("a", "m", 0.987, 0, 0),
-                      parameter("b", "m", 1.525, 0, 0),
-                      parameter("steering_ratio", "", 21.0, 0, 0),
-                      parameter("Iz", "kg m^2", 2000.0, 800.0, 6000.0),
-                      parameter("Cf", "N/rad", 8e4, 1e4, 4e5),
-                      parameter("Cr", "N/rad", 8e4, 1e4, 4e5)};
-  model.inputs.resize(2);
-  model.inputs[0].name = "steering_wheel_angle";
-  model.inputs[1].name = "vx";
-  model.outputs.resize(2);
-  model.outputs[0].name = "r";
-  model.outputs[1].name = "vy";
-  return model;
-}
-
-// x(t+1) = Phi x(t) + Gamma u(t) by least squares, back to continuous time by the logarithm.
-struct DiscreteFit {
-  Vector2d from_states;    // Cf and Cr by A(1,1) and A(2,1)
-  Vector2d from_steering;  // Cf by B(1), then Cr by A(1,1)
-  bool real = true;        // else Phi has no real logarithm, and its real part is used
-  Vector2d one_step = Vector2d::Zero();  // fit of vy and r [%]
-};
-
-// @param x  2 x N: vy, r; @param angle  of the steering wheel
-DiscreteFit discrete_fit(const SingleTrack<>& car, const MatrixXd& x, const VectorXd& angle,
-                         double vx) {
-  const Index n = x.cols() - 1;
-  MatrixXd regressors(n, 3);
-  regressors << x.leftCols(n).transpose(), angle.head(n) / car.steering_ratio;
-  const MatrixXd next = x.rightCols(n).transpose();
-  const MatrixXd solution = regressors.householderQr().solve(next);  // [Phi Gamma]'
-  const MatrixXd misfit = next - regressors * solution;
-  DiscreteFit out;
-  for (Index i = 0; i < 2; ++i) {
-    const VectorXd about_mean = next.col(i).array() - next.col(i).mean();
-    out.one_step[i] = 100.0 * (1.0 - misfit.col(i).norm() / about_mean.norm());
-  }
-  const Matrix2d Phi = solution.topRows<2>().transpose();
-  const Vector2d Gamma = solution.row(2).transpose();
-  const Eigen::Matrix2cd logarithm = Eigen::Matrix2cd(Phi.cast<std::complex<double>>()).log();
-  out.real = logarithm.imag().norm() < 1e-9;
-  const Matrix2d A = logarithm.real() / kStep;
-  const Vector2d B = A * (Phi - Matrix2d::Identity()).inverse() * Gamma;
-  // -(Cf + Cr) = m vx A11, -(a Cf - b Cr) = Iz vx A21, Cf = m B1.
-  const double sum = -car.m * vx * A(0, 0), moment = -car.Iz * vx * A(1, 0);
-  out.from_states << car.b * sum + moment, car.a * sum - moment;
-  out.from_states /= car.a + car.b;
-  out.from_steering << car.m * B[0], sum - car.m * B[0];
-  return out;
-}
-
-StudyReport logarithm(const StudyOptions& options) {
-  constexpr double kSdR = 0.01, kSdVy = 0.03, kSpeed = 60.0 / 3.6;  // [rad/s], [m/s], [m/s]
-  const SingleTrack<> car = source_car();
-  const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
-  const ModelFile model = source_model();
-  enum { kStates, kSteering, kEquationError, kOutputError, kMethods };
-  constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
-  MatrixXd Cf(options.runs, kMethods), Cr = Cf;
-  MatrixXd one_step(options.runs, 2), bound(options.runs, 2);
-  VectorXd real(options.runs);
-  repeat(options, 0, [&](int run, Random& random) {
-    Dataset data;
-    data.name = "simulated";
-    data.time = truth.time;
-    data.dt = kStep;
-    data.inputs = {{"steering_wheel_angle", "rad"}, {"vx", "m/s"}};
-    data.outputs = {{"r", "rad/s"}, {"vy", "m/s"}};
-    data.u.resize(2, kSamples);
-    data.u << truth.steering.transpose(), truth.vx.transpose();
-    data.y.resize(2, kSamples);
-    for (Index t = 0; t < kSamples; ++t) {
-      data.y(0, t) = truth.states(1, t) + kSdR * random.normal();
-      data.y(1, t) = truth.states(0, t) + kSdVy * random.normal();
-    }
-    const DiscreteFit discrete =
-        discrete_fit(car, data.y.colwise().reverse(), truth.steering, kSpeed);
-    Cf(run, kStates) = discrete.from_states[0];
-    Cr(run, kStates) = discrete.from_states[1];
-    Cf(run, kSteering) = discrete.from_steering[0];
-    Cr(run, kSteering) = discrete.from_steering[1];
-    real[run] = discrete.real ? 1.0 : 0.0;
-    one_step.row(run) = discrete.one_step.transpose();
-
-    const VehicleUnknowns unknowns = vehicle_unknowns(model);
-    VehicleParameters<double> p = unknowns.value;
-    const bool found = vehicle_by_equation_error(usable_run(model, {data}), unknowns, p);
-    Cf(run, kEquationError) = found ? p[kCf] : kMissing;
-    Cr(run, kEquationError) = found ? p[kCr] : kMissing;
-
-    VehicleFitOptions fit_alone;
-    fit_alone.second_opinion = false;
-    const Estimate fit = fit_vehicle(model, data, fit_alone);
-    for (const EstimatedParameter& each : fit.parameters) {
-      if (each.name == "Cf") {
-        Cf(run, kOutputError) = each.value;
-        bound(run, 0) = each.crb_se;
-      } else if (each.name == "Cr") {
-        Cr(run, kOutputError) = each.value;
-        bound(run, 1) = each.crb_se;
-      }
-    }
-  });
-  const double C = car.front.stiffness;
-  StudyReport out;
-  out.text = fmt::format(
-      "sladka-logarithm: cornering stiffnesses of the car of table 8.1 from a severe lane change, "
-      "{} runs\n"
-      "70 samples at 10 Hz, 60 km/h, sd(vy) {:g} m/s, sd(r) {:g} rad/s; true Cf = Cr = {:g} N/rad\n"
-      "published: nothing of the kind; a warning to who would go on from (9.1) to the car.\n"
-      "Bias and standard deviation in % of the truth\n"
-      "  {:<48} {:>8} {:>8} {:>8} {:>8}\n",
-      options.runs, kSdVy, kSdR, C, "", "Cf bias", "sd", "Cr bias", "sd");
-  constexpr std::array<const char*, kMethods> kWhat{"discrete least squares, logarithm: from A",
-                                                    "the same, Cf from B, Cr from A",
-                                                    "continuous equation error", "output error"};
-  // Mean and standard deviation over the runs that gave a number.
-  const auto spread = [&](const VectorXd& values) {
-    std::vector<double> ok;
-    for (const double v : values) {
-      if (std::isfinite(v)) ok.push_back(100.0 * (v / C - 1.0));
-    }
-    const Eigen::Map<const VectorXd> kept(ok.data(), static_cast<Index>(ok.size()));
-    return Vector2d(kept.mean(), std::sqrt((kept.array() - kept.mean()).square().sum() /
-                                           static_cast<double>(ok.size() - 1)));
-  };
-  for (Index m = 0; m < kMethods; ++m) {
-    const Vector2d f = spread(Cf.col(m)), r = spread(Cr.col(m));
-    out.text += fmt::format("  {:<48} {:>8.1f} {:>8.2f} {:>8.1f} {:>8.2f}\n",
-                            kWhat[static_cast<std::size_t>(m)], f[0], f[1], r[0], r[1]);
-  }
-  const Eigen::RowVector2d mean_bound = 100.0 / C * bound.colwise().mean();
-  const Eigen::RowVector2d mean_fit = one_step.colwise().mean();
-  const DiscreteFit clean = discrete_fit(car, truth.states, truth.steering, kSpeed);
-  out.text += fmt::format(
-      "  {:<48} {:>8} {:>8.2f} {:>8} {:>8.2f}\n"
-      "without noise\n"
-      "  {:<48} {:>8.1f} {:>8} {:>8.1f}\n"
-      "  {:<48} {:>8.1f} {:>8} {:>8.1f}\n"
-      "One step ahead the discrete fit looks well: {:.1f} % of r and {:.1f} % of vy, {:.1f} and "
-      "{:.1f} % without noise. All the same\n"
-      "it is no car: steering is not held between samples, noise in its regressors bends Phi, and "
-      "the logarithm\n"
-      "makes much of both; in {:.0f} % of the runs Phi has no real logarithm at all (its real part "
-      "is used then). This is\n"
-      "where recursive least squares with lambda = 1 ends. Equation error and output error seek Iz "
-      "too.\n",
-      "Cramer-Rao bound", "", mean_bound[0], "", mean_bound[1], kWhat[kStates],
-      100.0 * (clean.from_states[0] / C - 1.0), "", 100.0 * (clean.from_states[1] / C - 1.0),
-      kWhat[kSteering], 100.0 * (clean.from_steering[0] / C - 1.0), "",
-      100.0 * (clean.from_steering[1] / C - 1.0), mean_fit[1], mean_fit[0], clean.one_step[1],
-      clean.one_step[0], 100.0 * (1.0 - real.mean()));
   return out;
 }
 
@@ -756,7 +540,7 @@ std::vector<Study> vehicle_studies() {
                        options);
                  }});
   std::sort(out.begin(), out.end(), [](const Study& a, const Study& b) { return a.name < b.name; });
-  out.push_back({"sladka-logarithm", kRuns, logarithm});
+  out.push_back({"sladka-logarithm", kRuns, logarithm_study});
   return out;
 }
 

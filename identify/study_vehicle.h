@@ -9,9 +9,7 @@ namespace identikal {
 
 /// Figures 9.2 to 9.9 of Sladká (2010), chapter 9: the states of a car in a severe lane change by
 /// the source's recursive least squares and by a Kalman filter. The recording was not published;
-/// here it is simulated, with a known truth. And "sladka-logarithm": what cornering stiffnesses a
-/// discrete least squares fit followed by a matrix logarithm makes of such a recording, beside
-/// equation error and output error.
+/// here it is simulated, with a known truth. And "sladka-logarithm" (identify/study_logarithm.h).
 std::vector<Study> vehicle_studies();
 
 }  // namespace identikal

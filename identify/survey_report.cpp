@@ -104,13 +104,14 @@ std::string survey_text(const VehicleSurvey& survey) {
     out += fmt::format("\n{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", "expected", "seen",
                        "correlation", "size", "seen later by", "next peak");
     for (const VehicleSurvey::Relation& r : survey.relations) {
-      out += fmt::format(
-          "{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
-          printed(r.correlation, "{:.3f}"), printed(r.slope, "{:.3g}"),
-          std::isfinite(r.lag) ? fmt::format("{:.3f} +- {:.3f} s", r.lag, r.lag_se) : "-",
-          std::isfinite(r.other_lag)
-              ? fmt::format("{:.2f} at {:.2f} s", r.other_correlation, r.other_lag)
-              : "-");
+      out += fmt::format("{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
+                         printed(r.correlation, "{:.3f}"), printed(r.slope, "{:.3g}"),
+                         std::isfinite(r.lag)
+                             ? fmt::format("{:.3f} +- {} s", r.lag, printed(r.lag_se, "{:.3f}"))
+                             : "-",
+                         std::isfinite(r.other_lag)
+                             ? fmt::format("{:.2f} at {:.2f} s", r.other_correlation, r.other_lag)
+                             : "-");
     }
   }
   out += "\n";

@@ -52,6 +52,11 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     J.row(n) /= covariance.sd[problem.output[i]];
     e[n] /= covariance.sd[problem.output[i]];
   }
+  if (problem.robust) {
+    // Scores of the robust cost, brought to unit variance: an outlier has a bounded say.
+    for (double& each : e) each *= noise_cost(true, each).weight;
+    e /= std::sqrt(e.squaredNorm() / static_cast<double>(e.size()));
+  }
 
   Eigen::MatrixXd others(J.rows(), J.cols() - 2);
   others << J.leftCols(k), J.rightCols(J.cols() - k - 2);

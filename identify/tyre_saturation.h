@@ -22,10 +22,11 @@ struct TyreSaturation {
 };
 
 /// Score test (Rao 1948) for the softening of both axles at the linear optimum; when it rejects at
-/// 1 %, the softening car is fitted. The score test takes the residuals as white: it only decides
-/// whether the refit is worth its time. What counts is the refit's softening over its standard
-/// error, which allows for coloured residuals (under a wrong linear model those of the linear fit
-/// are so coloured that no robust score test finds anything).
+/// 1 %, the softening car is fitted. With the robust cost the scores are bounded, as in the fit.
+/// The score test takes the residuals as white: it only decides whether the refit is worth its
+/// time. What counts is the refit's softening over its standard error, which allows for coloured
+/// residuals (under a wrong linear model those of the linear fit are so coloured that no robust
+/// score test finds anything).
 TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
                                     const VehicleCovariance& covariance);
 

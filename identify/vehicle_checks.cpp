@@ -8,6 +8,7 @@
 
 #include "identify/distribution.h"
 #include "identify/vehicle_survey.h"
+#include "lib/paired_correlation.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -25,22 +26,11 @@ constexpr double kWrongGain = 0.02;
 constexpr double kHoldOutFactor = 2.0;  // of what is left unexplained
 constexpr double kNoiseFactor = 1.5;    // between residual and given noise
 
-/// Correlation of x with y over the usable rows; 0 when either is constant.
-double correlation(const VehicleRun& run, const Eigen::VectorXd& x, const Eigen::VectorXd& y) {
-  double n = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
-  for (const VehicleRun::Stretch& s : run.stretches) {
-    for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
-      if (std::isnan(x[t]) || std::isnan(y[t])) continue;
-      n += 1.0;
-      sx += x[t];
-      sy += y[t];
-      sxx += x[t] * x[t];
-      syy += y[t] * y[t];
-      sxy += x[t] * y[t];
-    }
-  }
-  const double scale = std::sqrt((n * sxx - sx * sx) * (n * syy - sy * sy));
-  return scale > 0.0 ? (n * sxy - sx * sy) / scale : 0.0;
+/// Correlation of x with an output, which is there in the usable rows only; 0 when either is
+/// constant.
+double correlation(const Eigen::VectorXd& x, const Eigen::VectorXd& output) {
+  const double found = paired_correlation(x, output).correlation;
+  return std::isnan(found) ? 0.0 : found;
 }
 
 bool usable(const Estimate& estimate, const std::string& name) {
@@ -67,7 +57,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
   const Eigen::VectorXd vx = run.vx;
   if (jr >= 0) {
     const double turn = p[kSteeringGain] < 0.0 ? -1.0 : 1.0;
-    const double c = turn * correlation(run, vx.cwiseProduct(run.steering), run.y.row(jr));
+    const double c = turn * correlation(vx.cwiseProduct(run.steering), run.y.row(jr));
     if (c < kFlippedBelow) {
       estimate.warnings.push_back(
           {"sign_steering",
@@ -80,7 +70,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
     }
   }
   if (jr >= 0 && ja >= 0) {
-    const double c = correlation(run, vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
+    const double c = correlation(vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
     if (c < kFlippedBelow) {
       estimate.warnings.push_back(
           {"sign_ay",
@@ -237,6 +227,25 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
           });
       if (said) continue;
       if (finding.severity == "serious" && leading > kGoodFit) finding.severity = "warning";
+      if (finding.code == "reversing") {
+        finding.todo = "these rows are left out; if the car drives forward there, scale: -1 for vx";
+      }
+      estimate.warnings.push_back(std::move(finding));
+    }
+  }
+}
+
+void check_hold_out_recordings(const ModelFile& model, const std::vector<Dataset>& hold_out,
+                               Estimate& estimate) {
+  for (const Dataset& data : hold_out) {
+    for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
+      if (finding.severity != "serious" || finding.code == "too_short") continue;
+      const bool said = std::any_of(
+          estimate.warnings.begin(), estimate.warnings.end(),
+          [&](const Warning& w) { return w.code == finding.code && w.severity != "note"; });
+      if (said) continue;
+      finding.severity = "warning";
+      finding.text = fmt::format("held-out {}: {}", data.name, finding.text);
       estimate.warnings.push_back(std::move(finding));
     }
   }
@@ -246,7 +255,7 @@ void check_hold_out(Estimate& estimate) {
   for (const ChannelFit& held : estimate.hold_out) {
     for (const ChannelFit& own : estimate.simulation) {
       if (own.channel != held.channel || !(own.fit_percent > kPoorFit)) continue;
-      if (100.0 - held.fit_percent < kHoldOutFactor * (100.0 - own.fit_percent)) continue;
+      if (!(100.0 - held.fit_percent >= kHoldOutFactor * (100.0 - own.fit_percent))) continue;
       estimate.warnings.push_back(
           {"hold_out",
            "warning",

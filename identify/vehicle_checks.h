@@ -33,6 +33,12 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
 void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
                       Estimate& estimate);
 
+/// The same for held-out recordings, signs too, with the file named: what the fit was given is not
+/// touched by it, so that it is a warning at most. What the fitted recordings have too is not
+/// repeated.
+void check_hold_out_recordings(const ModelFile& model, const std::vector<Dataset>& hold_out,
+                               Estimate& estimate);
+
 /// Held-out data that the car foretells much worse than what it was fitted to.
 void check_hold_out(Estimate& estimate);
 

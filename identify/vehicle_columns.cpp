@@ -13,7 +13,7 @@
 
 #include "lib/constants.h"
 #include "lib/interpolation.h"
-#include "lib/nearest_name.h"
+#include "lib/paired_correlation.h"
 #include "lib/units.h"
 
 namespace identikal {
@@ -294,24 +294,14 @@ VectorXd averaged(const VectorXd& x, Index half) {
   return out;
 }
 
-struct Likeness {
-  double correlation = 0.0, slope = kNaN;  // slope: sd y / sd x
-};
-
-Likeness likeness(const VectorXd& x, const VectorXd& y) {
-  double n = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
-  for (Index i = 0; i < x.size(); ++i) {
-    if (std::isnan(x[i]) || std::isnan(y[i])) continue;
-    n += 1;
-    sx += x[i];
-    sy += y[i];
-    sxx += x[i] * x[i];
-    syy += y[i] * y[i];
-    sxy += x[i] * y[i];
+// What hardly has samples, or never changes, is like nothing.
+PairedCorrelation likeness(const VectorXd& x, const VectorXd& y) {
+  PairedCorrelation out = paired_correlation(x, y);
+  if (out.count < 20 || std::isnan(out.correlation)) {
+    out.correlation = 0.0;
+    out.slope = kNaN;
   }
-  const double vx = sxx - sx * sx / n, vy = syy - sy * sy / n;
-  if (n < 20 || !(vx > 1e-12 * sxx) || !(vy > 1e-12 * syy)) return {};
-  return {(sxy - sx * sy / n) / std::sqrt(vx * vy), std::sqrt(vy / vx)};
+  return out;
 }
 
 double high_quantile(const VectorXd& x) {
@@ -408,7 +398,7 @@ void Guess::choose_units() {
   const VectorXd v = speed == nullptr ? VectorXd() : sampled(*speed);
   const VectorXd yaw = r == nullptr ? VectorXd() : sampled(*r);
   const VectorXd side = ay == nullptr ? VectorXd() : sampled(*ay);
-  Likeness alike;
+  PairedCorrelation alike;
   if (speed != nullptr && r != nullptr && ay != nullptr) {
     alike = likeness(v.cwiseProduct(yaw), side);
   }

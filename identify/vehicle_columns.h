@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "identify/vehicle_survey.h"
+#include "identify/vehicle_signals.h"
 #include "lib/csv.h"
 
 namespace identikal {

@@ -115,11 +115,8 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   output_error(problem, optimum.z, e, &J);
 
   for (Eigen::Index i = 0; i < k; ++i) {
-    const double near = 1e-8 * std::max(1.0, std::abs(optimum.z[i]));
-    const bool at_bound =
-        optimum.z[i] - problem.lower[i] <= near || problem.upper[i] - optimum.z[i] <= near;
-    out.at_bound.push_back(at_bound);
-    if (!at_bound) out.inner.push_back(i);
+    out.at_bound.push_back(is_at_bound(problem, optimum.z, i));
+    if (!out.at_bound.back()) out.inner.push_back(i);
   }
   const auto inner = static_cast<Eigen::Index>(out.inner.size());
 
@@ -183,6 +180,13 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     e[n] *= correction;
   }
   out.residuals = e;
+  const auto inverse_of = [&](const Eigen::MatrixXd& information) {
+    return Eigen::MatrixXd(basis * (basis.transpose() * information * basis).inverse() *
+                           basis.transpose());
+  };
+  const Eigen::MatrixXd bound =
+      inverse_of(noise_information(problem.robust) * (X.topRows(m).transpose() * X.topRows(m)) +
+                 X.bottomRows(k).transpose() * X.bottomRows(k));
   if (problem.robust) {
     // Rows by the information of a sample, errors so that rows times errors are the scores.
     const double root = std::sqrt(noise_information(true));
@@ -205,9 +209,8 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
                        ? null
                        : Eigen::MatrixXd(null.householderQr().householderQ() *
                                          Eigen::MatrixXd::Identity(inner, null.cols()));
-  const Eigen::MatrixXd inverse =
-      basis * (basis.transpose() * information * basis).inverse() * basis.transpose();
-  out.white = scale.asDiagonal() * inverse * scale.asDiagonal();
+  const Eigen::MatrixXd inverse = inverse_of(information);
+  out.white = scale.asDiagonal() * bound * scale.asDiagonal();
 
   test_whiteness(problem, out);
   const double used = static_cast<double>(m - states.cols() - basis.cols());

@@ -20,8 +20,10 @@ struct VehicleCovariance {
   Eigen::MatrixXd rows;    ///< m x inner: what each residual adds to the information is row' row
   Eigen::VectorXd scores;  ///< m: and scores[i] row_i to the gradient
   Eigen::MatrixXd null_space;  ///< orthonormal directions of parameter/scale that change no output
-  Eigen::MatrixXd white;       ///< inverse of the information off the null space: Cramer-Rao bound
-  Eigen::MatrixXd covariance;  ///< `white`, or the sandwich when residuals are coloured
+  /// Cramer-Rao bound for white noise of the distribution that was fitted, normal or (robust cost)
+  /// Student's, off the null space: (noise_information() J' J)^-1 with the rows of the priors
+  Eigen::MatrixXd white;
+  Eigen::MatrixXd covariance;         ///< `white`, or the sandwich when residuals are coloured
   std::vector<TestResult> whiteness;  ///< Ljung-Box per output
   bool coloured = false;
   Eigen::Index bandwidth = 1;  ///< rows over which scores are taken as correlated

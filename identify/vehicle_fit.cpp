@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -63,7 +64,8 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
     if (!covariance.at_bound[i]) continue;
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     result.verdict = Verdict::at_bound;
-    if (std::isinf(result.value)) {
+    if (is_straight(unknowns, i, p[unknowns.free[i]])) {
+      result.value = std::numeric_limits<double>::infinity();
       estimate.warnings.push_back(
           {"no_saturation",
            "note",
@@ -114,7 +116,10 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
                    Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   estimate.series = vehicle_series(problem, found.best.z);
-  estimate.simulation = channel_fits(estimate.series);
+  estimate.simulation = channel_fits(estimate.series, problem.robust);
+  if (problem.robust) {
+    estimate.notes.push_back("fit and rmse count outliers as three standard deviations");
+  }
   if (problem.prediction) {
     Series one_step = estimate.series;
     Eigen::VectorXd e;
@@ -126,7 +131,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
           in_unit(problem.run->outputs[static_cast<std::size_t>(j)],
                   e[static_cast<Eigen::Index>(i)]);
     }
-    estimate.one_step = channel_fits(one_step);
+    estimate.one_step = channel_fits(one_step, problem.robust);
     estimate.pictures.one_step = std::move(one_step.predicted);
   }
   Eigen::MatrixXd& standardised = estimate.series.standardised;
@@ -271,7 +276,7 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
 bool misread(const Estimate& estimate) {
   return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [](const Warning& w) {
     return w.severity == "serious" &&
-           (w.code.starts_with("sign_") || w.code.starts_with("units_") ||
+           (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
             w.code == "clock_offset" || w.code == "swapped_channels");
   });
 }
@@ -371,6 +376,9 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   };
   VehicleSearch found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) {
+    for (EstimatedParameter& each : estimate.parameters) {
+      if (!each.fixed) each.verdict = Verdict::unfitted;
+    }
     conclude(found, estimate);
     return estimate;
   }
@@ -400,15 +408,21 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   report_derived(found, covariance, estimate);
 
   if (!options.hold_out.empty()) {
-    Series held = validate_vehicle(model, options.hold_out, unknowns, p);
-    estimate.hold_out = channel_fits(held);
+    Series held = validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust);
+    estimate.hold_out = channel_fits(held, options.search.robust);
     estimate.pictures.held_time = std::move(held.time);
     estimate.pictures.held_measured = std::move(held.measured);
     estimate.pictures.held_free_run = std::move(held.predicted);
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
-  if (options.second_opinion) check_recordings(model, recordings, estimate);
+  if (options.second_opinion) {
+    check_recordings(model, recordings, estimate);
+    check_hold_out_recordings(model, options.hold_out, estimate);
+    if (!prediction && !unknowns.free.empty() && !misread(estimate)) {
+      check_turned_sideslip(found, options.search, estimate);
+    }
+  }
   Eigen::VectorXd e;
   output_error(found.problem, found.best.z, e, nullptr);
   check_fit(found.problem, rms_per_output(found.problem, e), estimate);

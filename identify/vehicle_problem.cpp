@@ -100,6 +100,11 @@ Eigen::Index VehicleUnknowns::find(VehicleParameter parameter) const {
   return at == free.end() ? -1 : at - free.begin();
 }
 
+bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value) {
+  const double least = kLeastFiala * unknowns.scale[static_cast<Eigen::Index>(free)];
+  return is_softening(unknowns.free[free]) && value <= least * (1.0 + 1e-6);
+}
+
 Eigen::Vector2d axle_loads(const VehicleParameters<double>& p) {
   const double weight = p[kMass] * kStandardGravity / (p[kA] + p[kB]);
   return {weight * p[kB], weight * p[kA]};
@@ -203,6 +208,16 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
       low = std::max(low, given.prior.a);
       high = std::min(high, given.prior.b);
     }
+    if (given.prior.kind == Prior::Kind::log_normal) {
+      if (!(given.scalar() > 0.0)) {
+        throw InputError(at,
+                         fmt::format("parameter '{}' starts at {:g}, where its log-normal prior "
+                                     "does not reach",
+                                     given.name, given.scalar()),
+                         "a start above 0");
+      }
+      low = std::max(low, kSmallest * given.prior.a);
+    }
     const Eigen::Index k = out.scale.size() - 1;
     if (is_softening(parameter)) {
       if (std::isfinite(high)) out.lower[k] = 1.0 / (high * high);
@@ -303,6 +318,11 @@ VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve) {
   return unknowns;
 }
 
+bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter) {
+  const double at = z[parameter], near = 1e-8 * std::max(1.0, std::abs(at));
+  return at - problem.lower[parameter] <= near || problem.upper[parameter] - at <= near;
+}
+
 VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z) {
   VehicleParameters<double> p = problem.unknowns.value;
   for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
@@ -318,6 +338,7 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
     z[i] = p[problem.unknowns.free[static_cast<std::size_t>(i)]] / problem.unknowns.scale[i];
   }
   const SingleTrack<> car = linear_car(p);
+  const std::vector<VehicleReading> sensors = readings(run, car);
   const auto first_sample = [&](VehicleQuantity quantity, Eigen::Index row) {
     const Eigen::Index j = run.find(quantity);
     return j < 0 ? kNone : run.y(j, row);
@@ -329,14 +350,11 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
     if (!std::isnan(r)) x[1] = r - p[kBiasR];
     const double vy = first_sample(VehicleQuantity::vy, row);
     const double beta = first_sample(VehicleQuantity::beta, row);
-    if (!std::isnan(vy)) {
-      const VehicleSensor& sensor =
-          run.outputs[static_cast<std::size_t>(run.find(VehicleQuantity::vy))].sensor;
-      x[0] = vy - p[kBiasVy] - x[1] * sensor.x;
-    } else if (!std::isnan(beta)) {
-      const VehicleSensor& sensor =
-          run.outputs[static_cast<std::size_t>(run.find(VehicleQuantity::beta))].sensor;
-      x[0] = std::tan(beta) * (run.vx[row] - x[1] * sensor.y) - x[1] * sensor.x;
+    const bool has_vy = !std::isnan(vy);
+    if (has_vy || !std::isnan(beta)) {
+      const Eigen::Index j = run.find(has_vy ? VehicleQuantity::vy : VehicleQuantity::beta);
+      x[0] = sensors[static_cast<std::size_t>(j)].lateral_velocity(has_vy ? vy : beta, run.vx[row],
+                                                                   x[1]);
     }
     z.segment<2>(problem.state_of(s)) = x.cwiseQuotient(kStateScale);
   }
@@ -508,50 +526,83 @@ double log_norm_of_noise(bool robust) {
                 : 0.5 * std::log(2.0 * std::numbers::pi);
 }
 
-Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e) {
-  Eigen::VectorXd sum = Eigen::VectorXd::Zero(problem.run->y.rows());
-  Eigen::VectorXd count = sum;
-  for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    const double value = e[static_cast<Eigen::Index>(i)];
-    sum[problem.output[i]] += value * value;
-    count[problem.output[i]] += 1.0;
+Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e) {
+  Eigen::VectorXd out = Eigen::VectorXd::Ones(e.size());
+  if (!robust || e.size() == 0) return out;
+  // The most likely scale grows with the outliers, the median does not; weights of the cost itself
+  // would make normal noise look a seventh smaller than it is.
+  Eigen::VectorXd size = e.cwiseAbs();
+  const auto middle = size.begin() + size.size() / 2;
+  std::nth_element(size.begin(), middle, size.end());
+  const double most = 3.0 * 1.4826 * *middle;
+  if (!(most > 0.0)) return out;
+  for (Eigen::Index i = 0; i < e.size(); ++i) {
+    if (std::abs(e[i]) > most) out[i] = std::pow(most / e[i], 2);
   }
-  return sum.cwiseQuotient(count).cwiseSqrt();
+  return out;
 }
 
 namespace {
 
-/// sd^2 = mean of weight(e/sd) e^2, where the likelihood of the scale has its maximum.
-Eigen::VectorXd most_likely_scale(const VehicleProblem& problem, const Eigen::VectorXd& e,
-                                  Eigen::VectorXd sd) {
+std::vector<Eigen::VectorXd> errors_per_output(const VehicleProblem& problem,
+                                               const Eigen::VectorXd& e) {
+  std::vector<std::vector<double>> all(problem.run->outputs.size());
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    all[static_cast<std::size_t>(problem.output[i])].push_back(e[static_cast<Eigen::Index>(i)]);
+  }
+  std::vector<Eigen::VectorXd> out;
+  for (const std::vector<double>& each : all) {
+    out.emplace_back(
+        Eigen::Map<const Eigen::VectorXd>(each.data(), static_cast<Eigen::Index>(each.size())));
+  }
+  return out;
+}
+
+/// The scale that makes these errors the most likely of robust noise: sd^2 = mean of weight(e/sd)
+/// e^2.
+double most_likely_scale(const Eigen::VectorXd& e) {
   constexpr int kRounds = 200;  // each brings the scale a third nearer at least
-  for (int round = 0; round < kRounds; ++round) {
-    Eigen::VectorXd sum = Eigen::VectorXd::Zero(sd.size()), count = sum;
-    for (std::size_t i = 0; i < problem.output.size(); ++i) {
-      const double value = e[static_cast<Eigen::Index>(i)], scale = sd[problem.output[i]];
-      sum[problem.output[i]] +=
-          scale > 0.0 ? noise_cost(true, value / scale).weight * value * value : 0.0;
-      count[problem.output[i]] += 1.0;
-    }
-    const Eigen::VectorXd next = sum.cwiseQuotient(count).cwiseSqrt();
-    const double change = (next - sd).cwiseAbs().maxCoeff();
+  const auto n = static_cast<double>(e.size());
+  double sd = std::sqrt(e.squaredNorm() / n);
+  for (int round = 0; round < kRounds && sd > 0.0; ++round) {
+    double sum = 0.0;
+    for (const double value : e) sum += noise_cost(true, value / sd).weight * value * value;
+    const double next = std::sqrt(sum / n), change = std::abs(next - sd);
     sd = next;
-    if (change <= 1e-10 * sd.maxCoeff()) break;
+    if (change <= 1e-10 * sd) break;
   }
   return sd;
 }
 
 }  // namespace
 
-Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e) {
-  Eigen::VectorXd sd = rms_per_output(problem, e);
-  Eigen::VectorXd largest = Eigen::VectorXd::Zero(sd.size());
-  for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    double& value = largest[problem.output[i]];
-    value = std::max(value, std::abs(problem.sample[static_cast<Eigen::Index>(i)]));
+Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e) {
+  const std::vector<Eigen::VectorXd> errors = errors_per_output(problem, e);
+  Eigen::VectorXd out(static_cast<Eigen::Index>(errors.size()));
+  for (std::size_t j = 0; j < errors.size(); ++j) {
+    const Eigen::VectorXd weight = error_weights(problem.robust, errors[j]);
+    out[static_cast<Eigen::Index>(j)] = std::sqrt(weight.dot(errors[j].cwiseAbs2()) / weight.sum());
   }
-  if (problem.robust) sd = most_likely_scale(problem, e, sd);
-  for (Eigen::Index j = 0; j < sd.size(); ++j) {
+  return out;
+}
+
+Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e) {
+  const Eigen::Index outputs = problem.run->y.rows();
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(outputs), count = squares, largest = squares;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const Eigen::Index j = problem.output[i], n = static_cast<Eigen::Index>(i);
+    squares[j] += e[n] * e[n];
+    count[j] += 1.0;
+    largest[j] = std::max(largest[j], std::abs(problem.sample[n]));
+  }
+  Eigen::VectorXd sd = squares.cwiseQuotient(count).cwiseSqrt();
+  if (problem.robust) {
+    const std::vector<Eigen::VectorXd> errors = errors_per_output(problem, e);
+    for (std::size_t j = 0; j < errors.size(); ++j) {
+      sd[static_cast<Eigen::Index>(j)] = most_likely_scale(errors[j]);
+    }
+  }
+  for (Eigen::Index j = 0; j < outputs; ++j) {
     const double given = problem.run->outputs[static_cast<std::size_t>(j)].given_sd;
     sd[j] = std::isnan(given) ? std::max(sd[j], 1e-7 * largest[j]) : given;
   }

@@ -40,6 +40,10 @@ struct UserValue {
 UserValue in_user_terms(VehicleParameter parameter, double value);
 double from_user_terms(VehicleParameter parameter, double value);
 
+/// Whether this value of a free parameter is the least softening that its curve allows (and not
+/// one that the user set): the axle is straight as far as the recording goes.
+bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value);
+
 /// Adds a parameter to the free ones, with the bounds and the scale that a model file without any
 /// gives it; it starts at value[parameter].
 void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter);
@@ -103,6 +107,9 @@ VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& 
 
 /// The unknowns with tyres of another curve, with largest forces free if it has any.
 VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve);
+
+/// Whether a free parameter lies at one of its bounds.
+bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter);
 
 /// All parameters at these coordinates, clipped to nothing.
 VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z);
@@ -175,7 +182,11 @@ double noise_information(bool robust);
 /// log of the integral of exp(-rho(r^2)/2) over r.
 double log_norm_of_noise(bool robust);
 
-/// Root mean square of the errors of each output.
+/// What errors of one output weigh where their size is judged: 1; with the robust cost min(1, (3
+/// s/e)^2), s = 1.483 median |e|: an outlier counts as 3 s, and normal noise keeps its size.
+Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e);
+
+/// Root mean square of the errors of each output, weighted by error_weights().
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e);
 
 /// Standard deviations to weigh with: the given ones, else the most likely for these errors (normal

@@ -102,14 +102,17 @@ std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Lo
   return out;
 }
 
-[[noreturn]] void no_usable_row(const Dataset& data, double min_speed, const Losses& lost) {
+/// @param which  "recording 2 of 3: ", or nothing where there is one
+[[noreturn]] void no_usable_row(const Dataset& data, double min_speed, const Losses& lost,
+                                const std::string& which) {
   const Eigen::Index N = data.size();
+  const auto present = data.u.row(1).array() == data.u.row(1).array();
+  const bool backwards = lost.slow == N && (present && data.u.row(1).array() < 0.0).all();
   std::string why;
   const auto add = [&](const std::string& reason) { why += (why.empty() ? "" : ", ") + reason; };
   if (lost.slow > 0) {
-    const double fastest = (data.u.row(1).array() == data.u.row(1).array())
-                               .select(data.u.row(1).array(), 0.0)
-                               .maxCoeff();
+    const double fastest =
+        present.select(data.u.row(1).array(), -std::numeric_limits<double>::infinity()).maxCoeff();
     add(fmt::format("{} below {:.3g} m/s (the fastest row has {:.3g} m/s)", lost.slow, min_speed,
                     fastest));
   }
@@ -117,11 +120,14 @@ std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Lo
   if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
   if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
   throw InputError(in(data),
-                   fmt::format("no usable stretch in {} row{}{}{}", N, N == 1 ? "" : "s",
+                   fmt::format("{}no usable stretch in {} row{}{}{}", which, N, N == 1 ? "" : "s",
                                why.empty() ? "" : ": ", why),
                    fmt::format("at least {} rows and {:g} s in a row with steering angle and vx",
                                kFewestRows, kShortest),
-                   lost.slow == N ? "is the unit of vx right?" : "");
+                   backwards ? "vx is negative: does the car reverse, or its axis point backwards "
+                               "(scale: -1)?"
+                   : lost.slow == N ? "is the unit of vx right?"
+                                    : "");
 }
 
 /// Takes over the samples of the outputs, leaves out those that are dead.
@@ -159,7 +165,7 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
     }
     dead += (dead.empty() ? "" : "; ") + trouble;
     run.warnings.push_back({"dead_output",
-                            "warning",
+                            "serious",
                             {output.name},
                             trouble + "; it is left out",
                             "check the channel, or take it out of the model file"});
@@ -194,6 +200,26 @@ void require_steering(const Dataset& data, VehicleRun& run) {
                           {},
                           seen + ": the car is hardly excited",
                           "record a manoeuvre: lane change, step, sine or sweep"});
+}
+
+/// What no car does is a mark for a missing value, or a wrong unit; its squares might overflow.
+void require_possible(const ModelFile& model, const Dataset& data) {
+  constexpr double kImpossible = 1e6;  // in SI, of any channel
+  for (const bool input : {true, false}) {
+    const Eigen::MatrixXd& values = input ? data.u : data.y;
+    for (Eigen::Index t = 0; t < values.cols(); ++t) {
+      for (Eigen::Index i = 0; i < values.rows(); ++i) {
+        if (!(std::abs(values(i, t)) > kImpossible)) continue;
+        const ChannelSource& channel =
+            (input ? model.inputs : model.outputs)[static_cast<std::size_t>(i)];
+        throw InputError(in(data),
+                         fmt::format("{} is {:g} in SI units at {:.6g} s", channel.name,
+                                     values(i, t), data.time[t]),
+                         "what a car may do",
+                         "leave cells empty where nothing was measured; is a unit wrong?");
+      }
+    }
+  }
 }
 
 void require_shape(const ModelFile& model, const Dataset& data) {
@@ -243,9 +269,16 @@ VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& record
   Eigen::Index at = 0;
   for (const Dataset& data : recordings) {
     require_shape(model, data);
+    require_possible(model, data);
     Losses here;
     std::vector<VehicleRun::Stretch> stretches = split(data, min_speed, here);
-    if (stretches.empty()) no_usable_row(data, min_speed, here);
+    if (stretches.empty()) {
+      no_usable_row(
+          data, min_speed, here,
+          recordings.size() > 1
+              ? fmt::format("recording {} of {}: ", run.used_of.size() + 1, recordings.size())
+              : "");
+    }
     lost += here;
     run.time.segment(at, data.size()) = data.time;
     run.steering.segment(at, data.size()) = data.u.row(0).transpose();

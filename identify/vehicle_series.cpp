@@ -32,40 +32,42 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z) {
   return series;
 }
 
-std::vector<ChannelFit> channel_fits(const Series& series) {
+std::vector<ChannelFit> channel_fits(const Series& series, bool robust) {
   std::vector<ChannelFit> out;
   for (std::size_t j = 0; j < series.channels.size(); ++j) {
     const auto row = static_cast<Eigen::Index>(j);
-    double sum = 0.0, mean = 0.0, spread = 0.0, n = 0.0;
+    std::vector<double> errors, values;
     for (Eigen::Index t = 0; t < series.time.size(); ++t) {
-      if (std::isnan(series.measured(row, t))) continue;
-      sum += std::pow(series.measured(row, t) - series.predicted(row, t), 2);
-      mean += series.measured(row, t);
-      n += 1.0;
+      const double measured = series.measured(row, t);
+      if (std::isnan(measured)) continue;
+      errors.push_back(series.predicted(row, t) - measured);
+      values.push_back(measured);
     }
-    mean /= n;
-    for (Eigen::Index t = 0; t < series.time.size(); ++t) {
-      if (!std::isnan(series.measured(row, t))) {
-        spread += std::pow(series.measured(row, t) - mean, 2);
-      }
-    }
+    const auto n = static_cast<Eigen::Index>(errors.size());
+    const Eigen::Map<const Eigen::ArrayXd> e(errors.data(), n), y(values.data(), n);
+    const Eigen::ArrayXd weight = error_weights(robust, e.matrix()).array();
+    const double mean = (weight * y).sum() / weight.sum();
     ChannelFit fit;
     fit.channel = series.channels[j];
     fit.unit = series.units[j];
-    fit.rmse = std::sqrt(sum / n);
-    fit.fit_percent = 100.0 * (1.0 - std::sqrt(sum / spread));
+    fit.rmse = std::sqrt((weight * e.square()).sum() / weight.sum());
+    fit.fit_percent =
+        100.0 *
+        (1.0 - std::sqrt((weight * e.square()).sum() / (weight * (y - mean).square()).sum()));
     out.push_back(fit);
   }
   return out;
 }
 
 Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
-                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p) {
+                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                        bool robust) {
   const VehicleRun run = usable_run(model, recordings);
   VehicleUnknowns known;
   known.value = p;
   known.curve = unknowns.curve;
-  const VehicleProblem problem = make_vehicle_problem(run, known, demand_of(known, p));
+  VehicleProblem problem = make_vehicle_problem(run, known, demand_of(known, p));
+  problem.robust = robust;
   const VehicleOptimum states =
       maximise_likelihood(problem, coordinates_of(problem, p), SolverOptions{});
   return vehicle_series(problem, states.z);

@@ -86,9 +86,7 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& str
                            const VehicleParameters<double>& p) {
   const Eigen::Index jr = run.find(VehicleQuantity::r), jv = run.find(VehicleQuantity::vy),
                      jb = run.find(VehicleQuantity::beta), ja = run.find(VehicleQuantity::ay);
-  const auto sensor = [&](Eigen::Index j) {
-    return run.outputs[static_cast<std::size_t>(j)].sensor;
-  };
+  const std::vector<VehicleReading> sensors = readings(run, linear_car(p));
   const double gravity = kStandardGravity * std::sin(p[kBank]);
   const bool filtered = jv < 0 && jb < 0;
   Washout washout;
@@ -98,13 +96,14 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& str
   for (Eigen::Index t = stretch.first; t < stretch.first + stretch.rows; ++t) {
     const double vx = run.vx[t], r = run.y(jr, t) - p[kBiasR];
     double vy = 0.0;
-    if (jv >= 0) {
-      vy = run.y(jv, t) - p[kBiasVy] - r * sensor(jv).x;
-    } else if (jb >= 0) {
-      vy = std::tan(run.y(jb, t)) * (vx - r * sensor(jb).y) - r * sensor(jb).x;
+    if (const Eigen::Index j = jv >= 0 ? jv : jb; j >= 0) {
+      vy = sensors[static_cast<std::size_t>(j)].lateral_velocity(run.y(j, t), vx, r);
     }
     double ay = 0.0;
-    if (ja >= 0) ay = run.y(ja, t) - p[kBiasAy] + r * r * sensor(ja).y;
+    if (ja >= 0) {
+      const double y = run.outputs[static_cast<std::size_t>(ja)].sensor.y;
+      ay = run.y(ja, t) - p[kBiasAy] + r * r * y;
+    }
     const double delta =
         p[kSteeringGain] * (run.steering[t] + p[kSteeringOffset]) / p[kSteeringRatio];
     Signals now;

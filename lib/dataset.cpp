@@ -254,6 +254,14 @@ std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
   std::size_t first = 0;
   for (std::size_t row = 1; row <= table.rows; ++row) {
     if (row < table.rows && !(stamps->values[row] <= stamps->values[row - 1])) continue;
+    if (row - first == 1 && table.rows > 1) {
+      throw InputError(
+          {table.path, table.line_of_row(first)},
+          row < table.rows ? "a run of this row alone: the next time stamp is not above it"
+                           : "a run of this row alone: the time stamp is not above the "
+                             "one before, and nothing follows",
+          "at least two rows in a run", "is a stamp written twice, or a row out of place?");
+    }
     out.push_back(rows_of(table, first, row - first));
     first = row;
   }

@@ -65,7 +65,7 @@ struct TimeRange {
 bool looks_like_time(const Column& column);
 
 /// The runs of a table whose time stamps restart: one table wherever a stamp is not above the one
-/// before it. The table itself when time.restarts is false.
+/// before it; itself when time.restarts is false. Throws InputError for a run of one row alone.
 std::vector<Table> split_runs(const Table& table, const TimeSource& time);
 
 /// Time stamps of a table in seconds.

@@ -52,6 +52,14 @@ double VehicleReading::value(const Motion& motion, double vx) const {
   return std::atan2(motion.vy + r * x_, vx - r * y_) + bias_;
 }
 
+double VehicleReading::lateral_velocity(double measured, double vx, double r) const {
+  const double vx_there = vx - r * y_;
+  const double vy_there = quantity_ == VehicleQuantity::beta
+                              ? vx_there * std::tan(measured - bias_)
+                              : (measured - bias_ + vx_there * sin_) / cos_;
+  return vy_there - r * x_;
+}
+
 void VehicleReading::slopes(const Motion& motion, double vx, const SlopeColumns& columns,
                             const MotionSlopes& by, Eigen::Ref<Eigen::RowVectorXd> out) const {
   const auto add = [&](VehicleParameter parameter, double slope) {

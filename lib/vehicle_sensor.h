@@ -37,6 +37,11 @@ class VehicleReading {
   /// What is measured at this motion and forward speed [m/s].
   double value(const Motion& motion, double vx) const;
 
+  /// The lateral velocity of the centre of gravity [m/s] that a reading of a sensor of vy or beta
+  /// means: value() turned round.
+  /// @param r  yaw rate [rad/s]
+  double lateral_velocity(double measured, double vx, double r) const;
+
   /// Its derivatives, from those of the motion.
   /// @param out  columns.columns of them
   void slopes(const Motion& motion, double vx, const SlopeColumns& columns, const MotionSlopes& by,

@@ -16,115 +16,58 @@ import unittest
 TOOL = str(pathlib.Path(sys.argv.pop(1)).resolve()) if len(sys.argv) > 1 else ""
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "shared" / "recordings"
 
-RACE_CAR = """
-identikal: 1
-name: race car
-model: single-track
-time: {column: t, unit: s}
-parameters:
-  m: 982 kg
-  a: 1.33 m
-  b: 1.07 m
-  Iz: {value: 1400 kg m^2}
-  Cf: {value: 8e4 N/rad}
-  Cr: {value: 8e4 N/rad}
-  steering_offset: {value: 0 rad}
-  mounting_angle: {value: 0 rad}
-tyre: {curve: tanh}
-inputs: {road_wheel_angle: {column: delta, unit: rad}, vx: {column: vx, unit: m/s}}
-outputs: {r: {column: yawRate, unit: rad/s}, vy: {column: vy, unit: m/s}}
-"""
 
-BY_WIRE = """
-identikal: 1
-name: by-wire car
-model: single-track
-time: {column: t, unit: s}
-parameters:
-  m: 1659 kg
-  a: 1.044 m
-  b: 1.424 m
-  Iz: 2447 kg m^2
-  Cf: {value: 1e5 N/rad}
-  Cr: {value: 1e5 N/rad}
-GAIN
-inputs: {road_wheel_angle: {column: deltaMeasured_rad, unit: rad}, vx: {column: Ux_mps, unit: m/s}}
-outputs: {r: {column: r_radps, unit: rad/s}, vy: {column: Uy_mps, unit: m/s}}
-use_when: vx > 3
-"""
+def car(name, time, parameters, inputs, outputs, *more):
+    """A model file of a car."""
+    lines = ["identikal: 1", f"name: {name}", "model: single-track", f"time: {{column: {time}}}", "parameters:"]
+    lines += ["  " + each for each in parameters]
+    return "\n".join([*lines, f"inputs: {{{inputs}}}", f"outputs: {{{outputs}}}", *more]) + "\n"
 
-CIRCLES = """
-identikal: 1
-name: circles
-model: single-track
-time: {column: t, unit: s, runs: restart}
-parameters: {m: 700 kg, a: 1 m, b: 1 m, steering_ratio: 20, Iz: {value: 700}, Cf: {value: 3e4}, Cr: {value: 3e4}}
-inputs: {steering_wheel_angle: {column: swa_cmd_rad, unit: rad}, vx: {column: v_ins_mps, unit: m/s}}
-outputs: {r: {column: yaw_rate_rps, unit: rad/s, scale: -1}}
-use_when: vx > 1
-"""
 
-CHIRP = """
-identikal: 1
-name: chirp
-model: single-track
-time: {column: TIME, unit: s}
-parameters:
-  m: 1600 kg
-  a: 1.029375 m
-  b: 1.715625 m
-  steering_ratio: 20
-  Iz: {value: 2800 kg m^2}
-  Cf: {value: 1e5 N/rad}
-  Cr: {value: 1e5 N/rad}
-inputs: {steering_wheel_angle: {column: STEER, unit: deg}, vx: {column: SPEED, unit: km/h}}
-outputs: {r: {column: YAWVEL, unit: deg/s}}
-"""
+def body(m, a, b, *others):
+    """Mass, lengths and what else is known of a car, in the model file's words."""
+    return [f"m: {m} kg", f"a: {a} m", f"b: {b} m", *others]
 
-SLALOM = """
-identikal: 1
-name: slalom
-model: single-track
-time: {column: INS_time_sec, unit: s}
-parameters:
-  m: 1900 kg
-  a: 1.4 m
-  b: 1.4 m
-  steering_ratio: 15
-  Iz: {value: 3000 kg m^2}
-  Cf: {value: 1e5 N/rad}
-  Cr: {value: 1e5 N/rad}
-inputs: {steering_wheel_angle: {column: SW_pos_obd, unit: deg}, vx: {column: speedo_obd, unit: km/h}}
-outputs: {r: {column: yaw_rate, unit: deg/s}, ay: {column: LatAcc_obd, unit: m/s^2}}
-"""
 
-HIGHWAY = """
-identikal: 1
-name: highway
-model: single-track
-time: {column: t, unit: s}
-parameters:
-  m: 1700 kg
-  a: 1.2 m
-  b: 1.46 m
-  steering_ratio: 16
-  Iz: {value: 2900 kg m^2}
-  Cf: {value: 1e5 N/rad}
-  Cr: {value: 1e5 N/rad}
-inputs: {steering_wheel_angle: {column: steering_wheel_deg, unit: deg}, vx: {column: speed_mps, unit: m/s}}
-outputs: {r: {column: gyro_down, unit: rad/s, scale: -1}}
-"""
+def sought(Iz, Cf, Cr):
+    return [f"Iz: {{value: {Iz} kg m^2}}", f"Cf: {{value: {Cf} N/rad}}", f"Cr: {{value: {Cr} N/rad}}"]
 
-AUTONOMOUS = """
-identikal: 1
-name: autonomous race car
-model: single-track
-time: {column: time, unit: s}
-parameters: {m: 790 kg, a: 1.72 m, b: 1.25 m, Iz: {value: 1000 kg m^2}, Cf: {value: 1e5 N/rad}, Cr: {value: 1e5 N/rad}}
-inputs: {road_wheel_angle: {column: delta, unit: rad}, vx: {column: vx, unit: m/s}}
-outputs: {r: {column: omega, unit: rad/s}, vy: {column: vy, unit: m/s}}
-use_when: vx > 5
-"""
+
+def steered_by_wheel(steering, steering_unit, vx, vx_unit):
+    return f"steering_wheel_angle: {{column: {steering}, unit: {steering_unit}}}, vx: {{column: {vx}, unit: {vx_unit}}}"
+
+
+def steered_at_road(steering, vx):
+    return f"road_wheel_angle: {{column: {steering}, unit: rad}}, vx: {{column: {vx}, unit: m/s}}"
+
+
+def lateral(r, vy):
+    return f"r: {{column: {r}, unit: rad/s}}, vy: {{column: {vy}, unit: m/s}}"
+
+
+RACE_CAR = car("race car", "t, unit: s",
+               body(982, 1.33, 1.07, "steering_offset: {value: 0 rad}", "mounting_angle: {value: 0 rad}") + sought(1400, 8e4, 8e4),
+               steered_at_road("delta", "vx"), lateral("yawRate", "vy"), "tyre: {curve: tanh}")
+
+
+def by_wire(*more):
+    return car("by-wire car", "t, unit: s",
+               body(1659, 1.044, 1.424, "Iz: 2447 kg m^2", *sought(0, 1e5, 1e5)[1:], *more),
+               steered_at_road("deltaMeasured_rad", "Ux_mps"), lateral("r_radps", "Uy_mps"), "use_when: vx > 3")
+
+
+CIRCLES = car("circles", "t, unit: s, runs: restart", body(700, 1, 1, "steering_ratio: 20") + sought(700, 3e4, 3e4),
+              steered_by_wheel("swa_cmd_rad", "rad", "v_ins_mps", "m/s"), "r: {column: yaw_rate_rps, unit: rad/s, scale: -1}",
+              "use_when: vx > 1")
+CHIRP = car("chirp", "TIME, unit: s", body(1600, 1.029375, 1.715625, "steering_ratio: 20") + sought(2800, 1e5, 1e5),
+            steered_by_wheel("STEER", "deg", "SPEED", "km/h"), "r: {column: YAWVEL, unit: deg/s}")
+SLALOM = car("slalom", "INS_time_sec, unit: s", body(1900, 1.4, 1.4, "steering_ratio: 15") + sought(3000, 1e5, 1e5),
+             steered_by_wheel("SW_pos_obd", "deg", "speedo_obd", "km/h"),
+             "r: {column: yaw_rate, unit: deg/s}, ay: {column: LatAcc_obd, unit: m/s^2}")
+HIGHWAY = car("highway", "t, unit: s", body(1700, 1.2, 1.46, "steering_ratio: 16") + sought(2900, 1e5, 1e5),
+              steered_by_wheel("steering_wheel_deg", "deg", "speed_mps", "m/s"), "r: {column: gyro_down, unit: rad/s, scale: -1}")
+AUTONOMOUS = car("autonomous race car", "time, unit: s", body(790, 1.72, 1.25) + sought(1000, 1e5, 1e5),
+                 steered_at_road("delta", "vx"), lateral("omega", "vy"), "use_when: vx > 5")
 
 
 @unittest.skipUnless(FOLDER.exists() or os.environ.get("CI") == "true", "no recordings beside the repository")
@@ -179,13 +122,13 @@ class Recordings(unittest.TestCase):
 
     def test_wrong_steering_ratio(self):
         data = FOLDER / "stanford_me227_ab.csv"
-        code, free, p = self.fit(BY_WIRE.replace("GAIN", "  steering_gain: {value: 1}\n  steering_offset: {value: 0 rad}"), data)
+        code, free, p = self.fit(by_wire("steering_gain: {value: 1}", "steering_offset: {value: 0 rad}"), data)
         gain = p["steering_gain"]
         print(f"\nby-wire car: steering gain {gain['value']:.3f} +- {gain['se']:.4f}, fit of r "
               f"{free['fit']['simulation']['r']['fit_percent']:.1f} %")
         self.assertAlmostEqual(gain["value"], 1.12, delta=0.02)
         self.assertIn("the given steering ratio is wrong", self.warning(free, "steering_ratio")["text"])
-        code, trusted, _ = self.fit(BY_WIRE.replace("GAIN", ""), data)
+        code, trusted, _ = self.fit(by_wire(), data)
         print(self.warning(trusted, "steering_gain")["text"])
         self.assertEqual(code, 1)
 

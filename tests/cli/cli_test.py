@@ -891,6 +891,18 @@ class BadInput(unittest.TestCase):
             self.assertEqual(0, done.returncode, done.stderr)
             self.assertIn("SERIOUS", done.stdout)
 
+    def test_survey_of_runs(self):
+        """What the survey advises for a file of several runs, it takes itself."""
+        lines = pathlib.Path(LANE_CHANGE[1]).read_text().splitlines()
+        rows = [line for line in lines if line[0].isdigit() or line[0] == "-"]
+        head = [line for line in lines if line not in rows]
+        data = self.folder.write("runs.csv", "\n".join([*head, *rows, *rows]) + "\n")
+        self.assertIn("several_runs", run("info", "--vehicle", data, code=0).stdout)
+        model = self.folder.write("runs.yaml", pathlib.Path(LANE_CHANGE[0]).read_text().replace("unit: s}", "unit: s, runs: restart}", 1))
+        self.assertIn("nothing wrong was found", run("info", "--vehicle", model, data, code=0).stdout)
+        data = self.folder.write("runs.csv", "\n".join([*head, *rows, rows[0]]) + "\n")
+        self.refused(["a run of this row alone", "is a stamp written twice"], "fit", model, data)
+
     def test_time(self):
         header = "t,swa,speed,yaw_rate,vy\n"
         rows = [f"{i / 10},{i % 7},60,{i % 5},0.1\n" for i in range(70)]

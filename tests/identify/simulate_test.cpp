@@ -10,7 +10,7 @@
 
 #include "lib/error.h"
 #include "lib/steering_response.h"
-#include "tests/support/thesis_car.h"
+#include "lib/thesis_car.h"
 #include "tests/support/vehicle_case.h"
 
 namespace identikal {

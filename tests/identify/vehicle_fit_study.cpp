@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "identify/vehicle_fit.h"
+#include "lib/thesis_car.h"
 #include "lib/vehicle_motion.h"
-#include "tests/support/thesis_car.h"
 #include "tests/support/vehicle_case.h"
 
 namespace identikal {

@@ -160,6 +160,68 @@ TEST(VehicleSurvey, SwappedChannels) {
   EXPECT_TRUE(alarms(sideways).contains("swapped_channels"));
 }
 
+// The yaw rate stands in the column of vy, and vy in that of the yaw rate.
+TEST(VehicleSurvey, YawRateAndLateralVelocityExchanged) {
+  const VehicleSurvey swapped = surveyed_when([](Dataset& d) {
+    const Eigen::RowVectorXd r = d.y.row(kRowR);
+    d.y.row(kRowR) = d.y.row(kVy);
+    d.y.row(kVy) = r;
+  });
+  const Warning* found = finding(swapped, "swapped_channels");
+  ASSERT_NE(found, nullptr);
+  EXPECT_EQ(found->about, (std::vector<std::string>{"r", "vy"}));
+  EXPECT_THAT(found->text, HasSubstr("'vy' behaves like r"));
+  EXPECT_FALSE(alarms(swapped).contains("units_ay"));
+  EXPECT_FALSE(alarms(swapped).contains("sign_r"));
+}
+
+// Two rows of three have no yaw rate: nothing is held.
+TEST(VehicleSurvey, EmptyCellsAreNoHeldSamples) {
+  const VehicleSurvey s = surveyed_when([](Dataset& d) {
+    for (Index i = 0; i < d.size(); ++i) {
+      if (i % 3 != 0) d.y(kRowR, i) = kNaN;
+    }
+  });
+  EXPECT_EQ(alarms(s), Codes{});
+  for (const VehicleSurvey::Signal& x : s.signals) EXPECT_EQ(x.held, 0.0) << x.column;
+  // Held at 10 Hz, and every second cell of that empty: four samples of five repeat the one before.
+  const VehicleSurvey held = surveyed_when([](Dataset& d) {
+    for (Index i = 0; i < d.size(); ++i) {
+      d.y(kRowR, i) = i % 2 == 0 ? d.y(kRowR, i - i % 10) : kNaN;
+    }
+  });
+  EXPECT_THAT(finding(held, "held_samples")->text, HasSubstr("80 %"));
+}
+
+// Whatever is missing, dead or too short, no text holds a number that is none.
+TEST(VehicleSurvey, TextsHoldNumbers) {
+  const auto check = [](const VehicleSurvey& s, const char* what) {
+    const std::string text = survey_text(s);
+    for (const char* none : {"nan", " inf", "-inf", "e+2"}) {
+      EXPECT_EQ(text.find(none), std::string::npos) << what << "\n" << text;
+    }
+  };
+  check(surveyed_when([](Dataset& d) { d.u.row(0).setZero(); }), "no steering");
+  check(surveyed_when([](Dataset& d) { d.u.row(1).setZero(); }), "no speed");
+  check(surveyed_when([](Dataset& d) { d.u.row(1).setConstant(-20.0); }), "backwards");
+  for (const Index row : {kRowR, kVy, kAy, kBeta}) {
+    check(surveyed_when([&](Dataset& d) { d.y.row(row).setZero(); }), "dead");
+    check(surveyed_when([&](Dataset& d) { d.y.row(row).setConstant(kNaN); }), "empty");
+    check(surveyed_when([&](Dataset& d) { d.y.row(row).tail(3990).setZero(); }), "dies");
+  }
+  check(surveyed_when([](Dataset& d) { d.u.row(0).tail(3990).setZero(); }), "steers at first");
+  check(surveyed_when([](Dataset& d) { d.y.topRows(3).setZero(); }), "straight on");
+  for (const Index rows : {1, 2, 41, 60, 300}) {
+    check(surveyed(first_samples(drive_around(), rows)), "short");
+  }
+  // 10 s at 5 Hz: driven, but too few samples for a spectrum.
+  const Dataset slow = testing::record(
+      {}, testing::uniform_time(10.0, 5.0), kAll, [](double t) { return std::sin(t); },
+      [](double) { return 20.0; });
+  check(surveyed(slow), "10 s at 5 Hz");
+  check(survey({}), "nothing");
+}
+
 // Shifts a row by whole samples: what is recorded at t was there at t - seconds.
 void come_late(Dataset& d, Eigen::MatrixXd& values, Index row, double seconds) {
   const VectorXd x = values.row(row).transpose();

@@ -18,6 +18,7 @@ namespace identikal {
 namespace {
 
 using testing::ElementsAreArray;
+using testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 
@@ -309,6 +310,31 @@ Dataset recording(const std::vector<double>& time) {
   data.inputs = {{"u", "m"}};
   data.outputs = {{"y", "m"}};
   return data;
+}
+
+TEST(Runs, BeginWhereTimeDoesNotIncrease) {
+  TimeSource time;
+  time.column = "t";
+  time.restarts = true;
+  const auto runs = [&](const std::vector<double>& stamps) {
+    return split_runs(
+        table({column("t", "s", stamps), column("y", "", std::vector<double>(stamps.size(), 1.0))}),
+        time);
+  };
+  const std::vector<Table> two = runs({0, 1, 2, 0, 1});
+  ASSERT_EQ(two.size(), 2u);
+  EXPECT_EQ(two[0].rows, 3u);
+  EXPECT_EQ(two[1].columns[0].values, (std::vector<double>{0, 1}));
+  // A stamp written twice, or a row out of place, is no run.
+  EXPECT_THAT(message_of([&] {
+                runs({0, 1, 1, 2, 2});
+              }),
+              HasSubstr("a run of this row alone: the time stamp is not above the one before"));
+  EXPECT_THAT(message_of([&] {
+                runs({5, 0, 1});
+              }),
+              HasSubstr("a run of this row alone: the next time stamp is not above it"));
+  EXPECT_EQ(runs({3}).size(), 1u);
 }
 
 TEST(UniformRaster, AbsentRowsBecomeMissingSamples) {

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/thesis_car.h"
+#include "lib/thesis_car.h"
 
 namespace identikal {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "lib/interpolation.h"
 #include "lib/steering_response.h"
+#include "lib/thesis_car.h"
 #include "lib/vehicle_motion.h"
-#include "tests/support/thesis_car.h"
 
 namespace identikal {
 namespace {

@@ -8,8 +8,8 @@
 #include "lib/dual.h"
 #include "lib/manoeuvre.h"
 #include "lib/steering_response.h"
+#include "lib/thesis_car.h"
 #include "lib/vehicle_sensor.h"
-#include "tests/support/thesis_car.h"
 
 namespace identikal {
 namespace {

@@ -12,6 +12,7 @@
 
 #include "identify/estimate.h"
 #include "identify/model_file.h"
+#include "identify/thesis_drive.h"
 #include "identify/vehicle_fit.h"
 #include "lib/dataset.h"
 #include "lib/manoeuvre.h"
@@ -140,29 +141,7 @@ inline Parameter unknown(const std::string& name, const std::string& unit, doubl
   return p;
 }
 
-/// Mass, lengths and ratio known; Cf, Cr and Iz free from 8e4 N/rad and 2319 kg m^2.
-inline ModelFile thesis_model(const std::vector<std::string>& outputs = {"r", "vy"}) {
-  ModelFile model;
-  model.path = "car.yaml";
-  model.name = "lane change";
-  model.form = ModelFile::Form::single_track;
-  model.parameters = {known("m", "kg", 1446.0),
-                      known("a", "m", 0.987),
-                      known("b", "m", 1.525),
-                      known("steering_ratio", "", 21.0),
-                      unknown("Iz", "kg m^2", 2319.0, 800.0, 6000.0),
-                      unknown("Cf", "N/rad", 8e4, 1e4, 4e5),
-                      unknown("Cr", "N/rad", 8e4, 1e4, 4e5)};
-  model.inputs.resize(2);
-  model.inputs[0].name = "steering_wheel_angle";
-  model.inputs[1].name = "vx";
-  for (const std::string& name : outputs) {
-    ChannelSource source;
-    source.name = name;
-    model.outputs.push_back(source);
-  }
-  return model;
-}
+using identikal::thesis_model;
 
 /// For Monte Carlo: the fit alone, without the survey and the other forms of the model.
 inline VehicleFitOptions without_second_opinion() {

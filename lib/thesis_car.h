@@ -1,10 +1,11 @@
-// The passenger car of Sladká (2010), table 8.1.
+// Which car do examples, studies and tests drive?
 #pragma once
 
 #include "lib/single_track.h"
 
 namespace identikal {
 
+/// The passenger car of Sladká (2010), table 8.1, SI; neutral where the table is silent.
 inline VehicleParameters<double> thesis_car() {
   VehicleParameters<double> p = neutral_vehicle();
   p[kMass] = 1446.0;
