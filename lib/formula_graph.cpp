@@ -127,6 +127,10 @@ FormulaGraph::Id FormulaGraph::difference(Id a, Id b) {
   if (is_number(b, 0.0)) return a;
   if (node(b).op == Op::negate) return sum(a, node(b).a);
   if (node(a).op == Op::negate) return negated(sum(node(a).a, b));
+  const Split parts = split(b);
+  if (!node(b).held && !is_number(parts.held, 1.0)) {
+    return sum(a, product(negated(parts.held), parts.moving));
+  }
   Node out;
   out.op = Op::subtract;
   out.a = a;
@@ -150,8 +154,14 @@ FormulaGraph::Id FormulaGraph::product(Id a, Id b) {
   if (is_number(b, 1.0)) return a;
   if (is_number(a, -1.0)) return negated(b);
   if (is_number(b, -1.0)) return negated(a);
-  if (node(a).op == Op::negate) return negated(product(node(a).a, b));
-  if (node(b).op == Op::negate) return negated(product(a, node(b).a));
+  // A sign goes into the held factor where there is one: see negated().
+  const bool both_held = node(a).held && node(b).held;
+  if (node(a).op == Op::negate && (both_held || !node(a).held)) {
+    return negated(product(node(a).a, b));
+  }
+  if (node(b).op == Op::negate && (both_held || !node(b).held)) {
+    return negated(product(a, node(b).a));
+  }
   // What is held is gathered in one factor, computed once for many evaluations.
   const Split left = split(a), right = split(b);
   const bool regroup =

@@ -12,11 +12,12 @@ using Id = FormulaGraph::Id;
 
 // Beyond those of Op.
 enum TapeCode : std::uint16_t {
-  kMultiplyAdd = 100,  // a b + c
-  kMultiplySubtract,   // a b - c
-  kSubtractProduct,    // c - a b
-  kTwoProducts,        // a b + c d
-  kSumOfProducts,      // sum of positive a b - sum of negative a b
+  kMultiplyAdd = static_cast<int>(Op::hypot) + 1,  // a b + c
+  kMultiplySubtract,                               // a b - c
+  kSubtractProduct,                                // c - a b
+  kTwoProducts,                                    // a b + c d
+  kThreeProducts,                                  // the same of six factors in `places`
+  kSumOfProducts,                                  // sum of positive a b - sum of negative a b
 };
 
 constexpr std::size_t kMostTerms = 1000;  // of one instruction
@@ -238,6 +239,7 @@ class TapeLayout {
         ++(term.negative ? sum.negative : sum.positive);
         out_.places.insert(out_.places.end(), {term.a, term.b});
       }
+      if (sum.positive == 3 && sum.negative == 0) sum.code = kThreeProducts;
       push(sum);
       begin = end;
     }
@@ -290,6 +292,11 @@ void run(const Tape& tape, double* s, std::size_t begin, std::size_t end) {
       case kTwoProducts:
         *result = a * s[at->b] + s[at->c] * s[at->d];
         break;
+      case kThreeProducts: {
+        const std::uint32_t* place = tape.places.data() + at->d;
+        *result = s[place[0]] * s[place[1]] + s[place[2]] * s[place[3]] + s[place[4]] * s[place[5]];
+        break;
+      }
       case kSumOfProducts: {
         const std::uint32_t* place = tape.places.data() + at->d;
         double sum = 0.0;
