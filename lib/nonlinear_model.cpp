@@ -36,6 +36,22 @@ std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<
   return out;
 }
 
+// Values, their derivatives row by row, and the derivatives of the first nx columns of those,
+// column by column.
+Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
+                    const std::vector<std::vector<Id>>& slopes, std::size_t nx,
+                    const std::vector<int>& by) {
+  std::vector<Id> all = values;
+  for (const std::vector<Id>& row : slopes) all.insert(all.end(), row.begin(), row.end());
+  for (std::size_t j = 0; j < nx; ++j) {
+    for (const std::vector<Id>& row : slopes) {
+      const std::vector<Id> second = graph.gradient(row[j], by);
+      all.insert(all.end(), second.begin(), second.end());
+    }
+  }
+  return make_tape(graph, all);
+}
+
 // Where the symbols of ModelFormulas stand.
 struct SymbolPlaces {
   explicit SymbolPlaces(const ModelFormulas& m)
@@ -104,6 +120,12 @@ std::span<double> span_of(ModelMemory::Rows& M) {
   return {M.data(), static_cast<std::size_t>(M.size())};
 }
 
+void check_order(const NonlinearModel& model, Derivatives order) {
+  if (order == Derivatives::second && model.order == Derivatives::first) {
+    throw std::invalid_argument("the model was made without second derivatives");
+  }
+}
+
 // The classical method's stages: how far into the step, and their weights.
 struct Stage {
   double reach, weight;
@@ -112,9 +134,61 @@ struct Stage {
 constexpr Stage kStages[] = {
     {0.0, 1.0 / 6.0, 0}, {0.5, 1.0 / 3.0, 1}, {0.5, 1.0 / 3.0, 1}, {1.0, 1.0 / 6.0, 2}};
 
+// f at a state, into rate.x, J and, second order, H.
+void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
+                    const double* u, double time) {
+  if (order == Derivatives::first) {
+    write_point(model, m.rate_slopes, x, u, time);
+    evaluate_jacobian(model.rate_slopes, m.rate_slopes, span_of(m.rate.x), span_of(m.J));
+    return;
+  }
+  write_point(model, m.rate_curvature, x, u, time);
+  evaluate_values(model.rate_curvature, m.rate_curvature, span_of(m.values));
+  m.rate.x = m.values.head(m.rate.x.size());
+  std::copy_n(m.values.data() + m.rate.x.size(), m.J.size(), m.J.data());
+  std::copy_n(m.values.data() + m.rate.x.size() + m.J.size(), m.H.size(), m.H.data());
+}
+
+// Derivatives of the rates by the step's begin, from those of the stage's state.
+void chain_slopes(const NonlinearModel& model, ModelMemory& m, Derivatives order) {
+  const Index nx = model.states, np = model.parameters;
+  const auto chain = [&](const auto& by, const ModelMemory::Rows& inner, auto&& out) {
+    out.leftCols(nx).setZero();
+    out.rightCols(np) = by.rightCols(np);
+    for (Index j = 0; j < nx; ++j) out += by[j] * inner.row(j);
+  };
+  for (Index i = 0; i < nx; ++i) chain(m.J.row(i), m.stage.slopes, m.rate.slopes.row(i));
+  if (order == Derivatives::first) return;
+  // d/dtheta (f_x S_x) = f_x dS_x + df_x S_x
+  for (Index i = 0; i < nx * nx; ++i) chain(m.H.row(i), m.stage.slopes, m.turned.row(i));
+  m.rate.curvature.setZero();
+  for (Index j = 0; j < nx; ++j) {
+    for (Index l = 0; l < nx; ++l) {
+      for (Index i = 0; i < nx; ++i) {
+        m.rate.curvature.row(i + nx * j) += m.J(i, l) * m.stage.curvature.row(l + nx * j) +
+                                            m.stage.slopes(l, j) * m.turned.row(i + nx * l);
+      }
+    }
+  }
+}
+
+// to += factor * what; only the parts that are in use.
+void add_motion(ModelMemory::Motion& to, double factor, const ModelMemory::Motion& what,
+                Derivatives order) {
+  to.x += factor * what.x;
+  to.slopes += factor * what.slopes;
+  if (order == Derivatives::second) to.curvature += factor * what.curvature;
+}
+
+void clear_motion(ModelMemory::Motion& motion) {
+  motion.x.setZero();
+  motion.slopes.setZero();
+  motion.curvature.setZero();
+}
+
 }  // namespace
 
-NonlinearModel make_nonlinear_model(const ModelFormulas& formulas) {
+NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives order) {
   if (formulas.dynamics.size() != static_cast<std::size_t>(formulas.states)) {
     std::ostringstream text;
     text << "make_nonlinear_model: " << formulas.states << " states and "
@@ -141,9 +215,16 @@ NonlinearModel make_nonlinear_model(const ModelFormulas& formulas) {
   out.outputs = static_cast<Index>(h.size());
   out.continuous = formulas.continuous;
   const std::vector<int> by = joined(at.x, at.p);
+  out.order = order;
   out.rates = make_tape(graph, f);
-  out.rate_slopes = make_tape(graph, f, jacobian_of(graph, f, by));
-  out.output_slopes = make_tape(graph, h, jacobian_of(graph, h, by));
+  const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
+                                     by_h = jacobian_of(graph, h, by);
+  out.rate_slopes = make_tape(graph, f, by_f);
+  out.output_slopes = make_tape(graph, h, by_h);
+  if (order == Derivatives::second) {
+    out.rate_curvature = curvature_tape(graph, f, by_f, at.x.size(), by);
+    out.output_curvature = curvature_tape(graph, h, by_h, at.x.size(), by);
+  }
   find_linear_form(graph, at, f, h, out);
   return out;
 }
@@ -226,14 +307,23 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
 
 ModelMemory make_memory(const NonlinearModel& model) {
   const Index nx = model.states, columns = nx + model.parameters;
+  const Index second = model.order == Derivatives::second ? nx * nx : 0;
   ModelMemory out;
   out.rates = make_memory(model.rates);
   out.rate_slopes = make_memory(model.rate_slopes);
   out.output_slopes = make_memory(model.output_slopes);
-  for (Eigen::VectorXd* v : {&out.x, &out.f, &out.sum}) v->setZero(nx);
-  for (ModelMemory::Rows* M : {&out.J, &out.S, &out.K, &out.slope_sum, &out.stage}) {
-    M->setZero(nx, columns);
+  out.rate_curvature = make_memory(model.rate_curvature);
+  out.output_curvature = make_memory(model.output_curvature);
+  for (ModelMemory::Motion* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
+    motion->x.setZero(nx);
+    motion->slopes.setZero(nx, columns);
+    motion->curvature.setZero(second, columns);
   }
+  out.J.setZero(nx, columns);
+  out.H.setZero(second, columns);
+  out.turned.setZero(second, columns);
+  out.values.setZero(
+      static_cast<Index>(std::max(model.rate_curvature.values, model.output_curvature.values)));
   out.y.setZero(model.outputs);
   out.y_slopes.setZero(model.outputs, columns);
   return out;
@@ -248,6 +338,9 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
   write(model.rates, memory.rates);
   write(model.rate_slopes, memory.rate_slopes);
   write(model.output_slopes, memory.output_slopes);
+  if (model.order == Derivatives::first) return;
+  write(model.rate_curvature, memory.rate_curvature);
+  write(model.output_curvature, memory.output_curvature);
 }
 
 void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
@@ -257,82 +350,84 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const Index first = inputs.first[interval];
   if (!model.continuous) {
     write_point(model, m.rates, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    evaluate_values(model.rates, m.rates, span_of(m.f));
-    x = m.f;
+    evaluate_values(model.rates, m.rates, span_of(m.rate.x));
+    x = m.rate.x;
     return;
   }
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   for (int i = 0; i < steps; ++i) {
-    m.sum.setZero();
+    m.sum.x.setZero();
     for (const Stage& stage : kStages) {
-      m.x = x;
-      if (stage.reach > 0.0) m.x += stage.reach * h * m.f;
-      write_point(model, m.rates, m.x.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+      m.stage.x = x;
+      if (stage.reach > 0.0) m.stage.x += stage.reach * h * m.rate.x;
+      write_point(model, m.rates, m.stage.x.data(), inputs.u.col(first + 2 * i + stage.node).data(),
                   inputs.time[k] + (i + stage.reach) * h);
-      evaluate_values(model.rates, m.rates, span_of(m.f));
-      m.sum += stage.weight * m.f;
+      evaluate_values(model.rates, m.rates, span_of(m.rate.x));
+      m.sum.x += stage.weight * m.rate.x;
     }
-    x += h * m.sum;
+    x += h * m.sum.x;
   }
 }
 
 void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
-          Eigen::Ref<Eigen::VectorXd> x, Eigen::Ref<Eigen::MatrixXd> by_x,
-          Eigen::Ref<Eigen::MatrixXd> by_p) {
+          Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order) {
   check_step_arguments(model, inputs, k);
+  check_order(model, order);
   const Index nx = model.states, np = model.parameters;
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
+  m.begin.x = x;
   if (!model.continuous) {
-    write_point(model, m.rate_slopes, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    evaluate_jacobian(model.rate_slopes, m.rate_slopes, span_of(m.f), span_of(m.S));
-    x = m.f;
+    evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
+    m.begin.x = m.rate.x;
+    m.begin.slopes = m.J;
+    m.begin.curvature = m.H;
   } else {
     const int steps = inputs.steps[interval];
     const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
-    m.S.setZero();
-    m.S.leftCols(nx).diagonal().setOnes();
+    m.begin.slopes.setZero();
+    m.begin.slopes.leftCols(nx).diagonal().setOnes();
+    m.begin.curvature.setZero();
     for (int i = 0; i < steps; ++i) {
-      m.sum.setZero();
-      m.slope_sum.setZero();
+      clear_motion(m.sum);
       for (const Stage& stage : kStages) {
-        m.x = x;
-        m.stage = m.S;
-        if (stage.reach > 0.0) {
-          m.x += stage.reach * h * m.f;
-          m.stage += stage.reach * h * m.K;
-        }
-        write_point(model, m.rate_slopes, m.x.data(),
-                    inputs.u.col(first + 2 * i + stage.node).data(),
-                    inputs.time[k] + (i + stage.reach) * h);
-        evaluate_jacobian(model.rate_slopes, m.rate_slopes, span_of(m.f), span_of(m.J));
-        // K = f_x stage + [0 f_p], row by row: the matrices are small and wide.
-        m.K.leftCols(nx).setZero();
-        m.K.rightCols(np) = m.J.rightCols(np);
-        for (Index row = 0; row < nx; ++row) {
-          for (Index j = 0; j < nx; ++j) m.K.row(row) += m.J(row, j) * m.stage.row(j);
-        }
-        m.sum += stage.weight * m.f;
-        m.slope_sum += stage.weight * m.K;
+        m.stage = m.begin;
+        if (stage.reach > 0.0) add_motion(m.stage, stage.reach * h, m.rate, order);
+        evaluate_rates(model, m, order, m.stage.x.data(),
+                       inputs.u.col(first + 2 * i + stage.node).data(),
+                       inputs.time[k] + (i + stage.reach) * h);
+        chain_slopes(model, m, order);
+        add_motion(m.sum, stage.weight, m.rate, order);
       }
-      x += h * m.sum;
-      m.S += h * m.slope_sum;
+      add_motion(m.begin, h, m.sum, order);
     }
   }
-  by_x = m.S.leftCols(nx);
-  by_p = m.S.rightCols(np);
+  x = m.begin.x;
+  slopes.by_x = m.begin.slopes.leftCols(nx);
+  slopes.by_p = m.begin.slopes.rightCols(np);
+  if (order == Derivatives::second) slopes.by_x_slopes = m.begin.curvature;
 }
 
 void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
-             double time, Eigen::Ref<Eigen::VectorXd> y, Eigen::Ref<Eigen::MatrixXd> by_x,
-             Eigen::Ref<Eigen::MatrixXd> by_p) {
-  write_point(model, m.output_slopes, x.data(), u.data(), time);
-  evaluate_jacobian(model.output_slopes, m.output_slopes, span_of(m.y), span_of(m.y_slopes));
+             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes, Derivatives order) {
+  check_order(model, order);
+  const Index nx = model.states, np = model.parameters, ny = model.outputs;
+  if (order == Derivatives::first) {
+    write_point(model, m.output_slopes, x.data(), u.data(), time);
+    evaluate_jacobian(model.output_slopes, m.output_slopes, span_of(m.y), span_of(m.y_slopes));
+  } else {
+    write_point(model, m.output_curvature, x.data(), u.data(), time);
+    evaluate_values(model.output_curvature, m.output_curvature, span_of(m.values));
+    m.y = m.values.head(ny);
+    std::copy_n(m.values.data() + ny, m.y_slopes.size(), m.y_slopes.data());
+    slopes.by_x_slopes = Eigen::Map<const ModelMemory::Rows>(
+        m.values.data() + ny + m.y_slopes.size(), ny * nx, nx + np);
+  }
   y = m.y;
-  by_x = m.y_slopes.leftCols(model.states);
-  by_p = m.y_slopes.rightCols(model.parameters);
+  slopes.by_x = m.y_slopes.leftCols(nx);
+  slopes.by_p = m.y_slopes.rightCols(np);
 }
 
 }  // namespace identikal

@@ -20,13 +20,20 @@ struct ModelFormulas {
   bool continuous = true;
 };
 
+/// How often f and h are derived. A filter's covariance needs the first derivatives; the exact
+/// gradient of what it computes from them needs the second.
+enum class Derivatives { first, second };
+
 /// The same, ready to be evaluated.
 struct NonlinearModel {
   Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
   bool continuous = true;
-  Tape rates;          ///< f
-  Tape rate_slopes;    ///< f and its derivatives by [x; p]
-  Tape output_slopes;  ///< h and its derivatives by [x; p]
+  Derivatives order = Derivatives::first;  ///< that the tapes below can give
+  Tape rates;                              ///< f
+  Tape rate_slopes, output_slopes;         ///< f, h and their derivatives by [x; p]
+  /// Derivatives::second: as values of one tape f, its derivatives by [x; p] row by row, and the
+  /// derivatives of those by x, by [x; p]; and the same of h.
+  Tape rate_curvature, output_curvature;
   /// x' or x(t+1) = A x + B u + c, y = C x + D u + d with matrices of the parameters alone.
   bool linear = false;
   bool offset = false;  ///< c or d is there
@@ -35,7 +42,8 @@ struct NonlinearModel {
 
 /// @throws std::invalid_argument unless there is a formula per state; FormulaError when the
 /// derivatives are too large
-NonlinearModel make_nonlinear_model(const ModelFormulas& formulas);
+NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
+                                    Derivatives order = Derivatives::first);
 
 /// A linear model's matrices. With an offset, B and D have a last column for an input that is
 /// always 1.
@@ -77,12 +85,18 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
 /// Memory of an evaluation, one per thread; parameters are those last set.
 struct ModelMemory {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  TapeMemory rates, rate_slopes, output_slopes;
-  Eigen::VectorXd x, f, sum;  ///< nx
-  Rows J, S, K, slope_sum;    ///< nx x (nx + np): of a stage; of the state, the stage, their sum
-  Rows stage;                 ///< nx x (nx + np)
-  Eigen::VectorXd y;          ///< ny
-  Rows y_slopes;              ///< ny x (nx + np)
+  TapeMemory rates, rate_slopes, output_slopes, rate_curvature, output_curvature;
+  /// Of a stage, of the step so far and of the sum over stages. Derivatives are taken by [x; p] at
+  /// the begin, in nx + np columns; curvature row i + nx j is that of d x_i / d x_j.
+  struct Motion {
+    Eigen::VectorXd x;
+    Rows slopes, curvature;
+  };
+  Motion begin, stage, rate, sum;
+  Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
+  Eigen::VectorXd values;  ///< of a curvature tape
+  Eigen::VectorXd y;       ///< ny
+  Rows y_slopes;           ///< ny x (nx + np)
 };
 ModelMemory make_memory(const NonlinearModel& model);
 
@@ -90,25 +104,39 @@ ModelMemory make_memory(const NonlinearModel& model);
 void set_parameters(const NonlinearModel& model, ModelMemory& memory,
                     const Eigen::Ref<const Eigen::VectorXd>& p);
 
+/// Derivatives of a vector v, of n numbers, that follows from x and p.
+struct Slopes {
+  Eigen::MatrixXd by_x;  ///< n x nx
+  Eigen::MatrixXd by_p;  ///< n x np
+  /// n nx x (nx + np), with Derivatives::second: column l is d by_x / d [x; p]_l, column by column
+  /// (reshaped(n, nx)).
+  Eigen::MatrixXd by_x_slopes;
+};
+
 /// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
 /// Runge-Kutta method, in discrete time by f with the inputs at sample k. What overflows or leaves
 /// a function's domain becomes infinite or NaN; the caller looks.
+/// @param x  nx
+/// @throws std::invalid_argument when there is no such sample or the number of inputs differs
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
           Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x);
 
-/// The same with exact derivatives of the discrete step: the linearised equations go through the
+/// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
 /// same Runge-Kutta steps.
-/// @param by_x  nx x nx, written: d x(k+1) / d x(k)
-/// @param by_p  nx x np, written: d x(k+1) / d p, x(k) given
+/// @param slopes  written; allocates nothing when it has the right shapes
+/// @param order   @throws std::invalid_argument when it is beyond the model's
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
-          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Eigen::Ref<Eigen::MatrixXd> by_x,
-          Eigen::Ref<Eigen::MatrixXd> by_p);
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes,
+          Derivatives order = Derivatives::first);
 
-/// Outputs at a sample, with exact derivatives.
-/// @param u  inputs there; @param time  [s]; @param y  ny; by_x ny x nx; by_p ny x np: written
+/// Outputs at a sample and their exact derivatives.
+/// @param x, u  state and inputs there
+/// @param time  [s]
+/// @param y     ny, written
+/// @param order @throws std::invalid_argument when it is beyond the model's
 void observe(const NonlinearModel& model, ModelMemory& memory,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
-             double time, Eigen::Ref<Eigen::VectorXd> y, Eigen::Ref<Eigen::MatrixXd> by_x,
-             Eigen::Ref<Eigen::MatrixXd> by_p);
+             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes,
+             Derivatives order = Derivatives::first);
 
 }  // namespace identikal

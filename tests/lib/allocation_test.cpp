@@ -97,19 +97,23 @@ TEST(Allocation, NoneInAStepOfANonlinearModel) {
     formulas.dynamics.push_back(parse_expression(f, names));
   }
   formulas.outputs.push_back(parse_expression("l*sin(phi)", names));
-  const NonlinearModel model = make_nonlinear_model(formulas);
+  const NonlinearModel model = make_nonlinear_model(formulas, Derivatives::second);
   ModelMemory memory = make_memory(model);
   const InputNodes inputs = input_nodes(Eigen::VectorXd::LinSpaced(200, 0.0, 2.0),
                                         Eigen::MatrixXd::Ones(1, 200), InputPath::linear, 0.004);
   const Eigen::VectorXd p = Eigen::Vector2d(0.8, 0.1), u = Eigen::VectorXd::Ones(1);
   Eigen::VectorXd x = Eigen::Vector2d(0.5, 0.0), y(1);
-  Eigen::MatrixXd by_x(2, 2), by_p(2, 2), y_by_x(1, 2), y_by_p(1, 2);
+  Slopes slopes, y_slopes;
+  set_parameters(model, memory, p);
+  observe(model, memory, x, u, 0.0, y, y_slopes, Derivatives::second);
+  step(model, memory, inputs, 0, x, slopes, Derivatives::second);
   allocations = 0;
   counting = true;
   set_parameters(model, memory, p);
   for (Eigen::Index k = 0; k + 1 < 200; ++k) {
-    observe(model, memory, x, u, inputs.time[k], y, y_by_x, y_by_p);
-    step(model, memory, inputs, k, x, by_x, by_p);
+    observe(model, memory, x, u, inputs.time[k], y, y_slopes, Derivatives::second);
+    step(model, memory, inputs, k, x, slopes, Derivatives::second);
+    step(model, memory, inputs, k, x, slopes);
     step(model, memory, inputs, k, x);
   }
   counting = false;

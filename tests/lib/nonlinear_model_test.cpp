@@ -25,7 +25,7 @@ struct Written {
   bool continuous = true;
 };
 
-NonlinearModel model_of(const Written& w) {
+NonlinearModel model_of(const Written& w, Derivatives order = Derivatives::first) {
   ModelFormulas formulas;
   formulas.states = static_cast<int>(w.states.size());
   formulas.inputs = static_cast<int>(w.inputs.size());
@@ -41,7 +41,7 @@ NonlinearModel model_of(const Written& w) {
   }
   for (const std::string& f : w.dynamics) formulas.dynamics.push_back(parse_expression(f, names));
   for (const std::string& h : w.outputs) formulas.outputs.push_back(parse_expression(h, names));
-  return make_nonlinear_model(formulas);
+  return make_nonlinear_model(formulas, order);
 }
 
 Written pendulum() {
@@ -65,9 +65,6 @@ Written single_track_formulas() {
 }
 VectorXd car_parameters() { return (VectorXd(6) << 1446, 0.987, 1.525, 2319, 8e4, 9e4).finished(); }
 
-struct Slopes {
-  MatrixXd by_x, by_p;
-};
 VectorXd stepped(const NonlinearModel& model, const InputNodes& inputs, Index k, VectorXd x,
                  const VectorXd& p, Slopes* slopes = nullptr) {
   ModelMemory memory = make_memory(model);
@@ -75,9 +72,7 @@ VectorXd stepped(const NonlinearModel& model, const InputNodes& inputs, Index k,
   if (slopes == nullptr) {
     step(model, memory, inputs, k, x);
   } else {
-    slopes->by_x.setConstant(model.states, model.states, kNaN);
-    slopes->by_p.setConstant(model.states, model.parameters, kNaN);
-    step(model, memory, inputs, k, x, slopes->by_x, slopes->by_p);
+    step(model, memory, inputs, k, x, *slopes, model.order);
   }
   return x;
 }
@@ -178,11 +173,61 @@ TEST(NonlinearModel, OutputsAndTheirDerivatives) {
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, p);
   VectorXd y(2);
-  MatrixXd by_x(2, 2), by_p(2, 3);
-  observe(model, memory, x, u, 0.0, y, by_x, by_p);
+  Slopes slopes;
+  observe(model, memory, x, u, 0.0, y, slopes);
   expect_close(y, (VectorXd(2) << 0.8 * std::sin(0.7), -0.4 + 0.02).finished(), 1e-15);
-  expect_close(by_x, (MatrixXd(2, 2) << 0.8 * std::cos(0.7), 0, 0, 1).finished(), 1e-15);
-  expect_close(by_p, (MatrixXd(2, 3) << std::sin(0.7), 0, 0, 0, 0, 0).finished(), 1e-15);
+  expect_close(slopes.by_x, (MatrixXd(2, 2) << 0.8 * std::cos(0.7), 0, 0, 1).finished(), 1e-15);
+  expect_close(slopes.by_p, (MatrixXd(2, 3) << std::sin(0.7), 0, 0, 0, 0, 0).finished(), 1e-15);
+}
+
+TEST(NonlinearModel, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
+  Written growth{{"a", "b"},
+                 {"u"},
+                 {"p", "q"},
+                 {"p*a + q*b/(1 + a^2)", "sin(a*b*p) + u^2*q*b"},
+                 {"a*b^2/p", "u*q*a^3"},
+                 {},
+                 false};
+  for (const Written& written : {pendulum(), single_track_formulas(), growth}) {
+    SCOPED_TRACE(written.dynamics[0]);
+    const NonlinearModel model = model_of(written, Derivatives::second);
+    const VectorXd p = model.parameters == 6 ? car_parameters()
+                       : model.parameters == 3
+                           ? VectorXd((VectorXd(3) << 0.8, 0.3, 0.05).finished())
+                           : VectorXd((VectorXd(2) << 0.7, 1.3).finished());
+    VectorXd both(2 + p.size());
+    both << 0.7, -0.4, p;
+    const VectorXd time = (VectorXd(2) << 0.0, 0.03).finished();
+    MatrixXd u = (MatrixXd(2, 2) << 0.3, 0.4, 20.0, 21.0).finished();
+    u.conservativeResize(model.inputs, 2);
+    const InputNodes inputs = input_nodes(time, u, InputPath::linear, 0.01);
+    const auto step_by_x = [&](const VectorXd& at) -> VectorXd {
+      Slopes slopes;
+      stepped(model, inputs, 0, at.head(2), at.tail(p.size()), &slopes);
+      return slopes.by_x.reshaped();
+    };
+    const auto output_slopes = [&](const VectorXd& at, Derivatives order) {
+      ModelMemory memory = make_memory(model);
+      set_parameters(model, memory, at.tail(p.size()));
+      Slopes slopes;
+      VectorXd y(2);
+      observe(model, memory, at.head(2), u.col(1), 0.03, y, slopes, order);
+      return slopes;
+    };
+    Slopes exact;
+    stepped(model, inputs, 0, both.head(2), p, &exact);
+    expect_close(exact.by_x_slopes, differences(step_by_x, both), 1e-9);
+    expect_close(output_slopes(both, Derivatives::second).by_x_slopes,
+                 differences(
+                     [&](const VectorXd& at) -> VectorXd {
+                       return output_slopes(at, Derivatives::first).by_x.reshaped();
+                     },
+                     both),
+                 1e-9);
+    Slopes first;
+    stepped(model_of(written), inputs, 0, both.head(2), p, &first);
+    expect_close(exact.by_p, first.by_p, 1e-14);
+  }
 }
 
 TEST(NonlinearModel, DiscreteTimeTakesTheFormulaAtItsWord) {
@@ -309,6 +354,8 @@ TEST(NonlinearModel, WrongShapesAreRefused) {
                std::invalid_argument);
   EXPECT_THROW(input_nodes(time, MatrixXd::Zero(1, 2), InputPath::constant, 1e-9),
                std::invalid_argument);
+  Slopes slopes;
+  EXPECT_THROW(step(model, memory, one, 0, x, slopes, Derivatives::second), std::invalid_argument);
   EXPECT_THROW(input_nodes(time.reverse(), MatrixXd::Zero(1, 2), InputPath::constant, 0.1),
                std::invalid_argument);
 }
