@@ -15,7 +15,7 @@ constexpr std::size_t kMaxNodes = 200'000;
 constexpr std::size_t kMaxWork = 2'000'000;
 constexpr double kLargestPower = 8.0;  // that is written as products
 
-[[noreturn]] void too_large() {
+[[noreturn]] void refuse_size() {
   throw FormulaError(0, "the formulas and their derivatives are too large",
                      "at most 200 000 operations");
 }
@@ -40,7 +40,7 @@ FormulaGraph::Id FormulaGraph::intern(const Node& node) {
   const auto [hit, is_new] =
       known_.try_emplace({node.op, node.a, node.b, node.c, value}, static_cast<Id>(nodes_.size()));
   if (!is_new) return hit->second;
-  if (nodes_.size() >= kMaxNodes) too_large();
+  if (nodes_.size() >= kMaxNodes) refuse_size();
   nodes_.push_back(node);
   Node& out = nodes_.back();
   out.held = node.op != Op::symbol || held_[static_cast<std::size_t>(node.symbol)];
@@ -384,7 +384,7 @@ std::vector<FormulaGraph::Id> FormulaGraph::gradient(Id root, std::span<const in
     while (!by.empty()) {
       const Id id = by.begin()->first, slope = by.begin()->second;
       by.erase(by.begin());
-      if (++work_ > kMaxWork) too_large();
+      if (++work_ > kMaxWork) refuse_size();
       const Node at = node(id);
       if (at.op == Op::symbol) {
         for (std::size_t i = 0; i < out.size(); ++i) {

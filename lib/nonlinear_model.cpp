@@ -24,7 +24,7 @@ std::vector<int> consecutive(int first, int count) {
   return out;
 }
 
-std::vector<int> joined(std::vector<int> a, const std::vector<int>& b) {
+std::vector<int> symbols_of_both(std::vector<int> a, const std::vector<int>& b) {
   a.insert(a.end(), b.begin(), b.end());
   return a;
 }
@@ -66,7 +66,7 @@ struct SymbolPlaces {
 // A, [B c], C, [D d], or nothing when the model is not linear.
 void find_linear_form(FormulaGraph& graph, const SymbolPlaces& at, const std::vector<Id>& f,
                       const std::vector<Id>& h, NonlinearModel& out) {
-  const std::vector<int> moving = joined(at.x, at.u), time{at.time};
+  const std::vector<int> moving = symbols_of_both(at.x, at.u), time{at.time};
   for (const std::vector<Id>* part : {&f, &h}) {
     for (const Id id : *part) {
       if (!graph.is_free_of(id, time) || !graph.is_affine(id, moving)) return;
@@ -214,7 +214,7 @@ NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives o
   out.parameters = formulas.parameters;
   out.outputs = static_cast<Index>(h.size());
   out.continuous = formulas.continuous;
-  const std::vector<int> by = joined(at.x, at.p);
+  const std::vector<int> by = symbols_of_both(at.x, at.p);
   out.order = order;
   out.rates = make_tape(graph, f);
   const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),

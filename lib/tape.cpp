@@ -255,7 +255,7 @@ class TapeLayout {
   Tape out_;
 };
 
-void run(const Tape& tape, double* s, std::size_t begin, std::size_t end) {
+void run_tape_part(const Tape& tape, double* s, std::size_t begin, std::size_t end) {
   const Tape::Instruction* at = tape.code.data() + begin;
   const Tape::Instruction* const stop = tape.code.data() + end;
   double* result = s + tape.first_result + begin;
@@ -342,17 +342,17 @@ Tape compile(std::span<const Expression> formulas, const std::vector<bool>& held
 TapeMemory make_memory(const Tape& tape) { return tape.start; }
 
 void evaluate_held(const Tape& tape, TapeMemory& memory) {
-  run(tape, memory.data(), 0, tape.held_end);
+  run_tape_part(tape, memory.data(), 0, tape.held_end);
 }
 
 void evaluate_values(const Tape& tape, TapeMemory& memory, std::span<double> values) {
-  run(tape, memory.data(), tape.held_end, tape.values_end);
+  run_tape_part(tape, memory.data(), tape.held_end, tape.values_end);
   for (std::size_t i = 0; i < tape.values; ++i) values[i] = memory[tape.value_slot[i]];
 }
 
 void evaluate_jacobian(const Tape& tape, TapeMemory& memory, std::span<double> values,
                        std::span<double> jacobian) {
-  run(tape, memory.data(), tape.held_end, tape.code.size());
+  run_tape_part(tape, memory.data(), tape.held_end, tape.code.size());
   for (std::size_t i = 0; i < tape.values; ++i) values[i] = memory[tape.value_slot[i]];
   for (std::size_t i = 0; i < tape.jacobian_slot.size(); ++i) {
     jacobian[i] = memory[tape.jacobian_slot[i]];

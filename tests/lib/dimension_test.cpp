@@ -21,13 +21,13 @@ std::vector<Dimension> quantities() {
   return out;
 }
 
-Dimension of(const std::string& text, FormulaKind kind = FormulaKind::number) {
+Dimension measure_of(const std::string& text, FormulaKind kind = FormulaKind::number) {
   return dimension_of(parse_expression(text, kQuantities, kind), quantities());
 }
 
 std::string mismatch(const std::string& text) {
   try {
-    of(text);
+    measure_of(text);
   } catch (const FormulaError& error) {
     return error.what();
   }
@@ -36,9 +36,9 @@ std::string mismatch(const std::string& text) {
 
 TEST(FormulaDimension, OfTheSingleTrackVehicle) {
   const Dimension acceleration = dimension_of(*parse_unit("m/s^2"));
-  EXPECT_EQ(of("-Cf/(m*vx)*vy - (vx + a*Cf/(m*vx))*r + Cf/m*angle").exponent,
+  EXPECT_EQ(measure_of("-Cf/(m*vx)*vy - (vx + a*Cf/(m*vx))*r + Cf/m*angle").exponent,
             acceleration.exponent);
-  EXPECT_EQ(of("-a*Cf/(Iz*vx)*vy - a^2*Cf/(Iz*vx)*r").exponent,
+  EXPECT_EQ(measure_of("-a*Cf/(Iz*vx)*vy - a^2*Cf/(Iz*vx)*r").exponent,
             dimension_of(*parse_unit("rad/s^2")).exponent);
 }
 
@@ -72,33 +72,34 @@ TEST(FormulaDimension, PlainNumbersAreSi) {
   EXPECT_EQ(mismatch("if(vx > 5, max(vx, 2*3), 0)"), "");
   EXPECT_EQ(mismatch("vx + 0"), "");
   EXPECT_EQ(mismatch("hypot(vx, 0.1) + vy"), "");
-  EXPECT_EQ(of("max(1, vx)").exponent, of("vx").exponent);
-  EXPECT_TRUE(of("2*pi/3").plain);
-  EXPECT_FALSE(of("2*n").plain);
-  EXPECT_TRUE(fits(of("5"), of("vx")));
-  EXPECT_FALSE(fits(of("5*n"), of("vx")));
+  EXPECT_EQ(measure_of("max(1, vx)").exponent, measure_of("vx").exponent);
+  EXPECT_TRUE(measure_of("2*pi/3").plain);
+  EXPECT_FALSE(measure_of("2*n").plain);
+  EXPECT_TRUE(fits(measure_of("5"), measure_of("vx")));
+  EXPECT_FALSE(fits(measure_of("5*n"), measure_of("vx")));
 }
 
 TEST(FormulaDimension, PowersAndRoots) {
-  EXPECT_TRUE(fits(of("sqrt(vx^2 + vy^2)"), of("vx")));
-  EXPECT_TRUE(fits(of("(a^2)^(1/2)"), of("a")));
-  EXPECT_TRUE(fits(of("a^(1/3)*a^(1/3)*a^(1/3)"), of("a")));
-  EXPECT_TRUE(fits(of("sqrt(a)*sqrt(a)"), of("a")));
-  EXPECT_TRUE(fits(of("(vx/vy)^n"), of("n")));
-  EXPECT_TRUE(fits(of("sign(vx)"), of("n")));
+  EXPECT_TRUE(fits(measure_of("sqrt(vx^2 + vy^2)"), measure_of("vx")));
+  EXPECT_TRUE(fits(measure_of("(a^2)^(1/2)"), measure_of("a")));
+  EXPECT_TRUE(fits(measure_of("a^(1/3)*a^(1/3)*a^(1/3)"), measure_of("a")));
+  EXPECT_TRUE(fits(measure_of("sqrt(a)*sqrt(a)"), measure_of("a")));
+  EXPECT_TRUE(fits(measure_of("(vx/vy)^n"), measure_of("n")));
+  EXPECT_TRUE(fits(measure_of("sign(vx)"), measure_of("n")));
 }
 
 TEST(FormulaDimension, OfAWholeFormula) {
   const std::vector<Dimension> known = quantities();
   const Expression formula = parse_expression("Cf/m*vx", kQuantities);
   try {
-    check_dimension(formula, known, of("Cf/m"), "the rate of change of 'vy'");
+    check_dimension(formula, known, measure_of("Cf/m"), "the rate of change of 'vy'");
     FAIL();
   } catch (const FormulaError& error) {
     EXPECT_THAT(error.what(), HasSubstr("column 5: the formula is m^2/s^3; expected an "
                                         "acceleration (m/s^2), as the rate of change of 'vy' is"));
   }
-  EXPECT_NO_THROW(check_dimension(parse_expression("0", kQuantities), known, of("Cf/m"), ""));
+  EXPECT_NO_THROW(
+      check_dimension(parse_expression("0", kQuantities), known, measure_of("Cf/m"), ""));
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ double value_of(const std::string& text, FormulaKind kind = FormulaKind::number)
 }
 
 // The message, or "" when the text is read.
-std::string refusal(const std::string& text, FormulaKind kind = FormulaKind::number) {
+std::string formula_refusal(const std::string& text, FormulaKind kind = FormulaKind::number) {
   try {
     parse_expression(text, kFormulaNames, kind);
   } catch (const FormulaError& error) {
@@ -122,22 +122,22 @@ TEST(Expression, MistakesAreNamedWithTheirColumn) {
       {"and", "column 1: 'and'; expected a number"},
       {"x $ y", "column 3: '$'; expected an operator"},
   };
-  for (const auto& c : cases) EXPECT_THAT(refusal(c.text), HasSubstr(c.message)) << c.text;
-  EXPECT_THAT(refusal("x", FormulaKind::condition),
+  for (const auto& c : cases) EXPECT_THAT(formula_refusal(c.text), HasSubstr(c.message)) << c.text;
+  EXPECT_THAT(formula_refusal("x", FormulaKind::condition),
               HasSubstr("column 1: a number where a condition belongs"));
 }
 
 TEST(Expression, SizeAndDepthAreLimited) {
-  EXPECT_THAT(refusal(std::string(200, '(') + "x" + std::string(200, ')')),
+  EXPECT_THAT(formula_refusal(std::string(200, '(') + "x" + std::string(200, ')')),
               HasSubstr("nesting deeper than 100 levels"));
-  EXPECT_EQ(refusal(std::string(90, '(') + "x" + std::string(90, ')')), "");
-  EXPECT_THAT(refusal(std::string(5000, '-') + "x"), HasSubstr("nesting deeper"));
+  EXPECT_EQ(formula_refusal(std::string(90, '(') + "x" + std::string(90, ')')), "");
+  EXPECT_THAT(formula_refusal(std::string(5000, '-') + "x"), HasSubstr("nesting deeper"));
   std::string tower = "x", chain = "x";
   for (int i = 0; i < 500; ++i) tower += "^x";
   for (int i = 0; i < 4000; ++i) chain += "+x";
-  EXPECT_THAT(refusal(tower), HasSubstr("nesting deeper"));
+  EXPECT_THAT(formula_refusal(tower), HasSubstr("nesting deeper"));
   EXPECT_EQ(value_of(chain), 8002.0);
-  EXPECT_THAT(refusal(chain + chain), HasSubstr("16002 bytes; expected at most 10000"));
+  EXPECT_THAT(formula_refusal(chain + chain), HasSubstr("16002 bytes; expected at most 10000"));
 }
 
 TEST(Expression, AMistakeFindsItsPlaceInAFile) {

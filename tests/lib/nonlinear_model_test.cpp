@@ -78,7 +78,7 @@ VectorXd stepped(const NonlinearModel& model, const InputNodes& inputs, Index k,
 }
 
 // Columns of d f / d at by central differences, extrapolated.
-MatrixXd differences(const std::function<VectorXd(const VectorXd&)>& f, const VectorXd& at) {
+MatrixXd numerical_slopes(const std::function<VectorXd(const VectorXd&)>& f, const VectorXd& at) {
   MatrixXd out;
   for (Index i = 0; i < at.size(); ++i) {
     const auto slope = [&](double h) {
@@ -156,11 +156,11 @@ TEST(NonlinearModel, DerivativesOfTheStepAgreeWithDifferences) {
       expect_close(next, stepped(model, inputs, k, x, p), 1e-14);
       expect_close(
           exact.by_x,
-          differences([&](const VectorXd& at) { return stepped(model, inputs, k, at, p); }, x),
+          numerical_slopes([&](const VectorXd& at) { return stepped(model, inputs, k, at, p); }, x),
           1e-10);
       expect_close(
           exact.by_p,
-          differences([&](const VectorXd& at) { return stepped(model, inputs, k, x, at); }, p),
+          numerical_slopes([&](const VectorXd& at) { return stepped(model, inputs, k, x, at); }, p),
           1e-10);
     }
   }
@@ -216,9 +216,9 @@ TEST(NonlinearModel, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
     };
     Slopes exact;
     stepped(model, inputs, 0, both.head(2), p, &exact);
-    expect_close(exact.by_x_slopes, differences(step_by_x, both), 1e-9);
+    expect_close(exact.by_x_slopes, numerical_slopes(step_by_x, both), 1e-9);
     expect_close(output_slopes(both, Derivatives::second).by_x_slopes,
-                 differences(
+                 numerical_slopes(
                      [&](const VectorXd& at) -> VectorXd {
                        return output_slopes(at, Derivatives::first).by_x.reshaped();
                      },
@@ -295,7 +295,7 @@ TEST(NonlinearModel, LinearFormGoesThroughTheExactDiscretisation) {
     out << v.A.reshaped(), v.B.reshaped(), v.C.reshaped(), v.D.reshaped();
     return out;
   };
-  const MatrixXd by_p = differences(flat, p);
+  const MatrixXd by_p = numerical_slopes(flat, p);
   for (Index i = 0; i < 7; ++i) {
     const LinearFormMatrices& d = form.by_parameter[static_cast<std::size_t>(i)];
     VectorXd exact(by_p.rows());
