@@ -11,10 +11,9 @@
 #include <Eigen/Core>
 
 #include "lib/axle.h"
+#include "lib/constants.h"
 
 namespace identikal {
-
-inline constexpr double kStandardGravity = 9.80665;  ///< [m/s^2]
 
 /// Parameters of the car. The road-wheel angle is delta(t) = steering_gain (angle(t -
 /// steering_delay) + steering_offset) / steering_ratio: the offset is added where the angle is

@@ -7,6 +7,7 @@
 
 #include "lib/growth_test.h"
 #include "lib/likelihood.h"
+#include "lib/nonlinear_model.h"
 #include "lib/recursive_least_squares.h"
 #include "lib/sequential_test.h"
 #include "tests/support/random_model.h"
@@ -84,6 +85,40 @@ TEST(Allocation, NoneInAnUpdateOfRecursiveLeastSquares) {
     EXPECT_EQ(allocations, 0) << ny << " outputs";
     EXPECT_TRUE(std::isfinite(sum));
   }
+}
+
+TEST(Allocation, NoneInAStepOfANonlinearModel) {
+  const std::vector<std::string> names{"phi", "w", "torque", "l", "c", "t"};
+  ModelFormulas formulas;
+  formulas.states = 2;
+  formulas.inputs = 1;
+  formulas.parameters = 2;
+  for (const char* f : {"w", "-g/l*sin(phi) - c*w*abs(w) + if(t > 1, torque, 0)"}) {
+    formulas.dynamics.push_back(parse_expression(f, names));
+  }
+  formulas.outputs.push_back(parse_expression("l*sin(phi)", names));
+  const NonlinearModel model = make_nonlinear_model(formulas, Derivatives::second);
+  ModelMemory memory = make_memory(model);
+  const InputNodes inputs = input_nodes(Eigen::VectorXd::LinSpaced(200, 0.0, 2.0),
+                                        Eigen::MatrixXd::Ones(1, 200), InputPath::linear, 0.004);
+  const Eigen::VectorXd p = Eigen::Vector2d(0.8, 0.1), u = Eigen::VectorXd::Ones(1);
+  Eigen::VectorXd x = Eigen::Vector2d(0.5, 0.0), y(1);
+  Slopes slopes, y_slopes;
+  set_parameters(model, memory, p);
+  observe(model, memory, x, u, 0.0, y, y_slopes, Derivatives::second);
+  step(model, memory, inputs, 0, x, slopes, Derivatives::second);
+  allocations = 0;
+  counting = true;
+  set_parameters(model, memory, p);
+  for (Eigen::Index k = 0; k + 1 < 200; ++k) {
+    observe(model, memory, x, u, inputs.time[k], y, y_slopes, Derivatives::second);
+    step(model, memory, inputs, k, x, slopes, Derivatives::second);
+    step(model, memory, inputs, k, x, slopes);
+    step(model, memory, inputs, k, x);
+  }
+  counting = false;
+  EXPECT_EQ(allocations, 0);
+  EXPECT_TRUE(x.allFinite());
 }
 
 }  // namespace

@@ -1,0 +1,433 @@
+#include "lib/nonlinear_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+
+#include "lib/constants.h"
+#include "lib/interpolation.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Id = FormulaGraph::Id;
+
+constexpr double kMaxSteps = 1e6;  // between two samples
+
+std::vector<int> consecutive(int first, int count) {
+  std::vector<int> out(static_cast<std::size_t>(count));
+  std::iota(out.begin(), out.end(), first);
+  return out;
+}
+
+std::vector<int> symbols_of_both(std::vector<int> a, const std::vector<int>& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
+                                         const std::vector<int>& by) {
+  std::vector<std::vector<Id>> out;
+  for (const Id value : values) out.push_back(graph.gradient(value, by));
+  return out;
+}
+
+// Values, their derivatives row by row, and the derivatives of the first nx columns of those,
+// column by column.
+Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
+                    const std::vector<std::vector<Id>>& slopes, std::size_t nx,
+                    const std::vector<int>& by) {
+  std::vector<Id> all = values;
+  for (const std::vector<Id>& row : slopes) all.insert(all.end(), row.begin(), row.end());
+  for (std::size_t j = 0; j < nx; ++j) {
+    for (const std::vector<Id>& row : slopes) {
+      const std::vector<Id> second = graph.gradient(row[j], by);
+      all.insert(all.end(), second.begin(), second.end());
+    }
+  }
+  return make_tape(graph, all);
+}
+
+// Where the symbols of ModelFormulas stand.
+struct SymbolPlaces {
+  explicit SymbolPlaces(const ModelFormulas& m)
+      : x(consecutive(0, m.states)),
+        u(consecutive(m.states, m.inputs)),
+        p(consecutive(m.states + m.inputs, m.parameters)),
+        time(m.states + m.inputs + m.parameters) {}
+  std::vector<int> x, u, p;
+  int time;
+};
+
+// A, [B c], C, [D d], or nothing when the model is not linear.
+void find_linear_form(FormulaGraph& graph, const SymbolPlaces& at, const std::vector<Id>& f,
+                      const std::vector<Id>& h, NonlinearModel& out) {
+  const std::vector<int> moving = symbols_of_both(at.x, at.u), time{at.time};
+  for (const std::vector<Id>* part : {&f, &h}) {
+    for (const Id id : *part) {
+      if (!graph.is_free_of(id, time) || !graph.is_affine(id, moving)) return;
+    }
+  }
+  std::vector<double> rest(graph.symbols(), kNaN);
+  for (const int symbol : moving) rest[static_cast<std::size_t>(symbol)] = 0.0;
+  std::vector<Id> offsets;
+  for (const std::vector<Id>* part : {&f, &h}) {
+    for (const Id id : *part) {
+      offsets.push_back(graph.substitute(id, rest));
+      out.offset = out.offset || !graph.is_number(offsets.back(), 0.0);
+    }
+  }
+  std::vector<Id> entries;
+  auto offset = offsets.begin();
+  for (const std::vector<Id>* part : {&f, &h}) {
+    const std::vector<std::vector<Id>> by_x = jacobian_of(graph, *part, at.x),
+                                       by_u = jacobian_of(graph, *part, at.u);
+    for (const std::vector<Id>& row : by_x) entries.insert(entries.end(), row.begin(), row.end());
+    for (const std::vector<Id>& row : by_u) {
+      entries.insert(entries.end(), row.begin(), row.end());
+      if (out.offset) entries.push_back(*offset);
+      ++offset;
+    }
+  }
+  out.matrices = make_tape(graph, entries, jacobian_of(graph, entries, at.p));
+  out.linear = true;
+}
+
+void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
+  if (inputs.u.rows() == model.inputs && k >= 0 && k + 1 < inputs.time.size()) return;
+  std::ostringstream text;
+  text << "step: from sample " << k << " of " << inputs.time.size() << " with " << inputs.u.rows()
+       << " inputs; the model has " << model.inputs;
+  throw std::invalid_argument(text.str());
+}
+
+void write_point(const NonlinearModel& model, TapeMemory& memory, const double* x, const double* u,
+                 double time) {
+  double* at = memory.data();
+  for (Index i = 0; i < model.states; ++i) *at++ = x[i];
+  for (Index i = 0; i < model.inputs; ++i) *at++ = u[i];
+  at[model.parameters] = time;
+}
+
+std::span<double> span_of(Eigen::VectorXd& v) {
+  return {v.data(), static_cast<std::size_t>(v.size())};
+}
+std::span<double> span_of(ModelMemory::Rows& M) {
+  return {M.data(), static_cast<std::size_t>(M.size())};
+}
+
+void check_order(const NonlinearModel& model, Derivatives order) {
+  if (order == Derivatives::second && model.order == Derivatives::first) {
+    throw std::invalid_argument("the model was made without second derivatives");
+  }
+}
+
+// The classical method's stages: how far into the step, and their weights.
+struct Stage {
+  double reach, weight;
+  Index node;
+};
+constexpr Stage kStages[] = {
+    {0.0, 1.0 / 6.0, 0}, {0.5, 1.0 / 3.0, 1}, {0.5, 1.0 / 3.0, 1}, {1.0, 1.0 / 6.0, 2}};
+
+// f at a state, into rate.x, J and, second order, H.
+void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
+                    const double* u, double time) {
+  if (order == Derivatives::first) {
+    write_point(model, m.rate_slopes, x, u, time);
+    evaluate_jacobian(model.rate_slopes, m.rate_slopes, span_of(m.rate.x), span_of(m.J));
+    return;
+  }
+  write_point(model, m.rate_curvature, x, u, time);
+  evaluate_values(model.rate_curvature, m.rate_curvature, span_of(m.values));
+  m.rate.x = m.values.head(m.rate.x.size());
+  std::copy_n(m.values.data() + m.rate.x.size(), m.J.size(), m.J.data());
+  std::copy_n(m.values.data() + m.rate.x.size() + m.J.size(), m.H.size(), m.H.data());
+}
+
+// Derivatives of the rates by the step's begin, from those of the stage's state.
+void chain_slopes(const NonlinearModel& model, ModelMemory& m, Derivatives order) {
+  const Index nx = model.states, np = model.parameters;
+  const auto chain = [&](const auto& by, const ModelMemory::Rows& inner, auto&& out) {
+    out.leftCols(nx).setZero();
+    out.rightCols(np) = by.rightCols(np);
+    for (Index j = 0; j < nx; ++j) out += by[j] * inner.row(j);
+  };
+  for (Index i = 0; i < nx; ++i) chain(m.J.row(i), m.stage.slopes, m.rate.slopes.row(i));
+  if (order == Derivatives::first) return;
+  // d/dtheta (f_x S_x) = f_x dS_x + df_x S_x
+  for (Index i = 0; i < nx * nx; ++i) chain(m.H.row(i), m.stage.slopes, m.turned.row(i));
+  m.rate.curvature.setZero();
+  for (Index j = 0; j < nx; ++j) {
+    for (Index l = 0; l < nx; ++l) {
+      for (Index i = 0; i < nx; ++i) {
+        m.rate.curvature.row(i + nx * j) += m.J(i, l) * m.stage.curvature.row(l + nx * j) +
+                                            m.stage.slopes(l, j) * m.turned.row(i + nx * l);
+      }
+    }
+  }
+}
+
+// to += factor * what; only the parts that are in use.
+void add_motion(ModelMemory::Motion& to, double factor, const ModelMemory::Motion& what,
+                Derivatives order) {
+  to.x += factor * what.x;
+  to.slopes += factor * what.slopes;
+  if (order == Derivatives::second) to.curvature += factor * what.curvature;
+}
+
+void clear_motion(ModelMemory::Motion& motion) {
+  motion.x.setZero();
+  motion.slopes.setZero();
+  motion.curvature.setZero();
+}
+
+}  // namespace
+
+NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives order) {
+  if (formulas.dynamics.size() != static_cast<std::size_t>(formulas.states)) {
+    std::ostringstream text;
+    text << "make_nonlinear_model: " << formulas.states << " states and "
+         << formulas.dynamics.size() << " formulas for them";
+    throw std::invalid_argument(text.str());
+  }
+  const SymbolPlaces at(formulas);
+  std::vector<bool> held(static_cast<std::size_t>(at.time) + 1, false);
+  for (const int p : at.p) held[static_cast<std::size_t>(p)] = true;
+  FormulaGraph graph(held);
+  std::vector<Id> symbols;
+  for (int i = 0; i <= at.time; ++i) symbols.push_back(graph.symbol(i));
+  for (const Expression& definition : formulas.definitions) {
+    symbols.push_back(graph.insert(definition, symbols));
+  }
+  std::vector<Id> f, h;
+  for (const Expression& formula : formulas.dynamics) f.push_back(graph.insert(formula, symbols));
+  for (const Expression& formula : formulas.outputs) h.push_back(graph.insert(formula, symbols));
+
+  NonlinearModel out;
+  out.states = formulas.states;
+  out.inputs = formulas.inputs;
+  out.parameters = formulas.parameters;
+  out.outputs = static_cast<Index>(h.size());
+  out.continuous = formulas.continuous;
+  const std::vector<int> by = symbols_of_both(at.x, at.p);
+  out.order = order;
+  out.rates = make_tape(graph, f);
+  const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
+                                     by_h = jacobian_of(graph, h, by);
+  out.rate_slopes = make_tape(graph, f, by_f);
+  out.output_slopes = make_tape(graph, h, by_h);
+  if (order == Derivatives::second) {
+    out.rate_curvature = curvature_tape(graph, f, by_f, at.x.size(), by);
+    out.output_curvature = curvature_tape(graph, h, by_h, at.x.size(), by);
+  }
+  find_linear_form(graph, at, f, h, out);
+  return out;
+}
+
+LinearForm linear_form(const NonlinearModel& model, const Eigen::Ref<const Eigen::VectorXd>& p) {
+  if (!model.linear) throw std::invalid_argument("linear_form: the model is not linear");
+  TapeMemory memory = make_memory(model.matrices);
+  std::copy(p.begin(), p.end(), memory.begin() + (model.states + model.inputs));
+  const Index nx = model.states, nu = model.inputs + (model.offset ? 1 : 0), ny = model.outputs;
+  Eigen::VectorXd values(nx * nx + nx * nu + ny * nx + ny * nu);
+  ModelMemory::Rows slopes(values.size(), model.parameters);
+  evaluate_held(model.matrices, memory);
+  evaluate_jacobian(model.matrices, memory, span_of(values), span_of(slopes));
+  const auto matrices = [&](const Eigen::VectorXd& entries) {
+    LinearFormMatrices out;
+    const double* at = entries.data();
+    const auto take = [&at](Index rows, Index cols) {
+      Eigen::MatrixXd M = Eigen::Map<const ModelMemory::Rows>(at, rows, cols);
+      at += rows * cols;
+      return M;
+    };
+    out.A = take(nx, nx);
+    out.B = take(nx, nu);
+    out.C = take(ny, nx);
+    out.D = take(ny, nu);
+    return out;
+  };
+  LinearForm out;
+  out.value = matrices(values);
+  for (Index i = 0; i < model.parameters; ++i) out.by_parameter.push_back(matrices(slopes.col(i)));
+  return out;
+}
+
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       double longest_step) {
+  const Index N = time.size();
+  if (u.cols() != N || !(longest_step > 0.0)) {
+    std::ostringstream text;
+    text << "input_nodes: " << N << " times, " << u.cols() << " samples, longest step "
+         << longest_step;
+    throw std::invalid_argument(text.str());
+  }
+  InputNodes out;
+  out.time = time;
+  Index columns = 0;
+  for (Index k = 0; k + 1 < N; ++k) {
+    const double h = time[k + 1] - time[k];
+    // A sampling period that is the longest step up to rounding takes one step.
+    const double steps = std::max(1.0, std::ceil(h / longest_step * (1.0 - 1e-9)));
+    if (!(h > 0.0) || !(steps <= kMaxSteps)) {
+      std::ostringstream text;
+      text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in steps of "
+           << longest_step << " s";
+      throw std::invalid_argument(text.str());
+    }
+    out.steps.push_back(static_cast<int>(steps));
+    out.first.push_back(columns);
+    columns += 2 * out.steps.back() + 1;
+  }
+  out.u.resize(u.rows(), columns);
+  for (Index i = 0; i < u.rows(); ++i) {
+    std::optional<Pchip> curve;
+    if (path == InputPath::pchip) curve.emplace(time, u.row(i).transpose());
+    for (Index k = 0; k + 1 < N; ++k) {
+      const auto interval = static_cast<std::size_t>(k);
+      const Index last = 2 * out.steps[interval];
+      for (Index j = 0; j <= last; ++j) {
+        const double share = static_cast<double>(j) / static_cast<double>(last);
+        double value = u(i, k);
+        if (path == InputPath::linear) value += share * (u(i, k + 1) - u(i, k));
+        if (curve) {
+          value = curve->in_interval(k, time[k] + share * (time[k + 1] - time[k]));
+        }
+        out.u(i, out.first[interval] + j) = value;
+      }
+    }
+  }
+  return out;
+}
+
+ModelMemory make_memory(const NonlinearModel& model) {
+  const Index nx = model.states, columns = nx + model.parameters;
+  const Index second = model.order == Derivatives::second ? nx * nx : 0;
+  ModelMemory out;
+  out.rates = make_memory(model.rates);
+  out.rate_slopes = make_memory(model.rate_slopes);
+  out.output_slopes = make_memory(model.output_slopes);
+  out.rate_curvature = make_memory(model.rate_curvature);
+  out.output_curvature = make_memory(model.output_curvature);
+  for (ModelMemory::Motion* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
+    motion->x.setZero(nx);
+    motion->slopes.setZero(nx, columns);
+    motion->curvature.setZero(second, columns);
+  }
+  out.J.setZero(nx, columns);
+  out.H.setZero(second, columns);
+  out.turned.setZero(second, columns);
+  out.values.setZero(
+      static_cast<Index>(std::max(model.rate_curvature.values, model.output_curvature.values)));
+  out.y.setZero(model.outputs);
+  out.y_slopes.setZero(model.outputs, columns);
+  return out;
+}
+
+void set_parameters(const NonlinearModel& model, ModelMemory& memory,
+                    const Eigen::Ref<const Eigen::VectorXd>& p) {
+  const auto write = [&](const Tape& tape, TapeMemory& slots) {
+    std::copy(p.begin(), p.end(), slots.begin() + (model.states + model.inputs));
+    evaluate_held(tape, slots);
+  };
+  write(model.rates, memory.rates);
+  write(model.rate_slopes, memory.rate_slopes);
+  write(model.output_slopes, memory.output_slopes);
+  if (model.order == Derivatives::first) return;
+  write(model.rate_curvature, memory.rate_curvature);
+  write(model.output_curvature, memory.output_curvature);
+}
+
+void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+          Eigen::Ref<Eigen::VectorXd> x) {
+  check_step_arguments(model, inputs, k);
+  const auto interval = static_cast<std::size_t>(k);
+  const Index first = inputs.first[interval];
+  if (!model.continuous) {
+    write_point(model, m.rates, x.data(), inputs.u.col(first).data(), inputs.time[k]);
+    evaluate_values(model.rates, m.rates, span_of(m.rate.x));
+    x = m.rate.x;
+    return;
+  }
+  const int steps = inputs.steps[interval];
+  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+  for (int i = 0; i < steps; ++i) {
+    m.sum.x.setZero();
+    for (const Stage& stage : kStages) {
+      m.stage.x = x;
+      if (stage.reach > 0.0) m.stage.x += stage.reach * h * m.rate.x;
+      write_point(model, m.rates, m.stage.x.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+                  inputs.time[k] + (i + stage.reach) * h);
+      evaluate_values(model.rates, m.rates, span_of(m.rate.x));
+      m.sum.x += stage.weight * m.rate.x;
+    }
+    x += h * m.sum.x;
+  }
+}
+
+void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+          Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order) {
+  check_step_arguments(model, inputs, k);
+  check_order(model, order);
+  const Index nx = model.states, np = model.parameters;
+  const auto interval = static_cast<std::size_t>(k);
+  const Index first = inputs.first[interval];
+  m.begin.x = x;
+  if (!model.continuous) {
+    evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
+    m.begin.x = m.rate.x;
+    m.begin.slopes = m.J;
+    m.begin.curvature = m.H;
+  } else {
+    const int steps = inputs.steps[interval];
+    const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+    m.begin.slopes.setZero();
+    m.begin.slopes.leftCols(nx).diagonal().setOnes();
+    m.begin.curvature.setZero();
+    for (int i = 0; i < steps; ++i) {
+      clear_motion(m.sum);
+      for (const Stage& stage : kStages) {
+        m.stage = m.begin;
+        if (stage.reach > 0.0) add_motion(m.stage, stage.reach * h, m.rate, order);
+        evaluate_rates(model, m, order, m.stage.x.data(),
+                       inputs.u.col(first + 2 * i + stage.node).data(),
+                       inputs.time[k] + (i + stage.reach) * h);
+        chain_slopes(model, m, order);
+        add_motion(m.sum, stage.weight, m.rate, order);
+      }
+      add_motion(m.begin, h, m.sum, order);
+    }
+  }
+  x = m.begin.x;
+  slopes.by_x = m.begin.slopes.leftCols(nx);
+  slopes.by_p = m.begin.slopes.rightCols(np);
+  if (order == Derivatives::second) slopes.by_x_slopes = m.begin.curvature;
+}
+
+void observe(const NonlinearModel& model, ModelMemory& m,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes, Derivatives order) {
+  check_order(model, order);
+  const Index nx = model.states, np = model.parameters, ny = model.outputs;
+  if (order == Derivatives::first) {
+    write_point(model, m.output_slopes, x.data(), u.data(), time);
+    evaluate_jacobian(model.output_slopes, m.output_slopes, span_of(m.y), span_of(m.y_slopes));
+  } else {
+    write_point(model, m.output_curvature, x.data(), u.data(), time);
+    evaluate_values(model.output_curvature, m.output_curvature, span_of(m.values));
+    m.y = m.values.head(ny);
+    std::copy_n(m.values.data() + ny, m.y_slopes.size(), m.y_slopes.data());
+    slopes.by_x_slopes = Eigen::Map<const ModelMemory::Rows>(
+        m.values.data() + ny + m.y_slopes.size(), ny * nx, nx + np);
+  }
+  y = m.y;
+  slopes.by_x = m.y_slopes.leftCols(nx);
+  slopes.by_p = m.y_slopes.rightCols(np);
+}
+
+}  // namespace identikal

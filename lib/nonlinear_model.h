@@ -1,0 +1,142 @@
+// How does a state move that formulas describe?
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/expression.h"
+#include "lib/tape.h"
+
+namespace identikal {
+
+/// What was written. The formulas' symbols are numbered: states, inputs, parameters, the time, then
+/// the definitions, each of which may use those before it.
+struct ModelFormulas {
+  int states = 0, inputs = 0, parameters = 0;
+  std::vector<Expression> definitions;
+  std::vector<Expression> dynamics;  ///< per state: x' = f(x, u, p, t) or x(t+1) = f(x, u, p, t)
+  std::vector<Expression> outputs;   ///< y = h(x, u, p, t)
+  bool continuous = true;
+};
+
+/// How often f and h are derived. A filter's covariance needs the first derivatives; the exact
+/// gradient of what it computes from them needs the second.
+enum class Derivatives { first, second };
+
+/// The same, ready to be evaluated.
+struct NonlinearModel {
+  Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
+  bool continuous = true;
+  Derivatives order = Derivatives::first;  ///< that the tapes below can give
+  Tape rates;                              ///< f
+  Tape rate_slopes, output_slopes;         ///< f, h and their derivatives by [x; p]
+  /// Derivatives::second: as values of one tape f, its derivatives by [x; p] row by row, and the
+  /// derivatives of those by x, by [x; p]; and the same of h.
+  Tape rate_curvature, output_curvature;
+  /// x' or x(t+1) = A x + B u + c, y = C x + D u + d with matrices of the parameters alone.
+  bool linear = false;
+  bool offset = false;  ///< c or d is there
+  Tape matrices;        ///< linear: A, [B c], C, [D d], row by row, and their derivatives by p
+};
+
+/// @throws std::invalid_argument unless there is a formula per state; FormulaError when the
+/// derivatives are too large
+NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
+                                    Derivatives order = Derivatives::first);
+
+/// A linear model's matrices. With an offset, B and D have a last column for an input that is
+/// always 1.
+struct LinearFormMatrices {
+  Eigen::MatrixXd A, B, C, D;
+};
+struct LinearForm {
+  LinearFormMatrices value;
+  std::vector<LinearFormMatrices> by_parameter;  ///< exact
+};
+/// @param p  parameters, SI
+/// @throws std::invalid_argument unless the model is linear
+LinearForm linear_form(const NonlinearModel& model, const Eigen::Ref<const Eigen::VectorXd>& p);
+
+/// What inputs do between samples.
+enum class InputPath {
+  constant,  ///< u(t) until the next sample: zero-order hold
+  linear,    ///< straight to the next sample: first-order hold
+  pchip,     ///< a smooth curve that keeps the shape of the data (lib/interpolation.h)
+};
+
+/// The inputs where a Runge-Kutta method needs them: for every interval between two samples, at the
+/// begin, middle and end of each of its steps.
+struct InputNodes {
+  Eigen::VectorXd time;             ///< N samples [s]
+  std::vector<int> steps;           ///< N - 1
+  std::vector<Eigen::Index> first;  ///< column of an interval's begin
+  Eigen::MatrixXd u;                ///< nu x sum(2 steps + 1)
+};
+
+/// @param time          N strictly increasing time stamps [s], any spacing
+/// @param u             nu x N, no NaN
+/// @param longest_step  of the Runge-Kutta method [s]; infinite: one step from sample to sample
+/// @throws std::invalid_argument when shapes disagree, time does not increase, longest_step <= 0 or
+///   an interval needs more than a million steps
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       double longest_step);
+
+/// Memory of an evaluation, one per thread; parameters are those last set.
+struct ModelMemory {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  TapeMemory rates, rate_slopes, output_slopes, rate_curvature, output_curvature;
+  /// Of a stage, of the step so far and of the sum over stages. Derivatives are taken by [x; p] at
+  /// the begin, in nx + np columns; curvature row i + nx j is that of d x_i / d x_j.
+  struct Motion {
+    Eigen::VectorXd x;
+    Rows slopes, curvature;
+  };
+  Motion begin, stage, rate, sum;
+  Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
+  Eigen::VectorXd values;  ///< of a curvature tape
+  Eigen::VectorXd y;       ///< ny
+  Rows y_slopes;           ///< ny x (nx + np)
+};
+ModelMemory make_memory(const NonlinearModel& model);
+
+/// @param p  parameters, SI
+void set_parameters(const NonlinearModel& model, ModelMemory& memory,
+                    const Eigen::Ref<const Eigen::VectorXd>& p);
+
+/// Derivatives of a vector v, of n numbers, that follows from x and p.
+struct Slopes {
+  Eigen::MatrixXd by_x;  ///< n x nx
+  Eigen::MatrixXd by_p;  ///< n x np
+  /// n nx x (nx + np), with Derivatives::second: column l is d by_x / d [x; p]_l, column by column
+  /// (reshaped(n, nx)).
+  Eigen::MatrixXd by_x_slopes;
+};
+
+/// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
+/// Runge-Kutta method, in discrete time by f with the inputs at sample k. What overflows or leaves
+/// a function's domain becomes infinite or NaN; the caller looks.
+/// @param x  nx
+/// @throws std::invalid_argument when there is no such sample or the number of inputs differs
+void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x);
+
+/// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
+/// same Runge-Kutta steps.
+/// @param slopes  written; allocates nothing when it has the right shapes
+/// @param order   @throws std::invalid_argument when it is beyond the model's
+void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes,
+          Derivatives order = Derivatives::first);
+
+/// Outputs at a sample and their exact derivatives.
+/// @param x, u  state and inputs there
+/// @param time  [s]
+/// @param y     ny, written
+/// @param order @throws std::invalid_argument when it is beyond the model's
+void observe(const NonlinearModel& model, ModelMemory& memory,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes,
+             Derivatives order = Derivatives::first);
+
+}  // namespace identikal

@@ -1,0 +1,148 @@
+// What does a formula from a text cost beside the same equations in C++?
+#include <array>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+
+#include "lib/dual.h"
+#include "lib/tape.h"
+
+namespace {
+
+using identikal::Expression;
+using identikal::Tape;
+using identikal::TapeMemory;
+
+// Linear single-track vehicle: two states, two inputs, nine parameters.
+const std::vector<std::string> kSymbols{"vy", "r",  "steer", "vx", "m",    "a",     "b",
+                                        "ir", "Iz", "Cf",    "Cr", "gain", "offset"};
+const std::vector<std::string> kRates{
+    "-(Cf+Cr)/(m*vx)*vy - (vx + (a*Cf-b*Cr)/(m*vx))*r + Cf/(m*ir)*gain*(steer + offset)",
+    "-(a*Cf-b*Cr)/(Iz*vx)*vy - (a^2*Cf+b^2*Cr)/(Iz*vx)*r + a*Cf/(Iz*ir)*gain*(steer + offset)"};
+const std::vector<bool> kHeld{false, false, false, false, true, true, true,
+                              true,  true,  true,  true,  true, true};
+const std::vector<double> kPoint{0.3,  0.1,    0.4, 25.0, 1446.0, 0.987, 1.525,
+                                 21.0, 2319.0, 8e4, 9e4,  1.0,    0.01};
+
+// The same, written down as it stands.
+template <typename T>
+[[gnu::noinline]] std::array<T, 2> rates(const T* s) {
+  const T vy = s[0], r = s[1], steer = s[2], vx = s[3], m = s[4], a = s[5], b = s[6], ir = s[7],
+          Iz = s[8], Cf = s[9], Cr = s[10], gain = s[11], offset = s[12];
+  return {-(Cf + Cr) / (m * vx) * vy - (vx + (a * Cf - b * Cr) / (m * vx)) * r +
+              Cf / (m * ir) * gain * (steer + offset),
+          -(a * Cf - b * Cr) / (Iz * vx) * vy - (a * a * Cf + b * b * Cr) / (Iz * vx) * r +
+              a * Cf / (Iz * ir) * gain * (steer + offset)};
+}
+
+// By the states and the parameters: all but steering and speed.
+const std::vector<int> kBy{0, 1, 4, 5, 6, 7, 8, 9, 10, 11, 12};
+
+Tape tape(bool with_jacobian) {
+  std::vector<Expression> formulas;
+  for (const std::string& text : kRates) {
+    formulas.push_back(identikal::parse_expression(text, kSymbols));
+  }
+  return with_jacobian ? identikal::compile(formulas, kHeld, kBy)
+                       : identikal::compile(formulas, kHeld);
+}
+
+// Every evaluation waits for the one before, as along a simulation.
+template <typename F>
+void chain(benchmark::State& state, F&& evaluate) {
+  std::vector<double> point = kPoint;
+  double f[2] = {0.0, 0.0};
+  for (auto _ : state) {
+    point[0] = 0.3 + 1e-9 * f[0];
+    point[1] = 0.1 + 1e-9 * f[1];
+    evaluate(point.data(), f);
+    benchmark::DoNotOptimize(f);
+  }
+}
+
+void value_by_hand(benchmark::State& state) {
+  chain(state, [](const double* s, double* f) {
+    const std::array<double, 2> out = rates(s);
+    f[0] = out[0];
+    f[1] = out[1];
+  });
+}
+
+void value_by_tape(benchmark::State& state) {
+  const Tape t = tape(false);
+  TapeMemory memory = identikal::make_memory(t);
+  std::copy(kPoint.begin(), kPoint.end(), memory.begin());
+  evaluate_held(t, memory);
+  state.counters["instructions"] = static_cast<double>(t.values_end - t.held_end);
+  chain(state, [&](const double* s, double* f) {
+    memory[0] = s[0];
+    memory[1] = s[1];
+    evaluate_values(t, memory, {f, 2});
+  });
+}
+
+void value_by_tape_new_parameters(benchmark::State& state) {
+  const Tape t = tape(false);
+  TapeMemory memory = identikal::make_memory(t);
+  state.counters["instructions"] = static_cast<double>(t.values_end);
+  chain(state, [&](const double* s, double* f) {
+    std::copy(s, s + kPoint.size(), memory.begin());
+    evaluate_held(t, memory);
+    evaluate_values(t, memory, {f, 2});
+  });
+}
+
+void value_by_tree(benchmark::State& state) {
+  std::vector<Expression> formulas;
+  for (const std::string& text : kRates) {
+    formulas.push_back(identikal::parse_expression(text, kSymbols));
+  }
+  chain(state, [&](const double* s, double* f) {
+    for (std::size_t i = 0; i < 2; ++i) f[i] = evaluate(formulas[i], {s, kPoint.size()});
+  });
+}
+
+void jacobian_by_tape(benchmark::State& state) {
+  const Tape t = tape(true);
+  TapeMemory memory = identikal::make_memory(t);
+  std::copy(kPoint.begin(), kPoint.end(), memory.begin());
+  evaluate_held(t, memory);
+  std::array<double, 22> J;
+  state.counters["instructions"] = static_cast<double>(t.code.size() - t.held_end);
+  chain(state, [&](const double* s, double* f) {
+    memory[0] = s[0];
+    memory[1] = s[1];
+    evaluate_jacobian(t, memory, {f, 2}, J);
+    benchmark::DoNotOptimize(J);
+  });
+}
+
+void jacobian_by_dual_numbers(benchmark::State& state) {
+  using T = identikal::Dual<11>;
+  std::array<T, 13> variable;
+  for (std::size_t i = 0; i < kPoint.size(); ++i) variable[i] = T(kPoint[i]);
+  for (std::size_t i = 0; i < kBy.size(); ++i) {
+    const auto at = static_cast<std::size_t>(kBy[i]);
+    variable[at] = T(kPoint[at], static_cast<int>(i));
+  }
+  chain(state, [&](const double* s, double* f) {
+    variable[0].a = s[0];
+    variable[1].a = s[1];
+    std::array<T, 2> out = rates(variable.data());
+    benchmark::DoNotOptimize(out);
+    f[0] = out[0].a;
+    f[1] = out[1].a;
+  });
+}
+
+BENCHMARK(value_by_hand);
+BENCHMARK(value_by_tape);
+BENCHMARK(value_by_tape_new_parameters);
+BENCHMARK(value_by_tree);
+BENCHMARK(jacobian_by_tape);
+BENCHMARK(jacobian_by_dual_numbers);
+
+}  // namespace
+
+BENCHMARK_MAIN();
