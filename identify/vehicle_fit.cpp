@@ -419,7 +419,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   if (options.second_opinion) {
     check_recordings(model, recordings, estimate);
     check_hold_out_recordings(model, options.hold_out, estimate);
-    if (!prediction && !unknowns.free.empty() && !misread(estimate)) {
+    if (simulation && !unknowns.free.empty() && !misread(estimate)) {
       check_turned_sideslip(found, options.search, estimate);
     }
   }
