@@ -21,7 +21,7 @@ constexpr double kSettledNoise = 1e-3;  // relative change of every noise in a r
 constexpr double kFarthest = 1.5;       // change of a noise's logarithm in a round
 constexpr double kLeastNoise = 1e-4;    // of the first guess: none
 constexpr int kMostRounds = 40;
-constexpr double kOutlier = 4.0;           // [standard deviations]; 1 of 16000 normal samples
+constexpr double kFarOff = 4.0;            // [standard deviations]; 1 of 16000 normal samples
 constexpr int kReadmitted = 5;             // rounds in which samples may come back
 constexpr double kLeftOut = 1e-12;         // weight
 constexpr double kStillIdentified = 1e-9;  // of the scaled information's largest eigenvalue
@@ -30,9 +30,9 @@ constexpr double kStillIdentified = 1e-9;  // of the scaled information's larges
 using NoiseSd = Eigen::VectorXd;
 
 /// The least squares problem over (parameters, states of all rows), all scaled.
-class Path {
+class StatePath {
  public:
-  explicit Path(const VehicleProblem& problem)
+  explicit StatePath(const VehicleProblem& problem)
       : problem_(problem), outputs_(problem.run->y.rows()), parameters_(problem.parameters()) {
     if (parameters_ > 0) sparse_.block_sizes.push_back(parameters_);
     std::size_t sample = 0;
@@ -60,8 +60,8 @@ class Path {
     sparse_.evaluate = [this](const Eigen::VectorXd& x, Eigen::VectorXd& r,
                               std::vector<double>* J) { return evaluate(x, r, J); };
   }
-  Path(const Path&) = delete;
-  Path& operator=(const Path&) = delete;
+  StatePath(const StatePath&) = delete;
+  StatePath& operator=(const StatePath&) = delete;
 
   Eigen::Index parameters() const { return parameters_; }
   Eigen::Index outputs() const { return outputs_; }
@@ -243,8 +243,8 @@ class Path {
   Eigen::VectorXd weight_;
 };
 
-Eigen::VectorXd Path::move_of(const Eigen::VectorXd& at, const Eigen::MatrixXd& information,
-                              const Eigen::VectorXd& gradient) const {
+Eigen::VectorXd StatePath::move_of(const Eigen::VectorXd& at, const Eigen::MatrixXd& information,
+                                   const Eigen::VectorXd& gradient) const {
   std::vector<Eigen::Index> inside;
   for (Eigen::Index i = 0; i < parameters_; ++i) {
     if (problem_.lower[i] < at[i] && at[i] < problem_.upper[i]) inside.push_back(i);
@@ -256,7 +256,7 @@ Eigen::VectorXd Path::move_of(const Eigen::VectorXd& at, const Eigen::MatrixXd& 
   return move;
 }
 
-Path::Linearisation Path::linearise(const Eigen::VectorXd& x) const {
+StatePath::Linearisation StatePath::linearise(const Eigen::VectorXd& x) const {
   Eigen::Index residuals = 0, derivatives = 0;
   for (const SparseLeastSquares::Group& group : sparse_.groups) {
     Eigen::Index columns = 0;
@@ -283,7 +283,7 @@ Path::Linearisation Path::linearise(const Eigen::VectorXd& x) const {
 // the same for gradients g_t and cross derivatives G_t; what remains of p's are information and
 // gradient. Backwards x_t = -D_t^-1 (g_t + G_t p + U_t x_t+1), the variances P_t = D_t^-1 + D_t^-1
 // U_t P_t+1 U_t' D_t^-1, and cov(x_t, x_t+1) = -D_t^-1 U_t P_t+1.
-Path::Marginal Path::marginal(const Linearisation& about, const NoiseSd& noise) const {
+StatePath::Marginal StatePath::marginal(const Linearisation& about, const NoiseSd& noise) const {
   const Eigen::Index n = parameters_;
   const double normal = 0.5 * std::log(2.0 * std::numbers::pi);
   const NoiseSd scale = about.noise.cwiseQuotient(noise);
@@ -533,14 +533,14 @@ Eigen::VectorXd first_weights(const VehicleProblem& problem, const VehicleOptimu
     // 1.48 times the median of |N(0, 1)| is 1.
     const double usual = 1.48 * median(leap);
     for (std::size_t i = 0; i < samples.size(); ++i) {
-      if (leap[i] > 1.5 * kOutlier * usual) weight[samples[i]] = kLeftOut;
+      if (leap[i] > 1.5 * kFarOff * usual) weight[samples[i]] = kLeftOut;
     }
   }
   return weight;
 }
 
 VehicleCovariance covariance_of(const VehicleProblem& problem, const VehicleOptimum& best,
-                                const Path::Marginal& marginal) {
+                                const StatePath::Marginal& marginal) {
   VehicleCovariance out;
   out.sd = best.sd;
   out.residuals = marginal.residuals;
@@ -595,7 +595,7 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
     throw InputError({}, "--method trajectory does not know relaxation_length",
                      "a model file without it, or --method output-error");
   }
-  Path path(problem);
+  StatePath path(problem);
   const Eigen::Index outputs = path.outputs();
   const NoiseSd first = first_noise(problem, start);
   NoiseSd noise = first;
@@ -623,7 +623,7 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
       break;
     }
     // The noise of the problem linearised there; coordinates are changes of the logarithms.
-    const Path::Linearisation about = path.linearise(x);
+    const StatePath::Linearisation about = path.linearise(x);
     const auto changed = [&](const Eigen::VectorXd& by) {
       NoiseSd to = noise;
       for (Eigen::Index i = 0; i < count; ++i) {
@@ -639,7 +639,7 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
           std::min(0.0, std::max(-kFarthest, std::log(kLeastNoise * first[at] / noise[at])));
     }
     most_likely.evaluate = [&](const Eigen::VectorXd& by, double& f, Eigen::VectorXd* gradient) {
-      const Path::Marginal marginal = path.marginal(about, changed(by));
+      const StatePath::Marginal marginal = path.marginal(about, changed(by));
       f = -marginal.log_likelihood;
       if (gradient != nullptr) {
         gradient->resize(count);
@@ -662,7 +662,7 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
       for (Eigen::Index i = 0; i < weight.size(); ++i) {
         // Neighbours may accuse each other in turn: what is out later stays out.
         const bool out_for_good = weight[i] != 1.0 && round >= kReadmitted;
-        const double now = out_for_good || deviation[i] > kOutlier ? kLeftOut : 1.0;
+        const double now = out_for_good || deviation[i] > kFarOff ? kLeftOut : 1.0;
         changed_mind = changed_mind || now != weight[i];
         weight[i] = now;
       }
@@ -670,7 +670,7 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
     out.best.converged = change < kSettledNoise && !changed_mind;
   }
   if (out.best.converged) out.best.message = "path and noise have settled";
-  const Path::Marginal marginal = path.marginal(path.linearise(x), noise);
+  const StatePath::Marginal marginal = path.marginal(path.linearise(x), noise);
   out.best.z = path.coordinates(x);
   out.best.sd = noise.head(outputs);
   out.best.log_likelihood = marginal.log_likelihood;

@@ -20,7 +20,7 @@ struct NamedUnit {
 
 constexpr std::array<int, 5> kNumber{};
 constexpr std::array<int, 5> kLength{1, 0, 0, 0, 0};
-constexpr std::array<int, 5> kMass{0, 1, 0, 0, 0};
+constexpr std::array<int, 5> kMassOnly{0, 1, 0, 0, 0};
 constexpr std::array<int, 5> kTime{0, 0, 1, 0, 0};
 constexpr std::array<int, 5> kCurrent{0, 0, 0, 1, 0};
 constexpr std::array<int, 5> kTemperature{0, 0, 0, 0, 1};
@@ -63,9 +63,9 @@ constexpr NamedUnit kUnits[] = {
     {"min", {60.0, 0.0, kTime}},
     {"h", {3600.0, 0.0, kTime}},
     {"hr", {3600.0, 0.0, kTime}},
-    {"kg", {1.0, 0.0, kMass}},
-    {"t", {1e3, 0.0, kMass}},
-    {"lb", {0.45359237, 0.0, kMass}},
+    {"kg", {1.0, 0.0, kMassOnly}},
+    {"t", {1e3, 0.0, kMassOnly}},
+    {"lb", {0.45359237, 0.0, kMassOnly}},
     {"g", {9.80665, 0.0, kAcceleration}},
     {"mps", {1.0, 0.0, kSpeed}},
     {"kph", {1.0 / 3.6, 0.0, kSpeed}},

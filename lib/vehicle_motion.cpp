@@ -195,8 +195,8 @@ State<states> rates_of(const Balance& balance, const Motion& now, const DrivenSt
   return out;
 }
 
-constexpr std::size_t kLanes = 4;
-using Lanes = Eigen::Array<double, kLanes, 1>;
+constexpr std::size_t kSlopeLanes = 4;
+using SlopeLanes = Eigen::Array<double, kSlopeLanes, 1>;
 
 /// The linearised equations: derivatives of the rates from those of the state, row by row.
 template <std::size_t states>
@@ -206,7 +206,8 @@ class Linearised {
       : balance_(balance),
         columns_(columns),
         // What has no column is written into a last one. Whole vectors leave no remainder.
-        width_((static_cast<std::size_t>(columns.columns) + kLanes) / kLanes * kLanes),
+        width_((static_cast<std::size_t>(columns.columns) + kSlopeLanes) / kSlopeLanes *
+               kSlopeLanes),
         direct_(states * width_, 0.0) {
     for (std::size_t p = 0; p < kVehicleParameters; ++p) {
       const Eigen::Index at = columns.parameter[p];
@@ -271,10 +272,11 @@ class Linearised {
     for (std::size_t i = 0; i < states; ++i) {
       const double* d = direct_.data() + i * width_;
       double* to = k + i * width_;
-      for (std::size_t j = 0; j < width_; j += kLanes) {
-        Lanes sum = Lanes::Map(d + j);
-        for (std::size_t l = 0; l < states; ++l) sum += A[i][l] * Lanes::Map(s + l * width_ + j);
-        Lanes::Map(to + j) = sum;
+      for (std::size_t j = 0; j < width_; j += kSlopeLanes) {
+        SlopeLanes sum = SlopeLanes::Map(d + j);
+        for (std::size_t l = 0; l < states; ++l)
+          sum += A[i][l] * SlopeLanes::Map(s + l * width_ + j);
+        SlopeLanes::Map(to + j) = sum;
       }
     }
     return out;
@@ -383,13 +385,13 @@ void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretc
     linearised.begin_forces(begin, *node, s.data());
   }
   const auto step_to = [&](double h, const std::vector<double>& slope) {
-    for (std::size_t j = 0; j < size; j += kLanes) {
-      Lanes::Map(&between[j]) = Lanes::Map(&s[j]) + h * Lanes::Map(&slope[j]);
+    for (std::size_t j = 0; j < size; j += kSlopeLanes) {
+      SlopeLanes::Map(&between[j]) = SlopeLanes::Map(&s[j]) + h * SlopeLanes::Map(&slope[j]);
     }
   };
   const auto add = [&](double weight, const std::vector<double>& slope, std::vector<double>& to) {
-    for (std::size_t j = 0; j < size; j += kLanes) {
-      Lanes::Map(&to[j]) += weight * Lanes::Map(&slope[j]);
+    for (std::size_t j = 0; j < size; j += kSlopeLanes) {
+      SlopeLanes::Map(&to[j]) += weight * SlopeLanes::Map(&slope[j]);
     }
   };
 
