@@ -265,44 +265,43 @@ bool profile_is_cheap(const PathTaken& taken, Index samples) {
   return taken.path == Path::compressed || samples <= kCheap;
 }
 
-// Profile intervals, where an evaluation is cheap. Coordinates of a full covariance matrix are not
-// its entries, and get none.
-void profile(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
-             const Solution& best, const PathTaken& taken, Index samples) {
-  if (!profile_is_cheap(taken, samples)) return;
-  double maximum = 0.0;
-  if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
-  const ReportedEntries entries = reported_entries(end);
-  Index i = -1;
-  for (std::size_t e = 0; e < estimate.parameters.size(); ++e) {
-    EstimatedParameter& p = estimate.parameters[e];
-    if (p.fixed) continue;
-    ++i;
-    const Domain domain = end[static_cast<std::size_t>(entries.parameter[e])].domain;
-    if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
-    const double unit = unit_scale(p.unit);
-    const auto low = profile_end(problem, best, maximum, i, p.se * unit, -1.0);
-    const auto high = profile_end(problem, best, maximum, i, p.se * unit, 1.0);
-    if (low && high) p.profile95 = {*low / unit, *high / unit};
-  }
-}
-
-// The profile likelihood as a curve, where an evaluation is cheap: from the maximum outwards until
-// it has fallen well below the 95 % limit, or to the bound.
-void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
-                      const Solution& best, const PathTaken& taken, Index samples) {
+// Calls visit(parameter, coordinate, SI per unit, largest log-likelihood) for every one that a
+// profile can be taken of, where an evaluation is cheap. Coordinates of a full covariance matrix
+// are not its entries, and get none.
+template <typename Visit>
+void for_each_profiled(Estimate& estimate, const LikelihoodProblem& problem,
+                       const ParameterSet& end, const Solution& best, const PathTaken& taken,
+                       Index samples, Visit&& visit) {
   if (!profile_is_cheap(taken, samples)) return;
   double maximum = 0.0;
   if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
   const ReportedEntries entries = reported_entries(end);
   Index i = -1;
   for (std::size_t k = 0; k < estimate.parameters.size(); ++k) {
-    const EstimatedParameter& p = estimate.parameters[k];
+    EstimatedParameter& p = estimate.parameters[k];
     if (p.fixed) continue;
     ++i;
     const Domain domain = end[static_cast<std::size_t>(entries.parameter[k])].domain;
     if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
-    const double unit = unit_scale(p.unit);
+    visit(p, i, unit_scale(p.unit), maximum);
+  }
+}
+
+void profile(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
+             const Solution& best, const PathTaken& taken, Index samples) {
+  for_each_profiled(estimate, problem, end, best, taken, samples,
+                    [&](EstimatedParameter& p, Index i, double unit, double maximum) {
+                      const auto low = profile_end(problem, best, maximum, i, p.se * unit, -1.0);
+                      const auto high = profile_end(problem, best, maximum, i, p.se * unit, 1.0);
+                      if (low && high) p.profile95 = {*low / unit, *high / unit};
+                    });
+}
+
+// The profile likelihood as a curve: from the maximum outwards until it has fallen well below the
+// 95 % limit, or to the bound.
+void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
+                      const Solution& best, const PathTaken& taken, Index samples) {
+  const auto walk = [&](EstimatedParameter& p, Index i, double unit, double maximum) {
     LikelihoodProblem held = problem;
     VectorXd x = best.x;
     const auto drop_at = [&](double value) -> std::optional<double> {
@@ -321,7 +320,8 @@ void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, cons
     profile.name = p.name;
     for (double& value : profile.value) value /= unit;
     if (profile.value.size() > 2) estimate.pictures.profiles.push_back(std::move(profile));
-  }
+  };
+  for_each_profiled(estimate, problem, end, best, taken, samples, walk);
 }
 
 // A variance that ended at zero: how large could it be?

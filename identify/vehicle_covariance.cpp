@@ -231,6 +231,12 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
     const Eigen::MatrixXd priors = X.bottomRows(k).transpose() * X.bottomRows(k);
     out.covariance = scale.asDiagonal() * (correction * spread + inverse * priors * inverse) *
                      scale.asDiagonal();
+    if (out.coloured) {
+      // An estimate below the errors of white residuals is an accident of its own scatter.
+      const Eigen::VectorXd widened =
+          (out.white.diagonal().array() / out.covariance.diagonal().array()).max(1.0).sqrt();
+      out.covariance = widened.asDiagonal() * out.covariance * widened.asDiagonal();
+    }
     // Rows without a sample have no score.
     out.memory = static_cast<double>(out.bandwidth) * problem.run->step *
                  static_cast<double>(problem.run->used) / static_cast<double>(scores.cols());

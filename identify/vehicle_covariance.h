@@ -37,7 +37,7 @@ struct VehicleCovariance {
 /// ones (Ljung-Box at 1 % over all outputs), and the robust cost: (J' J)^-1 S (J' J)^-1 with S the
 /// long-run covariance of the scores summed over outputs (White 1982, Newey & West 1987). Of
 /// bandwidths from Andrews' (1991) up to an eighth of the rows the one with the widest errors is
-/// taken.
+/// taken; none is taken below that of white residuals.
 VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum);
 
 /// Replaces `covariance` by that of a block bootstrap: the recording is cut into blocks of

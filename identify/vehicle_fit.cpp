@@ -41,6 +41,11 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
   }
 }
 
+/// At a wrong bound these push the stiffnesses away from their values.
+bool bends_the_others(VehicleParameter p) {
+  return p == kCf || p == kCr || p == kYawInertia || p == kSofteningFront || p == kSofteningRear;
+}
+
 void report_parameters(const VehicleSearch& found, const VehicleCovariance& covariance,
                        Estimate& estimate) {
   const VehicleUnknowns& unknowns = found.problem.unknowns;
@@ -77,7 +82,7 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
     }
     estimate.warnings.push_back(
         {"at_bound",
-         unknowns.free[i] == kCf || unknowns.free[i] == kCr ? "serious" : "warning",
+         bends_the_others(unknowns.free[i]) ? "serious" : "warning",
          {result.name},
          fmt::format("{} ended at its bound {:.6g}; the errors of the others take it as known",
                      result.name, result.value),
@@ -239,15 +244,26 @@ std::string listed(const std::vector<std::string>& names) {
   return out;
 }
 
-/// Goes on from the best simulation with a filter gain that starts at none.
-void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found) {
+/// Goes on from the best simulation with a filter gain that starts at none. Where the gain makes
+/// the recording no likelier than chance would, nothing pushes the car, and the simulation stays.
+void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
+                     Estimate& estimate) {
   Eigen::VectorXd z = found.best.z;
-  found.problem = predicting(found.problem, found.best.sd, z);
+  const VehicleProblem problem = predicting(found.problem, found.best.sd, z);
   SolverOptions solver;
   solver.progress = options.progress;
-  found.best = maximise_likelihood(found.problem, z, solver);
-  found.iterations += found.best.iterations;
-  found.evaluations += found.best.evaluations;
+  const VehicleOptimum best = maximise_likelihood(problem, z, solver);
+  found.iterations += best.iterations;
+  found.evaluations += best.evaluations;
+  const double gain = 2.0 * (best.log_likelihood - found.best.log_likelihood);
+  if (gain < chi_square_quantile(0.99, static_cast<double>(problem.gains()))) {
+    estimate.notes.push_back(
+        "nothing pushes this car: no filter gain is seen, values are those of "
+        "the simulation");
+    return;
+  }
+  found.problem = problem;
+  found.best = best;
 }
 
 /// Goes on from the best simulation with the whole path unknown.
@@ -327,6 +343,11 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
 
 Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options) {
+  using Method = VehicleFitOptions::Method;
+  if (options.search.robust && options.method == Method::prediction_error) {
+    throw InputError({}, "--robust with --method prediction-error",
+                     "--method trajectory: the gain would carry outliers into the state");
+  }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, recordings);
   Estimate estimate;
@@ -382,13 +403,12 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     conclude(found, estimate);
     return estimate;
   }
-  using Method = VehicleFitOptions::Method;
   const bool simulation = options.method == Method::output_error;
   VehicleCovariance covariance;
   if (options.method == Method::trajectory) {
     covariance = follow_trajectory(options, watched, found, estimate);
   } else {
-    if (options.method == Method::prediction_error) predict_instead(watched, found);
+    if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
     covariance = vehicle_covariance(found.problem, found.best);
   }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);

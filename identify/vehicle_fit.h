@@ -40,7 +40,8 @@ struct VehicleFitOptions {
 /// @param model  of the form single_track; @param recordings  each with inputs steering angle and
 /// vx, outputs in the
 ///   order of the model
-/// @throws InputError for trajectory with a bootstrap or a relaxation length, and, in words, when
+/// @throws InputError for trajectory with a bootstrap or a relaxation length, for prediction_error
+/// with robust noise, and, in words, when
 /// the recording or the model cannot be used at all: too few rows,
 ///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
 Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,

@@ -250,6 +250,7 @@ Eigen::VectorXd StatePath::move_of(const Eigen::VectorXd& at, const Eigen::Matri
     if (problem_.lower[i] < at[i] && at[i] < problem_.upper[i]) inside.push_back(i);
   }
   Eigen::VectorXd move = Eigen::VectorXd::Zero(parameters_);
+  if (inside.empty()) return move;
   // Directions without information do not move.
   move(inside) =
       -information(inside, inside).completeOrthogonalDecomposition().solve(gradient(inside));

@@ -185,6 +185,18 @@ TEST(VehicleTrajectory, OutliersAndGapsDoNoHarm) {
   EXPECT_GE(covered, 17);
 }
 
+// Yaw rate and lateral velocity exchanged: every parameter ends at a bound.
+TEST(VehicleTrajectory, ExchangedChannelsGiveNoAnswer) {
+  Dataset data = pushed_car(1);
+  data.y.row(0).swap(data.y.row(1));
+  VehicleFitOptions options;
+  options.method = VehicleFitOptions::Method::trajectory;
+  for (const bool robust : {false, true}) {
+    options.search.robust = robust;
+    EXPECT_NE(fit_vehicle(thesis_model(), data, options).status, Status::ok);
+  }
+}
+
 TEST(VehicleTrajectory, RefusesForcesThatAreStates) {
   ModelFile model = thesis_model();
   model.parameters.push_back(unknown("relaxation_length", "m", 0.3));
