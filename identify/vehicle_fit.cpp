@@ -422,7 +422,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   report_objective(found, covariance.null_space.cols(), estimate);
   report_parameters(found, covariance, estimate);
   if (options.method == Method::trajectory) {
-    estimate.covariance_kind = "inverse information, path eliminated";
+    estimate.covariance_kind =
+        "inverse information, path eliminated; pushes and noise taken as white";
   }
   report_series(found, covariance, estimate);
   report_derived(found, covariance, estimate);
