@@ -10,7 +10,9 @@
 
 #include <fmt/format.h>
 
+#include "identify/formula_form.h"
 #include "identify/linear_form.h"
+#include "identify/matrix_reader.h"
 #include "identify/model_values.h"
 #include "identify/regression_form.h"
 #include "identify/yaml_reader.h"
@@ -22,11 +24,12 @@ namespace identikal {
 namespace {
 
 const std::vector<std::string> kCommonKeys = {"identikal",  "name",   "model",   "time",
-                                              "parameters", "inputs", "outputs", "noise"};
+                                              "parameters", "inputs", "outputs", "noise",
+                                              "use_when"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
-const std::vector<std::string> kVehicleKeys = {"sensors", "tyre", "use_when"};
+const std::vector<std::string> kVehicleKeys = {"sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
-const std::vector<std::string> kKeysNotYet = {"states", "dynamics"};
+const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics"};
 
 constexpr double kRequired = std::numeric_limits<double>::quiet_NaN();
 constexpr ParameterRule kVehicleRules[] = {
@@ -76,11 +79,12 @@ std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
   return out;
 }
 
-TimeSource read_time(const YamlNode& root, ModelFile::Form form) {
+TimeSource read_time(const YamlNode& root, ModelFile::Form form, bool formulas) {
   const YamlNode& node =
       required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
   std::vector<std::string> keys = {"kind", "step", "column", "unit", "runs"};
   if (form == ModelFile::Form::linear) keys.emplace_back("inputs");
+  if (formulas) keys.insert(keys.end(), {"sampling", "integration_step"});
   check_keys(node, "time", keys);
   if (const YamlNode* kind = find(node, "kind")) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
@@ -303,12 +307,19 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
   if (form == ModelFile::Form::linear) {
     refuse(kVehicleKeys, "belongs to", "single-track");
     refuse(kRegressionKeys, "belongs to", "regression");
+    if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
+      refuse({"A", "B", "C", "D"}, "does not belong to", "formulas");
+    } else {
+      refuse({"let", "use_when"}, "belongs to", "formulas");
+    }
   } else if (form == ModelFile::Form::single_track) {
     refuse(kLinearKeys, "does not belong to", "single-track");
+    refuse(kFormulaKeys, "does not belong to", "single-track");
   } else {
     refuse(kLinearKeys, "does not belong to", "regression");
     refuse(kVehicleKeys, "does not belong to", "regression");
-    refuse({"parameters", "noise"}, "does not belong to", "regression");
+    refuse(kFormulaKeys, "does not belong to", "regression");
+    refuse({"parameters", "noise", "use_when"}, "does not belong to", "regression");
   }
 }
 
@@ -321,7 +332,8 @@ ModelFile read_model_file(const std::string& path) {
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
   keys.insert(keys.end(), kVehicleKeys.begin(), kVehicleKeys.end());
   keys.insert(keys.end(), kRegressionKeys.begin(), kRegressionKeys.end());
-  check_keys(root, top, keys, kKeysNotYet);
+  keys.insert(keys.end(), kFormulaKeys.begin(), kFormulaKeys.end());
+  check_keys(root, top, keys);
   word_of(required(root, "identikal", top, "identikal: 1, the version of the format"), "identikal",
           {"1"});
 
@@ -334,8 +346,11 @@ ModelFile read_model_file(const std::string& path) {
     out.form = vehicle ? ModelFile::Form::single_track : ModelFile::Form::regression;
   }
   refuse_foreign_keys(root, out.form);
-  out.time = read_time(root, out.form);
-  if (out.form == ModelFile::Form::linear) {
+  const bool formulas = find(root, "dynamics") != nullptr || find(root, "states") != nullptr;
+  out.time = read_time(root, out.form, formulas);
+  if (formulas) {
+    read_formulas(root, out);
+  } else if (out.form == ModelFile::Form::linear) {
     read_linear(root, out);
   } else if (out.form == ModelFile::Form::single_track) {
     read_vehicle(root, out);
@@ -380,7 +395,7 @@ void set_parameter(ModelFile& model, const std::string& assignment) {
   }
   ParameterSet parameters = model.parameters;
   parameters[static_cast<std::size_t>(index)] = std::move(changed);
-  if (model.form == ModelFile::Form::linear) {
+  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) {
     if (const std::optional<ModelFault> fault = fault_at(model.linear, parameters)) {
       throw InputError({}, fmt::format("{}: {} then", what, fault->text));
     }

@@ -11,7 +11,9 @@
 
 #include "lib/axle.h"
 #include "lib/dataset.h"
+#include "lib/expression.h"
 #include "lib/linear_model.h"
+#include "lib/nonlinear_model.h"
 #include "lib/parameter.h"
 
 namespace identikal {
@@ -43,8 +45,27 @@ struct RegressionSettings {
   bool reset = false;   ///< lambda drops for one sample when a change is found
 };
 
+/// A state that formulas name.
+struct StateName {
+  std::string name;
+  std::string unit;  ///< the user's; empty: none
+};
+
+/// How the formulas of a model file are used.
+struct FormulaSettings {
+  bool continuous = false;
+  InputPath inputs = InputPath::constant;
+  bool irregular = false;     ///< time stamps are taken as they are
+  double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
+  /// Condition on the inputs under which a row is used; its symbols are states, then inputs.
+  std::optional<Expression> use_when;
+  /// Form::nonlinear, with second derivatives. Its parameters are the first of the ParameterSet;
+  /// what noise and start depend on is in `linear`.
+  NonlinearModel model;
+};
+
 struct ModelFile {
-  enum class Form { linear, single_track, regression };
+  enum class Form { linear, nonlinear, single_track, regression };
   std::string path;
   std::string name;
   Form form = Form::linear;
@@ -52,7 +73,9 @@ struct ModelFile {
   ParameterSet parameters;
   std::vector<ChannelSource> inputs;   ///< single-track: [0] is the steering angle, [1] is vx
   std::vector<ChannelSource> outputs;  ///< single-track: any of r, vy, ay, beta; regression: one
-  LinearModel linear;                  ///< Form::linear only
+  LinearModel linear;                  ///< Form::linear; Form::nonlinear: G, Q, R, x0 and P0 alone
+  std::vector<StateName> states;       ///< of a model that is written as formulas; else empty
+  FormulaSettings formulas;            ///< the same
   VehicleSettings vehicle;             ///< Form::single_track only
   RegressionSettings regression;       ///< Form::regression; Form::single_track when tracked
 };

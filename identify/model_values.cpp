@@ -239,7 +239,7 @@ void read_treatment(const YamlNode& item, ChannelSource& channel) {
 }  // namespace
 
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,
-                                         std::span<const ChannelRule> rules) {
+                                         std::span<const ChannelRule> rules, bool with_equals) {
   const std::vector<std::string> known = names_of(rules);
   const auto count = static_cast<Eigen::Index>(node.items.size());
   if (node.kind == YamlNode::Kind::mapping) {
@@ -256,11 +256,12 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
   const bool named_by_key = node.kind == YamlNode::Kind::mapping;
   std::vector<std::string> keys = {"column", "unit", "scale", "offset", "delay"};
   if (!named_by_key) keys.insert(keys.begin(), "name");
+  if (with_equals) keys.emplace_back("equals");
   std::vector<ChannelSource> out;
   for (std::size_t i = 0; i < node.items.size(); ++i) {
     const YamlNode& item = node.items[i];
     ChannelSource channel;
-    check_keys(item, fmt::format("entry {} of {}", i + 1, what), keys, {"equals"});
+    check_keys(item, fmt::format("entry {} of {}", i + 1, what), keys);
     const YamlNode& name =
         named_by_key ? node.keys[i] : required(item, "name", what, "name: NAME of the channel");
     channel.name = text_of(name, "a name in " + what);

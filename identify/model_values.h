@@ -75,9 +75,11 @@ struct ChannelRule {
 };
 /// A list of {name, column, unit, scale, offset, delay}, or a mapping of name: {column, ...}. An
 /// offset with a unit needs the channel's `unit`, which it is converted to.
-/// @param rules  the names that may occur; none: any name, any unit
+/// @param rules        the names that may occur; none: any name, any unit
+/// @param with_equals  a channel may have the key 'equals', which the caller reads
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,
-                                         std::span<const ChannelRule> rules);
+                                         std::span<const ChannelRule> rules,
+                                         bool with_equals = false);
 
 template <typename Rules>
 std::vector<std::string> names_of(const Rules& rules) {

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "identify/linear_form.h"
+#include "identify/matrix_reader.h"
 #include "identify/noise_als.h"
 #include "identify/noise_estimate.h"
 #include "lib/error.h"

@@ -21,11 +21,6 @@ using Eigen::VectorXd;
 
 constexpr int kSteps = 10;
 
-void add_parameters(const ParametrisedMatrix& matrix, std::set<int>& out) {
-  if (matrix.block >= 0) out.insert(matrix.block);
-  for (const ParametrisedMatrix::Entry& e : matrix.entries) out.insert(e.parameter);
-}
-
 void make_free(ModelFile& model, ParametrisedMatrix& matrix, const char* name,
                const MatrixXd& value) {
   if (value.size() == 0) return;
@@ -55,7 +50,7 @@ double predicted_loss(const StateSpace& present, const StateSpace& better) {
 ModelFile with_free_noise(const ModelFile& model) {
   std::set<int> noise;
   for (const ParametrisedMatrix* matrix : {&model.linear.Q, &model.linear.R, &model.linear.S}) {
-    add_parameters(*matrix, noise);
+    for (const int p : parameters_in(*matrix)) noise.insert(p);
   }
   ModelFile out = model;
   bool any = false;

@@ -102,14 +102,45 @@ class Source {
   const std::string& text() const { return text_; }
 
   Location place(const YAML::Mark& mark) const {
-    if (mark.is_null()) return {path_};
-    const std::size_t line = std::min(static_cast<std::size_t>(mark.line), lines_.size() - 1);
-    const std::size_t at =
-        std::min(lines_[line] + static_cast<std::size_t>(mark.column), text_.size());
-    return {path_, mark.line + 1, characters_[at] - characters_[lines_[line]] + 1};
+    return mark.is_null() ? Location{path_} : place_of(byte_at(mark));
+  }
+
+  // Where a scalar's text stands: past its quote, and on every line that it was folded from. Ends
+  // at an escape, which is not what it stands for.
+  std::vector<YamlNode::Line> lines_of(const YAML::Mark& mark, std::string_view value) const {
+    std::size_t at = byte_at(mark);
+    const bool quoted = at < text_.size() && (text_[at] == '"' || text_[at] == '\'');
+    if (!quoted && std::string_view(text_).substr(at).starts_with(value)) return {};
+    at += quoted ? 1 : 0;
+    std::vector<YamlNode::Line> out{{1, place_of(at)}};
+    int character = 1;
+    for (const char c : value) {
+      if (at >= text_.size()) break;
+      const std::size_t next = text_.find_first_not_of(" \t\r\n", at);
+      const bool folded = c == ' ' && next != std::string::npos &&
+                          std::find(text_.begin() + static_cast<std::ptrdiff_t>(at),
+                                    text_.begin() + static_cast<std::ptrdiff_t>(next),
+                                    '\n') != text_.begin() + static_cast<std::ptrdiff_t>(next);
+      if (!folded && text_[at] != c) break;
+      if (!is_continuation(c)) ++character;
+      at = folded ? next : at + 1;
+      if (folded) out.push_back({character, place_of(at)});
+    }
+    return out;
   }
 
  private:
+  std::size_t byte_at(const YAML::Mark& mark) const {
+    const std::size_t line = std::min(static_cast<std::size_t>(mark.line), lines_.size() - 1);
+    return std::min(lines_[line] + static_cast<std::size_t>(mark.column), text_.size());
+  }
+
+  Location place_of(std::size_t byte) const {
+    const auto line = std::upper_bound(lines_.begin(), lines_.end(), byte) - 1;
+    return {path_, static_cast<int>(line - lines_.begin()) + 1,
+            characters_[byte] - characters_[*line] + 1};
+  }
+
   std::string path_;
   std::string text_;
   std::vector<std::size_t> lines_{0};  // first byte of each line
@@ -143,6 +174,7 @@ class TreeBuilder final : public YAML::EventHandler {
     }
     YamlNode scalar = node(mark, YamlNode::Kind::scalar);
     scalar.text = value;
+    scalar.lines = source_.lines_of(mark, value);
     place_child(std::move(scalar));
   }
   void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t,
@@ -308,6 +340,18 @@ const std::string& word_of(const YamlNode& node, const std::string& what,
   const std::string& word = text_of(node, what);
   check_word(word, node.at, fmt::format("{} is {}", what, in_quotes(word)), known, not_yet);
   return word;
+}
+
+Location place_in(const YamlNode& scalar, int character) {
+  Location out = scalar.at;
+  int first = 1;
+  for (const YamlNode::Line& line : scalar.lines) {
+    if (line.character > std::max(character, 1)) break;
+    out = line.at;
+    first = line.character;
+  }
+  if (out.column > 0 && character > 0) out.column += character - first;
+  return out;
 }
 
 std::string describe(const YamlNode& node) {

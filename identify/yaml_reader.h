@@ -15,6 +15,12 @@ struct YamlNode {
   Kind kind = Kind::empty;
   Location at;
   std::string text;             ///< of a scalar: UTF-8 on one line, without control characters
+  /// Of a scalar that is quoted or written over several lines: where its text stands, line by line.
+  struct Line {
+    int character;  ///< of the text, from 1, that the line begins with
+    Location at;
+  };
+  std::vector<Line> lines;
   std::vector<YamlNode> keys;   ///< of a mapping, as long as `items`: distinct scalars
   std::vector<YamlNode> items;  ///< values of a list or a mapping, in the order of the file
 };
@@ -48,6 +54,9 @@ const std::string& text_of(const YamlNode& node, const std::string& what);
 const std::string& word_of(const YamlNode& node, const std::string& what,
                            const std::vector<std::string>& known,
                            const std::vector<std::string>& not_yet = {});
+
+/// Where a character of a scalar's text stands. @param character  from 1; 0: the text as a whole
+Location place_in(const YamlNode& scalar, int character);
 
 /// What was found there, for a message: "'text'" (long text is cut), "a list", "a mapping",
 /// "nothing".

@@ -500,9 +500,8 @@ FormulaError::FormulaError(int column, const std::string& found, const std::stri
       expected_(expected),
       hint_(hint) {}
 
-InputError FormulaError::in_file(Location first) const {
-  if (first.column > 0 && column_ > 0) first.column += column_ - 1;
-  return {first, found_, expected_, hint_};
+InputError FormulaError::in_file(const Location& at) const {
+  return {at, found_, expected_, hint_};
 }
 
 Expression parse_expression(std::string_view text, std::span<const std::string> names,

@@ -75,8 +75,8 @@ class FormulaError : public std::runtime_error {
 
   int column() const { return column_; }
   /// The same mistake in a file.
-  /// @param first  where the formula's first character stands
-  InputError in_file(Location first) const;
+  /// @param at  where column() stands there
+  InputError in_file(const Location& at) const;
 
  private:
   int column_;

@@ -1,5 +1,5 @@
 // Which state-space model does a set of parameters stand for? x(t+1) = A x + B u + G w, y = C x + D
-// u + v with entries that are numbers or multiples of named parameters.
+// u + v with entries that are numbers, multiples of named parameters or formulas of them.
 #pragma once
 
 #include <vector>
@@ -9,20 +9,35 @@
 #include "lib/discretise.h"
 #include "lib/parameter.h"
 #include "lib/state_space.h"
+#include "lib/tape.h"
 
 namespace identikal {
 
-/// constant + sum over entries of factor * parameter at (row, col), or one whole matrix-valued
-/// parameter.
+/// constant + sum over entries of factor * parameter at (row, col) + formulas there, or one whole
+/// matrix-valued parameter.
 struct ParametrisedMatrix {
   struct Entry {
     int row, col;
     int parameter;  ///< index into the ParameterSet; a scalar
     double factor;
   };
+  /// Value number `value` of LinearModel::formulas[tape]; of scalar parameters.
+  struct Formula {
+    int row, col;
+    int tape, value;
+    std::vector<int> parameters;  ///< that occur in it: indices into the ParameterSet
+  };
   Eigen::MatrixXd constant;
   std::vector<Entry> entries;
+  std::vector<Formula> formulas;
   int block = -1;  ///< index of the matrix-valued parameter that is this matrix; -1 = none
+};
+
+/// Formulas of the parameters, compiled together with their derivatives by all parameters that may
+/// occur in them: the first `tape.columns` of the ParameterSet, scalars.
+struct EntryFormulas {
+  Tape tape;
+  int first = 0;  ///< symbol that stands for parameter 0
 };
 
 /// How the state before the first measurement is distributed.
@@ -39,7 +54,18 @@ struct LinearModel {
   bool continuous = false;  ///< A, B and G are those of dx/dt; sampled every dt
   ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is, in continuous time
   InputHold hold = InputHold::constant;           ///< in continuous time
+  std::vector<EntryFormulas> formulas;            ///< that matrices refer to
+  bool offset = false;  ///< the last column of B and D belongs to an input that is always 1
 };
+
+/// The parameters that a matrix depends on, in rising order.
+std::vector<int> parameters_in(const ParametrisedMatrix& matrix);
+
+/// Are the matrices linear in the free parameters, so that model_derivatives() are constant?
+bool is_linear_in_parameters(const LinearModel& model, const ParameterSet& parameters);
+
+/// The model with numbers in the place of formulas that hold no free parameter.
+LinearModel with_known_formulas_as_numbers(LinearModel model, const ParameterSet& parameters);
 
 /// All matrices of a discrete-time model as numbers, nothing free.
 LinearModel constant_model(const StateSpace& system, InitialState initial);
@@ -54,11 +80,12 @@ StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters)
 /// The same into `out`, whose memory is used again.
 void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);
 
-/// The inputs that instantiate()'s model takes, of the model file's, nu x N.
+/// The inputs that instantiate()'s model takes, of the model file's, nu x N: with an offset and
+/// the next sample as the model needs them.
 Eigen::MatrixXd model_inputs(const LinearModel& model, const Eigen::MatrixXd& u);
 
-/// d(instantiate) / d(entry), one per free entry (lib/parameter.h). In discrete time whatever the
-/// values, as the matrices are linear in the entries. Shapes as instantiate() gives them.
+/// d(instantiate) / d(entry), one per free entry (lib/parameter.h), exact. Constant in discrete
+/// time where is_linear_in_parameters(). Shapes as instantiate() gives them.
 std::vector<StateSpace> model_derivatives(const LinearModel& model, const ParameterSet& parameters);
 
 }  // namespace identikal

@@ -63,40 +63,6 @@ struct SymbolPlaces {
   int time;
 };
 
-// A, [B c], C, [D d], or nothing when the model is not linear.
-void find_linear_form(FormulaGraph& graph, const SymbolPlaces& at, const std::vector<Id>& f,
-                      const std::vector<Id>& h, NonlinearModel& out) {
-  const std::vector<int> moving = symbols_of_both(at.x, at.u), time{at.time};
-  for (const std::vector<Id>* part : {&f, &h}) {
-    for (const Id id : *part) {
-      if (!graph.is_free_of(id, time) || !graph.is_affine(id, moving)) return;
-    }
-  }
-  std::vector<double> rest(graph.symbols(), kNaN);
-  for (const int symbol : moving) rest[static_cast<std::size_t>(symbol)] = 0.0;
-  std::vector<Id> offsets;
-  for (const std::vector<Id>* part : {&f, &h}) {
-    for (const Id id : *part) {
-      offsets.push_back(graph.substitute(id, rest));
-      out.offset = out.offset || !graph.is_number(offsets.back(), 0.0);
-    }
-  }
-  std::vector<Id> entries;
-  auto offset = offsets.begin();
-  for (const std::vector<Id>* part : {&f, &h}) {
-    const std::vector<std::vector<Id>> by_x = jacobian_of(graph, *part, at.x),
-                                       by_u = jacobian_of(graph, *part, at.u);
-    for (const std::vector<Id>& row : by_x) entries.insert(entries.end(), row.begin(), row.end());
-    for (const std::vector<Id>& row : by_u) {
-      entries.insert(entries.end(), row.begin(), row.end());
-      if (out.offset) entries.push_back(*offset);
-      ++offset;
-    }
-  }
-  out.matrices = make_tape(graph, entries, jacobian_of(graph, entries, at.p));
-  out.linear = true;
-}
-
 void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
   if (inputs.u.rows() == model.inputs && k >= 0 && k + 1 < inputs.time.size()) return;
   std::ostringstream text;
@@ -188,25 +154,34 @@ void clear_motion(ModelMemory::Motion& motion) {
 
 }  // namespace
 
-NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives order) {
+FormulaNodes insert_formulas(const ModelFormulas& formulas) {
   if (formulas.dynamics.size() != static_cast<std::size_t>(formulas.states)) {
     std::ostringstream text;
-    text << "make_nonlinear_model: " << formulas.states << " states and "
-         << formulas.dynamics.size() << " formulas for them";
+    text << "insert_formulas: " << formulas.states << " states and " << formulas.dynamics.size()
+         << " formulas for them";
     throw std::invalid_argument(text.str());
   }
   const SymbolPlaces at(formulas);
   std::vector<bool> held(static_cast<std::size_t>(at.time) + 1, false);
   for (const int p : at.p) held[static_cast<std::size_t>(p)] = true;
-  FormulaGraph graph(held);
+  FormulaNodes out{FormulaGraph(held), {}, {}};
   std::vector<Id> symbols;
-  for (int i = 0; i <= at.time; ++i) symbols.push_back(graph.symbol(i));
+  for (int i = 0; i <= at.time; ++i) symbols.push_back(out.graph.symbol(i));
   for (const Expression& definition : formulas.definitions) {
-    symbols.push_back(graph.insert(definition, symbols));
+    symbols.push_back(out.graph.insert(definition, symbols));
   }
-  std::vector<Id> f, h;
-  for (const Expression& formula : formulas.dynamics) f.push_back(graph.insert(formula, symbols));
-  for (const Expression& formula : formulas.outputs) h.push_back(graph.insert(formula, symbols));
+  for (const Expression& f : formulas.dynamics) {
+    out.dynamics.push_back(out.graph.insert(f, symbols));
+  }
+  for (const Expression& h : formulas.outputs) out.outputs.push_back(out.graph.insert(h, symbols));
+  return out;
+}
+
+NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives order) {
+  const SymbolPlaces at(formulas);
+  FormulaNodes nodes = insert_formulas(formulas);
+  FormulaGraph& graph = nodes.graph;
+  const std::vector<Id>&f = nodes.dynamics, &h = nodes.outputs;
 
   NonlinearModel out;
   out.states = formulas.states;
@@ -225,36 +200,6 @@ NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives o
     out.rate_curvature = curvature_tape(graph, f, by_f, at.x.size(), by);
     out.output_curvature = curvature_tape(graph, h, by_h, at.x.size(), by);
   }
-  find_linear_form(graph, at, f, h, out);
-  return out;
-}
-
-LinearForm linear_form(const NonlinearModel& model, const Eigen::Ref<const Eigen::VectorXd>& p) {
-  if (!model.linear) throw std::invalid_argument("linear_form: the model is not linear");
-  TapeMemory memory = make_memory(model.matrices);
-  std::copy(p.begin(), p.end(), memory.begin() + (model.states + model.inputs));
-  const Index nx = model.states, nu = model.inputs + (model.offset ? 1 : 0), ny = model.outputs;
-  Eigen::VectorXd values(nx * nx + nx * nu + ny * nx + ny * nu);
-  ModelMemory::Rows slopes(values.size(), model.parameters);
-  evaluate_held(model.matrices, memory);
-  evaluate_jacobian(model.matrices, memory, span_of(values), span_of(slopes));
-  const auto matrices = [&](const Eigen::VectorXd& entries) {
-    LinearFormMatrices out;
-    const double* at = entries.data();
-    const auto take = [&at](Index rows, Index cols) {
-      Eigen::MatrixXd M = Eigen::Map<const ModelMemory::Rows>(at, rows, cols);
-      at += rows * cols;
-      return M;
-    };
-    out.A = take(nx, nx);
-    out.B = take(nx, nu);
-    out.C = take(ny, nx);
-    out.D = take(ny, nu);
-    return out;
-  };
-  LinearForm out;
-  out.value = matrices(values);
-  for (Index i = 0; i < model.parameters; ++i) out.by_parameter.push_back(matrices(slopes.col(i)));
   return out;
 }
 

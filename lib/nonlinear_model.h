@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include "lib/expression.h"
+#include "lib/formula_graph.h"
 #include "lib/tape.h"
 
 namespace identikal {
@@ -24,6 +25,14 @@ struct ModelFormulas {
 /// gradient of what it computes from them needs the second.
 enum class Derivatives { first, second };
 
+/// The formulas as nodes of one graph, with the definitions put in; parameters are held.
+struct FormulaNodes {
+  FormulaGraph graph;
+  std::vector<FormulaGraph::Id> dynamics, outputs;
+};
+/// @throws std::invalid_argument unless there is a formula per state
+FormulaNodes insert_formulas(const ModelFormulas& formulas);
+
 /// The same, ready to be evaluated.
 struct NonlinearModel {
   Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
@@ -34,29 +43,12 @@ struct NonlinearModel {
   /// Derivatives::second: as values of one tape f, its derivatives by [x; p] row by row, and the
   /// derivatives of those by x, by [x; p]; and the same of h.
   Tape rate_curvature, output_curvature;
-  /// x' or x(t+1) = A x + B u + c, y = C x + D u + d with matrices of the parameters alone.
-  bool linear = false;
-  bool offset = false;  ///< c or d is there
-  Tape matrices;        ///< linear: A, [B c], C, [D d], row by row, and their derivatives by p
 };
 
 /// @throws std::invalid_argument unless there is a formula per state; FormulaError when the
 /// derivatives are too large
 NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
                                     Derivatives order = Derivatives::first);
-
-/// A linear model's matrices. With an offset, B and D have a last column for an input that is
-/// always 1.
-struct LinearFormMatrices {
-  Eigen::MatrixXd A, B, C, D;
-};
-struct LinearForm {
-  LinearFormMatrices value;
-  std::vector<LinearFormMatrices> by_parameter;  ///< exact
-};
-/// @param p  parameters, SI
-/// @throws std::invalid_argument unless the model is linear
-LinearForm linear_form(const NonlinearModel& model, const Eigen::Ref<const Eigen::VectorXd>& p);
 
 /// What inputs do between samples.
 enum class InputPath {

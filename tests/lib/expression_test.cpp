@@ -146,7 +146,7 @@ TEST(Expression, AMistakeFindsItsPlaceInAFile) {
     FAIL();
   } catch (const FormulaError& error) {
     EXPECT_EQ(error.column(), 5);
-    EXPECT_THAT(error.in_file({"car.yaml", 12, 7}).what(),
+    EXPECT_THAT(error.in_file({"car.yaml", 12, 11}).what(),
                 HasSubstr("car.yaml:12:11: the formula"));
   }
 }

@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "lib/constants.h"
-#include "lib/discretise.h"
 #include "lib/interpolation.h"
+#include "tests/support/written_model.h"
 
 namespace identikal {
 namespace {
@@ -18,30 +18,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-struct Written {
-  std::vector<std::string> states, inputs, parameters;
-  std::vector<std::string> dynamics, outputs;
-  std::vector<std::pair<std::string, std::string>> definitions;
-  bool continuous = true;
-};
-
 NonlinearModel model_of(const Written& w, Derivatives order = Derivatives::first) {
-  ModelFormulas formulas;
-  formulas.states = static_cast<int>(w.states.size());
-  formulas.inputs = static_cast<int>(w.inputs.size());
-  formulas.parameters = static_cast<int>(w.parameters.size());
-  formulas.continuous = w.continuous;
-  std::vector<std::string> names = w.states;
-  names.insert(names.end(), w.inputs.begin(), w.inputs.end());
-  names.insert(names.end(), w.parameters.begin(), w.parameters.end());
-  names.emplace_back("t");
-  for (const auto& [name, text] : w.definitions) {
-    formulas.definitions.push_back(parse_expression(text, names));
-    names.push_back(name);
-  }
-  for (const std::string& f : w.dynamics) formulas.dynamics.push_back(parse_expression(f, names));
-  for (const std::string& h : w.outputs) formulas.outputs.push_back(parse_expression(h, names));
-  return make_nonlinear_model(formulas, order);
+  return make_nonlinear_model(formulas_of(w), order);
 }
 
 Written pendulum() {
@@ -54,15 +32,6 @@ Written pendulum() {
           true};
 }
 
-Written single_track_formulas() {
-  return {{"vy", "r"},
-          {"steer", "vx"},
-          {"m", "a", "b", "Iz", "Cf", "Cr"},
-          {"(Ff + Fr)/m - vx*r", "(a*Ff - b*Fr)/Iz"},
-          {"r", "(Ff + Fr)/m"},
-          {{"Ff", "Cf*(steer/21 - (vy + a*r)/vx)"}, {"Fr", "-Cr*(vy - b*r)/vx"}},
-          true};
-}
 VectorXd car_parameters() { return (VectorXd(6) << 1446, 0.987, 1.525, 2319, 8e4, 9e4).finished(); }
 
 VectorXd stepped(const NonlinearModel& model, const InputNodes& inputs, Index k, VectorXd x,
@@ -105,7 +74,6 @@ void expect_close(const MatrixXd& a, const MatrixXd& b, double tolerance) {
 
 TEST(NonlinearModel, StepIsTheClassicalRungeKuttaMethod) {
   const NonlinearModel model = model_of(pendulum());
-  EXPECT_FALSE(model.linear);
   const VectorXd p = (VectorXd(3) << 0.8, 0.3, 0.05).finished();
   const VectorXd time = (VectorXd(4) << 0.0, 0.1, 0.25, 0.3).finished();
   const MatrixXd u = (MatrixXd(1, 4) << 0.1, 0.4, -0.2, 0.3).finished();
@@ -234,7 +202,6 @@ TEST(NonlinearModel, DiscreteTimeTakesTheFormulaAtItsWord) {
   // The scalar growth model of the particle filter literature.
   const NonlinearModel model = model_of(
       {{"x"}, {"u"}, {"a", "b"}, {"a*x + b*x/(1 + x^2) + u*cos(1.2*t)"}, {"x^2/20"}, {}, false});
-  EXPECT_FALSE(model.linear);
   const VectorXd p = (VectorXd(2) << 0.5, 25.0).finished(), x = VectorXd::Constant(1, 1.7);
   const InputNodes inputs =
       input_nodes((VectorXd(2) << 3.0, 4.0).finished(), MatrixXd::Constant(1, 2, 8.0),
@@ -249,96 +216,6 @@ TEST(NonlinearModel, DiscreteTimeTakesTheFormulaAtItsWord) {
 }
 
 // At constant speed the vehicle is linear: a parameter takes the input's place.
-Written constant_speed() {
-  Written w = single_track_formulas();
-  w.inputs = {"steer"};
-  w.parameters.emplace_back("vx");
-  return w;
-}
-
-TEST(NonlinearModel, LinearModelsAreRecognised) {
-  EXPECT_TRUE(model_of(constant_speed()).linear);
-  EXPECT_FALSE(model_of(constant_speed()).offset);
-  EXPECT_FALSE(model_of(single_track_formulas()).linear);  // vx is an input
-  const auto linear = [](const std::string& rate) {
-    return model_of({{"x"}, {"u"}, {"p"}, {rate}, {"x"}, {}, true}).linear;
-  };
-  for (const char* rate : {"-x/p + u", "p*(u - x)", "sqrt(p)*x + sin(p)", "if(p > 0, x, 2*x)", "0",
-                           "(x + u)*(p + 1)/p - 3", "-(-x)", "x + 0*t"}) {
-    EXPECT_TRUE(linear(rate)) << rate;
-  }
-  for (const char* rate : {"-x^2", "x*u", "x + t", "t*x", "if(x > 0, 1, 0)", "sign(u)", "abs(x)",
-                           "floor(u)", "if(x > 0, x, 2*x)", "x/u", "min(x, p)", "p^x"}) {
-    EXPECT_FALSE(linear(rate)) << rate;
-  }
-}
-
-TEST(NonlinearModel, LinearFormGoesThroughTheExactDiscretisation) {
-  const NonlinearModel model = model_of(constant_speed());
-  VectorXd p(7);
-  p << car_parameters(), 25.0;
-  const LinearForm form = linear_form(model, p);
-  // (7.3) and (7.4) of Sladka, with the sign of row 2, column 1 as the moments give it.
-  const double m = p[0], a = p[1], b = p[2], Iz = p[3], Cf = p[4], Cr = p[5], vx = p[6];
-  expect_close(form.value.A,
-               (MatrixXd(2, 2) << -(Cf + Cr) / (m * vx), -vx + (b * Cr - a * Cf) / (m * vx),
-                (b * Cr - a * Cf) / (Iz * vx), -(a * a * Cf + b * b * Cr) / (Iz * vx))
-                   .finished(),
-               1e-14);
-  expect_close(form.value.B, (MatrixXd(2, 1) << Cf / (21 * m), a * Cf / (21 * Iz)).finished(),
-               1e-14);
-  EXPECT_EQ(form.value.C.row(0), Eigen::RowVector2d(1, 0).reverse());
-  ASSERT_EQ(form.by_parameter.size(), 7U);
-  const auto flat = [&](const VectorXd& at) {
-    const LinearFormMatrices v = linear_form(model, at).value;
-    VectorXd out(v.A.size() + v.B.size() + v.C.size() + v.D.size());
-    out << v.A.reshaped(), v.B.reshaped(), v.C.reshaped(), v.D.reshaped();
-    return out;
-  };
-  const MatrixXd by_p = numerical_slopes(flat, p);
-  for (Index i = 0; i < 7; ++i) {
-    const LinearFormMatrices& d = form.by_parameter[static_cast<std::size_t>(i)];
-    VectorXd exact(by_p.rows());
-    exact << d.A.reshaped(), d.B.reshaped(), d.C.reshaped(), d.D.reshaped();
-    expect_close(exact, by_p.col(i), 1e-9);
-  }
-  // The sampled model's step and the Runge-Kutta step in ever smaller pieces meet.
-  StateSpace continuous;
-  continuous.A = form.value.A;
-  continuous.B = form.value.B;
-  continuous.C = form.value.C;
-  continuous.D = form.value.D;
-  continuous.G = continuous.Q = MatrixXd::Zero(2, 2);
-  continuous.R = MatrixXd::Identity(2, 2);
-  continuous.S = MatrixXd::Zero(2, 2);
-  continuous.x0 = VectorXd::Zero(2);
-  continuous.P0 = MatrixXd::Zero(2, 2);
-  const StateSpace sampled = discretise(continuous, ProcessNoise::per_sample, 0.05);
-  const VectorXd x = (VectorXd(2) << 0.7, -0.4).finished();
-  const InputNodes inputs = input_nodes((VectorXd(2) << 0.0, 0.05).finished(),
-                                        MatrixXd::Constant(1, 2, 0.3), InputPath::constant, 5e-4);
-  Slopes slopes;
-  expect_close(stepped(model, inputs, 0, x, p, &slopes), sampled.A * x + 0.3 * sampled.B, 1e-10);
-  expect_close(slopes.by_x, sampled.A, 1e-10);
-}
-
-TEST(NonlinearModel, OffsetsBecomeAnInputThatIsAlwaysOne) {
-  const NonlinearModel model = model_of({{"T"},
-                                         {"power"},
-                                         {"R", "C", "outside"},
-                                         {"(outside - T)/(R*C) + power/C"},
-                                         {"T - 273.15"},
-                                         {},
-                                         true});
-  ASSERT_TRUE(model.linear);
-  ASSERT_TRUE(model.offset);
-  const LinearForm form = linear_form(model, (VectorXd(3) << 2.0, 5.0, 280.0).finished());
-  expect_close(form.value.A, MatrixXd::Constant(1, 1, -0.1), 1e-15);
-  expect_close(form.value.B, (MatrixXd(1, 2) << 0.2, 28.0).finished(), 1e-15);
-  expect_close(form.value.D, (MatrixXd(1, 2) << 0.0, -273.15).finished(), 1e-15);
-  expect_close(form.by_parameter[0].B, (MatrixXd(1, 2) << 0.0, -14.0).finished(), 1e-14);
-}
-
 TEST(NonlinearModel, WrongShapesAreRefused) {
   const NonlinearModel model = model_of(pendulum());
   ModelMemory memory = make_memory(model);
