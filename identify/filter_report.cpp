@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
+#include "identify/model_filter.h"
 #include "lib/error.h"
 #include "lib/matrix_equations.h"
 #include "lib/units.h"
@@ -140,12 +141,10 @@ MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Index gap) 
 
 void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                    FilterStatus status) {
-  const StateSpace system = instantiate(model.linear, model.parameters);
   const Location here{model.path, 0, 0};
   const auto culprit = [&] {
     for (const Dataset& data : recordings) {
-      const FilterResult filter =
-          kalman_filter(system, model.linear.initial, data.y, model_inputs(model.linear, data.u));
+      const FilterResult filter = run_filter(model, model.parameters, data, Keep::innovations);
       if (filter.status == status) return Location{data.name, 0, 0};
     }
     return Location{recordings[0].name, 0, 0};
@@ -157,7 +156,10 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
       throw InputError(here,
                        fmt::format("the filter starts stationary, and A has an eigenvalue of size "
                                    "{:.6g}",
-                                   system.A.eigenvalues().cwiseAbs().maxCoeff()),
+                                   instantiate(model.linear, model.parameters)
+                                       .A.eigenvalues()
+                                       .cwiseAbs()
+                                       .maxCoeff()),
                        "a stable A: every eigenvalue inside the unit circle",
                        "say 'initial: diffuse' where nothing is known of the state");
     case FilterStatus::indefinite:
@@ -181,8 +183,9 @@ void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterS
   estimate.noise.Q = written.Q;
   estimate.noise.R = written.R;
   if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
-  const bool density = model.linear.continuous && model.linear.noise == ProcessNoise::density;
+  const bool density = model.linear.noise == ProcessNoise::density;
   estimate.noise.Q_kind = density ? "density" : "per-sample";
+  if (model.form == ModelFile::Form::nonlinear) return;
   if (const auto steady = steady_state(instantiate(model.linear, parameters))) {
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;
@@ -202,12 +205,10 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
                                           const ParameterSet& parameters,
                                           const std::vector<Dataset>& recordings) {
   describe_noise(estimate, model, parameters);
-  const StateSpace system = instantiate(model.linear, parameters);
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;
   for (const Dataset& data : recordings) {
-    filters.push_back(kalman_filter(system, model.linear.initial, data.y,
-                                    model_inputs(model.linear, data.u), Keep::innovations));
+    filters.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {
       refuse_filter(model, recordings, filters.back().status);
     }

@@ -119,6 +119,8 @@ class FormulaReader {
     const PhysicalNames physical{state_names(), read_outputs(), symbols_.with_units};
     decide_form();
     read_noise(root_, physical, parameters_, out_.linear);
+    // What is read into a nonlinear model's matrices is used as it is, not sampled.
+    if (out_.form == ModelFile::Form::nonlinear) out_.linear.continuous = false;
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
     read_initial(root_, physical, parameters_, out_.linear);
     read_use_when();

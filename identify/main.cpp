@@ -29,6 +29,7 @@
 #include "identify/regression_track.h"
 #include "identify/report.h"
 #include "identify/report_page.h"
+#include "identify/row_selection.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
@@ -65,7 +66,8 @@ struct Arguments {
   bool compare = false, full_matrix = false, sources = false;
   long lags = 0, draws = 0;
   std::string range, manoeuvre, speed, rate = "100 Hz", duration, snr;
-  std::vector<std::string> manoeuvre_settings;
+  std::vector<std::string> manoeuvre_settings, signals;
+  std::string filter;
   long rows = 0;
 };
 
@@ -101,6 +103,15 @@ TimeRange parse_range(const std::string& text) {
   return range;
 }
 
+void require_linear(const Arguments& args, const ModelFile& model) {
+  if (model.form == ModelFile::Form::linear) return;
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  throw InputError({model.path, 0, 0},
+                   fmt::format("'{}' takes a linear model, this {}", args.verb,
+                               vehicle ? "is a vehicle" : "one is not linear in its states"),
+                   "a model with A, C, Q, R, or formulas that are linear in states and inputs");
+}
+
 ModelFile load_model(const Arguments& args) {
   ModelFile model = read_model_file(args.model);
   if (model.form == ModelFile::Form::regression && args.verb != "track") {
@@ -108,6 +119,15 @@ ModelFile load_model(const Arguments& args) {
                      "identikal track MODEL DATA");
   }
   for (const std::string& assignment : args.settings) set_parameter(model, assignment);
+  if (!args.filter.empty()) {
+    if (model.form != ModelFile::Form::nonlinear) {
+      throw InputError({}, "--filter has no meaning here", "a nonlinear model",
+                       "the Kalman filter of a linear one is exact");
+    }
+    model.formulas.filter = args.filter == "iterated"    ? NonlinearMethod::iterated
+                            : args.filter == "unscented" ? NonlinearMethod::unscented
+                                                         : NonlinearMethod::extended;
+  }
   return model;
 }
 
@@ -132,11 +152,16 @@ std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& 
     Dataset data = make_dataset(run, model.time, model.inputs,
                                 with_outputs ? model.outputs : no_outputs, parse_range(args.range));
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
-    if (model.form != ModelFile::Form::single_track) {
+    const bool as_recorded =
+        model.form == ModelFile::Form::single_track ||
+        (model.form == ModelFile::Form::nonlinear && model.formulas.continuous);
+    if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;
       data = on_uniform_raster(data, step);
     }
-    out.push_back(std::move(data));
+    for (Dataset& stretch : usable_stretches(model, std::move(data))) {
+      out.push_back(std::move(stretch));
+    }
   }
   return out;
 }
@@ -311,6 +336,7 @@ int run_estimator(const Arguments& args) {
         fmt::format("'{}' is about the noise of a linear model, this is a vehicle", args.verb),
         "a model with A, C, Q, R", "use 'fit'");
   }
+  if (model.form == ModelFile::Form::nonlinear && is_als(args)) require_linear(args, model);
   for (const auto& [given, option] :
        {std::pair{args.lags > 0, "--lags"}, std::pair{args.regain, "--regain"},
         std::pair{args.sources, "--sources"}}) {
@@ -426,10 +452,7 @@ int run_compare(const Arguments& args) {
 int run_bound(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
-  if (model.form != ModelFile::Form::linear) {
-    throw InputError({model.path, 0, 0}, "'bound' takes a linear model, this is a vehicle",
-                     "a model with A, C, Q, R");
-  }
+  require_linear(args, model);
   Recordings recordings;
   if (!args.data.empty()) {
     const std::vector<Table> files = read_files(args.data.front());
@@ -458,6 +481,7 @@ int run_bound(const Arguments& args) {
 int run_track(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
+  if (model.form == ModelFile::Form::nonlinear) require_linear(args, model);
   if (model.form != ModelFile::Form::linear && (args.adaptive || args.draws > 0)) {
     throw InputError(
         {}, fmt::format("{} has no meaning here", args.adaptive ? "--adaptive" : "--draws"),
@@ -490,10 +514,7 @@ int run_track(const Arguments& args) {
 int run_shape(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
-  if (model.form != ModelFile::Form::linear) {
-    throw InputError({model.path, 0, 0}, "'shape' takes a linear model, this is a vehicle",
-                     "a model with A, C, Q, R");
-  }
+  require_linear(args, model);
   ShapeOptions options;
   options.most_order = args.order;
   options.seed = static_cast<std::uint64_t>(args.seed);
@@ -605,6 +626,13 @@ int run_simulate(const Arguments& args) {
   const Dataset* inputs = recording ? &*recording : nullptr;
   if (inputs != nullptr && model.time.step == 0.0) model.linear.dt = inputs->dt;
   const bool vehicle = model.form == ModelFile::Form::single_track;
+  if (vehicle && !args.signals.empty()) {
+    throw InputError({}, "--input has no meaning here", "a model of matrices or formulas",
+                     "--manoeuvre drives the vehicle");
+  }
+  if (!args.signals.empty() && inputs != nullptr) {
+    throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
+  }
   if (args.rows > 0 && (inputs != nullptr || vehicle)) {
     throw InputError({}, "-n has no meaning here",
                      inputs != nullptr ? "as many rows as the recording of the inputs has"
@@ -627,7 +655,16 @@ int run_simulate(const Arguments& args) {
     if (inputs == nullptr && args.rows < 1) {
       throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
     }
-    simulated = simulate_linear(model, args.rows, inputs, static_cast<std::uint64_t>(args.seed));
+    if (inputs == nullptr && !model.inputs.empty()) {
+      recording = signal_inputs(model, args.signals, args.rows);
+      inputs = &*recording;
+    } else if (!args.signals.empty()) {
+      throw InputError({model.path, 0, 0}, "the model has no inputs", "no --input");
+    }
+    const auto seed = static_cast<std::uint64_t>(args.seed);
+    simulated = model.form == ModelFile::Form::nonlinear
+                    ? simulate_nonlinear(model, args.rows, inputs, seed)
+                    : simulate_linear(model, args.rows, inputs, seed);
   }
   if (args.output.empty()) {
     std::cout << simulated.csv << std::flush;
@@ -778,6 +815,9 @@ int run(int argc, char** argv) {
     verb->add_option("MODEL", args.model, "model file (YAML)")->required();
     verb->add_option("DATA", args.data, "recordings (CSV)")->required();
     add_common(*verb, args, true);
+    verb->add_option("--filter", args.filter, "of a nonlinear model")
+        ->check(CLI::IsMember({"extended", "iterated", "unscented"}))
+        ->default_str("extended");
     if (std::string(name) == "check") {
       verb->add_flag("--compare", args.compare, "rank filters: --compare A.yaml B.yaml ... DATA");
       continue;
@@ -895,7 +935,11 @@ int run(int argc, char** argv) {
   simulate->add_option("--seed", args.seed, "seed of the noise")
       ->check(whole_number)
       ->capture_default_str();
-  simulate->add_option("-n,--rows", args.rows, "rows of a linear model's record")
+  simulate
+      ->add_option("--input", args.signals,
+                   "NAME=FORMULA of the time t in s and SI, e.g. 'u=sin(2*pi*t/5)'; once per input")
+      ->allow_extra_args(false);
+  simulate->add_option("-n,--rows", args.rows, "rows, where no recording gives the inputs")
       ->check(CLI::Range(1L, 100000000L));
   simulate->add_option("--manoeuvre", args.manoeuvre,
                        "vehicle without DATA: one of those below; without it, the first");

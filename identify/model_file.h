@@ -13,6 +13,7 @@
 #include "lib/dataset.h"
 #include "lib/expression.h"
 #include "lib/linear_model.h"
+#include "lib/nonlinear_filter.h"
 #include "lib/nonlinear_model.h"
 #include "lib/parameter.h"
 
@@ -57,6 +58,7 @@ struct FormulaSettings {
   InputPath inputs = InputPath::constant;
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
+  NonlinearMethod filter = NonlinearMethod::extended;
   /// Condition on the inputs under which a row is used; its symbols are states, then inputs.
   std::optional<Expression> use_when;
   /// Form::nonlinear, with second derivatives. Its parameters are the first of the ParameterSet;

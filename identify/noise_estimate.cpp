@@ -153,6 +153,10 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
 
 void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
   FilterLoss& loss = estimate.loss.emplace();
+  if (model.form == ModelFile::Form::nonlinear) {
+    loss.reason = "a nonlinear model has no steady filter";
+    return;
+  }
   const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
   if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) {
     loss.reason = "parameters other than noise are free";

@@ -27,24 +27,38 @@ bool admissible(const StateSpace& model) {
 
 RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
                                            const std::vector<Dataset>& recordings, Path path)
-    : model_(model), path_(path), derivatives_(model_derivatives(model.linear, model.parameters)) {
+    : model_(model), path_(path) {
+  for (const Parameter& p : model.parameters) {
+    curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
+  }
+  if (model.form == ModelFile::Form::nonlinear) {
+    nonlinear_.emplace(model, recordings);
+    return;
+  }
+  constant_derivatives_ =
+      !model.linear.continuous && is_linear_in_parameters(model.linear, model.parameters);
+  derivatives_ = model_derivatives(model.linear, model.parameters);
   for (const Dataset& data : recordings) inputs_.push_back(model_inputs(model.linear, data.u));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     engine_.add_recording(recordings[i].y, inputs_[i]);
   }
-  for (const Parameter& p : model.parameters) {
-    curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
+}
+
+bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivatives) {
+  instantiate(model_.linear, at, system_);
+  if (!admissible(system_)) return false;
+  if (with_derivatives && !constant_derivatives_) {
+    derivatives_ = model_derivatives(model_.linear, at);
   }
+  return true;
 }
 
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
-  instantiate(model_.linear, at, system_);
-  if (!admissible(system_)) return nullptr;
-  if (with_gradient && model_.linear.continuous) {
-    derivatives_ = model_derivatives(model_.linear, at);
-  }
+  if (!set_system(at, with_gradient && !nonlinear_)) return nullptr;
   const Likelihood& result =
-      engine_.evaluate(system_, model_.linear.initial, with_gradient ? derivatives_ : none_, path_);
+      nonlinear_ ? nonlinear_->evaluate(at, with_gradient)
+                 : engine_.evaluate(system_, model_.linear.initial,
+                                    with_gradient ? derivatives_ : none_, path_);
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
 
@@ -74,15 +88,16 @@ LikelihoodProblem RecordingsLikelihood::problem() {
 }
 
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
-  instantiate(model_.linear, at, system_);
-  if (!admissible(system_)) return {};
-  if (model_.linear.continuous) derivatives_ = model_derivatives(model_.linear, at);
-  return engine_.score_products(system_, model_.linear.initial, derivatives_);
+  if (!set_system(at, !nonlinear_)) return {};
+  if (!nonlinear_) return engine_.score_products(system_, model_.linear.initial, derivatives_);
+  MatrixXd out;
+  if (nonlinear_->evaluate(at, true, &out).status != FilterStatus::ok) return {};
+  return out;
 }
 
 FilterStatus RecordingsLikelihood::status_at_start() {
-  instantiate(model_.linear, model_.parameters, system_);
-  if (!admissible(system_)) return FilterStatus::indefinite;
+  if (!set_system(model_.parameters, false)) return FilterStatus::indefinite;
+  if (nonlinear_) return nonlinear_->evaluate(model_.parameters, false).status;
   return engine_.evaluate(system_, model_.linear.initial, none_, path_).status;
 }
 

@@ -2,19 +2,21 @@
 // of noise climbs.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "identify/model_file.h"
+#include "identify/nonlinear_recordings.h"
 #include "lib/dataset.h"
 #include "lib/likelihood.h"
 #include "solvers/scoring.h"
 
 namespace identikal {
 
-/// The likelihood of all recordings, as a function of the free entries, in which the model is
-/// linear, or of the optimiser's coordinates (lib/parameter.h). Keeps references to model and
+/// The likelihood of all recordings under a linear or nonlinear model, as a function of the free
+/// entries or of the optimiser's coordinates (lib/parameter.h). Keeps references to model and
 /// recordings; one per thread.
 class RecordingsLikelihood {
  public:
@@ -44,9 +46,14 @@ class RecordingsLikelihood {
   const PathTaken& path_taken() const { return engine_.path_taken(); }
 
  private:
+  // The matrices at these values, and their derivatives; false where covariances are none.
+  bool set_system(const ParameterSet& at, bool with_derivatives);
+
   const ModelFile& model_;
   Path path_;
   bool curved_ = false;
+  bool constant_derivatives_ = false;
+  std::optional<NonlinearRecordings> nonlinear_;
   std::vector<Eigen::MatrixXd> inputs_;  // the engine refers to them
   LikelihoodEngine engine_;
   StateSpace system_;

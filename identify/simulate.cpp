@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "identify/model_values.h"
+#include "identify/nonlinear_recordings.h"
 #include "identify/vehicle_problem.h"
 #include "lib/interpolation.h"
+#include "lib/nearest_name.h"
 #include "lib/random.h"
 #include "lib/realisation.h"
 #include "lib/units.h"
@@ -92,19 +97,71 @@ OutputColumn time_column(const ModelFile& model, const VectorXd& time) {
           model.time.unit.empty() ? "s" : model.time.unit, time};
 }
 
+VectorXd sample_times(const Dataset* inputs, Index N, double step) {
+  return inputs != nullptr
+             ? inputs->time
+             : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
+}
+
+double sampling_period(const ModelFile& model) {
+  if (model.time.step > 0.0) return model.time.step;
+  throw InputError(model.time.at, "the sampling period is not known",
+                   "time: {step: 0.1 s}, or a recording that holds the inputs");
+}
+
+// Outputs and inputs as the recorder writes them. Columns that the model names by number must stand
+// where it says, so time comes last.
+std::string csv_of(const ModelFile& model, std::uint64_t seed, const MatrixXd& y,
+                   const Dataset* inputs, const VectorXd& time) {
+  std::vector<OutputColumn> columns;
+  for (Index i = 0; i < y.rows(); ++i) {
+    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
+    columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
+  }
+  for (std::size_t i = 0; i < model.inputs.size(); ++i) {
+    const ChannelSource& source = model.inputs[i];
+    columns.push_back(
+        {column_name(source), source.unit, inputs->u.row(static_cast<Index>(i)).transpose()});
+  }
+  columns.push_back(time_column(model, time));
+  return csv_text(model, seed, {}, time, columns);
+}
+
+// The recording with its intervals cut into pieces, inputs as the model has them between samples.
+Dataset refined(const Dataset& recording, InputPath path, int pieces) {
+  const InputNodes nodes =
+      input_nodes(recording.time, recording.u, path,
+                  std::vector<int>(static_cast<std::size_t>(recording.size() - 1), pieces));
+  Dataset out = recording;
+  const Index N = recording.size(), M = (N - 1) * pieces + 1;
+  out.time.resize(M);
+  out.u.resize(recording.u.rows(), M);
+  for (Index k = 0; k + 1 < N; ++k) {
+    for (Index j = 0; j < pieces; ++j) {
+      const double share = static_cast<double>(j) / pieces;
+      out.time[k * pieces + j] =
+          recording.time[k] + share * (recording.time[k + 1] - recording.time[k]);
+      out.u.col(k * pieces + j) = nodes.u.col(nodes.first[static_cast<std::size_t>(k)] + 2 * j);
+    }
+  }
+  out.time[M - 1] = recording.time[N - 1];
+  out.u.col(M - 1) = recording.u.col(N - 1);
+  return out;
+}
+
 }  // namespace
 
 Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inputs,
                           std::uint64_t seed) {
   const StateSpace system = instantiate(model.linear, model.parameters);
   const Location at{model.path, 0, 0};
-  if (system.inputs() > 0 && inputs == nullptr) {
+  if (!model.inputs.empty() && inputs == nullptr) {
     throw InputError(at, "the model has inputs", "a recording that holds them",
                      "add it to the command line");
   }
   const Index N = inputs != nullptr ? inputs->size() : rows;
   Random random(seed);
-  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
+  const MatrixXd u = model_inputs(model.linear, inputs != nullptr ? inputs->u : MatrixXd(0, N));
   MatrixXd y;
   try {
     y = realisation(system, model.linear.initial, u, N, random);
@@ -113,23 +170,85 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
         at, "the model cannot be simulated",
         "[Q S; S' R] positive semidefinite, and a stable A with 'initial: stationary'");
   }
-  const double step = inputs != nullptr ? inputs->dt : system.dt;
-  const VectorXd time =
-      inputs != nullptr ? inputs->time
-                        : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
-  // Columns that the model names by number must stand where it says, so time comes last.
-  std::vector<OutputColumn> columns;
-  for (Index i = 0; i < y.rows(); ++i) {
-    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
-    columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
+  return {csv_of(model, seed, y, inputs, sample_times(inputs, N, system.dt)), N, {}};
+}
+
+Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& signals, Index rows) {
+  if (rows < 1) throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
+  const double step = sampling_period(model);
+  Dataset out;
+  out.name = model.name;
+  out.dt = step;
+  out.time = sample_times(nullptr, rows, step);
+  out.u = MatrixXd::Constant(static_cast<Index>(model.inputs.size()), rows, kNone);
+  const std::vector<std::string> symbols{"t"};
+  std::vector<std::string> names;
+  for (const ChannelSource& input : model.inputs) names.push_back(input.name);
+  for (const std::string& signal : signals) {
+    const std::size_t equals = signal.find('=');
+    const std::string what = fmt::format("--input '{}'", signal);
+    if (equals == std::string::npos) throw InputError({}, what, "NAME=FORMULA of t");
+    const std::string name(trimmed(std::string_view(signal).substr(0, equals)));
+    const auto input = std::find(names.begin(), names.end(), name);
+    if (input == names.end()) {
+      throw InputError({}, fmt::format("{}: the model has no input '{}'", what, name), "",
+                       did_you_mean(name, names));
+    }
+    Expression formula;
+    try {
+      formula = parse_expression(std::string_view(signal).substr(equals + 1), symbols);
+    } catch (const FormulaError& error) {
+      throw InputError({}, fmt::format("{}: {}", what, error.what()));
+    }
+    for (Index t = 0; t < rows; ++t) {
+      const double value = evaluate(formula, std::span(&out.time[t], 1));
+      if (!std::isfinite(value)) {
+        throw InputError({}, fmt::format("{} has no value at {:.6g} s", what, out.time[t]));
+      }
+      out.u(input - names.begin(), t) = value;
+    }
   }
-  for (std::size_t i = 0; i < model.inputs.size(); ++i) {
-    const ChannelSource& source = model.inputs[i];
-    const VectorXd values = inputs->u.row(static_cast<Index>(i)).transpose();
-    columns.push_back({column_name(source), source.unit, values});
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    out.inputs.push_back({names[i], model.inputs[i].unit});
+    if (!out.u.row(static_cast<Index>(i)).hasNaN()) continue;
+    throw InputError({}, fmt::format("input '{}' is not given", names[i]),
+                     "a recording that holds it, or --input " + names[i] + "=FORMULA");
   }
-  columns.push_back(time_column(model, time));
-  return {csv_text(model, seed, {}, time, columns), N, {}};
+  return out;
+}
+
+Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* inputs,
+                             std::uint64_t seed) {
+  const Location at{model.path, 0, 0};
+  const Index N = inputs != nullptr ? inputs->size() : rows;
+  Dataset recording;
+  recording.name = model.name;
+  recording.time = sample_times(inputs, N, inputs != nullptr ? 0.0 : sampling_period(model));
+  recording.u = inputs != nullptr ? inputs->u : MatrixXd(0, N);
+  if (!recording.u.allFinite()) {
+    throw InputError({inputs->name, 0, 0}, "an input is missing in some row",
+                     "every input in every row", "select rows with --range");
+  }
+  const int pieces = model.formulas.continuous ? 10 : 1;
+  const Dataset fine = refined(recording, model.formulas.inputs, pieces);
+  Random random(seed);
+  NonlinearRealisation found;
+  try {
+    found = nonlinear_realisation(model, fine, random);
+  } catch (const std::invalid_argument&) {
+    throw InputError(at, "the model cannot be simulated", "covariances positive semidefinite");
+  }
+  MatrixXd y(found.y.rows(), N);
+  for (Index t = 0; t < N; ++t) y.col(t) = found.y.col(t * pieces);
+  if (!y.allFinite()) {
+    Index t = 0;
+    while (y.col(t).allFinite()) ++t;
+    throw InputError(
+        at,
+        fmt::format("the motion runs away: at {:.6g} s it is not finite", fine.time[t * pieces]),
+        "values that can be simulated");
+  }
+  return {csv_of(model, seed, y, inputs, recording.time), N, {}};
 }
 
 Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,

@@ -30,6 +30,17 @@ struct Simulated {
 Simulated simulate_linear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
                           std::uint64_t seed);
 
+/// The same of a nonlinear model. In continuous time the process noise enters ten times between two
+/// samples, so that the truth does not share the filter's straight lines.
+/// @throws InputError also when the motion runs away, or no sampling period is known
+Simulated simulate_nonlinear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
+                             std::uint64_t seed);
+
+/// Inputs from formulas of the time, "NAME=FORMULA" in SI, at the model's sampling period.
+/// @throws InputError when an input has none, a name is unknown, or no period or length is given
+Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& signals,
+                      Eigen::Index rows);
+
 /// The vehicle through a manoeuvre (identify/manoeuvres.h) or under recorded inputs, with white
 /// measurement noise: where `snr` is given, 10^(-snr/20) times the root mean square of each output
 /// without noise (Sladká 2010, section 9.3.1: awgn, 'measured'), else the model file's.

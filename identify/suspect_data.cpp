@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
+#include "identify/model_filter.h"
 #include "lib/kalman.h"
 #include "lib/matrix_equations.h"
 #include "lib/units.h"
@@ -28,11 +29,9 @@ constexpr double kSerious = 0.05;  // share of the innovations' power
 // Of every recording; innovations are missing where the filter does not run.
 std::vector<FilterResult> filtered(const ModelFile& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings) {
-  const StateSpace system = instantiate(model.linear, parameters);
   std::vector<FilterResult> out;
   for (const Dataset& data : recordings) {
-    out.push_back(kalman_filter(system, model.linear.initial, data.y,
-                                model_inputs(model.linear, data.u), Keep::innovations));
+    out.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (out.back().status == FilterStatus::ok) continue;
     out.back().e = out.back().standardised = MatrixXd::Constant(data.y.rows(), data.size(), kNone);
   }

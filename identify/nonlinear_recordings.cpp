@@ -1,0 +1,140 @@
+#include "identify/nonlinear_recordings.h"
+
+#include <limits>
+
+#include <fmt/format.h>
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+VectorXd formula_parameters(const ModelFile& model, const ParameterSet& at) {
+  VectorXd out(model.formulas.model.parameters);
+  for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
+  return out;
+}
+
+FilterNoise noise_of(const StateSpace& written) {
+  return {written.G * written.Q * written.G.transpose(), written.R, written.x0, written.P0};
+}
+
+// d(G Q G') and the rest.
+FilterNoise noise_derivative(const StateSpace& written, const StateSpace& d) {
+  const MatrixXd moved = d.G * written.Q * written.G.transpose();
+  return {moved + moved.transpose() + written.G * d.Q * written.G.transpose(), d.R, d.x0, d.P0};
+}
+
+std::vector<FilterDirection> directions(const ModelFile& model, const ParameterSet& at,
+                                        const StateSpace& written) {
+  std::vector<FilterDirection> out;
+  const std::vector<EntryDerivative> entries = entry_derivatives(at);
+  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const int parameter = entries[i].parameter;
+    out.push_back({parameter < model.formulas.model.parameters ? parameter : -1,
+                   noise_derivative(written, derivatives[i])});
+  }
+  return out;
+}
+
+NonlinearFilterOptions filter_options(const ModelFile& model) {
+  NonlinearFilterOptions out;
+  out.method = model.formulas.filter;
+  out.noise = model.linear.noise;
+  return out;
+}
+
+}  // namespace
+
+InputNodes integration_nodes(const ModelFile& model, const Dataset& recording) {
+  const FormulaSettings& settings = model.formulas;
+  if (!settings.continuous || settings.longest_step > 0.0) {
+    return input_nodes(
+        recording.time, recording.u, settings.inputs,
+        settings.continuous ? settings.longest_step : std::numeric_limits<double>::infinity());
+  }
+  ModelMemory memory = make_memory(settings.model);
+  set_parameters(settings.model, memory, formula_parameters(model, model.parameters));
+  const VectorXd start = written_matrices(model.linear, model.parameters).x0;
+  IntegrationSteps chosen = choose_steps(settings.model, memory, start, recording.time, recording.u,
+                                         settings.inputs, kIntegrationTolerance);
+  if (chosen.status != IntegrationStatus::ok) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("simulating '{}' with the file's values: {} at {:.6g} s",
+                                 recording.name, describe(chosen.status), chosen.reached),
+                     "a start from which the model can be simulated",
+                     "other values, or time: {integration_step: ...}");
+  }
+  return input_nodes(recording.time, recording.u, settings.inputs, chosen.steps);
+}
+
+NonlinearRecordings::NonlinearRecordings(const ModelFile& model,
+                                         const std::vector<Dataset>& recordings)
+    : model_(model),
+      recordings_(recordings),
+      memory_(make_memory(model.formulas.model)),
+      options_(filter_options(model)) {
+  for (const Dataset& recording : recordings) {
+    inputs_.push_back(integration_nodes(model, recording));
+  }
+}
+
+const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
+                                                MatrixXd* score_products) {
+  const StateSpace written = written_matrices(model_.linear, at);
+  const FilterNoise noise = noise_of(written);
+  const VectorXd p = formula_parameters(model_, at);
+  const std::vector<FilterDirection> by =
+      with_derivatives ? directions(model_, at, written) : std::vector<FilterDirection>{};
+  const auto k = static_cast<Index>(by.size());
+  sum_.status = FilterStatus::ok;
+  sum_.value = 0.0;
+  sum_.gradient.setZero(k);
+  sum_.information.setZero(k, k);
+  if (score_products != nullptr) score_products->setZero(k, k);
+  MatrixXd products;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    const Likelihood one =
+        nonlinear_likelihood(model_.formulas.model, memory_, p, noise, by, inputs_[i],
+                             recordings_[i].y, options_, score_products ? &products : nullptr);
+    sum_.status = one.status;
+    if (one.status != FilterStatus::ok) return sum_;
+    sum_.value += one.value;
+    if (k == 0) continue;
+    sum_.gradient += one.gradient;
+    sum_.information += one.information;
+    if (score_products != nullptr) *score_products += products;
+  }
+  return sum_;
+}
+
+NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
+                                           Random& random) {
+  return nonlinear_realisation(model.formulas.model, formula_parameters(model, model.parameters),
+                               noise_of(written_matrices(model.linear, model.parameters)),
+                               model.linear.noise, integration_nodes(model, recording), random);
+}
+
+MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
+                            const Dataset& recording) {
+  FilterNoise noise = zero_noise(model.formulas.model);
+  noise.x0 = written_matrices(model.linear, at).x0;
+  Random unused(1);
+  return nonlinear_realisation(model.formulas.model, formula_parameters(model, at), noise,
+                               ProcessNoise::per_sample, integration_nodes(model, recording),
+                               unused)
+      .y;
+}
+
+FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
+                              const Dataset& recording, Keep keep) {
+  return nonlinear_filter(model.formulas.model, formula_parameters(model, at),
+                          noise_of(written_matrices(model.linear, at)),
+                          integration_nodes(model, recording), recording.y, filter_options(model),
+                          keep);
+}
+
+}  // namespace identikal

@@ -1,0 +1,57 @@
+// How does a recording go through a model of formulas, as a model file states it?
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/model_file.h"
+#include "lib/dataset.h"
+#include "lib/nonlinear_filter.h"
+#include "lib/nonlinear_realisation.h"
+
+namespace identikal {
+
+/// Where the inputs are read and how many steps the integration takes between samples: as many as
+/// the model's own values need for kIntegrationTolerance, or as the file says.
+/// @throws InputError when the motion runs away, or would need more steps than is sensible
+InputNodes integration_nodes(const ModelFile& model, const Dataset& recording);
+
+/// Relative error of the state from one sample to the next that the integration may make.
+inline constexpr double kIntegrationTolerance = 1e-9;
+
+/// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
+/// one per thread.
+class NonlinearRecordings {
+ public:
+  NonlinearRecordings(const ModelFile& model, const std::vector<Dataset>& recordings);
+
+  /// The sum over all recordings of nonlinear_likelihood(), each from the model's start, by the
+  /// free entries where asked for. Valid until the next call.
+  /// @param score_products  written when not null: the sum over all samples
+  const Likelihood& evaluate(const ParameterSet& at, bool with_derivatives,
+                             Eigen::MatrixXd* score_products = nullptr);
+
+ private:
+  const ModelFile& model_;
+  const std::vector<Dataset>& recordings_;
+  std::vector<InputNodes> inputs_;
+  ModelMemory memory_;
+  NonlinearFilterOptions options_;
+  Likelihood sum_;
+};
+
+/// A recording with this one's times and inputs, drawn from the model at its own values.
+/// @throws std::invalid_argument when a covariance is not positive semidefinite
+NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
+                                           Random& random);
+
+/// What the outputs would be without noise, from the mean of the start; SI, ny x N.
+Eigen::MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
+                                   const Dataset& recording);
+
+/// The filter's run over one recording.
+FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
+                              const Dataset& recording, Keep keep);
+
+}  // namespace identikal
