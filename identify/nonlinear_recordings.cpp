@@ -56,19 +56,8 @@ InputNodes integration_nodes(const ModelFile& model, const Dataset& recording) {
         recording.time, recording.u, settings.inputs,
         settings.continuous ? settings.longest_step : std::numeric_limits<double>::infinity());
   }
-  ModelMemory memory = make_memory(settings.model);
-  set_parameters(settings.model, memory, formula_parameters(model, model.parameters));
-  const VectorXd start = written_matrices(model.linear, model.parameters).x0;
-  IntegrationSteps chosen = choose_steps(settings.model, memory, start, recording.time, recording.u,
-                                         settings.inputs, kIntegrationTolerance);
-  if (chosen.status != IntegrationStatus::ok) {
-    throw InputError({model.path, 0, 0},
-                     fmt::format("simulating '{}' with the file's values: {} at {:.6g} s",
-                                 recording.name, describe(chosen.status), chosen.reached),
-                     "a start from which the model can be simulated",
-                     "other values, or time: {integration_step: ...}");
-  }
-  return input_nodes(recording.time, recording.u, settings.inputs, chosen.steps);
+  return input_nodes(recording.time, recording.u, settings.inputs,
+                     std::numeric_limits<double>::infinity());
 }
 
 NonlinearRecordings::NonlinearRecordings(const ModelFile& model,

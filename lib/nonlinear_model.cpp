@@ -138,18 +138,51 @@ void chain_slopes(const NonlinearModel& model, ModelMemory& m, Derivatives order
   }
 }
 
-// to += factor * what; only the parts that are in use.
-void add_motion(ModelMemory::Motion& to, double factor, const ModelMemory::Motion& what,
-                Derivatives order) {
-  to.x += factor * what.x;
-  to.slopes += factor * what.slopes;
-  if (order == Derivatives::second) to.curvature += factor * what.curvature;
+// W' = f_x W + W f_x' + Q, and its derivatives by the step's begin.
+void add_gramian_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order) {
+  const Index nx = model.states;
+  const ModelMemory::Rows& W = m.stage.gramians;
+  m.rate.gramians = m.densities;
+  for (Index j = 0; j < nx; ++j) {
+    for (Index i = 0; i < nx; ++i) {
+      for (Index l = 0; l < nx; ++l) {
+        m.rate.gramians.row(i + nx * j) +=
+            m.J(i, l) * W.row(l + nx * j) + m.J(j, l) * W.row(i + nx * l);
+      }
+    }
+  }
+  if (order == Derivatives::first) return;
+  const ModelMemory::Rows& V = m.stage.gramian_slopes;
+  m.rate.gramian_slopes.setZero();
+  for (Index j = 0; j < nx; ++j) {
+    for (Index i = 0; i <= j; ++i) {
+      auto&& rate = m.rate.gramian_slopes.row(i + nx * j);
+      for (Index l = 0; l < nx; ++l) {
+        rate += m.J(i, l) * V.row(l + nx * j) + m.J(j, l) * V.row(i + nx * l) +
+                W(l + nx * j, 0) * m.turned.row(i + nx * l) +
+                W(l + nx * i, 0) * m.turned.row(j + nx * l);
+      }
+      if (i != j) m.rate.gramian_slopes.row(j + nx * i) = rate;
+    }
+  }
 }
 
-void clear_motion(ModelMemory::Motion& motion) {
-  motion.x.setZero();
-  motion.slopes.setZero();
-  motion.curvature.setZero();
+// Calls what(part) for each part of a motion that is in use.
+template <typename F>
+void for_each_part(Derivatives order, bool with_gramians, F&& what) {
+  using Motion = ModelMemory::Motion;
+  what(&Motion::slopes);
+  if (order == Derivatives::second) what(&Motion::curvature);
+  if (with_gramians) what(&Motion::gramians);
+  if (with_gramians && order == Derivatives::second) what(&Motion::gramian_slopes);
+}
+
+// out = begin + factor * rate.
+void set_motion(ModelMemory::Motion& out, const ModelMemory::Motion& begin, double factor,
+                const ModelMemory::Motion& rate, Derivatives order, bool with_gramians) {
+  out.x = begin.x + factor * rate.x;
+  for_each_part(order, with_gramians,
+                [&](auto part) { out.*part = begin.*part + factor * rate.*part; });
 }
 
 }  // namespace
@@ -205,17 +238,13 @@ NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives o
 
 InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
                        double longest_step) {
-  const Index N = time.size();
-  if (u.cols() != N || !(longest_step > 0.0)) {
+  if (!(longest_step > 0.0)) {
     std::ostringstream text;
-    text << "input_nodes: " << N << " times, " << u.cols() << " samples, longest step "
-         << longest_step;
+    text << "input_nodes: longest step " << longest_step;
     throw std::invalid_argument(text.str());
   }
-  InputNodes out;
-  out.time = time;
-  Index columns = 0;
-  for (Index k = 0; k + 1 < N; ++k) {
+  std::vector<int> counts;
+  for (Index k = 0; k + 1 < time.size(); ++k) {
     const double h = time[k + 1] - time[k];
     // A sampling period that is the longest step up to rounding takes one step.
     const double steps = std::max(1.0, std::ceil(h / longest_step * (1.0 - 1e-9)));
@@ -225,9 +254,35 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
            << longest_step << " s";
       throw std::invalid_argument(text.str());
     }
-    out.steps.push_back(static_cast<int>(steps));
+    counts.push_back(static_cast<int>(steps));
+  }
+  return input_nodes(time, u, path, counts);
+}
+
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       const std::vector<int>& steps) {
+  const Index N = time.size();
+  if (u.cols() != N || static_cast<Index>(steps.size()) != std::max<Index>(N - 1, 0)) {
+    std::ostringstream text;
+    text << "input_nodes: " << N << " times, " << u.cols() << " samples, steps for " << steps.size()
+         << " intervals";
+    throw std::invalid_argument(text.str());
+  }
+  InputNodes out;
+  out.time = time;
+  out.at_sample = u;
+  out.steps = steps;
+  Index columns = 0;
+  for (Index k = 0; k + 1 < N; ++k) {
+    const int count = steps[static_cast<std::size_t>(k)];
+    if (!(time[k + 1] > time[k]) || count < 1 || count > kMaxSteps) {
+      std::ostringstream text;
+      text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in " << count
+           << " steps";
+      throw std::invalid_argument(text.str());
+    }
     out.first.push_back(columns);
-    columns += 2 * out.steps.back() + 1;
+    columns += 2 * count + 1;
   }
   out.u.resize(u.rows(), columns);
   for (Index i = 0; i < u.rows(); ++i) {
@@ -316,10 +371,19 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
 }
 
 void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
-          Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order) {
+          Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order, Gramians* gramians) {
   check_step_arguments(model, inputs, k);
   check_order(model, order);
   const Index nx = model.states, np = model.parameters;
+  const bool noisy = gramians != nullptr;
+  if (noisy && (!model.continuous || gramians->densities.rows() != nx * nx ||
+                gramians->densities.cols() == 0)) {
+    std::ostringstream text;
+    text << "step: " << gramians->densities.cols() << " densities of " << gramians->densities.rows()
+         << " numbers for a model " << (model.continuous ? "" : "in discrete time ") << "with "
+         << nx << " states";
+    throw std::invalid_argument(text.str());
+  }
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
   m.begin.x = x;
@@ -327,31 +391,44 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
     m.begin.x = m.rate.x;
     m.begin.slopes = m.J;
-    m.begin.curvature = m.H;
+    if (order == Derivatives::second) m.begin.curvature = m.H;
   } else {
     const int steps = inputs.steps[interval];
     const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
     m.begin.slopes.setZero();
     m.begin.slopes.leftCols(nx).diagonal().setOnes();
     m.begin.curvature.setZero();
+    if (noisy) {
+      m.densities = gramians->densities;
+      m.begin.gramians.setZero(nx * nx, m.densities.cols());
+      m.begin.gramian_slopes.setZero(nx * nx, nx + np);
+      m.rate.gramian_slopes.resize(nx * nx, nx + np);
+    }
     for (int i = 0; i < steps; ++i) {
-      clear_motion(m.sum);
       for (const Stage& stage : kStages) {
-        m.stage = m.begin;
-        if (stage.reach > 0.0) add_motion(m.stage, stage.reach * h, m.rate, order);
+        const bool at_begin = stage.reach == 0.0;
+        if (at_begin) {
+          set_motion(m.stage, m.begin, 0.0, m.begin, order, noisy);
+        } else {
+          set_motion(m.stage, m.begin, stage.reach * h, m.rate, order, noisy);
+        }
         evaluate_rates(model, m, order, m.stage.x.data(),
                        inputs.u.col(first + 2 * i + stage.node).data(),
                        inputs.time[k] + (i + stage.reach) * h);
         chain_slopes(model, m, order);
-        add_motion(m.sum, stage.weight, m.rate, order);
+        if (noisy) add_gramian_rates(model, m, order);
+        set_motion(m.sum, at_begin ? m.begin : m.sum, stage.weight * h, m.rate, order, noisy);
       }
-      add_motion(m.begin, h, m.sum, order);
+      std::swap(m.begin, m.sum);
     }
   }
   x = m.begin.x;
   slopes.by_x = m.begin.slopes.leftCols(nx);
   slopes.by_p = m.begin.slopes.rightCols(np);
   if (order == Derivatives::second) slopes.by_x_slopes = m.begin.curvature;
+  if (!noisy) return;
+  gramians->values = m.begin.gramians;
+  if (order == Derivatives::second) gramians->slopes = m.begin.gramian_slopes;
 }
 
 void observe(const NonlinearModel& model, ModelMemory& m,
@@ -373,6 +450,14 @@ void observe(const NonlinearModel& model, ModelMemory& m,
   y = m.y;
   slopes.by_x = m.y_slopes.leftCols(nx);
   slopes.by_p = m.y_slopes.rightCols(np);
+}
+
+void observe(const NonlinearModel& model, ModelMemory& m,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y) {
+  write_point(model, m.output_slopes, x.data(), u.data(), time);
+  evaluate_values(model.output_slopes, m.output_slopes, span_of(m.y));
+  y = m.y;
 }
 
 }  // namespace identikal

@@ -64,6 +64,9 @@ struct InputNodes {
   std::vector<int> steps;           ///< N - 1
   std::vector<Eigen::Index> first;  ///< column of an interval's begin
   Eigen::MatrixXd u;                ///< nu x sum(2 steps + 1)
+  /// nu x N, as given: what the outputs at a sample see, and f in discrete time. An input held
+  /// constant takes its last value at the last sample only, where no interval begins.
+  Eigen::MatrixXd at_sample;
 };
 
 /// @param time          N strictly increasing time stamps [s], any spacing
@@ -73,6 +76,10 @@ struct InputNodes {
 ///   an interval needs more than a million steps
 InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
                        double longest_step);
+/// The same with a number of steps for every interval (lib/integration_steps.h).
+/// @param steps  N - 1, each 1 to a million
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       const std::vector<int>& steps);
 
 /// Memory of an evaluation, one per thread; parameters are those last set.
 struct ModelMemory {
@@ -82,10 +89,11 @@ struct ModelMemory {
   /// the begin, in nx + np columns; curvature row i + nx j is that of d x_i / d x_j.
   struct Motion {
     Eigen::VectorXd x;
-    Rows slopes, curvature;
+    Rows slopes, curvature, gramians, gramian_slopes;
   };
   Motion begin, stage, rate, sum;
   Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
+  Rows densities;          ///< of Gramians
   Eigen::VectorXd values;  ///< of a curvature tape
   Eigen::VectorXd y;       ///< ny
   Rows y_slopes;           ///< ny x (nx + np)
@@ -113,13 +121,26 @@ struct Slopes {
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
           Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x);
 
+/// What white noise of density Q does to the state from one sample to the next, in continuous time:
+///
+///   W = int Phi(t(k+1), s) Q Phi(t(k+1), s)' ds   from   W' = f_x W + W f_x' + Q,  W = 0
+///
+/// along the trajectory without noise, which goes through the Runge-Kutta steps with the state and
+/// so has their order. Source: Jazwinski (1970), section 4.9. Symmetric matrices, column by column.
+struct Gramians {
+  Eigen::MatrixXd densities;  ///< nx^2 x m: Q_j
+  Eigen::MatrixXd values;     ///< nx^2 x m, written: W_j
+  Eigen::MatrixXd slopes;  ///< nx^2 x (nx + np), written with Derivatives::second: d W_1 / d [x; p]
+};
+
 /// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
 /// same Runge-Kutta steps.
-/// @param slopes  written; allocates nothing when it has the right shapes
-/// @param order   @throws std::invalid_argument when it is beyond the model's
+/// @param slopes    written; allocates nothing when it has the right shapes
+/// @param order     @throws std::invalid_argument when it is beyond the model's
+/// @param gramians  null: none; @throws std::invalid_argument in discrete time or without densities
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
           Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes,
-          Derivatives order = Derivatives::first);
+          Derivatives order = Derivatives::first, Gramians* gramians = nullptr);
 
 /// Outputs at a sample and their exact derivatives.
 /// @param x, u  state and inputs there
@@ -130,5 +151,9 @@ void observe(const NonlinearModel& model, ModelMemory& memory,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
              double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes,
              Derivatives order = Derivatives::first);
+/// The outputs alone.
+void observe(const NonlinearModel& model, ModelMemory& memory,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y);
 
 }  // namespace identikal
