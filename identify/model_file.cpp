@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "identify/formula_form.h"
+#include "identify/included_files.h"
 #include "identify/linear_form.h"
 #include "identify/matrix_reader.h"
 #include "identify/model_values.h"
@@ -326,7 +327,7 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
 }  // namespace
 
 ModelFile read_model_file(const std::string& path) {
-  const YamlNode root = read_yaml(path);
+  const YamlNode root = read_with_included(path);
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
