@@ -625,6 +625,54 @@ TEST(NonlinearFilter, ParticlesAgreeWithTheUnscentedWhereTheExtendedIsOff) {
   }
 }
 
+TEST(NonlinearFilter, SemidefiniteCovariancesWork) {
+  Random random(6);
+  Setting s;
+  s.model = from_formulas({"a", "b", "c"}, {}, {"p"}, {"0.8*a + p*b", "0.5*b - 0.1*a", "c"},
+                          {"a + c", "b"}, Time::discrete);
+  const Index N = 100;
+  s.p = VectorXd::Constant(1, 0.3);
+  s.noise = zero_noise(s.model);
+  // One source drives a and b alike, c is a constant that is known, and the start lies on a line.
+  const VectorXd by = Eigen::Vector3d(1.0, -2.0, 0.0);
+  s.noise.Q = by * by.transpose();
+  s.noise.P0 = s.noise.Q;
+  s.noise.x0 = Eigen::Vector3d(0.0, 0.0, 1.0);
+  s.noise.R = 0.3 * MatrixXd::Identity(2, 2);
+  s.inputs = input_nodes(VectorXd::LinSpaced(N, 0.0, N - 1.0), MatrixXd(0, N), InputPath::constant,
+                         kInfinity);
+  s.y.resize(2, N);
+  for (double& y : s.y.reshaped()) y = random.normal();
+  s.directions.push_back({0, zero_noise(s.model)});
+  s.directions.push_back({-1, zero_noise(s.model)});
+  s.directions.back().noise.Q = s.noise.Q;
+  expect_same_as_kalman_filter(s, "semidefinite");
+  // Sigma points do not tell what a variance of zero does when it grows; they say so.
+  s.directions.back().noise.Q(2, 2) = 1.0;
+  s.options.method = NonlinearMethod::unscented;
+  EXPECT_EQ(likelihood_of(s).status, FilterStatus::indefinite);
+  s.options.method = NonlinearMethod::extended;
+  EXPECT_EQ(likelihood_of(s).status, FilterStatus::ok);
+  s.directions.clear();
+  s.options.method = NonlinearMethod::unscented;
+  s.noise.P0(0, 1) = s.noise.P0(1, 0) = 5.0;
+  EXPECT_EQ(likelihood_of(s).status, FilterStatus::indefinite);
+  // A nonlinear model in which one state follows from another.
+  Setting bent = s;
+  bent.model =
+      from_formulas({"a", "b", "c"}, {}, {"p"}, {"0.8*sin(a) + p*b", "0.5*b - 0.1*a^2", "c"},
+                    {"a + c", "b*a"}, Time::discrete);
+  bent.noise.P0 = bent.noise.Q;
+  bent.directions.push_back({0, zero_noise(s.model)});
+  bent.directions.push_back({-1, zero_noise(s.model)});
+  bent.directions.back().noise.Q = s.noise.Q;
+  const Likelihood exact = likelihood_of(bent);
+  ASSERT_EQ(exact.status, FilterStatus::ok);
+  const double gradient = gradient_error(bent, exact, 1e-3);
+  std::printf("semidefinite, nonlinear, unscented: gradient %.1e\n", gradient);
+  EXPECT_LT(gradient, 1e-7);
+}
+
 // --- what cannot be done ------------------------------------------------------------------------
 
 TEST(NonlinearFilter, TroubleIsAStatusAndAMistakeAnException) {
@@ -645,7 +693,15 @@ TEST(NonlinearFilter, TroubleIsAStatusAndAMistakeAnException) {
     EXPECT_EQ(status_with(method, [](Setting&) {}), FilterStatus::ok);
     EXPECT_EQ(status_with(method, [](Setting& s) { s.noise.R(0, 0) = -1.0; }),
               FilterStatus::indefinite);
-    EXPECT_EQ(status_with(method, [](Setting& s) { s.p[1] = -200.0; }), FilterStatus::not_finite);
+    EXPECT_EQ(status_with(method,
+                          [&](Setting& s) {
+                            s = scalar_setting("exp(100*x)", "x", 1.0, 1.0, 0.0, 1.0, 10, random);
+                            s.options.method = method;
+                            s.noise.x0[0] = 10.0;
+                            s.y.setZero();
+                            s.directions = all_directions(s.model, random);
+                          }),
+              FilterStatus::not_finite);
     EXPECT_EQ(status_with(method, [](Setting& s) { s.y(0, 7) = kInfinity; }),
               FilterStatus::not_finite);
     EXPECT_EQ(status_with(method, [](Setting& s) { s.inputs.u(0, 9) = kNaN; }),
