@@ -20,6 +20,7 @@ using Eigen::VectorXd;
 using Stack = ModelMemory::Rows;
 
 constexpr double kSettled = 1e-10;  // of a standard deviation, iterated update
+constexpr double kNoCost = 1e-10;   // of a sum of squares of standard deviations: rounding
 constexpr double kLeastPivot =
     1e-14;                          // of a variance; below it a covariance counts as semidefinite
 constexpr double kNegative = 1e-9;  // of a variance; a pivot further below zero is no rounding
@@ -260,7 +261,8 @@ class NonlinearRecursion {
     M_.setZero(nx_, ny_);
     K_ = M_;
     Sigma_.setZero(ny_, ny_);
-    factor_ = Sigma_;
+    factor_ = R_factor_ = Sigma_;
+    whitened_.setZero(ny_);
     T_.setZero(nx_, nx_);
     X_ = T_;
     next_P_ = T_;
@@ -530,12 +532,14 @@ class NonlinearRecursion {
     dxi_ = dx_;
     const bool iterated = options_.method == NonlinearMethod::iterated && present_count_ > 0;
     const MatrixXd& H = seen_slopes_.by_x;
+    if (iterated) begin_iterations();
     for (int i = iterated ? options_.iterations : 1; i > 0; --i) {
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], h_, seen_slopes_, order_);
+      e_ = y_.col(t) - h_;
+      if (iterated && i > 1 && steps_back(i == 2)) continue;
       set_product(M_, P_, H.transpose());
       set_symmetric_product(Sigma_, H, M_);
       Sigma_ += noise_.R;
-      e_ = y_.col(t) - h_;
       for (Index l = 0; l < nx_; ++l) e_ -= H.col(l) * (x_[l] - xi_[l]);
       if (k_ > 0) linearisation_derivatives();
       if (states_) store_->Sigma[static_cast<std::size_t>(t)] = Sigma_;
@@ -545,8 +549,7 @@ class NonlinearRecursion {
       set_gain();
       correct();
       if (i == 1 || has_settled()) break;
-      xi_ = next_x_;
-      dxi_ = next_dx_;
+      advance();
     }
     add_terms(t, false);
     // T = I - K H
@@ -572,6 +575,70 @@ class NonlinearRecursion {
     }
     P_.swap(next_P_);
     x_.swap(next_x_);
+  }
+
+  // The iterations look for the least of 1/2 |y - h(xi)|^2 / R + 1/2 |xi - x|^2 / P. They stay
+  // where xi = x + P way, so that no inverse of P is needed; without one of R they are not damped.
+  void begin_iterations() {
+    way_.setZero(nx_);
+    share_ = 1.0;
+    promised_ = -1.0;
+    if (!pattern_changed_) return;
+    pattern_changed_ = false;
+    present_R_ = noise_.R;
+    for (Index a = 0; a < ny_; ++a) {
+      if (is_present(a)) continue;
+      present_R_.row(a).setZero();
+      present_R_.col(a).setZero();
+      present_R_(a, a) = 1.0;
+    }
+    R_is_regular_ = set_factor(present_R_, R_factor_);
+  }
+  // R^-1/2 times a residual, squared.
+  template <class Residual>
+  double squares(const Residual& r) {
+    for (Index a = 0; a < ny_; ++a) {
+      double sum = is_present(a) ? r[a] : 0.0;
+      for (Index b = 0; b < a; ++b) sum -= R_factor_(a, b) * whitened_[b];
+      whitened_[a] = sum / R_factor_(a, a);
+    }
+    return whitened_.squaredNorm();
+  }
+  // Does xi, with the residual e, fall short of a quarter of what its linearisation promised? Then
+  // it is put half way back to the last point, or all the way when it is the `last` to be
+  // linearised at, and steps stay that short.
+  bool steps_back(bool last) {
+    if (!R_is_regular_) return false;
+    const double cost = 0.5 * (way_.dot(xi_ - x_) + squares(e_));
+    if (promised_ < 0.0 || cost <= cost_ - 0.25 * share_ * promised_ + kNoCost * (1.0 + cost_)) {
+      cost_ = cost;
+      return false;
+    }
+    const double part = last ? 0.0 : 0.5;
+    share_ *= 0.5;
+    xi_ = base_x_ + part * (xi_ - base_x_);
+    dxi_ = base_dx_ + part * (dxi_ - base_dx_);
+    way_ = base_way_ + part * (way_ - base_way_);
+    return true;
+  }
+  // From xi by a share of the way to next_x.
+  void advance() {
+    const MatrixXd& H = seen_slopes_.by_x;
+    base_x_ = xi_;
+    base_dx_ = dxi_;
+    base_way_ = way_;
+    way_.setZero();
+    for (Index a = 0; a < ny_; ++a) {
+      if (is_present(a)) way_ += w_[a] * H.row(a).transpose();
+    }
+    xi_ = next_x_ - base_x_;
+    if (R_is_regular_) {
+      h_.noalias() = H.lazyProduct(xi_);
+      promised_ = xi_.dot(way_ - base_way_) + squares(h_);
+    }
+    way_ = base_way_ + share_ * (way_ - base_way_);
+    xi_ = base_x_ + share_ * xi_;
+    dxi_ = base_dx_ + share_ * (next_dx_ - base_dx_);
   }
 
   void linearisation_derivatives() {
@@ -939,6 +1006,14 @@ class NonlinearRecursion {
   bool pattern_changed_ = true;
   MatrixXd held_information_;
   double held_samples_ = 0.0;
+
+  VectorXd base_x_, way_, base_way_;  // of the iterations
+  Stack base_dx_;
+  MatrixXd present_R_, R_factor_;
+  bool R_is_regular_ = false;
+  double cost_ = 0.0, promised_ = 0.0,
+         share_ = 1.0;  // of the last point; what a full step promises
+  VectorXd whitened_;
 
   VectorXd x_, next_x_, xi_;  // xi: where h is linearised, a sigma point
   MatrixXd P_, next_P_, W_;

@@ -48,9 +48,11 @@ struct UnscentedWeights {
 struct NonlinearFilterOptions {
   NonlinearMethod method = NonlinearMethod::extended;
   ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is; density in continuous time only
-  /// Of the measurement update of NonlinearMethod::iterated, at most; it ends before that once no
-  /// state moves by 1e-10 of its standard deviation. What has not settled is taken as it is.
-  int iterations = 20;
+  /// Values of h at a sample that NonlinearMethod::iterated looks at, at most. It ends before that
+  /// once no state would move by 1e-10 of its standard deviation; a step that lowers the sum of
+  /// squares by less than a quarter of what it promised is halved. What has not settled is taken as
+  /// it is, with the exact derivatives of the steps made.
+  int iterations = 30;
   UnscentedWeights weights;
 };
 
@@ -65,7 +67,10 @@ struct NonlinearFilterOptions {
 ///
 /// with xi = x (extended) or the x+ of the last linearisation, until that has settled (iterated).
 /// Unscented: the moments of step() and h() come from sigma points, drawn anew before each; W is
-/// that of the trajectory from the mean. A missing sample (NaN) takes its channel out.
+/// that of the trajectory from the mean. A covariance may be semidefinite there; one that is
+/// indefinite by more than rounding gives FilterStatus::indefinite, and so does a derivative by a
+/// variance that is zero, as points that coincide do not tell how they would part. A missing sample
+/// (NaN) takes its channel out.
 /// @param p       parameters, SI
 /// @param inputs  N samples
 /// @param y       ny x N, NaN = missing

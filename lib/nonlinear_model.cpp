@@ -357,16 +357,16 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   for (int i = 0; i < steps; ++i) {
-    m.sum.x.setZero();
+    m.sum.x = x;
     for (const Stage& stage : kStages) {
       m.stage.x = x;
-      if (stage.reach > 0.0) m.stage.x += stage.reach * h * m.rate.x;
+      if (stage.reach > 0.0) m.stage.x += (stage.reach * h) * m.rate.x;
       write_point(model, m.rates, m.stage.x.data(), inputs.u.col(first + 2 * i + stage.node).data(),
                   inputs.time[k] + (i + stage.reach) * h);
       evaluate_values(model.rates, m.rates, span_of(m.rate.x));
-      m.sum.x += stage.weight * m.rate.x;
+      m.sum.x += (stage.weight * h) * m.rate.x;
     }
-    x += h * m.sum.x;
+    x = m.sum.x;
   }
 }
 

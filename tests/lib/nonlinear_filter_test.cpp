@@ -5,11 +5,12 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <limits>
+#include <numbers>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <gtest/gtest.h>
 
 #include "lib/constants.h"
@@ -294,6 +295,438 @@ TEST(NonlinearFilter, ContinuousModelsApproachTheExactDiscretisationWithFourthOr
     }
     EXPECT_LT(*std::max_element(before, before + 3), 3e-6);
   }
+}
+
+// --- gradients ----------------------------------------------------------------------------------
+
+void move(Setting& s, std::size_t direction, double way) {
+  const FilterDirection& d = s.directions[direction];
+  if (d.parameter >= 0) s.p[d.parameter] += way;
+  s.noise.Q += way * d.noise.Q;
+  s.noise.R += way * d.noise.R;
+  s.noise.x0 += way * d.noise.x0;
+  s.noise.P0 += way * d.noise.P0;
+}
+
+// Central differences over `way`, extrapolated twice to the sixth order.
+MatrixXd difference(const Setting& s, std::size_t direction, double way,
+                    const std::function<MatrixXd(const Setting&)>& of) {
+  const auto slope = [&](double h) -> MatrixXd {
+    Setting up = s, down = s;
+    move(up, direction, h);
+    move(down, direction, -h);
+    return (of(up) - of(down)) / (2.0 * h);
+  };
+  const MatrixXd wide = slope(way), half = slope(0.5 * way), quarter = slope(0.25 * way);
+  return (16.0 * (4.0 * quarter - half) - (4.0 * half - wide)) / 45.0;
+}
+
+// Exact and numerical gradient, each entry against the larger of itself and its own scatter.
+double gradient_error(const Setting& s, const Likelihood& exact, double way) {
+  double worst = 0.0;
+  for (std::size_t i = 0; i < s.directions.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    const double size =
+        std::max(std::abs(exact.gradient[at]), std::sqrt(exact.information(at, at)));
+    const double numerical = difference(s, i, way, [](const Setting& moved) {
+      ModelMemory memory = make_memory(moved.model);
+      return MatrixXd::Constant(1, 1,
+                                nonlinear_likelihood(moved.model, memory, moved.p, moved.noise, {},
+                                                     moved.inputs, moved.y, moved.options)
+                                    .value);
+    })(0, 0);
+    worst = std::max(worst, std::abs(exact.gradient[at] - numerical) / size);
+  }
+  return worst;
+}
+
+// The information from differences of innovations and their covariances; no sample is missing.
+MatrixXd numerical_information(const Setting& s, double way) {
+  const Index ny = s.model.outputs;
+  const auto told = [ny](const Setting& moved) {
+    const FilterResult f =
+        nonlinear_filter(moved.model, moved.p, moved.noise, moved.inputs, moved.y, moved.options);
+    MatrixXd out(ny, f.e.cols() * (1 + ny));
+    for (Index t = 0; t < f.e.cols(); ++t) {
+      out.col(t * (1 + ny)) = f.e.col(t);
+      out.middleCols(t * (1 + ny) + 1, ny) = f.Sigma[static_cast<std::size_t>(t)];
+    }
+    return out;
+  };
+  const MatrixXd here = told(s);
+  std::vector<MatrixXd> by;
+  for (std::size_t i = 0; i < s.directions.size(); ++i) by.push_back(difference(s, i, way, told));
+  const auto k = static_cast<Index>(by.size());
+  MatrixXd out = MatrixXd::Zero(k, k);
+  for (Index t = 0; t < s.y.cols(); ++t) {
+    const MatrixXd inverse = here.middleCols(t * (1 + ny) + 1, ny).inverse();
+    for (Index i = 0; i < k; ++i) {
+      for (Index j = 0; j < k; ++j) {
+        const MatrixXd &a = by[static_cast<std::size_t>(i)], &b = by[static_cast<std::size_t>(j)];
+        out(i, j) += 0.5 * (inverse * a.middleCols(t * (1 + ny) + 1, ny) * inverse *
+                            b.middleCols(t * (1 + ny) + 1, ny))
+                               .trace() +
+                     a.col(t * (1 + ny)).dot(inverse * b.col(t * (1 + ny)));
+      }
+    }
+  }
+  return out;
+}
+
+Setting pendulum_setting(Random& random, ProcessNoise noise, bool missing) {
+  Setting s;
+  s.model = filtered_pendulum();
+  s.p = (VectorXd(3) << 0.8, 0.3, 0.5).finished();
+  s.options.noise = noise;
+  s.noise = {covariance_of_size(random, 2, 0.05), covariance_of_size(random, 1, 0.01),
+             Eigen::Vector2d(0.6, -0.3), covariance_of_size(random, 2, 0.05)};
+  const Index N = 80;
+  VectorXd time(N);
+  MatrixXd u(1, N);
+  double at = 0.0;
+  for (Index t = 0; t < N; ++t) {
+    time[t] = at += 0.02 + 0.06 * random.uniform();
+    u(0, t) = std::sin(2.0 * at) + 0.2 * random.normal();
+  }
+  s.inputs = input_nodes(time, u, InputPath::linear, 0.03);
+  ModelMemory memory = make_memory(s.model);
+  set_parameters(s.model, memory, s.p);
+  VectorXd x = s.noise.x0, y(1);
+  s.y.resize(1, N);
+  for (Index t = 0; t < N; ++t) {
+    observe(s.model, memory, x, u.col(t), time[t], y);
+    s.y(0, t) = missing && random.uniform() < 0.2 ? kNaN : y[0] + 0.1 * random.normal();
+    if (t + 1 == N) break;
+    step(s.model, memory, s.inputs, t, x);
+    x += 0.05 * random.normal(2);
+  }
+  s.directions = all_directions(s.model, random);
+  return s;
+}
+
+// The growth model of the particle filter literature, with an output that does not hide the sign.
+Setting growth_setting(Random& random) {
+  Setting s;
+  s.model = from_formulas({"x"}, {}, {"a", "b", "c"}, {"a*x + b*x/(1 + x^2) + 8*cos(1.2*t)"},
+                          {"c*x + x^2/20 + atan(x)"}, Time::discrete);
+  s.p = (VectorXd(3) << 0.5, 25.0, 1.5).finished();
+  const auto one = [](double value) { return MatrixXd::Constant(1, 1, value); };
+  s.noise = {one(4.0), one(1.0), VectorXd::Constant(1, 0.1), one(5.0)};
+  const Index N = 100;
+  s.inputs = input_nodes(VectorXd::LinSpaced(N, 0.0, N - 1.0), MatrixXd(0, N), InputPath::constant,
+                         kInfinity);
+  double x = 0.5;
+  s.y.resize(1, N);
+  for (Index t = 0; t < N; ++t) {
+    s.y(0, t) = 1.5 * x + x * x / 20.0 + std::atan(x) + random.normal();
+    x = 0.5 * x + 25.0 * x / (1.0 + x * x) + 8.0 * std::cos(1.2 * static_cast<double>(t)) +
+        2.0 * random.normal();
+  }
+  s.directions = all_directions(s.model, random, true);
+  return s;
+}
+
+TEST(NonlinearFilter, GradientAndInformationAreExact) {
+  Random random(3);
+  struct Case {
+    std::string name;
+    Setting setting;
+    double way;
+  };
+  const std::vector<Case> cases{
+      {"pendulum, noise per sample", pendulum_setting(random, ProcessNoise::per_sample, true),
+       2e-3},
+      {"pendulum, noise density", pendulum_setting(random, ProcessNoise::density, false), 2e-3},
+      {"growth", growth_setting(random), 1e-3}};
+  for (const Case& c : cases) {
+    for (const NonlinearMethod method : kMethods) {
+      Setting s = c.setting;
+      s.options.method = method;
+      const Likelihood exact = likelihood_of(s);
+      ASSERT_EQ(exact.status, FilterStatus::ok) << c.name << name_of(method);
+      const double gradient = gradient_error(s, exact, c.way);
+      std::printf("%s, %s: log-likelihood %.4f, gradient %.1e", c.name.c_str(), name_of(method),
+                  exact.value, gradient);
+      EXPECT_LT(gradient, 1e-7);
+      if (!s.y.hasNaN()) {
+        const double information =
+            relative_distance(exact.information, numerical_information(s, c.way));
+        std::printf(", information %.1e", information);
+        EXPECT_LT(information, 1e-7);
+      }
+      std::printf("\n");
+    }
+  }
+}
+
+// --- output error -------------------------------------------------------------------------------
+
+TEST(NonlinearFilter, OutputErrorTakesThePathOfItsOwnToTheSameNumbers) {
+  Random random(4);
+  Setting s = pendulum_setting(random, ProcessNoise::per_sample, true);
+  s.noise.Q.setZero();
+  s.noise.P0.setZero();
+  std::erase_if(s.directions, [](const FilterDirection& d) {
+    return !d.noise.Q.isZero(0.0) || !d.noise.P0.isZero(0.0);
+  });
+  const auto k = static_cast<Index>(s.directions.size());
+  MatrixXd products;
+  const Likelihood fast = likelihood_of(s, &products);
+  ASSERT_EQ(fast.status, FilterStatus::ok);
+  EXPECT_LT(gradient_error(s, fast, 1e-3), 1e-7);
+  Setting first = s;
+  first.model = filtered_pendulum(Derivatives::first);
+  for (const NonlinearMethod method : kMethods) {
+    first.options.method = s.options.method = method;
+    EXPECT_EQ(likelihood_of(first).value, fast.value);
+    EXPECT_EQ(likelihood_of(first).gradient, fast.gradient);
+    if (method == NonlinearMethod::unscented) continue;
+    Setting general = s;  // a moving P0 makes it general
+    general.directions.push_back({-1, zero_noise(s.model)});
+    general.directions.back().noise.P0(0, 0) = 1.0;
+    MatrixXd general_products;
+    const Likelihood slow = likelihood_of(general, &general_products);
+    ASSERT_EQ(slow.status, FilterStatus::ok);
+    const double value = std::abs(fast.value / slow.value - 1.0),
+                 gradient = relative_distance(fast.gradient, slow.gradient.head(k)),
+                 information =
+                     relative_distance(fast.information, slow.information.topLeftCorner(k, k)),
+                 scores = relative_distance(products, general_products.topLeftCorner(k, k));
+    std::printf(
+        "against the general path, %s: value %.1e, gradient %.1e, information %.1e, "
+        "score products %.1e\n",
+        name_of(method), value, gradient, information, scores);
+    EXPECT_LT(std::max({value, gradient, information, scores}), 1e-12);
+  }
+  // A variance so small that it does not matter.
+  s.options.method = NonlinearMethod::unscented;
+  s.noise.P0 = 1e-18 * MatrixXd::Identity(2, 2);
+  EXPECT_NEAR(likelihood_of(s).value, fast.value, 1e-9 * std::abs(fast.value));
+  const FilterResult told =
+      nonlinear_filter(first.model, first.p, first.noise, first.inputs, first.y, first.options);
+  EXPECT_NEAR(told.log_likelihood, fast.value, 1e-12 * std::abs(fast.value));
+  EXPECT_EQ(told.x_pred, told.x_filt);
+}
+
+// --- a strongly nonlinear model -----------------------------------------------------------------
+
+struct Told {
+  double log_likelihood = 0.0;
+  VectorXd x_filt;
+};
+
+// Bootstrap particle filter of a model with one state and one output (Gordon, Salmond & Smith
+// 1993), resampled systematically at every sample.
+Told particle_filter(const Setting& s, Index particles, Random& random) {
+  ModelMemory memory = make_memory(s.model);
+  set_parameters(s.model, memory, s.p);
+  const double R = s.noise.R(0, 0), q = std::sqrt(s.noise.Q(0, 0));
+  VectorXd X(particles), weight(particles), next(particles), one(1), y(1);
+  for (double& x : X) x = s.noise.x0[0] + std::sqrt(s.noise.P0(0, 0)) * random.normal();
+  Told out;
+  out.x_filt.resize(s.y.cols());
+  for (Index t = 0; t < s.y.cols(); ++t) {
+    for (Index i = 0; i < particles; ++i) {
+      one[0] = X[i];
+      observe(s.model, memory, one, s.inputs.at_sample.col(t), s.inputs.time[t], y);
+      weight[i] = -0.5 * (s.y(0, t) - y[0]) * (s.y(0, t) - y[0]) / R;
+    }
+    const double largest = weight.maxCoeff();
+    weight = (weight.array() - largest).exp();
+    const double sum = weight.sum();
+    out.log_likelihood += largest + std::log(sum / static_cast<double>(particles)) -
+                          0.5 * std::log(2.0 * std::numbers::pi * R);
+    out.x_filt[t] = weight.dot(X) / sum;
+    if (t + 1 == s.y.cols()) break;
+    double reached = weight[0];
+    const double offset = random.uniform(), share = sum / static_cast<double>(particles);
+    for (Index i = 0, from = 0; i < particles; ++i) {
+      const double level = (static_cast<double>(i) + offset) * share;
+      while (reached < level && from + 1 < particles) reached += weight[++from];
+      one[0] = X[from];
+      step(s.model, memory, s.inputs, t, one);
+      next[i] = one[0] + q * random.normal();
+    }
+    X.swap(next);
+  }
+  return out;
+}
+
+Setting scalar_setting(const std::string& f, const std::string& h, double Q, double R, double x0,
+                       double P0, Index N, Random& random) {
+  Setting s;
+  s.model = from_formulas({"x"}, {}, {}, {f}, {h}, Time::discrete);
+  const auto one = [](double value) { return MatrixXd::Constant(1, 1, value); };
+  s.p.resize(0);
+  s.noise = {one(Q), one(R), VectorXd::Constant(1, x0), one(P0)};
+  s.inputs = input_nodes(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1)), MatrixXd(0, N),
+                         InputPath::constant, kInfinity);
+  ModelMemory memory = make_memory(s.model);
+  set_parameters(s.model, memory, s.p);
+  VectorXd x = s.noise.x0 + std::sqrt(P0) * random.normal(1), y(1);
+  s.y.resize(1, N);
+  for (Index t = 0; t < N; ++t) {
+    observe(s.model, memory, x, s.inputs.at_sample.col(t), s.inputs.time[t], y);
+    s.y(0, t) = y[0] + std::sqrt(R) * random.normal();
+    if (t + 1 < N) step(s.model, memory, s.inputs, t, x);
+    x += std::sqrt(Q) * random.normal(1);
+  }
+  return s;
+}
+
+TEST(NonlinearFilter, ParticlesAgreeWithTheUnscentedWhereTheExtendedIsOff) {
+  // The curvature of f moves the mean, which the extended filter does not see. Means are compared
+  // by their root mean square difference; states are of size one.
+  struct Case {
+    const char* f;
+    double Q, R, P0;
+    double value_within, mean_within;  // infinite: not compared
+  };
+  const Case cases[] = {{"0.2*x^2 - 1", 0.8, 8.0, 0.8, kInfinity, 0.02},
+                        {"log(1 + exp(2*x)) - 1.5", 0.5, 2.0, 1.0, 0.25, kInfinity}};
+  constexpr int kRuns = 4;
+  const Index N = 200;
+  for (const Case& c : cases) {
+    Random random(11);
+    Setting s = scalar_setting(c.f, "x", c.Q, c.R, 0.0, c.P0, N, random);
+    VectorXd values(kRuns);
+    MatrixXd means(N, kRuns);
+    for (Index i = 0; i < kRuns; ++i) {
+      const Told told = particle_filter(s, 20000, random);
+      values[i] = told.log_likelihood;
+      means.col(i) = told.x_filt;
+    }
+    const double value = values.mean();
+    const VectorXd mean = means.rowwise().mean();
+    // Standard errors of the averages over the runs.
+    const double value_error = (values.array() - value).matrix().norm() / std::sqrt(12.0),
+                 mean_error = (means.colwise() - mean).norm() / std::sqrt(12.0 * N);
+    const auto off = [&](NonlinearMethod method) {
+      s.options.method = method;
+      const FilterResult f = nonlinear_filter(s.model, s.p, s.noise, s.inputs, s.y, s.options);
+      return Eigen::Vector2d(std::abs(f.log_likelihood - value),
+                             (f.x_filt.row(0).transpose() - mean).norm() / std::sqrt(N));
+    };
+    const Eigen::Vector2d extended = off(NonlinearMethod::extended),
+                          unscented = off(NonlinearMethod::unscented);
+    std::printf(
+        "%s: particles %.3f +- %.3f, mean +- %.4f; extended off by %.3f and %.3f, "
+        "unscented by %.3f and %.3f\n",
+        c.f, value, value_error, mean_error, extended[0], extended[1], unscented[0], unscented[1]);
+    if (std::isfinite(c.value_within)) {
+      EXPECT_LT(3.0 * value_error, c.value_within);
+      EXPECT_LT(unscented[0], c.value_within);
+      EXPECT_GT(extended[0], 4.0 * c.value_within);
+    } else {
+      EXPECT_LT(3.0 * mean_error, c.mean_within);
+      EXPECT_LT(unscented[1], c.mean_within);
+      EXPECT_GT(extended[1], 4.0 * c.mean_within);
+    }
+  }
+}
+
+TEST(NonlinearFilter, SemidefiniteCovariancesWork) {
+  Random random(6);
+  Setting s;
+  s.model = from_formulas({"a", "b", "c"}, {}, {"p"}, {"0.8*a + p*b", "0.5*b - 0.1*a", "c"},
+                          {"a + c", "b"}, Time::discrete);
+  const Index N = 100;
+  s.p = VectorXd::Constant(1, 0.3);
+  s.noise = zero_noise(s.model);
+  // One source drives a and b alike, c is a constant that is known, and the start lies on a line.
+  const VectorXd by = Eigen::Vector3d(1.0, -2.0, 0.0);
+  s.noise.Q = by * by.transpose();
+  s.noise.P0 = s.noise.Q;
+  s.noise.x0 = Eigen::Vector3d(0.0, 0.0, 1.0);
+  s.noise.R = 0.3 * MatrixXd::Identity(2, 2);
+  s.inputs = input_nodes(VectorXd::LinSpaced(N, 0.0, N - 1.0), MatrixXd(0, N), InputPath::constant,
+                         kInfinity);
+  s.y.resize(2, N);
+  for (double& y : s.y.reshaped()) y = random.normal();
+  s.directions.push_back({0, zero_noise(s.model)});
+  s.directions.push_back({-1, zero_noise(s.model)});
+  s.directions.back().noise.Q = s.noise.Q;
+  expect_same_as_kalman_filter(s, "semidefinite");
+  // Sigma points do not tell what a variance of zero does when it grows; they say so.
+  s.directions.back().noise.Q(2, 2) = 1.0;
+  s.options.method = NonlinearMethod::unscented;
+  EXPECT_EQ(likelihood_of(s).status, FilterStatus::indefinite);
+  s.options.method = NonlinearMethod::extended;
+  EXPECT_EQ(likelihood_of(s).status, FilterStatus::ok);
+  s.directions.clear();
+  s.options.method = NonlinearMethod::unscented;
+  s.noise.P0(0, 1) = s.noise.P0(1, 0) = 5.0;
+  EXPECT_EQ(likelihood_of(s).status, FilterStatus::indefinite);
+  // A nonlinear model in which one state follows from another.
+  Setting bent = s;
+  bent.model =
+      from_formulas({"a", "b", "c"}, {}, {"p"}, {"0.8*sin(a) + p*b", "0.5*b - 0.1*a^2", "c"},
+                    {"a + c", "b*a"}, Time::discrete);
+  bent.noise.P0 = bent.noise.Q;
+  bent.directions.push_back({0, zero_noise(s.model)});
+  bent.directions.push_back({-1, zero_noise(s.model)});
+  bent.directions.back().noise.Q = s.noise.Q;
+  const Likelihood exact = likelihood_of(bent);
+  ASSERT_EQ(exact.status, FilterStatus::ok);
+  const double gradient = gradient_error(bent, exact, 1e-3);
+  std::printf("semidefinite, nonlinear, unscented: gradient %.1e\n", gradient);
+  EXPECT_LT(gradient, 1e-7);
+}
+
+// --- what cannot be done ------------------------------------------------------------------------
+
+TEST(NonlinearFilter, TroubleIsAStatusAndAMistakeAnException) {
+  Random random(5);
+  const Setting good = pendulum_setting(random, ProcessNoise::density, false);
+  const auto status_with = [&](NonlinearMethod method,
+                               const std::function<void(Setting&)>& change) {
+    Setting s = good;
+    s.options.method = method;
+    change(s);
+    const FilterStatus filter =
+        nonlinear_filter(s.model, s.p, s.noise, s.inputs, s.y, s.options).status;
+    EXPECT_EQ(likelihood_of(s).status, filter);
+    return filter;
+  };
+  for (const NonlinearMethod method : kMethods) {
+    SCOPED_TRACE(name_of(method));
+    EXPECT_EQ(status_with(method, [](Setting&) {}), FilterStatus::ok);
+    EXPECT_EQ(status_with(method, [](Setting& s) { s.noise.R(0, 0) = -1.0; }),
+              FilterStatus::indefinite);
+    EXPECT_EQ(status_with(method,
+                          [&](Setting& s) {
+                            s = scalar_setting("exp(100*x)", "x", 1.0, 1.0, 0.0, 1.0, 10, random);
+                            s.options.method = method;
+                            s.noise.x0[0] = 10.0;
+                            s.y.setZero();
+                            s.directions = all_directions(s.model, random);
+                          }),
+              FilterStatus::not_finite);
+    EXPECT_EQ(status_with(method, [](Setting& s) { s.y(0, 7) = kInfinity; }),
+              FilterStatus::not_finite);
+    EXPECT_EQ(status_with(method, [](Setting& s) { s.inputs.u(0, 9) = kNaN; }),
+              FilterStatus::not_finite);
+    EXPECT_EQ(status_with(method, [](Setting& s) { s.p[0] = 0.0; }), FilterStatus::not_finite);
+    for (const auto& mistake : std::vector<std::function<void(Setting&)>>{
+             [](Setting& s) { s.p.conservativeResize(2); },
+             [](Setting& s) { s.noise.Q.resize(3, 3); }, [](Setting& s) { s.noise.R.resize(2, 2); },
+             [](Setting& s) { s.noise.x0.resize(1); }, [](Setting& s) { s.noise.P0.resize(2, 1); },
+             [](Setting& s) { s.y.conservativeResize(1, 10); },
+             [](Setting& s) { s.y.conservativeResize(2, Eigen::NoChange); },
+             [](Setting& s) { s.directions[1].noise.Q.resize(1, 1); },
+             [](Setting& s) { s.directions[1].parameter = 3; },
+             [](Setting& s) { s.options.iterations = 0; },
+             [](Setting& s) { s.options.weights.kappa = -2.0; },
+             [](Setting& s) { s.model = filtered_pendulum(Derivatives::first); }}) {
+      Setting s = good;
+      s.options.method = method;
+      mistake(s);
+      EXPECT_THROW(likelihood_of(s), std::invalid_argument);
+    }
+  }
+  Setting discrete = growth_setting(random);
+  discrete.options.noise = ProcessNoise::density;
+  EXPECT_THROW(likelihood_of(discrete), std::invalid_argument);
 }
 
 }  // namespace
