@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include "lib/integration_steps.h"
+
 namespace identikal {
 namespace {
 
@@ -56,8 +58,18 @@ InputNodes integration_nodes(const ModelFile& model, const Dataset& recording) {
         recording.time, recording.u, settings.inputs,
         settings.continuous ? settings.longest_step : std::numeric_limits<double>::infinity());
   }
-  return input_nodes(recording.time, recording.u, settings.inputs,
-                     std::numeric_limits<double>::infinity());
+  const IntegrationSteps chosen = integration_steps(
+      settings.model, formula_parameters(model, model.parameters),
+      written_matrices(model.linear, model.parameters).x0, recording.time, recording.u,
+      settings.inputs);
+  if (chosen.status != StepStatus::ok) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
+                                 recording.time[chosen.sample], describe(chosen.status)),
+                     "values from which the model can be simulated",
+                     "other values, or time: {integration_step: ...}");
+  }
+  return input_nodes(recording.time, recording.u, settings.inputs, chosen.steps);
 }
 
 NonlinearRecordings::NonlinearRecordings(const ModelFile& model,

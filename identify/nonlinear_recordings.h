@@ -13,12 +13,9 @@
 namespace identikal {
 
 /// Where the inputs are read and how many steps the integration takes between samples: as many as
-/// the model's own values need for kIntegrationTolerance, or as the file says.
+/// the model's own values need (lib/integration_steps.h), or as the file says.
 /// @throws InputError when the motion runs away, or would need more steps than is sensible
 InputNodes integration_nodes(const ModelFile& model, const Dataset& recording);
-
-/// Relative error of the state from one sample to the next that the integration may make.
-inline constexpr double kIntegrationTolerance = 1e-9;
 
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
 /// one per thread.

@@ -10,7 +10,7 @@ namespace {
 
 using Id = FormulaGraph::Id;
 
-std::vector<int> consecutive(int first, int count) {
+std::vector<int> symbol_range(int first, int count) {
   std::vector<int> out(static_cast<std::size_t>(count));
   std::iota(out.begin(), out.end(), first);
   return out;
@@ -39,7 +39,7 @@ Id at_zero(FormulaGraph& graph, Id value, const std::vector<int>& symbols) {
 
 void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formulas, int first,
                     int parameters, LinearModel& model) {
-  const std::vector<int> symbols = consecutive(first, parameters);
+  const std::vector<int> symbols = symbol_range(first, parameters);
   std::vector<Id> values;
   for (const PlacedFormula& placed : formulas) {
     ParametrisedMatrix& matrix = *placed.matrix;
@@ -73,15 +73,14 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
   model.formulas.push_back({make_tape(graph, values, slopes), first});
 }
 
-std::optional<LinearModel> linear_model_of(const ModelFormulas& formulas) {
-  FormulaNodes nodes = insert_formulas(formulas);
+std::optional<LinearModel> linear_model_of(FormulaNodes nodes) {
   FormulaGraph& graph = nodes.graph;
-  const int nx = formulas.states, nu = formulas.inputs, first = nx + nu;
-  const std::vector<int> x = consecutive(0, nx), u = consecutive(nx, nu),
-                         moving = consecutive(0, nx + nu),
-                         time = consecutive(first + formulas.parameters, 1);
+  const int nx = nodes.states, nu = nodes.inputs, first = nx + nu;
+  const std::vector<int> x = symbol_range(0, nx), u = symbol_range(nx, nu),
+                         moving = symbol_range(0, nx + nu),
+                         time = symbol_range(first + nodes.parameters, 1);
   LinearModel out;
-  out.continuous = formulas.continuous;
+  out.continuous = nodes.continuous;
   std::vector<PlacedFormula> placed;
   // One row of [A B c] or [C D d].
   const auto place_row = [&](const std::vector<Id>& rows, ParametrisedMatrix& by_x,
@@ -115,7 +114,7 @@ std::optional<LinearModel> linear_model_of(const ModelFormulas& formulas) {
   out.B.constant.setZero(nx, columns);
   out.C.constant.setZero(ny, nx);
   out.D.constant.setZero(ny, columns);
-  place_formulas(graph, placed, first, formulas.parameters, out);
+  place_formulas(graph, placed, first, nodes.parameters, out);
   return out;
 }
 

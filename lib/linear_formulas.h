@@ -31,6 +31,9 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
 /// An offset, c or d, becomes a last column of B and D (LinearModel::offset). Told from the form
 /// of the formulas: x^2 - x^2 is not linear.
 /// @return a model whose other matrices are empty; nothing when it is not linear
-std::optional<LinearModel> linear_model_of(const ModelFormulas& formulas);
+std::optional<LinearModel> linear_model_of(FormulaNodes nodes);
+inline std::optional<LinearModel> linear_model_of(const ModelFormulas& formulas) {
+  return linear_model_of(insert_formulas(formulas));
+}
 
 }  // namespace identikal

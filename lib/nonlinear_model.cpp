@@ -52,17 +52,6 @@ Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
   return make_tape(graph, all);
 }
 
-// Where the symbols of ModelFormulas stand.
-struct SymbolPlaces {
-  explicit SymbolPlaces(const ModelFormulas& m)
-      : x(consecutive(0, m.states)),
-        u(consecutive(m.states, m.inputs)),
-        p(consecutive(m.states + m.inputs, m.parameters)),
-        time(m.states + m.inputs + m.parameters) {}
-  std::vector<int> x, u, p;
-  int time;
-};
-
 void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
   if (inputs.u.rows() == model.inputs && k >= 0 && k + 1 < inputs.time.size()) return;
   std::ostringstream text;
@@ -188,18 +177,14 @@ void set_motion(ModelMemory::Motion& out, const ModelMemory::Motion& begin, doub
 }  // namespace
 
 FormulaNodes insert_formulas(const ModelFormulas& formulas) {
-  if (formulas.dynamics.size() != static_cast<std::size_t>(formulas.states)) {
-    std::ostringstream text;
-    text << "insert_formulas: " << formulas.states << " states and " << formulas.dynamics.size()
-         << " formulas for them";
-    throw std::invalid_argument(text.str());
-  }
-  const SymbolPlaces at(formulas);
-  std::vector<bool> held(static_cast<std::size_t>(at.time) + 1, false);
-  for (const int p : at.p) held[static_cast<std::size_t>(p)] = true;
-  FormulaNodes out{FormulaGraph(held), {}, {}};
+  const int first = formulas.states + formulas.inputs, time = first + formulas.parameters;
+  std::vector<bool> held(static_cast<std::size_t>(time) + 1, false);
+  for (int i = first; i < time; ++i) held[static_cast<std::size_t>(i)] = true;
+  FormulaNodes out{
+      FormulaGraph(held), {}, {}, formulas.states, formulas.inputs, formulas.parameters,
+      formulas.continuous};
   std::vector<Id> symbols;
-  for (int i = 0; i <= at.time; ++i) symbols.push_back(out.graph.symbol(i));
+  for (int i = 0; i <= time; ++i) symbols.push_back(out.graph.symbol(i));
   for (const Expression& definition : formulas.definitions) {
     symbols.push_back(out.graph.insert(definition, symbols));
   }
@@ -210,19 +195,25 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas) {
   return out;
 }
 
-NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives order) {
-  const SymbolPlaces at(formulas);
-  FormulaNodes nodes = insert_formulas(formulas);
+NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order) {
+  if (nodes.dynamics.size() != static_cast<std::size_t>(nodes.states)) {
+    std::ostringstream text;
+    text << "make_nonlinear_model: " << nodes.states << " states and " << nodes.dynamics.size()
+         << " formulas for them";
+    throw std::invalid_argument(text.str());
+  }
   FormulaGraph& graph = nodes.graph;
   const std::vector<Id>&f = nodes.dynamics, &h = nodes.outputs;
+  const std::vector<int> x = consecutive(0, nodes.states),
+                         p = consecutive(nodes.states + nodes.inputs, nodes.parameters);
 
   NonlinearModel out;
-  out.states = formulas.states;
-  out.inputs = formulas.inputs;
-  out.parameters = formulas.parameters;
+  out.states = nodes.states;
+  out.inputs = nodes.inputs;
+  out.parameters = nodes.parameters;
   out.outputs = static_cast<Index>(h.size());
-  out.continuous = formulas.continuous;
-  const std::vector<int> by = symbols_of_both(at.x, at.p);
+  out.continuous = nodes.continuous;
+  const std::vector<int> by = symbols_of_both(x, p);
   out.order = order;
   out.rates = make_tape(graph, f);
   const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
@@ -230,8 +221,8 @@ NonlinearModel make_nonlinear_model(const ModelFormulas& formulas, Derivatives o
   out.rate_slopes = make_tape(graph, f, by_f);
   out.output_slopes = make_tape(graph, h, by_h);
   if (order == Derivatives::second) {
-    out.rate_curvature = curvature_tape(graph, f, by_f, at.x.size(), by);
-    out.output_curvature = curvature_tape(graph, h, by_h, at.x.size(), by);
+    out.rate_curvature = curvature_tape(graph, f, by_f, x.size(), by);
+    out.output_curvature = curvature_tape(graph, h, by_h, x.size(), by);
   }
   return out;
 }

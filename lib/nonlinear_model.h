@@ -25,12 +25,14 @@ struct ModelFormulas {
 /// gradient of what it computes from them needs the second.
 enum class Derivatives { first, second };
 
-/// The formulas as nodes of one graph, with the definitions put in; parameters are held.
+/// The formulas as nodes of one graph, with the definitions put in. Symbols are states, inputs,
+/// parameters, which are held, and the time.
 struct FormulaNodes {
   FormulaGraph graph;
   std::vector<FormulaGraph::Id> dynamics, outputs;
+  int states = 0, inputs = 0, parameters = 0;
+  bool continuous = true;
 };
-/// @throws std::invalid_argument unless there is a formula per state
 FormulaNodes insert_formulas(const ModelFormulas& formulas);
 
 /// The same, ready to be evaluated.
@@ -47,8 +49,11 @@ struct NonlinearModel {
 
 /// @throws std::invalid_argument unless there is a formula per state; FormulaError when the
 /// derivatives are too large
-NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
-                                    Derivatives order = Derivatives::first);
+NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order = Derivatives::first);
+inline NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
+                                           Derivatives order = Derivatives::first) {
+  return make_nonlinear_model(insert_formulas(formulas), order);
+}
 
 /// What inputs do between samples.
 enum class InputPath {
