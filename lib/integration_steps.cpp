@@ -40,7 +40,7 @@ class OneInterval {
 };
 
 // By how much x differs from the finer one, against the tolerance's measure.
-double change(const VectorXd& x, const VectorXd& finer, const VectorXd& least) {
+double relative_change(const VectorXd& x, const VectorXd& finer, const VectorXd& least) {
   double out = 0.0;
   for (Index i = 0; i < x.size(); ++i) {
     const double difference = std::abs(x[i] - finer[i]);
@@ -103,12 +103,12 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
       };
       int steps = 1;
       VectorXd end = moved(1), finer = moved(2);
-      double by = change(end, finer, tolerance.floor * largest);
+      double by = relative_change(end, finer, tolerance.floor * largest);
       while (!(by <= tolerance.relative) && 2 * steps <= tolerance.most) {
         steps *= 2;
         end = finer;
         finer = moved(2 * steps);
-        by = change(end, finer, tolerance.floor * largest);
+        by = relative_change(end, finer, tolerance.floor * largest);
       }
       if (!finer.allFinite() || !end.allFinite()) return {StepStatus::not_finite, k, {}, by};
       if (!(by <= tolerance.relative) && out.status == StepStatus::ok) {

@@ -19,8 +19,8 @@ using Eigen::VectorXd;
 // that every operation runs along the directions.
 using Stack = ModelMemory::Rows;
 
-constexpr double kSettled = 1e-10;  // of a standard deviation, iterated update
-constexpr double kNoCost = 1e-10;   // of a sum of squares of standard deviations: rounding
+constexpr double kUpdateSettled = 1e-10;  // of a standard deviation, iterated update
+constexpr double kNoCost = 1e-10;         // of a sum of squares of standard deviations: rounding
 constexpr double kLeastPivot =
     1e-14;                          // of a variance; below it a covariance counts as semidefinite
 constexpr double kNegative = 1e-9;  // of a variance; a pivot further below zero is no rounding
@@ -673,7 +673,7 @@ class NonlinearRecursion {
 
   bool has_settled() const {
     for (Index i = 0; i < nx_; ++i) {
-      const double limit = kSettled * std::sqrt(P_(i, i)) + 1e-15 * std::abs(xi_[i]);
+      const double limit = kUpdateSettled * std::sqrt(P_(i, i)) + 1e-15 * std::abs(xi_[i]);
       if (!(std::abs(next_x_[i] - xi_[i]) <= limit)) return false;
     }
     return true;

@@ -6,6 +6,7 @@
 #include <benchmark/benchmark.h>
 
 #include "lib/dual.h"
+#include "lib/nonlinear_filter.h"
 #include "lib/tape.h"
 
 namespace {
@@ -135,6 +136,68 @@ void jacobian_by_dual_numbers(benchmark::State& state) {
     f[1] = out[1].a;
   });
 }
+
+// A recording of the same vehicle: yaw rate and lateral velocity, steering and speed given. Time
+// per sample of the log-likelihood, with its gradient by the nine parameters and the noise.
+void filter(benchmark::State& state, identikal::NonlinearMethod method, bool noisy, bool gradient) {
+  using Eigen::Index;
+  using Eigen::MatrixXd;
+  using Eigen::VectorXd;
+  std::vector<std::string> names = kSymbols;
+  names.emplace_back("t");
+  identikal::ModelFormulas formulas;
+  formulas.states = formulas.inputs = 2;
+  formulas.parameters = 9;
+  for (const std::string& text : kRates) {
+    formulas.dynamics.push_back(identikal::parse_expression(text, names));
+  }
+  for (const char* text : {"vy", "r"}) {
+    formulas.outputs.push_back(identikal::parse_expression(text, names));
+  }
+  const identikal::NonlinearModel model =
+      identikal::make_nonlinear_model(formulas, identikal::Derivatives::second);
+  identikal::ModelMemory memory = identikal::make_memory(model);
+  const Index N = 2000;
+  const VectorXd time = VectorXd::LinSpaced(N, 0.0, 0.01 * static_cast<double>(N - 1));
+  MatrixXd u(2, N), y(2, N);
+  u.row(0) = time.array().sin();
+  u.row(1) = 25.0 + (0.1 * time.array()).cos();
+  y.row(0) = 0.3 * (time.array() - 0.2).sin();
+  y.row(1) = 0.2 * (time.array() - 0.1).sin();
+  const identikal::InputNodes inputs =
+      identikal::input_nodes(time, u, identikal::InputPath::linear, 0.01);
+  const VectorXd p = Eigen::Map<const VectorXd>(kPoint.data() + 4, 9);
+  identikal::FilterNoise noise = identikal::zero_noise(model);
+  noise.R = 0.01 * MatrixXd::Identity(2, 2);
+  if (noisy) noise.Q = noise.P0 = 1e-4 * MatrixXd::Identity(2, 2);
+  std::vector<identikal::FilterDirection> directions;
+  for (Index i = 0; gradient && i < (noisy ? 13 : 11); ++i) {
+    directions.push_back({i < 9 ? i : -1, identikal::zero_noise(model)});
+    if (i == 9 || i == 10) directions.back().noise.R(i - 9, i - 9) = 1.0;
+    if (i > 10) directions.back().noise.Q(i - 11, i - 11) = 1.0;
+  }
+  identikal::NonlinearFilterOptions options;
+  options.method = method;
+  options.noise = identikal::ProcessNoise::density;
+  for (auto _ : state) {
+    const identikal::Likelihood l =
+        identikal::nonlinear_likelihood(model, memory, p, noise, directions, inputs, y, options);
+    if (l.status != identikal::FilterStatus::ok) state.SkipWithError("the filter does not run");
+    benchmark::DoNotOptimize(l.value);
+  }
+  state.SetItemsProcessed(state.iterations() * N);
+  state.counters["seconds_per_sample"] =
+      benchmark::Counter(static_cast<double>(state.iterations() * N),
+                         benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+constexpr auto kExtended = identikal::NonlinearMethod::extended,
+               kUnscented = identikal::NonlinearMethod::unscented;
+BENCHMARK_CAPTURE(filter, output_error_value, kExtended, false, false);
+BENCHMARK_CAPTURE(filter, output_error_gradient, kExtended, false, true);
+BENCHMARK_CAPTURE(filter, extended_value, kExtended, true, false);
+BENCHMARK_CAPTURE(filter, extended_gradient, kExtended, true, true);
+BENCHMARK_CAPTURE(filter, unscented_value, kUnscented, true, false);
+BENCHMARK_CAPTURE(filter, unscented_gradient, kUnscented, true, true);
 
 BENCHMARK(value_by_hand);
 BENCHMARK(value_by_tape);

@@ -7,6 +7,7 @@
 
 #include "lib/growth_test.h"
 #include "lib/likelihood.h"
+#include "lib/nonlinear_filter.h"
 #include "lib/nonlinear_model.h"
 #include "lib/recursive_least_squares.h"
 #include "lib/sequential_test.h"
@@ -119,6 +120,69 @@ TEST(Allocation, NoneInAStepOfANonlinearModel) {
   counting = false;
   EXPECT_EQ(allocations, 0);
   EXPECT_TRUE(x.allFinite());
+}
+
+// What a filter allocates does not grow with the samples.
+TEST(Allocation, NoneAtASampleOfANonlinearFilter) {
+  const std::vector<std::string> names{"phi", "w", "torque", "l", "c", "t"};
+  ModelFormulas formulas;
+  formulas.states = 2;
+  formulas.inputs = 1;
+  formulas.parameters = 2;
+  for (const char* f : {"w", "-g/l*sin(phi) - c*w + torque"}) {
+    formulas.dynamics.push_back(parse_expression(f, names));
+  }
+  formulas.outputs.push_back(parse_expression("l*sin(phi)", names));
+  formulas.outputs.push_back(parse_expression("w", names));
+  const NonlinearModel model = make_nonlinear_model(formulas, Derivatives::second);
+  ModelMemory memory = make_memory(model);
+  const Eigen::VectorXd p = Eigen::Vector2d(0.8, 0.1);
+  std::vector<FilterDirection> directions;
+  for (Eigen::Index i = 0; i < 4; ++i) {
+    directions.push_back({i < 2 ? i : -1, zero_noise(model)});
+    if (i == 2) directions.back().noise.Q(1, 1) = 1.0;
+    if (i == 3) directions.back().noise.R(0, 0) = 1.0;
+  }
+  FilterNoise noise = zero_noise(model);
+  noise.Q = noise.P0 = 0.1 * Eigen::MatrixXd::Identity(2, 2);
+  noise.R = 0.1 * Eigen::MatrixXd::Identity(2, 2);
+  FilterNoise no_process_noise = noise;
+  no_process_noise.Q.setZero();
+  no_process_noise.P0.setZero();
+  const std::vector<FilterDirection> only_parameters(directions.begin(), directions.begin() + 2);
+  const auto allocated = [&](Eigen::Index N, const NonlinearFilterOptions& options, bool gradient,
+                             bool output_error) {
+    const InputNodes inputs =
+        input_nodes(Eigen::VectorXd::LinSpaced(N, 0.0, 0.01 * static_cast<double>(N - 1)),
+                    Eigen::MatrixXd::Ones(1, N), InputPath::linear, 0.01);
+    Eigen::MatrixXd y = Eigen::MatrixXd::Zero(2, N);
+    for (Eigen::Index t = 0; t < N; t += 7) y(t % 2, t) = std::nan("");
+    std::vector<FilterDirection> by;
+    if (gradient) by = output_error ? only_parameters : directions;
+    Likelihood l;
+    for (int run = 0; run < 2; ++run) {  // the second has the model's memory ready
+      allocations = 0;
+      counting = true;
+      l = nonlinear_likelihood(model, memory, p, output_error ? no_process_noise : noise, by,
+                               inputs, y, options);
+      counting = false;
+    }
+    EXPECT_EQ(l.status, FilterStatus::ok);
+    return allocations.load();
+  };
+  for (const NonlinearMethod method :
+       {NonlinearMethod::extended, NonlinearMethod::iterated, NonlinearMethod::unscented}) {
+    for (const bool gradient : {false, true}) {
+      for (const bool output_error : {false, true}) {
+        NonlinearFilterOptions options;
+        options.method = method;
+        options.noise = ProcessNoise::density;
+        EXPECT_EQ(allocated(200, options, gradient, output_error),
+                  allocated(100, options, gradient, output_error))
+            << static_cast<int>(method) << gradient << output_error;
+      }
+    }
+  }
 }
 
 }  // namespace

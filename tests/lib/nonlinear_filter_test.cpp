@@ -163,8 +163,13 @@ void expect_same_as_kalman_filter(Setting& s, const std::string& what) {
   ASSERT_TRUE(s.model.linear);
   const LinearCounterpart linear = counterpart_of(s);
   const FilterResult expected = kalman_filter(linear.model, InitialState::given, s.y, linear.u);
-  const Likelihood by =
-      log_likelihood(linear.model, InitialState::given, s.y, linear.u, linear.derivatives);
+  // As a model that may change it is filtered in full at every sample: log_likelihood() of one that
+  // cannot keeps the gain once that has settled to 1e-12.
+  const ModelAt same = [&](Index, StateSpace& model, std::vector<StateSpace>* derivatives) {
+    model = linear.model;
+    if (derivatives != nullptr) *derivatives = linear.derivatives;
+  };
+  const Likelihood by = log_likelihood(same, InitialState::given, s.y, linear.u, true);
   const MatrixXd products =
       score_products(linear.model, InitialState::given, s.y, linear.u, linear.derivatives);
   ASSERT_EQ(by.status, FilterStatus::ok);
@@ -297,9 +302,57 @@ TEST(NonlinearFilter, ContinuousModelsApproachTheExactDiscretisationWithFourthOr
   }
 }
 
+TEST(NonlinearFilter, NoiseBetweenSamplesIsTheIntegralAlongTheTrajectory) {
+  Random random(7);
+  const NonlinearModel model = filtered_pendulum();
+  const VectorXd p = (VectorXd(3) << 0.8, 0.3, 0.5).finished();
+  const MatrixXd Q = covariance_of_size(random, 2, 0.5);
+  const Index parts = 64;
+  const VectorXd fine = VectorXd::LinSpaced(parts + 1, 0.0, 0.5);
+  ModelMemory memory = make_memory(model);
+  set_parameters(model, memory, p);
+  // Phi from every part's begin to the end, and Simpson's rule over those.
+  const InputNodes nodes =
+      input_nodes(fine, MatrixXd::Constant(1, parts + 1, 0.4), InputPath::constant, 1.0);
+  std::vector<MatrixXd> Phi;
+  VectorXd x = Eigen::Vector2d(1.2, -0.5);
+  Slopes slopes;
+  for (Index j = 0; j < parts; ++j) {
+    step(model, memory, nodes, j, x, slopes);
+    for (MatrixXd& earlier : Phi) earlier = (slopes.by_x * earlier).eval();
+    Phi.push_back(slopes.by_x);
+  }
+  Phi.emplace_back(MatrixXd::Identity(2, 2));
+  MatrixXd expected = MatrixXd::Zero(2, 2);
+  for (Index j = 0; j <= parts; ++j) {
+    const double weight = j == 0 || j == parts ? 1.0 : j % 2 == 1 ? 4.0 : 2.0;
+    const MatrixXd& to_end = Phi[static_cast<std::size_t>(j)];
+    expected += weight * 0.5 / (3.0 * static_cast<double>(parts)) * to_end * Q * to_end.transpose();
+  }
+  double before = 0.0;
+  for (const int steps : {8, 16, 32, 64}) {
+    const InputNodes once = input_nodes(Eigen::Vector2d(0.0, 0.5), MatrixXd::Constant(1, 2, 0.4),
+                                        InputPath::constant, std::vector<int>{steps});
+    Gramians gramians;
+    gramians.densities = Q.reshaped(4, 1);
+    VectorXd end = Eigen::Vector2d(1.2, -0.5);
+    step(model, memory, once, 0, end, slopes, Derivatives::first, &gramians);
+    const double now = relative_distance(gramians.values.reshaped(2, 2), expected);
+    std::printf("integral of the noise in %d steps: %.1e\n", steps, now);
+    if (steps == 64) {
+      EXPECT_GT(before / now, 13.0);
+      EXPECT_LT(now, 1e-6);
+    }
+    before = now;
+  }
+  Gramians none;
+  EXPECT_THROW(step(model, memory, nodes, 0, x, slopes, Derivatives::first, &none),
+               std::invalid_argument);
+}
+
 // --- gradients ----------------------------------------------------------------------------------
 
-void move(Setting& s, std::size_t direction, double way) {
+void move_along(Setting& s, std::size_t direction, double way) {
   const FilterDirection& d = s.directions[direction];
   if (d.parameter >= 0) s.p[d.parameter] += way;
   s.noise.Q += way * d.noise.Q;
@@ -309,12 +362,12 @@ void move(Setting& s, std::size_t direction, double way) {
 }
 
 // Central differences over `way`, extrapolated twice to the sixth order.
-MatrixXd difference(const Setting& s, std::size_t direction, double way,
-                    const std::function<MatrixXd(const Setting&)>& of) {
+MatrixXd extrapolated_difference(const Setting& s, std::size_t direction, double way,
+                                 const std::function<MatrixXd(const Setting&)>& of) {
   const auto slope = [&](double h) -> MatrixXd {
     Setting up = s, down = s;
-    move(up, direction, h);
-    move(down, direction, -h);
+    move_along(up, direction, h);
+    move_along(down, direction, -h);
     return (of(up) - of(down)) / (2.0 * h);
   };
   const MatrixXd wide = slope(way), half = slope(0.5 * way), quarter = slope(0.25 * way);
@@ -328,7 +381,7 @@ double gradient_error(const Setting& s, const Likelihood& exact, double way) {
     const auto at = static_cast<Index>(i);
     const double size =
         std::max(std::abs(exact.gradient[at]), std::sqrt(exact.information(at, at)));
-    const double numerical = difference(s, i, way, [](const Setting& moved) {
+    const double numerical = extrapolated_difference(s, i, way, [](const Setting& moved) {
       ModelMemory memory = make_memory(moved.model);
       return MatrixXd::Constant(1, 1,
                                 nonlinear_likelihood(moved.model, memory, moved.p, moved.noise, {},
@@ -355,7 +408,8 @@ MatrixXd numerical_information(const Setting& s, double way) {
   };
   const MatrixXd here = told(s);
   std::vector<MatrixXd> by;
-  for (std::size_t i = 0; i < s.directions.size(); ++i) by.push_back(difference(s, i, way, told));
+  for (std::size_t i = 0; i < s.directions.size(); ++i)
+    by.push_back(extrapolated_difference(s, i, way, told));
   const auto k = static_cast<Index>(by.size());
   MatrixXd out = MatrixXd::Zero(k, k);
   for (Index t = 0; t < s.y.cols(); ++t) {
