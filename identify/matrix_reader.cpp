@@ -255,12 +255,6 @@ void bound_at_zero(NamedParameters& parameters, int index, const std::string& is
   }
 }
 
-ParametrisedMatrix constant_matrix(Eigen::MatrixXd value) {
-  ParametrisedMatrix out;
-  out.constant = std::move(value);
-  return out;
-}
-
 ParametrisedMatrix read_matrix(const YamlNode& node, const std::string& name,
                                const MatrixShape& want, NamedParameters& parameters,
                                LinearModel& model) {

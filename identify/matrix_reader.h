@@ -70,8 +70,6 @@ void bound_at_zero(NamedParameters& parameters, int index, const std::string& wh
 ParametrisedMatrix read_column(const YamlNode& list, const std::string& name, Eigen::Index size,
                                NamedParameters& parameters, LinearModel& model);
 
-ParametrisedMatrix constant_matrix(Eigen::MatrixXd value);
-
 /// Is the value of a matrix-valued parameter one that its coordinates can reach and leave again?
 /// Says what is wrong, or nothing.
 std::string domain_fault(const Parameter& parameter);

@@ -403,6 +403,11 @@ void reduce_sources(Estimate& estimate, const Als& als, Fit& fit) {
 Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings,
                   const NoiseAlsOptions& options) {
   check_recordings(model, recordings);
+  if (!is_linear_in_parameters(model.linear, model.parameters)) {
+    throw InputError({model.path, 0, 0}, "als is linear in what it seeks, and the model is not",
+                     "Q, R and S that are sums of multiples of parameters",
+                     "variances instead of standard deviations, or --method ml");
+  }
   const Als als(model, recordings);
   if (!std::all_of(als.basis().begin(), als.basis().end(), changes_only_noise)) {
     throw InputError({model.path, 0, 0}, "als estimates noise, and other parameters are free",

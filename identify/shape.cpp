@@ -322,9 +322,9 @@ std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_stat
   if (!m) return std::nullopt;
   ModelFile out = shaped;
   out.name += ", colour in the measurement";
-  out.linear.A = {m->A, {}, -1};
-  out.linear.C = {m->C, {}, -1};
-  out.linear.G = {m->G, {}, -1};
+  out.linear.A = constant_matrix(m->A);
+  out.linear.C = constant_matrix(m->C);
+  out.linear.G = constant_matrix(m->G);
   // Parameters that stood in these alone are gone.
   out.parameters.clear();
   std::vector<int> place(shaped.parameters.size(), -1);
@@ -388,8 +388,18 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
 
 }  // namespace
 
-ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings,
+ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordings,
                   const ShapeOptions& options) {
+  ModelFile model = written;
+  model.linear = with_known_formulas_as_numbers(model.linear, model.parameters);
+  if (!model.linear.formulas.empty() || model.linear.offset) {
+    throw InputError({model.path, 0, 0},
+                     model.linear.offset
+                         ? "the model has constants beside states and inputs"
+                         : "the model is not linear in the parameters that are sought",
+                     "entries that are sums of multiples of parameters",
+                     "'fit' or 'tune' first, then fix what is not noise");
+  }
   const Say say = [&](const std::string& what) {
     if (options.progress) options.progress(what);
   };

@@ -120,14 +120,23 @@ bool is_linear_in_parameters(const LinearModel& model, const ParameterSet& param
 
 LinearModel with_known_formulas_as_numbers(LinearModel model, const ParameterSet& parameters) {
   const FormulaValues values(model, parameters, false);
+  bool any_left = false;
   for (ParametrisedMatrix* matrix : matrices_of(model)) {
     std::erase_if(matrix->formulas, [&](const ParametrisedMatrix::Formula& f) {
       if (!is_known(f, parameters)) return false;
       matrix->constant(f.row, f.col) += values.at(f);
       return true;
     });
+    any_left = any_left || !matrix->formulas.empty();
   }
+  if (!any_left) model.formulas.clear();
   return model;
+}
+
+ParametrisedMatrix constant_matrix(Eigen::MatrixXd value) {
+  ParametrisedMatrix out;
+  out.constant = std::move(value);
+  return out;
 }
 
 LinearModel constant_model(const StateSpace& system, InitialState initial) {

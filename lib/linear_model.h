@@ -33,6 +33,9 @@ struct ParametrisedMatrix {
   int block = -1;  ///< index of the matrix-valued parameter that is this matrix; -1 = none
 };
 
+/// Numbers, nothing free.
+ParametrisedMatrix constant_matrix(Eigen::MatrixXd value);
+
 /// Formulas of the parameters, compiled together with their derivatives by all parameters that may
 /// occur in them: the first `tape.columns` of the ParameterSet, scalars.
 struct EntryFormulas {
