@@ -12,6 +12,7 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include "identify/bound.h"
@@ -35,6 +36,7 @@
 #include "identify/study.h"
 #include "identify/survey_report.h"
 #include "identify/suspect_data.h"
+#include "identify/templates.h"
 #include "identify/vehicle_columns.h"
 #include "identify/vehicle_fit.h"
 #include "identify/vehicle_survey.h"
@@ -617,6 +619,26 @@ std::optional<double> signal_to_noise(const std::string& text) {
   return quantity("--snr", number, "");
 }
 
+int run_init(const Arguments& args) {
+  std::vector<std::string> names;
+  for (const ModelTemplate& each : model_templates()) names.push_back(each.name);
+  if (args.model.empty()) {
+    for (const ModelTemplate& each : model_templates()) {
+      fmt::print("{}\n    {}\n", each.name, purpose_of(each));
+    }
+    return 0;
+  }
+  const auto at = std::find(names.begin(), names.end(), args.model);
+  if (at == names.end()) {
+    throw InputError({}, fmt::format("unknown template '{}'", args.model),
+                     fmt::format("one of {}", fmt::join(names, ", ")),
+                     did_you_mean(args.model, names));
+  }
+  std::cout << model_templates()[static_cast<std::size_t>(at - names.begin())].text << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return 0;
+}
+
 int run_simulate(const Arguments& args) {
   ModelFile model = load_model(args);
   std::optional<Dataset> recording;
@@ -806,6 +828,10 @@ int run(int argc, char** argv) {
                  "survey of a vehicle's recording: signs, units, clocks, what can be identified");
   info->add_flag("--json", args.json, "with --vehicle: print the survey as JSON");
 
+  CLI::App* init = app.add_subcommand(
+      "init", "print a commented model file to begin with; without a name, list them");
+  init->add_option("TEMPLATE", args.model, "its name");
+
   const std::pair<const char*, const char*> estimators[] = {
       {"tune", "estimate Q and R of a Kalman filter"},
       {"fit", "estimate physical parameters"},
@@ -957,12 +983,13 @@ int run(int argc, char** argv) {
   simulate->footer(manoeuvre_help());
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",    "fit",
+    const std::vector<std::string> verbs{"info",  "init",  "tune",  "track",    "shape", "fit",
                                          "check", "bound", "study", "simulate", "report"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
-      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, track, check, shape, fit, bound, report or study",
-                       did_you_mean(argv[1], verbs));
+      throw InputError(
+          {}, fmt::format("unknown verb '{}'", argv[1]),
+          "info, init, simulate, tune, track, check, shape, fit, bound, report or study",
+          did_you_mean(argv[1], verbs));
     }
   }
   try {
@@ -974,6 +1001,7 @@ int run(int argc, char** argv) {
   }
   args.verb = app.get_subcommands().front()->get_name();
   if (args.verb == "info") return run_info(args);
+  if (args.verb == "init") return run_init(args);
   if (args.verb == "fit") return run_fit(args);
   if (args.verb == "track") return run_track(args);
   if (args.verb == "shape") return run_shape(args);
