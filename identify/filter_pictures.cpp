@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "identify/filter_report.h"
+#include "identify/model_filter.h"
 #include "identify/noise_estimate.h"
+#include "identify/nonlinear_recordings.h"
 #include "lib/kalman.h"
 #include "lib/units.h"
 
@@ -46,6 +48,16 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
   }
 }
 
+// The model on its own, from its start; columns from `at` of the pictures.
+void simulate(const ModelFile& model, const ParameterSet& parameters, const Dataset& data, Index at,
+              Pictures& out) {
+  const MatrixXd y = noise_free_outputs(model, parameters, data);
+  for (Index i = 0; i < y.rows(); ++i) {
+    const Unit unit = parse_unit(data.outputs[static_cast<std::size_t>(i)].unit).value_or(Unit{});
+    for (Index t = 0; t < y.cols(); ++t) out.free_run(i, at + t) = unit.from_si(y(i, t));
+  }
+}
+
 }  // namespace
 
 void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
@@ -57,20 +69,21 @@ void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordin
   for (const Dataset& data : recordings) rows += data.size();
   if (rows != series.measured.cols()) return;
   const ParameterSet end = parameters_of(estimate, model.parameters);
-  const StateSpace tuned = instantiate(model.linear, end);
   out.free_run = MatrixXd::Constant(series.measured.rows(), rows, kNone);
   out.free_run_sd = out.free_run;
   Index at = 0;
   for (const Dataset& data : recordings) {
-    forecast(tuned, model.linear.initial, model.linear, data, at, out);
+    if (model.form == ModelFile::Form::nonlinear) {
+      simulate(model, end, data, at, out);
+    } else {
+      forecast(instantiate(model.linear, end), model.linear.initial, model.linear, data, at, out);
+    }
     at += data.size();
   }
   if (free_entries(end).isApprox(free_entries(model.parameters), 1e-9)) return;
-  const StateSpace start = instantiate(model.linear, model.parameters);
   std::vector<FilterResult> filters;
   for (const Dataset& data : recordings) {
-    filters.push_back(kalman_filter(start, model.linear.initial, data.y,
-                                    model_inputs(model.linear, data.u), Keep::innovations));
+    filters.push_back(run_filter(model, model.parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) return;
   }
   out.standardised_before = side_by_side(filters, 0);

@@ -54,8 +54,10 @@ double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd Filte
 }
 
 // How long a disturbed prediction stays disturbed.
-Index memory(const StateSpace& system) {
-  constexpr Index kMost = 1000;
+Index memory(const ModelFile& model, const ParameterSet& parameters) {
+  constexpr Index kMost = 1000, kNonlinear = 100;
+  if (model.form == ModelFile::Form::nonlinear) return kNonlinear;
+  const StateSpace system = instantiate(model.linear, parameters);
   const auto steady = steady_state(system);
   if (!steady) return kMost;
   const MatrixXd F = system.A - steady->K * system.C;
@@ -73,7 +75,7 @@ std::vector<Outlier> outliers_of(const ModelFile& model, const ParameterSet& par
                                  const std::vector<Dataset>& recordings,
                                  std::vector<FilterResult> now) {
   constexpr int kMostPasses = 200;
-  const Index apart = memory(instantiate(model.linear, parameters));
+  const Index apart = memory(model, parameters);
   std::vector<Outlier> out;
   std::vector<Dataset> rest = recordings;
   for (int pass = 0; pass < kMostPasses; ++pass) {
@@ -176,9 +178,10 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
   }
   mean = mean.cwiseQuotient(count);
   power = power.cwiseQuotient(count);
-  const StateSpace system = instantiate(model.linear, parameters);
   VectorXd offset = VectorXd::Constant(ny, kNone);
-  if (const auto steady = steady_state(system)) {
+  const bool linear = model.form == ModelFile::Form::linear;
+  const StateSpace system = instantiate(model.linear, parameters);
+  if (const auto steady = linear ? steady_state(system) : std::nullopt) {
     const Index n = system.states();
     const MatrixXd F = system.A - steady->K * system.C;
     const MatrixXd seen = MatrixXd::Identity(ny, ny) -

@@ -31,6 +31,9 @@ constexpr std::array<int, 5> kForce{1, 1, -2, 0, 0};
 constexpr std::array<int, 5> kEnergy{2, 1, -2, 0, 0};
 constexpr std::array<int, 5> kPower{2, 1, -3, 0, 0};
 constexpr std::array<int, 5> kVoltage{2, 1, -3, -1, 0};
+constexpr std::array<int, 5> kCharge{0, 0, 1, 1, 0};
+constexpr std::array<int, 5> kResistance{2, 1, -3, -2, 0};
+constexpr std::array<int, 5> kCapacitance{-2, -1, 4, 2, 0};
 constexpr std::array<int, 5> kPressure{-1, 1, -2, 0, 0};
 
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -38,7 +41,8 @@ constexpr double kMile = 1609.344;
 
 // "g" is standard gravity, never the gram: vehicle files give accelerations in it and masses in kg.
 // "min" is the minute. "rps" is left out on purpose: some write it for rad/s, some for rev/s.
-// "nm" is there so that "NM" stays ambiguous and is refused rather than read as one of the two.
+// "nm" is there so that "NM" stays ambiguous and is refused rather than read as one of the two; MW,
+// MV and MOhm so that capitals mean mega.
 constexpr NamedUnit kUnits[] = {
     {"%", {0.01, 0.0, kNumber}},
     {"rad", {1.0, 0.0, kNumber}},
@@ -81,10 +85,27 @@ constexpr NamedUnit kUnits[] = {
     {"Nm", {1.0, 0.0, kEnergy}},
     {"kNm", {1e3, 0.0, kEnergy}},
     {"J", {1.0, 0.0, kEnergy}},
+    {"kJ", {1e3, 0.0, kEnergy}},
+    {"kWh", {3.6e6, 0.0, kEnergy}},
+    {"mW", {1e-3, 0.0, kPower}},
     {"W", {1.0, 0.0, kPower}},
     {"kW", {1e3, 0.0, kPower}},
+    {"MW", {1e6, 0.0, kPower}},
+    {"mA", {1e-3, 0.0, kCurrent}},
     {"A", {1.0, 0.0, kCurrent}},
+    {"kA", {1e3, 0.0, kCurrent}},
+    {"Ah", {3600.0, 0.0, kCharge}},
+    {"mAh", {3.6, 0.0, kCharge}},
+    {"mV", {1e-3, 0.0, kVoltage}},
     {"V", {1.0, 0.0, kVoltage}},
+    {"kV", {1e3, 0.0, kVoltage}},
+    {"MV", {1e6, 0.0, kVoltage}},
+    {"mOhm", {1e-3, 0.0, kResistance}},
+    {"Ohm", {1.0, 0.0, kResistance}},
+    {"kOhm", {1e3, 0.0, kResistance}},
+    {"MOhm", {1e6, 0.0, kResistance}},
+    {"F", {1.0, 0.0, kCapacitance}},
+    {"uF", {1e-6, 0.0, kCapacitance}},
     {"Pa", {1.0, 0.0, kPressure}},
     {"kPa", {1e3, 0.0, kPressure}},
     {"bar", {1e5, 0.0, kPressure}},
@@ -118,10 +139,24 @@ std::optional<Unit> look_up(std::string_view name) {
 // Writes the signs that files use beyond ASCII in the one spelling that the parser knows.
 std::string to_ascii(std::string_view text) {
   static constexpr std::pair<std::string_view, std::string_view> kSigns[] = {
-      {"**", "^"},      {"\u00B0", "deg"},       {"\u00BA", "deg"},       {"\u00B5", "u"},
-      {"\u03BC", "u"},  {"\u00B7", "*"},         {"\u22C5", "*"},         {"\u00D7", "*"},
-      {"\u2212", "-"},  {"\u00B9", "^1"},        {"\u00B2", "^2"},        {"\u00B3", "^3"},
-      {"\u2074", "^4"}, {"\u207B\u00B9", "^-1"}, {"\u207B\u00B2", "^-2"}, {"\u207B\u00B3", "^-3"},
+      {"**", "^"},
+      {"\u00B0", "deg"},
+      {"\u00BA", "deg"},
+      {"\u00B5", "u"},
+      {"\u03BC", "u"},
+      {"\u00B7", "*"},
+      {"\u22C5", "*"},
+      {"\u00D7", "*"},
+      {"\u2212", "-"},
+      {"\u00B9", "^1"},
+      {"\u00B2", "^2"},
+      {"\u00B3", "^3"},
+      {"\u2126", "Ohm"},
+      {"\u03A9", "Ohm"},
+      {"\u2074", "^4"},
+      {"\u207B\u00B9", "^-1"},
+      {"\u207B\u00B2", "^-2"},
+      {"\u207B\u00B3", "^-3"},
   };
   std::string out;
   for (std::size_t i = 0; i < text.size();) {
