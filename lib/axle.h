@@ -7,6 +7,7 @@
 
 namespace identikal {
 
+/// How an axle's side force grows with its slip angle; the equations stand at force_share().
 enum class TyreCurve { linear, tanh, fiala, magic_formula };
 
 /// "linear", "tanh", "fiala", "magic-formula".
