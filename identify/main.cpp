@@ -764,14 +764,6 @@ int run(int argc, char** argv) {
   CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data"};
   app.require_subcommand(1);
   app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION);
-  app.footer(
-      "Exit status:\n"
-      "  0  done and usable\n"
-      "  1  the answer is no: not optimal, not determined, not to be trusted\n"
-      "  2  mistake on the command line, in the model or in the data\n"
-      "  3  not converged; the best so far is printed\n"
-      "  4  --strict and there are warnings\n"
-      "  5  internal error, or a result could not be written");
   Arguments args;
   args.command = command_line(argc, argv);
 
@@ -924,6 +916,15 @@ int run(int argc, char** argv) {
                        "signal-to-noise ratio of every output, e.g. 30dB, instead of the model "
                        "file's noise");
   simulate->footer(manoeuvre_help());
+  // Verbs that are added later would have it too.
+  app.footer(
+      "Exit status:\n"
+      "  0  done and usable\n"
+      "  1  the answer is no: not optimal, not determined, not to be trusted\n"
+      "  2  mistake on the command line, in the model or in the data\n"
+      "  3  not converged; the best so far is printed\n"
+      "  4  --strict and there are warnings\n"
+      "  5  internal error, or a result could not be written");
 
   // For the build, which makes the manual page and the completions of shells from all of the above.
   if (argc == 3 && std::string(argv[1]) == "--generate") {

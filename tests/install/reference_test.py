@@ -1,9 +1,8 @@
 """Is every public function documented, and does doxygen understand it? reference_test.py DOXYGEN DOXYFILE
 
-Members whose names say what they are need no sentence: fields, values of enumerations, accessors, structs;
-nor do the arithmetic of Dual and
-arguments that stand in the sentence above the function. A declaration right below another, without a blank
-line, shares its comment."""
+Members whose names say what they are need no sentence: fields, values of enumerations, accessors, structs; nor do the
+arithmetic of Dual and arguments that stand in the sentence above the function. A declaration right below another,
+without a blank line, shares its comment."""
 import re
 import subprocess
 import sys
