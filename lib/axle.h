@@ -73,6 +73,7 @@ class AxleCurve {
     return L * share(L).value;
   }
 
+  /// The same with its derivatives.
   AxleForce force_and_slopes(double slip) const {
     const double L = -axle_.stiffness * slip;
     if (axle_.curve == TyreCurve::linear) return {L, -axle_.stiffness, -slip};
