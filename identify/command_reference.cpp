@@ -118,7 +118,6 @@ std::string troff(const std::string& text) {
 }
 
 std::string argument_text(const OptionText& argument) {
-  // "[MODEL] DATA..." is written where the arguments of a verb depend on each other.
   const std::string text = argument.argument + (argument.repeats ? "..." : "");
   return argument.required ? text : "[" + text + "]";
 }
@@ -150,8 +149,10 @@ std::string man_page(const CLI::App& app, const std::vector<VerbText>& verbs,
   const VerbText all = verb_text(app, {});
   std::string out =
       fmt::format(".TH IDENTIKAL 1 \"\" \"identikal {}\" \"User Commands\"\n", version);
-  const std::size_t colon = all.help.find(": ");
-  out += ".SH NAME\nidentikal \\- " + troff(all.help.substr(colon + 2)) + "\n.SH SYNOPSIS\n";
+  const std::size_t colon = all.help.find(": ");  // after the program's name
+  out += ".SH NAME\nidentikal \\- " +
+         troff(colon == std::string::npos ? all.help : all.help.substr(colon + 2)) +
+         "\n.SH SYNOPSIS\n";
   for (const VerbText& verb : verbs) {
     out += ".B identikal " + troff(verb.name) + "\n[\\fIoptions\\fR]";
     for (const OptionText& a : verb.arguments) out += " " + troff(argument_text(a));

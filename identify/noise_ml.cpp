@@ -424,7 +424,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   }
   conclude_noise_estimate(estimate, found.best.summary);
   describe_noise_estimate(estimate, model, end, recordings);
-  if (found.agree < found.tried) {
+  if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
     estimate.warnings.push_back(
         {"several_maxima",
          "warning",
