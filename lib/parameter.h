@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
+
 namespace identikal {
 
 /// What values a parameter may take, and so which coordinates an optimiser moves it by.

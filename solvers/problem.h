@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
+
 namespace identikal {
 
 /// Why a solver stopped.
