@@ -17,10 +17,12 @@ struct Call {
   SolverSummary* summary;
   Eigen::VectorXd best_x;
   double best_f = HUGE_VAL;
+  bool stopped = false;  // by the caller; L-BFGS finishes its line search all the same
 };
 
 double objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
   Call& call = *static_cast<Call*>(data);
+  if (call.stopped) return HUGE_VAL;
   const Eigen::VectorXd at =
       Eigen::Map<const Eigen::VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
   double f = 0.0;
@@ -40,6 +42,7 @@ double objective(const std::vector<double>& x, std::vector<double>& gradient, vo
   }
   const SolverOptions& options = *call.options;
   if (options.progress && !options.progress(call.summary->evaluations, call.best_f)) {
+    call.stopped = true;
     throw nlopt::forced_stop();
   }
   return f;
@@ -74,17 +77,18 @@ Solution solve_by(nlopt::algorithm algorithm, const Minimization& problem,
                               : result == nlopt::MAXTIME_REACHED ? Termination::time_limit
                                                                  : Termination::converged;
     out.summary.message = nlopt_result_to_string(static_cast<nlopt_result>(result));
-  } catch (const nlopt::forced_stop&) {
-    out.summary.termination = Termination::stopped;
-    out.summary.message = "stopped by the caller";
-    x.assign(call.best_x.begin(), call.best_x.end());
-    f = call.best_f;
   } catch (const nlopt::roundoff_limited&) {
     out.summary.termination = Termination::no_progress;
     out.summary.message = "rounding limits further progress";
   } catch (const std::exception& error) {
     out.summary.termination = Termination::no_progress;
     out.summary.message = error.what();
+  }
+  if (call.stopped) {
+    out.summary.termination = Termination::stopped;
+    out.summary.message = "stopped by the caller";
+    x.assign(call.best_x.begin(), call.best_x.end());
+    f = call.best_f;
   }
   out.x = Eigen::Map<const Eigen::VectorXd>(x.data(), start.size());
   out.summary.objective = f;

@@ -35,7 +35,7 @@ with tempfile.TemporaryDirectory() as name:
                     "Maintainer": "Identikal developers <developers@identikal.invalid>"}
         expect(expected.items() <= control.items() and control["Description"], f"{package}: {control}")
         depends = re.findall(r"([a-z0-9.+-]+)(?: \([^)]*\))?(?:, |$)", control["Depends"])
-        needed = ["libc6", "libceres3", "libnlopt0"] if package == "identikal" else ["libeigen3-dev", "libceres-dev"]
+        needed = ["libc6", "libnlopt0", "libcholmod3"] if package == "identikal" else ["libeigen3-dev", "libceres-dev"]
         expect(set(needed) <= set(depends), f"{package} depends on {depends}")
         names = [line.split()[5] for line in run("dpkg-deb", "-c", file).splitlines()]
         expect(all(n == "./" or n.startswith("./usr/") for n in names), f"{package}: {names}")
