@@ -109,7 +109,9 @@ TEST(NoiseMl, StopsWhenToldWithTheBestSoFar) {
     // The first start alone finds the maximum, and it stays; it is not called the answer.
     const double missing = e.objective.log_likelihood + 632.5456251;
     EXPECT_LT(missing, 1e-6);
-    if (last_start == 2) EXPECT_GT(missing, -1e-6);
+    if (last_start == 2) {
+      EXPECT_GT(missing, -1e-6);
+    }
   }
 }
 
