@@ -313,6 +313,7 @@ struct Estimate {
   Pictures pictures;  ///< filled where a report is asked for
 };
 
+/// As results print it: "not_converged", "weak".
 std::string to_string(Status status);
 std::string to_string(Verdict verdict);
 

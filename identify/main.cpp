@@ -16,10 +16,12 @@
 
 #include "identify/bound.h"
 #include "identify/check.h"
+#include "identify/command_reference.h"
 #include "identify/compare.h"
 #include "identify/figure.h"
 #include "identify/filter_pictures.h"
 #include "identify/info.h"
+#include "identify/manoeuvres.h"
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
 #include "identify/noise_auto.h"
@@ -45,6 +47,7 @@
 #include "lib/join.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
+#include "lib/version.h"
 
 namespace identikal {
 namespace {
@@ -309,6 +312,7 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
     options.seed = static_cast<std::uint64_t>(args.seed);
     options.progress = [&](double temperature) {
       progress.show(fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature));
+      return true;
     };
     return tune_bayes(model, recordings, options);
   }
@@ -322,6 +326,7 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
   options.progress = [&](int start, int iteration, double L) {
     progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
                               args.starts, iteration, L));
+    return true;
   };
   return args.method == "auto" ? tune_auto(model, recordings, options)
                                : tune_ml(model, recordings, options);
@@ -795,7 +800,7 @@ std::string command_line(int argc, char** argv) {
 int run(int argc, char** argv) {
   CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data"};
   app.require_subcommand(1);
-  app.set_version_flag("--version", "identikal 0.1.0");
+  app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION);
   Arguments args;
   args.command = command_line(argc, argv);
 
@@ -955,7 +960,25 @@ int run(int argc, char** argv) {
                        "signal-to-noise ratio of every output, e.g. 30dB, instead of the model "
                        "file's noise");
   simulate->footer(manoeuvre_help());
+  // Verbs that are added later would have it too.
+  app.footer(
+      "Exit status:\n"
+      "  0  done and usable\n"
+      "  1  the answer is no: not optimal, not determined, not to be trusted\n"
+      "  2  mistake on the command line, in the model or in the data\n"
+      "  3  not converged; the best so far is printed\n"
+      "  4  --strict and there are warnings\n"
+      "  5  internal error, or a result could not be written");
 
+  // For the build, which makes the manual page and the completions of shells from all of the above.
+  if (argc == 3 && std::string(argv[1]) == "--generate") {
+    std::vector<std::string> drives;
+    for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
+    std::cout << command_reference(
+        app, argv[2], IDENTIKAL_VERSION,
+        {{"study", "NAME", study_names()}, {"simulate", "--manoeuvre", drives}});
+    return 0;
+  }
   if (argc > 1 && argv[1][0] != '-') {
     const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",    "fit",
                                          "check", "bound", "study", "simulate", "report"};

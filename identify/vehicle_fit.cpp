@@ -388,12 +388,14 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   VehicleSearchOptions watched = options.search;
   int last = 0;
+  bool stopped = false;  // by the caller: this search, and every other that would follow
   watched.progress = [&](int iteration, double L) {
     std::vector<std::vector<double>>& searches = estimate.pictures.searches;
     if (searches.empty() || iteration <= last) searches.emplace_back();
     last = iteration;
     searches.back().push_back(L);
-    return !options.search.progress || options.search.progress(iteration, L);
+    stopped = stopped || (options.search.progress && !options.search.progress(iteration, L));
+    return !stopped;
   };
   VehicleSearch found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) {

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
 #include "lib/csv.h"
 #include "lib/error.h"
 
