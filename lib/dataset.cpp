@@ -395,6 +395,12 @@ Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
   const Index rows = n == 0 ? 0 : target.back() + 1;
   out.time.resize(rows);
   for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;
+  out.stamps.resize(rows);
+  for (Index i = 0, at = 0; at < rows; ++at) {
+    if (i + 1 < n && target[static_cast<std::size_t>(i + 1)] == at) ++i;
+    const Index absent = at - target[static_cast<std::size_t>(i)];
+    out.stamps[at] = data.time[i] + static_cast<double>(absent) * step;
+  }
   out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
   out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
   for (Index i = 0; i < n; ++i) {
