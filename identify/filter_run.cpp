@@ -89,7 +89,7 @@ class CsvLines {
 };
 
 const VectorXd& stamps_of(const Dataset& data) {
-  return data.stamps.size() == data.size() ? data.stamps : data.time;
+  return data.stamps.size() > 0 ? data.stamps : data.time;
 }
 
 // What the end of the last recording says of a state, and how well it is known in the median.

@@ -907,7 +907,7 @@ int run(int argc, char** argv) {
   filter
       ->add_option("--from", args.from,
                    "RESULT: with the values that tune or fit has found, as -o has written them")
-      ->check(a_page);
+      ->check(a_folder);
   add_common(*filter, args, true, false);
 
   CLI::App* comparison = app.add_subcommand(

@@ -342,6 +342,7 @@ Dataset first_samples(const Dataset& data, Index count) {
   const Index keep = std::min(count, data.size());
   Dataset out = data;
   out.time.conservativeResize(keep);
+  if (out.stamps.size() > 0) out.stamps.conservativeResize(keep);
   out.u.conservativeResize(Eigen::NoChange, keep);
   out.y.conservativeResize(Eigen::NoChange, keep);
   return out;
@@ -351,6 +352,7 @@ Dataset samples_from(const Dataset& data, Index first) {
   const Index keep = std::max<Index>(0, data.size() - first);
   Dataset out = data;
   out.time = data.time.tail(keep);
+  if (data.stamps.size() > 0) out.stamps = data.stamps.tail(keep);
   out.u = data.u.rightCols(keep);
   out.y = data.y.rightCols(keep);
   return out;
