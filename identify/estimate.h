@@ -47,6 +47,8 @@ struct EstimatedParameter {
   /// fitted: normal, or Student's with `fit --robust`
   double crb_se = kNone;
   double start = kNone;
+  std::array<double, 2> bounds{-std::numeric_limits<double>::infinity(),
+                               std::numeric_limits<double>::infinity()};
   bool fixed = false;
   bool neutral = false;  ///< fixed at a value that changes nothing: people need not read it
   Verdict verdict = Verdict::ok;
@@ -104,6 +106,7 @@ struct Noise {
 
 struct Objective {
   std::string method;
+  std::string initial;  ///< of a linear model's state: "given", "stationary" or "diffuse"
   double log_likelihood = kNone;
   double log_likelihood_start = kNone;
   double aic = kNone;

@@ -125,6 +125,18 @@ void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const J
   }
 }
 
+const char* initial_name(InitialState initial) {
+  switch (initial) {
+    case InitialState::given:
+      return "given";
+    case InitialState::stationary:
+      return "stationary";
+    case InitialState::diffuse:
+      return "diffuse";
+  }
+  return "";
+}
+
 }  // namespace
 
 MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
@@ -207,6 +219,7 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
   describe_noise(estimate, model, parameters);
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;
+  estimate.objective.initial = initial_name(model.linear.initial);
   for (const Dataset& data : recordings) {
     filters.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {

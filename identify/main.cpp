@@ -7,6 +7,7 @@
 #include <iostream>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -18,8 +19,10 @@
 #include "identify/check.h"
 #include "identify/command_reference.h"
 #include "identify/compare.h"
+#include "identify/compare_results.h"
 #include "identify/figure.h"
 #include "identify/filter_pictures.h"
+#include "identify/filter_run.h"
 #include "identify/info.h"
 #include "identify/manoeuvres.h"
 #include "identify/model_file.h"
@@ -32,6 +35,8 @@
 #include "identify/report.h"
 #include "identify/report_page.h"
 #include "identify/row_selection.h"
+#include "identify/result_file.h"
+#include "identify/result_values.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
@@ -72,6 +77,9 @@ struct Arguments {
   std::vector<std::string> manoeuvre_settings, signals;
   std::string filter;
   long rows = 0;
+  bool smooth = false;
+  long lag = -1;  // fixed-lag smoother; -1: not asked for
+  std::string from;
 };
 
 // "12", "12s", "60 km/h" in SI; `kind` is a unit of the quantity expected.
@@ -120,6 +128,10 @@ ModelFile load_model(const Arguments& args) {
   if (model.form == ModelFile::Form::regression && args.verb != "track") {
     throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
                      "identikal track MODEL DATA");
+  }
+  if (!args.from.empty()) {
+    const StoredResult result = read_stored_result(args.from);
+    set_values(model, result.estimate, result.path);
   }
   for (const std::string& assignment : args.settings) set_parameter(model, assignment);
   if (!args.filter.empty()) {
@@ -240,7 +252,8 @@ class Progress {
 
 // Whether pictures are worth making: they go into the report, which -o makes possible later.
 bool wants_pictures(const Arguments& args) {
-  return args.verb != "bound" && !args.compare && (!args.report.empty() || !args.output.empty());
+  return args.verb != "bound" && args.verb != "filter" && !args.compare &&
+         (!args.report.empty() || !args.output.empty());
 }
 
 std::string report_data_text(const Arguments& args, const Recordings& recordings,
@@ -452,6 +465,49 @@ int run_compare(const Arguments& args) {
   }
   Estimate estimate = compare_filters(models, recordings);
   return finish(args, loaded, estimate, begin);
+}
+
+int run_compare_results(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  std::vector<StoredResult> results;
+  for (const std::string& path : args.data) results.push_back(read_stored_result(path));
+  const Estimate estimate = compare_results(results);
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+  std::cout << (args.json ? result_json(estimate, false, spent.count()) : console_report(estimate))
+            << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return exit_code(estimate, false);
+}
+
+int run_filter(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  if (args.smooth && args.lag >= 0) {
+    throw InputError({}, "--smooth and --lag", "one of them",
+                     "--smooth takes the whole recording, --lag N what came up to N samples later");
+  }
+  ModelFile model = load_model(args);
+  const Recordings recordings = load_recordings(args, model);
+  if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
+  FilterRunOptions options;
+  if (args.smooth) options.lag.reset();
+  if (args.lag >= 0) options.lag = args.lag;
+  FilterRun run = run_filter(model, recordings.data, options);
+  if (args.output.empty() && !args.json) {
+    write_states_csv(std::cout, model, recordings.data, run);
+    std::cout << std::flush;
+    if (!std::cout) throw OutputError("standard output: cannot write");
+    return exit_code(run.estimate, args.strict);
+  }
+  std::vector<ResultFile> files;
+  if (!args.output.empty()) {
+    std::ostringstream states, innovations;
+    write_states_csv(states, model, recordings.data, run);
+    write_innovations_csv(innovations, recordings.data, run);
+    files.push_back({"states.csv", std::move(states).str()});
+    files.push_back({"innovations.csv", std::move(innovations).str()});
+  }
+  run.estimate.series = {};  // innovations.csv says the same
+  return finish(args, recordings, run.estimate, begin, files);
 }
 
 int run_bound(const Arguments& args) {
@@ -885,6 +941,26 @@ int run(int argc, char** argv) {
       ->check(whole_number)
       ->capture_default_str();
 
+  CLI::App* filter = app.add_subcommand(
+      "filter",
+      "states and innovations as CSV: filtered, or smoothed (without -o: states, printed)");
+  filter->add_option("MODEL", args.model, "model file (YAML)")->required();
+  filter->add_option("DATA", args.data, "recordings (CSV)")->required();
+  filter->add_flag("--smooth", args.smooth, "states given the whole recording");
+  filter->add_option("--lag", args.lag, "N: states given what was recorded up to N samples later")
+      ->check(CLI::Range(0L, 1000000L));
+  filter
+      ->add_option("--from", args.from,
+                   "RESULT: with the values that tune or fit has found, as -o has written them")
+      ->check(a_folder);
+  add_common(*filter, args, true, false);
+
+  CLI::App* comparison = app.add_subcommand(
+      "compare", "rank results of one recording: AIC, BIC, likelihood ratios of nested models");
+  comparison->add_option("RESULT", args.data, "result.json, or its folder; two or more")
+      ->required();
+  comparison->add_flag("--json", args.json, "print the result as JSON instead of text");
+
   CLI::App* shape = app.add_subcommand("shape", "detect coloured noise, fit a shaping filter");
   shape->add_option("MODEL", args.model, "model file (YAML)")->required();
   shape->add_option("DATA", args.data, "recordings (CSV)")->required();
@@ -980,12 +1056,15 @@ int run(int argc, char** argv) {
     return 0;
   }
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",    "fit",
-                                         "check", "bound", "study", "simulate", "report"};
+    const std::vector<std::string> verbs{"info",     "tune",   "track",  "shape",
+                                         "fit",      "check",  "bound",  "study",
+                                         "simulate", "report", "filter", "compare"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
-      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, track, check, shape, fit, bound, report or study",
-                       did_you_mean(argv[1], verbs));
+      throw InputError(
+          {}, fmt::format("unknown verb '{}'", argv[1]),
+          "info, simulate, tune, filter, track, check, shape, fit, compare, bound, report "
+          "or study",
+          did_you_mean(argv[1], verbs));
     }
   }
   try {
@@ -999,6 +1078,8 @@ int run(int argc, char** argv) {
   if (args.verb == "info") return run_info(args);
   if (args.verb == "fit") return run_fit(args);
   if (args.verb == "track") return run_track(args);
+  if (args.verb == "filter") return run_filter(args);
+  if (args.verb == "compare") return run_compare_results(args);
   if (args.verb == "shape") return run_shape(args);
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);

@@ -34,6 +34,7 @@ Json parameters(const Estimate& estimate) {
                    {"se_sandwich", number(p.se_sandwich)},
                    {"crb_se", number(p.crb_se)},
                    {"start", number(p.start)},
+                   {"bounds", {number(p.bounds[0]), number(p.bounds[1])}},
                    {"fixed", p.fixed},
                    {"verdict", to_string(p.verdict)},
                    {"with", p.with}});
@@ -271,6 +272,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                   {"expected_loss", loss(estimate)}};
   const Objective& objective = estimate.objective;
   out["objective"] = {{"method", objective.method},
+                      {"initial", objective.initial},
                       {"log_likelihood", number(objective.log_likelihood)},
                       {"log_likelihood_start", number(objective.log_likelihood_start)},
                       {"aic", number(objective.aic)},

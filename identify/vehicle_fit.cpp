@@ -33,7 +33,9 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
     result.name = given.name;
     result.unit = given.unit;
     result.fixed = given.fixed;
-    result.start = parse_unit(given.unit).value_or(Unit{}).from_si(given.scalar());
+    const Unit unit = parse_unit(given.unit).value_or(Unit{});
+    result.start = unit.from_si(given.scalar());
+    result.bounds = {unit.from_si(given.min), unit.from_si(given.max)};
     result.value = result.start;
     const auto parameter = vehicle_parameter(given.name);
     result.neutral = given.fixed && given.scalar() == neutral_vehicle()[*parameter];
