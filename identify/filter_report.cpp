@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
@@ -183,10 +184,28 @@ void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterS
   if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
   const bool density = model.linear.continuous && model.linear.noise == ProcessNoise::density;
   estimate.noise.Q_kind = density ? "density" : "per-sample";
-  if (const auto steady = steady_state(instantiate(model.linear, parameters))) {
+  SteadyFilter filter;
+  filter.model = instantiate(model.linear, parameters);
+  for (const ChannelSource& input : model.inputs) {
+    filter.inputs.push_back({input.name, input.unit});
+  }
+  if (filter.model.inputs() > static_cast<Index>(model.inputs.size())) {  // held linearly
+    for (const ChannelSource& input : model.inputs) {
+      filter.inputs.push_back({input.name + " of the next sample", input.unit});
+    }
+  }
+  for (const ChannelSource& output : model.outputs) {
+    filter.outputs.push_back({output.name, output.unit});
+  }
+  if (const auto steady = steady_state(filter.model)) {
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;
+    filter.K = steady->K;
+    filter.P = steady->P;
+    filter.Sigma = steady->Sigma;
+    filter.L = steady->Sigma.ldlt().solve(filter.model.C * steady->P.transpose()).transpose();
   }
+  estimate.filter = std::move(filter);
 }
 
 void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
@@ -202,6 +221,13 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
                                           const ParameterSet& parameters,
                                           const std::vector<Dataset>& recordings) {
   describe_noise(estimate, model, parameters);
+  // A unit that the model file leaves out stands in the recording.
+  const auto take_units = [](std::vector<SteadyFilter::Channel>& to,
+                             const std::vector<Channel>& from) {
+    for (std::size_t i = 0; i < to.size(); ++i) to[i].unit = from[i % from.size()].unit;
+  };
+  take_units(estimate.filter->inputs, recordings[0].inputs);
+  take_units(estimate.filter->outputs, recordings[0].outputs);
   const StateSpace system = instantiate(model.linear, parameters);
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <iostream>
 #include <limits>
@@ -12,11 +13,14 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "identify/bound.h"
 #include "identify/check.h"
 #include "identify/compare.h"
+#include "identify/estimated_model.h"
+#include "identify/export_result.h"
 #include "identify/figure.h"
 #include "identify/filter_pictures.h"
 #include "identify/info.h"
@@ -29,11 +33,13 @@
 #include "identify/regression_track.h"
 #include "identify/report.h"
 #include "identify/report_page.h"
+#include "identify/result_file.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
 #include "identify/survey_report.h"
 #include "identify/suspect_data.h"
+#include "identify/validate.h"
 #include "identify/vehicle_columns.h"
 #include "identify/vehicle_fit.h"
 #include "identify/vehicle_survey.h"
@@ -59,6 +65,7 @@ struct Arguments {
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy, place = "both", hold_out;
+  std::string language, least_fit;
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
   bool vehicle = false;
@@ -212,7 +219,8 @@ class Progress {
 
 // Whether pictures are worth making: they go into the report, which -o makes possible later.
 bool wants_pictures(const Arguments& args) {
-  return args.verb != "bound" && !args.compare && (!args.report.empty() || !args.output.empty());
+  return args.verb != "bound" && args.verb != "validate" && !args.compare &&
+         (!args.report.empty() || !args.output.empty());
 }
 
 std::string report_data_text(const Arguments& args, const Recordings& recordings,
@@ -222,16 +230,29 @@ std::string report_data_text(const Arguments& args, const Recordings& recordings
                           json);
 }
 
-void write_page(const std::string& path, const std::string& page) {
+void write_page(const std::string& path, const std::string& page,
+                const std::string& option = "--report") {
   const std::filesystem::path file(path);
   const std::string folder = file.parent_path().string();
-  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, "--report");
+  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, option);
+}
+
+// UTC day on which a file was written, "2026-03-01".
+std::string day_of_file(const std::string& path) {
+  struct stat status {};
+  std::tm utc{};
+  if (stat(path.c_str(), &status) != 0 || gmtime_r(&status.st_mtime, &utc) == nullptr) return "";
+  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
 int finish(const Arguments& args, const Recordings& recordings, Estimate& estimate,
            std::chrono::steady_clock::time_point begin,
            const std::vector<ResultFile>& more_files = {}) {
   estimate.verb = args.verb;
+  if (!estimate.model_file && !args.compare) {
+    const std::string text = text_of_file(args.model);
+    estimate.model_file = {args.model, sha256_of_text(text), text};
+  }
   // The vehicle fit says itself how many rows it used.
   const std::vector<InputRecord> used = estimate.inputs;
   estimate.inputs = recordings.records;
@@ -516,12 +537,12 @@ int run_shape(const Arguments& args) {
   std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
   if (result.model) {
     const Shaping& s = *result.estimate.shaping;
-    files.push_back(
-        {"shaped.yaml",
-         model_text(*result.model,
-                    {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
-                                 model.name, s.order, s.place),
-                     "The first states are the filter's."})});
+    const std::string text = model_text(
+        *result.model, {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
+                                    model.name, s.order, s.place),
+                        "The first states are the filter's."});
+    files.push_back({"shaped.yaml", text});
+    result.estimate.model_file = {"shaped.yaml", sha256_of_text(text), text};
   }
   if (result.in_measurement) {
     files.push_back(
@@ -544,6 +565,51 @@ int run_report(const Arguments& args) {
   write_page(path, page);
   fmt::print("{} written\n", path);
   return 0;
+}
+
+int run_export(const Arguments& args) {
+  const std::optional<ExportFormat> format = export_format(args.language);
+  if (!format) {
+    const std::vector<std::string> known{"cpp", "c", "matlab", "python", "yaml", "json"};
+    throw InputError({}, fmt::format("--to '{}'", args.language),
+                     "cpp, c, matlab, python, yaml or json", did_you_mean(args.language, known));
+  }
+  const StoredResult result = read_stored_result(args.model, false);
+  const std::string text = export_text(result, *format, day_of_file(result.path));
+  if (args.output.empty()) {
+    std::cout << text << std::flush;
+    if (!std::cout) throw OutputError("standard output: cannot write");
+  } else {
+    write_page(args.output, text, "-o");
+    fmt::print("{} written\n", args.output);
+  }
+  return 0;
+}
+
+int run_validate(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  const StoredResult result = read_stored_result(args.model, false);
+  const ModelFile model = estimated_model(result.estimate, result.path);
+  if (model.form == ModelFile::Form::regression) {
+    throw InputError({result.path, 0, 0}, "a result about a regression",
+                     "a result of tune, check or fit");
+  }
+  ValidateOptions options;
+  options.robust = args.robust;
+  if (args.robust && model.form != ModelFile::Form::single_track) {
+    throw InputError({}, "--robust has no meaning with a filter", "a result about a vehicle");
+  }
+  if (!args.least_fit.empty()) {
+    options.least_fit = 100.0 * quantity("--fit", args.least_fit, "%");
+    if (!(*options.least_fit <= 100.0)) {
+      throw InputError({}, fmt::format("--fit '{}' cannot be reached", args.least_fit),
+                       "at most 100%");
+    }
+  }
+  const Recordings recordings = load_recordings(args, model);
+  Estimate estimate =
+      validate(result.estimate, model, recordings.data, recordings.records, options);
+  return finish(args, recordings, estimate, begin);
 }
 
 int run_study(const Arguments& args) {
@@ -870,6 +936,29 @@ int run(int argc, char** argv) {
   report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder")
       ->check(a_page);
 
+  CLI::App* to_paste =
+      app.add_subcommand("export", "code to paste from a result that -o has written");
+  to_paste->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  to_paste->add_option("--to", args.language, "cpp, c, matlab, python, yaml or json")->required();
+  to_paste->add_option("-o,--output", args.output, "FILE; without it, the text is printed")
+      ->check(a_page);
+
+  CLI::App* validation = app.add_subcommand(
+      "validate", "score a result on other data, nothing refitted; exit 1 if it does not hold");
+  validation->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  validation->add_option("DATA", args.data, "recordings (CSV)")->required();
+  validation->add_option(
+      "--fit", args.least_fit,
+      "least fit of every channel, e.g. 70%; without it a filter has to pass the tests of 'check', "
+      "a vehicle to explain 50% of the yaw rate and the rest better than its mean");
+  validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
+  validation->add_option("-o,--output", args.output, "folder for the result files")
+      ->check(a_folder);
+  validation->add_option("--range", args.range,
+                         "FROM:TO: use these rows, in seconds from the first");
+  validation->add_flag("--json", args.json, "print the result as JSON instead of text");
+  validation->add_flag("--strict", args.strict, "exit 4 when there are warnings");
+
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
   study->add_option("NAME", args.model, study_ranges())->required();
@@ -913,11 +1002,13 @@ int run(int argc, char** argv) {
   simulate->footer(manoeuvre_help());
 
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "tune",  "track", "shape",    "fit",
-                                         "check", "bound", "study", "simulate", "report"};
+    const std::vector<std::string> verbs{"info",     "tune",   "track",  "shape",
+                                         "fit",      "check",  "bound",  "study",
+                                         "simulate", "report", "export", "validate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       "info, simulate, tune, track, check, shape, fit, bound, report or study",
+                       "info, simulate, tune, track, check, shape, fit, validate, bound, report, "
+                       "export or study",
                        did_you_mean(argv[1], verbs));
     }
   }
@@ -936,6 +1027,8 @@ int run(int argc, char** argv) {
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "report") return run_report(args);
+  if (args.verb == "export") return run_export(args);
+  if (args.verb == "validate") return run_validate(args);
   if (args.verb == "simulate") return run_simulate(args);
   return args.compare ? run_compare(args) : run_estimator(args);
 }

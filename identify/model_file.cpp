@@ -315,7 +315,11 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
 }  // namespace
 
 ModelFile read_model_file(const std::string& path) {
-  const YamlNode root = read_yaml(path);
+  return parse_model_file(read_yaml_text(path), path);
+}
+
+ModelFile parse_model_file(const std::string& text, const std::string& path) {
+  const YamlNode root = parse_yaml(text, path);
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
@@ -343,6 +347,13 @@ ModelFile read_model_file(const std::string& path) {
     read_regression(root, out);
   }
   return out;
+}
+
+std::string vehicle_unit(const std::string& parameter) {
+  for (const ParameterRule& rule : vehicle_rules(TyreCurve::magic_formula)) {
+    if (parameter == rule.name) return rule.si_unit;
+  }
+  return "";
 }
 
 void set_parameter(ModelFile& model, const std::string& assignment) {
