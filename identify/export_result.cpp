@@ -147,9 +147,10 @@ std::vector<std::string> head(const StoredResult& result, const std::string& dat
   return out;
 }
 
-std::vector<std::string> parameter_lines(const Estimate& e) {
+std::vector<std::string> parameter_lines(const Estimate& e, bool with_known) {
   std::vector<std::string> out;
   for (const EstimatedParameter& p : e.parameters) {
+    if (p.fixed && !with_known) continue;
     out.push_back(
         fmt::format("{} = {:.6g}{}, {}", p.name, p.value, unit_text(p.unit), remark_of(p)));
   }
@@ -419,7 +420,7 @@ std::string export_text(const StoredResult& result, ExportFormat format, const s
   const FormatNames& names = names_of(format);
   std::vector<std::string> lines = head(result, date);
   if (!is_vehicle(e) || format == ExportFormat::yaml) {
-    const std::vector<std::string> more = parameter_lines(e);
+    const std::vector<std::string> more = parameter_lines(e, !is_vehicle(e));
     lines.insert(lines.end(), more.begin(), more.end());
   }
   if (format != ExportFormat::yaml) {

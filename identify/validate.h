@@ -23,9 +23,11 @@ struct ValidateOptions {
 /// Applies the model of a result to other recordings as it is, nothing refitted but the state at
 /// the begin. A filter: one-step fit, log-likelihood per row, the tests of `check`. A vehicle: fit
 /// of the free run. `derived` holds the same figures of the result's own data to compare with.
-/// Status answer_no where the answer is no, with the reason in the message. Warnings where a
-/// recording is one that the result was made from, where the result was not to be trusted, and
-/// where the model file is no longer what it was.
+/// The tests take the values as known: what the estimates' own errors add to the innovations raises
+/// their share of false alarms above 5 %, the more the longer these recordings are than the
+/// result's. Status answer_no where the answer is no, with the reason in the message. Warnings
+/// where a recording is one that the result was made from, where the result was not to be trusted,
+/// and where the model file is no longer what it was.
 /// @param result      as read from its file
 /// @param model       estimated_model() of it
 /// @param recordings  of the model's channels

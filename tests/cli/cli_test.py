@@ -738,7 +738,8 @@ outputs: [{name: y, column: y, unit: mm}]
         self.assertIn("# never sought", text)
         self.assertIn(f"Cf: {{value: {parameters['Cf']!r} N/rad, min: 1e4, max: 4e5}}", text)
         again = result("fit", pasted, LANE_CHANGE[1])
-        self.assertAlmostEqual(again["objective"]["log_likelihood_start"], out["objective"]["log_likelihood"], delta=1e-6)
+        self.assertEqual(parameters, {p["name"]: p["start"] for p in again["parameters"]})
+        self.assertAlmostEqual(again["objective"]["log_likelihood"], out["objective"]["log_likelihood"], delta=1e-6)
 
     def test_units_and_a_straight_axle(self):
         text = pathlib.Path(LANE_CHANGE[0]).read_text()
