@@ -64,7 +64,7 @@ outputs: [{name: "ÜÖ", column: y}]
 TEST(EstimatedModel, ASingularMatrixIsFixed) {
   const std::vector<EstimatedParameter> values{estimated("a", 0.5),    estimated("k", 2, "", true),
                                                estimated("Q(1,1)", 4), estimated("Q(2,1)", 2),
-                                               estimated("Q(2,2)", 1), estimated("R(1,1)", 1)};
+                                               estimated("Q(2,2)", 1), estimated("R", 1)};
   for (const std::string Q : {"{structure: full}", "{fixed: false, structure: full, start: 3}"}) {
     const auto text = estimated_model_text(
         estimate_with(kTwoStates + "Q: " + Q +
