@@ -949,7 +949,7 @@ int run(int argc, char** argv) {
   validation->add_option("DATA", args.data, "recordings (CSV)")->required();
   validation->add_option(
       "--fit", args.least_fit,
-      "least fit of every channel, e.g. 70%; without it a filter has to pass the tests of 'check', "
+      "least fit of every channel, e.g. 70%; without it a filter has to pass its tests, "
       "a vehicle to explain 50% of the yaw rate and the rest better than its mean");
   validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
   validation->add_option("-o,--output", args.output, "folder for the result files")

@@ -4,13 +4,19 @@
 #include <cmath>
 #include <filesystem>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
-#include "identify/check.h"
+#include "identify/distribution.h"
+#include "identify/filter_report.h"
+#include "identify/noise_estimate.h"
+#include "identify/recordings_likelihood.h"
 #include "identify/report.h"
+#include "identify/suspect_data.h"
 #include "identify/vehicle_checks.h"
 #include "identify/vehicle_series.h"
 #include "lib/error.h"
+#include "lib/whiteness.h"
 
 namespace identikal {
 namespace {
@@ -31,12 +37,115 @@ void check_period(const Estimate& result, const ModelFile& model,
   }
 }
 
-Estimate validate_filter(const Estimate& result, const ModelFile& model,
+// Whether unseen innovations are white and as large as the filter says. The estimates' own errors
+// show in them, the more the fewer rows they came from: with rho new rows per old one,
+//   score        s' J^-1 s / (1 + rho) ~ chi2(k), for cov s = J + J V J with V = (rho J^-1)
+//   nis          mean of the new ~ F(new samples, old samples): on the old it was fitted to 1
+//   ljung_box    sum of lags - k unit chi-squares and k of size 1 + rho (the fit takes k directions
+//                from the correlations of the old rows, Box & Pierce 1970), by its mean and
+//                variance
+// where k values were estimated; without any, as on any data.
+void test_unseen(const Estimate& result, const ModelFile& model,
+                 const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters,
+                 Estimate& estimate) {
+  Index shortest = recordings[0].size();
+  double rows = 0.0, own_rows = 0.0;
+  for (const Dataset& data : recordings) {
+    shortest = std::min(shortest, data.size());
+    rows += static_cast<double>(data.size());
+  }
+  for (const InputRecord& input : result.inputs) own_rows += static_cast<double>(input.used);
+  std::vector<Index> estimated;  // of the free entries
+  Index entry = 0;
+  for (const EstimatedParameter& p : result.parameters) {
+    if (p.fixed) continue;
+    if (p.verdict != Verdict::at_bound) estimated.push_back(entry);
+    ++entry;
+  }
+  const auto k = static_cast<Index>(estimated.size());
+  const double rho = k > 0 && own_rows > 0.0 ? rows / own_rows : 0.0;
+  const auto& outputs = recordings[0].outputs;
+  const double level = 0.05 / static_cast<double>(outputs.size() + (k > 0 ? 2 : 1));
+  const auto add = [&](const char* id, const std::string& channel, double value, double low,
+                       double high, double p) {
+    TestResult test;
+    test.id = id;
+    test.channel = channel;
+    test.value = value;
+    test.interval = {low, high};
+    test.p = p;
+    test.pass = p >= level;
+    test.level = level;
+    estimate.tests.push_back(std::move(test));
+  };
+  estimate.tests.clear();
+  const int lags = default_lags(shortest);
+  const Eigen::MatrixXd all = side_by_side(filters, lags);
+  if (k > 0) {
+    RecordingsLikelihood likelihood(model, recordings);
+    const Likelihood* at = likelihood.evaluate(model.parameters, true);
+    if (at != nullptr && at->gradient.size() == entry) {
+      const Eigen::VectorXd s = at->gradient(estimated);
+      const Eigen::MatrixXd J = at->information(estimated, estimated);
+      const Eigen::VectorXd scale = J.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * J *
+                                                                 scale.asDiagonal());
+      const Eigen::VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(s);
+      double value = 0.0, dof = 0.0;
+      for (Index i = 0; i < k; ++i) {
+        const double size = eigen.eigenvalues()[i];
+        if (!(size > kFlat * eigen.eigenvalues()[k - 1])) continue;
+        value += along[i] * along[i] / size / (1.0 + rho);
+        dof += 1.0;
+      }
+      if (dof > 0.0) {
+        add("score", "", value, 0.0, chi_square_quantile(1.0 - level, dof),
+            chi_square_upper_tail(value, dof));
+      }
+    }
+  }
+  if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {
+    const double mean = nis.value / nis.dof, old = rho > 0.0 ? nis.dof / rho : 1e12;
+    const double upper = f_upper_tail(mean, nis.dof, old);
+    add("nis", "", mean, f_quantile(0.5 * level, nis.dof, old),
+        f_quantile(1.0 - 0.5 * level, nis.dof, old),
+        std::min(1.0, 2.0 * std::min(upper, 1.0 - upper)));
+  }
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
+    if (!std::isfinite(q.value) || !(q.dof > 0.0)) continue;
+    const double taken = std::min(static_cast<double>(k), q.dof);
+    const double mean = q.dof + rho * taken;
+    const double half_variance = q.dof - taken + (1.0 + rho) * (1.0 + rho) * taken;
+    const double size = half_variance / mean, dof = mean / size;
+    add("ljung_box", outputs[i].name, q.value, 0.0, size * chi_square_quantile(1.0 - level, dof),
+        chi_square_upper_tail(q.value / size, dof));
+  }
+  std::string failed;
+  for (const TestResult& test : estimate.tests) {
+    if (test.pass) continue;
+    failed += (failed.empty() ? "" : ", ") + test.id +
+              (test.channel.empty() ? "" : " of " + test.channel);
+  }
+  estimate.status = failed.empty() ? Status::ok : Status::answer_no;
+  estimate.message = failed.empty() ? "it holds on these data: no test rejects it"
+                                    : "it does not hold on these data: rejected by " + failed;
+}
+
+Estimate validate_filter(const Estimate& result, const ModelFile& written,
                          const std::vector<Dataset>& recordings) {
-  check_period(result, model, recordings);
-  ModelFile sampled = model;
-  if (model.time.step == 0.0) sampled.linear.dt = recordings.front().dt;
-  Estimate out = check_filter(sampled, recordings);
+  check_period(result, written, recordings);
+  ModelFile model = written;
+  if (model.time.step == 0.0) model.linear.dt = recordings.front().dt;
+  check_channels(recordings);
+  Estimate out;
+  out.model_name = model.name;
+  list_parameters(out, model.parameters, model.parameters);
+  for (EstimatedParameter& p : out.parameters) p.fixed = true;
+  const std::vector<FilterResult> filters =
+      describe_filter(out, model, model.parameters, recordings);
+  test_unseen(result, model, recordings, filters, out);
+  warn_of_suspect_data(out, model, model.parameters, recordings, filters);
   const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };
   double rows = 0.0, own_rows = 0.0;
   for (const Dataset& data : recordings) rows += static_cast<double>(data.size());

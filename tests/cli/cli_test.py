@@ -836,6 +836,22 @@ class Validate(unittest.TestCase):
         self.assertIn("own_data", [w["code"] for w in result("validate", self.out, own)["warnings"]])
         run("validate", self.out, own, "--strict", code=4)
 
+    @unittest.skipIf(QUICK, "minutes")
+    def test_false_alarms(self):
+        """5 % of validations of a right filter fail at most, also on recordings longer than its own: of 40, more than 8 would with 2e-4."""
+        def simulated(rows, seed, *extra):
+            run("simulate", NILE[0], "-n", rows, "--seed", seed, *extra, "-o", self.folder.path / "data", code=0)
+            return self.folder.path / "data" / "simulated.csv"
+
+        alarms = found = 0
+        for seed in range(40):
+            run("tune", NILE[0], simulated(400, seed), "--starts", 1, "-o", self.out)
+            alarms += run("validate", self.out, simulated(1600, 5000 + seed)).returncode
+            found += run("validate", self.out, simulated(1600, 5000 + seed, "--set", "r=1600")).returncode
+        print(f"validate, 400 rows for tuning, 1600 new ones: {alarms} of 40 false alarms; r 60 % larger is found in {found} of 40")
+        self.assertLessEqual(alarms, 8)
+        self.assertGreaterEqual(found, 32)
+
     def test_a_changed_model_file(self):
         model = self.folder.write("m.yaml", pathlib.Path(NILE[0]).read_text())
         run("tune", model, NILE[1], "-o", self.out, code=0)
