@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <ostream>
+#include <stdexcept>
 #include <string>
 
 #include <fmt/format.h>
@@ -31,6 +32,11 @@ std::vector<NamedState> named_states(const ModelFile& model) {
   std::vector<NamedState> out;
   for (Index i = 0; i < system.states(); ++i) {
     NamedState state{fmt::format("x{}", i + 1), "", Unit{}};
+    if (!model.states.empty()) {
+      const StateName& named = model.states[static_cast<std::size_t>(i)];
+      out.push_back({named.name, named.unit, parse_unit(named.unit).value_or(Unit{})});
+      continue;
+    }
     for (Index j = 0; j < system.outputs(); ++j) {
       const bool shown = system.C(j, i) == 1.0 && (system.C.row(j).array() != 0.0).count() == 1 &&
                          system.D.row(j).isZero(0.0);
@@ -119,8 +125,7 @@ std::string what_was_done(const FilterRunOptions& options) {
 FilterRun run_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const FilterRunOptions& options) {
   if (model.form != ModelFile::Form::linear) {
-    throw InputError({model.path, 0, 0}, "'filter' takes a linear model, this is a vehicle",
-                     "a model with A, C, Q, R");
+    throw std::invalid_argument("run_filter: " + model.path + " is no linear model");
   }
   check_inputs(recordings);
   FilterRun out;

@@ -27,15 +27,16 @@ struct FilterRun {
 };
 
 /// Runs the model's filter, as it is, over every recording, each from the model's initial state.
-/// @throws InputError for a model that is not linear, an input with gaps, and where the filter
-/// cannot run
+/// @param model  of the form linear
+/// @throws InputError for an input with gaps, and where the filter cannot run;
+///   std::invalid_argument for a model of another form
 FilterRun run_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const FilterRunOptions& options);
 
-/// Time as recorded [s], and of every state its value and standard deviation. A state that an
-/// output shows as it is has that output's name and unit, the others are x1, x2, ... in SI. Empty
-/// cells while a diffuse start is not determined. Several recordings follow each other, their
-/// number in the first column.
+/// Time as recorded [s], and of every state its value and standard deviation. States that formulas
+/// name are called and measured so; else a state that an output shows as it is has that output's
+/// name and unit, and the others are x1, x2, ... in SI. Empty cells while a diffuse start is not
+/// determined. Several recordings follow each other, their number in the first column.
 void write_states_csv(std::ostream& out, const ModelFile& model,
                       const std::vector<Dataset>& recordings, const FilterRun& run);
 

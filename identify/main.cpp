@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <iostream>
 #include <limits>
@@ -13,6 +14,7 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "identify/bound.h"
@@ -20,9 +22,12 @@
 #include "identify/command_reference.h"
 #include "identify/compare.h"
 #include "identify/compare_results.h"
+#include "identify/estimated_model.h"
+#include "identify/export_result.h"
 #include "identify/figure.h"
 #include "identify/filter_pictures.h"
 #include "identify/filter_run.h"
+#include "identify/included_files.h"
 #include "identify/info.h"
 #include "identify/manoeuvres.h"
 #include "identify/model_file.h"
@@ -34,18 +39,20 @@
 #include "identify/regression_track.h"
 #include "identify/report.h"
 #include "identify/report_page.h"
-#include "identify/row_selection.h"
 #include "identify/result_file.h"
 #include "identify/result_values.h"
+#include "identify/row_selection.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
 #include "identify/survey_report.h"
 #include "identify/suspect_data.h"
+#include "identify/validate.h"
 #include "identify/vehicle_columns.h"
 #include "identify/vehicle_fit.h"
 #include "identify/vehicle_survey.h"
 #include "identify/vehicle_track.h"
+#include "identify/yaml_reader.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
 #include "lib/error.h"
@@ -68,6 +75,7 @@ struct Arguments {
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy, place = "both", hold_out;
+  std::string language, least_fit;
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
   bool vehicle = false;
@@ -252,8 +260,9 @@ class Progress {
 
 // Whether pictures are worth making: they go into the report, which -o makes possible later.
 bool wants_pictures(const Arguments& args) {
-  return args.verb != "bound" && args.verb != "filter" && !args.compare &&
-         (!args.report.empty() || !args.output.empty());
+  const bool pictured =
+      args.verb != "bound" && args.verb != "filter" && args.verb != "validate" && !args.compare;
+  return pictured && (!args.report.empty() || !args.output.empty());
 }
 
 std::string report_data_text(const Arguments& args, const Recordings& recordings,
@@ -263,16 +272,32 @@ std::string report_data_text(const Arguments& args, const Recordings& recordings
                           json);
 }
 
-void write_page(const std::string& path, const std::string& page) {
+void write_page(const std::string& path, const std::string& page,
+                const std::string& option = "--report") {
   const std::filesystem::path file(path);
   const std::string folder = file.parent_path().string();
-  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, "--report");
+  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, option);
+}
+
+// UTC day on which a file was written, "2026-03-01".
+std::string day_of_file(const std::string& path) {
+  struct stat status {};
+  std::tm utc{};
+  if (stat(path.c_str(), &status) != 0 || gmtime_r(&status.st_mtime, &utc) == nullptr) return "";
+  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
 int finish(const Arguments& args, const Recordings& recordings, Estimate& estimate,
            std::chrono::steady_clock::time_point begin,
            const std::vector<ResultFile>& more_files = {}) {
   estimate.verb = args.verb;
+  if (!estimate.model_file && !args.compare) {
+    const std::string text = text_of_file(args.model);
+    estimate.model_file = {args.model, sha256_of_text(text), text, {}};
+    for (const std::string& path : included_files(read_yaml_text(args.model), args.model)) {
+      estimate.model_file->included.push_back({path, sha256_of_file(path)});
+    }
+  }
   // The vehicle fit says itself how many rows it used.
   const std::vector<InputRecord> used = estimate.inputs;
   estimate.inputs = recordings.records;
@@ -486,6 +511,7 @@ int run_filter(const Arguments& args) {
                      "--smooth takes the whole recording, --lag N what came up to N samples later");
   }
   ModelFile model = load_model(args);
+  require_linear(args, model);
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   FilterRunOptions options;
@@ -598,12 +624,12 @@ int run_shape(const Arguments& args) {
   std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
   if (result.model) {
     const Shaping& s = *result.estimate.shaping;
-    files.push_back(
-        {"shaped.yaml",
-         model_text(*result.model,
-                    {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
-                                 model.name, s.order, s.place),
-                     "The first states are the filter's."})});
+    const std::string text = model_text(
+        *result.model, {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
+                                    model.name, s.order, s.place),
+                        "The first states are the filter's."});
+    files.push_back({"shaped.yaml", text});
+    result.estimate.model_file = {"shaped.yaml", sha256_of_text(text), text, {}};
   }
   if (result.in_measurement) {
     files.push_back(
@@ -626,6 +652,54 @@ int run_report(const Arguments& args) {
   write_page(path, page);
   fmt::print("{} written\n", path);
   return 0;
+}
+
+const std::vector<std::string> kLanguages{"cpp", "c", "matlab", "python", "yaml", "json"};
+
+int run_export(const Arguments& args) {
+  const std::optional<ExportFormat> format = export_format(args.language);
+  if (!format) {
+    throw InputError({}, fmt::format("--to '{}'", args.language),
+                     "cpp, c, matlab, python, yaml or json",
+                     did_you_mean(args.language, kLanguages));
+  }
+  const StoredResult result = read_stored_result(args.model, PageData::if_there);
+  const std::string text = export_text(result, *format, day_of_file(result.path));
+  if (args.output.empty()) {
+    std::cout << text << std::flush;
+    if (!std::cout) throw OutputError("standard output: cannot write");
+  } else {
+    write_page(args.output, text, "-o");
+    fmt::print("{} written\n", args.output);
+  }
+  return 0;
+}
+
+int run_validate(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  const StoredResult result = read_stored_result(args.model);
+  const ModelFile model = estimated_model(result.estimate, result.path);
+  if (model.form == ModelFile::Form::regression) {
+    throw InputError({result.path, 0, 0}, "a result about a regression",
+                     "a result of tune, check or fit");
+  }
+  if (model.form != ModelFile::Form::single_track) require_linear(args, model);
+  ValidateOptions options;
+  options.robust = args.robust;
+  if (args.robust && model.form != ModelFile::Form::single_track) {
+    throw InputError({}, "--robust has no meaning with a filter", "a result about a vehicle");
+  }
+  if (!args.least_fit.empty()) {
+    options.least_fit = 100.0 * quantity("--fit", args.least_fit, "%");
+    if (!(*options.least_fit <= 100.0)) {
+      throw InputError({}, fmt::format("--fit '{}' cannot be reached", args.least_fit),
+                       "at most 100%");
+    }
+  }
+  const Recordings recordings = load_recordings(args, model);
+  Estimate estimate =
+      validate(result.estimate, model, recordings.data, recordings.records, options);
+  return finish(args, recordings, estimate, begin);
 }
 
 int run_study(const Arguments& args) {
@@ -991,6 +1065,29 @@ int run(int argc, char** argv) {
   report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder")
       ->check(a_page);
 
+  CLI::App* to_paste =
+      app.add_subcommand("export", "code to paste from a result that -o has written");
+  to_paste->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  to_paste->add_option("--to", args.language, "cpp, c, matlab, python, yaml or json")->required();
+  to_paste->add_option("-o,--output", args.output, "FILE; without it, the text is printed")
+      ->check(a_page);
+
+  CLI::App* validation = app.add_subcommand(
+      "validate", "score a result on other data, nothing refitted; exit 1 if it does not hold");
+  validation->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  validation->add_option("DATA", args.data, "recordings (CSV)")->required();
+  validation->add_option(
+      "--fit", args.least_fit,
+      "least fit of every channel, e.g. 70%; without it a filter has to pass its tests, "
+      "a vehicle to explain 50% of the yaw rate and the rest better than its mean");
+  validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
+  validation->add_option("-o,--output", args.output, "folder for the result files")
+      ->check(a_folder);
+  validation->add_option("--range", args.range,
+                         "FROM:TO: use these rows, in seconds from the first");
+  validation->add_flag("--json", args.json, "print the result as JSON instead of text");
+  validation->add_flag("--strict", args.strict, "exit 4 when there are warnings");
+
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
   study->add_option("NAME", args.model, study_ranges())->required();
@@ -1050,20 +1147,21 @@ int run(int argc, char** argv) {
   if (argc == 3 && std::string(argv[1]) == "--generate") {
     std::vector<std::string> drives;
     for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
-    std::cout << command_reference(
-        app, argv[2], IDENTIKAL_VERSION,
-        {{"study", "NAME", study_names()}, {"simulate", "--manoeuvre", drives}});
+    std::cout << command_reference(app, argv[2], IDENTIKAL_VERSION,
+                                   {{"study", "NAME", study_names()},
+                                    {"simulate", "--manoeuvre", drives},
+                                    {"export", "--to", kLanguages}});
     return 0;
   }
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",     "tune",   "track",  "shape",
-                                         "fit",      "check",  "bound",  "study",
-                                         "simulate", "report", "filter", "compare"};
+    const std::vector<std::string> verbs{"info",   "tune",    "track",  "shape",    "fit",
+                                         "check",  "bound",   "study",  "simulate", "report",
+                                         "filter", "compare", "export", "validate"};
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
       throw InputError(
           {}, fmt::format("unknown verb '{}'", argv[1]),
-          "info, simulate, tune, filter, track, check, shape, fit, compare, bound, report "
-          "or study",
+          "info, simulate, tune, filter, track, check, shape, fit, validate, compare, bound, "
+          "report, export or study",
           did_you_mean(argv[1], verbs));
     }
   }
@@ -1084,6 +1182,8 @@ int run(int argc, char** argv) {
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "report") return run_report(args);
+  if (args.verb == "export") return run_export(args);
+  if (args.verb == "validate") return run_validate(args);
   if (args.verb == "simulate") return run_simulate(args);
   return args.compare ? run_compare(args) : run_estimator(args);
 }

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "identify/linear_form.h"
+#include "identify/matrix_reader.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
 #include "lib/parameter.h"
@@ -35,7 +35,7 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
       throw InputError(here, fmt::format("'{}' is in {}", p.name, p.unit),
                        fmt::format("{}, as in {}", known.units[i], model.path));
     }
-    if (!std::isfinite(p.value)) {
+    if (std::isnan(p.value)) {
       throw InputError(here, fmt::format("'{}' has no value", p.name), hint);
     }
     entries[static_cast<Eigen::Index>(i)] = unit.to_si(p.value);
@@ -50,7 +50,7 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
   }
   all = with_entries(std::move(all), entries);
   for (std::size_t i = 0; i < all.size(); ++i) all[i].fixed = model.parameters[i].fixed;
-  if (model.form == ModelFile::Form::linear) {
+  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) {
     if (const std::optional<ModelFault> fault = fault_at(model.linear, all)) {
       throw InputError(here, fault->text + " with the values of this result", hint);
     }

@@ -355,6 +355,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   Estimate estimate;
   estimate.verb = "fit";
   estimate.model_name = model.name;
+  estimate.tyre_curve = name_of(unknowns.curve);
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     estimate.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
                                static_cast<long>(run.used_of[i])});

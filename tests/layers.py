@@ -15,7 +15,7 @@ ONLY_IN = {
     r"nlopt": r"solvers/nlopt_backend\.cpp",
     r"hwy/": r"lib/(simd_kernels|bank_kernel)\.cpp",
     r"CLI/": r"identify/(main|command_reference)\.cpp",
-    r"nlohmann/": r"identify/(result_json|report_page|result_file)\.cpp",
+    r"nlohmann/": r"identify/(result_json|report_page|result_file|export_result)\.cpp",
     r"yaml-cpp/": r"identify/yaml_reader\.cpp",
     r"boost/": r"identify/distribution\.cpp",
     r"plplot/": r"identify/figure\.cpp",
