@@ -413,6 +413,11 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
     covariance = vehicle_covariance(found.problem, found.best);
   }
+  // Whatever one start found, the search was not finished.
+  if (stopped) {
+    found.best.converged = false;
+    found.best.message = "stopped by the caller";
+  }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
   if (options.bootstrap > 0 && !stopped) {
     bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
