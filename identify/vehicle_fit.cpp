@@ -391,7 +391,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   VehicleSearchOptions watched = options.search;
   int last = 0;
-  bool stopped = false;  // by the caller: this search, and every other that would follow
+  bool stopped = false;  // by the caller: this search, and all that would follow
   watched.progress = [&](int iteration, double L) {
     std::vector<std::vector<double>>& searches = estimate.pictures.searches;
     if (searches.empty() || iteration <= last) searches.emplace_back();
@@ -416,8 +416,13 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
     covariance = vehicle_covariance(found.problem, found.best);
   }
+  // Whatever one start found, the search was not finished.
+  if (stopped) {
+    found.best.converged = false;
+    found.best.message = "stopped by the caller";
+  }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
-  if (options.bootstrap > 0) {
+  if (options.bootstrap > 0 && !stopped) {
     bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
   }
   estimate.tests = covariance.whiteness;
@@ -442,7 +447,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
-  if (options.second_opinion) {
+  const bool second_opinion = options.second_opinion && !stopped;
+  if (second_opinion) {
     check_recordings(model, recordings, estimate);
     check_hold_out_recordings(model, options.hold_out, estimate);
     if (simulation && !unknowns.free.empty() && !misread(estimate)) {
@@ -458,7 +464,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   check_whiteness(covariance, estimate);
   check_steering_gain(found.problem, covariance, p, estimate);
-  if (options.second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
+  if (second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
     compare_alternatives(found, options.search, estimate);
   }
   check_plausibility(p, estimate);
