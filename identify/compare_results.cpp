@@ -213,8 +213,10 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Estima
                                  listed(nesting.extra), test.value, at_bound > 1 ? "<= " : "",
                                  test.p, test.pass ? "the smaller model will do" : "it pays");
   if (at_bound == 1) {
-    line += fmt::format("; with {} at a bound in the smaller one, half chi-square {}, half {}",
-                        listed(nesting.at_bound), extra - 1, extra);
+    line += fmt::format(
+        "; with {} at a bound in the smaller one, p is half of chi-square with {} and half with {} "
+        "degrees of freedom",
+        listed(nesting.at_bound), extra - 1, extra);
   }
   if (at_bound > 1) {
     line += fmt::format("; with {} at bounds in the smaller one, a mixture of chi-squares",

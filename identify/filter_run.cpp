@@ -108,9 +108,9 @@ std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixX
   const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
   std::nth_element(known.begin(), middle, known.end());
   const Index last = sd.cols() - 1;
-  return fmt::format("state  {:<12} {:>11.6g} +- {:<9.3g} at the end, sd {:.3g} in the median {}",
+  return fmt::format("state  {:<12} {:>11.6g} +- {:<9.3g} at the end, sd {:.3g} in the median{}{}",
                      state.name, state.si.from_si(x(i, last)), sd(i, last) / state.si.scale,
-                     *middle / state.si.scale, state.unit);
+                     *middle / state.si.scale, state.unit.empty() ? "" : " ", state.unit);
 }
 
 std::string what_was_done(const FilterRunOptions& options) {

@@ -994,7 +994,7 @@ class Filter(unittest.TestCase):
 
     def test_matrices_of_a_result(self):
         with Folder() as folder:
-            data, model = shared("noise/sys1.csv"), folder.write("model.yaml", SYSTEM_1)
+            data, model = shared("noise/sys1.csv"), folder.write("model.yaml", SYSTEM_1.replace("column: y", "column: 1"))
             run("tune", model, data, "-o", folder.path / "tuned", code=0)
             out = result("filter", model, data, "--from", folder.path / "tuned")
             tuned = json.loads((folder.path / "tuned/result.json").read_text())
