@@ -9,7 +9,8 @@ case "${1-}" in
   --slow) slow=yes ;;
   *) echo "test.sh: unknown option '$1'; expected nothing or --slow" >&2; exit 2 ;;
 esac
-./prepare.sh $(cat packages.txt) clang clang-format libclang-rt-dev python3 python3-jsonschema chromium chromium-driver
+./prepare.sh $(cat packages.txt) clang clang-format libclang-rt-dev python3 python3-jsonschema python3-numpy chromium chromium-driver \
+  pkg-config dpkg-dev file
 
 git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
 

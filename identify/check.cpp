@@ -32,17 +32,7 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
   estimate.model_name = model.name;
   estimate.objective.method = "check";
   estimate.status = Status::ok;
-  const ReportedEntries entries = reported_entries(model.parameters);
-  for (std::size_t i = 0; i < entries.names.size(); ++i) {
-    EstimatedParameter p;
-    p.name = entries.names[i];
-    p.unit = entries.units[i];
-    p.value =
-        parse_unit(p.unit).value_or(Unit{}).from_si(entries.value[static_cast<Eigen::Index>(i)]);
-    p.start = p.value;
-    p.fixed = true;
-    estimate.parameters.push_back(std::move(p));
-  }
+  list_known_parameters(estimate, model.parameters);
   check_channels(recordings);
   const std::vector<FilterResult> filters =
       describe_filter(estimate, model, model.parameters, recordings);

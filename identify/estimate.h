@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "identify/pictures.h"
+#include "lib/state_space.h"
 
 namespace identikal {
 
@@ -47,6 +48,8 @@ struct EstimatedParameter {
   /// fitted: normal, or Student's with `fit --robust`
   double crb_se = kNone;
   double start = kNone;
+  std::array<double, 2> bounds{-std::numeric_limits<double>::infinity(),
+                               std::numeric_limits<double>::infinity()};
   bool fixed = false;
   bool neutral = false;  ///< fixed at a value that changes nothing: people need not read it
   Verdict verdict = Verdict::ok;
@@ -102,8 +105,34 @@ struct Noise {
   std::string Q_kind;                           ///< "per-sample" or "density"
 };
 
+/// The filter that the noise stands for, as a program runs it: discrete time, all in SI. Without a
+/// steady state K, L, P and Sigma are empty.
+struct SteadyFilter {
+  StateSpace model;   ///< as instantiate() gives it (lib/linear_model.h); x0 and P0 are not kept
+  Eigen::MatrixXd K;  ///< of the predictor: x_pred(t+1) = A x_pred + B u + K e, K = (A P C' + G S)
+                      ///< Sigma^-1
+  Eigen::MatrixXd L;  ///< of the filter: x_filt(t) = x_pred(t) + L e, L = P C' Sigma^-1
+  Eigen::MatrixXd P, Sigma;  ///< covariances of x_pred and of e = y - C x_pred - D u
+  struct Channel {
+    std::string name, unit;  ///< unit of the column; the filter takes SI
+  };
+  /// Inputs as the columns of B and D: those of the model file, "1" for an input that is always 1
+  /// where the model has an offset, and where they are held linearly all of them again, at t+1.
+  std::vector<Channel> inputs, outputs;
+};
+
+/// The model file of a result, as it was then; of files that it includes no text is kept.
+struct ModelSource {
+  std::string path, sha256, text;
+  struct Included {
+    std::string path, sha256;
+  };
+  std::vector<Included> included;
+};
+
 struct Objective {
   std::string method;
+  std::string initial;  ///< of a linear model's state: "given", "stationary" or "diffuse"
   double log_likelihood = kNone;
   double log_likelihood_start = kNone;
   double aic = kNone;
@@ -294,6 +323,9 @@ struct Estimate {
   std::vector<std::string> correlation_names;
   Eigen::MatrixXd correlation;
   Noise noise;
+  std::optional<SteadyFilter> filter;     ///< linear models
+  std::string tyre_curve;                 ///< vehicles: name_of(TyreCurve)
+  std::optional<ModelSource> model_file;  ///< verbs with one model
   Objective objective;
   std::vector<ChannelFit> one_step, simulation;
   std::vector<ChannelFit> hold_out;  ///< simulation of data that the fit did not see
@@ -313,6 +345,7 @@ struct Estimate {
   Pictures pictures;  ///< filled where a report is asked for
 };
 
+/// As results print it: "not_converged", "weak".
 std::string to_string(Status status);
 std::string to_string(Verdict verdict);
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <numbers>
 #include <stdexcept>
 
@@ -295,6 +296,9 @@ std::string svg(const Figure& figure) {
   for (const Panel& panel : figure.panels) {
     plots.emplace_back(panel, kPanelWidth * static_cast<double>(plots.size()), pages);
   }
+  // PLplot draws on one page of the whole process.
+  static std::mutex one_at_a_time;
+  const std::lock_guard<std::mutex> lock(one_at_a_time);
   check_driver();
   struct Buffer {
     char* bytes = nullptr;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
@@ -125,6 +126,37 @@ void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const J
   }
 }
 
+const char* initial_name(InitialState initial) {
+  switch (initial) {
+    case InitialState::given:
+      return "given";
+    case InitialState::stationary:
+      return "stationary";
+    case InitialState::diffuse:
+      return "diffuse";
+  }
+  return "";
+}
+
+// What the columns of B and D belong to, but for the next sample's.
+std::vector<SteadyFilter::Channel> input_channels(const ModelFile& model, const std::string& when) {
+  std::vector<SteadyFilter::Channel> out;
+  for (const ChannelSource& input : model.inputs) out.push_back({input.name + when, input.unit});
+  if (model.linear.offset) out.push_back({"1", ""});
+  return out;
+}
+
+// A unit that the model file leaves out stands in the recording.
+void take_units(std::vector<SteadyFilter::Channel>& to, const std::vector<Channel>& from,
+                bool offset) {
+  const std::size_t columns = from.size() + (offset ? 1 : 0);
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    if (const std::size_t channel = i % columns; channel < from.size()) {
+      to[i].unit = from[channel].unit;
+    }
+  }
+}
+
 }  // namespace
 
 MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
@@ -153,15 +185,14 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
     case FilterStatus::ok:
       break;
     case FilterStatus::unstable:
-      throw InputError(here,
-                       fmt::format("the filter starts stationary, and A has an eigenvalue of size "
-                                   "{:.6g}",
-                                   instantiate(model.linear, model.parameters)
-                                       .A.eigenvalues()
-                                       .cwiseAbs()
-                                       .maxCoeff()),
-                       "a stable A: every eigenvalue inside the unit circle",
-                       "say 'initial: diffuse' where nothing is known of the state");
+      throw InputError(
+          here,
+          fmt::format(
+              "the filter starts stationary, and A has an eigenvalue of size "
+              "{:.6g}",
+              instantiate(model.linear, model.parameters).A.eigenvalues().cwiseAbs().maxCoeff()),
+          "a stable A: every eigenvalue inside the unit circle",
+          "say 'initial: diffuse' where nothing is known of the state");
     case FilterStatus::indefinite:
       throw InputError(here, "an innovation covariance is not positive definite at these values",
                        "noise in every output: Q and R positive semidefinite, and no output or "
@@ -186,10 +217,25 @@ void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterS
   const bool density = model.linear.noise == ProcessNoise::density;
   estimate.noise.Q_kind = density ? "density" : "per-sample";
   if (model.form == ModelFile::Form::nonlinear) return;
-  if (const auto steady = steady_state(instantiate(model.linear, parameters))) {
+  SteadyFilter filter;
+  filter.model = instantiate(model.linear, parameters);
+  filter.inputs = input_channels(model, "");
+  if (filter.model.inputs() > static_cast<Index>(filter.inputs.size())) {  // held linearly
+    const auto next = input_channels(model, " of the next sample");
+    filter.inputs.insert(filter.inputs.end(), next.begin(), next.end());
+  }
+  for (const ChannelSource& output : model.outputs) {
+    filter.outputs.push_back({output.name, output.unit});
+  }
+  if (const auto steady = steady_state(filter.model)) {
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;
+    filter.K = steady->K;
+    filter.P = steady->P;
+    filter.Sigma = steady->Sigma;
+    filter.L = steady->Sigma.ldlt().solve(filter.model.C * steady->P.transpose()).transpose();
   }
+  estimate.filter = std::move(filter);
 }
 
 void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
@@ -205,8 +251,13 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
                                           const ParameterSet& parameters,
                                           const std::vector<Dataset>& recordings) {
   describe_noise(estimate, model, parameters);
+  if (estimate.filter) {
+    take_units(estimate.filter->inputs, recordings[0].inputs, model.linear.offset);
+    take_units(estimate.filter->outputs, recordings[0].outputs, false);
+  }
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;
+  estimate.objective.initial = initial_name(model.linear.initial);
   for (const Dataset& data : recordings) {
     filters.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {

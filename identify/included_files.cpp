@@ -41,8 +41,13 @@ void merge(YamlNode& root, const YamlNode& included) {
   }
 }
 
-YamlNode read(const std::string& path, std::vector<std::filesystem::path>& open) {
-  YamlNode root = read_yaml(path);
+struct Walk {
+  std::vector<std::filesystem::path> open;  // the files that include this one
+  std::vector<std::string> met;             // all that were included so far
+};
+
+YamlNode with_included(YamlNode root, const std::string& path, Walk& walk) {
+  std::vector<std::filesystem::path>& open = walk.open;
   const YamlNode* include = find(root, "include");
   if (include == nullptr) return root;
   const YamlNode named = *include;
@@ -67,7 +72,8 @@ YamlNode read(const std::string& path, std::vector<std::filesystem::path>& open)
       throw InputError(file.at, "files are included too deeply",
                        fmt::format("at most {}", kMaxFiles));
     }
-    const YamlNode included = read(target.string(), open);
+    walk.met.push_back(target.string());
+    const YamlNode included = with_included(read_yaml(target.string()), target.string(), walk);
     check_mapping(included, "an included file");
     merge(root, included);
   }
@@ -77,9 +83,15 @@ YamlNode read(const std::string& path, std::vector<std::filesystem::path>& open)
 
 }  // namespace
 
-YamlNode read_with_included(const std::string& path) {
-  std::vector<std::filesystem::path> open;
-  return read(path, open);
+YamlNode parse_with_included(const std::string& text, const std::string& path) {
+  Walk walk;
+  return with_included(parse_yaml(text, path), path, walk);
+}
+
+std::vector<std::string> included_files(const std::string& text, const std::string& path) {
+  Walk walk;
+  with_included(parse_yaml(text, path), path, walk);
+  return walk.met;
 }
 
 }  // namespace identikal

@@ -3,24 +3,34 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <iostream>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "identify/bound.h"
 #include "identify/check.h"
+#include "identify/command_reference.h"
 #include "identify/compare.h"
+#include "identify/compare_results.h"
+#include "identify/estimated_model.h"
+#include "identify/export_result.h"
 #include "identify/figure.h"
 #include "identify/filter_pictures.h"
+#include "identify/filter_run.h"
+#include "identify/included_files.h"
 #include "identify/info.h"
+#include "identify/manoeuvres.h"
 #include "identify/model_file.h"
 #include "identify/noise_als.h"
 #include "identify/noise_auto.h"
@@ -30,6 +40,8 @@
 #include "identify/regression_track.h"
 #include "identify/report.h"
 #include "identify/report_page.h"
+#include "identify/result_file.h"
+#include "identify/result_values.h"
 #include "identify/row_selection.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
@@ -37,16 +49,19 @@
 #include "identify/survey_report.h"
 #include "identify/suspect_data.h"
 #include "identify/templates.h"
+#include "identify/validate.h"
 #include "identify/vehicle_columns.h"
 #include "identify/vehicle_fit.h"
 #include "identify/vehicle_survey.h"
 #include "identify/vehicle_track.h"
+#include "identify/yaml_reader.h"
 #include "lib/csv.h"
 #include "lib/dataset.h"
 #include "lib/error.h"
 #include "lib/join.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
+#include "lib/version.h"
 
 namespace identikal {
 namespace {
@@ -62,6 +77,7 @@ struct Arguments {
   std::vector<std::string> settings;
   std::string path = "automatic";
   std::string method = "ml", accuracy, place = "both", hold_out;
+  std::string language, least_fit;
   int order = 4;
   bool regain = false, robust = false, adaptive = false;
   bool vehicle = false;
@@ -71,6 +87,9 @@ struct Arguments {
   std::vector<std::string> manoeuvre_settings, signals;
   std::string filter;
   long rows = 0;
+  bool smooth = false;
+  long lag = -1;  // fixed-lag smoother; -1: not asked for
+  std::string from;
 };
 
 // "12", "12s", "60 km/h" in SI; `kind` is a unit of the quantity expected.
@@ -119,6 +138,10 @@ ModelFile load_model(const Arguments& args) {
   if (model.form == ModelFile::Form::regression && args.verb != "track") {
     throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
                      "identikal track MODEL DATA");
+  }
+  if (!args.from.empty()) {
+    const StoredResult result = read_stored_result(args.from);
+    set_values(model, result.estimate, result.path);
   }
   for (const std::string& assignment : args.settings) set_parameter(model, assignment);
   if (!args.filter.empty()) {
@@ -239,7 +262,9 @@ class Progress {
 
 // Whether pictures are worth making: they go into the report, which -o makes possible later.
 bool wants_pictures(const Arguments& args) {
-  return args.verb != "bound" && !args.compare && (!args.report.empty() || !args.output.empty());
+  const bool pictured =
+      args.verb != "bound" && args.verb != "filter" && args.verb != "validate" && !args.compare;
+  return pictured && (!args.report.empty() || !args.output.empty());
 }
 
 std::string report_data_text(const Arguments& args, const Recordings& recordings,
@@ -249,16 +274,32 @@ std::string report_data_text(const Arguments& args, const Recordings& recordings
                           json);
 }
 
-void write_page(const std::string& path, const std::string& page) {
+void write_page(const std::string& path, const std::string& page,
+                const std::string& option = "--report") {
   const std::filesystem::path file(path);
   const std::string folder = file.parent_path().string();
-  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, "--report");
+  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, option);
+}
+
+// UTC day on which a file was written, "2026-03-01".
+std::string day_of_file(const std::string& path) {
+  struct stat status {};
+  std::tm utc{};
+  if (stat(path.c_str(), &status) != 0 || gmtime_r(&status.st_mtime, &utc) == nullptr) return "";
+  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
 int finish(const Arguments& args, const Recordings& recordings, Estimate& estimate,
            std::chrono::steady_clock::time_point begin,
            const std::vector<ResultFile>& more_files = {}) {
   estimate.verb = args.verb;
+  if (!estimate.model_file && !args.compare) {
+    const std::string text = text_of_file(args.model);
+    estimate.model_file = {args.model, sha256_of_text(text), text, {}};
+    for (const std::string& path : included_files(read_yaml_text(args.model), args.model)) {
+      estimate.model_file->included.push_back({path, sha256_of_file(path)});
+    }
+  }
   // The vehicle fit says itself how many rows it used.
   const std::vector<InputRecord> used = estimate.inputs;
   estimate.inputs = recordings.records;
@@ -311,6 +352,7 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
     options.seed = static_cast<std::uint64_t>(args.seed);
     options.progress = [&](double temperature) {
       progress.show(fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature));
+      return true;
     };
     return tune_bayes(model, recordings, options);
   }
@@ -324,6 +366,7 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
   options.progress = [&](int start, int iteration, double L) {
     progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start,
                               args.starts, iteration, L));
+    return true;
   };
   return args.method == "auto" ? tune_auto(model, recordings, options)
                                : tune_ml(model, recordings, options);
@@ -451,6 +494,50 @@ int run_compare(const Arguments& args) {
   return finish(args, loaded, estimate, begin);
 }
 
+int run_compare_results(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  std::vector<StoredResult> results;
+  for (const std::string& path : args.data) results.push_back(read_stored_result(path));
+  const Estimate estimate = compare_results(results);
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+  std::cout << (args.json ? result_json(estimate, false, spent.count()) : console_report(estimate))
+            << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+  return exit_code(estimate, false);
+}
+
+int run_filter(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  if (args.smooth && args.lag >= 0) {
+    throw InputError({}, "--smooth and --lag", "one of them",
+                     "--smooth takes the whole recording, --lag N what came up to N samples later");
+  }
+  ModelFile model = load_model(args);
+  require_linear(args, model);
+  const Recordings recordings = load_recordings(args, model);
+  if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
+  FilterRunOptions options;
+  if (args.smooth) options.lag.reset();
+  if (args.lag >= 0) options.lag = args.lag;
+  FilterRun run = run_filter(model, recordings.data, options);
+  if (args.output.empty() && !args.json) {
+    write_states_csv(std::cout, model, recordings.data, run);
+    std::cout << std::flush;
+    if (!std::cout) throw OutputError("standard output: cannot write");
+    return exit_code(run.estimate, args.strict);
+  }
+  std::vector<ResultFile> files;
+  if (!args.output.empty()) {
+    std::ostringstream states, innovations;
+    write_states_csv(states, model, recordings.data, run);
+    write_innovations_csv(innovations, recordings.data, run);
+    files.push_back({"states.csv", std::move(states).str()});
+    files.push_back({"innovations.csv", std::move(innovations).str()});
+  }
+  run.estimate.series = {};  // innovations.csv says the same
+  return finish(args, recordings, run.estimate, begin, files);
+}
+
 int run_bound(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
@@ -539,12 +626,12 @@ int run_shape(const Arguments& args) {
   std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
   if (result.model) {
     const Shaping& s = *result.estimate.shaping;
-    files.push_back(
-        {"shaped.yaml",
-         model_text(*result.model,
-                    {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
-                                 model.name, s.order, s.place),
-                     "The first states are the filter's."})});
+    const std::string text = model_text(
+        *result.model, {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
+                                    model.name, s.order, s.place),
+                        "The first states are the filter's."});
+    files.push_back({"shaped.yaml", text});
+    result.estimate.model_file = {"shaped.yaml", sha256_of_text(text), text, {}};
   }
   if (result.in_measurement) {
     files.push_back(
@@ -567,6 +654,54 @@ int run_report(const Arguments& args) {
   write_page(path, page);
   fmt::print("{} written\n", path);
   return 0;
+}
+
+const std::vector<std::string> kLanguages{"cpp", "c", "matlab", "python", "yaml", "json"};
+
+int run_export(const Arguments& args) {
+  const std::optional<ExportFormat> format = export_format(args.language);
+  if (!format) {
+    throw InputError({}, fmt::format("--to '{}'", args.language),
+                     "cpp, c, matlab, python, yaml or json",
+                     did_you_mean(args.language, kLanguages));
+  }
+  const StoredResult result = read_stored_result(args.model, PageData::if_there);
+  const std::string text = export_text(result, *format, day_of_file(result.path));
+  if (args.output.empty()) {
+    std::cout << text << std::flush;
+    if (!std::cout) throw OutputError("standard output: cannot write");
+  } else {
+    write_page(args.output, text, "-o");
+    fmt::print("{} written\n", args.output);
+  }
+  return 0;
+}
+
+int run_validate(const Arguments& args) {
+  const auto begin = std::chrono::steady_clock::now();
+  const StoredResult result = read_stored_result(args.model);
+  const ModelFile model = estimated_model(result.estimate, result.path);
+  if (model.form == ModelFile::Form::regression) {
+    throw InputError({result.path, 0, 0}, "a result about a regression",
+                     "a result of tune, check or fit");
+  }
+  if (model.form != ModelFile::Form::single_track) require_linear(args, model);
+  ValidateOptions options;
+  options.robust = args.robust;
+  if (args.robust && model.form != ModelFile::Form::single_track) {
+    throw InputError({}, "--robust has no meaning with a filter", "a result about a vehicle");
+  }
+  if (!args.least_fit.empty()) {
+    options.least_fit = 100.0 * quantity("--fit", args.least_fit, "%");
+    if (!(*options.least_fit <= 100.0)) {
+      throw InputError({}, fmt::format("--fit '{}' cannot be reached", args.least_fit),
+                       "at most 100%");
+    }
+  }
+  const Recordings recordings = load_recordings(args, model);
+  Estimate estimate =
+      validate(result.estimate, model, recordings.data, recordings.records, options);
+  return finish(args, recordings, estimate, begin);
 }
 
 int run_study(const Arguments& args) {
@@ -817,7 +952,7 @@ std::string command_line(int argc, char** argv) {
 int run(int argc, char** argv) {
   CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data"};
   app.require_subcommand(1);
-  app.set_version_flag("--version", "identikal 0.1.0");
+  app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION);
   Arguments args;
   args.command = command_line(argc, argv);
 
@@ -906,6 +1041,26 @@ int run(int argc, char** argv) {
       ->check(whole_number)
       ->capture_default_str();
 
+  CLI::App* filter = app.add_subcommand(
+      "filter",
+      "states and innovations as CSV: filtered, or smoothed (without -o: states, printed)");
+  filter->add_option("MODEL", args.model, "model file (YAML)")->required();
+  filter->add_option("DATA", args.data, "recordings (CSV)")->required();
+  filter->add_flag("--smooth", args.smooth, "states given the whole recording");
+  filter->add_option("--lag", args.lag, "N: states given what was recorded up to N samples later")
+      ->check(CLI::Range(0L, 1000000L));
+  filter
+      ->add_option("--from", args.from,
+                   "RESULT: with the values that tune or fit has found, as -o has written them")
+      ->check(a_folder);
+  add_common(*filter, args, true, false);
+
+  CLI::App* comparison = app.add_subcommand(
+      "compare", "rank results of one recording: AIC, BIC, likelihood ratios of nested models");
+  comparison->add_option("RESULT", args.data, "result.json, or its folder; two or more")
+      ->required();
+  comparison->add_flag("--json", args.json, "print the result as JSON instead of text");
+
   CLI::App* shape = app.add_subcommand("shape", "detect coloured noise, fit a shaping filter");
   shape->add_option("MODEL", args.model, "model file (YAML)")->required();
   shape->add_option("DATA", args.data, "recordings (CSV)")->required();
@@ -935,6 +1090,29 @@ int run(int argc, char** argv) {
   report->add_option("RESULT", args.model, "result.json, or its folder")->required();
   report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder")
       ->check(a_page);
+
+  CLI::App* to_paste =
+      app.add_subcommand("export", "code to paste from a result that -o has written");
+  to_paste->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  to_paste->add_option("--to", args.language, "cpp, c, matlab, python, yaml or json")->required();
+  to_paste->add_option("-o,--output", args.output, "FILE; without it, the text is printed")
+      ->check(a_page);
+
+  CLI::App* validation = app.add_subcommand(
+      "validate", "score a result on other data, nothing refitted; exit 1 if it does not hold");
+  validation->add_option("RESULT", args.model, "result.json, or its folder")->required();
+  validation->add_option("DATA", args.data, "recordings (CSV)")->required();
+  validation->add_option(
+      "--fit", args.least_fit,
+      "least fit of every channel, e.g. 70%; without it a filter has to pass its tests, "
+      "a vehicle to explain 50% of the yaw rate and the rest better than its mean");
+  validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
+  validation->add_option("-o,--output", args.output, "folder for the result files")
+      ->check(a_folder);
+  validation->add_option("--range", args.range,
+                         "FROM:TO: use these rows, in seconds from the first");
+  validation->add_flag("--json", args.json, "print the result as JSON instead of text");
+  validation->add_flag("--strict", args.strict, "exit 4 when there are warnings");
 
   CLI::App* study =
       app.add_subcommand("study", "rerun a published table or figure beside what was published");
@@ -981,14 +1159,35 @@ int run(int argc, char** argv) {
                        "signal-to-noise ratio of every output, e.g. 30dB, instead of the model "
                        "file's noise");
   simulate->footer(manoeuvre_help());
+  // Verbs that are added later would have it too.
+  app.footer(
+      "Exit status:\n"
+      "  0  done and usable\n"
+      "  1  the answer is no: not optimal, not determined, not to be trusted\n"
+      "  2  mistake on the command line, in the model or in the data\n"
+      "  3  not converged; the best so far is printed\n"
+      "  4  --strict and there are warnings\n"
+      "  5  internal error, or a result could not be written");
 
+  // For the build, which makes the manual page and the completions of shells from all of the above.
+  if (argc == 3 && std::string(argv[1]) == "--generate") {
+    std::vector<std::string> drives;
+    for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
+    std::cout << command_reference(app, argv[2], IDENTIKAL_VERSION,
+                                   {{"study", "NAME", study_names()},
+                                    {"simulate", "--manoeuvre", drives},
+                                    {"export", "--to", kLanguages}});
+    return 0;
+  }
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<std::string> verbs{"info",  "init",  "tune",  "track",    "shape", "fit",
-                                         "check", "bound", "study", "simulate", "report"};
+    std::vector<std::string> verbs;
+    for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
+      verbs.push_back(verb->get_name());
+    }
     if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
-      throw InputError(
-          {}, fmt::format("unknown verb '{}'", argv[1]),
-          "info, init, simulate, tune, track, check, shape, fit, bound, report or study",
+      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
+                       fmt::format("one of {}", fmt::join(verbs, ", ")),
+                       did_you_mean(argv[1], verbs));
           did_you_mean(argv[1], verbs));
     }
   }
@@ -1004,10 +1203,14 @@ int run(int argc, char** argv) {
   if (args.verb == "init") return run_init(args);
   if (args.verb == "fit") return run_fit(args);
   if (args.verb == "track") return run_track(args);
+  if (args.verb == "filter") return run_filter(args);
+  if (args.verb == "compare") return run_compare_results(args);
   if (args.verb == "shape") return run_shape(args);
   if (args.verb == "bound") return run_bound(args);
   if (args.verb == "study") return run_study(args);
   if (args.verb == "report") return run_report(args);
+  if (args.verb == "export") return run_export(args);
+  if (args.verb == "validate") return run_validate(args);
   if (args.verb == "simulate") return run_simulate(args);
   return args.compare ? run_compare(args) : run_estimator(args);
 }

@@ -71,7 +71,8 @@ struct DrivenRecord {
 DrivenRecord drive_manoeuvre(const ManoeuvreRequest& request, TyreCurve curve,
                              const VehicleParameters<double>& p, bool steering_at_road_wheel);
 
-/// The car under recorded inputs, from rest in the lateral direction or steady.
+/// The car under recorded inputs, from rest in the lateral direction or steady: time [s],
+/// steering-wheel angle [rad] and vx [m/s], N each.
 DrivenRecord drive_inputs(TyreCurve curve, const VehicleParameters<double>& p,
                           const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                           const Eigen::VectorXd& vx, bool from_steady_state = false);

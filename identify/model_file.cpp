@@ -24,9 +24,8 @@
 namespace identikal {
 namespace {
 
-const std::vector<std::string> kCommonKeys = {"identikal",  "name",   "model",   "time",
-                                              "parameters", "inputs", "outputs", "noise",
-                                              "use_when"};
+const std::vector<std::string> kCommonKeys = {
+    "identikal", "name", "model", "time", "parameters", "inputs", "outputs", "noise", "use_when"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
@@ -327,7 +326,11 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
 }  // namespace
 
 ModelFile read_model_file(const std::string& path) {
-  const YamlNode root = read_with_included(path);
+  return parse_model_file(read_yaml_text(path), path);
+}
+
+ModelFile parse_model_file(const std::string& text, const std::string& path) {
+  const YamlNode root = parse_with_included(text, path);
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
@@ -359,6 +362,13 @@ ModelFile read_model_file(const std::string& path) {
     read_regression(root, out);
   }
   return out;
+}
+
+std::string vehicle_unit(const std::string& parameter) {
+  for (const ParameterRule& rule : vehicle_rules(TyreCurve::magic_formula)) {
+    if (parameter == rule.name) return rule.si_unit;
+  }
+  return "";
 }
 
 void set_parameter(ModelFile& model, const std::string& assignment) {

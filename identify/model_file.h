@@ -88,6 +88,12 @@ struct ModelFile {
 ///   units, NaN or infinite numbers, negative variances, a start outside its bounds.
 ModelFile read_model_file(const std::string& path);
 
+/// The same from the file's text. @param path  for messages, and a name where the text has none
+ModelFile parse_model_file(const std::string& text, const std::string& path);
+
+/// SI unit of a vehicle's parameter as people write it, "N/rad"; empty where it has none.
+std::string vehicle_unit(const std::string& parameter);
+
 /// Applies "NAME=VALUE" from the command line to the value (the start, when the parameter is free).
 /// VALUE is in the model file's unit for that parameter or carries a unit of its own ("80 kN/rad").
 /// @throws InputError for an unknown name, an unreadable value, or a value outside the bounds.

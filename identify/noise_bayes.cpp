@@ -98,12 +98,7 @@ PosteriorPoints by_sampling(const ParameterPrior& prior, const Density& log_like
   SampleOptions sampling;
   sampling.draws = options.draws;
   sampling.seed = options.seed;
-  if (options.progress) {
-    sampling.progress = [&options](double temperature) {
-      options.progress(temperature);
-      return true;
-    };
-  }
+  sampling.progress = options.progress;
   const PosteriorSample drawn = sample(problem, sampling);
   PosteriorPoints out;
   out.coordinates = drawn.draws;

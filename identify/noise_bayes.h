@@ -16,7 +16,8 @@ struct NoiseBayesOptions {
   Eigen::Index draws = 2000;  ///< of sequential Monte Carlo
   std::uint64_t seed = 1;
   bool grid = true;  ///< where one or two numbers are unknown, on a grid: exact, without chance
-  std::function<void(double temperature)> progress;
+  /// Called after every stage of sequential Monte Carlo; return false to stop, not converged.
+  std::function<bool(double temperature)> progress;
 };
 
 /// A posterior as points with weights that sum to one.

@@ -54,6 +54,12 @@ void check_channels(const std::vector<Dataset>& recordings) {
                          "a channel with noise", "remove it from the model's outputs");
       }
     }
+  }
+  check_inputs(recordings);
+}
+
+void check_inputs(const std::vector<Dataset>& recordings) {
+  for (const Dataset& data : recordings) {
     for (Index i = 0; i < data.u.rows(); ++i) {
       for (Index t = 0; t < data.u.cols(); ++t) {
         if (std::isfinite(data.u(i, t))) continue;
@@ -81,9 +87,20 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
     p.value = unit.from_si(after.value[at]);
     p.start = unit.from_si(before.value[at]);
-    p.fixed = end[static_cast<std::size_t>(after.parameter[i])].fixed;
+    const Parameter& parameter = end[static_cast<std::size_t>(after.parameter[i])];
+    p.fixed = parameter.fixed;
+    if (parameter.domain == Domain::scalar) {
+      p.bounds = {unit.from_si(parameter.min), unit.from_si(parameter.max)};
+    } else if (after.variance[i]) {
+      p.bounds[0] = 0.0;
+    }
     estimate.parameters.push_back(std::move(p));
   }
+}
+
+void list_known_parameters(Estimate& estimate, const ParameterSet& parameters) {
+  list_parameters(estimate, parameters, parameters);
+  for (EstimatedParameter& p : estimate.parameters) p.fixed = true;
 }
 
 ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {

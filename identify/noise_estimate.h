@@ -20,6 +20,9 @@ Eigen::Index samples_present(const std::vector<Dataset>& recordings);
 /// changes or an input has gaps
 void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings);
 
+/// @throws InputError when an input has gaps
+void check_inputs(const std::vector<Dataset>& recordings);
+
 /// @throws InputError when an output never changes or an input has gaps
 void check_channels(const std::vector<Dataset>& recordings);
 
@@ -28,6 +31,9 @@ double unit_scale(const std::string& unit);
 
 /// Values of all reported entries in the user's units, and where they started.
 void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end);
+
+/// The same of values that are known, as far as this result goes.
+void list_known_parameters(Estimate& estimate, const ParameterSet& parameters);
 
 /// The parameters with the values that a result holds.
 ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters);

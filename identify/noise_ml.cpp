@@ -60,15 +60,16 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
   Search out;
   Random random(options.seed);
   std::vector<double> ends;
-  for (int s = 0; s < std::max(1, options.starts); ++s) {
+  bool stopped = false;
+  for (int s = 0; s < std::max(1, options.starts) && !stopped; ++s) {
     const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
     SolverOptions solver;
     solver.decrement_tolerance = 1e-15;
     std::vector<double> path;
     solver.progress = [&](int iteration, double L) {
       path.push_back(L);
-      if (options.progress) options.progress(s + 1, iteration, L);
-      return true;
+      stopped = options.progress && !options.progress(s + 1, iteration, L);
+      return !stopped;
     };
     const Solution solution = maximise(problem, start, solver);
     path.insert(path.begin(), solution.summary.initial_objective);
@@ -91,6 +92,11 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
          (!out.best.summary.usable() || lead > 0.0))) {
       if (!std::isnan(solution.summary.objective) || first) out.best = solution;
     }
+  }
+  // Whatever an earlier start found, the search was not finished.
+  if (stopped) {
+    out.best.summary.termination = Termination::stopped;
+    out.best.summary.message = "stopped by the caller";
   }
   out.agree = static_cast<int>(std::count_if(ends.begin(), ends.end(), [&out](double L) {
     return std::abs(L - out.best.summary.objective) < kSameMaximum;
@@ -418,7 +424,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   }
   conclude_noise_estimate(estimate, found.best.summary);
   describe_noise_estimate(estimate, model, end, recordings);
-  if (found.agree < found.tried) {
+  if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
     estimate.warnings.push_back(
         {"several_maxima",
          "warning",

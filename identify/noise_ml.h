@@ -18,7 +18,8 @@ struct NoiseMlOptions {
   Path path = Path::automatic;
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap
   bool pictures = false;  ///< searches and profiles as curves, Estimate::pictures
-  std::function<void(int start, int iteration, double log_likelihood)> progress;
+  /// Called after every iteration; return false to stop: the best so far, not converged.
+  std::function<bool(int start, int iteration, double log_likelihood)> progress;
 };
 
 /// Maximises the innovations' log-likelihood (lib/likelihood.h) of all recordings over every free

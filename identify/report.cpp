@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <sstream>
 #include <vector>
 
 #include <fmt/format.h>
@@ -535,6 +536,13 @@ std::string sha256_of_text(std::string_view text) {
   const DigestContext context = sha256_begun();
   EVP_DigestUpdate(context.get(), text.data(), text.size());
   return sha256_ended(context.get());
+}
+
+std::string text_of_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  if (!file || !(text << file.rdbuf())) throw InputError({path, 0, 0}, "cannot be read");
+  return text.str();
 }
 
 std::string sha256_of_file(const std::string& path) {

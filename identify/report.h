@@ -17,6 +17,9 @@ std::string console_report(const Estimate& estimate);
 /// @param timing_s  wall time of the job [s], the only field that may differ between equal runs
 std::string result_json(const Estimate& estimate, bool strict, double timing_s);
 
+/// Version of this program, "0.1.0".
+std::string program_version();
+
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
 std::string residuals_csv(const Estimate& estimate);
 
@@ -39,6 +42,9 @@ void write_files(const std::string& folder, const std::vector<ResultFile>& files
 
 /// SHA-256 of these bytes in hexadecimal.
 std::string sha256_of_text(std::string_view text);
+
+/// A file's bytes. @throws InputError when it cannot be read.
+std::string text_of_file(const std::string& path);
 
 /// SHA-256 of a file's bytes in hexadecimal. @throws InputError when it cannot be read.
 std::string sha256_of_file(const std::string& path);

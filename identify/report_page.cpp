@@ -1,15 +1,15 @@
 #include "identify/report_page.h"
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "identify/estimated_model.h"
+#include "identify/export_result.h"
 #include "identify/report.h"
 #include "identify/report_template.h"
+#include "identify/result_file.h"
 #include "lib/error.h"
 
 namespace identikal {
@@ -111,43 +111,6 @@ PageJson recording(const RecordingSheet& r) {
           {"channels", channels}};
 }
 
-// The result without the one field that differs between equal runs.
-std::string fingerprint(PageJson result) {
-  result["timing_s"] = nullptr;
-  return sha256_of_text(result.dump(-1, ' ', false, PageJson::error_handler_t::replace));
-}
-
-PageJson parsed(const std::string& path, const std::string& text) {
-  try {
-    return PageJson::parse(text);
-  } catch (const PageJson::parse_error& error) {
-    throw InputError({path, 0, 0},
-                     fmt::format("no whole JSON text: it breaks at byte {}", error.byte),
-                     "a file as -o writes it", "run the job again with -o");
-  }
-}
-
-void check_version(const std::string& path, const PageJson& file) {
-  if (!file.is_object() || !file.contains("schema_version")) {
-    throw InputError({path, 0, 0}, "no result of this program", "a result.json as -o writes it");
-  }
-  const PageJson& version = file["schema_version"];
-  if (version != kSchemaVersion) {
-    throw InputError({path, 0, 0}, fmt::format("schema_version {}", version.dump()),
-                     fmt::format("{}", kSchemaVersion),
-                     "run the job again with -o, or use the version that wrote it");
-  }
-}
-
-std::string text_of(const std::string& path, const std::string& hint) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || !(text << file.rdbuf())) {
-    throw InputError({path, 0, 0}, "cannot be read", "a file as -o writes it", hint);
-  }
-  return text.str();
-}
-
 // JSON has '<' in strings only, where this is the same character: no text can end the script.
 std::string inside_script(const std::string& json) {
   std::string out;
@@ -162,12 +125,38 @@ std::string inside_script(const std::string& json) {
   return out;
 }
 
+bool has_model_text(const Estimate& result, const std::string& path) {
+  try {
+    return result.model_file && estimated_model_text(result, path);
+  } catch (const InputError&) {  // a file that the model included is gone
+    return false;
+  }
+}
+
+// What export prints, by language.
+std::string paste_json(const std::string& result, const std::string& data) {
+  StoredResult stored;
+  stored.path = "result.json";
+  stored.text = result;
+  stored.data_path = kReportDataFile;
+  stored.data = data;
+  stored = parse_stored_result(std::move(stored));
+  PageJson out = PageJson::array();
+  if (!is_exportable(stored.estimate)) return out.dump();
+  for (const ExportFormat format : {ExportFormat::matlab, ExportFormat::python, ExportFormat::cpp,
+                                    ExportFormat::c, ExportFormat::yaml}) {
+    if (format == ExportFormat::yaml && !has_model_text(stored.estimate, stored.path)) continue;
+    out.push_back({{"language", describe(format)}, {"text", export_text(stored, format)}});
+  }
+  return out.dump(-1, ' ', false, PageJson::error_handler_t::replace);
+}
+
 }  // namespace
 
 std::string report_data_json(const ReportData& data, const std::string& result) {
   PageJson out;
   out["schema_version"] = kSchemaVersion;
-  out["result_sha256"] = fingerprint(PageJson::parse(result));
+  out["result_sha256"] = result_fingerprint(result);
   out["provenance"] = {{"command", data.provenance.command},
                        {"model_path", data.provenance.model_path},
                        {"model_sha256", data.provenance.model_sha256}};
@@ -248,6 +237,7 @@ std::string report_page(const std::string& result, const std::string& data) {
   const std::pair<std::string_view, std::string> parts[] = {
       {"{{result}}", inside_script(result)},
       {"{{data}}", inside_script(data)},
+      {"{{paste}}", inside_script(paste_json(result, data))},
       {"{{versions}}", inside_script(std::string(report_versions()))}};
   std::string out;
   std::string_view rest = report_template();
@@ -261,22 +251,8 @@ std::string report_page(const std::string& result, const std::string& data) {
 }
 
 std::string rebuilt_page(const std::string& path) {
-  namespace fs = std::filesystem;
-  const fs::path result_path =
-      fs::is_directory(path) ? fs::path(path) / "result.json" : fs::path(path);
-  const fs::path data_path = result_path.parent_path() / kReportDataFile;
-  const std::string result = text_of(result_path.string(), "name the folder that -o was given");
-  const PageJson parsed_result = parsed(result_path.string(), result);
-  check_version(result_path.string(), parsed_result);
-  const std::string data =
-      text_of(data_path.string(), "tune, check, fit, shape and track write it beside result.json");
-  const PageJson parsed_data = parsed(data_path.string(), data);
-  check_version(data_path.string(), parsed_data);
-  if (parsed_data.value("result_sha256", "") != fingerprint(parsed_result)) {
-    throw InputError({data_path.string(), 0, 0}, "belongs to another result",
-                     "both files from one run", "run the job again with -o");
-  }
-  return report_page(result, data);
+  const StoredResult stored = read_stored_result(path, PageData::required);
+  return report_page(stored.text, stored.data);
 }
 
 }  // namespace identikal

@@ -5,7 +5,7 @@
 
 namespace identikal {
 
-/// The page, with {{result}}, {{data}} and {{versions}} where its JSON blocks belong.
+/// The page, with {{result}}, {{data}}, {{paste}} and {{versions}} where its JSON blocks belong.
 std::string_view report_template();
 
 /// Names and versions of this program and of what it is made of, as JSON.

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "identify/report.h"
+#include "identify/report_template.h"
 
 namespace identikal {
 namespace {
@@ -34,6 +35,7 @@ Json parameters(const Estimate& estimate) {
                    {"se_sandwich", number(p.se_sandwich)},
                    {"crb_se", number(p.crb_se)},
                    {"start", number(p.start)},
+                   {"bounds", {number(p.bounds[0]), number(p.bounds[1])}},
                    {"fixed", p.fixed},
                    {"verdict", to_string(p.verdict)},
                    {"with", p.with}});
@@ -241,11 +243,54 @@ Json sources(const Estimate& estimate) {
   return {{"picked", estimate.sources->picked}, {"of", estimate.sources->of}, {"curve", curve}};
 }
 
+Json filter(const Estimate& estimate) {
+  if (!estimate.filter) return nullptr;
+  const SteadyFilter& f = *estimate.filter;
+  const auto channels = [](const std::vector<SteadyFilter::Channel>& list) {
+    Json out = Json::array();
+    for (const SteadyFilter::Channel& c : list) {
+      out.push_back({{"name", c.name}, {"unit", c.unit}});
+    }
+    return out;
+  };
+  const StateSpace& m = f.model;
+  return {{"dt", number(m.dt)},
+          {"inputs", channels(f.inputs)},
+          {"outputs", channels(f.outputs)},
+          {"A", matrix(m.A)},
+          {"B", matrix(m.B)},
+          {"C", matrix(m.C)},
+          {"D", matrix(m.D)},
+          {"G", matrix(m.G)},
+          {"Q", matrix(m.Q)},
+          {"R", matrix(m.R)},
+          {"S", matrix(m.S)},
+          {"K", matrix(f.K)},
+          {"L", matrix(f.L)},
+          {"P", matrix(f.P)},
+          {"Sigma", matrix(f.Sigma)}};
+}
+
+Json model_file(const Estimate& estimate) {
+  if (!estimate.model_file) return nullptr;
+  const ModelSource& m = *estimate.model_file;
+  Json included = Json::array();
+  for (const ModelSource::Included& file : m.included) {
+    included.push_back({{"path", file.path}, {"sha256", file.sha256}});
+  }
+  return {{"path", m.path}, {"sha256", m.sha256}, {"text", m.text}, {"included", included}};
+}
+
 }  // namespace
+
+std::string program_version() {
+  return Json::parse(report_versions()).at("Identikal").get<std::string>();
+}
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
   Json out;
   out["schema_version"] = 1;
+  out["version"] = program_version();
   out["verb"] = estimate.verb;
   out["model"] = estimate.model_name;
   out["status"] = {{"code", to_string(estimate.status)},
@@ -258,6 +303,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                              {"rows", input.rows},
                              {"used", input.used}});
   }
+  out["model_file"] = model_file(estimate);
   out["parameters"] = parameters(estimate);
   out["covariance_kind"] = estimate.covariance_kind;
   out["correlation"] = {{"names", estimate.correlation_names},
@@ -269,8 +315,11 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                   {"K_steady", matrix(noise.K_steady)},
                   {"P_steady", matrix(noise.P_steady)},
                   {"expected_loss", loss(estimate)}};
+  out["filter"] = filter(estimate);
+  out["tyre_curve"] = estimate.tyre_curve.empty() ? Json(nullptr) : Json(estimate.tyre_curve);
   const Objective& objective = estimate.objective;
   out["objective"] = {{"method", objective.method},
+                      {"initial", objective.initial},
                       {"log_likelihood", number(objective.log_likelihood)},
                       {"log_likelihood_start", number(objective.log_likelihood_start)},
                       {"aic", number(objective.aic)},

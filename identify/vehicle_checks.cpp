@@ -16,7 +16,6 @@ namespace {
 
 constexpr double kDegrees = 57.295779513082323;
 constexpr double kFlippedBelow = -0.2;      // correlation; noise alone stays near 0
-constexpr double kPoorFit = 50.0;           // [%]
 constexpr double kGoodFit = 80.0;           // [%]
 constexpr double kSeriousForceLoss = 0.10;  // of the linear axle force
 // Below it a tyre on a dry road is straight to a few %: with stiffness over load of 12 per rad it

@@ -33,7 +33,9 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
     result.name = given.name;
     result.unit = given.unit;
     result.fixed = given.fixed;
-    result.start = parse_unit(given.unit).value_or(Unit{}).from_si(given.scalar());
+    const Unit unit = parse_unit(given.unit).value_or(Unit{});
+    result.start = unit.from_si(given.scalar());
+    result.bounds = {unit.from_si(given.min), unit.from_si(given.max)};
     result.value = result.start;
     const auto parameter = vehicle_parameter(given.name);
     result.neutral = given.fixed && given.scalar() == neutral_vehicle()[*parameter];
@@ -353,6 +355,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   Estimate estimate;
   estimate.verb = "fit";
   estimate.model_name = model.name;
+  estimate.tyre_curve = name_of(unknowns.curve);
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     estimate.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
                                static_cast<long>(run.used_of[i])});
@@ -388,12 +391,14 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   VehicleSearchOptions watched = options.search;
   int last = 0;
+  bool stopped = false;  // by the caller: this search, and all that would follow
   watched.progress = [&](int iteration, double L) {
     std::vector<std::vector<double>>& searches = estimate.pictures.searches;
     if (searches.empty() || iteration <= last) searches.emplace_back();
     last = iteration;
     searches.back().push_back(L);
-    return !options.search.progress || options.search.progress(iteration, L);
+    stopped = stopped || (options.search.progress && !options.search.progress(iteration, L));
+    return !stopped;
   };
   VehicleSearch found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) {
@@ -411,8 +416,13 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
     covariance = vehicle_covariance(found.problem, found.best);
   }
+  // Whatever one start found, the search was not finished.
+  if (stopped) {
+    found.best.converged = false;
+    found.best.message = "stopped by the caller";
+  }
   const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
-  if (options.bootstrap > 0) {
+  if (options.bootstrap > 0 && !stopped) {
     bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
   }
   estimate.tests = covariance.whiteness;
@@ -437,7 +447,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);
-  if (options.second_opinion) {
+  const bool second_opinion = options.second_opinion && !stopped;
+  if (second_opinion) {
     check_recordings(model, recordings, estimate);
     check_hold_out_recordings(model, options.hold_out, estimate);
     if (simulation && !unknowns.free.empty() && !misread(estimate)) {
@@ -453,7 +464,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   check_whiteness(covariance, estimate);
   check_steering_gain(found.problem, covariance, p, estimate);
-  if (options.second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
+  if (second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
     compare_alternatives(found, options.search, estimate);
   }
   check_plausibility(p, estimate);

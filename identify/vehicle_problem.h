@@ -96,6 +96,8 @@ inline const Eigen::Vector2d kStateScale(1.0, 0.2);  ///< m/s, rad/s
 /// its lower bound.
 IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p);
 
+/// The simulation of a run as residuals: every output of every usable row, the parameters and
+/// initial states of `unknowns` scaled to coordinates.
 VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns& unknowns,
                                     const IntegrationDemand& demand);
 

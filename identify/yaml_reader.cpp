@@ -25,7 +25,9 @@ constexpr std::size_t kMaxBytes = 1'000'000;
 constexpr std::size_t kMaxNodes = 100'000;
 constexpr std::size_t kMaxDepth = 32;
 
-std::string read_text(const std::string& path) {
+}  // namespace
+
+std::string read_yaml_text(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
     throw InputError({path}, "is a directory", "a model file");
@@ -48,6 +50,8 @@ std::string read_text(const std::string& path) {
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // or columns on line 1 would be off
   return text;
 }
+
+namespace {
 
 bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }
 
@@ -80,7 +84,7 @@ bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x
 // character, from 1).
 class Source {
  public:
-  explicit Source(const std::string& path) : path_(path), text_(read_text(path)) {
+  Source(std::string path, const std::string& text) : path_(std::move(path)), text_(text) {
     characters_.reserve(text_.size() + 1);
     int character = 0;
     for (std::size_t i = 0; i < text_.size(); ++character) {
@@ -142,7 +146,7 @@ class Source {
   }
 
   std::string path_;
-  std::string text_;
+  const std::string& text_;
   std::vector<std::size_t> lines_{0};  // first byte of each line
   std::vector<int> characters_;        // how many characters stand before each byte, and at the end
 };
@@ -269,8 +273,10 @@ void check_word(const std::string& word, const Location& at, const std::string& 
 
 }  // namespace
 
-YamlNode read_yaml(const std::string& path) {
-  const Source source(path);
+YamlNode read_yaml(const std::string& path) { return parse_yaml(read_yaml_text(path), path); }
+
+YamlNode parse_yaml(const std::string& text, const std::string& path) {
+  const Source source(path, text);
   TreeBuilder tree(source);
   try {
     std::istringstream stream(source.text());
@@ -284,6 +290,46 @@ YamlNode read_yaml(const std::string& path) {
     throw InputError({path}, "is empty", "a model file, which starts with 'identikal: 1'");
   }
   return std::move(tree.root);
+}
+
+std::optional<std::array<std::size_t, 2>> extent_of(const YamlNode& node, const std::string& text) {
+  std::size_t begin = 0;
+  for (int line = 1; line < node.at.line; ++line) begin = text.find('\n', begin) + 1;
+  for (int column = 1; column < node.at.column; ++column) {
+    begin += std::max<std::size_t>(utf8_length(text, begin), 1);
+  }
+  const auto end_of_quotes = [&](std::size_t at) {
+    const char quote = text[at++];
+    for (; at < text.size(); ++at) {
+      if (quote == '"' && text[at] == '\\') {
+        ++at;
+      } else if (text[at] == quote) {
+        if (quote == '"' || at + 1 >= text.size() || text[at + 1] != quote) break;
+        ++at;
+      }
+    }
+    return at + 1;
+  };
+  if (begin >= text.size()) return std::nullopt;
+  const char first = text[begin];
+  if (node.kind == YamlNode::Kind::scalar) {
+    if (first == '"' || first == '\'') return {{begin, end_of_quotes(begin)}};
+    if (text.compare(begin, node.text.size(), node.text) != 0) return std::nullopt;
+    return {{begin, begin + node.text.size()}};
+  }
+  if (node.kind != YamlNode::Kind::list || node.items.empty()) return std::nullopt;
+  if (first != '[') {  // a row per "- "
+    const auto last = extent_of(node.items.back(), text);
+    if (!last) return std::nullopt;
+    return {{begin, (*last)[1]}};
+  }
+  int open = 0;
+  for (std::size_t at = begin; at < text.size(); ++at) {
+    if (text[at] == '"' || text[at] == '\'') at = end_of_quotes(at) - 1;
+    if (text[at] == '[') ++open;
+    if (text[at] == ']' && --open == 0) return {{begin, at + 1}};
+  }
+  return std::nullopt;
 }
 
 const YamlNode* find(const YamlNode& mapping, std::string_view key) {

@@ -2,6 +2,8 @@
 // checks that yaml-cpp leaves out: unknown, duplicate and empty keys, depth, size, text encoding.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,7 +16,7 @@ struct YamlNode {
   enum class Kind { empty, scalar, list, mapping };
   Kind kind = Kind::empty;
   Location at;
-  std::string text;             ///< of a scalar: UTF-8 on one line, without control characters
+  std::string text;  ///< of a scalar: UTF-8 on one line, without control characters
   /// Of a scalar that is quoted or written over several lines: where its text stands, line by line.
   struct Line {
     int character;  ///< of the text, from 1, that the line begins with
@@ -30,6 +32,17 @@ struct YamlNode {
 /// YAML,
 ///   is nested deeper than 32 levels, holds an alias, a second document or the same key twice.
 YamlNode read_yaml(const std::string& path);
+
+/// The same from the file's text. @param path  for messages
+YamlNode parse_yaml(const std::string& text, const std::string& path);
+
+/// A model file's text, without a byte order mark.
+/// @throws InputError when it cannot be read or is larger than 1 MB
+std::string read_yaml_text(const std::string& path);
+
+/// Bytes [begin, end) of the text that parse_yaml() read this scalar or list from, brackets and
+/// quotes included. Nothing where it is a scalar written over several lines.
+std::optional<std::array<std::size_t, 2>> extent_of(const YamlNode& node, const std::string& text);
 
 /// The value of a key, or nullptr.
 const YamlNode* find(const YamlNode& mapping, std::string_view key);

@@ -7,6 +7,7 @@
 
 namespace identikal {
 
+/// How an axle's side force grows with its slip angle; the equations stand at force_share().
 enum class TyreCurve { linear, tanh, fiala, magic_formula };
 
 /// "linear", "tanh", "fiala", "magic-formula".
@@ -72,6 +73,7 @@ class AxleCurve {
     return L * share(L).value;
   }
 
+  /// The same with its derivatives.
   AxleForce force_and_slopes(double slip) const {
     const double L = -axle_.stiffness * slip;
     if (axle_.curve == TyreCurve::linear) return {L, -axle_.stiffness, -slip};

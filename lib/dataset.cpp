@@ -342,6 +342,7 @@ Dataset first_samples(const Dataset& data, Index count) {
   const Index keep = std::min(count, data.size());
   Dataset out = data;
   out.time.conservativeResize(keep);
+  if (out.stamps.size() > 0) out.stamps.conservativeResize(keep);
   out.u.conservativeResize(Eigen::NoChange, keep);
   out.y.conservativeResize(Eigen::NoChange, keep);
   return out;
@@ -351,6 +352,7 @@ Dataset samples_from(const Dataset& data, Index first) {
   const Index keep = std::max<Index>(0, data.size() - first);
   Dataset out = data;
   out.time = data.time.tail(keep);
+  if (data.stamps.size() > 0) out.stamps = data.stamps.tail(keep);
   out.u = data.u.rightCols(keep);
   out.y = data.y.rightCols(keep);
   return out;
@@ -395,6 +397,12 @@ Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
   const Index rows = n == 0 ? 0 : target.back() + 1;
   out.time.resize(rows);
   for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;
+  out.stamps.resize(rows);
+  for (Index i = 0, at = 0; at < rows; ++at) {
+    if (i + 1 < n && target[static_cast<std::size_t>(i + 1)] == at) ++i;
+    const Index absent = at - target[static_cast<std::size_t>(i)];
+    out.stamps[at] = data.time[i] + static_cast<double>(absent) * step;
+  }
   out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
   out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
   for (Index i = 0; i < n; ++i) {

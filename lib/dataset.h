@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
 #include "lib/csv.h"
 #include "lib/error.h"
 
@@ -23,6 +24,7 @@ struct Dataset {
   std::string name;                ///< of the file, without its folder
   double dt = 0.0;                 ///< sampling period [s]: the step given, else the median step
   Eigen::VectorXd time;            ///< N [s], strictly increasing
+  Eigen::VectorXd stamps;          ///< N [s]: as recorded, where on_uniform_raster() has moved them
   Eigen::MatrixXd u;               ///< nu x N, SI, NaN = missing
   Eigen::MatrixXd y;               ///< ny x N, SI, NaN = missing
   std::vector<Channel> inputs;     ///< nu
@@ -102,7 +104,8 @@ Dataset samples_from(const Dataset& data, Eigen::Index first);
 /// Puts a recording onto the uniform raster that a discrete-time model needs: rows whose time
 /// stamps are a whole number of steps apart keep their values, rows that are absent become missing
 /// samples. Each distance between neighbours counts, so a clock that runs slightly fast or slow
-/// stays on the raster; the result's time is exactly first + k step.
+/// stays on the raster; the result's time is exactly first + k step, its stamps are the recorded
+/// ones, and whole steps behind the row before where a row is absent.
 /// @param step       [s], positive
 /// @param tolerance  how far a distance may be from a whole number of steps, in steps
 /// @throws InputError when a time stamp is not on the raster, or the filled record would exceed ten

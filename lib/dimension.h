@@ -20,6 +20,7 @@ struct Dimension {
   bool plain = false;
 };
 
+/// Of what is measured in that unit; its scale and offset do not count.
 Dimension dimension_of(const Unit& unit);
 
 /// The same exponents, or one of the two is plain.

@@ -35,7 +35,7 @@ StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double s
                       InputHold hold = InputHold::constant);
 
 /// d(discretise(model)) in the direction `by` (derivatives of the continuous-time matrices), exact:
-/// the derivative of a matrix exponential is a block of one twice the size.
+/// the derivative of a matrix exponential is a block of one twice the size. Step in s.
 StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace& by,
                                  ProcessNoise noise, double step,
                                  InputHold hold = InputHold::constant);

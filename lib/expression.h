@@ -96,6 +96,7 @@ struct Expression {
   std::vector<Node> nodes;  ///< never empty once read; the last one is the whole formula
 };
 
+/// What a formula has to be where it stands.
 enum class FormulaKind {
   number,     ///< has a value
   condition,  ///< holds or does not

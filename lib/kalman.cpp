@@ -1,5 +1,6 @@
 #include "lib/kalman.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -156,6 +157,7 @@ class Recursion {
       find_present(t);
       if (present_.empty()) {
         if (states) store_states(*store, t, false);
+        if (store != nullptr && diffuse_ == 0) store->e_sd.col(t) = innovation_sd();
         predict_without_measurement(t);
       } else {
         innovate(t);
@@ -180,14 +182,43 @@ class Recursion {
         scored = out.gradient;
       }
     }
+    finish(out);
+    return out;
+  }
+
+  // Samples from .. to - 1, each shown before the recursion moves on. delta stays apart until
+  // nothing of it is left in the state, or the record ends.
+  void watch(Index from, Index to, Likelihood& out, const FilterWatcher& see) {
+    for (Index t = from; t < to && status_ == FilterStatus::ok; ++t) {
+      if (change_model_ && t > 0) change_model_(t);
+      find_present(t);
+      gain_kept_ = settled_ && !change_model_ && static_cast<Index>(present_.size()) == y_.rows();
+      if (present_.empty()) {
+        show(t, see);
+        predict_without_measurement(t);
+      } else {
+        innovate(t);
+        if (status_ != FilterStatus::ok) break;
+        add_terms(out);
+        show(t, see);
+        update();
+      }
+      if (diffuse_ == 0) continue;
+      if (t + 1 == y_.cols()) fold_in_when_determined(t, out, nullptr);
+      if (diffuse_ > 0 && delta_is_forgotten()) fold_in(t, out, nullptr);
+    }
+  }
+
+  void finish(Likelihood& out) {
     if (status_ == FilterStatus::ok && diffuse_ > 0) status_ = FilterStatus::undetermined;
     out.value -= 0.5 * log_two_pi_ * static_cast<double>(samples_ - folded_);
     if (status_ == FilterStatus::ok && !(std::isfinite(out.value) && out.gradient.allFinite())) {
       status_ = FilterStatus::not_finite;
     }
     out.status = status_;
-    return out;
   }
+
+  FilterStatus status() const { return status_; }
 
  private:
   void take_model(const std::vector<StateSpace>& derivatives) {
@@ -273,11 +304,16 @@ class Recursion {
   }
 
   void innovate(Index t) {
+    at_ = t;
     E_.noalias() = -now_.C * Z_;
     for (std::size_t i = 0; i < present_.size(); ++i) {
       E_(static_cast<Index>(i), 0) += y_(present_[i], t);
     }
     if (u_.rows() > 0) E_.col(0).noalias() -= now_.D * u_.col(t);
+    if (gain_kept_) {
+      SiE_ = llt_.solve(E_);
+      return;
+    }
     PC_.noalias() = P_ * now_.C.transpose();
     Sigma_ = now_.R;
     Sigma_.noalias() += now_.C * PC_;
@@ -305,7 +341,6 @@ class Recursion {
                       model_.A * P_ * s.now.C.transpose() - K_ * s.Sigma;
       s.K = llt_.solve(dM.transpose()).transpose();
     }
-    at_ = t;
   }
 
   void add_terms(Likelihood& out) {
@@ -346,7 +381,7 @@ class Recursion {
 
   void update() {
     const Index t = at_;
-    settled_ = static_cast<Index>(present_.size()) == y_.rows();
+    if (!gain_kept_) settled_ = static_cast<Index>(present_.size()) == y_.rows();
     for (Sensitivity& s : sensitivities_) {
       // The gain minimises P+, so its own derivative drops out of dP+.
       MatrixXd dF = s.A;
@@ -365,6 +400,7 @@ class Recursion {
     Z.noalias() += K_ * E_;
     if (u_.rows() > 0) Z.col(0).noalias() += model_.B * u_.col(t);
     Z_.swap(Z);
+    if (gain_kept_) return;
     const MatrixXd KS = K_ * now_.Sw.transpose();
     MatrixXd P = F_ * P_ * F_.transpose() + W_ - KS - KS.transpose();
     P.noalias() += K_ * now_.R * K_.transpose();
@@ -390,12 +426,12 @@ class Recursion {
   // proper one.
   void fold_in_when_determined(Index t, Likelihood& out, FilterResult* store) {
     if (diffuse_ == 0 || status_ != FilterStatus::ok) return;
-    // Scaled, info has eigenvalues in [0, 1): 1 - (what of the prior's variance is left).
-    const auto sd = scale_.cwiseSqrt().asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sd * info_ * sd, Eigen::EigenvaluesOnly);
-    const double smallest = eigen.eigenvalues().minCoeff();
     const bool last = t + 1 == y_.cols();
-    if (smallest < (last ? kDetermined : 1e-6)) return;
+    if (determined_share(info_, scale_) < (last ? kDetermined : 1e-6)) return;
+    fold_in(t, out, store);
+  }
+
+  void fold_in(Index t, Likelihood& out, FilterResult* store) {
     const Index d = diffuse_;
     const Eigen::LLT<MatrixXd> llt(info_);
     if (llt.info() != Eigen::Success) return;
@@ -420,12 +456,66 @@ class Recursion {
     if (store != nullptr) store->first_proper = t + 1;
   }
 
+  // Of every channel, measured or not.
+  VectorXd innovation_sd() const {
+    const MatrixXd CP = full_.C * P_;
+    return (CP.cwiseProduct(full_.C).rowwise().sum() + full_.R.diagonal()).cwiseSqrt();
+  }
+
   void store_innovation(FilterResult& store, Index t) const {
+    store.e_sd.col(t) = innovation_sd();
     const VectorXd z = llt_.matrixL().solve(E_.col(0));
     for (std::size_t i = 0; i < present_.size(); ++i) {
       store.e(present_[i], t) = E_(static_cast<Index>(i), 0);
       store.standardised(present_[i], t) = z[static_cast<Index>(i)];
     }
+  }
+
+  // P C' Sigma^-1
+  MatrixXd filter_gain() const { return llt_.solve(PC_.transpose()).transpose(); }
+
+  MatrixXd filtered_covariance(const MatrixXd& Kf) const {
+    const MatrixXd F = MatrixXd::Identity(P_.rows(), P_.rows()) - Kf * now_.C;
+    return F * P_ * F.transpose() + Kf * now_.R * Kf.transpose();
+  }
+
+  void show(Index t, const FilterWatcher& see) {
+    const bool measured = !present_.empty();
+    if (!gain_kept_) {
+      step_.F = measured ? F_ : model_.A;
+      if (measured) {
+        Kf_ = filter_gain();
+        step_.P_filt = filtered_covariance(Kf_);
+        step_.M = step_.P_filt * model_.A.transpose() - Kf_ * now_.Sw.transpose();
+        step_.information = now_.C.transpose() * llt_.solve(now_.C);
+      } else {
+        step_.P_filt = P_;
+        step_.M = P_ * model_.A.transpose();
+        step_.information = MatrixXd::Zero(P_.rows(), P_.rows());
+      }
+    }
+    step_.t = t;
+    step_.same_gain = gain_kept_;
+    step_.Z_filt = Z_;
+    step_.score.setZero(Z_.rows(), Z_.cols());
+    if (measured) {
+      step_.Z_filt.noalias() += Kf_ * E_;
+      step_.score.noalias() = now_.C.transpose() * SiE_;
+    }
+    if (diffuse_ > 0) {
+      step_.delta_information = info_;
+      step_.delta_score = score_;
+      step_.delta_scale = scale_;
+    }
+    see(step_);
+  }
+
+  // Is what delta still moves in the state lost in rounding, for all that is known of delta?
+  bool delta_is_forgotten() const {
+    // Variances at delta's scale; what is known of it below is no worse than a million times that.
+    const MatrixXd moved = Z_.rightCols(diffuse_).cwiseAbs2() * scale_.asDiagonal();
+    return (moved.rowwise().maxCoeff().array() <= 1e-46 * P_.diagonal().array()).all() &&
+           determined_share(info_, scale_) >= 1e-6;
   }
 
   void store_states(FilterResult& store, Index t, bool measured) const {
@@ -436,14 +526,14 @@ class Recursion {
       store.Sigma[at] = MatrixXd::Constant(ny, ny, kNaN);
       return;
     }
-    MatrixXd x = Z_.col(0), P = P_;
+    VectorXd x = Z_.col(0);
+    MatrixXd P = P_;
     store.x_pred.col(t) = x;
     store.P_pred[at] = P;
     if (measured) {
-      const MatrixXd Kf = llt_.solve(PC_.transpose()).transpose();
+      const MatrixXd Kf = filter_gain();
       x += Kf * E_.col(0);
-      const MatrixXd F = MatrixXd::Identity(n, n) - Kf * now_.C;
-      P = F * P_ * F.transpose() + Kf * now_.R * Kf.transpose();
+      P = filtered_covariance(Kf);
     }
     store.x_filt.col(t) = x;
     store.P_filt[at] = P;
@@ -594,6 +684,7 @@ class Recursion {
     const bool dynamics = !(A_theta.isZero(0.0) && C_theta.isZero(0.0));
     const bool inputs = nu > 0 && !(B_theta.isZero(0.0) && D_theta.isZero(0.0));
 
+    const VectorXd e_sd = innovation_sd();
     VectorXd x = Z_.col(0), next(n), e(ny), z(ny), Sie(ny), moved(n * k), seen(ny * k);
     MatrixXd dE(ny, k), dX_next(n, k), power = MatrixXd::Zero(ny, ny);
     MatrixXd spread = MatrixXd::Zero(k, k);
@@ -614,6 +705,7 @@ class Recursion {
       if (store != nullptr) {
         store->e.col(t) = e;
         store->standardised.col(t) = z;
+        store->e_sd.col(t) = e_sd;
       }
       if (k > 0) {
         Sie = z;
@@ -696,7 +788,10 @@ class Recursion {
   MatrixXd E_, PC_, Sigma_, M_, K_, F_, SiE_;
   Eigen::LLT<MatrixXd> llt_;
   Index at_ = 0;
-  bool settled_ = false;  // gain and its derivatives are constant from here on
+  bool settled_ = false;    // gain and its derivatives are constant from here on
+  bool gain_kept_ = false;  // watch() only: those of the sample before are this sample's
+  MatrixXd Kf_;
+  FilterStep step_;
 };
 
 }  // namespace
@@ -726,6 +821,7 @@ FilterResult filter(Recursion& recursion, Index n, const Eigen::Ref<const Matrix
   const Index N = y.cols();
   out.e = MatrixXd::Constant(y.rows(), N, kNaN);
   out.standardised = out.e;
+  out.e_sd = out.e;
   if (keep == Keep::everything) {
     out.x_pred = MatrixXd::Constant(n, N, kNaN);
     out.x_filt = out.x_pred;
@@ -815,6 +911,60 @@ Likelihood run_recursion(const StateSpace& model, InitialState initial,
                          const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                          const std::vector<StateSpace>& derivatives, Shortcuts& shortcuts) {
   return Recursion(model, initial, y, u, derivatives).run(nullptr, Keep::innovations, shortcuts);
+}
+
+double determined_share(const MatrixXd& information, const VectorXd& scale) {
+  const auto sd = scale.cwiseSqrt().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sd * information * sd,
+                                                      Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues().minCoeff();
+}
+
+Likelihood watch_filter(const StateSpace& model, InitialState initial,
+                        const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                        const FilterWatcher& see) {
+  const std::vector<StateSpace> none;
+  Recursion recursion(model, initial, y, u, none);
+  Likelihood out;
+  recursion.watch(0, y.cols(), out, see);
+  recursion.finish(out);
+  return out;
+}
+
+Likelihood watch_filter(const ModelAt& model, InitialState initial,
+                        const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                        const FilterWatcher& see) {
+  StateSpace now;
+  const std::vector<StateSpace> none;
+  model(0, now, nullptr);
+  Recursion recursion(now, initial, y, u, none);
+  recursion.set_model_change([&](Index t) { model(t, now, nullptr); }, none);
+  Likelihood out;
+  recursion.watch(0, y.cols(), out, see);
+  recursion.finish(out);
+  return out;
+}
+
+Likelihood watch_backwards(const StateSpace& model, InitialState initial,
+                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                           const FilterWatcher& see, const std::function<void()>& block_ends) {
+  const std::vector<StateSpace> none;
+  Recursion recursion(model, initial, y, u, none);
+  const auto block = static_cast<Index>(std::ceil(std::sqrt(static_cast<double>(y.cols()))));
+  std::vector<Recursion> begins;
+  Likelihood out, again;
+  for (Index t = 0; t < y.cols() && recursion.status() == FilterStatus::ok; t += block) {
+    begins.push_back(recursion);
+    recursion.watch(t, std::min(t + block, y.cols()), out, [](const FilterStep&) {});
+  }
+  recursion.finish(out);
+  for (Index t = block * static_cast<Index>(begins.size()); out.status == FilterStatus::ok && t > 0;
+       t -= block) {
+    begins.back().watch(t - block, std::min(t, y.cols()), again, see);
+    block_ends();
+    begins.pop_back();
+  }
+  return out;
 }
 
 }  // namespace identikal

@@ -33,9 +33,9 @@ struct LaggedRows {
 /// Source: Sladká (2010), (1.1), 9.2.1. The loop there begins at t = n_u (counted from 1) and reads
 /// y(0) and before when n_y >= n_u; (1.1) has the inputs of the present sample only.
 LaggedRows lagged_rows(const Eigen::Ref<const Eigen::MatrixXd>& u,
-                       const Eigen::Ref<const Eigen::VectorXd>& y, const RegressionOrder& order);
-LaggedRows lagged_rows(const Eigen::Ref<const Eigen::MatrixXd>& u,
                        const Eigen::Ref<const Eigen::VectorXd>& y, const RegressionOrder& order,
                        const RegressionOrder& reach);
+LaggedRows lagged_rows(const Eigen::Ref<const Eigen::MatrixXd>& u,
+                       const Eigen::Ref<const Eigen::VectorXd>& y, const RegressionOrder& order);
 
 }  // namespace identikal

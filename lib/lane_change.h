@@ -57,7 +57,7 @@ struct PlannedPath {
 /// Through the middles of the gates, but in the first one halfway towards the cones on the side
 /// away from the next: the car needs the room for its tail. Every shift begins 5 m before the end
 /// of one gate and ends 5 m into the next. With these numbers the passenger car of Sladká (2010)
-/// passes both courses at 60 km/h; with more reach it drives smoother but hits cones.
+/// passes both courses at 60 km/h; with more reach it drives smoother but hits cones. Width in m.
 PlannedPath planned_path(const std::vector<Gate>& course, double car_width);
 
 /// A driver who looks ahead: at every `update` he chooses the rates of steering over the preview

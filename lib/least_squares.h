@@ -23,14 +23,14 @@ struct LinearLeastSquares {
 /// that part of theta alone.
 /// @param X        N x d: row t is phi(t)'
 /// @param Y        N x ny
-/// @param weights  N, finite and not negative: 1 / variance, up to a factor
+/// @param weights  N, finite and not negative: 1 / variance, up to a factor; left out: all 1
 /// @throws std::invalid_argument when shapes disagree, an entry is not finite, or a weight negative
 /// Source: Sladká (2010), (5.4), (5.5), (5.14), (5.15).
-LinearLeastSquares least_squares(const Eigen::Ref<const Eigen::MatrixXd>& X,
-                                 const Eigen::Ref<const Eigen::MatrixXd>& Y);
 LinearLeastSquares weighted_least_squares(const Eigen::Ref<const Eigen::MatrixXd>& X,
                                           const Eigen::Ref<const Eigen::MatrixXd>& Y,
                                           const Eigen::Ref<const Eigen::VectorXd>& weights);
+LinearLeastSquares least_squares(const Eigen::Ref<const Eigen::MatrixXd>& X,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& Y);
 
 /// d x ny: square roots of the diagonals of noise_variance[j] P; NaN for a coefficient that an open
 /// direction moves.

@@ -16,7 +16,7 @@ Eigen::MatrixXd long_run_covariance(const Eigen::Ref<const Eigen::MatrixXd>& ter
 
 /// Bandwidth for it that suits the data: Andrews (1991), eq (6.2) and (6.4), a first-order
 /// autoregression fitted to every row, rows weighted by the inverse of their variance. Between 1
-/// and `largest`.
+/// and `largest`. Terms as above.
 Eigen::Index andrews_bandwidth(const Eigen::Ref<const Eigen::MatrixXd>& terms,
                                Eigen::Index largest);
 

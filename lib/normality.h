@@ -20,7 +20,7 @@ Moments moments(const Eigen::Ref<const Eigen::VectorXd>& e);
 ChiSquareStatistic doornik_hansen(const Moments& m);
 
 /// Does the size of the samples depend on that of the ones before? Ljung and Box' statistic of the
-/// squares. Source: McLeod & Li (1983), J. Time Series Analysis 4.
+/// squares of e (N, NaN = missing). Source: McLeod & Li (1983), J. Time Series Analysis 4.
 ChiSquareStatistic mcleod_li(const Eigen::Ref<const Eigen::VectorXd>& e, int lags);
 
 /// Hotelling's test of a mean of zero: n (n - ny) / ((n - 1) ny) mean' C^-1 mean, C the covariance

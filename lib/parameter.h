@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
+
 namespace identikal {
 
 /// What values a parameter may take, and so which coordinates an optimiser moves it by.
@@ -85,7 +87,8 @@ Eigen::MatrixXd entry_jacobian(const ParameterSet& parameters, const Eigen::Vect
 
 /// The positive semidefinite part of -sum_e g_e d^2 entry_e / d coordinate^2: what a function with
 /// the entry gradient g loses by the curvature of the coordinates. Near the boundary of
-/// definiteness it is all the curvature there is. Zero but for Domain::positive_definite.
+/// definiteness it is all the curvature there is. Zero but for Domain::positive_definite. g by the
+/// order of free_entries().
 Eigen::MatrixXd coordinate_curvature(const ParameterSet& parameters,
                                      const Eigen::VectorXd& entry_gradient);
 

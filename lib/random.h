@@ -9,7 +9,7 @@
 namespace identikal {
 
 /// Mersenne Twister (its output is fixed by the C++ standard) with our own transforms, because
-/// those of <random> differ between standard libraries.
+/// those of `<random>` differ between standard libraries.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}

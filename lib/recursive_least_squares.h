@@ -135,6 +135,7 @@ RegressionCourse run_recursive_least_squares(const Eigen::Ref<const Eigen::Matri
 /// sum of xi(t)^2 over the rows from `lead` on, constant lambda: the predictive least squares
 /// criterion of Rissanen (1986), IMA J. Math. Control Inform. 3. Every error is made before its
 /// sample is known, so that coefficients too many cost what they spoil, and no penalty is chosen.
+/// Rows and delta as above.
 double predictive_squares(const Eigen::Ref<const Eigen::MatrixXd>& phi,
                           const Eigen::Ref<const Eigen::VectorXd>& y, double delta, double lambda,
                           Eigen::Index lead);

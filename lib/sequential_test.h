@@ -18,6 +18,7 @@ struct SequentialTestOptions {
   double forgetting = 1.0;  ///< weight of the models' memory per sample, 0 < forgetting <= 1
 };
 
+/// What the samples so far say.
 enum class SequentialDecision { undecided, white, coloured };
 
 /// Least squares of a scalar on regressors, sample by sample, under a normal prior: precision

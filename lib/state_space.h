@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
+
 namespace identikal {
 
 /// x(t+1) = A x + B u + G w,  y = C x + D u + v,  cov[w; v] = [Q S; S' R].

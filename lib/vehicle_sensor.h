@@ -10,6 +10,7 @@
 
 namespace identikal {
 
+/// Yaw rate [rad/s], lateral velocity [m/s], lateral acceleration [m/s^2], sideslip angle [rad].
 enum class VehicleQuantity { r, vy, ay, beta };
 
 /// The quantity of that name: "r", "vy", "ay" or "beta".

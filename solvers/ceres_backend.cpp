@@ -268,6 +268,7 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
     summary.iterations += ran.num_successful_steps + ran.num_unsuccessful_steps;
     summary.objective = ran.final_cost;
     if (watch.stopped_by_caller()) {
+      summary.termination = Termination::stopped;
       summary.message = "stopped by the caller";
       break;
     }

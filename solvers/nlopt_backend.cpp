@@ -15,10 +15,14 @@ struct Call {
   const Minimization* problem;
   const SolverOptions* options;
   SolverSummary* summary;
+  Eigen::VectorXd best_x;
+  double best_f = HUGE_VAL;
+  bool stopped = false;  // by the caller; L-BFGS finishes its line search all the same
 };
 
 double objective(const std::vector<double>& x, std::vector<double>& gradient, void* data) {
-  const Call& call = *static_cast<Call*>(data);
+  Call& call = *static_cast<Call*>(data);
+  if (call.stopped) return HUGE_VAL;
   const Eigen::VectorXd at =
       Eigen::Map<const Eigen::VectorXd>(x.data(), static_cast<Eigen::Index>(x.size()));
   double f = 0.0;
@@ -27,10 +31,20 @@ double objective(const std::vector<double>& x, std::vector<double>& gradient, vo
   if (!call.problem->evaluate(at, f, gradient.empty() ? nullptr : &g) || !std::isfinite(f)) {
     // L-BFGS backs off from an infinite value; the gradient there is never used.
     for (double& value : gradient) value = 0.0;
-    return HUGE_VAL;
+    f = HUGE_VAL;
+  } else {
+    for (std::size_t i = 0; i < gradient.size(); ++i) gradient[i] = g[static_cast<Eigen::Index>(i)];
   }
-  if (call.summary->evaluations == 1) call.summary->initial_objective = f;
-  for (std::size_t i = 0; i < gradient.size(); ++i) gradient[i] = g[static_cast<Eigen::Index>(i)];
+  if (call.summary->evaluations == 1 && f < HUGE_VAL) call.summary->initial_objective = f;
+  if (f < call.best_f) {
+    call.best_f = f;
+    call.best_x = at;
+  }
+  const SolverOptions& options = *call.options;
+  if (options.progress && !options.progress(call.summary->evaluations, call.best_f)) {
+    call.stopped = true;
+    throw nlopt::forced_stop();
+  }
   return f;
 }
 
@@ -46,7 +60,7 @@ Solution solve_by(nlopt::algorithm algorithm, const Minimization& problem,
   }
   Solution out;
   out.x = start;
-  Call call{&problem, &options, &out.summary};
+  Call call{&problem, &options, &out.summary, start};
   nlopt::opt optimiser(algorithm, n);
   optimiser.set_min_objective(objective, &call);
   optimiser.set_lower_bounds({problem.lower.data(), problem.lower.data() + n});
@@ -69,6 +83,12 @@ Solution solve_by(nlopt::algorithm algorithm, const Minimization& problem,
   } catch (const std::exception& error) {
     out.summary.termination = Termination::no_progress;
     out.summary.message = error.what();
+  }
+  if (call.stopped) {
+    out.summary.termination = Termination::stopped;
+    out.summary.message = "stopped by the caller";
+    x.assign(call.best_x.begin(), call.best_x.end());
+    f = call.best_f;
   }
   out.x = Eigen::Map<const Eigen::VectorXd>(x.data(), start.size());
   out.summary.objective = f;

@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "lib/alignment.h"
+
 namespace identikal {
 
 /// Why a solver stopped.
@@ -16,6 +18,7 @@ enum class Termination {
   no_progress,  ///< no step improves the objective although the tolerances are not met
   iteration_limit,
   time_limit,
+  stopped,          ///< by the caller: progress() returned false
   start_undefined,  ///< evaluate() is undefined at the start
 };
 
@@ -28,7 +31,8 @@ struct SolverOptions {
       1e-10;  ///< stop when |dx| <= parameter_tolerance * (|x| + parameter_tolerance)
   double decrement_tolerance =
       1e-9;  ///< scoring: stop when g' J^-1 g / 2, the gain still expected, is below it
-  /// Called after every iteration with its number and objective; return false to stop.
+  /// Called after every iteration (NLopt: evaluation) with its number and objective; return false
+  /// to stop with the best so far.
   std::function<bool(int, double)> progress;
 };
 

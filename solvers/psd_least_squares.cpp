@@ -196,7 +196,7 @@ void follow_path(const ConicProblem& p, Iterate& at, const SolverOptions& option
     const VectorXd fitted = p.root * next.y;
     const double objective = fitted.dot(0.5 * fitted - p.target);
     if (options.progress && !options.progress(summary.iterations, objective)) {
-      return finish(Termination::time_limit, "stopped by the caller");
+      return finish(Termination::stopped, "stopped by the caller");
     }
   }
 }

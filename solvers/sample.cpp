@@ -93,7 +93,7 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
     ++summary.iterations;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (options.progress && !options.progress(temperature)) {
-      return finish(Termination::time_limit, "stopped by the caller");
+      return finish(Termination::stopped, "stopped by the caller");
     }
     if (temperature < 1.0 && spent.count() > options.max_seconds) {
       return finish(Termination::time_limit, "the time limit was reached");

@@ -227,7 +227,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     }
     ++summary.iterations;
     if (options.progress && !options.progress(summary.iterations, at.L)) {
-      return finish(Termination::time_limit, "stopped by the caller");
+      return finish(Termination::stopped, "stopped by the caller");
     }
   }
 }

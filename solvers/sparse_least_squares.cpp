@@ -130,7 +130,7 @@ Termination termination_of(const ceres::Solver::Summary& summary) {
     case ceres::NO_CONVERGENCE:
       return Termination::iteration_limit;
     case ceres::USER_SUCCESS:
-      return Termination::time_limit;
+      return Termination::stopped;
     default:
       return Termination::no_progress;
   }

@@ -329,11 +329,9 @@ function errorBar(p) {
   section("parameters", "Parameters", children);
 })();
 
-// --- paste ---
+// --- paste: what `identikal export` prints ---
 (() => {
-  const matrices = [["Q", result.noise.Q.matrix], ["R", result.noise.R.matrix], ["S", result.noise.S], ["K", result.noise.K_steady], ["P", result.noise.P_steady]].filter(([, M]) => M && M.every((row) => row.every(known)));
-  const blocks = [];
-  const add = (language, text) => {
+  const blocks = block("paste").map(({ language, text }, i) => {
     const copy = el("button", { type: "button" }, "Copy");
     const pre = el("pre", {}, text);
     copy.addEventListener("click", () => {
@@ -343,24 +341,9 @@ function errorBar(p) {
       copy.textContent = "Copied";
       setTimeout(() => { copy.textContent = "Copy"; }, 1500);
     });
-    blocks.push(el("h3", {}, language), el("div", { class: "code" }, pre, copy));
-  };
-  const exact = (v) => String(Number(v.toPrecision(8)));
-  const usable = result.status.code === "ok" || result.verb === "check";
-  const heading = `${result.model}: ${result.verb}${result.objective.method && result.objective.method !== result.verb ? " " + result.objective.method : ""}` + (usable ? "" : `; NOT TO BE USED: ${result.status.message}`);
-  if (matrices.length) {
-    const kind = { Q: `process noise, ${result.noise.Q.kind}`, R: "measurement noise", S: "cov(w, v)", K: "steady gain of the one-step predictor", P: "steady covariance of x(t|t-1)" };
-    add("MATLAB, Octave", `% ${heading}\n` + matrices.map(([name, M]) => `${name} = [${M.map((row) => row.map(exact).join(", ")).join("; ")}];  % ${kind[name]}`).join("\n"));
-    add("Python", `# ${heading}\nimport numpy as np\n` + matrices.map(([name, M]) => `${name} = np.array([${M.map((row) => `[${row.map(exact).join(", ")}]`).join(", ")}])  # ${kind[name]}`).join("\n"));
-  } else if (result.parameters.some(matters)) {
-    const lines = result.parameters.filter(matters);
-    const lost = (p) => p.verdict === "flat" || p.verdict === "unexcited";
-    const name = (p) => p.name.replace(/[^A-Za-z0-9_]/g, "_");
-    const remark = (p) => [p.unit, p.fixed ? "known" : known(p.se) ? `+- ${num(p.se, 3)}` : p.verdict.replace("_", " ")].filter(Boolean).join(", ");
-    add("MATLAB, Octave", `% ${heading}\n` + lines.map((p) => (lost(p) ? `% ${name(p)} is not determined` : `${name(p)} = ${exact(p.value)};  % ${remark(p)}`)).join("\n"));
-    add("Python", `# ${heading}\n` + lines.map((p) => (lost(p) ? `# ${name(p)} is not determined` : `${name(p)} = ${exact(p.value)}  # ${remark(p)}`)).join("\n"));
-  }
-  if (blocks.length) section("paste", "To paste", grid(blocks.reduce((all, node, i) => { if (i % 2 === 0) all.push(el("div", {}, node, blocks[i + 1])); return all; }, [])));
+    return el("details", i === 0 ? { open: "" } : {}, el("summary", {}, language), el("div", { class: "code" }, pre, copy));
+  });
+  if (blocks.length) section("paste", "To paste", blocks);
 })();
 
 // --- predictions ---

@@ -89,6 +89,32 @@ TEST(NoiseMl, PublishedMaxima) {
   }
 }
 
+TEST(NoiseMl, StopsWhenToldWithTheBestSoFar) {
+  const ModelFile model = read_model_file(in_tree("examples/nile.yaml"));
+  const Dataset data =
+      make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
+  for (const int last_start : {1, 2}) {
+    NoiseMlOptions options;
+    int iterations = 0;
+    options.progress = [&](int start, int iteration, double) {
+      ++iterations;
+      return start < last_start || iteration < 2;
+    };
+    const Estimate e = tune_ml(model, {data}, options);
+    EXPECT_EQ(e.objective.iterations, iterations);
+    EXPECT_EQ(e.objective.starts, last_start);
+    EXPECT_EQ(e.status, Status::not_converged);
+    EXPECT_EQ(exit_code(e, false), 3);
+    EXPECT_THAT(e.message, testing::HasSubstr("stopped by the caller"));
+    // The first start alone finds the maximum, and it stays; it is not called the answer.
+    const double missing = e.objective.log_likelihood + 632.5456251;
+    EXPECT_LT(missing, 1e-6);
+    if (last_start == 2) {
+      EXPECT_GT(missing, -1e-6);
+    }
+  }
+}
+
 TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
   // No measurement noise in the data: in about half of the records the maximum lies at r = 0.
   for (std::uint64_t seed = 1; seed < 20; ++seed) {

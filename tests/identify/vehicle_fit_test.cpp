@@ -51,6 +51,17 @@ std::string refusal(const ModelFile& model, const Dataset& data) {
   return "";
 }
 
+TEST(VehicleFit, StopsWhenToldAndSearchesNoFurther) {
+  const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
+  VehicleFitOptions options;
+  int calls = 0;
+  options.search.progress = [&](int, double) { return ++calls < 3; };
+  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  EXPECT_EQ(calls, 3);
+  EXPECT_EQ(fit.status, Status::not_converged);
+  EXPECT_THAT(fit.message, HasSubstr("stopped by the caller"));
+}
+
 TEST(VehicleFit, FindsTheThesisCar) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
   const Estimate fit = fit_vehicle(thesis_model(), data);

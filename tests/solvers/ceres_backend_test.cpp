@@ -125,7 +125,7 @@ TEST(CeresBackend, StopsWhenTold) {
   int calls = 0;
   options.progress = [&](int, double) { return ++calls < 4; };
   const Solution stopped = solve(rosenbrock(), at(-1.2, 1.0), options);
-  EXPECT_EQ(stopped.summary.termination, Termination::iteration_limit);
+  EXPECT_EQ(stopped.summary.termination, Termination::stopped);
   EXPECT_EQ(stopped.summary.message, "stopped by the caller");
   EXPECT_EQ(calls, 4);
   options = {};

@@ -409,7 +409,7 @@ TEST(PsdLeastSquares, LimitsAreNotSuccess) {
   EXPECT_EQ(minimise(p, options).summary.termination, Termination::time_limit);
   options = {};
   options.progress = [](int iteration, double) { return iteration < 2; };
-  EXPECT_EQ(minimise(p, options).summary.termination, Termination::time_limit);
+  EXPECT_EQ(minimise(p, options).summary.termination, Termination::stopped);
 }
 
 TEST(PsdLeastSquares, RefusesWhatIsNoProblem) {

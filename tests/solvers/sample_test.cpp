@@ -89,5 +89,24 @@ TEST(Sample, UndefinedLikelihoodsAreLeftOut) {
   EXPECT_THROW(sample(p, few), std::invalid_argument);
 }
 
+TEST(Sample, StopsWhenTold) {
+  PosteriorProblem p;
+  p.draw_prior = [](Random& random) { return VectorXd::Constant(1, random.uniform()); };
+  p.log_prior = [](const VectorXd& x) {
+    return x[0] > 0.0 && x[0] < 1.0 ? 0.0 : -std::numeric_limits<double>::infinity();
+  };
+  p.log_likelihood = [](const VectorXd& x) { return -0.5e6 * (x[0] - 0.5) * (x[0] - 0.5); };
+  SampleOptions options;
+  int stages = 0;
+  options.progress = [&](double temperature) {
+    EXPECT_LT(temperature, 1.0);
+    return ++stages < 2;
+  };
+  const PosteriorSample s = sample(p, options);
+  EXPECT_EQ(s.summary.termination, Termination::stopped);
+  EXPECT_EQ(s.stages, 2);
+  EXPECT_FALSE(s.summary.usable());
+}
+
 }  // namespace
 }  // namespace identikal

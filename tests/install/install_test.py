@@ -1,0 +1,72 @@
+"""Can another project use what is installed? install_test.py CMAKE BUILD VERSION
+
+Installs into a folder, builds tests/install/consumer against it by find_package, and by pkg-config with the compiler
+alone, and compares with the published estimates of the Nile's level: Durbin & Koopman (2012), section 2.10, more digits
+by other implementations."""
+import os
+import pathlib
+import platform
+import shlex
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+CONSUMER = ROOT / "tests/install/consumer"
+EXPECTED = "q 1469.18\nr 15098.52\nlog-likelihood -632.5456251\n"
+
+
+def run(*command, **options):
+    out = subprocess.run([str(c) for c in command], capture_output=True, text=True, **options)
+    if out.returncode:
+        sys.exit(f"{shlex.join(str(c) for c in command)}: exit code {out.returncode}\n{out.stdout}{out.stderr}")
+    return out.stdout
+
+
+def check_consumer(program, share, version):
+    out = run(program, share / "examples/nile.yaml", share / "data/nile.csv")
+    if out != f"identikal {version}\n{EXPECTED}":
+        sys.exit(f"{program} printed\n{out}instead of version {version} and\n{EXPECTED}")
+
+
+def build_consumers(cmake, prefix, folder, version):
+    """By find_package and by pkg-config; and flags that would crash it are refused."""
+    share = prefix / "share/identikal"
+    run(cmake, "-S", CONSUMER, "-B", folder / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
+    run(cmake, "--build", folder / "build")
+    check_consumer(folder / "build/consumer", share, version)
+
+    flags = run("pkg-config", "--cflags", "--libs", "identikal", env=pc_environment(prefix)).split()
+    plain = folder / "plain"
+    run("g++", "-O1", CONSUMER / "main.cpp", "-o", plain, *flags)
+    check_consumer(plain, share, version)
+    if platform.machine() == "x86_64":
+        wide = subprocess.run(["g++", "-mavx2", "-fsyntax-only", CONSUMER / "main.cpp", *flags], capture_output=True, text=True)
+        if wide.returncode == 0 or "baseline instruction set" not in wide.stderr:
+            sys.exit(f"-mavx2 is not refused: {wide.stderr}")
+
+
+def pc_environment(prefix):
+    folders = ":".join(str(p.parent) for p in prefix.glob("lib/**/identikal.pc"))
+    return {**os.environ, "PKG_CONFIG_PATH": folders}
+
+
+def main():
+    cmake, build, version = sys.argv[1:]
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        prefix = folder / "prefix"
+        run(cmake, "--install", build, "--prefix", prefix)
+        found = run("pkg-config", "--modversion", "identikal", env=pc_environment(prefix)).strip()
+        if found != version or run(prefix / "bin/identikal", "--version") != f"identikal {version}\n":
+            sys.exit(f"not version {version}")
+        for file in [f for f in prefix.rglob("*.cmake")] + [f for f in prefix.rglob("*.pc")]:
+            for path in (ROOT, build, prefix):
+                if str(path) in file.read_text():
+                    sys.exit(f"{file.relative_to(prefix)} names {path}, which is not there on another machine")
+        build_consumers(cmake, prefix, folder, version)
+    print("the installed library builds and runs: find_package, pkg-config")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""Do the Debian packages install, work and leave again? package_test.py CMAKE CPACK BUILD VERSION
+
+Root installs them with dpkg into a folder with a copy of the machine's list of packages, so that their dependencies are
+checked and the machine stays as it is; anybody else unpacks them there."""
+import os
+import pathlib
+import re
+import shutil
+import sys
+import tempfile
+
+from install_test import build_consumers, run
+
+cmake, cpack, build, version = sys.argv[1:]
+
+
+def fields(package):
+    return dict(re.findall(r"^ ?([A-Z][\w-]*): (.*)$", run("dpkg-deb", "-I", package), re.M))
+
+
+def expect(holds, what):
+    if not holds:
+        sys.exit(what)
+
+
+with tempfile.TemporaryDirectory() as name:
+    folder = pathlib.Path(name)
+    run(cpack, "-G", "DEB", "--config", pathlib.Path(build) / "CPackConfig.cmake", "-B", folder / "cpack")
+    architecture = run("dpkg", "--print-architecture").strip()
+    packages = {p: folder / f"cpack/{p}_{version}_{architecture}.deb" for p in ("identikal", "libidentikal-dev")}
+    for package, file in packages.items():
+        control = fields(file)
+        expected = {"Package": package, "Version": version, "Architecture": architecture,
+                    "Section": "science" if package == "identikal" else "libdevel",
+                    "Maintainer": "Identikal developers <developers@identikal.invalid>"}
+        expect(expected.items() <= control.items() and control["Description"], f"{package}: {control}")
+        depends = re.findall(r"([a-z0-9.+-]+)(?: \([^)]*\))?(?:, |$)", control["Depends"])
+        needed = ["libc6", "libnlopt0", "libcholmod3"] if package == "identikal" else ["libeigen3-dev", "libceres-dev"]
+        expect(set(needed) <= set(depends), f"{package} depends on {depends}")
+        names = [line.split()[5] for line in run("dpkg-deb", "-c", file).splitlines()]
+        expect(all(n == "./" or n.startswith("./usr/") for n in names), f"{package}: {names}")
+        expect(f"./usr/share/doc/{package}/copyright" in names, f"{package}: no copyright")
+        wanted = {"identikal": ["bin/identikal", "share/man/man1/identikal.1", "share/bash-completion/completions/identikal",
+                                "share/zsh/vendor-completions/_identikal", "share/fish/vendor_completions.d/identikal.fish",
+                                "share/identikal/examples/nile.yaml", "share/identikal/data/nile.csv", "share/doc/identikal/CHANGELOG.md"],
+                  "libidentikal-dev": ["include/identikal/lib/kalman.h", "include/identikal/lib/version.h", "lib/pkgconfig/identikal.pc",
+                                       "lib/cmake/identikal/identikal-config.cmake", "lib/libidentikal_lib.a"]}[package]
+        missing = [w for w in wanted if f"./usr/{w}" not in names]
+        expect(not missing, f"{package} lacks {missing}")
+        expect(not any("recursion.h" in n or "site-functions" in n for n in names), f"{package}: {names}")
+
+    root = folder / "root"
+    is_root = os.geteuid() == 0
+    if is_root:
+        database = root / "var/lib/dpkg"
+        (database / "updates").mkdir(parents=True)
+        (database / "info").mkdir()
+        shutil.copy("/var/lib/dpkg/status", database)
+        dpkg = ["dpkg", f"--root={root}", "--force-script-chrootless"]
+        run(*dpkg, "-i", *packages.values())
+    else:
+        for file in packages.values():
+            run("dpkg-deb", "-x", file, root)
+    expect(run(root / "usr/bin/identikal", "--version") == f"identikal {version}\n", "not that version")
+    build_consumers(cmake, root / "usr", folder, version)
+    if is_root:
+        run(*dpkg, "--purge", *packages)
+        left = [f for f in root.rglob("*") if not f.is_relative_to(root / "var") and f != root / "var"]
+        expect(not left, f"left behind: {left}")
+print("the packages install, work and leave" if is_root else "the packages unpack and work (installing them takes root)")
