@@ -1188,7 +1188,6 @@ int run(int argc, char** argv) {
       throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
                        fmt::format("one of {}", fmt::join(verbs, ", ")),
                        did_you_mean(argv[1], verbs));
-          did_you_mean(argv[1], verbs));
     }
   }
   try {
