@@ -21,7 +21,9 @@ class Traced {
   FormulaGraph::Id in(FormulaGraph& graph) const;
 
   /// An operation on up to three of them. @throws std::invalid_argument when graphs differ
-  static Traced of(Op op, const Traced& a, const Traced& b = {}, const Traced& c = {});
+  static Traced of(Op op, const Traced& a, const Traced& b, const Traced& c);
+  static Traced of(Op op, const Traced& a, const Traced& b) { return of(op, a, b, {}); }
+  static Traced of(Op op, const Traced& a) { return of(op, a, {}, {}); }
 
  private:
   FormulaGraph* graph_ = nullptr;  // null: a constant
