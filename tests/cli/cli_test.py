@@ -1,5 +1,6 @@
 """The command line as people and programs meet it: exit codes, one clear line per mistake, JSON, nothing half-written."""
 import csv
+import hashlib
 import json
 import math
 import os
@@ -742,6 +743,59 @@ outputs: [{name: y, column: y, unit: mm}]
         self.assertEqual(parameters, {p["name"]: p["start"] for p in again["parameters"]})
         self.assertAlmostEqual(again["objective"]["log_likelihood"], out["objective"]["log_likelihood"], delta=1e-6)
 
+    def test_formulas_with_an_offset(self):
+        """v' = u - k v + 3, u between samples: the constant has a column of B of its own, now and at the next sample."""
+        model = self.folder.write("m.yaml", """identikal: 1
+time: {kind: continuous, step: 0.1 s, inputs: foh}
+parameters:
+  k: {value: 0.8 1/s, min: 0.01}
+states: {v: m/s}
+inputs: {u: {column: u, unit: m/s^2}}
+dynamics: {v: u - k*v + 3}
+outputs: {y: {column: y, unit: km/h, equals: v}}
+noise: {process: {kind: density, sd: {v: 0.1}}, measurement: {sd: {y: 0.5}}}
+initial: stationary
+""")
+        random.seed(5)
+        u = self.folder.write("u.csv", "u\n" + "".join(f"{random.gauss(0, 1):.4f}\n" for _ in range(400)))
+        run("simulate", model, u, "--seed", 4, "-o", self.folder.path, code=0)
+        data = self.folder.path / "simulated.csv"
+        run("fit", model, data, "-o", self.out, code=0)
+        stored = self.stored()
+        f, k = stored["filter"], stored["parameters"][0]["value"]
+        self.assertEqual([("u", "m/s^2"), ("1", ""), ("u of the next sample", "m/s^2"), ("1", "")], [(c["name"], c["unit"]) for c in f["inputs"]])
+        B, decay = f["B"][0], math.exp(-0.1 * k)
+        self.assertAlmostEqual(B[1] + B[3], 3 * (1 - decay) / k, delta=1e-12)
+        self.assertAlmostEqual(B[2], (0.1 - (1 - decay) / k) / k / 0.1, delta=1e-12)
+        self.assertEqual([3 * B[0], 3 * B[2]], [B[1], B[3]])
+        self.assertIn("u (recorded in m/s^2), 1, u of the next sample", self.exported("python"))
+        head, _ = table(run("filter", model, data, "--from", self.out, code=0).stdout)
+        self.assertEqual(["time [s]", "v [m/s]", "v_sd [m/s]"], head)
+        pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
+        self.assertEqual(k, result("check", pasted, data)["parameters"][0]["value"])
+        own = result("validate", self.out, data)
+        self.assertEqual(stored["objective"]["log_likelihood"], own["objective"]["log_likelihood"])
+
+    def test_a_model_that_includes_another(self):
+        text = pathlib.Path(NILE[0]).read_text()
+        level = "  r: {value: 1000, min: 0, role: measurement-noise}\n"
+        self.assertIn(level, text)
+        common = self.folder.write("common.yaml", "parameters:\n" + level)
+        model = self.folder.write("m.yaml", "include: common.yaml\n" + text.replace(level, ""))
+        run("tune", model, NILE[1], "-o", self.out, code=0)
+        included = self.stored()["model_file"]["included"]
+        self.assertEqual([(str(common), hashlib.sha256(pathlib.Path(common).read_bytes()).hexdigest())], [(f["path"], f["sha256"]) for f in included])
+        held = result("validate", self.out, NILE[1])
+        self.assertEqual(self.stored()["objective"]["log_likelihood"], held["objective"]["log_likelihood"])
+        self.assertIn("none in an included one", run("export", self.out, "--to", "yaml", code=2).stderr)
+        self.folder.write("common.yaml", "parameters:\n" + level + "  s: 1\n")
+        self.assertIn("common.yaml, which its model file includes, has changed", run("validate", self.out, NILE[1], code=2).stderr)
+        pathlib.Path(common).unlink()
+        for verb in (("validate", self.out, NILE[1]), ("export", self.out, "--to", "yaml")):
+            self.assertIn("common.yaml, which its model file includes, is no longer there", run(*verb, code=2).stderr)
+        self.assertIn("K_predictor", self.exported("matlab"))
+        run("report", self.out, code=0)
+
     def test_units_and_a_straight_axle(self):
         text = pathlib.Path(LANE_CHANGE[0]).read_text()
         model = self.folder.write("m.yaml", text.replace("curve: linear", "curve: tanh").replace(
@@ -896,6 +950,14 @@ class Validate(unittest.TestCase):
         for arguments, words in ((("--fit", "120%"), "cannot be reached"), (("--fit", "much"), "not a quantity"), (("--robust",), "no meaning")):
             self.assertIn(words, run("validate", self.out, NILE[1], *arguments, code=2).stderr)
         self.assertIn("cannot be read", run("validate", self.folder.path / "none", NILE[1], code=2).stderr)
+        model = self.folder.write("m.yaml", "identikal: 1\ntime: {step: 1 s}\nstates: [x]\ndynamics: {x: 0.9*sin(x)}\noutputs: {y: {column: y, equals: x}}\n"
+                                  "noise: {process: {sd: {x: 1}}, measurement: {sd: {y: 1}}}\ninitial: {mean: {x: 0}, sd: {x: 1}}\n")
+        run("simulate", model, "-n", 50, "-o", self.folder.path, code=0)
+        data = self.folder.path / "simulated.csv"
+        self.assertIn(run("check", model, data, "-o", self.out).returncode, (0, 1))
+        self.assertIsNone(json.loads((self.out / "result.json").read_text())["filter"])
+        for verb in (("validate", self.out), ("filter", model)):
+            self.assertIn(f"'{verb[0]}' takes a linear model, this one is not linear in its states", run(*verb, data, code=2).stderr)
 
 
 class Check(unittest.TestCase):
