@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "lib/constants.h"
 #include "lib/discretise.h"
 #include "lib/kalman.h"
+#include "lib/linear_formulas.h"
 #include "lib/nonlinear_model.h"
 #include "lib/random.h"
 
@@ -37,9 +39,14 @@ const char* name_of(NonlinearMethod method) {
 
 enum class Time { discrete, continuous };
 
-NonlinearModel from_formulas(const Names& states, const Names& inputs, const Names& parameters,
-                             const Names& dynamics, const Names& outputs, Time time,
-                             Derivatives order = Derivatives::second) {
+// A model and, where its formulas are linear, its matrices.
+struct FormulaModel : NonlinearModel {
+  std::optional<LinearModel> matrices;
+};
+
+FormulaModel from_formulas(const Names& states, const Names& inputs, const Names& parameters,
+                           const Names& dynamics, const Names& outputs, Time time,
+                           Derivatives order = Derivatives::second) {
   ModelFormulas formulas;
   formulas.states = static_cast<int>(states.size());
   formulas.inputs = static_cast<int>(inputs.size());
@@ -51,10 +58,10 @@ NonlinearModel from_formulas(const Names& states, const Names& inputs, const Nam
   names.emplace_back("t");
   for (const std::string& f : dynamics) formulas.dynamics.push_back(parse_expression(f, names));
   for (const std::string& h : outputs) formulas.outputs.push_back(parse_expression(h, names));
-  return make_nonlinear_model(formulas, order);
+  return {make_nonlinear_model(formulas, order), linear_model_of(formulas)};
 }
 
-NonlinearModel filtered_pendulum(Derivatives order = Derivatives::second) {
+FormulaModel filtered_pendulum(Derivatives order = Derivatives::second) {
   return from_formulas({"th", "w"}, {"torque"}, {"l", "d", "m"},
                        {"w", "-g/l*sin(th) - d*w + torque/m"}, {"sin(th)"}, Time::continuous,
                        order);
@@ -68,7 +75,7 @@ MatrixXd covariance_of_size(Random& random, Index n, double size) {
 
 // Everything that a likelihood depends on.
 struct Setting {
-  NonlinearModel model;
+  FormulaModel model;
   VectorXd p;
   FilterNoise noise;
   std::vector<FilterDirection> directions;
@@ -122,45 +129,49 @@ struct LinearCounterpart {
   MatrixXd u;
 };
 
-StateSpace counterpart_of(const LinearFormMatrices& form, const FilterNoise& noise) {
-  StateSpace out;
-  const Index nx = form.A.rows(), ny = form.C.rows();
-  out.A = form.A;
-  out.B = form.B;
-  out.C = form.C;
-  out.D = form.D;
-  out.G = MatrixXd::Identity(nx, nx);
-  out.Q = noise.Q;
-  out.R = noise.R;
-  out.S = MatrixXd::Zero(nx, ny);
-  out.x0 = noise.x0;
-  out.P0 = noise.P0;
-  return out;
+// The matrices of the model, as they are written, with this noise.
+StateSpace with_noise(StateSpace matrices, const FilterNoise& noise) {
+  matrices.Q = noise.Q;
+  matrices.R = noise.R;
+  matrices.x0 = noise.x0;
+  matrices.P0 = noise.P0;
+  return matrices;
 }
 
 LinearCounterpart counterpart_of(const Setting& s) {
-  const LinearForm form = linear_form(s.model, s.p);
-  LinearCounterpart out;
-  out.model = counterpart_of(form.value, s.noise);
-  for (const FilterDirection& d : s.directions) {
-    LinearFormMatrices by = form.value;
-    if (d.parameter >= 0) {
-      by = form.by_parameter[static_cast<std::size_t>(d.parameter)];
-    } else {
-      for (MatrixXd* M : {&by.A, &by.B, &by.C, &by.D}) M->setZero();
-    }
-    StateSpace derivative = counterpart_of(by, d.noise);
-    derivative.G.setZero();
-    out.derivatives.push_back(derivative);
+  LinearModel linear = *s.model.matrices;
+  linear.continuous = false;
+  const Index nx = s.model.states, ny = s.model.outputs;
+  linear.G.constant = linear.Q.constant = MatrixXd::Identity(nx, nx);
+  linear.R.constant = MatrixXd::Identity(ny, ny);
+  linear.S.constant = MatrixXd::Zero(nx, ny);
+  ParameterSet parameters;
+  for (const double value : s.p) {
+    parameters.emplace_back();
+    parameters.back().value = MatrixXd::Constant(1, 1, value);
   }
-  const Index N = s.y.cols(), nu = s.inputs.at_sample.rows();
-  out.u = MatrixXd::Ones(nu + (s.model.offset ? 1 : 0), N);
-  out.u.topRows(nu) = s.inputs.at_sample;
+  const std::vector<StateSpace> by_parameter = model_derivatives(linear, parameters);
+  LinearCounterpart out;
+  out.model = with_noise(written_matrices(linear, parameters), s.noise);
+  for (const FilterDirection& d : s.directions) {
+    StateSpace derivative = out.model;
+    if (d.parameter >= 0) {
+      derivative = by_parameter[static_cast<std::size_t>(d.parameter)];
+    } else {
+      for (MatrixXd* M : {&derivative.A, &derivative.B, &derivative.C, &derivative.D}) {
+        M->setZero();
+      }
+    }
+    derivative.G.setZero(nx, nx);
+    derivative.S.setZero(nx, ny);
+    out.derivatives.push_back(with_noise(derivative, d.noise));
+  }
+  out.u = model_inputs(linear, s.inputs.at_sample);
   return out;
 }
 
 void expect_same_as_kalman_filter(Setting& s, const std::string& what) {
-  ASSERT_TRUE(s.model.linear);
+  ASSERT_TRUE(s.model.matrices.has_value());
   const LinearCounterpart linear = counterpart_of(s);
   const FilterResult expected = kalman_filter(linear.model, InitialState::given, s.y, linear.u);
   // As a model that may change it is filtered in full at every sample: log_likelihood() of one that
