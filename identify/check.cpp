@@ -24,9 +24,11 @@ constexpr Index kFewestInnovations = 20;
 
 Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings) {
   if (model.form != ModelFile::Form::linear) {
+    const bool vehicle = model.form == ModelFile::Form::single_track;
     throw InputError({model.path, 0, 0},
-                     "'check' tests a Kalman filter, this model is a vehicle without noise",
-                     "a linear model with Q and R", "'fit' tests the vehicle's residuals itself");
+                     fmt::format("'check' tests a Kalman filter, this model is {}",
+                                 vehicle ? "a vehicle without noise" : "not linear"),
+                     "a linear model with Q and R", "'fit' tests the residuals itself");
   }
   Estimate estimate;
   estimate.model_name = model.name;

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include <Eigen/LU>
 #include <Eigen/QR>
 
 #include "identify/noise_estimate.h"
