@@ -244,14 +244,14 @@ std::vector<NamedMatrix> matrices_of(const Estimate& e) {
   return all;
 }
 
-struct Member {
+struct StructMember {
   std::string name, unit;
   double value;  // SI
   std::string remark;
 };
 
-std::vector<Member> members_of(const Estimate& e) {
-  std::vector<Member> out;
+std::vector<StructMember> members_of(const Estimate& e) {
+  std::vector<StructMember> out;
   for (const EstimatedParameter& p : e.parameters) {
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
     const std::string si = vehicle_unit(p.name);
@@ -298,13 +298,13 @@ std::string c_header(const Estimate& e, const FormatNames& format, const std::st
     out += cpp ? "#include <limits>\n\n" : "#include <math.h>\n\n";
     if (cpp) out += fmt::format("namespace {} {{\n\n", name);
     out += cpp ? "struct Parameters {\n" : "typedef struct {\n";
-    for (const Member& m : members_of(e)) {
+    for (const StructMember& m : members_of(e)) {
       out += fmt::format("  double {};  // {}\n", m.name, m.unit);
     }
     out += cpp ? "};\n\ninline constexpr Parameters estimate = {\n"
                : fmt::format(
                      "}} {0}_parameters;\n\nstatic const {0}_parameters {0}_estimate = {{\n", name);
-    for (const Member& m : members_of(e)) {
+    for (const StructMember& m : members_of(e)) {
       out += fmt::format("    {},  // {} [{}], {}\n", exact(m.value, format), m.name, m.unit,
                          m.remark);
     }
@@ -329,7 +329,7 @@ std::string c_header(const Estimate& e, const FormatNames& format, const std::st
 std::string matlab_script(const Estimate& e, const FormatNames& format) {
   std::string out;
   if (is_vehicle(e)) {
-    for (const Member& m : members_of(e)) {
+    for (const StructMember& m : members_of(e)) {
       out +=
           fmt::format("car.{} = {};  % {}, {}\n", m.name, exact(m.value, format), m.unit, m.remark);
     }
@@ -347,7 +347,7 @@ std::string python_script(const Estimate& e, const FormatNames& format) {
   std::string out;
   if (is_vehicle(e)) {
     out += "car = {\n";
-    for (const Member& m : members_of(e)) {
+    for (const StructMember& m : members_of(e)) {
       out += fmt::format("    \"{}\": {},  # {}, {}\n", m.name, exact(m.value, format), m.unit,
                          m.remark);
     }

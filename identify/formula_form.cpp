@@ -123,6 +123,7 @@ class FormulaReader {
     if (out_.form == ModelFile::Form::nonlinear) out_.linear.continuous = false;
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
     read_initial(root_, physical, parameters_, out_.linear);
+    refuse_what_only_linear_models_have();
     read_use_when();
     refuse_unused(parameters_);
     check_start();
@@ -307,7 +308,7 @@ class FormulaReader {
     out_.formulas.use_when = condition;
   }
 
-  void check_start() {
+  void refuse_what_only_linear_models_have() const {
     if (out_.form == ModelFile::Form::nonlinear) {
       if (out_.linear.initial != InitialState::given) {
         throw InputError(find(root_, "initial")->at, "a nonlinear model has no such start",
@@ -317,6 +318,9 @@ class FormulaReader {
         throw InputError(find(root_, "S")->at, "S belongs to linear models", "no S");
       }
     }
+  }
+
+  void check_start() {
     const std::optional<ModelFault> fault = fault_at(out_.linear, parameters_.set);
     if (!fault) return;
     const YamlNode* node = find(root_, fault->key);

@@ -150,6 +150,24 @@ constexpr Structure kStructures[] = {{"full", Domain::positive_definite},
                                      {"diagonal", Domain::diagonal},
                                      {"scaled-identity", Domain::scaled_identity}};
 
+// Are entries (i, j) and (j, i) the same number or sum of multiples of parameters?
+bool same_multiples(const ParametrisedMatrix& matrix, Eigen::Index i, Eigen::Index j) {
+  if (matrix.constant(i, j) != matrix.constant(j, i)) return false;
+  std::map<int, double> difference;
+  const auto is = [](const auto& e, Eigen::Index row, Eigen::Index col) {
+    return e.row == row && e.col == col;
+  };
+  for (const ParametrisedMatrix::Entry& e : matrix.entries) {
+    if (is(e, i, j)) difference[e.parameter] += e.factor;
+    if (is(e, j, i)) difference[e.parameter] -= e.factor;
+  }
+  for (const ParametrisedMatrix::Formula& f : matrix.formulas) {
+    if (is(f, i, j) || is(f, j, i)) return false;
+  }
+  return std::all_of(difference.begin(), difference.end(),
+                     [](const auto& each) { return each.second == 0.0; });
+}
+
 // Throws where a covariance is not symmetric or a variance is negative; bounds parameters that are
 // variances.
 void check_covariance(const Grid& grid, const Entries& entries, const std::string& name,
@@ -162,7 +180,7 @@ void check_covariance(const Grid& grid, const Entries& entries, const std::strin
       return entries.nodes[static_cast<std::size_t>(r * size + c)];
     };
     for (Eigen::Index j = 0; j < i; ++j) {
-      if (node(i, j) == node(j, i)) continue;
+      if (node(i, j) == node(j, i) || same_multiples(matrix, i, j)) continue;
       throw InputError(row[static_cast<std::size_t>(j)]->at,
                        fmt::format("{} is not symmetric in row {}, column {}", name, i + 1, j + 1));
     }

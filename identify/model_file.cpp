@@ -295,31 +295,30 @@ void read_vehicle(const YamlNode& root, ModelFile& out) {
 
 // Throws at the first key that models of this form do not have.
 void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
-  const auto refuse = [&root](const std::vector<std::string>& keys, const char* verb,
-                              const char* model) {
+  const auto refuse = [&root](const std::vector<std::string>& keys, const char* what) {
     for (const std::string& key : keys) {
       if (find(root, key) == nullptr) continue;
       const auto at = std::find_if(root.keys.begin(), root.keys.end(),
                                    [&](const YamlNode& k) { return k.text == key; });
-      throw InputError(at->at, fmt::format("'{}' {} model: {}", key, verb, model));
+      throw InputError(at->at, fmt::format("'{}' {}", key, what));
     }
   };
   if (form == ModelFile::Form::linear) {
-    refuse(kVehicleKeys, "belongs to", "single-track");
-    refuse(kRegressionKeys, "belongs to", "regression");
+    refuse(kVehicleKeys, "belongs to model: single-track");
+    refuse(kRegressionKeys, "belongs to model: regression");
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
-      refuse({"A", "B", "C", "D"}, "does not belong to", "formulas");
+      refuse({"A", "B", "C", "D"}, "stands beside formulas, which say the same");
     } else {
-      refuse({"let", "use_when"}, "belongs to", "formulas");
+      refuse({"let", "use_when"}, "belongs to a model with dynamics");
     }
   } else if (form == ModelFile::Form::single_track) {
-    refuse(kLinearKeys, "does not belong to", "single-track");
-    refuse(kFormulaKeys, "does not belong to", "single-track");
+    refuse(kLinearKeys, "does not belong to model: single-track");
+    refuse(kFormulaKeys, "does not belong to model: single-track");
   } else {
-    refuse(kLinearKeys, "does not belong to", "regression");
-    refuse(kVehicleKeys, "does not belong to", "regression");
-    refuse(kFormulaKeys, "does not belong to", "regression");
-    refuse({"parameters", "noise", "use_when"}, "does not belong to", "regression");
+    refuse(kLinearKeys, "does not belong to model: regression");
+    refuse(kVehicleKeys, "does not belong to model: regression");
+    refuse(kFormulaKeys, "does not belong to model: regression");
+    refuse({"parameters", "noise", "use_when"}, "does not belong to model: regression");
   }
 }
 

@@ -88,6 +88,7 @@ Estimate fit_own_filter(const ParameterSet& parameters, const OwnFilter& filter,
   const LikelihoodProblem problem = runs.problem();
   SolverOptions solver;
   solver.max_iterations = options.max_iterations;
+  solver.decrement_tolerance = 1e-13;
   solver.progress = options.progress;
   const Solution found = maximise(problem, start, solver);
   if (found.summary.termination == Termination::start_undefined) {

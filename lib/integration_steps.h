@@ -18,6 +18,7 @@ struct StepTolerance {
   int most = 1024;  ///< steps between two samples
 };
 
+/// How the choice ended.
 enum class StepStatus {
   ok,
   capped,      ///< somewhere as many steps as are allowed do not reach the tolerance

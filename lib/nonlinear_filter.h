@@ -29,6 +29,7 @@ struct FilterDirection {
   FilterNoise noise;            ///< d(noise)/d(direction), symmetric
 };
 
+/// How means and covariances go through what is not linear.
 enum class NonlinearMethod {
   extended,  ///< f and h straight at the mean (Jazwinski 1970, section 8.3)
   iterated,  ///< h straight at the mean of what is known after the measurement (Bell & Cathey 1993)

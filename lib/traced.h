@@ -51,6 +51,7 @@ inline Traced operator>=(const Traced& a, const Traced& b) {
 inline Traced where(const Traced& condition, const Traced& then, const Traced& otherwise) {
   return Traced::of(Op::choose, condition, then, otherwise);
 }
+/// The same where the function runs on numbers.
 inline double where(bool condition, double then, double otherwise) {
   return condition ? then : otherwise;
 }
@@ -87,9 +88,10 @@ TracedArguments traced_arguments(FormulaNodes& nodes);
 
 /// The formulas of a function object with
 ///
-///   template <typename T> void dynamics(const T* x, const T* u, const T* p, T t, T* f) const;
-///   template <typename T> void outputs(const T* x, const T* u, const T* p, T t, T* y) const;
+///   void dynamics(const T* x, const T* u, const T* p, T t, T* f) const;
+///   void outputs(const T* x, const T* u, const T* p, T t, T* y) const;
 ///
+/// templates of the type T,
 /// f the rates of change of x, or in discrete time the next x. They are called once, with
 /// T = Traced; written for any T, they run on double as well.
 template <typename Function>

@@ -163,8 +163,8 @@ struct FormulaMistake {
   const char* expected;  // line:column: message
 };
 constexpr FormulaMistake kMistakes[] = {
-    {"sin(phi)", "sin(fi)", "16:13: unknown name 'fi'; expected a name that the model declares"},
-    {"sin(phi)", "sinus(phi)", "16:9: unknown function 'sinus'"},
+    {"sin(phi)", "sin(fi)", "16:15: unknown name 'fi'; expected a name that the model declares"},
+    {"sin(phi)", "sinus(phi)", "16:11: unknown function 'sinus'"},
     {"- d*w", "- d*phi", "16:20: "},
     {"phi: w\n", "phi: phi\n", "15:8: "},
     {"J: m*l^2", "J: m + l", "13:8: "},
@@ -173,22 +173,23 @@ constexpr FormulaMistake kMistakes[] = {
      "is on line 5, column 3"},
     {"m: 0.5 kg", "sin: 0.5 kg", "7:3: a parameter name is 'sin', a word of formulas"},
     {"m: 0.5 kg", "t: 0.5 kg", "7:3: a parameter is 't', the time; expected another name"},
-    {"w: rad/s}", "w: rad/x}", "10:21: state 'w' has the unknown unit 'rad/x'"},
-    {"equals: phi", "equals: w", "17:57: "},
+    {"w: rad/s}", "w: rad/x}", "10:23: state 'w' has the unknown unit 'rad/x'"},
+    {"equals: phi", "equals: w",
+     "17:53: the formula is a rate (1/s); expected a number (no dimension)"},
     {", equals: phi", "", "17:18: output 'angle' is no state; expected equals: formula"},
-    {"phi: w\n", "", "15:3: dynamics of state 'phi' are missing"},
-    {"angle: 0.5 deg", "angle: 0.5 m", "18:76: the standard deviation of 'angle' is '0.5 m'"},
+    {"phi: w\n", "", "15:5: dynamics of state 'phi' are missing"},
+    {"angle: 0.5 deg", "angle: 0.5 m", "18:73: the standard deviation of 'angle' is '0.5 m'"},
     {"angle: 0.5 deg", "angle: -1 deg",
-     "18:76: the standard deviation of 'angle' '-1 deg' is "
+     "18:73: the standard deviation of 'angle' '-1 deg' is "
      "negative"},
     {"kind: density, ", "", "18:18: 'kind' is missing in process"},
-    {"w: w0}", "w: l}", "19:35: "},
+    {"w: w0}", "w: l}", "19:34: the formula is a length (m); expected a rate (1/s)"},
     {"mean: {phi: 20 deg, w: w0}", "mean: {phi: 20 deg}", "19:17: mean of 'w' is missing"},
     {"{mean: {phi: 20 deg, w: w0}, sd: {phi: 5 deg}}", "diffuse",
      "19:10: a nonlinear model has no such start"},
     {"torque < 3", "phi < 3", "20:12: 'phi' is no input"},
     {"torque < 3", "torque", "20:12: a number where a condition belongs"},
-    {"use_when: \"torque < 3\"", "A: [[1]]", "20:1: 'A' does not belong to model: formulas"},
+    {"use_when: \"torque < 3\"", "A: [[1]]", "20:1: 'A' stands beside formulas"},
     {"- d*w + torque/J", "+ torque/J", "6:3: parameter 'd' is not used anywhere"},
 };
 

@@ -52,8 +52,8 @@ outputs: {r: {column: 3, unit: deg/s}, vy: {column: vy}}
 )";
 
 const std::string kTopKeys =
-    "identikal, name, model, time, parameters, inputs, outputs, noise, A, B, C, D, G, Q, R, S, "
-    "initial, sensors, tyre, use_when, regression";
+    "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, A, B, C, D, G, Q, "
+    "R, S, initial, sensors, tyre, regression, states, let, dynamics";
 const std::string kVehicleKeys =
     "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, bias_r, "
     "bias_vy, bias_ay, mounting_angle, bank, relaxation_length, cg_height, load_sensitivity";
@@ -475,8 +475,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"name: demo", "model: single-trak",
      "2:8: model is 'single-trak'; expected one of single-track, regression; did you mean "
      "'single-track'?"},
-    {"name: demo", "states: {vy: m/s}", "2:1: 'states' is not available yet; known: {top}"},
-    {"name: demo", "dynamics: {x: y}", "2:1: 'dynamics' is not available yet; known: {top}"},
+    {"name: demo", "states: {vy: m/s}", "7:1: 'A' stands beside formulas, which say the same"},
+    {"name: demo", "dynamics: {x: y}", "7:1: 'A' stands beside formulas, which say the same"},
     {"name: demo", "tyre: {curve: linear}", "2:1: 'tyre' belongs to model: single-track"},
     {"name: demo", "name: \"a\\nb\"",
      "2:7: 'a?b' holds a line break or a control character; expected text on one line"},
@@ -574,7 +574,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"{value: 2, min: 0}", "{value: [2]}",
      "5:14: parameter 'q' is a list; expected a single value"},
     {"  r: 3", "  2r: 3",
-     "6:3: parameter name '2r'; expected letters, digits and '_', beginning with a letter"},
+     "6:3: a parameter name is '2r'; expected letters, digits and '_', beginning with a letter"},
     {"  r: 3", "  r: -3", "6:6: parameter 'r' is a variance in R and its value is negative"},
     {"  r: 3", "  r: 3\n  s: 4", "7:3: parameter 's' is not used anywhere"},
     {"  r: 3", "  r: 3\n  r: 4", "7:3: key 'r' is given twice; the first is on line 6"},
@@ -582,7 +582,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"parameters:\n  q: {value: 2, min: 0}\n  r: 3\n", "parameters: 3\n",
      "4:13: parameters is '3'; expected a mapping of 'key: value'"},
     {"parameters:\n  q: {value: 2, min: 0}\n  r: 3\n", "",
-     "6:6: unknown parameter 'q' in Q; expected a number or a name from 'parameters'"},
+     "6:6: unknown name 'q'; expected a name that the model declares; did you mean 'g'?"},
     {"A: [[0.9, 0.1], [0, 0.5]]\n", "",
      "1:1: 'A' is missing in the model file; expected A: a list of rows, states x states"},
     {"[0, 0.5]]", "[0]]", "7:17: row 2 of A has length 1; expected 2, as in row 1"},
@@ -599,36 +599,15 @@ constexpr Mistake kLinearMistakes[] = {
     {"[[0.9, 0.1], [0, 0.5]]", "[[0.9, 0.1], 3]",
      "7:4: A is not a matrix; expected a list of rows such as [[1, 0], [0, 1]]"},
     {"0.1]", "stiffness]",
-     "7:11: unknown parameter 'stiffness' in A; expected a number or a name from 'parameters'"},
+     "7:11: unknown name 'stiffness'; expected a name that the model declares"},
     {"0.1]", "qq]",
-     "7:11: unknown parameter 'qq' in A; expected a number or a name from 'parameters'; did you "
-     "mean 'q'?"},
-    {"0.1]", "q*r]",
-     "7:11: an entry of A is 'q*r'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", "q+1/2]",
-     "7:11: an entry of A is 'q+1/2'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", "2*q*3]",
-     "7:11: an entry of A is '2*q*3'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", "sin(q)]",
-     "7:11: an entry of A is 'sin(q)'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", "--q]",
-     "7:11: an entry of A is '--q'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", "q +]",
-     "7:11: an entry of A is 'q +'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", ".inf]",
-     "7:11: an entry of A is '.inf'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
-    {"0.1]", "nan]",
-     "7:11: unknown parameter 'nan' in A; expected a number or a name from 'parameters'"},
+     "7:11: unknown name 'qq'; expected a name that the model declares; did you mean 'q'?"},
+    {"0.1]", "q +]", "7:14: the formula ends; expected a number, a name, a function or '('"},
+    {"0.1]", ".inf]", "7:11: '.'; expected a number, a name, a function or '('"},
+    {"0.1]", "nan]", "7:11: unknown name 'nan'; expected a name that the model declares"},
     {"0.1]", "1 kg]",
-     "7:11: an entry of A is '1 kg'; expected a number, a parameter name, or a sum of such with "
-     "factors: 2*q1 + q2; other expressions are not available yet"},
+     "7:13: 'kg'; expected an operator such as '+', or the end; a product needs '*'; numbers carry "
+     "no units"},
     {"step: 0.5 s", "step: 0.5 s, inputs: foh",
      "3:45: a discrete-time model knows nothing between samples; expected no 'inputs' here, or "
      "kind: continuous"},
@@ -740,8 +719,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"R: [[r]]", "R: [[r]]\ninitial: {mean: [0, 0], covariance: [[1]]}",
      "11:37: covariance is 1 x 1; expected 2 x 2 (states x states)"},
     {"R: [[r]]", "R: [[r]]\ninitial: {mean: [0, x], covariance: [[1]]}",
-     "11:21: unknown parameter 'x' in mean; expected a number or a name from 'parameters'; did you "
-     "mean 'q'?"},
+     "11:21: unknown name 'x'; expected a name that the model declares; did you mean 'q'?"},
     {"R: [[r]]", "R: [[r]]\ninitial: {mean: [0, 0], sd: [1, 1], covariance: [[1, 0], [0, 1]]}",
      "11:10: initial needs one of 'sd' and 'covariance'; expected initial: {mean: [...], sd: "
      "[...]}"},
@@ -766,7 +744,9 @@ constexpr Mistake kLinearMistakes[] = {
     {"column: level", "column: level, unit: m/ss",
      "11:42: 'y' has the unknown unit 'm/ss'; did you mean 'm/s'?"},
     {"column: level", "column: level, equals: r",
-     "11:36: 'equals' is not available yet; known: name, column, unit, scale, offset, delay"},
+     "11:36: unknown key 'equals' in entry 1 of outputs; expected one of name, column, unit, "
+     "scale, "
+     "offset, delay"},
     {"[{name: y, column: level}]", "[{name: y, column: a}, {name: y, column: b}]",
      "11:40: outputs names 'y' twice"},
     {"outputs: [{name: y, column: level}]", "outputs: {y: level}",
@@ -779,8 +759,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"[{name: y, column: level}]", "[{name: &a y, column: *a}]",
      "11:32: YAML aliases ('*name') are not supported; expected the value itself"},
     {"R: [[r]]", "R: {structure: full}\ninitial: {mean: [r, R], sd: [1, 1]}",
-     "11:21: unknown parameter 'R' in mean; expected a number or a name from 'parameters'; did you "
-     "mean 'r'?"},
+     "11:21: unknown name 'R'; expected a name that the model declares; did you mean 'r'?"},
 };
 
 constexpr Mistake kVehicleMistakes[] = {
