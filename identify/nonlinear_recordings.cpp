@@ -58,10 +58,10 @@ InputNodes integration_nodes(const ModelFile& model, const Dataset& recording) {
         recording.time, recording.u, settings.inputs,
         settings.continuous ? settings.longest_step : std::numeric_limits<double>::infinity());
   }
-  const IntegrationSteps chosen = integration_steps(
-      settings.model, formula_parameters(model, model.parameters),
-      written_matrices(model.linear, model.parameters).x0, recording.time, recording.u,
-      settings.inputs);
+  const IntegrationSteps chosen =
+      integration_steps(settings.model, formula_parameters(model, model.parameters),
+                        written_matrices(model.linear, model.parameters).x0, recording.time,
+                        recording.u, settings.inputs);
   if (chosen.status != StepStatus::ok) {
     throw InputError({model.path, 0, 0},
                      fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
