@@ -55,10 +55,10 @@ bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivati
 
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
   if (!set_system(at, with_gradient && !nonlinear_)) return nullptr;
-  const Likelihood& result =
-      nonlinear_ ? nonlinear_->evaluate(at, with_gradient)
-                 : engine_.evaluate(system_, model_.linear.initial,
-                                    with_gradient ? derivatives_ : none_, path_);
+  const Likelihood& result = nonlinear_
+                                 ? nonlinear_->evaluate(at, with_gradient)
+                                 : engine_.evaluate(system_, model_.linear.initial,
+                                                    with_gradient ? derivatives_ : none_, path_);
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
 
