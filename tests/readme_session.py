@@ -1,26 +1,63 @@
-"""The sessions in README.md are what the tool prints today. With --write they are copied from it anew."""
+"""The sessions in README.md and docs/ are what the tool prints today. With --write they are copied from it anew.
+
+A line `    $ command` of a page is run by the shell, in a scratch folder of that page where build, data and examples lie beside what its commands
+have written before; the indented lines below are what it prints, errors included. A command goes on behind a backslash, and to the END of <<END.
+"""
+import difflib
 import pathlib
-import re
 import subprocess
 import sys
+import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-README = ROOT / "README.md"
-program = sys.argv[1]
+PROMPT = "    $ "
 
 
-def session(match):
-    words = match.group(1).split()
-    printed = subprocess.run([program, *words], capture_output=True, text=True, cwd=ROOT).stdout
-    indented = "".join(("    " + line).rstrip() + "\n" for line in printed.rstrip("\n").split("\n"))
-    return f"    $ build/identikal {match.group(1)}\n{indented}"
+def printed(command, folder):
+    run = subprocess.run(["bash", "-c", command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+                         text=True, cwd=folder)
+    return [("    " + line).rstrip() for line in run.stdout.rstrip("\n").split("\n")] if run.stdout else []
 
 
-text = README.read_text()
-now = re.sub(r"    \$ build/identikal (.*)\n(?:(?:    .*)?\n)*?(?=\n\S)", session, text)
-if "--write" in sys.argv:
-    README.write_text(now)
-elif now != text:
-    import difflib
-    sys.stdout.writelines(difflib.unified_diff(text.splitlines(True), now.splitlines(True), "README.md", "printed now"))
-    sys.exit(1)
+def rerun(lines, folder):
+    out, at = [], 0
+    while at < len(lines):
+        line = lines[at]
+        at += 1
+        out.append(line)
+        if not line.startswith(PROMPT):
+            continue
+        command = [line[len(PROMPT):]]
+        while command[-1].endswith("\\") or ("<<END" in command[0] and command[-1] != "END"):
+            out.append(lines[at])
+            command.append(lines[at][4:])
+            at += 1
+        end = at
+        while end < len(lines) and not lines[end].startswith(PROMPT) and (not lines[end] or lines[end].startswith("    ")):
+            end += 1
+        out += printed("\n".join(command), folder)
+        if end > at and not lines[end - 1]:
+            out.append("")
+        at = end
+    return out
+
+
+def page_now(page, program):
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        for entry, target in {"build": program.parent, "data": ROOT / "data", "examples": ROOT / "examples"}.items():
+            (folder / entry).symlink_to(target)
+        return "\n".join(rerun(page.read_text().split("\n"), folder))
+
+
+program = pathlib.Path(sys.argv[1]).resolve()
+changed = False
+for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+    text = page.read_text()
+    now = page_now(page, program)
+    if "--write" in sys.argv:
+        page.write_text(now)
+    elif now != text:
+        changed = True
+        sys.stdout.writelines(difflib.unified_diff(text.splitlines(True), now.splitlines(True), str(page.relative_to(ROOT)), "printed now"))
+sys.exit(changed)
