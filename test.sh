@@ -28,4 +28,6 @@ slow_here='PathsAgree|GapsSplitTheRecording|CompressedInformationIs|FullCovarian
 slow_here+='|ConstantGainEquals|ConstantNoiseGives|SaysWhatOnlyThePrior|FalseAlarm|BoundsOfFigure15|RaceCar'
 slow_here+='|NoiseTrack.DiffuseStart|Shape.FindsThePublishedFilter|Shape.PolesOnTheUnitCircle|Shape.TheOutputsUnit'
 slow_here+='|PushedCar|OutliersAndGaps|MistakesPutIntoRealRecordings|TanhTyreComesBack|ErrorsAreHonest|RobustCostShrugs'
+slow_here+='|Smoother.IntervalEquals|Smoother.LagEquals|Smoother.DiffuseStart|NonlinearFilter.GradientAndInformation'
+slow_here+='|StaysDefiniteOverAMillion|ResetFindsASuddenChange|PortmanteauHasItsExactMean'
 ctest --test-dir build-dev --output-on-failure -j "$(nproc)" -LE 'slow|release' -E "$slow_here"
