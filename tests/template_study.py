@@ -52,5 +52,5 @@ for name in ["pendulum", "battery"]:
         good = abs(bias) <= 1 / 3 and 0.90 <= covered <= 0.98
         failed = failed or not good
         print(f"  {parameter:3} bias {bias:+.2f} sd, sd/se {sd / (sum(se) / len(se)):.2f}, covered {100 * covered:.0f} %"
-              f"{'' if good else '  <- outside'}")
+              f"{'' if good else '  <- outside'}", flush=True)
 sys.exit(failed)

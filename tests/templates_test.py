@@ -89,4 +89,5 @@ def main():
     sys.exit(1 if failed or len(names) < 13 and len(sys.argv) < 3 else 0)
 
 
-main()
+if __name__ == "__main__":
+    main()
