@@ -1,7 +1,9 @@
 #include "identify/formula_form.h"
 
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -9,7 +11,10 @@
 #include <unistd.h>
 
 #include "identify/model_file.h"
+#include "identify/recordings_likelihood.h"
 #include "identify/row_selection.h"
+#include "lib/random.h"
+#include "lib/realisation.h"
 
 namespace identikal {
 namespace {
@@ -121,6 +126,29 @@ TEST_F(FormulaForm, System7AsFormulasIsTheSameLinearModel) {
   EXPECT_EQ(s.Q.diagonal(), Eigen::Vector3d(10, 3, 7));
   EXPECT_EQ(s.B.cols(), 0);
   EXPECT_TRUE(is_linear_in_parameters(model.linear, model.parameters));
+}
+
+TEST_F(FormulaForm, System7AsFormulasTakesTheCompressedPath) {
+  const ModelFile model = read(kSystem7);
+  Random random(7);
+  Dataset data;
+  data.name = "system7";
+  data.dt = 1.0;
+  data.time = Eigen::VectorXd::LinSpaced(3000, 0.0, 2999.0);
+  data.u.resize(0, 3000);
+  data.y = realisation(instantiate(model.linear, model.parameters), InitialState::stationary,
+                       MatrixXd(), 3000, random);
+  const std::vector<Dataset> recordings{data};
+  RecordingsLikelihood formulas(model, recordings);
+  const Likelihood* found = formulas.evaluate(model.parameters, true);
+  ASSERT_NE(found, nullptr);
+  EXPECT_EQ(formulas.path_taken().path, Path::compressed);
+  RecordingsLikelihood direct(model, recordings, Path::direct);
+  const Likelihood* expected = direct.evaluate(model.parameters, true);
+  std::printf("System 7 as formulas: path %s, log-likelihood %.10g, %.1e from the direct path\n",
+              to_string(formulas.path_taken().path), found->value,
+              found->value / expected->value - 1.0);
+  EXPECT_NEAR(found->value / expected->value, 1.0, 1e-9);
 }
 
 TEST_F(FormulaForm, AThermalNetworkIsLinearWithAnOffset) {
