@@ -30,7 +30,6 @@ int main() {
   using Eigen::MatrixXd;
   ModelFile model;
   model.form = ModelFile::Form::nonlinear;
-  model.formulas.continuous = true;
   model.formulas.model = make_nonlinear_model(trace(Pendulum(), {2, 1, 4, 1}), Derivatives::second);
   const std::pair<const char*, double> values[] = {
       {"length", 0.8}, {"friction", 0.3}, {"q", 0.02}, {"r", 1e-4}};

@@ -122,8 +122,8 @@ std::string what_was_done(const FilterRunOptions& options) {
 
 }  // namespace
 
-FilterRun run_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
-                     const FilterRunOptions& options) {
+FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                            const FilterRunOptions& options) {
   if (model.form != ModelFile::Form::linear) {
     throw std::invalid_argument("run_filter: " + model.path + " is no linear model");
   }

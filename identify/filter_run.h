@@ -30,8 +30,8 @@ struct FilterRun {
 /// @param model  of the form linear
 /// @throws InputError for an input with gaps, and where the filter cannot run;
 ///   std::invalid_argument for a model of another form
-FilterRun run_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
-                     const FilterRunOptions& options);
+FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                            const FilterRunOptions& options);
 
 /// Time as recorded [s], and of every state its value and standard deviation. States that formulas
 /// name are called and measured so; else a state that an output shows as it is has that output's

@@ -146,7 +146,6 @@ class FormulaReader {
     const YamlNode& kind = required(time, "kind", "time", "kind: continuous, or kind: discrete");
     formulas_.continuous = text_of(kind, "kind") == "continuous";
     FormulaSettings& settings = out_.formulas;
-    settings.continuous = formulas_.continuous;
     const auto only_continuous = [&](const YamlNode& node) {
       if (formulas_.continuous) return;
       throw InputError(node.at, "a discrete-time model knows nothing between samples",

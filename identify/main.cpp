@@ -179,7 +179,7 @@ std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& 
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
     const bool as_recorded =
         model.form == ModelFile::Form::single_track ||
-        (model.form == ModelFile::Form::nonlinear && model.formulas.continuous);
+        (model.form == ModelFile::Form::nonlinear && model.formulas.model.continuous);
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;
       data = on_uniform_raster(data, step);
@@ -519,7 +519,7 @@ int run_filter(const Arguments& args) {
   FilterRunOptions options;
   if (args.smooth) options.lag.reset();
   if (args.lag >= 0) options.lag = args.lag;
-  FilterRun run = run_filter(model, recordings.data, options);
+  FilterRun run = filter_recordings(model, recordings.data, options);
   if (args.output.empty() && !args.json) {
     write_states_csv(std::cout, model, recordings.data, run);
     std::cout << std::flush;

@@ -54,7 +54,6 @@ struct StateName {
 
 /// How the formulas of a model file are used.
 struct FormulaSettings {
-  bool continuous = false;
   InputPath inputs = InputPath::constant;
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs

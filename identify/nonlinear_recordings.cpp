@@ -53,10 +53,10 @@ NonlinearFilterOptions filter_options(const ModelFile& model) {
 
 InputNodes integration_nodes(const ModelFile& model, const Dataset& recording) {
   const FormulaSettings& settings = model.formulas;
-  if (!settings.continuous || settings.longest_step > 0.0) {
-    return input_nodes(
-        recording.time, recording.u, settings.inputs,
-        settings.continuous ? settings.longest_step : std::numeric_limits<double>::infinity());
+  if (!settings.model.continuous || settings.longest_step > 0.0) {
+    return input_nodes(recording.time, recording.u, settings.inputs,
+                       settings.model.continuous ? settings.longest_step
+                                                 : std::numeric_limits<double>::infinity());
   }
   const IntegrationSteps chosen =
       integration_steps(settings.model, formula_parameters(model, model.parameters),

@@ -229,7 +229,7 @@ Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* 
     throw InputError({inputs->name, 0, 0}, "an input is missing in some row",
                      "every input in every row", "select rows with --range");
   }
-  const int pieces = model.formulas.continuous ? 10 : 1;
+  const int pieces = model.formulas.model.continuous ? 10 : 1;
   const Dataset fine = refined(recording, model.formulas.inputs, pieces);
   Random random(seed);
   NonlinearRealisation found;
