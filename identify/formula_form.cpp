@@ -275,8 +275,10 @@ class FormulaReader {
       return;
     }
     out_.form = ModelFile::Form::nonlinear;
+    std::vector<bool> known;
+    for (const Parameter& p : parameters_.set) known.push_back(p.fixed);
     settings.model = in_formula(*find(root_, "dynamics"), [&] {
-      return make_nonlinear_model(formulas_, Derivatives::second);
+      return make_nonlinear_model(formulas_, Derivatives::second, known);
     });
     // Noise and start alone; their sizes follow from these.
     out_.linear.continuous = formulas_.continuous;

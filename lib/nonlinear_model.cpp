@@ -24,11 +24,6 @@ std::vector<int> consecutive(int first, int count) {
   return out;
 }
 
-std::vector<int> symbols_of_both(std::vector<int> a, const std::vector<int>& b) {
-  a.insert(a.end(), b.begin(), b.end());
-  return a;
-}
-
 std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
                                          const std::vector<int>& by) {
   std::vector<std::vector<Id>> out;
@@ -89,89 +84,123 @@ struct Stage {
 constexpr Stage kStages[] = {
     {0.0, 1.0 / 6.0, 0}, {0.5, 1.0 / 3.0, 1}, {0.5, 1.0 / 3.0, 1}, {1.0, 1.0 / 6.0, 2}};
 
-// f at a state, into rate.x, J and, second order, H.
+// What moves with the state, and where it stands in a vector of ModelMemory. Derivatives are taken
+// by [x; p] at the step's begin, in nx + model.columns columns; curvature row i + nx j is that of
+// d x_i / d x_j, row i + nx j of what belongs to Gramians that of entry (i, j).
+class MotionParts {
+ public:
+  MotionParts(const NonlinearModel& model, Derivatives order, Index gramians)
+      : nx_(model.states),
+        columns_(nx_ + model.columns),
+        gramians_(gramians),
+        curvatures_(order == Derivatives::second ? nx_ * nx_ : 0) {}
+  using Rows = Eigen::Map<ModelMemory::Rows>;
+  Rows slopes(Eigen::VectorXd& motion) const { return {motion.data() + nx_, nx_, columns_}; }
+  Rows curvature(Eigen::VectorXd& motion) const {
+    return {motion.data() + nx_ + nx_ * columns_, curvatures_, columns_};
+  }
+  Rows gramians(Eigen::VectorXd& motion) const {
+    return {motion.data() + nx_ + (nx_ + curvatures_) * columns_, nx_ * nx_, gramians_};
+  }
+  Rows gramian_slopes(Eigen::VectorXd& motion) const {
+    const Index before = nx_ + (nx_ + curvatures_) * columns_ + nx_ * nx_ * gramians_;
+    return {motion.data() + before, gramians_ > 0 ? curvatures_ : 0, columns_};
+  }
+  Index size() const {
+    const Index of_gramians = nx_ * nx_ * gramians_ + (gramians_ > 0 ? curvatures_ * columns_ : 0);
+    return nx_ + (nx_ + curvatures_) * columns_ + of_gramians;
+  }
+
+ private:
+  Index nx_, columns_, gramians_, curvatures_;
+};
+
+// f at the stage, into the rate of x, J and, second order, H.
 void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
                     const double* u, double time) {
+  const Index nx = model.states;
+  const std::span<double> rate(m.rate.data(), static_cast<std::size_t>(nx));
   if (order == Derivatives::first) {
     write_point(model, m.rate_slopes, x, u, time);
-    evaluate_jacobian(model.rate_slopes, m.rate_slopes, span_of(m.rate.x), span_of(m.J));
+    evaluate_jacobian(model.rate_slopes, m.rate_slopes, rate, span_of(m.J));
     return;
   }
   write_point(model, m.rate_curvature, x, u, time);
   evaluate_values(model.rate_curvature, m.rate_curvature, span_of(m.values));
-  m.rate.x = m.values.head(m.rate.x.size());
-  std::copy_n(m.values.data() + m.rate.x.size(), m.J.size(), m.J.data());
-  std::copy_n(m.values.data() + m.rate.x.size() + m.J.size(), m.H.size(), m.H.data());
+  std::copy_n(m.values.data(), nx, m.rate.data());
+  std::copy_n(m.values.data() + nx, m.J.size(), m.J.data());
+  std::copy_n(m.values.data() + nx + m.J.size(), m.H.size(), m.H.data());
+}
+
+// out = by [inner; 0 I]: derivatives by the step's begin of what has derivatives `by` at a state
+// that itself has the derivatives `inner`. Plain loops over two states at a time: Eigen's are slow
+// on a few columns.
+template <class Inner, class Out>
+void chain(const ModelMemory::Rows& by, const Inner& inner, Out&& out) {
+  const Index nx = inner.rows(), columns = by.cols();
+  for (Index i = 0; i < by.rows(); ++i) {
+    const double* const slope = by.data() + columns * i;
+    double* __restrict const row = out.data() + columns * i;
+    const double* from = inner.data();
+    Index j = nx % 2;
+    for (Index c = 0; c < columns; ++c) row[c] = j == 0 ? 0.0 : slope[0] * from[c];
+    for (from += columns * j; j < nx; j += 2, from += 2 * columns) {
+      const double a = slope[j], b = slope[j + 1];
+      const double* const next = from + columns;
+      for (Index c = 0; c < columns; ++c) row[c] += a * from[c] + b * next[c];
+    }
+    for (Index c = nx; c < columns; ++c) row[c] += slope[c];
+  }
 }
 
 // Derivatives of the rates by the step's begin, from those of the stage's state.
-void chain_slopes(const NonlinearModel& model, ModelMemory& m, Derivatives order) {
-  const Index nx = model.states, np = model.parameters;
-  const auto chain = [&](const auto& by, const ModelMemory::Rows& inner, auto&& out) {
-    out.leftCols(nx).setZero();
-    out.rightCols(np) = by.rightCols(np);
-    for (Index j = 0; j < nx; ++j) out += by[j] * inner.row(j);
-  };
-  for (Index i = 0; i < nx; ++i) chain(m.J.row(i), m.stage.slopes, m.rate.slopes.row(i));
+void chain_slopes(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+  const auto S = parts.slopes(m.stage);
+  chain(m.J, S, parts.slopes(m.rate));
   if (order == Derivatives::first) return;
   // d/dtheta (f_x S_x) = f_x dS_x + df_x S_x
-  for (Index i = 0; i < nx * nx; ++i) chain(m.H.row(i), m.stage.slopes, m.turned.row(i));
-  m.rate.curvature.setZero();
+  chain(m.H, S, m.turned);
+  const Index nx = S.rows();
+  const auto V = parts.curvature(m.stage);
+  auto rate = parts.curvature(m.rate);
+  rate.setZero();
   for (Index j = 0; j < nx; ++j) {
     for (Index l = 0; l < nx; ++l) {
       for (Index i = 0; i < nx; ++i) {
-        m.rate.curvature.row(i + nx * j) += m.J(i, l) * m.stage.curvature.row(l + nx * j) +
-                                            m.stage.slopes(l, j) * m.turned.row(i + nx * l);
+        rate.row(i + nx * j) += m.J(i, l) * V.row(l + nx * j) + S(l, j) * m.turned.row(i + nx * l);
       }
     }
   }
 }
 
 // W' = f_x W + W f_x' + Q, and its derivatives by the step's begin.
-void add_gramian_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order) {
-  const Index nx = model.states;
-  const ModelMemory::Rows& W = m.stage.gramians;
-  m.rate.gramians = m.densities;
+void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+  const auto W = parts.gramians(m.stage);
+  const Index nx = m.J.rows();
+  auto rate = parts.gramians(m.rate);
+  rate = m.densities;
   for (Index j = 0; j < nx; ++j) {
     for (Index i = 0; i < nx; ++i) {
       for (Index l = 0; l < nx; ++l) {
-        m.rate.gramians.row(i + nx * j) +=
-            m.J(i, l) * W.row(l + nx * j) + m.J(j, l) * W.row(i + nx * l);
+        rate.row(i + nx * j) += m.J(i, l) * W.row(l + nx * j) + m.J(j, l) * W.row(i + nx * l);
       }
     }
   }
   if (order == Derivatives::first) return;
-  const ModelMemory::Rows& V = m.stage.gramian_slopes;
-  m.rate.gramian_slopes.setZero();
+  const auto V = parts.gramian_slopes(m.stage);
+  auto slopes = parts.gramian_slopes(m.rate);
+  slopes.setZero();
   for (Index j = 0; j < nx; ++j) {
     for (Index i = 0; i <= j; ++i) {
-      auto&& rate = m.rate.gramian_slopes.row(i + nx * j);
+      auto&& row = slopes.row(i + nx * j);
       for (Index l = 0; l < nx; ++l) {
-        rate += m.J(i, l) * V.row(l + nx * j) + m.J(j, l) * V.row(i + nx * l) +
-                W(l + nx * j, 0) * m.turned.row(i + nx * l) +
-                W(l + nx * i, 0) * m.turned.row(j + nx * l);
+        row += m.J(i, l) * V.row(l + nx * j) + m.J(j, l) * V.row(i + nx * l) +
+               W(l + nx * j, 0) * m.turned.row(i + nx * l) +
+               W(l + nx * i, 0) * m.turned.row(j + nx * l);
       }
-      if (i != j) m.rate.gramian_slopes.row(j + nx * i) = rate;
+      if (i != j) slopes.row(j + nx * i) = row;
     }
   }
-}
-
-// Calls what(part) for each part of a motion that is in use.
-template <typename F>
-void for_each_part(Derivatives order, bool with_gramians, F&& what) {
-  using Motion = ModelMemory::Motion;
-  what(&Motion::slopes);
-  if (order == Derivatives::second) what(&Motion::curvature);
-  if (with_gramians) what(&Motion::gramians);
-  if (with_gramians && order == Derivatives::second) what(&Motion::gramian_slopes);
-}
-
-// out = begin + factor * rate.
-void set_motion(ModelMemory::Motion& out, const ModelMemory::Motion& begin, double factor,
-                const ModelMemory::Motion& rate, Derivatives order, bool with_gramians) {
-  out.x = begin.x + factor * rate.x;
-  for_each_part(order, with_gramians,
-                [&](auto part) { out.*part = begin.*part + factor * rate.*part; });
 }
 
 }  // namespace
@@ -195,25 +224,44 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas) {
   return out;
 }
 
-NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order) {
+NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
+                                    const std::vector<bool>& known) {
   if (nodes.dynamics.size() != static_cast<std::size_t>(nodes.states)) {
     std::ostringstream text;
     text << "make_nonlinear_model: " << nodes.states << " states and " << nodes.dynamics.size()
          << " formulas for them";
     throw std::invalid_argument(text.str());
   }
+  if (!known.empty() && known.size() != static_cast<std::size_t>(nodes.parameters)) {
+    std::ostringstream text;
+    text << "make_nonlinear_model: " << nodes.parameters << " parameters, " << known.size()
+         << " of them said to be known or not";
+    throw std::invalid_argument(text.str());
+  }
   FormulaGraph& graph = nodes.graph;
   const std::vector<Id>&f = nodes.dynamics, &h = nodes.outputs;
-  const std::vector<int> x = consecutive(0, nodes.states),
-                         p = consecutive(nodes.states + nodes.inputs, nodes.parameters);
-
   NonlinearModel out;
+  std::vector<int> by = consecutive(0, nodes.states);
+  const auto occurs = [&](int symbol) {
+    const auto holds = [&](Id root) { return !graph.is_free_of(root, {&symbol, 1}); };
+    return std::any_of(f.begin(), f.end(), holds) || std::any_of(h.begin(), h.end(), holds);
+  };
+  for (int i = 0; i < nodes.parameters; ++i) {
+    const int symbol = nodes.states + nodes.inputs + i;
+    Index column = NonlinearModel::kInNoFormula;
+    if (!known.empty() && known[static_cast<std::size_t>(i)]) {
+      column = NonlinearModel::kKnown;
+    } else if (occurs(symbol)) {
+      column = out.columns++;
+      by.push_back(symbol);
+    }
+    out.column.push_back(column);
+  }
   out.states = nodes.states;
   out.inputs = nodes.inputs;
   out.parameters = nodes.parameters;
   out.outputs = static_cast<Index>(h.size());
   out.continuous = nodes.continuous;
-  const std::vector<int> by = symbols_of_both(x, p);
   out.order = order;
   out.rates = make_tape(graph, f);
   const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
@@ -221,8 +269,9 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order) {
   out.rate_slopes = make_tape(graph, f, by_f);
   out.output_slopes = make_tape(graph, h, by_h);
   if (order == Derivatives::second) {
-    out.rate_curvature = curvature_tape(graph, f, by_f, x.size(), by);
-    out.output_curvature = curvature_tape(graph, h, by_h, x.size(), by);
+    const auto nx = static_cast<std::size_t>(nodes.states);
+    out.rate_curvature = curvature_tape(graph, f, by_f, nx, by);
+    out.output_curvature = curvature_tape(graph, h, by_h, nx, by);
   }
   return out;
 }
@@ -297,7 +346,7 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
 }
 
 ModelMemory make_memory(const NonlinearModel& model) {
-  const Index nx = model.states, columns = nx + model.parameters;
+  const Index nx = model.states, columns = nx + model.columns;
   const Index second = model.order == Derivatives::second ? nx * nx : 0;
   ModelMemory out;
   out.rates = make_memory(model.rates);
@@ -305,11 +354,7 @@ ModelMemory make_memory(const NonlinearModel& model) {
   out.output_slopes = make_memory(model.output_slopes);
   out.rate_curvature = make_memory(model.rate_curvature);
   out.output_curvature = make_memory(model.output_curvature);
-  for (ModelMemory::Motion* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
-    motion->x.setZero(nx);
-    motion->slopes.setZero(nx, columns);
-    motion->curvature.setZero(second, columns);
-  }
+  out.rate.setZero(nx);
   out.J.setZero(nx, columns);
   out.H.setZero(second, columns);
   out.turned.setZero(second, columns);
@@ -339,25 +384,27 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   check_step_arguments(model, inputs, k);
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
+  const Index nx = model.states;
+  m.rate.resize(nx);
   if (!model.continuous) {
     write_point(model, m.rates, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    evaluate_values(model.rates, m.rates, span_of(m.rate.x));
-    x = m.rate.x;
+    evaluate_values(model.rates, m.rates, span_of(m.rate));
+    x = m.rate;
     return;
   }
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   for (int i = 0; i < steps; ++i) {
-    m.sum.x = x;
+    m.sum = x;
     for (const Stage& stage : kStages) {
-      m.stage.x = x;
-      if (stage.reach > 0.0) m.stage.x += (stage.reach * h) * m.rate.x;
-      write_point(model, m.rates, m.stage.x.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+      m.stage = x;
+      if (stage.reach > 0.0) m.stage += (stage.reach * h) * m.rate;
+      write_point(model, m.rates, m.stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
                   inputs.time[k] + (i + stage.reach) * h);
-      evaluate_values(model.rates, m.rates, span_of(m.rate.x));
-      m.sum.x += (stage.weight * h) * m.rate.x;
+      evaluate_values(model.rates, m.rates, span_of(m.rate));
+      m.sum += (stage.weight * h) * m.rate;
     }
-    x = m.sum.x;
+    x = m.sum;
   }
 }
 
@@ -365,7 +412,7 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
           Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order, Gramians* gramians) {
   check_step_arguments(model, inputs, k);
   check_order(model, order);
-  const Index nx = model.states, np = model.parameters;
+  const Index nx = model.states, np = model.columns;
   const bool noisy = gramians != nullptr;
   if (noisy && (!model.continuous || gramians->densities.rows() != nx * nx ||
                 gramians->densities.cols() == 0)) {
@@ -377,56 +424,51 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   }
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
-  m.begin.x = x;
+  const MotionParts parts(model, order, noisy ? gramians->densities.cols() : 0);
+  for (Eigen::VectorXd* motion : {&m.begin, &m.stage, &m.rate, &m.sum})
+    motion->resize(parts.size());
   if (!model.continuous) {
     evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    m.begin.x = m.rate.x;
-    m.begin.slopes = m.J;
-    if (order == Derivatives::second) m.begin.curvature = m.H;
-  } else {
-    const int steps = inputs.steps[interval];
-    const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
-    m.begin.slopes.setZero();
-    m.begin.slopes.leftCols(nx).diagonal().setOnes();
-    m.begin.curvature.setZero();
-    if (noisy) {
-      m.densities = gramians->densities;
-      m.begin.gramians.setZero(nx * nx, m.densities.cols());
-      m.begin.gramian_slopes.setZero(nx * nx, nx + np);
-      m.rate.gramian_slopes.resize(nx * nx, nx + np);
-    }
-    for (int i = 0; i < steps; ++i) {
-      for (const Stage& stage : kStages) {
-        const bool at_begin = stage.reach == 0.0;
-        if (at_begin) {
-          set_motion(m.stage, m.begin, 0.0, m.begin, order, noisy);
-        } else {
-          set_motion(m.stage, m.begin, stage.reach * h, m.rate, order, noisy);
-        }
-        evaluate_rates(model, m, order, m.stage.x.data(),
-                       inputs.u.col(first + 2 * i + stage.node).data(),
-                       inputs.time[k] + (i + stage.reach) * h);
-        chain_slopes(model, m, order);
-        if (noisy) add_gramian_rates(model, m, order);
-        set_motion(m.sum, at_begin ? m.begin : m.sum, stage.weight * h, m.rate, order, noisy);
-      }
-      std::swap(m.begin, m.sum);
-    }
+    x = m.rate.head(nx);
+    slopes.by_x = m.J.leftCols(nx);
+    slopes.by_p = m.J.rightCols(np);
+    if (order == Derivatives::second) slopes.by_x_slopes = m.H;
+    return;
   }
-  x = m.begin.x;
-  slopes.by_x = m.begin.slopes.leftCols(nx);
-  slopes.by_p = m.begin.slopes.rightCols(np);
-  if (order == Derivatives::second) slopes.by_x_slopes = m.begin.curvature;
+  const int steps = inputs.steps[interval];
+  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+  m.begin.setZero();
+  m.begin.head(nx) = x;
+  parts.slopes(m.begin).leftCols(nx).diagonal().setOnes();
+  if (noisy) m.densities = gramians->densities;
+  for (int i = 0; i < steps; ++i) {
+    m.sum = m.begin;
+    m.stage = m.begin;
+    for (const Stage& stage : kStages) {
+      if (stage.reach > 0.0) m.stage = m.begin + (stage.reach * h) * m.rate;
+      evaluate_rates(model, m, order, m.stage.data(),
+                     inputs.u.col(first + 2 * i + stage.node).data(),
+                     inputs.time[k] + (i + stage.reach) * h);
+      chain_slopes(parts, m, order);
+      if (noisy) add_gramian_rates(parts, m, order);
+      m.sum += (stage.weight * h) * m.rate;
+    }
+    m.begin.swap(m.sum);
+  }
+  x = m.begin.head(nx);
+  slopes.by_x = parts.slopes(m.begin).leftCols(nx);
+  slopes.by_p = parts.slopes(m.begin).rightCols(np);
+  if (order == Derivatives::second) slopes.by_x_slopes = parts.curvature(m.begin);
   if (!noisy) return;
-  gramians->values = m.begin.gramians;
-  if (order == Derivatives::second) gramians->slopes = m.begin.gramian_slopes;
+  gramians->values = parts.gramians(m.begin);
+  if (order == Derivatives::second) gramians->slopes = parts.gramian_slopes(m.begin);
 }
 
 void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
              double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes, Derivatives order) {
   check_order(model, order);
-  const Index nx = model.states, np = model.parameters, ny = model.outputs;
+  const Index nx = model.states, np = model.columns, ny = model.outputs;
   if (order == Derivatives::first) {
     write_point(model, m.output_slopes, x.data(), u.data(), time);
     evaluate_jacobian(model.output_slopes, m.output_slopes, span_of(m.y), span_of(m.y_slopes));

@@ -38,21 +38,28 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas);
 /// The same, ready to be evaluated.
 struct NonlinearModel {
   Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
+  Eigen::Index columns = 0;  ///< parameters that f and h are derived by
+  /// Per parameter p_i: its place among those, 0-based, or one of the two below.
+  std::vector<Eigen::Index> column;
+  static constexpr Eigen::Index kInNoFormula = -1, kKnown = -2;
   bool continuous = true;
   Derivatives order = Derivatives::first;  ///< that the tapes below can give
   Tape rates;                              ///< f
-  Tape rate_slopes, output_slopes;         ///< f, h and their derivatives by [x; p]
-  /// Derivatives::second: as values of one tape f, its derivatives by [x; p] row by row, and the
-  /// derivatives of those by x, by [x; p]; and the same of h.
+  Tape rate_slopes, output_slopes;         ///< f, h and their derivatives by [x; p derived by]
+  /// Derivatives::second: as values of one tape f, its derivatives by those row by row, and the
+  /// derivatives by those of its derivatives by x; and the same of h.
   Tape rate_curvature, output_curvature;
 };
 
-/// @throws std::invalid_argument unless there is a formula per state; FormulaError when the
-/// derivatives are too large
-NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order = Derivatives::first);
+/// @param known  per parameter: nothing is derived by it, which costs time; empty: none
+/// @throws std::invalid_argument unless there is a formula per state, and when the length of known
+/// differs; FormulaError when the derivatives are too large
+NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order = Derivatives::first,
+                                    const std::vector<bool>& known = {});
 inline NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
-                                           Derivatives order = Derivatives::first) {
-  return make_nonlinear_model(insert_formulas(formulas), order);
+                                           Derivatives order = Derivatives::first,
+                                           const std::vector<bool>& known = {}) {
+  return make_nonlinear_model(insert_formulas(formulas), order, known);
 }
 
 /// What inputs do between samples.
@@ -90,18 +97,14 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
 struct ModelMemory {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   TapeMemory rates, rate_slopes, output_slopes, rate_curvature, output_curvature;
-  /// Of a stage, of the step so far and of the sum over stages. Derivatives are taken by [x; p] at
-  /// the begin, in nx + np columns; curvature row i + nx j is that of d x_i / d x_j.
-  struct Motion {
-    Eigen::VectorXd x;
-    Rows slopes, curvature, gramians, gramian_slopes;
-  };
-  Motion begin, stage, rate, sum;
+  /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
+  /// are asked for, its derivatives, one after the other.
+  Eigen::VectorXd begin, stage, rate, sum;
   Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
   Rows densities;          ///< of Gramians
   Eigen::VectorXd values;  ///< of a curvature tape
   Eigen::VectorXd y;       ///< ny
-  Rows y_slopes;           ///< ny x (nx + np)
+  Rows y_slopes;           ///< ny x (nx + columns)
 };
 ModelMemory make_memory(const NonlinearModel& model);
 
@@ -109,12 +112,13 @@ ModelMemory make_memory(const NonlinearModel& model);
 void set_parameters(const NonlinearModel& model, ModelMemory& memory,
                     const Eigen::Ref<const Eigen::VectorXd>& p);
 
-/// Derivatives of a vector v, of n numbers, that follows from x and p.
+/// Derivatives of a vector v, of n numbers, that follows from x and p. Those by p_i are in the
+/// column model.column[i].
 struct Slopes {
   Eigen::MatrixXd by_x;  ///< n x nx
-  Eigen::MatrixXd by_p;  ///< n x np
-  /// n nx x (nx + np), with Derivatives::second: column l is d by_x / d [x; p]_l, column by column
-  /// (reshaped(n, nx)).
+  Eigen::MatrixXd by_p;  ///< n x model.columns
+  /// n nx x (nx + columns), with Derivatives::second: column l is d by_x / d [x; p]_l, column by
+  /// column (reshaped(n, nx)).
   Eigen::MatrixXd by_x_slopes;
 };
 
@@ -135,7 +139,8 @@ void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& in
 struct Gramians {
   Eigen::MatrixXd densities;  ///< nx^2 x m: Q_j
   Eigen::MatrixXd values;     ///< nx^2 x m, written: W_j
-  Eigen::MatrixXd slopes;  ///< nx^2 x (nx + np), written with Derivatives::second: d W_1 / d [x; p]
+  /// nx^2 x (nx + columns), written with Derivatives::second: d W_1 / d [x; p]
+  Eigen::MatrixXd slopes;
 };
 
 /// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the

@@ -46,7 +46,8 @@ struct FormulaModel : NonlinearModel {
 
 FormulaModel from_formulas(const Names& states, const Names& inputs, const Names& parameters,
                            const Names& dynamics, const Names& outputs, Time time,
-                           Derivatives order = Derivatives::second) {
+                           Derivatives order = Derivatives::second,
+                           const std::vector<bool>& known = {}) {
   ModelFormulas formulas;
   formulas.states = static_cast<int>(states.size());
   formulas.inputs = static_cast<int>(inputs.size());
@@ -58,13 +59,14 @@ FormulaModel from_formulas(const Names& states, const Names& inputs, const Names
   names.emplace_back("t");
   for (const std::string& f : dynamics) formulas.dynamics.push_back(parse_expression(f, names));
   for (const std::string& h : outputs) formulas.outputs.push_back(parse_expression(h, names));
-  return {make_nonlinear_model(formulas, order), linear_model_of(formulas)};
+  return {make_nonlinear_model(formulas, order, known), linear_model_of(formulas)};
 }
 
-FormulaModel filtered_pendulum(Derivatives order = Derivatives::second) {
+FormulaModel filtered_pendulum(Derivatives order = Derivatives::second,
+                               const std::vector<bool>& known = {}) {
   return from_formulas({"th", "w"}, {"torque"}, {"l", "d", "m"},
-                       {"w", "-g/l*sin(th) - d*w + torque/m"}, {"sin(th)"}, Time::continuous,
-                       order);
+                       {"w", "-g/l*sin(th) - d*w + torque/m"}, {"sin(th)"}, Time::continuous, order,
+                       known);
 }
 
 MatrixXd covariance_of_size(Random& random, Index n, double size) {
@@ -792,6 +794,46 @@ TEST(NonlinearFilter, TroubleIsAStatusAndAMistakeAnException) {
   Setting discrete = growth_setting(random);
   discrete.options.noise = ProcessNoise::density;
   EXPECT_THROW(likelihood_of(discrete), std::invalid_argument);
+}
+
+// What is known costs no derivative, and what is derived stays the same to the last digit.
+TEST(NonlinearFilter, KnownParametersHaveNoDerivatives) {
+  Random random(41);
+  for (const NonlinearMethod method : kMethods) {
+    SCOPED_TRACE(name_of(method));
+    Setting all = pendulum_setting(random, ProcessNoise::density, true);
+    all.options.method = method;
+    all.directions.erase(all.directions.begin());
+    all.directions.erase(all.directions.begin() + 1);  // l and m; d stays, and the noise
+    Setting some = all;
+    some.model = filtered_pendulum(Derivatives::second, {true, false, true});
+    EXPECT_EQ(some.model.columns, 1);
+    EXPECT_EQ(some.model.column,
+              (std::vector<Index>{NonlinearModel::kKnown, 0, NonlinearModel::kKnown}));
+    const Likelihood a = likelihood_of(all), b = likelihood_of(some);
+    EXPECT_EQ(a.value, b.value);
+    EXPECT_LT((a.gradient - b.gradient).norm(), 1e-14 * a.gradient.norm());
+    EXPECT_LT((a.information - b.information).norm(), 1e-14 * a.information.norm());
+    some.directions.push_back({2, zero_noise(some.model)});
+    EXPECT_THROW(likelihood_of(some), std::invalid_argument);
+  }
+  EXPECT_THROW(filtered_pendulum(Derivatives::first, {true}), std::invalid_argument);
+}
+
+// A parameter of the noise or the start alone is no parameter of the formulas.
+TEST(NonlinearFilter, ParametersInNoFormulaHaveNoColumn) {
+  const FormulaModel model =
+      from_formulas({"x"}, {}, {"x0", "a"}, {"-a*x"}, {"x"}, Time::continuous);
+  EXPECT_EQ(model.columns, 1);
+  EXPECT_EQ(model.column, (std::vector<Index>{NonlinearModel::kInNoFormula, 0}));
+  Random random(42);
+  Setting s = scalar_setting("-x", "x", 1.0, 1.0, 1.0, 1.0, 10, random);
+  s.model = from_formulas({"x"}, {}, {"x0", "a"}, {"-a*x"}, {"x"}, Time::discrete);
+  s.p = Eigen::Vector2d(3.0, 0.5);
+  s.directions = {{0, zero_noise(s.model)}, {1, zero_noise(s.model)}};
+  const Likelihood found = likelihood_of(s);
+  EXPECT_EQ(found.gradient[0], 0.0);
+  EXPECT_NE(found.gradient[1], 0.0);
 }
 
 }  // namespace
