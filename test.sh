@@ -14,8 +14,11 @@ esac
 
 git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
 
-# Several files in one go: most of the time is spent on the templates that they share.
-cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=ON
+# Several files in one go: most of the time is spent on the templates that they share. With --slow
+# every file is compiled on its own, and so has to include what it uses.
+unity=ON
+[ "$slow" = yes ] && unity=OFF
+cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=$unity
 cmake --build build
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()
