@@ -50,7 +50,7 @@ use_when: "vx > 5"
 
 double seconds(const std::function<void()>& work) {
   double best = 1e9;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < 20; ++i) {
     const auto begin = std::chrono::steady_clock::now();
     work();
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
