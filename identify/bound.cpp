@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <stdexcept>
 #include <vector>
 
 #include <Eigen/LU>
@@ -10,7 +11,10 @@
 #include <fmt/format.h>
 
 #include "identify/noise_estimate.h"
+#include "identify/nonlinear_recordings.h"
+#include "identify/simulate.h"
 #include "lib/information.h"
+#include "lib/random.h"
 #include "lib/units.h"
 #include "solvers/covariance.h"
 
@@ -103,26 +107,93 @@ void conclude(Estimate& estimate) {
                                  id.rank, id.of, names);
 }
 
-}  // namespace
+// What recordings say of the free entries, SI.
+struct Told {
+  MatrixXd total;
+  MatrixXd per_sample;               // what further samples add; empty: as much as these
+  std::optional<MatrixXd> complete;  // per sample, with the states observed
+  std::optional<GainSensitivity> gain;
+  Bound::InnovationForm innovation_form;
+};
 
-Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs) {
-  const Location here{model.path, 0, 0};
-  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, model.parameters);
-  if (derivatives.empty()) {
-    throw InputError(here, "nothing is free, so there is nothing to bound",
-                     "at least one parameter with {value: ...} or a structured Q or R");
-  }
+Told told_by_linear(const ModelFile& model, const BoundOptions& options, const Dataset* inputs,
+                    const std::vector<StateSpace>& derivatives) {
   const StateSpace system = instantiate(model.linear, model.parameters);
   const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
   const ExpectedInformation information =
       expected_information(system, model.linear.initial, options.samples, derivatives, u);
   if (information.status != FilterStatus::ok) {
-    throw InputError(here, describe(information.status), "values of a filter that runs",
+    throw InputError({model.path, 0, 0}, describe(information.status),
+                     "values of a filter that runs",
                      model.linear.initial == InitialState::stationary
                          ? "say 'initial: diffuse' where A is not stable"
                          : "");
   }
+  Told out;
+  out.total = information.total;
+  // Further samples add what a steady filter sees; of inputs, as much as so far.
+  if (u.size() == 0) out.per_sample = information.per_sample;
+  out.complete = complete_data_information(system, derivatives);
+  out.gain = steady_gain_sensitivity(system, derivatives);
+  if (out.gain) {
+    const bool of_the_noise =
+        std::all_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
+          return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0);
+        });
+    out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
+  }
+  return out;
+}
 
+Told told_by_nonlinear(const ModelFile& model, const BoundOptions& options, const Dataset& inputs,
+                       Bound& bound) {
+  Random random(options.seed);
+  std::vector<MatrixXd> each;
+  std::vector<Dataset> recording{inputs};
+  Told out;
+  for (int run = 0; run < options.runs; ++run) {
+    recording[0].y = simulated_outputs(model, inputs, random);
+    NonlinearRecordings likelihood(model, recording);
+    const Likelihood& at = likelihood.evaluate(model.parameters, true);
+    if (at.status != FilterStatus::ok) {
+      throw InputError({model.path, 0, 0},
+                       fmt::format("simulated recording {} of {}: {}", run + 1, options.runs,
+                                   describe(at.status)),
+                       "values of a filter that runs");
+    }
+    each.push_back(at.information);
+    out.total = run == 0 ? at.information : MatrixXd(out.total + at.information);
+  }
+  const double runs = options.runs;
+  out.total /= runs;
+  bound.simulated = options.runs;
+  bound.seed = options.seed;
+  // V = J^-1 moves by -V dJ V.
+  const auto V = scaled_inverse(out.total, 1e-9);
+  if (!V) return out;
+  VectorXd squares = VectorXd::Zero(V->rows());
+  for (const MatrixXd& J : each) {
+    squares += (*V * (J - out.total) * *V).diagonal().cwiseAbs2();
+  }
+  const VectorXd se = (squares / (runs * (runs - 1.0))).cwiseSqrt();
+  bound.simulation_se = 0.5 * se.cwiseQuotient(V->diagonal()).maxCoeff();
+  return out;
+}
+
+}  // namespace
+
+Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs) {
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (nonlinear && (inputs == nullptr || options.runs < 2)) {
+    throw std::invalid_argument(
+        fmt::format("bound_of: a nonlinear model needs a recording's times and inputs, and 2 or "
+                    "more runs, not {}",
+                    options.runs));
+  }
+  if (free_entries(model.parameters).size() == 0) {
+    throw InputError({model.path, 0, 0}, "nothing is free, so there is nothing to bound",
+                     "at least one parameter with {value: ...} or a structured Q or R");
+  }
   Estimate estimate;
   estimate.verb = "bound";
   estimate.model_name = model.name;
@@ -131,6 +202,9 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   Bound& bound = estimate.bound.emplace();
   bound.samples = options.samples;
   bound.accuracy = options.accuracy;
+  const Told told = nonlinear ? told_by_nonlinear(model, options, *inputs, bound)
+                              : told_by_linear(model, options, inputs,
+                                               model_derivatives(model.linear, model.parameters));
   std::vector<double> units;
   for (const EstimatedParameter& p : estimate.parameters) {
     if (!p.fixed) units.push_back(unit_scale(p.unit));
@@ -140,21 +214,19 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   const auto in_units = [&unit](const MatrixXd& J) {
     return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());
   };
-  const MatrixXd total = in_units(information.total);
+  const MatrixXd total = in_units(told.total);
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
   describe_filter_loss(estimate, model, model.parameters);
 
-  const auto complete = complete_data_information(system, derivatives);
-  const auto gain = steady_gain_sensitivity(system, derivatives);
+  const std::optional<GainSensitivity>& gain = told.gain;
   std::optional<MatrixXd> complete_covariance;
-  if (complete) {
+  if (told.complete) {
     complete_covariance =
-        scaled_inverse(static_cast<double>(options.samples) * in_units(*complete), 1e-12);
+        scaled_inverse(static_cast<double>(options.samples) * in_units(*told.complete), 1e-12);
   }
-  // Further samples add what a steady filter sees; of inputs, as much as so far.
-  const MatrixXd rate = information.per_sample.size() > 0 && u.size() == 0
-                            ? in_units(information.per_sample)
+  const MatrixXd rate = told.per_sample.size() > 0
+                            ? in_units(told.per_sample)
                             : MatrixXd(total / static_cast<double>(options.samples));
   const MatrixXd covariance_rate = covariance_of(rate);
   Index i = 0;
@@ -183,11 +255,7 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   if (gain) {
     estimate.noise.K_steady = gain->K;
     bound.gain_se = gain_deviation(*gain, unit.asDiagonal() * covariance * unit.asDiagonal());
-    const bool of_the_noise =
-        std::all_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
-          return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0);
-        });
-    bound.innovation_form = innovation_form(system, *gain, options.samples, of_the_noise);
+    bound.innovation_form = told.innovation_form;
     const std::vector<double> free = bound.innovation_form.published_se;
     bound.innovation_form.published_se.clear();
     Index at = 0;

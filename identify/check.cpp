@@ -23,12 +23,11 @@ constexpr Index kFewestInnovations = 20;
 }  // namespace
 
 Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings) {
-  if (model.form != ModelFile::Form::linear) {
-    const bool vehicle = model.form == ModelFile::Form::single_track;
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (model.form != ModelFile::Form::linear && !nonlinear) {
     throw InputError({model.path, 0, 0},
-                     fmt::format("'check' tests a Kalman filter, this model is {}",
-                                 vehicle ? "a vehicle without noise" : "not linear"),
-                     "a linear model with Q and R", "'fit' tests the residuals itself");
+                     "'check' tests a Kalman filter, this model is a vehicle without noise",
+                     "a model with Q and R", "'fit' tests the residuals itself");
   }
   Estimate estimate;
   estimate.model_name = model.name;
@@ -52,7 +51,13 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
   estimate.tests = std::move(found.tests);
   estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
   const Retuned better = retuned(with_free_noise(model), recordings);
-  estimate.derived.push_back({"predicted loss in tr P", "%", 100.0 * better.loss, kNone});
+  if (nonlinear) {
+    estimate.notes.emplace_back(
+        "no loss in tr P: a nonlinear model has no steady filter; its tests take the "
+        "innovations for Gaussian");
+  } else {
+    estimate.derived.push_back({"predicted loss in tr P", "%", 100.0 * better.loss, kNone});
+  }
   if (!found.optimal && !std::isnan(better.gain)) {
     const ReportedEntries to = reported_entries(better.parameters);
     std::string values;

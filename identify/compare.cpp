@@ -73,9 +73,9 @@ void check_models(const std::vector<ModelFile>& models) {
                      "identikal check --compare A.yaml B.yaml DATA");
   }
   for (const ModelFile& model : models) {
-    if (model.form != ModelFile::Form::linear) {
+    if (model.form != ModelFile::Form::linear && model.form != ModelFile::Form::nonlinear) {
       throw InputError({model.path, 0, 0}, "'check' compares Kalman filters, this is a vehicle",
-                       "a linear model with Q and R");
+                       "a model with Q and R");
     }
     const auto same = [](const ChannelSource& a, const ChannelSource& b) {
       return a.column == b.column && a.unit == b.unit;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <string>
@@ -133,6 +134,7 @@ struct ModelSource {
 struct Objective {
   std::string method;
   std::string initial;  ///< of a linear model's state: "given", "stationary" or "diffuse"
+  std::string filter;   ///< of a nonlinear model: "extended", "iterated" or "unscented"
   double log_likelihood = kNone;
   double log_likelihood_start = kNone;
   double aic = kNone;
@@ -171,6 +173,10 @@ struct Bound {
   std::vector<double> samples_needed;        ///< for the accuracy
   std::vector<Eigen::MatrixXd> gain_change;  ///< of the steady gain, for 1 % more of the parameter
   Eigen::MatrixXd gain_se;                   ///< that the bound leaves to the steady gain
+  /// Nonlinear models: recordings that the information is the mean of, 0 where it is exact.
+  int simulated = 0;
+  std::uint64_t seed = 0;        ///< of their noise
+  double simulation_se = kNone;  ///< of the bound's standard deviations, relative, at most
   /// Where K and Sigma are the unknowns themselves; all empty without a steady filter.
   struct InnovationForm {
     Eigen::MatrixXd Sigma;  ///< steady innovation covariance
@@ -328,7 +334,8 @@ struct Estimate {
   std::optional<ModelSource> model_file;  ///< verbs with one model
   Objective objective;
   std::vector<ChannelFit> one_step, simulation;
-  std::vector<ChannelFit> hold_out;  ///< simulation of data that the fit did not see
+  std::vector<ChannelFit> hold_out;           ///< simulation of data that the fit did not see
+  std::vector<ChannelFit> hold_out_one_step;  ///< a filter's fit to them
   std::vector<TestResult> tests;
   Identifiability identifiability;
   std::optional<Bound> bound;           ///< verb bound only

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "identify/filter_report.h"
+#include "identify/free_run.h"
 #include "identify/model_filter.h"
 #include "identify/noise_estimate.h"
-#include "identify/nonlinear_recordings.h"
 #include "lib/kalman.h"
 #include "lib/units.h"
 
@@ -48,13 +48,15 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
   }
 }
 
-// The model on its own, from its start; columns from `at` of the pictures.
+// The model on its own; columns from `at` of the pictures.
 void simulate(const ModelFile& model, const ParameterSet& parameters, const Dataset& data, Index at,
               Pictures& out) {
-  const MatrixXd y = noise_free_outputs(model, parameters, data);
+  const MatrixXd y = free_run(model, parameters, data);
   for (Index i = 0; i < y.rows(); ++i) {
     const Unit unit = parse_unit(data.outputs[static_cast<std::size_t>(i)].unit).value_or(Unit{});
-    for (Index t = 0; t < y.cols(); ++t) out.free_run(i, at + t) = unit.from_si(y(i, t));
+    for (Index t = 0; t < y.cols(); ++t) {
+      out.free_run(i, at + t) = std::isfinite(y(i, t)) ? unit.from_si(y(i, t)) : kNone;
+    }
   }
 }
 

@@ -13,8 +13,10 @@ namespace identikal {
 ///
 /// Before: the filter at the model file's values; empty where that is the estimate. Free run: from
 /// kForecastFrom of each recording on, E[y(t) | y up to there], with its standard deviation; the
-/// filter that it goes on from has seen the recording before, as much of it as memory allows.
-/// @param model       linear, its parameters at the start
+/// filter that it goes on from has seen the recording before, as much of it as memory allows. That
+/// of a nonlinear model is free_run() (identify/free_run.h) of the whole recording, without
+/// deviation.
+/// @param model       its parameters at the start
 /// @param recordings  those that `estimate.series` shows, in its order
 void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                     Estimate& estimate);

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
+#include "identify/free_run.h"
 #include "identify/model_filter.h"
 #include "lib/error.h"
 #include "lib/matrix_equations.h"
@@ -106,21 +107,8 @@ void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const J
     const Unit unit = parse_unit(outputs[n].unit).value_or(Unit{});
     series.channels.push_back(outputs[n].name);
     series.units.push_back(outputs[n].unit);
-    double sum = 0.0, count = 0.0, total = 0.0, squares = 0.0;
-    for (Index t = 0; t < all.y.cols(); ++t) {
-      if (std::isnan(all.e(i, t))) continue;
-      sum += all.y(i, t);
-      count += 1.0;
-    }
-    for (Index t = 0; t < all.y.cols(); ++t) {
-      if (std::isnan(all.e(i, t))) continue;
-      squares += all.e(i, t) * all.e(i, t);
-      total += std::pow(all.y(i, t) - sum / count, 2);
-    }
-    ChannelFit fit{outputs[n].name, outputs[n].unit, kNone, kNone};
-    if (count > 0.0) fit.rmse = std::sqrt(squares / count) / unit.scale;
-    if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
-    estimate.one_step.push_back(fit);
+    estimate.one_step.push_back(
+        channel_fit(outputs[n], all.y.row(i).transpose(), all.e.row(i).transpose()));
     series.measured.row(i) = (series.measured.row(i).array() - unit.offset) / unit.scale;
     series.predicted.row(i) = (series.predicted.row(i).array() - unit.offset) / unit.scale;
   }
@@ -169,6 +157,26 @@ MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Index gap) 
   std::vector<const MatrixXd*> parts;
   for (const Dataset& data : recordings) parts.push_back(&data.u);
   return with_gaps(parts, gap);
+}
+
+ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e) {
+  double sum = 0.0, count = 0.0, total = 0.0, squares = 0.0;
+  for (Index t = 0; t < y.size(); ++t) {
+    if (std::isnan(e[t])) continue;
+    sum += y[t];
+    count += 1.0;
+  }
+  for (Index t = 0; t < y.size(); ++t) {
+    if (std::isnan(e[t])) continue;
+    squares += e[t] * e[t];
+    total += std::pow(y[t] - sum / count, 2);
+  }
+  ChannelFit fit{output.name, output.unit, kNone, kNone};
+  if (count > 0.0) {
+    fit.rmse = std::sqrt(squares / count) / parse_unit(output.unit).value_or(Unit{}).scale;
+  }
+  if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
+  return fit;
 }
 
 void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
@@ -258,6 +266,9 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;
   estimate.objective.initial = initial_name(model.linear.initial);
+  if (model.form == ModelFile::Form::nonlinear) {
+    estimate.objective.filter = to_string(model.formulas.filter);
+  }
   for (const Dataset& data : recordings) {
     filters.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {
@@ -266,6 +277,9 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }
   describe_innovations(estimate, recordings, filters);
+  if (model.form == ModelFile::Form::nonlinear) {
+    describe_free_run(estimate, model, parameters, recordings);
+  }
   return filters;
 }
 

@@ -1,5 +1,5 @@
-// What does a Kalman filter with known noise make of recordings? Noise matrices, steady gain, fit,
-// whiteness tests, series: the part that every result about a linear model shares.
+// What does a filter with known noise make of recordings? Noise matrices, steady gain, fit,
+// whiteness tests, series: the part that every result about a filter shares.
 #pragma once
 
 #include <vector>
@@ -19,6 +19,10 @@ namespace identikal {
 /// Q, R, S and the steady state of the filter.
 void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
 
+/// How well predictions follow an output. @param y  SI  @param e  y less what was predicted; NaN =
+/// missing
+ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e);
+
 /// One-step fit, tests and series of innovations that one filter per recording has left. The tests
 /// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation
 /// reaches across from one recording to the next.
@@ -26,7 +30,7 @@ void describe_innovations(Estimate& estimate, const std::vector<Dataset>& record
                           const std::vector<FilterResult>& filters);
 
 /// Runs the filter over every recording, each from the model's initial state, and fills all of the
-/// above and the log-likelihood.
+/// above, the log-likelihood and, of a nonlinear model, the fit of its free runs.
 /// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
 std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter_report.h"
+#include "identify/model_filter.h"
 #include "identify/noise_estimate.h"
 #include "lib/error.h"
 #include "lib/linear_model.h"
@@ -124,8 +125,9 @@ std::string what_was_done(const FilterRunOptions& options) {
 
 FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
                             const FilterRunOptions& options) {
-  if (model.form != ModelFile::Form::linear) {
-    throw std::invalid_argument("run_filter: " + model.path + " is no linear model");
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (model.form != ModelFile::Form::linear && !nonlinear) {
+    throw std::invalid_argument("filter_recordings: " + model.path + " is no filter");
   }
   check_inputs(recordings);
   FilterRun out;
@@ -134,14 +136,13 @@ FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& 
   estimate.objective.method = "filter";
   list_known_parameters(estimate, model.parameters);
   out.innovations = describe_filter(estimate, model, model.parameters, recordings);
-  const StateSpace system = instantiate(model.linear, model.parameters);
   Index rows = 0;
-  for (const Dataset& data : recordings) {
-    const MatrixXd u = model_inputs(model.linear, data.u);
-    out.states.push_back(
-        options.lag ? smooth_with_lag(system, model.linear.initial, data.y, u, *options.lag,
-                                      SmootherKeep::deviations)
-                    : smooth(system, model.linear.initial, data.y, u, SmootherKeep::deviations));
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Dataset& data = recordings[r];
+    out.states.push_back(run_smoother(model, model.parameters, data, options.lag));
+    if (nonlinear) {
+      out.innovations[r].e_sd = run_filter(model, model.parameters, data).e_sd;
+    }
     if (out.states.back().status != FilterStatus::ok) {
       refuse_filter(model, recordings, out.states.back().status);
     }

@@ -27,7 +27,7 @@ struct FilterRun {
 };
 
 /// Runs the model's filter, as it is, over every recording, each from the model's initial state.
-/// @param model  of the form linear
+/// @param model  of the form linear or nonlinear
 /// @throws InputError for an input with gaps, and where the filter cannot run;
 ///   std::invalid_argument for a model of another form
 FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,

@@ -28,6 +28,7 @@
 #include "identify/figure.h"
 #include "identify/filter_pictures.h"
 #include "identify/filter_run.h"
+#include "identify/free_run.h"
 #include "identify/included_files.h"
 #include "identify/info.h"
 #include "identify/manoeuvres.h"
@@ -35,6 +36,7 @@
 #include "identify/noise_als.h"
 #include "identify/noise_auto.h"
 #include "identify/noise_bayes.h"
+#include "identify/noise_estimate.h"
 #include "identify/noise_ml.h"
 #include "identify/noise_track.h"
 #include "identify/regression_track.h"
@@ -133,6 +135,11 @@ void require_linear(const Arguments& args, const ModelFile& model) {
                    "a model with A, C, Q, R, or formulas that are linear in states and inputs");
 }
 
+// A model whose filter is to run: matrices or formulas.
+void require_filter(const Arguments& args, const ModelFile& model) {
+  if (model.form != ModelFile::Form::nonlinear) require_linear(args, model);
+}
+
 ModelFile load_model(const Arguments& args) {
   ModelFile model = read_model_file(args.model);
   if (model.form == ModelFile::Form::regression && args.verb != "track") {
@@ -149,9 +156,7 @@ ModelFile load_model(const Arguments& args) {
       throw InputError({}, "--filter has no meaning here", "a nonlinear model",
                        "the Kalman filter of a linear one is exact");
     }
-    model.formulas.filter = args.filter == "iterated"    ? NonlinearMethod::iterated
-                            : args.filter == "unscented" ? NonlinearMethod::unscented
-                                                         : NonlinearMethod::extended;
+    model.formulas.filter = nonlinear_method(args.filter, {});
   }
   return model;
 }
@@ -217,20 +222,24 @@ struct Recordings {
   }
 };
 
+// A linear model has one sampling period.
+void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
+                  const Dataset& other) {
+  const bool any = model.form != ModelFile::Form::linear || model.time.step > 0.0;
+  if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
+  throw InputError({other.name, 0, 0},
+                   fmt::format("sampled every {:.6g} s, {} every {:.6g} s", other.dt,
+                               args.data.front(), first.dt),
+                   "recordings with the same sampling period",
+                   "a discrete-time model belongs to one sampling period");
+}
+
 Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
   for (const std::string& path : args.data) {
     const std::vector<Table> files = read_files(path);
     out.add(load_runs(args, files, model), files);
-    const double dt = out.data.front().dt;
-    if (model.form == ModelFile::Form::linear && model.time.step == 0.0 &&
-        std::abs(out.data.back().dt - dt) > 1e-6 * dt) {
-      throw InputError({path, 0, 0},
-                       fmt::format("sampled every {:.6g} s, {} every {:.6g} s", out.data.back().dt,
-                                   args.data.front(), dt),
-                       "recordings with the same sampling period",
-                       "a discrete-time model belongs to one sampling period");
-    }
+    check_period(args, model, out.data.front(), out.data.back());
   }
   return out;
 }
@@ -372,6 +381,37 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
                                : tune_ml(model, recordings, options);
 }
 
+/// The last share of every recording, or another recording, is not fitted to.
+std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
+                              std::vector<Dataset>& recordings) {
+  std::vector<HeldOut> out;
+  if (args.hold_out.empty()) return out;
+  if (!args.hold_out.ends_with('%')) {
+    for (Dataset& run : load_runs(args, read_files(args.hold_out), model)) {
+      out.push_back({std::move(run), 0});
+    }
+    return out;
+  }
+  const double share = quantity("--hold-out", args.hold_out, "%");
+  if (!(share >= 0.05 && share <= 0.8)) {
+    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
+                     "5% to 80%");
+  }
+  for (Dataset& data : recordings) {
+    const auto kept =
+        static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
+    // A stretch of a few rows is fitted whole.
+    if (kept < 1 || kept >= data.size()) continue;
+    out.push_back({data, kept});
+    data = first_samples(data, kept);
+  }
+  if (out.empty()) {
+    throw InputError({}, fmt::format("--hold-out '{}' of too few rows", args.hold_out),
+                     "a longer recording");
+  }
+  return out;
+}
+
 int run_estimator(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
@@ -393,8 +433,13 @@ int run_estimator(const Arguments& args) {
     throw InputError({}, "--full-matrix has no meaning with --method " + args.method,
                      "--method als: it is a choice of weights, and als-weighted has its own");
   }
-  const Recordings recordings = load_recordings(args, model);
+  Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
+  const std::vector<HeldOut> held_out = hold_out(args, model, recordings.data);
+  for (const HeldOut& held : held_out) {
+    check_inputs({held.recording});
+    check_period(args, model, recordings.data.front(), held.recording);
+  }
   Progress progress(args);
   Estimate estimate;
   if (args.verb == "check") {
@@ -405,32 +450,30 @@ int run_estimator(const Arguments& args) {
     };
     estimate = args.robust ? tune_robust(model, recordings.data, tune) : tune(recordings.data);
   }
+  if (!held_out.empty()) {
+    describe_hold_out(estimate, model, held_out);
+    for (const Dataset& data : recordings.data) {
+      const auto rows = static_cast<long>(data.size());
+      estimate.inputs.push_back({data.name, "", rows, rows});
+    }
+  }
   if (wants_pictures(args)) picture_filter(model, recordings.data, estimate);
   progress.clear();
   return finish(args, recordings, estimate, begin);
-}
-
-/// The last share of every recording is cut off and handed back.
-std::vector<Dataset> cut_hold_out(std::vector<Dataset>& recordings, const std::string& text) {
-  const double share = quantity("--hold-out", text, "%");
-  if (!(share >= 0.05 && share <= 0.8)) {
-    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", text), "5% to 80%");
-  }
-  std::vector<Dataset> out;
-  for (Dataset& data : recordings) {
-    const auto kept =
-        static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
-    out.push_back(samples_from(data, kept));
-    data = first_samples(data, kept);
-  }
-  return out;
 }
 
 int run_fit(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   const ModelFile model = load_model(args);
   if (model.form != ModelFile::Form::single_track) {
-    // Free physical parameters of a linear model are found by the same likelihood as its noise.
+    for (const auto& [given, option] :
+         {std::pair{args.bootstrap > 0, std::string("--bootstrap")},
+          std::pair{args.method != "ml", "--method " + args.method}}) {
+      if (!given) continue;
+      throw InputError({model.path, 0, 0}, option + " has no meaning here", "model: single-track",
+                       "a filter is fitted by maximum likelihood");
+    }
+    // Free physical parameters are found by the same likelihood as the noise.
     return run_estimator(args);
   }
   Recordings recordings = load_recordings(args, model);
@@ -445,11 +488,8 @@ int run_fit(const Arguments& args) {
   } else if (args.method == "trajectory") {
     options.method = VehicleFitOptions::Method::trajectory;
   }
-  const bool share = args.hold_out.ends_with('%');
-  if (share) {
-    options.hold_out = cut_hold_out(recordings.data, args.hold_out);
-  } else if (!args.hold_out.empty()) {
-    options.hold_out = load_runs(args, read_files(args.hold_out), model);
+  for (const HeldOut& held : hold_out(args, model, recordings.data)) {
+    options.hold_out.push_back(samples_from(held.recording, held.from));
   }
   Progress progress(args);
   options.search.progress = [&](int iteration, double) {
@@ -513,7 +553,7 @@ int run_filter(const Arguments& args) {
                      "--smooth takes the whole recording, --lag N what came up to N samples later");
   }
   ModelFile model = load_model(args);
-  require_linear(args, model);
+  require_filter(args, model);
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   FilterRunOptions options;
@@ -541,7 +581,7 @@ int run_filter(const Arguments& args) {
 int run_bound(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   ModelFile model = load_model(args);
-  require_linear(args, model);
+  require_filter(args, model);
   Recordings recordings;
   if (!args.data.empty()) {
     const std::vector<Table> files = read_files(args.data.front());
@@ -557,13 +597,30 @@ int run_bound(const Arguments& args) {
   }
   BoundOptions options;
   options.samples = given ? recordings.data.front().size() : args.rows;
+  if (args.runs > 0) options.runs = args.runs;
+  options.seed = static_cast<std::uint64_t>(args.seed);
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (args.runs > 0 && !nonlinear) {
+    throw InputError({}, "--runs has no meaning here", "a nonlinear model",
+                     "the bound of a linear one is exact");
+  }
+  if (given && !args.signals.empty()) {
+    throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
+  }
+  std::optional<Dataset> planned;
+  if (given) {
+    planned = recordings.data.front();
+  } else if (nonlinear || !args.signals.empty()) {
+    planned = signal_inputs(model, args.signals, args.rows);
+    if (model.time.step == 0.0) model.linear.dt = planned->dt;
+  }
   if (!args.accuracy.empty()) {
     options.accuracy = quantity("--accuracy", args.accuracy, "%");
     if (!(options.accuracy > 0.0)) {
       throw InputError({}, fmt::format("--accuracy '{}' is not above 0", args.accuracy), "10%");
     }
   }
-  Estimate estimate = bound_of(model, options, given ? &recordings.data.front() : nullptr);
+  Estimate estimate = bound_of(model, options, planned ? &*planned : nullptr);
   return finish(args, recordings, estimate, begin);
 }
 
@@ -685,7 +742,7 @@ int run_validate(const Arguments& args) {
     throw InputError({result.path, 0, 0}, "a result about a regression",
                      "a result of tune, check or fit");
   }
-  if (model.form != ModelFile::Form::single_track) require_linear(args, model);
+  if (model.form != ModelFile::Form::single_track) require_filter(args, model);
   ValidateOptions options;
   options.robust = args.robust;
   if (args.robust && model.form != ModelFile::Form::single_track) {
@@ -934,6 +991,18 @@ void add_common(CLI::App& verb, Arguments& args, bool estimates, bool pictured =
     verb.add_option("--report", args.report, "FILE.html: everything as one page")->check(a_page);
 }
 
+void add_filter(CLI::App& verb, Arguments& args) {
+  verb.add_option("--filter", args.filter, "of a nonlinear model")
+      ->check(CLI::IsMember({"extended", "iterated", "unscented"}))
+      ->default_str("extended");
+}
+
+void add_signals(CLI::App& verb, Arguments& args) {
+  verb.add_option("--input", args.signals,
+                  "NAME=FORMULA of the time t in s and SI, e.g. 'u=sin(2*pi*t/5)'; once per input")
+      ->allow_extra_args(false);
+}
+
 // As it can be typed again.
 std::string command_line(int argc, char** argv) {
   std::string out = "identikal";
@@ -976,9 +1045,7 @@ int run(int argc, char** argv) {
     verb->add_option("MODEL", args.model, "model file (YAML)")->required();
     verb->add_option("DATA", args.data, "recordings (CSV)")->required();
     add_common(*verb, args, true);
-    verb->add_option("--filter", args.filter, "of a nonlinear model")
-        ->check(CLI::IsMember({"extended", "iterated", "unscented"}))
-        ->default_str("extended");
+    add_filter(*verb, args);
     if (std::string(name) == "check") {
       verb->add_flag("--compare", args.compare, "rank filters: --compare A.yaml B.yaml ... DATA");
       continue;
@@ -989,6 +1056,8 @@ int run(int argc, char** argv) {
     verb->add_option("--starts", args.starts, "number of starts")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
+    verb->add_option("--hold-out", args.hold_out,
+                     "recording, or last share (30%) of each, to validate on");
     if (std::string(name) == "fit") {
       verb->add_option(
               "--method", args.method,
@@ -1000,8 +1069,6 @@ int run(int argc, char** argv) {
       verb->add_option("--bootstrap", args.bootstrap,
                        "draws of a block bootstrap for the errors, e.g. 500")
           ->check(CLI::Range(20, 100000));
-      verb->add_option("--hold-out", args.hold_out,
-                       "recording, or last share (30%) of each, to validate on");
     }
     if (std::string(name) == "tune") {
       verb->add_option("--method", args.method,
@@ -1054,6 +1121,7 @@ int run(int argc, char** argv) {
                    "RESULT: with the values that tune or fit has found, as -o has written them")
       ->check(a_folder);
   add_common(*filter, args, true, false);
+  add_filter(*filter, args);
 
   CLI::App* comparison = app.add_subcommand(
       "compare", "rank results of one recording: AIC, BIC, likelihood ratios of nested models");
@@ -1084,6 +1152,16 @@ int run(int argc, char** argv) {
   bound->add_option("-n,--samples", args.rows, "length of the recording that is planned")
       ->check(CLI::Range(1L, 1000000000L));
   bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
+  add_signals(*bound, args);
+  bound
+      ->add_option("--runs", args.runs,
+                   "nonlinear models: recordings to simulate for the mean information")
+      ->check(CLI::Range(2, 100000))
+      ->default_str("50");
+  bound->add_option("--seed", args.seed, "nonlinear models: seed of their noise")
+      ->check(whole_number)
+      ->capture_default_str();
+  add_filter(*bound, args);
 
   CLI::App* report =
       app.add_subcommand("report", "rebuild the page of a result that -o has written");
@@ -1139,10 +1217,7 @@ int run(int argc, char** argv) {
   simulate->add_option("--seed", args.seed, "seed of the noise")
       ->check(whole_number)
       ->capture_default_str();
-  simulate
-      ->add_option("--input", args.signals,
-                   "NAME=FORMULA of the time t in s and SI, e.g. 'u=sin(2*pi*t/5)'; once per input")
-      ->allow_extra_args(false);
+  add_signals(*simulate, args);
   simulate->add_option("-n,--rows", args.rows, "rows, where no recording gives the inputs")
       ->check(CLI::Range(1L, 100000000L));
   simulate->add_option("--manoeuvre", args.manoeuvre,

@@ -324,6 +324,26 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
 
 }  // namespace
 
+const char* to_string(NonlinearMethod method) {
+  switch (method) {
+    case NonlinearMethod::extended:
+      return "extended";
+    case NonlinearMethod::iterated:
+      return "iterated";
+    case NonlinearMethod::unscented:
+      return "unscented";
+  }
+  return "";
+}
+
+NonlinearMethod nonlinear_method(const std::string& name, const Location& at) {
+  for (const NonlinearMethod method :
+       {NonlinearMethod::extended, NonlinearMethod::iterated, NonlinearMethod::unscented}) {
+    if (name == to_string(method)) return method;
+  }
+  throw InputError(at, fmt::format("unknown filter '{}'", name), "extended, iterated or unscented");
+}
+
 ModelFile read_model_file(const std::string& path) {
   return parse_model_file(read_yaml_text(path), path);
 }

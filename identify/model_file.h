@@ -11,6 +11,7 @@
 
 #include "lib/axle.h"
 #include "lib/dataset.h"
+#include "lib/error.h"
 #include "lib/expression.h"
 #include "lib/linear_model.h"
 #include "lib/nonlinear_filter.h"
@@ -64,6 +65,11 @@ struct FormulaSettings {
   /// what noise and start depend on is in `linear`.
   NonlinearModel model;
 };
+
+/// As the command line and results name it.
+const char* to_string(NonlinearMethod method);
+/// @throws InputError at this place for another word
+NonlinearMethod nonlinear_method(const std::string& name, const Location& at);
 
 struct ModelFile {
   enum class Form { linear, nonlinear, single_track, regression };

@@ -120,9 +120,9 @@ NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset
 }
 
 MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
-                            const Dataset& recording) {
+                            const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
   FilterNoise noise = zero_noise(model.formulas.model);
-  noise.x0 = written_matrices(model.linear, at).x0;
+  noise.x0 = x;
   Random unused(1);
   return nonlinear_realisation(model.formulas.model, formula_parameters(model, at), noise,
                                ProcessNoise::per_sample, integration_nodes(model, recording),
@@ -132,10 +132,24 @@ MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
 
 FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
                               const Dataset& recording, Keep keep) {
-  return nonlinear_filter(model.formulas.model, formula_parameters(model, at),
-                          noise_of(written_matrices(model.linear, at)),
-                          integration_nodes(model, recording), recording.y, filter_options(model),
-                          keep);
+  FilterResult out = nonlinear_filter(model.formulas.model, formula_parameters(model, at),
+                                      noise_of(written_matrices(model.linear, at)),
+                                      integration_nodes(model, recording), recording.y,
+                                      filter_options(model), keep);
+  if (keep == Keep::innovations || out.status != FilterStatus::ok) return out;
+  out.e_sd.resize(recording.y.rows(), recording.size());
+  for (Index t = 0; t < recording.size(); ++t) {
+    out.e_sd.col(t) = out.Sigma[static_cast<std::size_t>(t)].diagonal().cwiseSqrt();
+  }
+  return out;
+}
+
+SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,
+                                  const Dataset& recording, std::optional<Index> lag) {
+  return nonlinear_smoother(model.formulas.model, formula_parameters(model, at),
+                            noise_of(written_matrices(model.linear, at)),
+                            integration_nodes(model, recording), recording.y, filter_options(model),
+                            lag, SmootherKeep::deviations);
 }
 
 }  // namespace identikal

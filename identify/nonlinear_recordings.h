@@ -1,6 +1,7 @@
 // How does a recording go through a model of formulas, as a model file states it?
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -9,6 +10,7 @@
 #include "lib/dataset.h"
 #include "lib/nonlinear_filter.h"
 #include "lib/nonlinear_realisation.h"
+#include "lib/nonlinear_smoother.h"
 
 namespace identikal {
 
@@ -43,12 +45,17 @@ class NonlinearRecordings {
 NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
                                            Random& random);
 
-/// What the outputs would be without noise, from the mean of the start; SI, ny x N.
+/// What the outputs would be without noise, from the state x at the first sample; SI, ny x N.
 Eigen::MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
-                                   const Dataset& recording);
+                                   const Dataset& recording,
+                                   const Eigen::Ref<const Eigen::VectorXd>& x);
 
-/// The filter's run over one recording.
+/// The filter's run over one recording; e_sd with Keep::everything.
 FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
                               const Dataset& recording, Keep keep);
+
+/// The smoother's, deviations only. @param lag  as lib/nonlinear_smoother.h has it
+SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,
+                                  const Dataset& recording, std::optional<Eigen::Index> lag);
 
 }  // namespace identikal

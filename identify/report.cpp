@@ -136,6 +136,17 @@ std::string bound_table(const Estimate& estimate) {
       "bound se: the smallest standard deviation from outputs alone. states known: if the states "
       "were measured as well, which no method can stand in for.",
       2);
+  if (bound.simulated > 0) {
+    out += wrapped(
+        fmt::format("Mean information of {} recordings simulated with seed {}, as the filter sees "
+                    "it; chance leaves the bounds within {} of themselves. No steady filter, so "
+                    "nothing on states known or gains.",
+                    bound.simulated, bound.seed,
+                    std::isnan(bound.simulation_se)
+                        ? "unknown"
+                        : fmt::format("{:.2g} %", 100.0 * bound.simulation_se)),
+        2);
+  }
   return out;
 }
 
@@ -386,7 +397,8 @@ std::string console_report(const Estimate& estimate) {
                        objective.path.empty() ? "" : ", " + objective.path + " likelihood");
   }
   out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation) +
-         fit_text("hold-out", estimate.hold_out);
+         fit_text("hold-out", estimate.hold_out) +
+         fit_text("  one step", estimate.hold_out_one_step);
   for (const TestResult& test : estimate.tests) {
     if (objective.method == "compare") break;  // its table says the same
     out += fmt::format(

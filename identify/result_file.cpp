@@ -240,6 +240,7 @@ Estimate estimate_of(const Field& root) {
   const Field objective = root["objective"];
   out.objective.method = objective["method"].text();
   out.objective.initial = objective["initial"].text();
+  out.objective.filter = objective["filter"].text();
   out.objective.log_likelihood = objective["log_likelihood"].number();
   out.objective.aic = objective["aic"].number();
   out.objective.bic = objective["bic"].number();
@@ -247,6 +248,7 @@ Estimate estimate_of(const Field& root) {
   out.one_step = fits_of(fit["one_step"]);
   out.simulation = fits_of(fit["simulation"]);
   out.hold_out = fits_of(fit["hold_out"]);
+  out.hold_out_one_step = fits_of(fit["hold_out_one_step"]);
   for (const Field& test : root["tests"].items()) {
     out.tests.push_back({test["id"].text(), test["channel"].text(), test["value"].number(),
                          test["interval"].interval(), test["p"].number(), test["pass"].yes(),

@@ -69,6 +69,10 @@ Json bound(const Estimate& estimate) {
           {"accuracy", number(b.accuracy)},
           {"parameters", rows},
           {"gain_se", matrix(b.gain_se)},
+          {"simulated", b.simulated == 0 ? Json(nullptr)
+                                         : Json{{"recordings", b.simulated},
+                                                {"seed", b.seed},
+                                                {"relative_se", number(b.simulation_se)}}},
           {"innovation_form",
            {{"Sigma", matrix(form.Sigma)},
             {"K_se", matrix(form.K_se)},
@@ -320,6 +324,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   const Objective& objective = estimate.objective;
   out["objective"] = {{"method", objective.method},
                       {"initial", objective.initial},
+                      {"filter", objective.filter},
                       {"log_likelihood", number(objective.log_likelihood)},
                       {"log_likelihood_start", number(objective.log_likelihood_start)},
                       {"aic", number(objective.aic)},
@@ -332,7 +337,8 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                       {"path_reason", objective.path_reason}};
   out["fit"] = {{"one_step", fits(estimate.one_step)},
                 {"simulation", fits(estimate.simulation)},
-                {"hold_out", fits(estimate.hold_out)}};
+                {"hold_out", fits(estimate.hold_out)},
+                {"hold_out_one_step", fits(estimate.hold_out_one_step)}};
   out["tests"] = Json::array();
   for (const TestResult& test : estimate.tests) {
     out["tests"].push_back({{"id", test.id},

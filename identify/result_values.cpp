@@ -56,6 +56,9 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
     }
   }
   model.parameters = std::move(all);
+  if (model.form == ModelFile::Form::nonlinear && !result.objective.filter.empty()) {
+    model.formulas.filter = nonlinear_method(result.objective.filter, here);
+  }
 }
 
 }  // namespace identikal

@@ -123,6 +123,10 @@ Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings) 
   }
   out.parameters = with_coordinates(model.parameters, solution.x);
   out.gain = solution.summary.objective - solution.summary.initial_objective;
+  if (model.form == ModelFile::Form::nonlinear) {
+    out.loss = kNone;
+    return out;
+  }
   out.loss = predicted_loss(instantiate(model.linear, model.parameters),
                             instantiate(model.linear, out.parameters));
   return out;

@@ -42,7 +42,7 @@ struct Retuned {
   ParameterSet parameters;
   double gain = 0.0;  ///< of the log-likelihood
   /// Predicted tr P(present gain) / tr P(optimal gain) - 1, both under the noise found; NaN when a
-  /// steady state is missing.
+  /// steady state is missing, as of a nonlinear model.
   double loss = 0.0;
 };
 

@@ -217,21 +217,15 @@ Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& si
   return out;
 }
 
-Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* inputs,
-                             std::uint64_t seed) {
+MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Random& random) {
   const Location at{model.path, 0, 0};
-  const Index N = inputs != nullptr ? inputs->size() : rows;
-  Dataset recording;
-  recording.name = model.name;
-  recording.time = sample_times(inputs, N, inputs != nullptr ? 0.0 : sampling_period(model));
-  recording.u = inputs != nullptr ? inputs->u : MatrixXd(0, N);
+  const Index N = recording.size();
   if (!recording.u.allFinite()) {
-    throw InputError({inputs->name, 0, 0}, "an input is missing in some row",
+    throw InputError({recording.name, 0, 0}, "an input is missing in some row",
                      "every input in every row", "select rows with --range");
   }
   const int pieces = model.formulas.model.continuous ? 10 : 1;
   const Dataset fine = refined(recording, model.formulas.inputs, pieces);
-  Random random(seed);
   NonlinearRealisation found;
   try {
     found = nonlinear_realisation(model, fine, random);
@@ -248,6 +242,18 @@ Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* 
         fmt::format("the motion runs away: at {:.6g} s it is not finite", fine.time[t * pieces]),
         "values that can be simulated");
   }
+  return y;
+}
+
+Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* inputs,
+                             std::uint64_t seed) {
+  const Index N = inputs != nullptr ? inputs->size() : rows;
+  Dataset recording;
+  recording.name = inputs != nullptr ? inputs->name : model.name;
+  recording.time = sample_times(inputs, N, inputs != nullptr ? 0.0 : sampling_period(model));
+  recording.u = inputs != nullptr ? inputs->u : MatrixXd(0, N);
+  Random random(seed);
+  const MatrixXd y = simulated_outputs(model, recording, random);
   return {csv_of(model, seed, y, inputs, recording.time), N, {}};
 }
 

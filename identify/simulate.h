@@ -6,9 +6,12 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "identify/manoeuvres.h"
 #include "identify/model_file.h"
 #include "lib/dataset.h"
+#include "lib/random.h"
 
 namespace identikal {
 
@@ -35,6 +38,12 @@ Simulated simulate_linear(const ModelFile& model, Eigen::Index rows, const Datas
 /// @throws InputError also when the motion runs away, or no sampling period is known
 Simulated simulate_nonlinear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
                              std::uint64_t seed);
+
+/// Outputs of a nonlinear model at the times and inputs of a recording, as simulate_nonlinear()
+/// draws them; SI, ny x N.
+/// @throws InputError when an input is missing, noise is not positive semidefinite or the motion
+/// runs away
+Eigen::MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Random& random);
 
 /// Inputs from formulas of the time, "NAME=FORMULA" in SI, at the model's sampling period.
 /// @throws InputError when an input has none, a name is unknown, or no period or length is given

@@ -360,7 +360,7 @@ if (data.channels.length) {
   section("predictions", "Measured and predicted", reset,
     note("Drag to zoom, all plots over time together; double-click shows all. " + what.join(" ") + thinning),
     data.channels.map((c) => {
-      const fits = [["one step", fitOf("one_step", c.name)], ["free run", fitOf("simulation", c.name)], ["held out", fitOf("hold_out", c.name)]].filter(([, f]) => f).map(([kind, f]) => `${kind} ${f}`);
+      const fits = [["one step", fitOf("one_step", c.name)], ["free run", fitOf("simulation", c.name)], ["held out", fitOf("hold_out", c.name)], ["held out, one step", fitOf("hold_out_one_step", c.name)]].filter(([, f]) => f).map(([kind, f]) => `${kind} ${f}`);
       return timePlot(c.name, [c.unit ? `[${c.unit}]` : "", fits.length ? "fit " + fits.join(", ") : ""].filter(Boolean).join(" · ") + " · " + timeLabel, {
         lines: [{ label: "measured", line: c.measured, colour: "--muted", points: true }, { label: "one step", line: c.one_step, colour: "--accent" }, { label: "free run", line: c.free_run, colour: "--contrast" }],
         extent: c.forecast_low && { low: c.forecast_low, high: c.forecast_high, label: "±2 sd" }, height: 220 });

@@ -958,8 +958,8 @@ class Validate(unittest.TestCase):
         data = self.folder.path / "simulated.csv"
         run("tune", model, data, "--starts", 1, "-o", self.out)
         self.assertIsNone(json.loads((self.out / "result.json").read_text())["filter"])
-        for verb in (("validate", self.out), ("filter", model)):
-            self.assertIn(f"'{verb[0]}' takes a linear model, this one is not linear in its states", run(*verb, data, code=2).stderr)
+        for verb in ("shape", "track"):
+            self.assertIn(f"'{verb}' takes a linear model, this one is not linear in its states", run(verb, model, data, code=2).stderr)
 
 
 class Check(unittest.TestCase):
@@ -1105,6 +1105,135 @@ class Filter(unittest.TestCase):
             self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))
             for word in words:
                 self.assertIn(word, done.stderr)
+
+
+class Nonlinear(unittest.TestCase):
+    """The pendulum of the templates, from its own simulation."""
+
+    TORQUE = "--input", "torque=1.5*sin(2*pi*0.4*t) + if(sin(0.9*t) > 0, 0.7, -0.7)"
+
+    def setUp(self):
+        self.folder = Folder()
+        self.folder.__enter__()
+        self.addCleanup(self.folder.__exit__)
+        self.model = self.folder.write("pendulum.yaml", run("init", "pendulum", code=0).stdout)
+        self.out = self.folder.path / "out"
+
+    def simulated(self, seed, rows=400):
+        out = self.folder.path / f"data{seed}"
+        run("simulate", self.model, "-n", rows, *self.TORQUE, "--seed", seed, "-o", out, code=0)
+        return out / "simulated.csv"
+
+    def test_fit_filter_validate(self):
+        data, other = self.simulated(1), self.simulated(2)
+        text = run("fit", self.model, data, "--hold-out", "30%", "--starts", 1, "-o", self.out, code=0).stdout
+        self.assertLessEqual(max(map(len, text.splitlines())), 80)
+        fitted = json.loads((self.out / "result.json").read_text())
+        jsonschema.validate(fitted, SCHEMA)
+        fits = {kind: fit["angle"]["fit_percent"] for kind, fit in fitted["fit"].items()}
+        for kind in ("one_step", "hold_out_one_step"):
+            self.assertGreater(fits[kind], 99)
+        for kind in ("simulation", "hold_out"):
+            self.assertGreater(fits[kind], 80)
+            self.assertLess(fits[kind], fits["one_step"])
+        for line in ("fit    simulation", "fit    hold-out", "fit      one step"):
+            self.assertIn(line, text)
+        self.assertEqual((400, 280), (fitted["inputs"][0]["rows"], fitted["inputs"][0]["used"]))
+        page = json.loads((self.out / "report_data.json").read_text())
+        angle = page["channels"][0]
+        self.assertTrue(all(angle[line] for line in ("measured", "one_step", "free_run")))
+        self.assertIsNotNone(page["held_from"])
+
+        head, filtered = table(run("filter", self.model, data, "--from", self.out, code=0).stdout)
+        self.assertEqual(["time [s]", "phi [rad]", "phi_sd [rad]", "w [rad/s]", "w_sd [rad/s]"], head)
+        smoothed = table(run("filter", self.model, data, "--from", self.out, "--smooth", code=0).stdout)[1]
+        lagged = table(run("filter", self.model, data, "--from", self.out, "--lag", 1000, code=0).stdout)[1]
+        self.assertEqual(smoothed, lagged)
+        self.assertEqual(filtered[-1], smoothed[-1])
+        for before, after in zip(filtered[50:350], smoothed[50:350]):
+            self.assertLess(after[4], 0.9 * before[4])
+        run("filter", self.model, data, "--from", self.out, "-o", self.folder.path / "states", code=0)
+        innovations = table((self.folder.path / "states/innovations.csv").read_text())[1]
+        for time, e, sd, z in innovations:
+            self.assertAlmostEqual(z, e / sd, delta=1e-6 * (1 + abs(z)))
+
+        held = result("validate", self.out, other)
+        self.assertGreater(held["fit"]["simulation"]["angle"]["fit_percent"], 80)
+        self.assertEqual({"score", "nis", "ljung_box"}, {t["id"] for t in held["tests"]})
+        self.assertEqual("answer_no", result("validate", self.out, self.spoilt(other), code=1)["status"]["code"])
+
+    def spoilt(self, data):
+        """The angle four times as noisy."""
+        generator = random.Random(1)
+        lines = [line for line in data.read_text().splitlines() if not line.startswith("#")]
+        column = [name.split(" ")[0] for name in lines[0].split(",")].index("angle")
+        rows = [line.split(",") for line in lines[1:]]
+        for row in rows:
+            row[column] = repr(float(row[column]) + generator.gauss(0, 2.2))
+        return self.folder.write("spoilt.csv", "\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n")
+
+    def test_check(self):
+        data = self.simulated(3)
+        out = result("check", self.model, data)
+        self.assertEqual("extended", out["objective"]["filter"])
+        self.assertAlmostEqual(sum(t["level"] or 0 for t in out["tests"]), 0.05)
+        self.assertNotIn("predicted loss in tr P", [d["name"] for d in out["derived"]])
+        out = result("check", self.model, data, "--set", "r=1e-5", code=1)
+        self.assertIn("r should be larger", out["status"]["message"])
+        text = run("check", self.model, data, code=0).stdout
+        self.assertIn("a nonlinear model has no steady filter", text.replace("\n       ", " "))
+        other = self.folder.write("other.yaml", pathlib.Path(self.model).read_text().replace("r: {value: 1e-4", "r: {value: 1e-5"))
+        out = result("check", "--compare", other, self.model, data)
+        self.assertIn("pendulum.yaml has the highest likelihood", out["status"]["message"])
+
+    def test_the_filter_of_a_result_is_kept(self):
+        data = self.simulated(4, 200)
+        tuned = json.loads(run("fit", self.model, data, "--starts", 1, "--filter", "unscented", "--json", "-o", self.out, code=0).stdout)
+        again = result("filter", self.model, data, "--from", self.out)
+        self.assertEqual(("unscented", "unscented"), (tuned["objective"]["filter"], again["objective"]["filter"]))
+        # The values say how many steps the integration takes: from the file's, and from those found.
+        self.assertAlmostEqual(tuned["objective"]["log_likelihood"], again["objective"]["log_likelihood"], delta=1e-5)
+        extended = result("filter", self.model, data, "--from", self.out, "--filter", "extended")
+        self.assertNotAlmostEqual(tuned["objective"]["log_likelihood"], extended["objective"]["log_likelihood"], delta=1e-3)
+
+    def test_bound(self):
+        out = result("bound", self.model, "-n", 400, *self.TORQUE, "--accuracy", "1%")
+        self.assertEqual((50, 1), (out["bound"]["simulated"]["recordings"], out["bound"]["simulated"]["seed"]))
+        self.assertLess(out["bound"]["simulated"]["relative_se"], 0.03)
+        # The errors of a fit to one such recording.
+        fitted = result("fit", self.model, self.simulated(5), "--starts", 1)
+        seen = {p["name"]: p["crb_se"] for p in fitted["parameters"]}
+        for p, needed in zip(out["parameters"], out["bound"]["parameters"]):
+            if p["fixed"]:
+                continue
+            self.assertLess(abs(math.log(p["crb_se"] / seen[p["name"]])), math.log(1.5), p["name"])
+            self.assertAlmostEqual(needed["samples_needed"], 400 * (p["crb_se"] / p["value"] / 0.01) ** 2, delta=1)
+        recorded = result("bound", self.model, self.simulated(5))
+        for p, q in zip(out["parameters"], recorded["parameters"]):
+            if not p["fixed"]:
+                self.assertAlmostEqual(p["crb_se"], q["crb_se"], delta=1e-3 * p["crb_se"])
+
+    def test_what_it_cannot_do(self):
+        data = self.simulated(6, 60)
+        for words, arguments in (("input 'torque' is not given", ("bound", self.model, "-n", 100)),
+                                 ("both --input and a recording", ("bound", self.model, data, *self.TORQUE)),
+                                 ("--runs has no meaning here", ("bound", *NILE[:1], "-n", 100, "--runs", 7)),
+                                 ("--bootstrap has no meaning here", ("fit", self.model, data, "--bootstrap", 100)),
+                                 ("--method trajectory has no meaning here", ("fit", self.model, data, "--method", "trajectory")),
+                                 ("leaves too little", ("tune", self.model, data, "--hold-out", "95%")),
+                                 ("takes a linear model", ("shape", self.model, data)),
+                                 ("--filter has no meaning here", ("filter", *NILE, "--filter", "iterated"))):
+            done = run(*arguments, code=2)
+            self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))
+            self.assertIn(words, done.stderr)
+
+    def test_linear_models_hold_out_too(self):
+        out = result("tune", *NILE, "--hold-out", "30%", "--starts", 1)
+        self.assertEqual(["level"], list(out["fit"]["hold_out_one_step"]))
+        values = [f"--set={p['name']}={p['value']!r}" for p in out["parameters"]]
+        everything = result("filter", *NILE, *values)["objective"]["log_likelihood"]
+        rows = {d["name"].strip(): d["value"] for d in out["derived"]}
+        self.assertAlmostEqual(70 * rows["log-likelihood per row"] + 30 * rows["on held-out rows"], everything, delta=1e-6)
 
 
 class Compare(unittest.TestCase):
