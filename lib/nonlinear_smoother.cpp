@@ -1,7 +1,8 @@
 #include "lib/nonlinear_smoother.h"
 
-#include <cmath>
 #include <vector>
+
+#include "lib/sigma_points.h"
 
 namespace identikal {
 namespace {
@@ -9,18 +10,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// L L' = P, L lower triangular; the column of a state that those before it determine is zero.
-MatrixXd semidefinite_factor(const MatrixXd& P) {
-  MatrixXd L = MatrixXd::Zero(P.rows(), P.cols());
-  for (Index j = 0; j < P.rows(); ++j) {
-    const VectorXd rest = P.col(j).tail(P.rows() - j) -
-                          L.bottomLeftCorner(P.rows() - j, j) * L.row(j).head(j).transpose();
-    if (!(rest[0] > 1e-14 * P(j, j))) continue;
-    L.col(j).tail(P.rows() - j) = rest / std::sqrt(rest[0]);
-  }
-  return L;
-}
 
 // f(x) = slopes x + offset + what has the covariance `rest`.
 struct Line {
@@ -35,34 +24,25 @@ template <typename Function>
 Line line_of_points(const VectorXd& middle, const MatrixXd& P, const UnscentedWeights& weights,
                     Index rows, Function&& f) {
   const Index n = middle.size();
-  const double square = weights.alpha * weights.alpha * (static_cast<double>(n) + weights.kappa);
-  const double reach = std::sqrt(square), outer = 0.5 / square,
-               share = (square - static_cast<double>(n)) / square;
-  const MatrixXd L = semidefinite_factor(P);
-  MatrixXd above(rows, n), below(rows, n);
-  const VectorXd at_middle = f(middle);
-  for (Index j = 0; j < n; ++j) {
-    above.col(j) = f(middle + reach * L.col(j));
-    below.col(j) = f(middle - reach * L.col(j));
+  const PointWeights w = point_weights(weights, n);
+  Stack none(n * n, 0), no_slopes(n, 0);
+  MatrixXd L = MatrixXd::Zero(n, n);
+  set_covariance_factor(P, none, L, none);
+  SigmaPoints points = make_sigma_points(rows, n, 0);
+  VectorXd x(n);
+  for (Index q = 0; q <= 2 * n; ++q) {
+    set_point(q, w, middle, no_slopes, L, none, x, no_slopes);
+    points.values.col(q) = f(x);
   }
-  const VectorXd mean = share * at_middle + outer * (above + below).rowwise().sum();
-  const VectorXd off = at_middle - mean;
-  above.colwise() -= mean;
-  below.colwise() -= mean;
-  Line out;
-  out.rest = (share + 1.0 - weights.alpha * weights.alpha + weights.beta) * off * off.transpose() +
-             outer * (above * above.transpose() + below * below.transpose());
-  // cov(y, x) = D L', so that slopes L = D.
-  MatrixXd D = outer * reach * (above - below);
-  out.slopes = MatrixXd::Zero(rows, n);
+  set_moments(points, w);
+  // cov(f(x), x) = A L', so that slopes L = A.
+  MatrixXd slopes = MatrixXd::Zero(rows, n);
   for (Index j = n - 1; j >= 0; --j) {
     if (L(j, j) == 0.0) continue;
-    out.slopes.col(j) =
-        (D.col(j) - out.slopes.rightCols(n - 1 - j) * L.col(j).tail(n - 1 - j)) / L(j, j);
+    slopes.col(j) =
+        (points.A.col(j) - slopes.rightCols(n - 1 - j) * L.col(j).tail(n - 1 - j)) / L(j, j);
   }
-  out.offset = mean - out.slopes * middle;
-  out.rest -= out.slopes * P * out.slopes.transpose();
-  return out;
+  return {slopes, points.mean - slopes * middle, points.rest};
 }
 
 // The straight lines that a filter has followed.
