@@ -106,6 +106,21 @@ class BadData(unittest.TestCase):
             offset = float(warning["text"].split("An offset of ")[1].split()[0])
             self.assertAlmostEqual(offset, 5, delta=0.5)
 
+    def test_a_drift_is_no_offset(self):
+        """What a model integrates takes any constant in: no offset explains innovations with a mean."""
+        walk = SYSTEM_1.replace("A: [[0.5]]", "A: [[1]]").replace("R: {", "initial: diffuse\nR: {")
+        slow = walk.replace("A: [[1]]", "A: [[0.99999]]")
+        chain = walk.replace("A: [[1]]", "A: [[0.6, 0.4], [0.3, 0.7]]").replace("C: [[1]]", "C: [[0.7, 0.1]]").replace("Q: {", "G: [[1], [0.3]]\nQ: {")
+        drifting = [v + 3 * t for t, v in enumerate(self.y)]
+        for name, text in (("walk", walk), ("slow", slow), ("chain", chain)):
+            with self.subTest(name):
+                self.model = self.folder.write("model.yaml", text)
+                _, _, warnings = self.tuned(drifting, "--starts", 1, code=1)
+                text = warnings["offset"]["text"]
+                self.assertNotIn("would explain", text)
+                self.assertIn("takes" if name == "slow" else "no offset of a sensor", text)
+                self.assertIn("add a drift", warnings["offset"]["do"])
+
     def test_a_short_recording(self):
         for method in ("ml", "als-weighted"):
             Q, R, warnings = self.tuned(self.y[:90], "--method", method)
