@@ -1004,6 +1004,18 @@ class Check(unittest.TestCase):
             self.assertIn("nile.yaml has the highest likelihood", out["status"]["message"])
             run("check", "--compare", NILE[0], data, code=2)
             run("check", "--compare", NILE[0], other, code=2)
+    def test_losses_have_sensible_digits(self):
+        with Folder() as folder:
+            run("simulate", NILE[0], "-n", 400, "--seed", 3, "-o", folder.path, code=0)
+            run("tune", NILE[0], folder.path / "simulated.csv", "-o", folder.path / "out")
+            run("export", folder.path / "out", "--to", "yaml", "-o", folder.path / "tuned.yaml", code=0)
+            # At its own maximum a filter loses nothing but rounding.
+            text = run("check", folder.path / "tuned.yaml", folder.path / "simulated.csv").stdout
+            self.assertRegex(text, r"predicted loss in tr P +< 0\.001 %")
+            text = run("bound", NILE[0], "-n", 1000000000).stdout
+            self.assertIn("loss < 0.001 % of tr P", text)
+            text = run("bound", NILE[0], "-n", 3).stdout
+            self.assertRegex(text, r"loss \d+ % of tr P")
 
     def test_nothing_is_said_of_nothing(self):
         with Folder() as folder:
