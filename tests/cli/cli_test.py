@@ -565,6 +565,25 @@ class Shape(unittest.TestCase):
 
 
 class Fit(unittest.TestCase):
+    def test_the_cause_goes_first(self):
+        """A channel with the wrong sign makes all that follows: it is named first, its consequences in one note."""
+        text = pathlib.Path(LANE_CHANGE[0]).read_text()
+        with Folder() as folder:
+            for column in ("column: yaw_rate, unit: deg/s", "column: swa, unit: deg"):
+                model = folder.write("m.yaml", text.replace(column, column + ", scale: -1"))
+                out = result("fit", model, LANE_CHANGE[1], code=1)
+                self.assertEqual("untrusted", out["status"]["code"])
+                self.assertTrue(out["status"]["message"].startswith("do not use these values: sign_"), out["status"]["message"])
+                codes = [w["code"] for w in out["warnings"]]
+                self.assertTrue(codes[0].startswith("sign_"), codes)
+                self.assertIn("consequences", codes)
+                for code in ("at_bound", "poor_fit", "noise_differs", "implausible_Cf"):
+                    self.assertNotIn(code, codes)
+                note = out["warnings"][codes.index("consequences")]
+                self.assertEqual("note", note["severity"])
+                self.assertIn("at_bound", note["text"])
+                self.assertTrue(all(w["code"].startswith("sign_") for w in out["warnings"] if w["severity"] == "serious"), codes)
+
     def test_severe_lane_change(self):
         out = result("fit", *LANE_CHANGE)
         for p in out["parameters"]:
