@@ -92,6 +92,17 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
                      result.name, result.value),
          "widen the bound in the model file if it is not physical"});
   }
+  for (std::size_t i = 0; i < covariance.open.size(); ++i) {
+    if (!covariance.open[i]) continue;
+    const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
+    estimate.warnings.push_back(
+        {"at_bound",
+         "note",
+         {result.name},
+         fmt::format("{} ended at its bound {:.6g} by chance: this recording does not tell it",
+                     result.name, result.value),
+         ""});
+  }
   if (k > 0) {
     const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() *
                                         covariance.information *
@@ -344,7 +355,7 @@ void put_cause_first(Estimate& estimate) {
                            std::make_move_iterator(others.end()));
 }
 
-void conclude(const VehicleSearch& found, Estimate& estimate) {
+void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, Estimate& estimate) {
   std::vector<std::string> open, serious;
   std::size_t free = 0;
   for (const EstimatedParameter& p : estimate.parameters) {
@@ -356,7 +367,10 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
   const VehicleUnknowns& unknowns = found.problem.unknowns;
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
-    if (must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0) open.push_back(p.name);
+    const bool maybe_zero = must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0;
+    const bool listed_already = std::find(open.begin(), open.end(), p.name) != open.end();
+    const bool anywhere = i < covariance.open.size() && covariance.open[i];
+    if ((maybe_zero || anywhere) && !listed_already) open.push_back(p.name);
   }
   for (const Warning& warning : estimate.warnings) {
     if (warning.severity != "serious") continue;
@@ -450,7 +464,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     for (EstimatedParameter& each : estimate.parameters) {
       if (!each.fixed) each.verdict = Verdict::unfitted;
     }
-    conclude(found, estimate);
+    conclude(found, {}, estimate);
     return estimate;
   }
   const bool simulation = options.method == Method::output_error;
@@ -516,7 +530,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   describe_weakest_direction(found.problem, covariance, p, estimate);
   put_cause_first(estimate);
   describe_acceleration(found.problem, found.best, estimate);
-  conclude(found, estimate);
+  conclude(found, covariance, estimate);
   if (options.pictures) picture_vehicle(found, covariance, estimate);
   return estimate;
 }

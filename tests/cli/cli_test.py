@@ -584,6 +584,21 @@ class Fit(unittest.TestCase):
                 self.assertIn("at_bound", note["text"])
                 self.assertTrue(all(w["code"].startswith("sign_") for w in out["warnings"] if w["severity"] == "serious"), codes)
 
+    def test_circles_do_not_tell_the_inertia(self):
+        """Whether the search ends on a bound there or not is chance: the answer is the same."""
+        with Folder() as folder:
+            ends = set()
+            for duration, method in ((20, "output-error"), (30, "output-error"), (40, "output-error"), (40, "prediction-error")):
+                run("simulate", LANE_CHANGE[0], "--manoeuvre", "steady-circle", "--duration", f"{duration}s", "-o", folder.path, code=0)
+                out = result("fit", LANE_CHANGE[0], folder.path / "simulated.csv", "--method", method, code=1)
+                Iz = next(p for p in out["parameters"] if p["name"] == "Iz")
+                ends.add(Iz["value"] in Iz["bounds"])
+                self.assertEqual(("answer_no", "this recording does not determine Iz separately"), (out["status"]["code"], out["status"]["message"]))
+                self.assertEqual("weak", Iz["verdict"])
+                self.assertLess(Iz["ci95"][0], 0)
+                self.assertEqual([], [w["code"] for w in out["warnings"] if w["severity"] == "serious" or w["code"] == "implausible_Iz"])
+            self.assertEqual({True, False}, ends)
+
     def test_severe_lane_change(self):
         out = result("fit", *LANE_CHANGE)
         for p in out["parameters"]:
