@@ -24,8 +24,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using StoredJson = nlohmann::ordered_json;
 
-constexpr int kReadableSchema = 1;
-
 StoredJson parsed_json(const std::string& path, const std::string& text) {
   try {
     return StoredJson::parse(text);
@@ -41,9 +39,9 @@ void check_version(const std::string& path, const StoredJson& file) {
     throw InputError({path, 0, 0}, "no result of this program", "a result.json as -o writes it");
   }
   const StoredJson& version = file["schema_version"];
-  if (version != kReadableSchema) {
+  if (version != kSchemaVersion) {
     throw InputError({path, 0, 0}, fmt::format("schema_version {}", version.dump()),
-                     fmt::format("{}", kReadableSchema),
+                     fmt::format("{}", kSchemaVersion),
                      "run the job again with -o, or use the version that wrote it");
   }
 }

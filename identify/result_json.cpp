@@ -289,7 +289,7 @@ std::string program_version() {
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
   Json out;
-  out["schema_version"] = 1;
+  out["schema_version"] = kSchemaVersion;
   out["version"] = program_version();
   out["verb"] = estimate.verb;
   out["model"] = estimate.model_name;
