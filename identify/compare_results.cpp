@@ -1,6 +1,7 @@
 #include "identify/compare_results.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <string>
@@ -47,9 +48,11 @@ double samples(const Objective& o) {
   return std::round(std::exp((o.bic + 2.0 * o.log_likelihood) / unknowns(o)));
 }
 
-std::vector<std::tuple<std::string, long>> data_of(const Estimate& e) {
-  std::vector<std::tuple<std::string, long>> out;
-  for (const InputRecord& input : e.inputs) out.emplace_back(input.sha256, input.used);
+std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const Estimate& e) {
+  std::vector<std::tuple<std::string, long, std::array<double, 2>>> out;
+  for (const InputRecord& input : e.inputs) {
+    out.emplace_back(input.sha256, input.used, input.range);
+  }
   std::sort(out.begin(), out.end());
   return out;
 }

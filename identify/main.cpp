@@ -206,11 +206,15 @@ struct Recordings {
   std::vector<InputRecord> records;                             // one per file
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  // recordings [from, to) of a file
 
-  void add(std::vector<Dataset> runs, const std::vector<Table>& files) {
+  void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range) {
     long rows = 0;
     for (const Dataset& run : runs) rows += static_cast<long>(run.size());
     for (const Table& file : files) {
-      records.push_back({file.path, sha256_of_file(file.path), static_cast<long>(file.rows), rows});
+      records.push_back({file.path,
+                         sha256_of_file(file.path),
+                         static_cast<long>(file.rows),
+                         rows,
+                         {range.from, range.to}});
       of_records.emplace_back(data.size(), data.size() + runs.size());
     }
     for (Dataset& run : runs) data.push_back(std::move(run));
@@ -221,7 +225,7 @@ Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
   for (const std::string& path : args.data) {
     const std::vector<Table> files = read_files(path);
-    out.add(load_runs(args, files, model), files);
+    out.add(load_runs(args, files, model), files, parse_range(args.range));
     const double dt = out.data.front().dt;
     if (model.form == ModelFile::Form::linear && model.time.step == 0.0 &&
         std::abs(out.data.back().dt - dt) > 1e-6 * dt) {
@@ -545,7 +549,7 @@ int run_bound(const Arguments& args) {
   Recordings recordings;
   if (!args.data.empty()) {
     const std::vector<Table> files = read_files(args.data.front());
-    recordings.add({load_data(args, files, model, false)}, files);
+    recordings.add({load_data(args, files, model, false)}, files, parse_range(args.range));
     if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   }
   const bool given = !recordings.data.empty();
@@ -854,12 +858,12 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
     Recordings records;
     if (model) {
       estimate.model_name = model->name;
-      records.add(load_runs(args, files, *model), files);
+      records.add(load_runs(args, files, *model), files, parse_range(args.range));
       estimate.survey = survey(vehicle_signals(*model, records.data));
     } else {
       Dataset whole;
       whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
-      records.add({std::move(whole)}, files);
+      records.add({std::move(whole)}, files, parse_range(args.range));
       estimate.survey = survey(within(guess_vehicle(files), parse_range(args.range)));
     }
     estimate.inputs = records.records;

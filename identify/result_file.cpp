@@ -210,7 +210,7 @@ Estimate estimate_of(const Field& root) {
   for (const Field& input : root["inputs"].items()) {
     out.inputs.push_back({input["path"].text(), input["sha256"].text(),
                           static_cast<long>(input["rows"].number()),
-                          static_cast<long>(input["used"].number())});
+                          static_cast<long>(input["used"].number()), input["range"].bounds()});
   }
   if (const Field model = root["model_file"]; !model.absent()) {
     out.model_file = {model["path"].text(), model["sha256"].text(), model["text"].text(), {}};

@@ -218,8 +218,10 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
                            Estimate& estimate) {
   for (const InputRecord& input : inputs) {
     const bool own =
-        std::any_of(result.inputs.begin(), result.inputs.end(),
-                    [&](const InputRecord& each) { return each.sha256 == input.sha256; });
+        std::any_of(result.inputs.begin(), result.inputs.end(), [&](const InputRecord& each) {
+          const bool apart = each.range[1] < input.range[0] || input.range[1] < each.range[0];
+          return each.sha256 == input.sha256 && !apart;
+        });
     if (!own) continue;
     estimate.warnings.push_back({"own_data",
                                  "warning",

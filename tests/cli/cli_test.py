@@ -986,6 +986,14 @@ class Validate(unittest.TestCase):
             "-o", self.folder.path, code=0)
         result("validate", self.out, other, code=1)
 
+    def test_rows_are_recorded(self):
+        for text, wanted in (("", [None, None]), ("10:60", [10, 60]), (":1min", [None, 60])):
+            out = result("tune", *NILE, *(("--range", text) if text else ()), "-o", self.out)
+            self.assertEqual(wanted, out["inputs"][0]["range"])
+        # The same rows prove nothing, others do.
+        self.assertIn("own_data", [w["code"] for w in result("validate", self.out, NILE[1], "--range", "30s:")["warnings"]])
+        self.assertNotIn("own_data", [w["code"] for w in json.loads(run("validate", self.out, NILE[1], "--range", "61s:", "--json").stdout)["warnings"]])
+
     def test_what_it_cannot_do(self):
         run("tune", *NILE, "-o", self.out, code=0)
         text = (self.out / "result.json").read_text()
@@ -1217,6 +1225,10 @@ class Compare(unittest.TestCase):
         refused(["nowhere", "cannot be read"], self.a, self.folder.path / "nowhere")
         run("tune", *NILE, "--range", "0:80", "-o", other)
         refused(["other", "other rows"], self.a, other)
+        # As many, but others.
+        third = self.folder.path / "third"
+        run("tune", *NILE, "--range", "10:90", "-o", third)
+        refused(["third", "other rows"], other, third)
         run("tune", *NILE, "--method", "als-weighted", "-o", other)
         refused(["maximises no likelihood", "als-weighted"], self.a, other)
         run("fit", *LANE_CHANGE, "-o", other)
