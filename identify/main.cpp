@@ -92,6 +92,12 @@ struct Arguments {
   std::string from;
 };
 
+// On standard output; one that takes no more, as on a full disk, is said.
+void print(const std::string& text) {
+  std::cout << text << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+}
+
 // "12", "12s", "60 km/h" in SI; `kind` is a unit of the quantity expected.
 double quantity(const std::string& option, const std::string& text, const std::string& kind) {
   std::size_t used = 0;
@@ -334,8 +340,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     files.insert(files.end(), more_files.begin(), more_files.end());
     write_files(args.output, files);
   }
-  std::cout << (args.json ? json : console_report(estimate)) << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(args.json ? json : console_report(estimate));
   return exit_code(estimate, args.strict);
 }
 
@@ -504,9 +509,7 @@ int run_compare_results(const Arguments& args) {
   for (const std::string& path : args.data) results.push_back(read_stored_result(path));
   const Estimate estimate = compare_results(results);
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
-  std::cout << (args.json ? result_json(estimate, false, spent.count()) : console_report(estimate))
-            << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(args.json ? result_json(estimate, false, spent.count()) : console_report(estimate));
   return exit_code(estimate, false);
 }
 
@@ -526,8 +529,7 @@ int run_filter(const Arguments& args) {
   FilterRun run = filter_recordings(model, recordings.data, options);
   if (args.output.empty() && !args.json) {
     write_states_csv(std::cout, model, recordings.data, run);
-    std::cout << std::flush;
-    if (!std::cout) throw OutputError("standard output: cannot write");
+    print("");
     return exit_code(run.estimate, args.strict);
   }
   std::vector<ResultFile> files;
@@ -656,7 +658,7 @@ int run_report(const Arguments& args) {
       std::filesystem::is_directory(given) ? given : given.parent_path();
   const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
   write_page(path, page);
-  fmt::print("{} written\n", path);
+  print(fmt::format("{} written\n", path));
   return 0;
 }
 
@@ -672,11 +674,10 @@ int run_export(const Arguments& args) {
   const StoredResult result = read_stored_result(args.model, PageData::if_there);
   const std::string text = export_text(result, *format, day_of_file(result.path));
   if (args.output.empty()) {
-    std::cout << text << std::flush;
-    if (!std::cout) throw OutputError("standard output: cannot write");
+    print(text);
   } else {
     write_page(args.output, text, "-o");
-    fmt::print("{} written\n", args.output);
+    print(fmt::format("{} written\n", args.output));
   }
   return 0;
 }
@@ -727,8 +728,7 @@ int run_study(const Arguments& args) {
     }
     write_files(args.output, files);
   }
-  std::cout << report.text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(report.text);
   return 0;
 }
 
@@ -763,7 +763,7 @@ int run_init(const Arguments& args) {
   for (const ModelTemplate& each : model_templates()) names.push_back(each.name);
   if (args.model.empty()) {
     for (const ModelTemplate& each : model_templates()) {
-      fmt::print("{}\n    {}\n", each.name, purpose_of(each));
+      print(fmt::format("{}\n    {}\n", each.name, purpose_of(each)));
     }
     return 0;
   }
@@ -773,8 +773,7 @@ int run_init(const Arguments& args) {
                      fmt::format("one of {}", fmt::join(names, ", ")),
                      did_you_mean(args.model, names));
   }
-  std::cout << model_templates()[static_cast<std::size_t>(at - names.begin())].text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(model_templates()[static_cast<std::size_t>(at - names.begin())].text);
   return 0;
 }
 
@@ -828,13 +827,12 @@ int run_simulate(const Arguments& args) {
                     : simulate_linear(model, args.rows, inputs, seed);
   }
   if (args.output.empty()) {
-    std::cout << simulated.csv << std::flush;
-    if (!std::cout) throw OutputError("standard output: cannot write");
+    print(simulated.csv);
   } else {
     write_files(args.output, {{"simulated.csv", simulated.csv}});
-    fmt::print("{} rows written to {}\n", simulated.rows,
-               (std::filesystem::path(args.output) / "simulated.csv").string());
-    for (const std::string& note : simulated.notes) fmt::print("{}\n", note);
+    print(fmt::format("{} rows written to {}\n", simulated.rows,
+                      (std::filesystem::path(args.output) / "simulated.csv").string()));
+    for (const std::string& note : simulated.notes) print(fmt::format("{}\n", note));
   }
   return 0;
 }
@@ -869,14 +867,12 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
     estimate.inputs = records.records;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (args.json) {
-      std::cout << result_json(estimate, false, spent.count());
+      print(result_json(estimate, false, spent.count()));
     } else {
-      for (const std::string& note : records.data[0].notes) std::cout << note << "\n";
-      std::cout << argument << "\n" << survey_text(*estimate.survey);
+      for (const std::string& note : records.data[0].notes) print(note + "\n");
+      print(argument + "\n" + survey_text(*estimate.survey));
     }
   }
-  std::cout << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
   return 0;
 }
 
@@ -905,8 +901,7 @@ int run_info(const Arguments& args) {
       for (const std::string& note : join_tables(files, {}).notes) text += note + "\n";
     }
   }
-  std::cout << text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(text);
   return 0;
 }
 
@@ -1177,10 +1172,10 @@ int run(int argc, char** argv) {
   if (argc == 3 && std::string(argv[1]) == "--generate") {
     std::vector<std::string> drives;
     for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
-    std::cout << command_reference(app, argv[2], IDENTIKAL_VERSION,
-                                   {{"study", "NAME", study_names()},
-                                    {"simulate", "--manoeuvre", drives},
-                                    {"export", "--to", kLanguages}});
+    print(command_reference(app, argv[2], IDENTIKAL_VERSION,
+                            {{"study", "NAME", study_names()},
+                             {"simulate", "--manoeuvre", drives},
+                             {"export", "--to", kLanguages}}));
     return 0;
   }
   if (argc > 1 && argv[1][0] != '-') {
@@ -1197,7 +1192,12 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
+    if (error.get_exit_code() == 0) {  // --help, --version
+      std::ostringstream text;
+      app.exit(error, text, text);
+      print(text.str());
+      return 0;
+    }
     throw InputError({}, error.what(), "",
                      "'identikal --help' and 'identikal VERB --help' show the options");
   }

@@ -1597,6 +1597,16 @@ class BadInput(unittest.TestCase):
         self.refused(["--runs", "nothing in it is repeated"], "study", "matisko-figure-6", "--runs", 3)
         self.refused(["--threads"], "study", "matisko-table-3", "--threads", 0)
 
+    @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full here")
+    def test_a_full_disk(self):
+        out = self.folder.path / "out"
+        run("tune", *NILE, "-o", out, code=0)
+        for arguments in (("--help",), ("--version",), ("tune", "--help"), ("init",), ("init", "pendulum"), ("info", NILE[1]), ("report", out),
+                          ("info", "--vehicle", LANE_CHANGE[1]), ("simulate", NILE[0], "-n", "9"), ("filter", *NILE), ("compare", out, out)):
+            with self.subTest(arguments), open("/dev/full", "w", encoding="ascii") as full:
+                done = subprocess.run([PROGRAM, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True, timeout=300)
+                self.assertEqual((5, "identikal: standard output: cannot write\n"), (done.returncode, done.stderr))
+
     def test_output_folder(self):
         blocked = self.folder.write("file", "not a folder")
         self.refused(["file"], "tune", *NILE, "-o", blocked, code=5)
