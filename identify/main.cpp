@@ -227,9 +227,19 @@ struct Recordings {
   }
 };
 
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
 Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
   for (const std::string& path : args.data) {
+    if (is_model(path)) {
+      throw InputError({path, 0, 0}, "a model file where recordings are expected",
+                       fmt::format("'identikal {} MODEL DATA...'", args.verb),
+                       "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
+    }
     const std::vector<Table> files = read_files(path);
     out.add(load_runs(args, files, model), files, parse_range(args.range));
     const double dt = out.data.front().dt;
@@ -468,11 +478,6 @@ int run_fit(const Arguments& args) {
   Estimate estimate = fit_vehicle(model, recordings.data, options);
   progress.clear();
   return finish(args, recordings, estimate, begin);
-}
-
-bool is_model(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".yaml" || ending == ".yml";
 }
 
 int run_compare(const Arguments& args) {

@@ -1046,6 +1046,16 @@ class Check(unittest.TestCase):
             self.assertIn("nile.yaml has the highest likelihood", out["status"]["message"])
             run("check", "--compare", NILE[0], data, code=2)
             run("check", "--compare", NILE[0], other, code=2)
+            text = run("check", "--compare", other, NILE[0], data, code=0).stdout
+            self.assertNotIn("(3.2", text)
+            for words in ("Q mean", "Q max", "AR", "squared autocorrelations", "an autoregressive model", "passes the tests"):
+                self.assertIn(words, text)
+            for verb in ("check", "tune"):
+                done = run(verb, other, NILE[0], data, code=2)
+                self.assertIn("a model file where recordings are expected", done.stderr)
+                self.assertIn("check --compare A.yaml B.yaml DATA", done.stderr)
+                self.assertEqual(1, done.stderr.count("\n"))
+
     def test_losses_have_sensible_digits(self):
         with Folder() as folder:
             run("simulate", NILE[0], "-n", 400, "--seed", 3, "-o", folder.path, code=0)
