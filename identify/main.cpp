@@ -329,11 +329,15 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     estimate.inputs[i].used = 0;
     for (std::size_t run = from; run < to; ++run) estimate.inputs[i].used += used[run].used;
   }
+  const auto say_once = [&](const Warning& warning) {
+    const bool said = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                  [&](const Warning& w) { return w.text == warning.text; });
+    if (!said) estimate.warnings.push_back(warning);
+  };
   for (const Dataset& data : recordings.data) {
-    for (const std::string& note : data.notes) {
-      const bool said = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                    [&](const Warning& w) { return w.text == note; });
-      if (!said) estimate.warnings.push_back({"data_treated", "note", {}, note, ""});
+    for (const std::string& note : data.notes) say_once({"data_treated", "note", {}, note, ""});
+    for (const std::string& doubt : data.unknown_units) {
+      say_once({"unknown_unit", "warning", {}, doubt, "correct the header"});
     }
   }
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
@@ -900,7 +904,9 @@ int run_info(const Arguments& args) {
     if (!model && files.size() == 1) continue;
     if (model) {
       const Dataset data = load_data(args, files, *model);
-      for (const std::string& note : data.notes) text += note + "\n";
+      for (const auto* notes : {&data.notes, &data.unknown_units}) {
+        for (const std::string& note : *notes) text += note + "\n";
+      }
       text += describe_channels(*model, data);
     } else {
       for (const std::string& note : join_tables(files, {}).notes) text += note + "\n";
@@ -1153,7 +1159,8 @@ int run(int argc, char** argv) {
                        "vehicle without DATA: one of those below; without it, the first");
   simulate
       ->add_option("--with", args.manoeuvre_settings,
-                   "NAME=VALUE changes the manoeuvre, e.g. ay=3 m/s^2; may be repeated")
+                   "NAME=VALUE changes the manoeuvre, e.g. ay=3 m/s^2; a number alone is in the "
+                   "unit listed below; may be repeated")
       ->allow_extra_args(false);
   simulate->add_option("--speed", args.speed, "of the manoeuvre, where it begins");
   simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")

@@ -1617,6 +1617,25 @@ class BadInput(unittest.TestCase):
                 done = subprocess.run([PROGRAM, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True, timeout=300)
                 self.assertEqual((5, "identikal: standard output: cannot write\n"), (done.returncode, done.stderr))
 
+    def test_a_unit_nobody_knows(self):
+        text = pathlib.Path(LANE_CHANGE[1]).read_text()
+        header = next(line for line in text.splitlines() if "yaw_rate" in line)
+        self.assertIn("yaw_rate [deg/s]", header)
+        data = self.folder.write("odd.csv", text.replace("yaw_rate [deg/s]", "yaw_rate [grad/sec]"))
+        out = result("fit", LANE_CHANGE[0], data)
+        said = [w for w in out["warnings"] if w["code"] == "unknown_unit"]
+        self.assertEqual(1, len(said))
+        self.assertEqual("warning", said[0]["severity"])
+        self.assertIn("odd.csv: unknown unit 'grad/sec' of column 'yaw_rate'; taken as 'deg/s', as the model file says", said[0]["text"])
+        run("fit", LANE_CHANGE[0], data, "--strict", code=4)
+        self.assertEqual([], [w for w in result("fit", *LANE_CHANGE)["warnings"] if w["code"] == "unknown_unit"])
+
+    def test_a_number_alone_is_in_the_unit_listed(self):
+        one, other = (run("simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", ay, code=0).stdout for ay in ("ay=3", "ay=3 m/s^2"))
+        self.assertEqual(one, other)
+        self.assertIn("ay = 3 m/s^2", one)
+        self.assertIn("a number alone is in the unit listed below", " ".join(run("simulate", "--help", code=0).stdout.split()))
+
     def test_output_folder(self):
         blocked = self.folder.write("file", "not a folder")
         self.refused(["file"], "tune", *NILE, "-o", blocked, code=5)
