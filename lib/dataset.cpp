@@ -159,7 +159,8 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
     }
     throw InputError(at, "time goes back from " + stamp(t[row - 1]) + " to " + stamp(t[row]),
                      "increasing time stamps",
-                     "several recordings in one file must be split, one file each");
+                     "recordings joined end to end: 'runs: restart' under 'time' in the model file "
+                     "makes each a run of its own");
   }
   return {t, unit.unit.scale};
 }

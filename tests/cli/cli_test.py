@@ -1607,6 +1607,14 @@ class BadInput(unittest.TestCase):
         self.refused(["--runs", "nothing in it is repeated"], "study", "matisko-figure-6", "--runs", 3)
         self.refused(["--threads"], "study", "matisko-table-3", "--threads", 0)
 
+    def test_joined_recordings(self):
+        rows = pathlib.Path(LANE_CHANGE[1]).read_text().splitlines()
+        start = next(i for i, row in enumerate(rows) if row[:1].isdigit())
+        twice = self.folder.write("twice.csv", "\n".join(rows + rows[start:]) + "\n")
+        self.refused(["time goes back", "'runs: restart' under 'time' in the model file"], "fit", LANE_CHANGE[0], twice)
+        model = self.folder.write("runs.yaml", pathlib.Path(LANE_CHANGE[0]).read_text().replace("unit: s}", "unit: s, runs: restart}", 1))
+        self.assertEqual(140, result("fit", model, twice)["inputs"][0]["used"])
+
     @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full here")
     def test_a_full_disk(self):
         out = self.folder.path / "out"
