@@ -1219,9 +1219,55 @@ class Compare(unittest.TestCase):
         self.assertAlmostEqual(tests["aic", str(self.a)]["value"], ratio - 2, delta=1e-4)
         self.assertAlmostEqual(tests["bic", str(self.a)]["value"], ratio - math.log(n), delta=1e-4)
         self.assertIn("wandering has the lowest AIC and BIC", out["status"]["message"])
+        self.assertNotIn("names of their parameters", run("compare", self.a, self.b).stdout)
         text = run("compare", self.a / "result.json", self.b, code=0).stdout
         self.assertLessEqual(max(map(len, text.splitlines())), 80)
         self.assertEqual(text, run("compare", self.a, self.b).stdout)
+
+    def test_nesting_is_more_than_names(self):
+        text = pathlib.Path(self.still).read_text()
+        other = self.folder.path / "other"
+        for change, words in ((("A: [[1]]", "A: [[0.5]]"), "differ in more than what is known of q"),
+                              (("A: [[1]]", "A: [[1, 0], [0, 1]]"), "taken from the names")):
+            with self.subTest(change):
+                model = text.replace(*change)
+                self.assertNotEqual(model, text)
+                if "[[1, 0]" in change[1]:
+                    model = model.replace("C: [[1]]", "C: [[1, 1]]\nG: [[1], [0]]").replace("initial: diffuse", "initial: {mean: [1000, 0], sd: [1000, 1]}")
+                whole = pathlib.Path(NILE[0]).read_text()
+                if "[[1, 0]" in change[1]:
+                    whole = whole.replace("initial: diffuse", "initial: {mean: [1000], sd: [1000]}")
+                run("tune", self.folder.write("other.yaml", model), NILE[1], "-o", other)
+                run("tune", self.folder.write("whole.yaml", whole), NILE[1], "-o", self.b)
+                out = run("compare", other, self.b)
+                self.assertEqual(0, out.returncode, out.stderr)
+                self.assertIn(words, " ".join(out.stdout.split()))
+                self.assertEqual("names" in words, "LR" in out.stdout)
+
+    def test_nesting_of_formulas_and_cars(self):
+        pendulum = run("init", "pendulum", code=0).stdout
+        model = self.folder.write("p.yaml", pendulum)
+        run("simulate", model, "-n", 400, "--input", "torque=1.5*sin(2*pi*0.4*t)", "-o", self.folder.path, code=0)
+        data = self.folder.path / "simulated.csv"
+        fixed = pendulum.replace("d: {value: 0.3 1/s, min: 0}", "d: 0.3 1/s")
+        cars = [pathlib.Path(LANE_CHANGE[0]).read_text()]
+        cars.append(cars[0].replace("curve: linear", "curve: tanh").replace("  Cr: {", "  Ff_max: {value: 9000 N, min: 1000}\n  Cr: {"))
+        cars.append(cars[0].replace("outputs:", "sensors: {vy: {x: 0.3 m, y: 0 m}}\noutputs:").replace("  Iz: {value: 2000 kg m^2, min: 800, max: 6000}", "  Iz: 2000 kg m^2"))
+        for small, large, words, tested in ((fixed, pendulum, "d free as well", True),
+                                            (fixed.replace("phi: w", "phi: 1.1*w", 1), pendulum, "differ in more than what is known of d", False),
+                                            (fixed.replace("{angle: r}", "{angle: 2*r}"), pendulum, "differ in more", False),
+                                            (cars[0], cars[1], "with Ff_max, Fr_max at bounds", True),
+                                            (cars[2], cars[0], "differ in more than what is known of Iz", False)):
+            self.assertNotEqual(small, large)
+            with self.subTest(words=words):
+                recording = data if "pendulum" in large else LANE_CHANGE[1]
+                for text, out in ((small, self.a), (large, self.b)):
+                    run("fit", self.folder.write("m.yaml", text), recording, "--starts", 1, "-o", out)
+                done = run("compare", self.a, self.b)
+                text = " ".join(done.stdout.split())
+                self.assertIn(words, text, done.stderr)
+                self.assertNotIn("taken from the names", text)
+                self.assertEqual(tested, "LR" in text)
 
     def test_what_it_refuses(self):
         def refused(words, *results):
