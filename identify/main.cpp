@@ -598,8 +598,10 @@ int run_track(const Arguments& args) {
     Estimate coefficients =
         model.form == ModelFile::Form::single_track
             ? track_vehicle(model, recordings.data.front())
-            : track_regression(model, recordings.data.front(),
-                               [&](const std::string& what) { progress.show(what); });
+            : track_regression(model, recordings.data.front(), [&](const std::string& what) {
+                progress.show(what);
+                return true;
+              });
     progress.clear();
     return finish(args, recordings, coefficients, begin);
   }
@@ -609,6 +611,7 @@ int run_track(const Arguments& args) {
   options.seed = static_cast<std::uint64_t>(args.seed);
   options.progress = [&](Eigen::Index sample, Eigen::Index of) {
     if (sample % 100 == 0) progress.show(fmt::format("sample {} of {}", sample, of));
+    return true;
   };
   Estimate estimate = track(model, recordings.data.front(), options);
   progress.clear();
@@ -632,7 +635,10 @@ int run_shape(const Arguments& args) {
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   Progress progress(args);
-  options.progress = [&](const std::string& what) { progress.show(what); };
+  options.progress = [&](const std::string& what) {
+    progress.show(what);
+    return true;
+  };
   ShapeResult result = shape(model, recordings.data, options);
   progress.clear();
   if (wants_pictures(args)) {
