@@ -1121,7 +1121,8 @@ int run(int argc, char** argv) {
   validation->add_option(
       "--fit", args.least_fit,
       "least fit of every channel, e.g. 70%; without it a filter has to pass its tests, "
-      "a vehicle to explain 50% of the yaw rate and the rest better than its mean");
+      "a vehicle to explain 50% of the yaw rate and the rest better than its mean, and to be the "
+      "car that a refit finds");
   validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
   validation->add_option("-o,--output", args.output, "folder for the result files")
       ->check(a_folder);

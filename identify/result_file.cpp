@@ -220,6 +220,11 @@ Estimate estimate_of(const Field& root) {
   }
   for (const Field& p : root["parameters"].items()) out.parameters.push_back(parameter_of(p));
   out.covariance_kind = root["covariance_kind"].text();
+  out.correlation_names = root["correlation"]["names"].names();
+  out.correlation = root["correlation"]["matrix"].matrix();
+  if (out.correlation.rows() != static_cast<Index>(out.correlation_names.size())) {
+    root["correlation"].refuse("has other names than rows");
+  }
   const Field noise = root["noise"];
   out.noise.Q = noise["Q"]["matrix"].matrix();
   out.noise.Q_kind = noise["Q"]["kind"].text();
