@@ -27,6 +27,7 @@ constexpr int kHighestPairOrder = 10;
 struct Scored {
   double log_likelihood = kNone, mean = kNone, worst = kNone, order = kNone;
   bool optimal = false;
+  int lags = 0;      // of the autocorrelations behind mean and worst
   VectorXd squares;  // e' Sigma^-1 e of each sample; NaN where none is present
 };
 
@@ -39,7 +40,7 @@ Scored scored(const ModelFile& model, const std::vector<Dataset>& recordings) {
   out.optimal = test_optimality(model, recordings, filters).optimal;
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
-  const int lags = default_lags(shortest);
+  const int lags = out.lags = default_lags(shortest);
   const MatrixXd e = side_by_side(filters, std::max(lags, kHighestPairOrder));
   const auto present = (e.array() == e.array());
   out.squares = present.select(e, 0.0).colwise().squaredNorm().transpose();
@@ -120,7 +121,7 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   const std::pair<const char*, double Scored::*> measures[] = {{"measure_mean", &Scored::mean},
                                                                {"measure_worst", &Scored::worst},
                                                                {"measure_order", &Scored::order}};
-  out.notes.emplace_back("rank log-likelihood  to best      p (3.23) (3.24) order opt file");
+  out.notes.emplace_back("rank log-likelihood  to best      p Q mean  Q max    AR opt file");
   for (std::size_t rank = 0; rank < order.size(); ++rank) {
     const Scored& s = all[order[rank]];
     const std::string& path = models[order[rank]].path;
@@ -152,6 +153,14 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
                     rank + 1, s.log_likelihood, s.log_likelihood - best.log_likelihood,
                     likelihood.p, s.mean, s.worst, s.order, s.optimal ? "yes" : "no", file));
   }
+  out.notes.push_back(
+      fmt::format("Q: N times the sum of squared autocorrelations of an output's innovations at {} "
+                  "lags, about {} where they are white: mean over the outputs, largest",
+                  best.lags, best.lags));
+  out.notes.emplace_back(
+      "AR: what an autoregressive model of the innovations would gain, below 0 where they are "
+      "white");
+  out.notes.emplace_back("opt: passes the tests of 'check'");
   const double p = difference(all[order[1]], best);
   out.message =
       fmt::format("{} has the highest likelihood{}", models[order[0]].path,

@@ -1,6 +1,7 @@
 #include "identify/compare_results.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <string>
@@ -9,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "identify/distribution.h"
+#include "identify/nested_structure.h"
 #include "lib/error.h"
 
 namespace identikal {
@@ -47,9 +49,11 @@ double samples(const Objective& o) {
   return std::round(std::exp((o.bic + 2.0 * o.log_likelihood) / unknowns(o)));
 }
 
-std::vector<std::tuple<std::string, long>> data_of(const Estimate& e) {
-  std::vector<std::tuple<std::string, long>> out;
-  for (const InputRecord& input : e.inputs) out.emplace_back(input.sha256, input.used);
+std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const Estimate& e) {
+  std::vector<std::tuple<std::string, long, std::array<double, 2>>> out;
+  for (const InputRecord& input : e.inputs) {
+    out.emplace_back(input.sha256, input.used, input.range);
+  }
   std::sort(out.begin(), out.end());
   return out;
 }
@@ -148,7 +152,10 @@ bool is_nested(const Estimate& small, const Estimate& large, Nesting& out) {
     if (s != nullptr && s->unit != l.unit) return false;
     const double known = s == nullptr ? 0.0 : s->value;
     out.extra.push_back(l.name);
-    if (known == l.bounds[0] || known == l.bounds[1]) out.at_bound.push_back(l.name);
+    // A straight tyre is one whose largest force is beyond any bound.
+    const bool straight =
+        s == nullptr && small.tyre_curve == "linear" && (l.name == "Ff_max" || l.name == "Fr_max");
+    if (straight || known == l.bounds[0] || known == l.bounds[1]) out.at_bound.push_back(l.name);
   }
   return in_small.empty() && !out.extra.empty();
 }
@@ -193,6 +200,13 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Estima
   const auto at_bound = std::min(extra, static_cast<int>(nesting.at_bound.size()));
   const std::string pair = shortened(name_of(small), 30) + " in " + shortened(name_of(large), 30);
   if (extra < 1) return;
+  const NestedStructure structure = structure_at(small, large);
+  if (structure == NestedStructure::other) {
+    out.notes.push_back(
+        fmt::format("{}: no likelihood ratio, the models differ in more than what is known of {}",
+                    pair, listed(nesting.extra)));
+    return;
+  }
   const bool converged = small.estimate.status != Status::not_converged &&
                          large.estimate.status != Status::not_converged;
   if (!converged || gain < -kSearchError) {
@@ -223,6 +237,9 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Estima
                         listed(nesting.at_bound));
   }
   if (nesting.common_at_bound) line += "; another parameter ended at a bound: p is approximate";
+  if (structure == NestedStructure::unknown) {
+    line += "; that one lies in the other is taken from the names of their parameters alone";
+  }
   out.notes.push_back(line);
 }
 

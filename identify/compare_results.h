@@ -15,7 +15,8 @@ namespace identikal {
 ///   held_out_fit      mean over the channels [%]; only where a result has one
 ///
 /// and for every pair whose smaller model has the larger one's free parameters but for some, which
-/// it knows (or has not, a zero covariance), all else alike,
+/// it knows (or has not, a zero covariance), all else alike (identify/nested_structure.h; where
+/// that cannot be seen, the names of the parameters decide, and the note says so),
 ///
 ///   likelihood_ratio  2 (L_large - L_small), channel "SMALL in LARGE", the p-value of the smaller
 ///                     one, and the interval [0, critical value] at 5 %

@@ -307,6 +307,9 @@ struct InputRecord {
   std::string sha256;
   long rows = 0;
   long used = 0;
+  /// Of time that was asked for [s], from the first row; of the rows in it, `used` were.
+  std::array<double, 2> range{-std::numeric_limits<double>::infinity(),
+                              std::numeric_limits<double>::infinity()};
 };
 
 /// Series behind the result, for residuals.csv; SI converted back to the channel's unit.

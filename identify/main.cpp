@@ -94,6 +94,12 @@ struct Arguments {
   std::string from;
 };
 
+// On standard output; one that takes no more, as on a full disk, is said.
+void print(const std::string& text) {
+  std::cout << text << std::flush;
+  if (!std::cout) throw OutputError("standard output: cannot write");
+}
+
 // "12", "12s", "60 km/h" in SI; `kind` is a unit of the quantity expected.
 double quantity(const std::string& option, const std::string& text, const std::string& kind) {
   std::size_t used = 0;
@@ -211,11 +217,15 @@ struct Recordings {
   std::vector<InputRecord> records;                             // one per file
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  // recordings [from, to) of a file
 
-  void add(std::vector<Dataset> runs, const std::vector<Table>& files) {
+  void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range) {
     long rows = 0;
     for (const Dataset& run : runs) rows += static_cast<long>(run.size());
     for (const Table& file : files) {
-      records.push_back({file.path, sha256_of_file(file.path), static_cast<long>(file.rows), rows});
+      records.push_back({file.path,
+                         sha256_of_file(file.path),
+                         static_cast<long>(file.rows),
+                         rows,
+                         {range.from, range.to}});
       of_records.emplace_back(data.size(), data.size() + runs.size());
     }
     for (Dataset& run : runs) data.push_back(std::move(run));
@@ -234,11 +244,21 @@ void check_period(const Arguments& args, const ModelFile& model, const Dataset& 
                    "a discrete-time model belongs to one sampling period");
 }
 
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
 Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
   for (const std::string& path : args.data) {
+    if (is_model(path)) {
+      throw InputError({path, 0, 0}, "a model file where recordings are expected",
+                       fmt::format("'identikal {} MODEL DATA...'", args.verb),
+                       "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
+    }
     const std::vector<Table> files = read_files(path);
-    out.add(load_runs(args, files, model), files);
+    out.add(load_runs(args, files, model), files, parse_range(args.range));
     check_period(args, model, out.data.front(), out.data.back());
   }
   return out;
@@ -318,11 +338,15 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     estimate.inputs[i].used = 0;
     for (std::size_t run = from; run < to; ++run) estimate.inputs[i].used += used[run].used;
   }
+  const auto say_once = [&](const Warning& warning) {
+    const bool said = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                  [&](const Warning& w) { return w.text == warning.text; });
+    if (!said) estimate.warnings.push_back(warning);
+  };
   for (const Dataset& data : recordings.data) {
-    for (const std::string& note : data.notes) {
-      const bool said = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                    [&](const Warning& w) { return w.text == note; });
-      if (!said) estimate.warnings.push_back({"data_treated", "note", {}, note, ""});
+    for (const std::string& note : data.notes) say_once({"data_treated", "note", {}, note, ""});
+    for (const std::string& doubt : data.unknown_units) {
+      say_once({"unknown_unit", "warning", {}, doubt, "correct the header"});
     }
   }
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
@@ -339,8 +363,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     files.insert(files.end(), more_files.begin(), more_files.end());
     write_files(args.output, files);
   }
-  std::cout << (args.json ? json : console_report(estimate)) << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(args.json ? json : console_report(estimate));
   return exit_code(estimate, args.strict);
 }
 
@@ -501,11 +524,6 @@ int run_fit(const Arguments& args) {
   return finish(args, recordings, estimate, begin);
 }
 
-bool is_model(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".yaml" || ending == ".yml";
-}
-
 int run_compare(const Arguments& args) {
   const auto begin = std::chrono::steady_clock::now();
   if (!args.report.empty()) {
@@ -540,9 +558,7 @@ int run_compare_results(const Arguments& args) {
   for (const std::string& path : args.data) results.push_back(read_stored_result(path));
   const Estimate estimate = compare_results(results);
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
-  std::cout << (args.json ? result_json(estimate, false, spent.count()) : console_report(estimate))
-            << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(args.json ? result_json(estimate, false, spent.count()) : console_report(estimate));
   return exit_code(estimate, false);
 }
 
@@ -562,8 +578,7 @@ int run_filter(const Arguments& args) {
   FilterRun run = filter_recordings(model, recordings.data, options);
   if (args.output.empty() && !args.json) {
     write_states_csv(std::cout, model, recordings.data, run);
-    std::cout << std::flush;
-    if (!std::cout) throw OutputError("standard output: cannot write");
+    print("");
     return exit_code(run.estimate, args.strict);
   }
   std::vector<ResultFile> files;
@@ -585,7 +600,7 @@ int run_bound(const Arguments& args) {
   Recordings recordings;
   if (!args.data.empty()) {
     const std::vector<Table> files = read_files(args.data.front());
-    recordings.add({load_data(args, files, model, false)}, files);
+    recordings.add({load_data(args, files, model, false)}, files, parse_range(args.range));
     if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   }
   const bool given = !recordings.data.empty();
@@ -640,8 +655,10 @@ int run_track(const Arguments& args) {
     Estimate coefficients =
         model.form == ModelFile::Form::single_track
             ? track_vehicle(model, recordings.data.front())
-            : track_regression(model, recordings.data.front(),
-                               [&](const std::string& what) { progress.show(what); });
+            : track_regression(model, recordings.data.front(), [&](const std::string& what) {
+                progress.show(what);
+                return true;
+              });
     progress.clear();
     return finish(args, recordings, coefficients, begin);
   }
@@ -651,6 +668,7 @@ int run_track(const Arguments& args) {
   options.seed = static_cast<std::uint64_t>(args.seed);
   options.progress = [&](Eigen::Index sample, Eigen::Index of) {
     if (sample % 100 == 0) progress.show(fmt::format("sample {} of {}", sample, of));
+    return true;
   };
   Estimate estimate = track(model, recordings.data.front(), options);
   progress.clear();
@@ -674,7 +692,10 @@ int run_shape(const Arguments& args) {
   const Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
   Progress progress(args);
-  options.progress = [&](const std::string& what) { progress.show(what); };
+  options.progress = [&](const std::string& what) {
+    progress.show(what);
+    return true;
+  };
   ShapeResult result = shape(model, recordings.data, options);
   progress.clear();
   if (wants_pictures(args)) {
@@ -709,7 +730,7 @@ int run_report(const Arguments& args) {
       std::filesystem::is_directory(given) ? given : given.parent_path();
   const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
   write_page(path, page);
-  fmt::print("{} written\n", path);
+  print(fmt::format("{} written\n", path));
   return 0;
 }
 
@@ -725,11 +746,10 @@ int run_export(const Arguments& args) {
   const StoredResult result = read_stored_result(args.model, PageData::if_there);
   const std::string text = export_text(result, *format, day_of_file(result.path));
   if (args.output.empty()) {
-    std::cout << text << std::flush;
-    if (!std::cout) throw OutputError("standard output: cannot write");
+    print(text);
   } else {
     write_page(args.output, text, "-o");
-    fmt::print("{} written\n", args.output);
+    print(fmt::format("{} written\n", args.output));
   }
   return 0;
 }
@@ -780,8 +800,7 @@ int run_study(const Arguments& args) {
     }
     write_files(args.output, files);
   }
-  std::cout << report.text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(report.text);
   return 0;
 }
 
@@ -816,7 +835,7 @@ int run_init(const Arguments& args) {
   for (const ModelTemplate& each : model_templates()) names.push_back(each.name);
   if (args.model.empty()) {
     for (const ModelTemplate& each : model_templates()) {
-      fmt::print("{}\n    {}\n", each.name, purpose_of(each));
+      print(fmt::format("{}\n    {}\n", each.name, purpose_of(each)));
     }
     return 0;
   }
@@ -826,8 +845,7 @@ int run_init(const Arguments& args) {
                      fmt::format("one of {}", fmt::join(names, ", ")),
                      did_you_mean(args.model, names));
   }
-  std::cout << model_templates()[static_cast<std::size_t>(at - names.begin())].text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(model_templates()[static_cast<std::size_t>(at - names.begin())].text);
   return 0;
 }
 
@@ -881,13 +899,12 @@ int run_simulate(const Arguments& args) {
                     : simulate_linear(model, args.rows, inputs, seed);
   }
   if (args.output.empty()) {
-    std::cout << simulated.csv << std::flush;
-    if (!std::cout) throw OutputError("standard output: cannot write");
+    print(simulated.csv);
   } else {
     write_files(args.output, {{"simulated.csv", simulated.csv}});
-    fmt::print("{} rows written to {}\n", simulated.rows,
-               (std::filesystem::path(args.output) / "simulated.csv").string());
-    for (const std::string& note : simulated.notes) fmt::print("{}\n", note);
+    print(fmt::format("{} rows written to {}\n", simulated.rows,
+                      (std::filesystem::path(args.output) / "simulated.csv").string()));
+    for (const std::string& note : simulated.notes) print(fmt::format("{}\n", note));
   }
   return 0;
 }
@@ -911,25 +928,23 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
     Recordings records;
     if (model) {
       estimate.model_name = model->name;
-      records.add(load_runs(args, files, *model), files);
+      records.add(load_runs(args, files, *model), files, parse_range(args.range));
       estimate.survey = survey(vehicle_signals(*model, records.data));
     } else {
       Dataset whole;
       whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
-      records.add({std::move(whole)}, files);
+      records.add({std::move(whole)}, files, parse_range(args.range));
       estimate.survey = survey(within(guess_vehicle(files), parse_range(args.range)));
     }
     estimate.inputs = records.records;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (args.json) {
-      std::cout << result_json(estimate, false, spent.count());
+      print(result_json(estimate, false, spent.count()));
     } else {
-      for (const std::string& note : records.data[0].notes) std::cout << note << "\n";
-      std::cout << argument << "\n" << survey_text(*estimate.survey);
+      for (const std::string& note : records.data[0].notes) print(note + "\n");
+      print(argument + "\n" + survey_text(*estimate.survey));
     }
   }
-  std::cout << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
   return 0;
 }
 
@@ -952,14 +967,15 @@ int run_info(const Arguments& args) {
     if (!model && files.size() == 1) continue;
     if (model) {
       const Dataset data = load_data(args, files, *model);
-      for (const std::string& note : data.notes) text += note + "\n";
+      for (const auto* notes : {&data.notes, &data.unknown_units}) {
+        for (const std::string& note : *notes) text += note + "\n";
+      }
       text += describe_channels(*model, data);
     } else {
       for (const std::string& note : join_tables(files, {}).notes) text += note + "\n";
     }
   }
-  std::cout << text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+  print(text);
   return 0;
 }
 
@@ -1183,7 +1199,8 @@ int run(int argc, char** argv) {
   validation->add_option(
       "--fit", args.least_fit,
       "least fit of every channel, e.g. 70%; without it a filter has to pass its tests, "
-      "a vehicle to explain 50% of the yaw rate and the rest better than its mean");
+      "a vehicle to explain 50% of the yaw rate and the rest better than its mean, and to be the "
+      "car that a refit finds");
   validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
   validation->add_option("-o,--output", args.output, "folder for the result files")
       ->check(a_folder);
@@ -1224,7 +1241,8 @@ int run(int argc, char** argv) {
                        "vehicle without DATA: one of those below; without it, the first");
   simulate
       ->add_option("--with", args.manoeuvre_settings,
-                   "NAME=VALUE changes the manoeuvre, e.g. ay=3 m/s^2; may be repeated")
+                   "NAME=VALUE changes the manoeuvre, e.g. ay=3 m/s^2; a number alone is in the "
+                   "unit listed below; may be repeated")
       ->allow_extra_args(false);
   simulate->add_option("--speed", args.speed, "of the manoeuvre, where it begins");
   simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")
@@ -1248,10 +1266,10 @@ int run(int argc, char** argv) {
   if (argc == 3 && std::string(argv[1]) == "--generate") {
     std::vector<std::string> drives;
     for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
-    std::cout << command_reference(app, argv[2], IDENTIKAL_VERSION,
-                                   {{"study", "NAME", study_names()},
-                                    {"simulate", "--manoeuvre", drives},
-                                    {"export", "--to", kLanguages}});
+    print(command_reference(app, argv[2], IDENTIKAL_VERSION,
+                            {{"study", "NAME", study_names()},
+                             {"simulate", "--manoeuvre", drives},
+                             {"export", "--to", kLanguages}}));
     return 0;
   }
   if (argc > 1 && argv[1][0] != '-') {
@@ -1268,7 +1286,12 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
+    if (error.get_exit_code() == 0) {  // --help, --version
+      std::ostringstream text;
+      app.exit(error, text, text);
+      print(text.str());
+      return 0;
+    }
     throw InputError({}, error.what(), "",
                      "'identikal --help' and 'identikal VERB --help' show the options");
   }

@@ -248,6 +248,15 @@ void store_prediction(FilterResult& out, const StateSpace& shared, Index t, cons
   }
 }
 
+// The same with the first samples alone.
+void shorten(NoiseTrack& track, Index samples) {
+  for (MatrixXd* each : {&track.mean, &track.sd, &track.filter.x_pred, &track.filter.e,
+                         &track.filter.standardised}) {
+    *each = each->leftCols(samples).eval();
+  }
+  track.log_alarm = track.log_alarm.head(samples).eval();
+}
+
 }  // namespace
 
 NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
@@ -302,7 +311,8 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
     if (posterior.renewals != before) entries = entries_of_draws(model, prior, posterior);
     return density;
   };
-  for (Index t = samples.lead; t < N; ++t) {
+  bool stopped = false;  // by the caller
+  for (Index t = samples.lead; t < N && !stopped; ++t) {
     store_prediction(out.filter, problem.shared, t, mixture(posterior.bank, weights(posterior)),
                      recording.y.col(t), samples.u.col(t));
     const int before = posterior.renewals;
@@ -332,7 +342,8 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
       }
     }
     summarise(t);
-    if (options.progress) options.progress(t + 1, N);
+    stopped = options.progress && !options.progress(t + 1, N);
+    if (stopped) shorten(out, t + 1);
   }
   PosteriorPoints& end = out.posterior;
   end.entries = entries;
@@ -341,7 +352,11 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
   end.log_density = posterior.log_prior + posterior.log_likelihood;
   end.log_evidence = out.filter.log_likelihood;
   end.effective = 1.0 / end.weight.squaredNorm();
-  end.summary.termination = Termination::converged;
+  end.summary.termination = stopped ? Termination::stopped : Termination::converged;
+  if (stopped) {
+    end.summary.message =
+        fmt::format("stopped by the caller after {} of {} samples", out.mean.cols(), N);
+  }
   end.summary.iterations = posterior.renewals;
   return out;
 }
@@ -383,9 +398,11 @@ void warn_of_size(Estimate& estimate, bool adaptive) {
 
 }  // namespace
 
-Estimate track(const ModelFile& model, const Dataset& recording, const NoiseTrackOptions& options) {
-  check_recordings(model, {recording});
-  const NoiseTrack course = track_noise(model, recording, options);
+Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOptions& options) {
+  check_recordings(model, {whole});
+  const NoiseTrack course = track_noise(model, whole, options);
+  const bool stopped = course.posterior.summary.termination == Termination::stopped;
+  const Dataset recording = stopped ? first_samples(whole, course.mean.cols()) : whole;
   Estimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = options.adaptive ? "adaptive" : "recursive";
@@ -398,8 +415,13 @@ Estimate track(const ModelFile& model, const Dataset& recording, const NoiseTrac
     list_parameters(estimate, model.parameters, model.parameters);
     estimate.covariance_kind = "none: the noise of the model file was not rejected";
   }
-  conclude_noise_estimate(estimate, points.summary);
-  if (!learnt) {
+  SolverSummary summary = points.summary;
+  summary.termination = Termination::converged;  // what was learnt up to there stands
+  conclude_noise_estimate(estimate, summary);
+  if (stopped) {
+    estimate.status = Status::not_converged;
+    estimate.message = points.summary.message;
+  } else if (!learnt) {
     estimate.message =
         fmt::format("the noise of the model file stands after {} samples", recording.size());
   } else if (options.adaptive) {

@@ -23,7 +23,7 @@ struct NoiseTrackOptions {
   /// constant and learnt from the first sample on.
   bool adaptive = false;
   double samples_per_false_alarm = 1e5;  ///< at least, on average, while nothing changes
-  std::function<void(Eigen::Index sample, Eigen::Index of)> progress;
+  std::function<bool(Eigen::Index sample, Eigen::Index of)> progress;  ///< return false to stop
 };
 
 struct NoiseChange {
@@ -38,7 +38,9 @@ struct NoiseTrack {
   double log_threshold = 0.0;  ///< where it rejects
   std::vector<NoiseChange> changes;  ///< in time
   FilterResult filter;               ///< the mixture of the draws' filters, ahead of each sample
-  PosteriorPoints posterior;         ///< at the end; one point while the file's values are in use
+  /// At the end; one point while the file's values are in use. Its summary says `stopped` where
+  /// progress() returned false: everything here then ends with that sample.
+  PosteriorPoints posterior;
 };
 
 /// Recursive posterior of the noise (solvers/recursive_posterior.h) along one recording. The

@@ -90,7 +90,7 @@ Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, double scale,
 RegressionChoice choose_regression(const RegressionSettings& settings,
                                    const Eigen::Ref<const MatrixXd>& u,
                                    const Eigen::Ref<const VectorXd>& y, const std::string& data,
-                                   const std::function<void(const RegressionOrder&)>& progress) {
+                                   const std::function<bool(const RegressionOrder&)>& progress) {
   RegressionChoice out;
   const Index m = u.rows();
   const auto shortest = RegressionOrder{settings.inputs.value_or(1), settings.feedback.value_or(0)};
@@ -129,7 +129,8 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
   for (Index inputs = shortest.inputs; inputs <= out.longest.inputs; ++inputs) {
     for (Index feedback = shortest.feedback; feedback <= out.longest.feedback; ++feedback) {
       const RegressionOrder order{inputs, feedback};
-      if (progress) progress(order);
+      out.stopped = out.stopped || (progress && !progress(order));
+      if (out.stopped && !candidates.empty()) continue;
       const LaggedRows rows = lagged_rows(u, y, order, out.longest);
       candidates.push_back(
           {order,
@@ -153,7 +154,7 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
   out.forgetting = chosen.tried.lambda;
   out.criterion = chosen.tried.criterion;
   const LaggedRows rows = lagged_rows(u, y, out.order, out.longest);
-  if (free_lambda || !settings.delta) {
+  if ((free_lambda || !settings.delta) && !out.stopped) {
     const Refined refined =
         refine(rows.phi, rows.y, lead, scale, {out.forgetting, out.delta, out.criterion},
                free_lambda, least_forgetting(rows.phi.rows()), !settings.delta);

@@ -19,7 +19,8 @@ struct RegressionChoice {
   double criterion = 0.0;       ///< predictive squares of the winner
   Eigen::Index counted = 0;     ///< errors in it
   Eigen::Index candidates = 0;  ///< orders compared
-  RegressionOrder longest;      ///< of them
+  RegressionOrder longest;      ///< of those there are to compare
+  bool stopped = false;         ///< by the caller, before all were tried
 };
 
 /// What the settings leave open, by the predictive least squares criterion (predictive_squares()):
@@ -34,14 +35,15 @@ struct RegressionChoice {
 /// better) that the best of all does not beat by that. With variable forgetting the orders are
 /// judged with lambda = 1 - 1 / memory.
 /// @param u  m x N, y  N: NaN where missing
-/// @param progress  called with the order being tried
+/// @param progress  called with the order being tried; where it returns false the choice is among
+///   those tried before, and not refined
 /// @throws InputError, in the name of `data`, when there are too few complete rows
 /// Source: Rissanen (1986), IMA J. Math. Control Inform. 3; Wei (1992), Ann. Statist. 20, for
 /// consistency.
 RegressionChoice choose_regression(
     const RegressionSettings& settings, const Eigen::Ref<const Eigen::MatrixXd>& u,
     const Eigen::Ref<const Eigen::VectorXd>& y, const std::string& data,
-    const std::function<void(const RegressionOrder&)>& progress = {});
+    const std::function<bool(const RegressionOrder&)>& progress = {});
 
 /// The shortest memory that is tried has 5 samples for each coefficient: below, a regression
 /// follows its own errors, which pays where these are coloured and tells nothing of the

@@ -201,15 +201,13 @@ std::string describe_forgetting(const Forgetting& forgetting, const RegressionCo
 }
 
 Estimate track_regression(const ModelFile& model, const Dataset& recording,
-                          const std::function<void(const std::string&)>& progress) {
+                          const std::function<bool(const std::string&)>& progress) {
   const MatrixXd u = in_channel_units(recording.u, recording.inputs);
   const VectorXd y = in_channel_units(recording.y, recording.outputs).row(0).transpose();
   const RegressionChoice choice =
       choose_regression(model.regression, u, y, recording.name, [&](const RegressionOrder& order) {
-        if (progress) {
-          progress(fmt::format("order {} of the inputs, {} of the feedback", order.inputs,
-                               order.feedback));
-        }
+        return !progress || progress(fmt::format("order {} of the inputs, {} of the feedback",
+                                                 order.inputs, order.feedback));
       });
   const LaggedRows rows = lagged_rows(u, y, choice.order);
   const Forgetting forgetting = forgetting_of(model.regression, choice.forgetting);
@@ -266,6 +264,10 @@ Estimate track_regression(const ModelFile& model, const Dataset& recording,
                      choice.forgetting_chosen && choice.forgetting < 1.0 &&
                          choice.forgetting <= least_forgetting(rows.phi.rows()) * (1.0 + 1e-6));
   conclude_regression(estimate, rows.y.size());
+  if (choice.stopped) {
+    estimate.status = Status::not_converged;
+    estimate.message = fmt::format("stopped by the caller, {} orders tried", choice.candidates);
+  }
   return estimate;
 }
 

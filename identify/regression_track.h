@@ -21,7 +21,7 @@ namespace identikal {
 /// regressors are not complete are left out, and the coefficients stay meanwhile.
 /// @throws InputError when there are too few complete samples
 Estimate track_regression(const ModelFile& model, const Dataset& recording,
-                          const std::function<void(const std::string&)>& progress = {});
+                          const std::function<bool(const std::string&)>& progress = {});
 
 /// Text for the console on how the past was forgotten, shared by all that track coefficients.
 std::string describe_forgetting(const Forgetting& forgetting, const RegressionCourse& course,

@@ -58,6 +58,20 @@ std::string error_text(double value) {
   return !std::isfinite(value) ? "-" : fmt::format("{:.3g}", value);
 }
 
+// Below this a loss is rounding, or as good as none.
+constexpr double kLeastPercent = 1e-3;
+
+std::string percent_text(double percent) {
+  if (percent < kLeastPercent) return fmt::format("< {:g}", kLeastPercent);
+  return percent < 100.0 || percent > 1e6 ? fmt::format("{:.2g}", percent)
+                                          : fmt::format("{:.0f}", percent);
+}
+
+std::string derived_text(const DerivedValue& d) {
+  const bool tiny = d.unit == "%" && d.value >= 0.0 && d.value < kLeastPercent;
+  return tiny ? percent_text(d.value) : value_text(d.value);
+}
+
 // The free parameters as a table, what is known in one sentence below it.
 std::string parameter_table(const Estimate& estimate) {
   std::size_t name = 9, unit = 4;
@@ -272,7 +286,7 @@ std::string loss_text(const Estimate& estimate) {
   std::string without;
   for (const std::string& name : loss.without) without += (without.empty() ? "" : ", ") + name;
   return wrapped(
-      fmt::format("loss {:.2g} % of tr P in the mean, {}{}", 100.0 * loss.relative,
+      fmt::format("loss {} % of tr P in the mean, {}{}", percent_text(100.0 * loss.relative),
                   estimate.bound ? "at the least" : "by the errors above",
                   without.empty() ? "" : "; what " + without + ", zero here, adds is not known"),
       5);
@@ -376,7 +390,7 @@ std::string console_report(const Estimate& estimate) {
   out += loss_text(estimate) + sources_text(estimate);
   if (noise.Q.size() > 0) out += "\n";
   for (const DerivedValue& d : estimate.derived) {
-    out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, value_text(d.value), d.unit,
+    out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name, derived_text(d), d.unit,
                        std::isnan(d.se) ? "" : "+- " + error_text(d.se));
   }
   if (!estimate.derived.empty()) out += "\n";

@@ -12,8 +12,10 @@ namespace identikal {
 /// The result as text within 80 columns, ending in a line feed.
 std::string console_report(const Estimate& estimate);
 
-/// The result as JSON, schema_version 1 (identify/result.schema.json). NaN and infinity become
-/// null.
+/// Of result.json and of what the report page draws; identify/result.schema.json states it too.
+inline constexpr int kSchemaVersion = 1;
+
+/// The result as JSON (identify/result.schema.json). NaN and infinity become null.
 /// @param timing_s  wall time of the job [s], the only field that may differ between equal runs
 std::string result_json(const Estimate& estimate, bool strict, double timing_s);
 

@@ -19,8 +19,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using PageJson = nlohmann::ordered_json;
 
-constexpr int kSchemaVersion = 1;
-
 // Rounds to a power of ten, so that the shortest text of the number is short.
 class Rounding {
  public:

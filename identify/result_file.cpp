@@ -24,8 +24,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using StoredJson = nlohmann::ordered_json;
 
-constexpr int kReadableSchema = 1;
-
 StoredJson parsed_json(const std::string& path, const std::string& text) {
   try {
     return StoredJson::parse(text);
@@ -41,9 +39,9 @@ void check_version(const std::string& path, const StoredJson& file) {
     throw InputError({path, 0, 0}, "no result of this program", "a result.json as -o writes it");
   }
   const StoredJson& version = file["schema_version"];
-  if (version != kReadableSchema) {
+  if (version != kSchemaVersion) {
     throw InputError({path, 0, 0}, fmt::format("schema_version {}", version.dump()),
-                     fmt::format("{}", kReadableSchema),
+                     fmt::format("{}", kSchemaVersion),
                      "run the job again with -o, or use the version that wrote it");
   }
 }
@@ -212,7 +210,7 @@ Estimate estimate_of(const Field& root) {
   for (const Field& input : root["inputs"].items()) {
     out.inputs.push_back({input["path"].text(), input["sha256"].text(),
                           static_cast<long>(input["rows"].number()),
-                          static_cast<long>(input["used"].number())});
+                          static_cast<long>(input["used"].number()), input["range"].bounds()});
   }
   if (const Field model = root["model_file"]; !model.absent()) {
     out.model_file = {model["path"].text(), model["sha256"].text(), model["text"].text(), {}};
@@ -222,6 +220,11 @@ Estimate estimate_of(const Field& root) {
   }
   for (const Field& p : root["parameters"].items()) out.parameters.push_back(parameter_of(p));
   out.covariance_kind = root["covariance_kind"].text();
+  out.correlation_names = root["correlation"]["names"].names();
+  out.correlation = root["correlation"]["matrix"].matrix();
+  if (out.correlation.rows() != static_cast<Index>(out.correlation_names.size())) {
+    root["correlation"].refuse("has other names than rows");
+  }
   const Field noise = root["noise"];
   out.noise.Q = noise["Q"]["matrix"].matrix();
   out.noise.Q_kind = noise["Q"]["kind"].text();

@@ -293,7 +293,7 @@ std::string program_version() {
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
   Json out;
-  out["schema_version"] = 1;
+  out["schema_version"] = kSchemaVersion;
   out["version"] = program_version();
   out["verb"] = estimate.verb;
   out["model"] = estimate.model_name;
@@ -305,7 +305,8 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
     out["inputs"].push_back({{"path", input.path},
                              {"sha256", input.sha256},
                              {"rows", input.rows},
-                             {"used", input.used}});
+                             {"used", input.used},
+                             {"range", {number(input.range[0]), number(input.range[1])}}});
   }
   out["model_file"] = model_file(estimate);
   out["parameters"] = parameters(estimate);

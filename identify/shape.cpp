@@ -30,7 +30,7 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-using Say = std::function<void(const std::string& what)>;
+using Say = std::function<bool(const std::string& what)>;  // false: stop
 
 const char* place_name(NoisePlace place) {
   return place == NoisePlace::process ? "process" : "measurement";
@@ -200,8 +200,10 @@ std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
   for (ShapingStructure structure : structures(model, options)) {
     SpectralSolution lower;
     for (structure.order = 1; structure.order <= options.most_order; ++structure.order) {
-      say(fmt::format("spectrum: {} noise, order {}", place_name(structure.place),
-                      structure.order));
+      if (!say(fmt::format("spectrum: {} noise, order {}", place_name(structure.place),
+                           structure.order))) {
+        return {};
+      }
       SpectralSolution best;
       for (const bool zeros : {false, true}) {
         if (zeros && structure.order == 1) continue;
@@ -237,7 +239,7 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
       if (taken == 0) first = s.bic;
       if (s.bic > first + kHopeless) continue;
       ++taken;
-      say(fmt::format("likelihood: order {}", s.structure.order));
+      if (!say(fmt::format("likelihood: order {}", s.structure.order))) return {};
       std::optional<ModelFile> shaped =
           maximise_shaped(shaped_start(start, s), s.structure, recordings);
       if (!shaped) continue;
@@ -254,8 +256,9 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
 
 // Maximum likelihood without the warning that sends to this verb.
 Estimate tuned(const ModelFile& model, const std::vector<Dataset>& recordings, int starts,
-               std::uint64_t seed) {
+               std::uint64_t seed, const std::function<bool()>& go_on) {
   NoiseMlOptions options;
+  options.progress = [&](int, int, double) { return go_on(); };
   options.starts = starts;
   options.profiles = false;
   options.seed = seed;
@@ -274,10 +277,11 @@ struct Winner {
 // The best that beats white noise, that the data determine, and whose filters stay stable when
 // nothing holds them.
 std::optional<Winner> first_determined(const std::vector<Candidate>& candidates, double white_bic,
-                                       const std::vector<Dataset>& recordings) {
+                                       const std::vector<Dataset>& recordings,
+                                       const std::function<bool()>& go_on) {
   for (const Candidate& c : candidates) {
-    if (!(c.bic < white_bic)) break;
-    Winner out{&c, tuned(c.model, recordings, 1, 1), {}};
+    if (!(c.bic < white_bic) || !go_on()) break;
+    Winner out{&c, tuned(c.model, recordings, 1, 1, go_on), {}};
     out.filters = filters_of(parameters_of(out.estimate, c.model.parameters), c.structure);
     const bool stable =
         std::all_of(out.filters.begin(), out.filters.end(),
@@ -400,8 +404,15 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
                      "entries that are sums of multiples of parameters",
                      "'fit' or 'tune' first, then fix what is not noise");
   }
+  bool stopped = false;  // by the caller: this search, and all that would follow
+  std::string stage;
+  const std::function<bool()> go_on = [&] {
+    stopped = stopped || (options.progress && !options.progress(stage));
+    return !stopped;
+  };
   const Say say = [&](const std::string& what) {
-    if (options.progress) options.progress(what);
+    stage = what;
+    return go_on();
   };
   const Dataset& longest = longest_recording(model, recordings, options);
   const double dt = model.linear.dt;
@@ -413,7 +424,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   }
 
   say("tuning the white model");
-  Estimate white_estimate = tuned(model, recordings, 3, options.seed);
+  Estimate white_estimate = tuned(model, recordings, 3, options.seed, go_on);
   ModelFile white = model;
   white.parameters = parameters_of(white_estimate, model.parameters);
   const Colour colour = innovation_colour(white_estimate);
@@ -440,6 +451,10 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
     out.estimate.shaping = std::move(report);
     return out;
   };
+  const auto as_stopped = [&] {
+    return without_filter(Status::not_converged, "stopped by the caller at: " + stage);
+  };
+  if (stopped) return as_stopped();
   constexpr double kLevel = 0.05;  // of all tests of colour together
   if (!(colour.p < kLevel)) {
     return without_filter(
@@ -452,13 +467,15 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   const ModelFile start = with_raised_variances(white, spectrum);
   const std::vector<SpectralSolution> fits = spectral_fits(spectrum, model, options, say);
   const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, say);
+  if (stopped) return as_stopped();
   for (const Candidate& c : candidates) {
     report.candidates.push_back({place_name(c.structure.place), channel_names(model, c.structure),
                                  static_cast<int>(c.structure.order),
                                  static_cast<int>(c.structure.zeros()), c.log_likelihood, c.bic});
   }
   say("errors of the shaped model");
-  std::optional<Winner> winner = first_determined(candidates, white_bic, recordings);
+  std::optional<Winner> winner = first_determined(candidates, white_bic, recordings, go_on);
+  if (stopped) return as_stopped();
   if (!winner) {
     return without_filter(
         Status::untrusted,
@@ -467,7 +484,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
                     colour.p));
   }
   const Candidate& best = *winner->candidate;
-  say("held-out comparison");
+  if (!say("held-out comparison")) return as_stopped();
   compare_held_out(white, best, recordings, options.hold_out, report);
   report.place = place_name(best.structure.place);
   report.order = static_cast<int>(best.structure.order);

@@ -18,7 +18,7 @@ struct ShapeOptions {
   std::optional<NoisePlace> place;  ///< nothing: both are tried
   double hold_out = 0.3;            ///< last share of each recording, for the comparison
   std::uint64_t seed = 1;           ///< of the white model's scattered starts
-  std::function<void(const std::string& what)> progress;
+  std::function<bool(const std::string& what)> progress;  ///< return false to stop
 };
 
 struct ShapeResult {
@@ -49,6 +49,7 @@ struct ShapeResult {
 ///    samples.
 /// 4. On the last part of each recording: errors of 1 to 16 steps' prediction and log-likelihood of
 ///    the winner and of the white model, both tuned on the first part.
+/// Stopped by the caller, the result is the white model's, as not converged.
 /// Sources: Matisko (2013), chapter 5; Whittle (1953).
 /// @throws InputError as tune_ml(), and where the model cannot take a filter
 ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings,

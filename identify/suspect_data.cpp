@@ -8,6 +8,7 @@
 #include <utility>
 
 #include <Eigen/LU>
+#include <Eigen/SVD>
 #include <fmt/format.h>
 
 #include "identify/model_filter.h"
@@ -25,6 +26,9 @@ using Eigen::VectorXd;
 constexpr double kOutlier = 6.0;   // robust standard deviations
 constexpr double kOffset = 5.0;    // standard errors of the mean
 constexpr double kSerious = 0.05;  // share of the innovations' power
+// Of a constant offset of the outputs, whitened, what the innovations have to keep in the steady
+// state: rounding leaves up to 1e-10 of one that the model integrates away.
+constexpr double kSeen = 1e-6;
 
 // Of every recording; innovations are missing where the filter does not run.
 std::vector<FilterResult> filtered(const ModelFile& model, const ParameterSet& parameters,
@@ -165,11 +169,15 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
 
 // Innovations with a mean: what constant in the outputs would give it?
 void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                    const std::vector<Channel>& outputs, const std::vector<FilterResult>& filters) {
+                    const std::vector<Dataset>& recordings,
+                    const std::vector<FilterResult>& filters) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
   const auto ny = static_cast<Index>(outputs.size());
-  VectorXd mean(ny), power(ny), count = VectorXd::Zero(ny);
-  mean.setZero();
-  power.setZero();
+  VectorXd mean = VectorXd::Zero(ny), power = mean, count = mean, largest = mean;
+  for (const Dataset& data : recordings) {
+    const auto present = (data.y.array() == data.y.array());
+    largest = largest.cwiseMax(present.select(data.y.cwiseAbs(), 0.0).rowwise().maxCoeff());
+  }
   for (const FilterResult& filter : filters) {
     const auto present = (filter.e.array() == filter.e.array());
     mean += present.select(filter.e, 0.0).rowwise().sum();
@@ -179,6 +187,9 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
   mean = mean.cwiseQuotient(count);
   power = power.cwiseQuotient(count);
   VectorXd offset = VectorXd::Constant(ny, kNone);
+  // The states take a constant of this output in: the innovations do not show it.
+  Eigen::Array<bool, Eigen::Dynamic, 1> hidden =
+      Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(ny, false);
   const bool linear = model.form == ModelFile::Form::linear;
   const StateSpace system = instantiate(model.linear, parameters);
   if (const auto steady = linear ? steady_state(system) : std::nullopt) {
@@ -186,8 +197,15 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
     const MatrixXd F = system.A - steady->K * system.C;
     const MatrixXd seen = MatrixXd::Identity(ny, ny) -
                           system.C * (MatrixXd::Identity(n, n) - F).partialPivLu().solve(steady->K);
-    const Eigen::FullPivLU<MatrixXd> lu(seen);
-    if (lu.rcond() > 1e-8) offset = lu.solve(mean);
+    // In units of each output's innovations, so that the units chosen do not decide.
+    const VectorXd unit = steady->Sigma.diagonal().cwiseSqrt();
+    const MatrixXd whitened = unit.cwiseInverse().asDiagonal() * seen * unit.asDiagonal();
+    if (Eigen::JacobiSVD<MatrixXd>(whitened).singularValues()[ny - 1] > kSeen) {
+      offset = seen.fullPivLu().solve(mean);
+      // Larger than anything measured: arithmetic of a model that all but integrates.
+      offset = (offset.array().abs() <= largest.array()).select(offset, kNone);
+    }
+    hidden = (whitened.colwise().norm().transpose().array() <= kSeen);
   }
   for (Index i = 0; i < ny; ++i) {
     const double share = mean[i] * mean[i] / power[i];
@@ -205,7 +223,10 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
                      source.name, mean[i] / scale, unit, 100.0 * share,
                      known ? fmt::format(". An offset of {:.4g}{} in '{}' would explain it",
                                          offset[i] / scale, unit, source.name)
-                           : ""),
+                     : hidden[i]
+                         ? ". It is no offset of a sensor: the states take one in, and it does not "
+                           "show here"
+                         : ""),
          known ? "subtract the offset, or add it to the model as a constant state"
                : "add a drift or a constant input to the model"});
   }
@@ -228,7 +249,7 @@ void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
                           const ParameterSet& parameters, const std::vector<Dataset>& recordings,
                           const std::vector<FilterResult>& filters) {
   warn_of_outliers(estimate, model, parameters, recordings, filters);
-  warn_of_offset(estimate, model, parameters, recordings[0].outputs, filters);
+  warn_of_offset(estimate, model, parameters, recordings, filters);
 }
 
 Estimate tune_robust(

@@ -14,6 +14,7 @@
 #include "identify/report.h"
 #include "identify/suspect_data.h"
 #include "identify/vehicle_checks.h"
+#include "identify/vehicle_refit.h"
 #include "identify/vehicle_series.h"
 #include "lib/error.h"
 #include "lib/whiteness.h"
@@ -190,6 +191,74 @@ Estimate validate_car(const Estimate& result, const ModelFile& model,
   return out;
 }
 
+// What a refit would make of the car, and whether it says no: another car beyond chance, that moves
+// in another way by more than kMatters.
+std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& estimate) {
+  constexpr double kLevel = 0.05;
+  constexpr double kMatters = 0.05;  // of an output's size
+  constexpr double kBlind = 0.2;     // of a parameter
+  constexpr double kClear = 2.0;     // standard errors
+  if (refit.changes.empty() || !(refit.dof > 0.0)) {
+    estimate.notes.emplace_back(
+        !refit.tried      ? "refit: no value of the result has an error to compare by"
+        : refit.converged ? "refit: these data determine none of the values that were estimated"
+                          : "refit: the search did not converge, so values are not compared");
+    return std::nullopt;
+  }
+  TestResult test;
+  test.id = "refit";
+  test.value = refit.statistic;
+  test.interval = {0.0, f_quantile(1.0 - kLevel, refit.dof, refit.freedom)};
+  test.p = refit.p;
+  test.pass = refit.p >= kLevel;
+  test.level = kLevel;
+  estimate.tests.push_back(test);
+
+  std::string blind, changes, all;
+  std::vector<std::string> about;
+  estimate.notes.emplace_back("refit on these data   result      refit    change  seen from");
+  for (const VehicleRefit::Change& c : refit.changes) {
+    const double change = c.refitted / c.known - 1.0;
+    estimate.notes.push_back(
+        fmt::format("  {:<16} {:>9.6g}  {:>9.6g}  {:>+6.1f} %  {:>9}", c.name, c.known, c.refitted,
+                    100.0 * change,
+                    std::isnan(c.visible) ? "never" : fmt::format("{:.1f} %", 100.0 * c.visible)));
+    const std::string by = fmt::format("{} by {:+.0f} %", c.name, 100.0 * change);
+    all += (all.empty() ? "" : ", ") + by;
+    if (std::abs(c.refitted - c.known) > kClear * c.se) {
+      changes += (changes.empty() ? "" : ", ") + by;
+    }
+    if (c.visible <= kBlind) continue;
+    about.push_back(c.name);
+    blind += fmt::format("{}{}", blind.empty() ? "" : ", ", c.name);
+  }
+  double most = 0.0;
+  std::string moved;
+  for (std::size_t j = 0; j < refit.moves.size(); ++j) {
+    if (!(refit.moves[j] > most)) continue;
+    most = refit.moves[j];
+    moved = estimate.simulation[j].channel;
+  }
+  estimate.derived.push_back({"refit moves " + moved, "%", 100.0 * most, kNone});
+  estimate.notes.push_back(fmt::format(
+      "refit: another car where chance would give such changes in less than {:.0f} % of cases (F "
+      "with {:.0f} and {:.0f} degrees of freedom, errors of both fits), and where they move a "
+      "simulated output by more than {:.0f} % of its size. seen from: what change of this value "
+      "alone would be found in 80 % of cases",
+      100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
+  if (!blind.empty()) {
+    estimate.warnings.push_back(
+        {"blind", "warning", about,
+         fmt::format("these data would not show an error of {} of 20 %", blind),
+         "validate on a recording that tells it: 'identikal info --vehicle' says what one can "
+         "tell"});
+  }
+  if (test.pass || most <= kMatters) return std::nullopt;
+  return fmt::format(
+      "it is another car: a refit changes {} (p {:.2g}), and {} by {:.0f} % of its size",
+      changes.empty() ? all : changes, refit.p, moved, 100.0 * most);
+}
+
 // The output that has to follow the steering.
 std::size_t leading_output(const std::vector<ChannelFit>& fits) {
   const auto named = std::find_if(fits.begin(), fits.end(),
@@ -218,8 +287,10 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
                            Estimate& estimate) {
   for (const InputRecord& input : inputs) {
     const bool own =
-        std::any_of(result.inputs.begin(), result.inputs.end(),
-                    [&](const InputRecord& each) { return each.sha256 == input.sha256; });
+        std::any_of(result.inputs.begin(), result.inputs.end(), [&](const InputRecord& each) {
+          const bool apart = each.range[1] < input.range[0] || input.range[1] < each.range[0];
+          return each.sha256 == input.sha256 && !apart;
+        });
     if (!own) continue;
     estimate.warnings.push_back({"own_data",
                                  "warning",
@@ -262,12 +333,28 @@ Estimate validate(const Estimate& result, const ModelFile& model,
   for (const ChannelFit& fit : own) {
     out.derived.push_back({"own fit of " + fit.channel, "%", fit.fit_percent, kNone});
   }
+  std::optional<std::string> another_car;
+  bool refitted = false;
+  if (vehicle) {
+    const VehicleRefit refit = refit_vehicle(result, model, recordings, options.robust);
+    another_car = judge_refit(refit, out);
+    refitted = refit.dof > 0.0;
+  }
   if (options.least_fit) {
     judge_fits(fits, std::vector<double>(fits.size(), *options.least_fit), out);
   } else if (vehicle) {
     std::vector<double> limits(fits.size(), 0.0);
     if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
     judge_fits(fits, limits, out);
+    if (another_car) {
+      out.message = (out.status == Status::ok ? "" : out.message + "; ") + *another_car;
+      out.status = Status::answer_no;
+    } else if (out.status == Status::ok) {
+      out.message = refitted
+                        ? "it holds on these data: every fit is high enough, and a refit would "
+                          "not make another car"
+                        : "every fit is high enough; the values themselves are not tested";
+    }
   }
   warn_of_circumstances(result, inputs, out);
   out.verb = out.objective.method = "validate";

@@ -106,7 +106,11 @@ Eigen::MatrixXd summed_by_row(const VehicleProblem& problem, const Eigen::Matrix
   return out.leftCols(column + 1);
 }
 
-VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum) {
+namespace {
+
+/// vehicle_covariance() where it is said which parameters are held at their bounds.
+VehicleCovariance covariance_holding(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                                     const std::vector<bool>& at_bound) {
   VehicleCovariance out;
   const Eigen::Index k = problem.parameters(), m = problem.residuals();
   const auto outputs = static_cast<Eigen::Index>(problem.run->outputs.size());
@@ -114,9 +118,10 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   LeastSquares::RowMatrix J;
   output_error(problem, optimum.z, e, &J);
 
+  out.at_bound = at_bound;
+  out.open.assign(at_bound.size(), false);
   for (Eigen::Index i = 0; i < k; ++i) {
-    out.at_bound.push_back(is_at_bound(problem, optimum.z, i));
-    if (!out.at_bound.back()) out.inner.push_back(i);
+    if (!at_bound[static_cast<std::size_t>(i)]) out.inner.push_back(i);
   }
   const auto inner = static_cast<Eigen::Index>(out.inner.size());
 
@@ -247,6 +252,61 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
         1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
   }
   return out;
+}
+
+/// Whether all that the recording says of a free parameter leaves it anywhere between its bounds.
+bool says_nothing(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                  const VehicleCovariance& covariance, Eigen::Index parameter) {
+  const VehicleParameter which = problem.unknowns.free[static_cast<std::size_t>(parameter)];
+  const double si = parameters_at(problem, z)[which];
+  Eigen::VectorXd along = Eigen::VectorXd::Zero(problem.parameters());
+  along[parameter] = 1.0;
+  const double se = standard_error(problem, covariance, along);
+  if (std::isnan(se)) return true;  // a flat direction
+  const double reach = normal_quantile(0.975) * se;
+  const UserValue user = in_user_terms(which, si);
+  if (!std::isfinite(user.value)) return false;
+  if (must_be_positive(which) && user.value <= reach * std::abs(user.slope)) return true;
+  return problem.unknowns.upper[parameter] - problem.unknowns.lower[parameter] <= reach;
+}
+
+}  // namespace
+
+VehicleCovariance holding_what_is_told(
+    const VehicleProblem& problem, const Eigen::VectorXd& z, const std::vector<bool>& at_bound,
+    const std::function<VehicleCovariance(const std::vector<bool>& held)>& holding) {
+  const VehicleParameters<double> p = parameters_at(problem, z);
+  const std::vector<VehicleParameter>& free = problem.unknowns.free;
+  std::vector<bool> held(free.size(), false), open = held;
+  bool any = false;
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    // A straight axle is an answer.
+    held[i] = at_bound[i] && is_straight(problem.unknowns, i, p[free[i]]);
+    any = any || at_bound[i] != held[i];
+  }
+  if (any) {
+    VehicleCovariance released = holding(held);
+    // What the drive could tell: a misfit widens the other errors, and is another finding.
+    released.covariance = released.white;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      open[i] = at_bound[i] && !held[i] &&
+                says_nothing(problem, z, released, static_cast<Eigen::Index>(i));
+      held[i] = at_bound[i] && !open[i];
+    }
+  }
+  VehicleCovariance out = holding(held);
+  out.open = open;
+  return out;
+}
+
+VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum) {
+  std::vector<bool> at_bound;
+  for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+    at_bound.push_back(is_at_bound(problem, optimum.z, i));
+  }
+  return holding_what_is_told(problem, optimum.z, at_bound, [&](const std::vector<bool>& held) {
+    return covariance_holding(problem, optimum, held);
+  });
 }
 
 void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long long seed,

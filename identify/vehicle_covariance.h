@@ -1,6 +1,7 @@
 // How far can the vehicle's parameters be trusted, and which of them do the data determine at all?
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,11 @@ namespace identikal {
 struct VehicleCovariance {
   Eigen::VectorXd sd;  ///< noise per output: given, or corrected for the degrees of freedom used
   Eigen::VectorXd residuals;  ///< simulated minus measured over sd, one per residual of the problem
-  std::vector<bool> at_bound;       ///< of every free parameter; those are held there
+  std::vector<bool> at_bound;  ///< of every free parameter; those are held there
+  /// Of every free parameter: it lies at a bound, but the recording says nothing against any other
+  /// value (its interval, by `white`, reaches the other bound, or zero where it has to be
+  /// positive). It is not held, or the others' errors would take for known what nobody knows.
+  std::vector<bool> open;
   std::vector<Eigen::Index> inner;  ///< free parameters that are not at a bound
   Eigen::MatrixXd information;      ///< J' J with the initial states eliminated
   Eigen::MatrixXd rows;    ///< m x inner: what each residual adds to the information is row' row
@@ -32,6 +37,13 @@ struct VehicleCovariance {
   Eigen::Index blocks = 0;     ///< that it draws from
   double freedom = 1.0;        ///< degrees of freedom of Student's t to go with `covariance`
 };
+
+/// The covariance where the parameters at a bound are held, but for those that are `open`.
+/// @param z        coordinates of the optimum
+/// @param holding  makes the covariance with these parameters held
+VehicleCovariance holding_what_is_told(
+    const VehicleProblem& problem, const Eigen::VectorXd& z, const std::vector<bool>& at_bound,
+    const std::function<VehicleCovariance(const std::vector<bool>& held)>& holding);
 
 /// At an optimum of the problem. White residuals: (J' J)^-1, with a row for every prior. Coloured
 /// ones (Ljung-Box at 1 % over all outputs), and the robust cost: (J' J)^-1 S (J' J)^-1 with S the

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -89,6 +91,17 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
          fmt::format("{} ended at its bound {:.6g}; the errors of the others take it as known",
                      result.name, result.value),
          "widen the bound in the model file if it is not physical"});
+  }
+  for (std::size_t i = 0; i < covariance.open.size(); ++i) {
+    if (!covariance.open[i]) continue;
+    const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
+    estimate.warnings.push_back(
+        {"at_bound",
+         "note",
+         {result.name},
+         fmt::format("{} ended at its bound {:.6g} by chance: this recording does not tell it",
+                     result.name, result.value),
+         ""});
   }
   if (k > 0) {
     const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() *
@@ -290,16 +303,59 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
   return trajectory.covariance;
 }
 
-/// Whether a channel is so wrong that no other form of the model can mend it.
-bool misread(const Estimate& estimate) {
-  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [](const Warning& w) {
-    return w.severity == "serious" &&
-           (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
-            w.code == "clock_offset" || w.code == "swapped_channels");
-  });
+/// Whether this finding is a channel so wrong that no other form of the model can mend it.
+bool is_misreading(const Warning& w) {
+  return w.severity == "serious" &&
+         (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
+          w.code == "clock_offset" || w.code == "swapped_channels");
 }
 
-void conclude(const VehicleSearch& found, Estimate& estimate) {
+bool misread(const Estimate& estimate) {
+  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), is_misreading);
+}
+
+/// What a misread channel entails is no finding of its own: the cause goes first, its consequences
+/// into one note behind it.
+void put_cause_first(Estimate& estimate) {
+  if (!misread(estimate)) return;
+  std::vector<Warning> causes, others;
+  std::vector<std::string> about;
+  std::vector<std::pair<std::string, std::vector<std::string>>> entailments;  // code, about
+  for (Warning& w : estimate.warnings) {
+    const bool entailed = w.code == "at_bound" || w.code == "poor_fit" ||
+                          w.code == "noise_differs" || w.code == "coloured_residuals" ||
+                          w.code == "weak_direction" || w.code == "steering_ratio" ||
+                          w.code.starts_with("implausible_");
+    if (is_misreading(w)) {
+      causes.push_back(std::move(w));
+    } else if (entailed) {
+      const std::string code = w.code.starts_with("implausible_") ? "implausible" : w.code;
+      auto at = std::find_if(entailments.begin(), entailments.end(),
+                             [&](const auto& each) { return each.first == code; });
+      if (at == entailments.end()) at = entailments.insert(at, {code, {}});
+      at->second.insert(at->second.end(), w.about.begin(), w.about.end());
+      for (const std::string& name : w.about) {
+        if (std::find(about.begin(), about.end(), name) == about.end()) about.push_back(name);
+      }
+    } else {
+      others.push_back(std::move(w));
+    }
+  }
+  estimate.warnings = std::move(causes);
+  std::string consequences;
+  for (const auto& [code, names] : entailments) {
+    consequences += fmt::format("{}{} ({})", consequences.empty() ? "" : ", ", code, listed(names));
+  }
+  if (!consequences.empty()) {
+    estimate.warnings.push_back({"consequences", "note", about,
+                                 "also found, as is to be expected then: " + consequences,
+                                 "fit again when the above is mended"});
+  }
+  estimate.warnings.insert(estimate.warnings.end(), std::make_move_iterator(others.begin()),
+                           std::make_move_iterator(others.end()));
+}
+
+void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, Estimate& estimate) {
   std::vector<std::string> open, serious;
   std::size_t free = 0;
   for (const EstimatedParameter& p : estimate.parameters) {
@@ -311,7 +367,10 @@ void conclude(const VehicleSearch& found, Estimate& estimate) {
   const VehicleUnknowns& unknowns = found.problem.unknowns;
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
-    if (must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0) open.push_back(p.name);
+    const bool maybe_zero = must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0;
+    const bool listed_already = std::find(open.begin(), open.end(), p.name) != open.end();
+    const bool anywhere = i < covariance.open.size() && covariance.open[i];
+    if ((maybe_zero || anywhere) && !listed_already) open.push_back(p.name);
   }
   for (const Warning& warning : estimate.warnings) {
     if (warning.severity != "serious") continue;
@@ -405,7 +464,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     for (EstimatedParameter& each : estimate.parameters) {
       if (!each.fixed) each.verdict = Verdict::unfitted;
     }
-    conclude(found, estimate);
+    conclude(found, {}, estimate);
     return estimate;
   }
   const bool simulation = options.method == Method::output_error;
@@ -469,8 +528,9 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   }
   check_plausibility(p, estimate);
   describe_weakest_direction(found.problem, covariance, p, estimate);
+  put_cause_first(estimate);
   describe_acceleration(found.problem, found.best, estimate);
-  conclude(found, estimate);
+  conclude(found, covariance, estimate);
   if (options.pictures) picture_vehicle(found, covariance, estimate);
   return estimate;
 }

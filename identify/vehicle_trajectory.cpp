@@ -541,16 +541,15 @@ Eigen::VectorXd first_weights(const VehicleProblem& problem, const VehicleOptimu
 }
 
 VehicleCovariance covariance_of(const VehicleProblem& problem, const VehicleOptimum& best,
-                                const StatePath::Marginal& marginal) {
+                                const StatePath::Marginal& marginal,
+                                const std::vector<bool>& held) {
   VehicleCovariance out;
   out.sd = best.sd;
   out.residuals = marginal.residuals;
   const Eigen::Index k = problem.parameters();
+  out.at_bound = held;
   for (Eigen::Index i = 0; i < k; ++i) {
-    const double near = 1e-6 * std::max(1.0, std::abs(best.z[i]));
-    out.at_bound.push_back(best.z[i] - problem.lower[i] <= near ||
-                           problem.upper[i] - best.z[i] <= near);
-    if (!out.at_bound.back()) out.inner.push_back(i);
+    if (!held[static_cast<std::size_t>(i)]) out.inner.push_back(i);
   }
   const auto inner = static_cast<Eigen::Index>(out.inner.size());
   Eigen::MatrixXd information(inner, inner);
@@ -678,7 +677,15 @@ VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOpt
   out.left_out = (weight.array() != 1.0).count();
   out.process = noise.tail<2>();
   out.states = path.states(x);
-  out.covariance = covariance_of(problem, out.best, marginal);
+  std::vector<bool> at_bound;
+  for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+    const double z = out.best.z[i], near = 1e-6 * std::max(1.0, std::abs(z));
+    at_bound.push_back(z - problem.lower[i] <= near || problem.upper[i] - z <= near);
+  }
+  out.covariance =
+      holding_what_is_told(problem, out.best.z, at_bound, [&](const std::vector<bool>& held) {
+        return covariance_of(problem, out.best, marginal, held);
+      });
   return out;
 }
 

@@ -90,16 +90,18 @@ Unit known_unit(const std::string& text, const Location& at, const std::string& 
 struct ResolvedUnit {
   Unit unit;
   std::string text;
+  std::string doubt;  // about a unit in the file that nobody knows, and the model overrules
 };
 
 // The unit of a column: the model's, else the file's, else SI. It must measure what `si_text` does.
 ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::string& model_text,
                           const std::string& si_text, const Location& at) {
-  if (model_text.empty() && column.unit.empty()) return {Unit{}, si_text};
+  if (model_text.empty() && column.unit.empty()) return {Unit{}, si_text, ""};
   const Location model_at = place(at, table);
   const std::string of_column = " of column " + quoted_excerpt(column.name);
   const std::string& text = model_text.empty() ? column.unit : model_text;
   Unit unit;
+  std::string doubt;
   if (model_text.empty()) {
     const Location header{table.path, table.unit_line > 0 ? table.unit_line : table.header_line};
     unit = known_unit(text, header, of_column, "give its 'unit:' in the model file");
@@ -116,6 +118,10 @@ ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::s
                            ", in " + quoted_excerpt(text) + " according to the model",
                        "one unit", "remove the 'unit:' here, or the unit in the file's header");
     }
+    if (!column.unit.empty() && !in_file) {
+      doubt = file_name(table) + ": unknown unit " + quoted_excerpt(column.unit) + of_column +
+              "; taken as " + quoted_excerpt(text) + ", as the model file says";
+    }
   }
   if (!si_text.empty()) {
     const std::optional<Unit> si = parse_unit(si_text);
@@ -127,7 +133,7 @@ ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::s
                        "a unit of the same kind as " + quoted_excerpt(si_text));
     }
   }
-  return {unit, text};
+  return {unit, text, doubt};
 }
 
 // Time stamps in the unit of the column: converting first would cost digits of an epoch time.
@@ -153,7 +159,8 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
     }
     throw InputError(at, "time goes back from " + stamp(t[row - 1]) + " to " + stamp(t[row]),
                      "increasing time stamps",
-                     "several recordings in one file must be split, one file each");
+                     "recordings joined end to end: 'runs: restart' under 'time' in the model file "
+                     "makes each a run of its own");
   }
   return {t, unit.unit.scale};
 }
@@ -190,11 +197,14 @@ std::string treatment(const ChannelSource& source, const std::string& unit) {
 
 Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
                                 const Stamps& stamps, const Rows& rows, Channel& channel,
-                                std::vector<std::string>& notes) {
+                                Dataset& data) {
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, source.si_unit, source.at);
   channel = {source.name, unit.text};
-  if (const std::string text = treatment(source, unit.text); !text.empty()) notes.push_back(text);
+  if (const std::string text = treatment(source, unit.text); !text.empty()) {
+    data.notes.push_back(text);
+  }
+  if (!unit.doubt.empty()) data.unknown_units.push_back(unit.doubt);
   const auto first = static_cast<Index>(rows.first), count = static_cast<Index>(rows.last) - first;
   const Eigen::Map<const Eigen::VectorXd> recorded(column.values.data(),
                                                    static_cast<Index>(column.values.size()));
@@ -329,7 +339,7 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
     Eigen::MatrixXd values(static_cast<Index>(sources.size()), n);
     for (std::size_t i = 0; i < sources.size(); ++i) {
       values.row(static_cast<Index>(i)) =
-          read_channel(table, sources[i], stamps, rows, channels[i], data.notes);
+          read_channel(table, sources[i], stamps, rows, channels[i], data);
     }
     return values;
   };

@@ -30,6 +30,7 @@ struct Dataset {
   std::vector<Channel> inputs;     ///< nu
   std::vector<Channel> outputs;    ///< ny
   std::vector<std::string> notes;  ///< what was done to recorded values beyond their units
+  std::vector<std::string> unknown_units;  ///< sentences on those that the model file overrules
   Eigen::Index size() const { return time.size(); }
 };
 

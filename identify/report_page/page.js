@@ -322,7 +322,7 @@ function errorBar(p) {
   const read = fixed.filter(matters);
   if (read.length) children.push(note(`Known: ${read.map((p) => `${p.name} = ${num(p.value, 6)}${p.unit ? " " + p.unit : ""}`).join(", ")}.`));
   const loss = result.noise.expected_loss;
-  if (loss) children.push(el("p", {}, loss.reason ? `What these errors cost the filter is not known: ${loss.reason}.` : `These errors cost the filter ${num(100 * loss.relative, 2)} % of tr P in the mean, beside the best filter there is${loss.without.length ? `; without ${loss.without.join(", ")}, which ended at zero` : ""}.`));
+  if (loss) children.push(el("p", {}, loss.reason ? `What these errors cost the filter is not known: ${loss.reason}.` : `These errors cost the filter ${100 * loss.relative < 0.001 ? "< 0.001" : num(100 * loss.relative, 2)} % of tr P in the mean, beside the best filter there is${loss.without.length ? `; without ${loss.without.join(", ")}, which ended at zero` : ""}.`));
   for (const d of result.identifiability.flat_directions) children.push(el("p", { class: "fail" }, "The data do not determine the combination " + d.names.map((n, i) => `${d.weights[i] < 0 ? "−" : "+"} ${num(Math.abs(d.weights[i]), 2)} ${n}`).join(" ") + " (relative to each one's own error)."));
   if (result.posterior) children.push(table(["parameter", "#most probable", "prior"], result.posterior.parameters.filter((p) => known(p.map)).map((p) => [p.name, num(p.map, 5), p.prior])),
     note(`Posterior by ${result.posterior.method}, ${result.posterior.points} points; log evidence ${num(result.posterior.log_evidence, 7)}.`));

@@ -59,6 +59,28 @@ TEST(NoiseTrack, AChangeIsFoundAndFollowed) {
   }
 }
 
+// Up to where it was stopped, all is as without stopping.
+TEST(NoiseTrack, StopsWhenTold) {
+  const NoiseChangeCase c = system_with_change(matisko_system(1), 0, 10.0, 300, 300, 5);
+  NoiseTrackOptions options;
+  options.adaptive = true;
+  const Estimate whole = track(c.model, c.data, options);
+  for (const Index last : {100, 450}) {
+    options.progress = [&](Index sample, Index of) {
+      EXPECT_EQ(of, 600);
+      return sample < last;
+    };
+    const Estimate e = track(c.model, c.data, options);
+    EXPECT_EQ(e.status, Status::not_converged);
+    EXPECT_EQ(e.message, "stopped by the caller after " + std::to_string(last) + " of 600 samples");
+    ASSERT_TRUE(e.course.has_value());
+    ASSERT_EQ(e.course->mean.cols(), last);
+    EXPECT_EQ(e.series.time.size(), last);
+    EXPECT_EQ(e.course->mean, whole.course->mean.leftCols(last));
+    EXPECT_EQ(e.course->changes.size(), last > 300 ? 1u : 0u);
+  }
+}
+
 TEST(NoiseTrack, AnOutlierIsNoChange) {
   MatiskoSystem system = matisko_system(1);
   Random random(3);

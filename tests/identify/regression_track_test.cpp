@@ -117,6 +117,16 @@ TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
   EXPECT_TRUE(complete.warnings.empty());
 }
 
+TEST(TrackRegression, StopsWhenTold) {
+  const Dataset data = as_recording(second_order(3, 2000, 0.5));
+  int asked = 0;
+  const Estimate estimate =
+      track_regression(regression_model(), data, [&](const std::string&) { return ++asked < 3; });
+  EXPECT_EQ(asked, 3);
+  EXPECT_EQ(estimate.status, Status::not_converged);
+  EXPECT_EQ(estimate.message, "stopped by the caller, 2 orders tried");
+}
+
 TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
   const ArxRun s = second_order(3, 2000, 0.5);
   Dataset data = as_recording(s);

@@ -215,6 +215,34 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
   EXPECT_GT(result.estimate.shaping->colour_p, 0.05);
 }
 
+// At whatever stage: no filter then, and the white model is what there is.
+TEST(Shape, StopsWhenTold) {
+  const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
+  const ModelFile truth =
+      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+  Random random(4);
+  const Dataset data = recording(truth, 1000, random);
+  for (const char* const stage :
+       {"tuning the white model", "spectrum: process noise, order 2", "likelihood: order",
+        "errors of the shaped model", "held-out comparison"}) {
+    ShapeOptions options;
+    options.most_order = 2;
+    int after = -1;
+    options.progress = [&](const std::string& what) {
+      if (after >= 0) ++after;
+      if (what.find(stage) == std::string::npos) return true;
+      after = std::max(after, 0);
+      return false;
+    };
+    const ShapeResult result = shape(base, {data}, options);
+    EXPECT_EQ(after, 0) << stage;  // asked once, and never again
+    EXPECT_EQ(result.estimate.status, Status::not_converged) << stage;
+    EXPECT_NE(result.estimate.message.find("stopped by the caller"), std::string::npos);
+    EXPECT_FALSE(result.model.has_value());
+    EXPECT_FALSE(result.in_measurement.has_value());
+  }
+}
+
 TEST(Shape, FindsThePublishedFilter) {
   // (5.17) with process noise through (5.21): a peak at 1.19 rad/s.
   const ModelFile base = model_of(system_5_17(), 1.0, 1.0);

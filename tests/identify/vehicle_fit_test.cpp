@@ -405,8 +405,13 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
   const Estimate wrong_steering = fit_vehicle(model, flipped);
   ASSERT_NE(warning(wrong_steering, "sign_steering"), nullptr);
   EXPECT_EQ(warning(wrong_steering, "sign_steering")->severity, "serious");
-  EXPECT_NE(warning(wrong_steering, "poor_fit"), nullptr);
+  // The cause goes first; what it entails is no finding of its own.
+  EXPECT_EQ(wrong_steering.warnings[0].code, "sign_steering");
+  EXPECT_EQ(warning(wrong_steering, "poor_fit"), nullptr);
+  ASSERT_NE(warning(wrong_steering, "consequences"), nullptr);
+  EXPECT_THAT(warning(wrong_steering, "consequences")->text, HasSubstr("poor_fit (r, ay)"));
   EXPECT_EQ(wrong_steering.status, Status::untrusted);
+  EXPECT_EQ(wrong_steering.message, "do not use these values: sign_steering");
   expect_no_pretence(wrong_steering);
 }
 

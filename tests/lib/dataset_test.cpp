@@ -277,8 +277,8 @@ TEST(Dataset, SaysWhatIsWrongWithTime) {
             "one of the two rows");
   EXPECT_EQ(message({12.2, 12.3, 0.3}, ""),
             "runs/lane_change.csv:5: time goes back from 12.3 s to 0.3 s; expected increasing time "
-            "stamps; several "
-            "recordings in one file must be split, one file each");
+            "stamps; recordings joined end to end: 'runs: restart' under 'time' in the model file "
+            "makes each a run of its own");
   EXPECT_EQ(message({0, kNaN, 2}, "s"),
             "runs/lane_change.csv:4: no time stamp in column 't'; expected a number");
   EXPECT_EQ(message({0, 1, 2}, "m"),
