@@ -135,8 +135,9 @@ TimeRange parse_range(const std::string& text) {
 void require_linear(const Arguments& args, const ModelFile& model) {
   if (model.form == ModelFile::Form::linear) return;
   const bool vehicle = model.form == ModelFile::Form::single_track;
+  const std::string method = args.method == "ml" ? "" : " --method " + args.method;
   throw InputError({model.path, 0, 0},
-                   fmt::format("'{}' takes a linear model, this {}", args.verb,
+                   fmt::format("'{}{}' takes a linear model, this {}", args.verb, method,
                                vehicle ? "is a vehicle" : "one is not linear in its states"),
                    "a model with A, C, Q, R, or formulas that are linear in states and inputs");
 }
@@ -444,7 +445,7 @@ int run_estimator(const Arguments& args) {
         fmt::format("'{}' is about the noise of a linear model, this is a vehicle", args.verb),
         "a model with A, C, Q, R", "use 'fit'");
   }
-  if (model.form == ModelFile::Form::nonlinear && is_als(args)) require_linear(args, model);
+  if (is_als(args) || args.method == "auto") require_linear(args, model);
   for (const auto& [given, option] :
        {std::pair{args.lags > 0, "--lags"}, std::pair{args.regain, "--regain"},
         std::pair{args.sources, "--sources"}}) {

@@ -146,22 +146,21 @@ std::string bound_table(const Estimate& estimate) {
                : "",
         verdict);
   }
-  out += wrapped(
-      "bound se: the smallest standard deviation from outputs alone. states known: if the states "
-      "were measured as well, which no method can stand in for.",
-      2);
-  if (bound.simulated > 0) {
-    out += wrapped(
-        fmt::format("Mean information of {} recordings simulated with seed {}, as the filter sees "
-                    "it; chance leaves the bounds within {} of themselves. No steady filter, so "
-                    "nothing on states known or gains.",
-                    bound.simulated, bound.seed,
-                    std::isnan(bound.simulation_se)
-                        ? "unknown"
-                        : fmt::format("{:.2g} %", 100.0 * bound.simulation_se)),
-        2);
+  const std::string what = "bound se: the smallest standard deviation from outputs alone";
+  if (bound.simulated == 0) {
+    return out + wrapped(what +
+                             ". states known: if the states were measured as well, which no "
+                             "method can stand in for.",
+                         2);
   }
-  return out;
+  const std::string within = std::isnan(bound.simulation_se)
+                                 ? ""
+                                 : fmt::format("; chance leaves it within {:.2g} % of itself",
+                                               100.0 * bound.simulation_se);
+  return out + wrapped(fmt::format("{}, by the mean information of {} recordings simulated with "
+                                   "seed {}, as the filter sees it{}.",
+                                   what, bound.simulated, bound.seed, within),
+                       2);
 }
 
 std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {

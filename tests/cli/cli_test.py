@@ -1357,6 +1357,8 @@ class Nonlinear(unittest.TestCase):
                                  ("--method trajectory has no meaning here", ("fit", self.model, data, "--method", "trajectory")),
                                  ("leaves too little", ("tune", self.model, data, "--hold-out", "95%")),
                                  ("takes a linear model", ("shape", self.model, data)),
+                                 ("takes a linear model", ("tune", self.model, data, "--method", "auto")),
+                                 ("takes a linear model", ("tune", self.model, data, "--method", "als")),
                                  ("--filter has no meaning here", ("filter", *NILE, "--filter", "iterated"))):
             done = run(*arguments, code=2)
             self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))

@@ -96,7 +96,7 @@ void expect_same_tests(const Estimate& a, const Estimate& b, double bound) {
 }
 
 // Numbers of a CSV text, cell by cell; empty cells are NaN.
-std::vector<double> cells(const std::string& text) {
+std::vector<double> csv_numbers(const std::string& text) {
   std::vector<double> out;
   std::istringstream lines(text);
   std::string line, cell;
@@ -123,12 +123,12 @@ TEST(NonlinearJobs, FilterAndSmootherWriteTheLinearOnesFiles) {
       const auto states = [&](const ModelFile& model, const FilterRun& run) {
         std::ostringstream out;
         write_states_csv(out, model, recordings, run);
-        return cells(out.str());
+        return csv_numbers(out.str());
       };
       const auto innovations = [&](const FilterRun& run) {
         std::ostringstream out;
         write_innovations_csv(out, recordings, run);
-        return cells(out.str());
+        return csv_numbers(out.str());
       };
       for (const auto& [x, y] : {std::pair{states(linear, a), states(general, b)},
                                  std::pair{innovations(a), innovations(b)}}) {
