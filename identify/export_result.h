@@ -10,6 +10,7 @@
 
 namespace identikal {
 
+/// What to write.
 enum class ExportFormat { cpp, c, matlab, python, yaml, json };
 
 /// "cpp", "c", "matlab", "python", "yaml", "json".
