@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/distribution.h"
 #include "identify/nested_structure.h"
@@ -67,12 +68,6 @@ std::vector<std::string> channels_of(const Estimate& e) {
   return out;
 }
 
-std::string listed(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
-  return out;
-}
-
 void check_comparable(const std::vector<StoredResult>& results) {
   if (results.size() < 2) {
     throw InputError({}, "one result cannot be compared", "identikal compare RESULT RESULT...");
@@ -98,10 +93,11 @@ void check_comparable(const std::vector<StoredResult>& results) {
              "results of the same recordings");
     }
     if (channels_of(e) != channels_of(f)) {
-      refuse(result,
-             fmt::format("is about other outputs ({}) than {} ({})", listed(channels_of(e)),
-                         name_of(first), listed(channels_of(f))),
-             "the same outputs in the same units");
+      refuse(
+          result,
+          fmt::format("is about other outputs ({}) than {} ({})", fmt::join(channels_of(e), ", "),
+                      name_of(first), fmt::join(channels_of(f), ", ")),
+          "the same outputs in the same units");
     }
     if (samples(e.objective) != samples(f.objective)) {
       refuse(result,
@@ -204,7 +200,7 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Estima
   if (structure == NestedStructure::other) {
     out.notes.push_back(
         fmt::format("{}: no likelihood ratio, the models differ in more than what is known of {}",
-                    pair, listed(nesting.extra)));
+                    pair, fmt::join(nesting.extra, ", ")));
     return;
   }
   const bool converged = small.estimate.status != Status::not_converged &&
@@ -223,18 +219,19 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Estima
   test.level = kNone;
   test.pass = test.p >= kLevel;
   out.tests.push_back(test);
-  std::string line = fmt::format("{}: {} free as well, LR {:.4g}, p {}{:.2g} ({})", pair,
-                                 listed(nesting.extra), test.value, at_bound > 1 ? "<= " : "",
-                                 test.p, test.pass ? "the smaller model will do" : "it pays");
+  std::string line =
+      fmt::format("{}: {} free as well, LR {:.4g}, p {}{:.2g} ({})", pair,
+                  fmt::join(nesting.extra, ", "), test.value, at_bound > 1 ? "<= " : "", test.p,
+                  test.pass ? "the smaller model will do" : "it pays");
   if (at_bound == 1) {
     line += fmt::format(
         "; with {} at a bound in the smaller one, p is half of chi-square with {} and half with {} "
         "degrees of freedom",
-        listed(nesting.at_bound), extra - 1, extra);
+        fmt::join(nesting.at_bound, ", "), extra - 1, extra);
   }
   if (at_bound > 1) {
     line += fmt::format("; with {} at bounds in the smaller one, a mixture of chi-squares",
-                        listed(nesting.at_bound));
+                        fmt::join(nesting.at_bound, ", "));
   }
   if (nesting.common_at_bound) line += "; another parameter ended at a bound: p is approximate";
   if (structure == NestedStructure::unknown) {

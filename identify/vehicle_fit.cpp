@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/distribution.h"
 #include "identify/steady_driving.h"
@@ -253,12 +254,6 @@ void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& e
   objective.starts_agree = found.agree;
 }
 
-std::string listed(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
-  return out;
-}
-
 /// Goes on from the best simulation with a filter gain that starts at none. Where the gain makes
 /// the recording no likelier than chance would, nothing pushes the car, and the simulation stays.
 void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
@@ -344,7 +339,8 @@ void put_cause_first(Estimate& estimate) {
   estimate.warnings = std::move(causes);
   std::string consequences;
   for (const auto& [code, names] : entailments) {
-    consequences += fmt::format("{}{} ({})", consequences.empty() ? "" : ", ", code, listed(names));
+    consequences +=
+        fmt::format("{}{} ({})", consequences.empty() ? "" : ", ", code, fmt::join(names, ", "));
   }
   if (!consequences.empty()) {
     estimate.warnings.push_back({"consequences", "note", about,
@@ -380,17 +376,18 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
   }
   if (misread(estimate)) {
     estimate.status = Status::untrusted;
-    estimate.message = "do not use these values: " + listed(serious);
+    estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
   } else if (!open.empty()) {
     // The search has no end along a valley of equally likely cars: that is an answer.
     estimate.status = Status::answer_no;
-    estimate.message = "this recording does not determine " + listed(open) + " separately";
+    estimate.message =
+        fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
   } else if (!found.best.converged) {
     estimate.status = Status::not_converged;
     estimate.message = "the search did not converge: " + found.best.message;
   } else if (!serious.empty()) {
     estimate.status = Status::untrusted;
-    estimate.message = "do not use these values: " + listed(serious);
+    estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
   } else {
     estimate.status = Status::ok;
     estimate.message =

@@ -12,7 +12,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // f(x) = slopes x + offset + what has the covariance `rest`.
-struct Line {
+struct StraightLine {
   MatrixXd slopes;
   VectorXd offset;
   MatrixXd rest;
@@ -21,7 +21,7 @@ struct Line {
 // The line that has the moments of x and f(x) as sigma points give them, x of covariance P about
 // `middle`.
 template <typename Function>
-Line line_of_points(const VectorXd& middle, const MatrixXd& P, const UnscentedWeights& weights,
+StraightLine line_of_points(const VectorXd& middle, const MatrixXd& P, const UnscentedWeights& weights,
                     Index rows, Function&& f) {
   const Index n = middle.size();
   const PointWeights w = point_weights(weights, n);
@@ -65,7 +65,7 @@ class Followed {
   // The model of sample t; its inputs are offset()'s.
   void set(Index t, StateSpace& out) {
     const Index nx = model_.states, ny = model_.outputs;
-    const Line seen = seen_at(t), moved = moved_from(t);
+    const StraightLine seen = seen_at(t), moved = moved_from(t);
     out.A = moved.slopes;
     out.B.setIdentity(nx, nx + ny);
     out.C = seen.slopes;
@@ -89,10 +89,10 @@ class Followed {
   bool unscented() const { return options_.method == NonlinearMethod::unscented; }
 
   // h, with R.
-  Line seen_at(Index t) {
+  StraightLine seen_at(Index t) {
     const auto u = inputs_.at_sample.col(t);
     const double time = inputs_.time[t];
-    Line out;
+    StraightLine out;
     if (unscented()) {
       out = line_of_points(filter_.x_pred.col(t), filter_.P_pred[static_cast<std::size_t>(t)],
                            options_.weights, model_.outputs, [&](const VectorXd& x) {
@@ -109,7 +109,7 @@ class Followed {
   }
 
   // The way to the next sample, with W; nothing follows the last.
-  Line moved_from(Index t) {
+  StraightLine moved_from(Index t) {
     const Index nx = model_.states;
     if (t + 1 == filter_.x_pred.cols()) {
       return {MatrixXd::Identity(nx, nx), VectorXd::Zero(nx), MatrixXd::Zero(nx, nx)};
@@ -120,7 +120,7 @@ class Followed {
          density ? &gramians_ : nullptr);
     const MatrixXd W = density ? MatrixXd(gramians_.values.reshaped(nx, nx)) : noise_.Q;
     if (!unscented()) return {slopes_.by_x, x_ - slopes_.by_x * filter_.x_filt.col(t), W};
-    Line out = line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
+    StraightLine out = line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
                               options_.weights, nx, [&](VectorXd x) {
                                 step(model_, memory_, inputs_, t, x);
                                 return x;

@@ -32,7 +32,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-const std::string kTwoStates = R"(identikal: 1
+const std::string kTwoCoupled = R"(identikal: 1
 name: two states
 time: {kind: discrete, step: 1 s}
 parameters:
@@ -48,7 +48,7 @@ initial: {mean: {x1: 1, x2: 0}, sd: {x1: 1, x2: 0.5}}
 )";
 
 ModelFile two_states(ModelFile::Form form) {
-  std::string text = kTwoStates;
+  std::string text = kTwoCoupled;
   if (form == ModelFile::Form::nonlinear) {
     text.replace(text.find("0.1*x1\""), 6, "0.1*max(x1, -1e9)");
   }
@@ -233,7 +233,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
       there.parameters[p].value(0, 0) = estimates[0].parameters[p].value;
     }
     Estimate result = estimates[0];
-    result.model_file = {"none.yaml", "", kTwoStates, {}};
+    result.model_file = {"none.yaml", "", kTwoCoupled, {}};
     result.inputs = {{"two_states.csv", "", 350, 350}};
     validated[i] = validate(result, there, {other}, {{"other.csv", "", 200, 200}});
   }
@@ -243,7 +243,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
 
 TEST(NonlinearJobs, AFreeRunNeedsNothingButTheFirstState) {
   // Without noise but for the start, which the smoother has to find.
-  std::string text = kTwoStates;
+  std::string text = kTwoCoupled;
   const auto put = [&text](const std::string& from, const std::string& to) {
     text.replace(text.find(from), from.size(), to);
   };
@@ -285,7 +285,7 @@ TEST(NonlinearJobs, TheBoundIsTheLinearOnes) {
 // s of 200 recordings has mean k and variance close to 2 k. False alarms: 3 in 1000. (With noise a
 // hundred times as large the extended filter's mean is 3.5.)
 TEST(NonlinearJobs, ScoresScatterAsTheBoundSays) {
-  std::string text = kTwoStates;
+  std::string text = kTwoCoupled;
   const auto put = [&text](const std::string& from, const std::string& to) {
     text.replace(text.find(from), from.size(), to);
   };
