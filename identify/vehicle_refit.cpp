@@ -83,6 +83,21 @@ MatrixXd complement_of(const MatrixXd& A) {
   return Q.rightCols(n - qr.rank());
 }
 
+/// VehicleRefit::moves.
+std::vector<double> moves_between(const Series& old, const Series& refitted) {
+  std::vector<double> out;
+  for (Index j = 0; j < refitted.predicted.rows(); ++j) {
+    const auto after = refitted.predicted.row(j).array(), before = old.predicted.row(j).array();
+    const auto used = after.isFinite() && before.isFinite();
+    const auto n = static_cast<double>(used.count());
+    const double mean = used.select(after, 0.0).sum() / n;
+    const double size = used.select(after - mean, 0.0).square().sum();
+    const double moved = used.select(before - after, 0.0).square().sum();
+    out.push_back(size > 0.0 ? std::sqrt(moved / size) : kNone);
+  }
+  return out;
+}
+
 }  // namespace
 
 VehicleRefit refit_vehicle(const Estimate& result, const ModelFile& model,
@@ -159,25 +174,8 @@ VehicleRefit refit_vehicle(const Estimate& result, const ModelFile& model,
     out.p = f_upper_tail(out.statistic, out.dof, out.freedom);
   }
 
-  const Series old = validate_vehicle(model, recordings, unknowns, known, robust),
-               refitted = vehicle_series(problem, best.z);
-  for (Index j = 0; j < refitted.predicted.rows(); ++j) {
-    double n = 0.0, sum = 0.0, moved = 0.0, size = 0.0;
-    const auto used = [&](Index t) {
-      return std::isfinite(refitted.predicted(j, t)) && std::isfinite(old.predicted(j, t));
-    };
-    for (Index t = 0; t < refitted.predicted.cols(); ++t) {
-      if (!used(t)) continue;
-      n += 1.0;
-      sum += refitted.predicted(j, t);
-    }
-    for (Index t = 0; t < refitted.predicted.cols(); ++t) {
-      if (!used(t)) continue;
-      moved += std::pow(old.predicted(j, t) - refitted.predicted(j, t), 2);
-      size += std::pow(refitted.predicted(j, t) - sum / n, 2);
-    }
-    out.moves.push_back(size > 0.0 ? std::sqrt(moved / size) : kNone);
-  }
+  out.moves = moves_between(validate_vehicle(model, recordings, unknowns, known, robust),
+                            vehicle_series(problem, best.z));
   return out;
 }
 

@@ -21,8 +21,8 @@ struct StraightLine {
 // The line that has the moments of x and f(x) as sigma points give them, x of covariance P about
 // `middle`.
 template <typename Function>
-StraightLine line_of_points(const VectorXd& middle, const MatrixXd& P, const UnscentedWeights& weights,
-                    Index rows, Function&& f) {
+StraightLine line_of_points(const VectorXd& middle, const MatrixXd& P,
+                            const UnscentedWeights& weights, Index rows, Function&& f) {
   const Index n = middle.size();
   const PointWeights w = point_weights(weights, n);
   Stack none(n * n, 0), no_slopes(n, 0);
@@ -120,11 +120,12 @@ class Followed {
          density ? &gramians_ : nullptr);
     const MatrixXd W = density ? MatrixXd(gramians_.values.reshaped(nx, nx)) : noise_.Q;
     if (!unscented()) return {slopes_.by_x, x_ - slopes_.by_x * filter_.x_filt.col(t), W};
-    StraightLine out = line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
-                              options_.weights, nx, [&](VectorXd x) {
-                                step(model_, memory_, inputs_, t, x);
-                                return x;
-                              });
+    StraightLine out =
+        line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
+                       options_.weights, nx, [&](VectorXd x) {
+                         step(model_, memory_, inputs_, t, x);
+                         return x;
+                       });
     out.rest += W;
     return out;
   }
