@@ -1,4 +1,4 @@
-// The command line. Every exception ends here.
+// What does each verb do? Every exception ends here.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -6,13 +6,11 @@
 #include <ctime>
 #include <filesystem>
 #include <iostream>
-#include <limits>
 #include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <sys/stat.h>
@@ -20,7 +18,8 @@
 
 #include "identify/bound.h"
 #include "identify/check.h"
-#include "identify/command_reference.h"
+#include "identify/command_data.h"
+#include "identify/command_line.h"
 #include "identify/compare.h"
 #include "identify/compare_results.h"
 #include "identify/estimated_model.h"
@@ -43,8 +42,6 @@
 #include "identify/report.h"
 #include "identify/report_page.h"
 #include "identify/result_file.h"
-#include "identify/result_values.h"
-#include "identify/row_selection.h"
 #include "identify/shape.h"
 #include "identify/simulate.h"
 #include "identify/study.h"
@@ -63,207 +60,9 @@
 #include "lib/join.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
-#include "lib/version.h"
 
 namespace identikal {
 namespace {
-
-struct Arguments {
-  std::string verb, model;
-  std::vector<std::string> data;
-  std::string output, report;
-  std::string command;  // as typed, for the report
-  bool json = false, strict = false, quiet = false;
-  std::int64_t seed = 1;
-  int starts = 5, runs = 0, threads = 0, bootstrap = 0;
-  std::vector<std::string> settings;
-  std::string path = "automatic";
-  std::string method = "ml", accuracy, place = "both", hold_out;
-  std::string language, least_fit;
-  int order = 4;
-  bool regain = false, robust = false, adaptive = false;
-  bool vehicle = false;
-  bool compare = false, full_matrix = false, sources = false;
-  long lags = 0, draws = 0;
-  std::string range, manoeuvre, speed, rate = "100 Hz", duration, snr;
-  std::vector<std::string> manoeuvre_settings, signals;
-  std::string filter;
-  long rows = 0;
-  bool smooth = false;
-  long lag = -1;  // fixed-lag smoother; -1: not asked for
-  std::string from;
-};
-
-// On standard output; one that takes no more, as on a full disk, is said.
-void print(const std::string& text) {
-  std::cout << text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
-}
-
-// "12", "12s", "60 km/h" in SI; `kind` is a unit of the quantity expected.
-double quantity(const std::string& option, const std::string& text, const std::string& kind) {
-  std::size_t used = 0;
-  double value = 0.0;
-  try {
-    value = std::stod(text, &used);
-  } catch (const std::exception&) {
-    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text),
-                     "a number, with a unit or in " + kind);
-  }
-  const std::string rest = text.substr(used);
-  const auto unit = parse_unit(rest.find_first_not_of(' ') == std::string::npos ? kind : rest);
-  if (!unit || !same_dimension(*unit, *parse_unit(kind)) || !std::isfinite(value)) {
-    throw InputError({}, fmt::format("{} '{}' is not a quantity", option, text),
-                     "a number, with a unit or in " + kind);
-  }
-  return unit->to_si(value);
-}
-
-TimeRange parse_range(const std::string& text) {
-  TimeRange range;
-  if (text.empty()) return range;
-  const std::size_t colon = text.find(':');
-  if (colon == std::string::npos) {
-    throw InputError({}, fmt::format("--range '{}' is not a range", text), "FROM:TO, e.g. 10s:95s");
-  }
-  const std::string from = text.substr(0, colon), to = text.substr(colon + 1);
-  if (!from.empty()) range.from = quantity("--range", from, "s");
-  if (!to.empty()) range.to = quantity("--range", to, "s");
-  return range;
-}
-
-void require_linear(const Arguments& args, const ModelFile& model) {
-  if (model.form == ModelFile::Form::linear) return;
-  const bool vehicle = model.form == ModelFile::Form::single_track;
-  const std::string method = args.method == "ml" ? "" : " --method " + args.method;
-  throw InputError({model.path, 0, 0},
-                   fmt::format("'{}{}' takes a linear model, this {}", args.verb, method,
-                               vehicle ? "is a vehicle" : "one is not linear in its states"),
-                   "a model with A, C, Q, R, or formulas that are linear in states and inputs");
-}
-
-// A model whose filter is to run: matrices or formulas.
-void require_filter(const Arguments& args, const ModelFile& model) {
-  if (model.form != ModelFile::Form::nonlinear) require_linear(args, model);
-}
-
-ModelFile load_model(const Arguments& args) {
-  ModelFile model = read_model_file(args.model);
-  if (model.form == ModelFile::Form::regression && args.verb != "track") {
-    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
-                     "identikal track MODEL DATA");
-  }
-  if (!args.from.empty()) {
-    const StoredResult result = read_stored_result(args.from);
-    set_values(model, result.estimate, result.path);
-  }
-  for (const std::string& assignment : args.settings) set_parameter(model, assignment);
-  if (!args.filter.empty()) {
-    if (model.form != ModelFile::Form::nonlinear) {
-      throw InputError({}, "--filter has no meaning here", "a nonlinear model",
-                       "the Kalman filter of a linear one is exact");
-    }
-    model.formulas.filter = nonlinear_method(args.filter, {});
-  }
-  return model;
-}
-
-// The files that one DATA argument names, read.
-std::vector<Table> read_files(const std::string& argument) {
-  std::vector<Table> out;
-  for (const std::string& path : joined_files(argument)) out.push_back(read_csv(path));
-  return out;
-}
-
-// One recording, or several where the model file says that time restarts.
-std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
-                               const ModelFile& model, bool with_outputs = true) {
-  if (model.time.restarts && files.size() > 1) {
-    throw InputError(model.time.at, "runs: restart with files that are joined",
-                     "one file, or one run");
-  }
-  const Joined joined = join_tables(files, model.time);
-  const std::vector<ChannelSource> no_outputs;
-  std::vector<Dataset> out;
-  for (const Table& run : split_runs(joined.table, model.time)) {
-    Dataset data = make_dataset(run, model.time, model.inputs,
-                                with_outputs ? model.outputs : no_outputs, parse_range(args.range));
-    data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
-    const bool as_recorded =
-        model.form == ModelFile::Form::single_track ||
-        (model.form == ModelFile::Form::nonlinear && model.formulas.model.continuous);
-    if (!as_recorded) {
-      const double step = model.time.step > 0.0 ? model.time.step : data.dt;
-      data = on_uniform_raster(data, step);
-    }
-    for (Dataset& stretch : usable_stretches(model, std::move(data))) {
-      out.push_back(std::move(stretch));
-    }
-  }
-  return out;
-}
-
-Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
-                  bool with_outputs = true) {
-  std::vector<Dataset> runs = load_runs(args, files, model, with_outputs);
-  if (runs.size() > 1) {
-    throw InputError({files.front().path, 0, 0}, fmt::format("{} runs", runs.size()),
-                     "one run here", "'fit', 'tune' and 'check' take several");
-  }
-  return std::move(runs.front());
-}
-
-struct Recordings {
-  std::vector<Dataset> data;
-  std::vector<InputRecord> records;                             // one per file
-  std::vector<std::pair<std::size_t, std::size_t>> of_records;  // recordings [from, to) of a file
-
-  void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range) {
-    long rows = 0;
-    for (const Dataset& run : runs) rows += static_cast<long>(run.size());
-    for (const Table& file : files) {
-      records.push_back({file.path,
-                         sha256_of_file(file.path),
-                         static_cast<long>(file.rows),
-                         rows,
-                         {range.from, range.to}});
-      of_records.emplace_back(data.size(), data.size() + runs.size());
-    }
-    for (Dataset& run : runs) data.push_back(std::move(run));
-  }
-};
-
-// A linear model has one sampling period.
-void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
-                  const Dataset& other) {
-  const bool any = model.form != ModelFile::Form::linear || model.time.step > 0.0;
-  if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
-  throw InputError({other.name, 0, 0},
-                   fmt::format("sampled every {:.6g} s, {} every {:.6g} s", other.dt,
-                               args.data.front(), first.dt),
-                   "recordings with the same sampling period",
-                   "a discrete-time model belongs to one sampling period");
-}
-
-bool is_model(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".yaml" || ending == ".yml";
-}
-
-Recordings load_recordings(const Arguments& args, const ModelFile& model) {
-  Recordings out;
-  for (const std::string& path : args.data) {
-    if (is_model(path)) {
-      throw InputError({path, 0, 0}, "a model file where recordings are expected",
-                       fmt::format("'identikal {} MODEL DATA...'", args.verb),
-                       "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
-    }
-    const std::vector<Table> files = read_files(path);
-    out.add(load_runs(args, files, model), files, parse_range(args.range));
-    check_period(args, model, out.data.front(), out.data.back());
-  }
-  return out;
-}
 
 bool is_als(const Arguments& args) { return args.method == "als" || args.method == "als-weighted"; }
 
@@ -403,37 +202,6 @@ Estimate tune_noise(const Arguments& args, const ModelFile& model,
   };
   return args.method == "auto" ? tune_auto(model, recordings, options)
                                : tune_ml(model, recordings, options);
-}
-
-/// The last share of every recording, or another recording, is not fitted to.
-std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
-                              std::vector<Dataset>& recordings) {
-  std::vector<HeldOut> out;
-  if (args.hold_out.empty()) return out;
-  if (!args.hold_out.ends_with('%')) {
-    for (Dataset& run : load_runs(args, read_files(args.hold_out), model)) {
-      out.push_back({std::move(run), 0});
-    }
-    return out;
-  }
-  const double share = quantity("--hold-out", args.hold_out, "%");
-  if (!(share >= 0.05 && share <= 0.8)) {
-    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
-                     "5% to 80%");
-  }
-  for (Dataset& data : recordings) {
-    const auto kept =
-        static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
-    // A stretch of a few rows is fitted whole.
-    if (kept < 1 || kept >= data.size()) continue;
-    out.push_back({data, kept});
-    data = first_samples(data, kept);
-  }
-  if (out.empty()) {
-    throw InputError({}, fmt::format("--hold-out '{}' of too few rows", args.hold_out),
-                     "a longer recording");
-  }
-  return out;
 }
 
 int run_estimator(const Arguments& args) {
@@ -735,14 +503,12 @@ int run_report(const Arguments& args) {
   return 0;
 }
 
-const std::vector<std::string> kLanguages{"cpp", "c", "matlab", "python", "yaml", "json"};
-
 int run_export(const Arguments& args) {
   const std::optional<ExportFormat> format = export_format(args.language);
   if (!format) {
     throw InputError({}, fmt::format("--to '{}'", args.language),
                      "cpp, c, matlab, python, yaml or json",
-                     did_you_mean(args.language, kLanguages));
+                     did_you_mean(args.language, export_languages()));
   }
   const StoredResult result = read_stored_result(args.model, PageData::if_there);
   const std::string text = export_text(result, *format, day_of_file(result.path));
@@ -980,323 +746,10 @@ int run_info(const Arguments& args) {
   return 0;
 }
 
-std::string whole_number(const std::string& text) {
-  const bool digits = !text.empty() && text.size() <= 18 &&
-                      text.find_first_not_of("0123456789") == std::string::npos;
-  return digits ? "" : "'" + text + "' is not a whole number from 0 to 999999999999999999";
-}
-
-std::string a_page(const std::string& text) {
-  return text.empty() || text.ends_with('/') ? "no file is named" : std::string();
-}
-
-std::string a_folder(const std::string& text) {
-  return text.empty() ? "no folder is named" : std::string();
-}
-
-void add_common(CLI::App& verb, Arguments& args, bool estimates, bool pictured = true) {
-  verb.add_option("-o,--output", args.output, "folder for the result files")->check(a_folder);
-  verb.add_option("--set", args.settings, "NAME=VALUE: value (start) of a parameter")
-      ->allow_extra_args(false);
-  verb.add_option("--range", args.range,
-                  "FROM:TO: use these rows, in seconds from the first, e.g. 10s:95s");
-  verb.add_flag("--quiet", args.quiet, "no progress line");
-  if (!estimates) return;
-  verb.add_flag("--json", args.json, "print the result as JSON instead of text");
-  verb.add_flag("--strict", args.strict, "exit 4 when there are warnings");
-  if (pictured)
-    verb.add_option("--report", args.report, "FILE.html: everything as one page")->check(a_page);
-}
-
-void add_filter(CLI::App& verb, Arguments& args) {
-  verb.add_option("--filter", args.filter, "of a nonlinear model")
-      ->check(CLI::IsMember({"extended", "iterated", "unscented"}))
-      ->default_str("extended");
-}
-
-void add_signals(CLI::App& verb, Arguments& args) {
-  verb.add_option("--input", args.signals,
-                  "NAME=FORMULA of the time t in s and SI, e.g. 'u=sin(2*pi*t/5)'; once per input")
-      ->allow_extra_args(false);
-}
-
-// As it can be typed again.
-std::string command_line(int argc, char** argv) {
-  std::string out = "identikal";
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    const bool plain = !word.empty() && word.find_first_not_of(
-                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVW"
-                                            "XYZ0123456789-_./:=+,%@^") == std::string::npos;
-    std::string quoted;
-    for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-    out += plain ? " " + word : " '" + quoted + "'";
-  }
-  return out;
-}
-
 int run(int argc, char** argv) {
-  CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data"};
-  app.require_subcommand(1);
-  app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION);
-  Arguments args;
-  args.command = command_line(argc, argv);
-
-  CLI::App* info = app.add_subcommand("info", "columns, units, rates, gaps of a recording");
-  info->add_option("files", args.data, "[MODEL] DATA...")->required();
-  info->add_option("--range", args.range, "FROM:TO: use these rows, in seconds from the first");
-  info->add_flag("--vehicle", args.vehicle,
-                 "survey of a vehicle's recording: signs, units, clocks, what can be identified");
-  info->add_flag("--json", args.json, "with --vehicle: print the survey as JSON");
-
-  CLI::App* init = app.add_subcommand(
-      "init", "print a commented model file to begin with; without a name, list them");
-  init->add_option("TEMPLATE", args.model, "its name");
-
-  const std::pair<const char*, const char*> estimators[] = {
-      {"tune", "estimate Q and R of a Kalman filter"},
-      {"fit", "estimate physical parameters"},
-      {"check", "is this filter optimal? exit 1 if not"}};
-  for (const auto& [name, help] : estimators) {
-    CLI::App* verb = app.add_subcommand(name, help);
-    verb->add_option("MODEL", args.model, "model file (YAML)")->required();
-    verb->add_option("DATA", args.data, "recordings (CSV)")->required();
-    add_common(*verb, args, true);
-    add_filter(*verb, args);
-    if (std::string(name) == "check") {
-      verb->add_flag("--compare", args.compare, "rank filters: --compare A.yaml B.yaml ... DATA");
-      continue;
-    }
-    verb->add_option("--seed", args.seed, "seed of the scattered starts")
-        ->check(whole_number)
-        ->capture_default_str();
-    verb->add_option("--starts", args.starts, "number of starts")
-        ->check(CLI::Range(1, 1000))
-        ->capture_default_str();
-    verb->add_option("--hold-out", args.hold_out,
-                     "recording, or last share (30%) of each, to validate on");
-    if (std::string(name) == "fit") {
-      verb->add_option(
-              "--method", args.method,
-              "output-error: simulate. For cars that wind and road push about: prediction-error, "
-              "with a filter gain; trajectory, with the states of all rows unknown")
-          ->check(CLI::IsMember({"output-error", "prediction-error", "trajectory"}))
-          ->default_str("output-error");
-      verb->add_flag("--robust", args.robust, "noise with outliers: Student's t instead of normal");
-      verb->add_option("--bootstrap", args.bootstrap,
-                       "draws of a block bootstrap for the errors, e.g. 500")
-          ->check(CLI::Range(20, 100000));
-    }
-    if (std::string(name) == "tune") {
-      verb->add_option("--method", args.method,
-                       "ml: maximum likelihood; als-weighted, als: autocovariance least squares; "
-                       "auto: ml from the start that als-weighted finds, and both compared; "
-                       "bayes: posterior")
-          ->check(CLI::IsMember({"ml", "als", "als-weighted", "auto", "bayes"}))
-          ->capture_default_str();
-      verb->add_option("--lags", args.lags, "als: autocovariances used; 0: as many as tell")
-          ->check(CLI::Range(0L, 1000L));
-      verb->add_option("--draws", args.draws, "bayes: draws from the posterior")
-          ->check(CLI::Range(10L, 1000000L))
-          ->default_str("2000");
-      verb->add_flag("--robust", args.robust, "leave out samples that are outliers");
-      verb->add_flag("--regain", args.regain, "als: repeat with the estimate's own gain");
-      verb->add_flag("--sources", args.sources,
-                     "als: Q from the fewest independent noise sources that the data allow");
-      verb->add_flag("--full-matrix", args.full_matrix,
-                     "als: fit the whole matrix of autocovariances, not one column");
-      verb->add_option("--path", args.path, "likelihood: automatic, direct, steady, compressed")
-          ->check(CLI::IsMember({"automatic", "direct", "steady", "compressed"}));
-    }
-  }
-
-  CLI::App* track =
-      app.add_subcommand("track", "estimate sample by sample: Q and R, a regression, a vehicle");
-  track->add_option("MODEL", args.model, "model file (YAML)")->required();
-  track->add_option("DATA", args.data, "recording (CSV)")->required()->expected(1);
-  add_common(*track, args, true);
-  track->add_flag(
-      "--adaptive", args.adaptive,
-      "start with the file's noise, learn it anew whenever it is found to have changed");
-  track->add_option("--draws", args.draws, "filters that run side by side")
-      ->check(CLI::Range(10L, 1000000L))
-      ->default_str("400");
-  track->add_option("--seed", args.seed, "seed of the draws")
-      ->check(whole_number)
-      ->capture_default_str();
-
-  CLI::App* filter = app.add_subcommand(
-      "filter",
-      "states and innovations as CSV: filtered, or smoothed (without -o: states, printed)");
-  filter->add_option("MODEL", args.model, "model file (YAML)")->required();
-  filter->add_option("DATA", args.data, "recordings (CSV)")->required();
-  filter->add_flag("--smooth", args.smooth, "states given the whole recording");
-  filter->add_option("--lag", args.lag, "N: states given what was recorded up to N samples later")
-      ->check(CLI::Range(0L, 1000000L));
-  filter
-      ->add_option("--from", args.from,
-                   "RESULT: with the values that tune or fit has found, as -o has written them")
-      ->check(a_folder);
-  add_common(*filter, args, true, false);
-  add_filter(*filter, args);
-
-  CLI::App* comparison = app.add_subcommand(
-      "compare", "rank results of one recording: AIC, BIC, likelihood ratios of nested models");
-  comparison->add_option("RESULT", args.data, "result.json, or its folder; two or more")
-      ->required();
-  comparison->add_flag("--json", args.json, "print the result as JSON instead of text");
-
-  CLI::App* shape = app.add_subcommand("shape", "detect coloured noise, fit a shaping filter");
-  shape->add_option("MODEL", args.model, "model file (YAML)")->required();
-  shape->add_option("DATA", args.data, "recordings (CSV)")->required();
-  add_common(*shape, args, true);
-  shape->add_option("--noise", args.place, "which noise is coloured: both are tried otherwise")
-      ->check(CLI::IsMember({"both", "process", "measurement"}))
-      ->capture_default_str();
-  shape->add_option("--order", args.order, "highest order of a filter")
-      ->check(CLI::Range(1, 4))
-      ->capture_default_str();
-  shape->add_option("--hold-out", args.hold_out, "last share of each recording, to compare on")
-      ->default_str("30%");
-  shape->add_option("--seed", args.seed, "seed of the scattered starts")
-      ->check(whole_number)
-      ->capture_default_str();
-
-  CLI::App* bound = app.add_subcommand("bound", "the best that any method can do, before any data");
-  bound->add_option("MODEL", args.model, "model file (YAML), its values are the truth")->required();
-  bound->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
-  add_common(*bound, args, true, false);
-  bound->add_option("-n,--samples", args.rows, "length of the recording that is planned")
-      ->check(CLI::Range(1L, 1000000000L));
-  bound->add_option("--accuracy", args.accuracy, "wanted: says how many samples give it, e.g. 10%");
-  add_signals(*bound, args);
-  bound
-      ->add_option("--runs", args.runs,
-                   "nonlinear models: recordings to simulate for the mean information")
-      ->check(CLI::Range(2, 100000))
-      ->default_str("50");
-  bound->add_option("--seed", args.seed, "nonlinear models: seed of their noise")
-      ->check(whole_number)
-      ->capture_default_str();
-  add_filter(*bound, args);
-
-  CLI::App* report =
-      app.add_subcommand("report", "rebuild the page of a result that -o has written");
-  report->add_option("RESULT", args.model, "result.json, or its folder")->required();
-  report->add_option("--report", args.report, "FILE.html: without it, report.html in its folder")
-      ->check(a_page);
-
-  CLI::App* to_paste =
-      app.add_subcommand("export", "code to paste from a result that -o has written");
-  to_paste->add_option("RESULT", args.model, "result.json, or its folder")->required();
-  to_paste->add_option("--to", args.language, "cpp, c, matlab, python, yaml or json")->required();
-  to_paste->add_option("-o,--output", args.output, "FILE; without it, the text is printed")
-      ->check(a_page);
-
-  CLI::App* validation = app.add_subcommand(
-      "validate", "score a result on other data, nothing refitted; exit 1 if it does not hold");
-  validation->add_option("RESULT", args.model, "result.json, or its folder")->required();
-  validation->add_option("DATA", args.data, "recordings (CSV)")->required();
-  validation->add_option(
-      "--fit", args.least_fit,
-      "least fit of every channel, e.g. 70%; without it a filter has to pass its tests, "
-      "a vehicle to explain 50% of the yaw rate and the rest better than its mean, and to be the "
-      "car that a refit finds");
-  validation->add_flag("--robust", args.robust, "vehicle: outliers count little");
-  validation->add_option("-o,--output", args.output, "folder for the result files")
-      ->check(a_folder);
-  validation->add_option("--range", args.range,
-                         "FROM:TO: use these rows, in seconds from the first");
-  validation->add_flag("--json", args.json, "print the result as JSON instead of text");
-  validation->add_flag("--strict", args.strict, "exit 4 when there are warnings");
-
-  CLI::App* study =
-      app.add_subcommand("study", "rerun a published table or figure beside what was published");
-  study->add_option("NAME", args.model, study_ranges())->required();
-  study
-      ->add_option("-o,--output", args.output,
-                   "folder for NAME.txt, and of a figure NAME.svg and its numbers, NAME.csv")
-      ->check(a_folder);
-  study
-      ->add_option("--runs", args.runs,
-                   "repetitions of each line; without it, as many as published")
-      ->check(CLI::Range(2, 100000));
-  study->add_option("--seed", args.seed, "seed of the recordings")
-      ->check(whole_number)
-      ->capture_default_str();
-  study->add_option("--threads", args.threads, "that share the repetitions; without it, all cores")
-      ->check(CLI::Range(1, 1024));
-  study->add_flag("--quiet", args.quiet, "no progress line");
-
-  CLI::App* simulate = app.add_subcommand("simulate", "make data with known truth");
-  simulate->add_option("MODEL", args.model, "model file (YAML)")->required();
-  simulate->add_option("DATA", args.data, "recording that holds the inputs")->expected(0, 1);
-  add_common(*simulate, args, false);
-  simulate->add_option("--seed", args.seed, "seed of the noise")
-      ->check(whole_number)
-      ->capture_default_str();
-  add_signals(*simulate, args);
-  simulate->add_option("-n,--rows", args.rows, "rows, where no recording gives the inputs")
-      ->check(CLI::Range(1L, 100000000L));
-  simulate->add_option("--manoeuvre", args.manoeuvre,
-                       "vehicle without DATA: one of those below; without it, the first");
-  simulate
-      ->add_option("--with", args.manoeuvre_settings,
-                   "NAME=VALUE changes the manoeuvre, e.g. ay=3 m/s^2; a number alone is in the "
-                   "unit listed below; may be repeated")
-      ->allow_extra_args(false);
-  simulate->add_option("--speed", args.speed, "of the manoeuvre, where it begins");
-  simulate->add_option("--rate", args.rate, "sampling rate of the manoeuvre")
-      ->capture_default_str();
-  simulate->add_option("--duration", args.duration, "of the recording");
-  simulate->add_option("--snr", args.snr,
-                       "signal-to-noise ratio of every output, e.g. 30dB, instead of the model "
-                       "file's noise");
-  simulate->footer(manoeuvre_help());
-  // Verbs that are added later would have it too.
-  app.footer(
-      "Exit status:\n"
-      "  0  done and usable\n"
-      "  1  the answer is no: not optimal, not determined, not to be trusted\n"
-      "  2  mistake on the command line, in the model or in the data\n"
-      "  3  not converged; the best so far is printed\n"
-      "  4  --strict and there are warnings\n"
-      "  5  internal error, or a result could not be written");
-
-  // For the build, which makes the manual page and the completions of shells from all of the above.
-  if (argc == 3 && std::string(argv[1]) == "--generate") {
-    std::vector<std::string> drives;
-    for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
-    print(command_reference(app, argv[2], IDENTIKAL_VERSION,
-                            {{"study", "NAME", study_names()},
-                             {"simulate", "--manoeuvre", drives},
-                             {"export", "--to", kLanguages}}));
-    return 0;
-  }
-  if (argc > 1 && argv[1][0] != '-') {
-    std::vector<std::string> verbs;
-    for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
-      verbs.push_back(verb->get_name());
-    }
-    if (std::find(verbs.begin(), verbs.end(), argv[1]) == verbs.end()) {
-      throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                       fmt::format("one of {}", fmt::join(verbs, ", ")),
-                       did_you_mean(argv[1], verbs));
-    }
-  }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) {  // --help, --version
-      std::ostringstream text;
-      app.exit(error, text, text);
-      print(text.str());
-      return 0;
-    }
-    throw InputError({}, error.what(), "",
-                     "'identikal --help' and 'identikal VERB --help' show the options");
-  }
-  args.verb = app.get_subcommands().front()->get_name();
+  const std::optional<Arguments> given = parse_command_line(argc, argv);
+  if (!given) return 0;
+  const Arguments& args = *given;
   if (args.verb == "info") return run_info(args);
   if (args.verb == "init") return run_init(args);
   if (args.verb == "fit") return run_fit(args);

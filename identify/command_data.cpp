@@ -1,0 +1,172 @@
+#include "identify/command_data.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include "identify/report.h"
+#include "identify/result_file.h"
+#include "identify/result_values.h"
+#include "identify/row_selection.h"
+#include "lib/error.h"
+#include "lib/join.h"
+
+namespace identikal {
+
+void require_linear(const Arguments& args, const ModelFile& model) {
+  if (model.form == ModelFile::Form::linear) return;
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  const std::string method = args.method == "ml" ? "" : " --method " + args.method;
+  throw InputError({model.path, 0, 0},
+                   fmt::format("'{}{}' takes a linear model, this {}", args.verb, method,
+                               vehicle ? "is a vehicle" : "one is not linear in its states"),
+                   "a model with A, C, Q, R, or formulas that are linear in states and inputs");
+}
+
+void require_filter(const Arguments& args, const ModelFile& model) {
+  if (model.form != ModelFile::Form::nonlinear) require_linear(args, model);
+}
+
+ModelFile load_model(const Arguments& args) {
+  ModelFile model = read_model_file(args.model);
+  if (model.form == ModelFile::Form::regression && args.verb != "track") {
+    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
+                     "identikal track MODEL DATA");
+  }
+  if (!args.from.empty()) {
+    const StoredResult result = read_stored_result(args.from);
+    set_values(model, result.estimate, result.path);
+  }
+  for (const std::string& assignment : args.settings) set_parameter(model, assignment);
+  if (!args.filter.empty()) {
+    if (model.form != ModelFile::Form::nonlinear) {
+      throw InputError({}, "--filter has no meaning here", "a nonlinear model",
+                       "the Kalman filter of a linear one is exact");
+    }
+    model.formulas.filter = nonlinear_method(args.filter, {});
+  }
+  return model;
+}
+
+std::vector<Table> read_files(const std::string& argument) {
+  std::vector<Table> out;
+  for (const std::string& path : joined_files(argument)) out.push_back(read_csv(path));
+  return out;
+}
+
+std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
+                               const ModelFile& model, bool with_outputs) {
+  if (model.time.restarts && files.size() > 1) {
+    throw InputError(model.time.at, "runs: restart with files that are joined",
+                     "one file, or one run");
+  }
+  const Joined joined = join_tables(files, model.time);
+  const std::vector<ChannelSource> no_outputs;
+  std::vector<Dataset> out;
+  for (const Table& run : split_runs(joined.table, model.time)) {
+    Dataset data = make_dataset(run, model.time, model.inputs,
+                                with_outputs ? model.outputs : no_outputs, parse_range(args.range));
+    data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
+    const bool as_recorded =
+        model.form == ModelFile::Form::single_track ||
+        (model.form == ModelFile::Form::nonlinear && model.formulas.model.continuous);
+    if (!as_recorded) {
+      const double step = model.time.step > 0.0 ? model.time.step : data.dt;
+      data = on_uniform_raster(data, step);
+    }
+    for (Dataset& stretch : usable_stretches(model, std::move(data))) {
+      out.push_back(std::move(stretch));
+    }
+  }
+  return out;
+}
+
+Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+                  bool with_outputs) {
+  std::vector<Dataset> runs = load_runs(args, files, model, with_outputs);
+  if (runs.size() > 1) {
+    throw InputError({files.front().path, 0, 0}, fmt::format("{} runs", runs.size()),
+                     "one run here", "'fit', 'tune' and 'check' take several");
+  }
+  return std::move(runs.front());
+}
+
+void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
+                     const TimeRange& range) {
+  long rows = 0;
+  for (const Dataset& run : runs) rows += static_cast<long>(run.size());
+  for (const Table& file : files) {
+    records.push_back({file.path,
+                       sha256_of_file(file.path),
+                       static_cast<long>(file.rows),
+                       rows,
+                       {range.from, range.to}});
+    of_records.emplace_back(data.size(), data.size() + runs.size());
+  }
+  for (Dataset& run : runs) data.push_back(std::move(run));
+}
+
+void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
+                  const Dataset& other) {
+  const bool any = model.form != ModelFile::Form::linear || model.time.step > 0.0;
+  if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
+  throw InputError({other.name, 0, 0},
+                   fmt::format("sampled every {:.6g} s, {} every {:.6g} s", other.dt,
+                               args.data.front(), first.dt),
+                   "recordings with the same sampling period",
+                   "a discrete-time model belongs to one sampling period");
+}
+
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
+Recordings load_recordings(const Arguments& args, const ModelFile& model) {
+  Recordings out;
+  for (const std::string& path : args.data) {
+    if (is_model(path)) {
+      throw InputError({path, 0, 0}, "a model file where recordings are expected",
+                       fmt::format("'identikal {} MODEL DATA...'", args.verb),
+                       "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
+    }
+    const std::vector<Table> files = read_files(path);
+    out.add(load_runs(args, files, model), files, parse_range(args.range));
+    check_period(args, model, out.data.front(), out.data.back());
+  }
+  return out;
+}
+
+std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
+                              std::vector<Dataset>& recordings) {
+  std::vector<HeldOut> out;
+  if (args.hold_out.empty()) return out;
+  if (!args.hold_out.ends_with('%')) {
+    for (Dataset& run : load_runs(args, read_files(args.hold_out), model)) {
+      out.push_back({std::move(run), 0});
+    }
+    return out;
+  }
+  const double share = quantity("--hold-out", args.hold_out, "%");
+  if (!(share >= 0.05 && share <= 0.8)) {
+    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
+                     "5% to 80%");
+  }
+  for (Dataset& data : recordings) {
+    const auto kept =
+        static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
+    // A stretch of a few rows is fitted whole.
+    if (kept < 1 || kept >= data.size()) continue;
+    out.push_back({data, kept});
+    data = first_samples(data, kept);
+  }
+  if (out.empty()) {
+    throw InputError({}, fmt::format("--hold-out '{}' of too few rows", args.hold_out),
+                     "a longer recording");
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,56 @@
+// Which model and which recordings does a command line name?
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "identify/command_line.h"
+#include "identify/estimate.h"
+#include "identify/free_run.h"
+#include "identify/model_file.h"
+#include "lib/csv.h"
+#include "lib/dataset.h"
+
+namespace identikal {
+
+/// @throws InputError naming the verb
+void require_linear(const Arguments& args, const ModelFile& model);
+/// A model whose filter is to run: matrices or formulas. @throws InputError
+void require_filter(const Arguments& args, const ModelFile& model);
+
+/// The model file with --from, --set and --filter applied. @throws InputError
+ModelFile load_model(const Arguments& args);
+/// Does this argument look like a model file rather than a recording?
+bool is_model(const std::string& path);
+
+/// The files that one DATA argument names, read. @throws InputError
+std::vector<Table> read_files(const std::string& argument);
+/// One recording, or several where the model file says that time restarts or rows are left out.
+/// @throws InputError
+std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
+                               const ModelFile& model, bool with_outputs = true);
+/// The same where there has to be one.
+Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+                  bool with_outputs = true);
+
+struct Recordings {
+  std::vector<Dataset> data;
+  std::vector<InputRecord> records;                             ///< one per file
+  std::vector<std::pair<std::size_t, std::size_t>> of_records;  ///< recordings [from, to) of a file
+
+  /// What was loaded from the files of one argument.
+  void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range);
+};
+/// Those of all DATA arguments. @throws InputError
+Recordings load_recordings(const Arguments& args, const ModelFile& model);
+/// A linear model has one sampling period. @throws InputError when that of `other` is another
+void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
+                  const Dataset& other);
+
+/// --hold-out: the last share of every recording, which is taken from it, or another recording.
+/// @throws InputError
+std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
+                              std::vector<Dataset>& recordings);
+
+}  // namespace identikal
