@@ -14,7 +14,7 @@ ONLY_IN = {
     r"ceres/": r"solvers/(ceres_backend\.cpp|sparse_least_squares\.cpp)",
     r"nlopt": r"solvers/nlopt_backend\.cpp",
     r"hwy/": r"lib/(simd_kernels|bank_kernel)\.cpp",
-    r"CLI/": r"identify/(main|command_reference)\.cpp",
+    r"CLI/": r"identify/command_(line|reference)\.cpp",
     r"nlohmann/": r"identify/(result_json|report_page|result_file|export_result)\.cpp",
     r"yaml-cpp/": r"identify/yaml_reader\.cpp",
     r"boost/": r"identify/distribution\.cpp",
