@@ -2,9 +2,11 @@
 
 A line `    $ command` of a page is run by the shell, in a scratch folder of that page where build, data and examples lie beside what its commands
 have written before; the indented lines below are what it prints, errors included. A command goes on behind a backslash, and to the END of <<END.
+C++ on a page is out of the example that the page names last before it, which is compiled and run: every line but "..." stands there too.
 """
 import difflib
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -50,6 +52,16 @@ def page_now(page, program):
         return "\n".join(rerun(page.read_text().split("\n"), folder))
 
 
+def lines_of_no_example(page):
+    out = []
+    text = page.read_text()
+    for block in re.finditer(r"```cpp\n(.*?)```", text, re.S):
+        named = re.findall(r"\]\([./]*(examples/\w+\.cpp)\)", text[:block.start()])
+        known = {line.strip() for line in (ROOT / named[-1]).read_text().splitlines()} if named else set()
+        out += [line for line in block[1].splitlines() if line.strip() not in known | {"...", ""}]
+    return out
+
+
 program = pathlib.Path(sys.argv[1]).resolve()
 changed = False
 for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
@@ -60,4 +72,7 @@ for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
     elif now != text:
         changed = True
         sys.stdout.writelines(difflib.unified_diff(text.splitlines(True), now.splitlines(True), str(page.relative_to(ROOT)), "printed now"))
+    for line in lines_of_no_example(page):
+        changed = True
+        print(f"{page.relative_to(ROOT)}: in no example: {line}")
 sys.exit(changed)
