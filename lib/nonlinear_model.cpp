@@ -354,7 +354,9 @@ ModelMemory make_memory(const NonlinearModel& model) {
   out.output_slopes = make_memory(model.output_slopes);
   out.rate_curvature = make_memory(model.rate_curvature);
   out.output_curvature = make_memory(model.output_curvature);
-  out.rate.setZero(nx);
+  for (Eigen::VectorXd* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
+    motion->setZero(MotionParts(model, model.order, 0).size());
+  }
   out.J.setZero(nx, columns);
   out.H.setZero(second, columns);
   out.turned.setZero(second, columns);
@@ -385,26 +387,27 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
   const Index nx = model.states;
-  m.rate.resize(nx);
+  auto rate = m.rate.head(nx), at_stage = m.stage.head(nx), sum = m.sum.head(nx);
+  const std::span<double> values(m.rate.data(), static_cast<std::size_t>(nx));
   if (!model.continuous) {
     write_point(model, m.rates, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    evaluate_values(model.rates, m.rates, span_of(m.rate));
-    x = m.rate;
+    evaluate_values(model.rates, m.rates, values);
+    x = rate;
     return;
   }
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   for (int i = 0; i < steps; ++i) {
-    m.sum = x;
+    sum = x;
+    at_stage = x;
     for (const Stage& stage : kStages) {
-      m.stage = x;
-      if (stage.reach > 0.0) m.stage += (stage.reach * h) * m.rate;
-      write_point(model, m.rates, m.stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+      if (stage.reach > 0.0) at_stage = x + (stage.reach * h) * rate;
+      write_point(model, m.rates, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
                   inputs.time[k] + (i + stage.reach) * h);
-      evaluate_values(model.rates, m.rates, span_of(m.rate));
-      m.sum += (stage.weight * h) * m.rate;
+      evaluate_values(model.rates, m.rates, values);
+      sum += (stage.weight * h) * rate;
     }
-    x = m.sum;
+    x = sum;
   }
 }
 
@@ -425,8 +428,6 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
   const MotionParts parts(model, order, noisy ? gramians->densities.cols() : 0);
-  for (Eigen::VectorXd* motion : {&m.begin, &m.stage, &m.rate, &m.sum})
-    motion->resize(parts.size());
   if (!model.continuous) {
     evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
     x = m.rate.head(nx);
@@ -435,6 +436,11 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     if (order == Derivatives::second) slopes.by_x_slopes = m.H;
     return;
   }
+  // Larger ones stay: another call may need less, and the next one more.
+  const Index size = parts.size();
+  for (Eigen::VectorXd* motion : {&m.begin, &m.stage, &m.rate, &m.sum}) {
+    if (motion->size() < size) motion->resize(size);
+  }
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   m.begin.setZero();
@@ -442,16 +448,18 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   parts.slopes(m.begin).leftCols(nx).diagonal().setOnes();
   if (noisy) m.densities = gramians->densities;
   for (int i = 0; i < steps; ++i) {
-    m.sum = m.begin;
-    m.stage = m.begin;
+    auto at_stage = m.stage.head(size), sum = m.sum.head(size);
+    const auto begin = m.begin.head(size), rate = m.rate.head(size);
+    sum = begin;
+    at_stage = begin;
     for (const Stage& stage : kStages) {
-      if (stage.reach > 0.0) m.stage = m.begin + (stage.reach * h) * m.rate;
+      if (stage.reach > 0.0) at_stage = begin + (stage.reach * h) * rate;
       evaluate_rates(model, m, order, m.stage.data(),
                      inputs.u.col(first + 2 * i + stage.node).data(),
                      inputs.time[k] + (i + stage.reach) * h);
       chain_slopes(parts, m, order);
       if (noisy) add_gramian_rates(parts, m, order);
-      m.sum += (stage.weight * h) * m.rate;
+      sum += (stage.weight * h) * rate;
     }
     m.begin.swap(m.sum);
   }
