@@ -12,6 +12,7 @@
 #include "identify/filter_report.h"
 #include "identify/model_filter.h"
 #include "identify/noise_estimate.h"
+#include "identify/report.h"
 #include "lib/error.h"
 #include "lib/linear_model.h"
 #include "lib/units.h"
@@ -62,15 +63,7 @@ class CsvLines {
   CsvLines& operator=(const CsvLines&) = delete;
 
   void head(const std::string& name, const std::string& unit) {
-    const std::string whole = name + (unit.empty() ? "" : " [" + unit + "]");
-    // A comma would end the column, a quote the cell.
-    if (whole.find_first_of(",\"") == std::string::npos) {
-      text_ += "," + whole;
-      return;
-    }
-    text_ += ",\"";
-    for (const char c : whole) text_ += c == '"' ? std::string("\"\"") : std::string(1, c);
-    text_ += '"';
+    text_ += "," + csv_heading(name, unit);
   }
   void begin_line(std::size_t recording, double time) {
     text_ += '\n';

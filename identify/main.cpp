@@ -38,6 +38,7 @@
 #include "identify/noise_estimate.h"
 #include "identify/noise_ml.h"
 #include "identify/noise_track.h"
+#include "identify/output_files.h"
 #include "identify/regression_track.h"
 #include "identify/report.h"
 #include "identify/report_page.h"
@@ -103,13 +104,6 @@ std::string report_data_text(const Arguments& args, const Recordings& recordings
                           json);
 }
 
-void write_page(const std::string& path, const std::string& page,
-                const std::string& option = "--report") {
-  const std::filesystem::path file(path);
-  const std::string folder = file.parent_path().string();
-  write_files(folder.empty() ? "." : folder, {{file.filename().string(), page}}, option);
-}
-
 // UTC day on which a file was written, "2026-03-01".
 std::string day_of_file(const std::string& path) {
   struct stat status {};
@@ -153,7 +147,10 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
   const std::string json = result_json(estimate, args.strict, spent.count());
   std::string page_data;
   if (wants_pictures(args)) page_data = report_data_text(args, recordings, estimate, json);
-  if (!args.report.empty()) write_page(args.report, report_page(json, page_data));
+  std::vector<OutputFile> written;
+  if (!args.report.empty()) {
+    written.push_back({args.report, report_page(json, page_data), "--report"});
+  }
   if (!args.output.empty()) {
     std::vector<ResultFile> files{{"result.json", json}};
     if (estimate.series.time.size() > 0)
@@ -161,8 +158,10 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     if (estimate.course) files.push_back({"course.csv", course_csv(estimate)});
     if (!page_data.empty()) files.push_back({kReportDataFile, page_data});
     files.insert(files.end(), more_files.begin(), more_files.end());
-    write_files(args.output, files);
+    const std::vector<OutputFile> of_folder = in_folder(args.output, files);
+    written.insert(written.end(), of_folder.begin(), of_folder.end());
   }
+  write_files(written);
   print(args.json ? json : console_report(estimate));
   return exit_code(estimate, args.strict);
 }
@@ -498,7 +497,7 @@ int run_report(const Arguments& args) {
   const std::filesystem::path folder =
       std::filesystem::is_directory(given) ? given : given.parent_path();
   const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
-  write_page(path, page);
+  write_files({{path, page, "--report"}});
   print(fmt::format("{} written\n", path));
   return 0;
 }
@@ -515,7 +514,7 @@ int run_export(const Arguments& args) {
   if (args.output.empty()) {
     print(text);
   } else {
-    write_page(args.output, text, "-o");
+    write_files({{args.output, text}});
     print(fmt::format("{} written\n", args.output));
   }
   return 0;
@@ -565,7 +564,7 @@ int run_study(const Arguments& args) {
       files.push_back({args.model + ".csv", report.csv});
       files.push_back({args.model + ".svg", svg(*report.figure)});
     }
-    write_files(args.output, files);
+    write_files(in_folder(args.output, files));
   }
   print(report.text);
   return 0;
@@ -668,7 +667,7 @@ int run_simulate(const Arguments& args) {
   if (args.output.empty()) {
     print(simulated.csv);
   } else {
-    write_files(args.output, {{"simulated.csv", simulated.csv}});
+    write_files(in_folder(args.output, {{"simulated.csv", simulated.csv}}));
     print(fmt::format("{} rows written to {}\n", simulated.rows,
                       (std::filesystem::path(args.output) / "simulated.csv").string()));
     for (const std::string& note : simulated.notes) print(fmt::format("{}\n", note));

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <sstream>
@@ -444,14 +443,20 @@ std::string cell_text(double value) {
 }
 }  // namespace
 
+std::string csv_heading(const std::string& name, const std::string& unit) {
+  const std::string text = name + (unit.empty() ? "" : " [" + unit + "]");
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return out + "\"";
+}
+
 std::string course_csv(const Estimate& estimate) {
   const Course& course = *estimate.course;
   std::string out = "time [s]";
   for (std::size_t i = 0; i < course.names.size(); ++i) {
-    const std::string unit = course.units[i].empty() ? "" : " [" + course.units[i] + "]";
-    // A comma would end the column: Q(2,1).
-    const bool quoted = course.names[i].find(',') != std::string::npos;
-    out += fmt::format(",{0}{1}{2}{0},{0}{1}_sd{2}{0}", quoted ? "\"" : "", course.names[i], unit);
+    out += "," + csv_heading(course.names[i], course.units[i]) + "," +
+           csv_heading(course.names[i] + "_sd", course.units[i]);
   }
   out += ",log_alarm\n";
   for (Eigen::Index t = 0; t < course.mean.cols(); ++t) {
@@ -468,8 +473,8 @@ std::string spectrum_csv(const Estimate& estimate) {
   const Shaping& s = *estimate.shaping;
   std::string out = "frequency [rad/s],band_low,band_high";
   for (const std::string& channel : s.channels) {
-    out += "," + channel + "_white";
-    if (s.spectrum_shaped.size() > 0) out += "," + channel + "_shaped";
+    out += "," + csv_heading(channel + "_white", "");
+    if (s.spectrum_shaped.size() > 0) out += "," + csv_heading(channel + "_shaped", "");
   }
   out += "\n";
   for (Eigen::Index k = 0; k < s.spectrum_white.cols(); ++k) {
@@ -488,8 +493,10 @@ std::string residuals_csv(const Estimate& estimate) {
   const bool several = !s.recording.empty() && s.recording.back() > 1;
   std::string out = several ? "recording,time [s]" : "time [s]";
   for (std::size_t i = 0; i < s.channels.size(); ++i) {
-    const std::string unit = s.units[i].empty() ? "" : " [" + s.units[i] + "]";
-    out += fmt::format(",{0}{1},{0}_predicted{1},{0}_standardised", s.channels[i], unit);
+    for (const char* kind : {"", "_predicted"}) {
+      out += "," + csv_heading(s.channels[i] + kind, s.units[i]);
+    }
+    out += "," + csv_heading(s.channels[i] + "_standardised", "");
   }
   out += "\n";
   for (Eigen::Index t = 0; t < s.time.size(); ++t) {
@@ -502,38 +509,6 @@ std::string residuals_csv(const Estimate& estimate) {
     out += "\n";
   }
   return out;
-}
-
-void write_files(const std::string& folder, const std::vector<ResultFile>& files,
-                 const std::string& option) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error || !fs::is_directory(folder)) {
-    throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") +
-                      "; give another with " + option);
-  }
-  const auto target = [&](const ResultFile& f) { return fs::path(folder) / f.name; };
-  const auto part = [&](const ResultFile& f) {
-    return fs::path(folder) / ("." + f.name + ".part");
-  };
-  const auto fail = [&](const ResultFile& f, const std::string& reason) {
-    std::error_code ignored;
-    for (const ResultFile& each : files) fs::remove(part(each), ignored);
-    throw OutputError(target(f).string() + ": cannot write" + reason +
-                      "; give another place with " + option);
-  };
-  for (const ResultFile& f : files) {
-    if (fs::is_directory(target(f))) fail(f, ": it is a folder");
-    std::ofstream out(part(f), std::ios::binary);
-    out << f.content;
-    out.close();
-    if (!out) fail(f, "");
-  }
-  for (const ResultFile& f : files) {
-    fs::rename(part(f), target(f), error);
-    if (error) fail(f, ": " + error.message());
-  }
 }
 
 namespace {

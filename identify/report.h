@@ -22,6 +22,9 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s);
 /// Version of this program, "0.1.0".
 std::string program_version();
 
+/// Heading of a CSV column, "name [unit]", in quotes where a comma or a quote would end it.
+std::string csv_heading(const std::string& name, const std::string& unit);
+
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
 std::string residuals_csv(const Estimate& estimate);
 
@@ -32,15 +35,6 @@ std::string course_csv(const Estimate& estimate);
 /// The spectra of Estimate::shaping as CSV: of the standardised innovations of the white model and
 /// of the shaped one, 1 where white, with the band that holds 95 % of a white sequence.
 std::string spectrum_csv(const Estimate& estimate);
-
-struct ResultFile {
-  std::string name, content;
-};
-/// Writes all files or none: each to a temporary name beside it, then renamed. Folders are made.
-/// @param option  of the command line, that another place can be given with
-/// @throws OutputError naming the path and the reason
-void write_files(const std::string& folder, const std::vector<ResultFile>& files,
-                 const std::string& option = "-o");
 
 /// SHA-256 of these bytes in hexadecimal.
 std::string sha256_of_text(std::string_view text);

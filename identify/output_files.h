@@ -1,0 +1,26 @@
+// How do results get onto the disk: all of them, or none?
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace identikal {
+
+struct OutputFile {
+  std::string path, content;
+  std::string option = "-o";  ///< of the command line, that gave the path
+};
+
+/// Writes all files or none: each to a temporary name beside it, then renamed, so that nobody sees
+/// half of one. Folders are made. A symbolic link stays and its target is written; a device or pipe
+/// is written as it is.
+/// @throws OutputError naming the path, the reason, and the option to give another place with
+void write_files(const std::vector<OutputFile>& files);
+
+/// A file of a result's folder.
+struct ResultFile {
+  std::string name, content;
+};
+std::vector<OutputFile> in_folder(const std::string& folder, const std::vector<ResultFile>& files);
+
+}  // namespace identikal
