@@ -1,6 +1,7 @@
 #include "identify/command_data.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 
@@ -140,7 +141,7 @@ Recordings load_recordings(const Arguments& args, const ModelFile& model) {
 }
 
 std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
-                              std::vector<Dataset>& recordings) {
+                              Recordings& recordings) {
   std::vector<HeldOut> out;
   if (args.hold_out.empty()) return out;
   if (!args.hold_out.ends_with('%')) {
@@ -154,13 +155,20 @@ std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
     throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
                      "5% to 80%");
   }
-  for (Dataset& data : recordings) {
+  for (std::size_t i = 0; i < recordings.data.size(); ++i) {
+    Dataset& data = recordings.data[i];
     const auto kept =
         static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
     // A stretch of a few rows is fitted whole.
     if (kept < 1 || kept >= data.size()) continue;
     out.push_back({data, kept});
     data = first_samples(data, kept);
+    for (std::size_t file = 0; file < recordings.records.size(); ++file) {
+      if (recordings.of_records[file] != std::pair(i, i + 1)) continue;
+      std::array<double, 2>& range = recordings.records[file].range;
+      const double begin = std::isfinite(range[0]) ? range[0] : 0.0;
+      range[1] = begin + data.time[kept - 1] - data.time[0];
+    }
   }
   if (out.empty()) {
     throw InputError({}, fmt::format("--hold-out '{}' of too few rows", args.hold_out),

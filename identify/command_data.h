@@ -49,8 +49,9 @@ void check_period(const Arguments& args, const ModelFile& model, const Dataset& 
                   const Dataset& other);
 
 /// --hold-out: the last share of every recording, which is taken from it, or another recording.
+/// The record of a file that is one recording says which range is left.
 /// @throws InputError
 std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
-                              std::vector<Dataset>& recordings);
+                              Recordings& recordings);
 
 }  // namespace identikal

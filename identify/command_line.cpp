@@ -355,6 +355,17 @@ double quantity(const std::string& option, const std::string& text, const std::s
   return unit->to_si(value);
 }
 
+double percentage(const std::string& option, const std::string& text) {
+  const double value = quantity(option, text, "%");
+  if (!text.ends_with('%') && std::abs(value) <= 0.01) {
+    throw InputError({},
+                     fmt::format("{} '{}' may be {:.4g} % or {:.4g} %", option, text, 100.0 * value,
+                                 1e4 * value),
+                     "a number with '%'");
+  }
+  return value;
+}
+
 TimeRange parse_range(const std::string& text) {
   TimeRange range;
   if (text.empty()) return range;

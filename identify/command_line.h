@@ -47,6 +47,9 @@ std::optional<Arguments> parse_command_line(int argc, char** argv);
 /// @throws InputError
 double quantity(const std::string& option, const std::string& text, const std::string& kind);
 
+/// "70%", "70" as 0.7. @throws InputError for "0.7" too, which could be 70 % or less than one
+double percentage(const std::string& option, const std::string& text);
+
 /// "10s:95s", "10s:", ":95s"; empty: everything. @throws InputError
 TimeRange parse_range(const std::string& text);
 

@@ -226,7 +226,7 @@ int run_estimator(const Arguments& args) {
   }
   Recordings recordings = load_recordings(args, model);
   if (model.time.step == 0.0) model.linear.dt = recordings.data.front().dt;
-  const std::vector<HeldOut> held_out = hold_out(args, model, recordings.data);
+  const std::vector<HeldOut> held_out = hold_out(args, model, recordings);
   for (const HeldOut& held : held_out) {
     check_inputs({held.recording});
     check_period(args, model, recordings.data.front(), held.recording);
@@ -279,7 +279,7 @@ int run_fit(const Arguments& args) {
   } else if (args.method == "trajectory") {
     options.method = VehicleFitOptions::Method::trajectory;
   }
-  for (const HeldOut& held : hold_out(args, model, recordings.data)) {
+  for (const HeldOut& held : hold_out(args, model, recordings)) {
     options.hold_out.push_back(samples_from(held.recording, held.from));
   }
   Progress progress(args);
@@ -398,7 +398,7 @@ int run_bound(const Arguments& args) {
     if (model.time.step == 0.0) model.linear.dt = planned->dt;
   }
   if (!args.accuracy.empty()) {
-    options.accuracy = quantity("--accuracy", args.accuracy, "%");
+    options.accuracy = percentage("--accuracy", args.accuracy);
     if (!(options.accuracy > 0.0)) {
       throw InputError({}, fmt::format("--accuracy '{}' is not above 0", args.accuracy), "10%");
     }
@@ -528,6 +528,10 @@ int run_validate(const Arguments& args) {
     throw InputError({result.path, 0, 0}, "a result about a regression",
                      "a result of tune, check or fit");
   }
+  if (result.estimate.verb == "bound") {
+    throw InputError({result.path, 0, 0}, "a result of 'bound', which has estimated nothing",
+                     "a result of tune, check or fit");
+  }
   if (model.form != ModelFile::Form::single_track) require_filter(args, model);
   ValidateOptions options;
   options.robust = args.robust;
@@ -535,10 +539,9 @@ int run_validate(const Arguments& args) {
     throw InputError({}, "--robust has no meaning with a filter", "a result about a vehicle");
   }
   if (!args.least_fit.empty()) {
-    options.least_fit = 100.0 * quantity("--fit", args.least_fit, "%");
-    if (!(*options.least_fit <= 100.0)) {
-      throw InputError({}, fmt::format("--fit '{}' cannot be reached", args.least_fit),
-                       "at most 100%");
+    options.least_fit = 100.0 * percentage("--fit", args.least_fit);
+    if (!(*options.least_fit > 0.0 && *options.least_fit <= 100.0)) {
+      throw InputError({}, fmt::format("--fit '{}' is no fit", args.least_fit), "above 0% to 100%");
     }
   }
   const Recordings recordings = load_recordings(args, model);

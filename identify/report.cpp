@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <sstream>
 #include <vector>
@@ -540,9 +541,9 @@ std::string sha256_of_text(std::string_view text) {
 
 std::string text_of_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || !(text << file.rdbuf())) throw InputError({path, 0, 0}, "cannot be read");
-  return text.str();
+  std::string text(std::istreambuf_iterator<char>(file), {});
+  if (!file || file.bad()) throw InputError({path, 0, 0}, "cannot be read");
+  return text;
 }
 
 std::string sha256_of_file(const std::string& path) {

@@ -32,8 +32,9 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
     const auto i = static_cast<std::size_t>(at - known.names.begin());
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
     if (!same_dimension(unit, parse_unit(known.units[i]).value_or(Unit{}))) {
-      throw InputError(here, fmt::format("'{}' is in {}", p.name, p.unit),
-                       fmt::format("{}, as in {}", known.units[i], model.path));
+      const auto named = [](const std::string& unit) { return unit.empty() ? "no unit" : unit; };
+      throw InputError(here, fmt::format("'{}' is in {}", p.name, named(p.unit)),
+                       fmt::format("{}, as in {}", named(known.units[i]), model.path));
     }
     if (std::isnan(p.value)) {
       throw InputError(here, fmt::format("'{}' has no value", p.name), hint);
