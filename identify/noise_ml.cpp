@@ -26,6 +26,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Log-likelihoods closer than this are the same maximum.
+constexpr int kRefinements = 4;  // of the integration, each with a search of its own
 constexpr double kSameMaximum = 1e-4;
 
 // Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
@@ -399,7 +400,13 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
     refuse_filter(model, recordings, start);
   }
   const LikelihoodProblem problem = likelihood.problem();
-  const Search found = search(problem, parameters, options);
+  Search found = search(problem, parameters, options);
+  // The integration was as fine as the start needs it; all starts are compared on the same.
+  for (int i = 0; i < kRefinements && found.best.summary.usable() &&
+                  likelihood.refine(with_coordinates(parameters, found.best.x));
+       ++i) {
+    found = search(problem, parameters, options);
+  }
   const ParameterSet end = with_coordinates(parameters, found.best.x);
   list_parameters(estimate, parameters, end);
   Objective& objective = estimate.objective;

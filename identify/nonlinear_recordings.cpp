@@ -1,6 +1,8 @@
 #include "identify/nonlinear_recordings.h"
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -12,6 +14,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+constexpr double kMostSteps = 1e6;  // between two samples
 
 VectorXd formula_parameters(const ModelFile& model, const ParameterSet& at) {
   VectorXd out(model.formulas.model.parameters);
@@ -49,27 +53,61 @@ NonlinearFilterOptions filter_options(const ModelFile& model) {
   return out;
 }
 
+// What `integration_step` asks for; one each in discrete time.
+std::optional<std::vector<int>> steps_of_file(const ModelFile& model, const Dataset& recording) {
+  const FormulaSettings& settings = model.formulas;
+  const bool continuous = settings.model.continuous;
+  if (continuous && !(settings.longest_step > 0.0)) return std::nullopt;
+  const double longest =
+      continuous ? settings.longest_step : std::numeric_limits<double>::infinity();
+  const Index N = recording.size();
+  const double widest =
+      N < 2 ? 0.0 : (recording.time.tail(N - 1) - recording.time.head(N - 1)).maxCoeff();
+  if (widest > kMostSteps * longest) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("integration_step {:.3g} s makes {:.3g} steps between two samples "
+                                 "of '{}'",
+                                 longest, widest / longest, recording.name),
+                     fmt::format("at most {:.0e}", kMostSteps), "a longer step, or none");
+  }
+  return input_nodes(recording.time, recording.u, settings.inputs, longest).steps;
+}
+
+InputNodes nodes_in(const ModelFile& model, const Dataset& recording,
+                    const std::vector<int>& steps) {
+  return input_nodes(recording.time, recording.u, model.formulas.inputs, steps);
+}
+
+// For the filter with these values.
+InputNodes filter_nodes(const ModelFile& model, const ParameterSet& at, const Dataset& recording) {
+  return nodes_in(model, recording, integration_of(model, at, recording).steps);
+}
+
+// For the motion without noise from x.
+IntegrationSteps motion_steps(const ModelFile& model, const ParameterSet& at,
+                              const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
+  if (std::optional<std::vector<int>> given = steps_of_file(model, recording)) {
+    IntegrationSteps out;
+    out.steps = std::move(*given);
+    return out;
+  }
+  return integration_steps(model.formulas.model, formula_parameters(model, at), x, recording.time,
+                           recording.u, model.formulas.inputs);
+}
+
 }  // namespace
 
-InputNodes integration_nodes(const ModelFile& model, const Dataset& recording) {
+IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
+                                const Dataset& recording) {
   const FormulaSettings& settings = model.formulas;
-  if (!settings.model.continuous || settings.longest_step > 0.0) {
-    return input_nodes(recording.time, recording.u, settings.inputs,
-                       settings.model.continuous ? settings.longest_step
-                                                 : std::numeric_limits<double>::infinity());
+  if (std::optional<std::vector<int>> given = steps_of_file(model, recording)) {
+    IntegrationSteps out;
+    out.steps = std::move(*given);
+    return out;
   }
-  const IntegrationSteps chosen =
-      integration_steps(settings.model, formula_parameters(model, model.parameters),
-                        written_matrices(model.linear, model.parameters).x0, recording.time,
-                        recording.u, settings.inputs);
-  if (chosen.status != StepStatus::ok) {
-    throw InputError({model.path, 0, 0},
-                     fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
-                                 recording.time[chosen.sample], describe(chosen.status)),
-                     "values from which the model can be simulated",
-                     "other values, or time: {integration_step: ...}");
-  }
-  return input_nodes(recording.time, recording.u, settings.inputs, chosen.steps);
+  return integration_steps(settings.model, formula_parameters(model, at),
+                           noise_of(written_matrices(model.linear, at)), recording.time,
+                           recording.u, settings.inputs, recording.y, filter_options(model));
 }
 
 NonlinearRecordings::NonlinearRecordings(const ModelFile& model,
@@ -79,8 +117,24 @@ NonlinearRecordings::NonlinearRecordings(const ModelFile& model,
       memory_(make_memory(model.formulas.model)),
       options_(filter_options(model)) {
   for (const Dataset& recording : recordings) {
-    inputs_.push_back(integration_nodes(model, recording));
+    steps_.push_back(integration_of(model, model.parameters, recording).steps);
+    inputs_.push_back(nodes_in(model, recording, steps_.back()));
   }
+}
+
+bool NonlinearRecordings::refine(const ParameterSet& at) {
+  bool halved = false;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    const std::vector<int> needed = integration_of(model_, at, recordings_[i]).steps;
+    bool here = false;
+    for (std::size_t k = 0; k < needed.size(); ++k) {
+      here = here || needed[k] > steps_[i][k];
+      steps_[i][k] = std::max(steps_[i][k], needed[k]);
+    }
+    if (here) inputs_[i] = nodes_in(model_, recordings_[i], steps_[i]);
+    halved = halved || here;
+  }
+  return halved;
 }
 
 const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
@@ -114,18 +168,32 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
 
 NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
                                            Random& random) {
+  const FilterNoise noise = noise_of(written_matrices(model.linear, model.parameters));
+  const IntegrationSteps steps = motion_steps(model, model.parameters, recording, noise.x0);
+  if (steps.status == StepStatus::not_finite) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
+                                 recording.time[steps.sample], describe(steps.status)),
+                     "values from which the model can be simulated",
+                     "other values, or time: {integration_step: ...}");
+  }
   return nonlinear_realisation(model.formulas.model, formula_parameters(model, model.parameters),
-                               noise_of(written_matrices(model.linear, model.parameters)),
-                               model.linear.noise, integration_nodes(model, recording), random);
+                               noise, model.linear.noise, nodes_in(model, recording, steps.steps),
+                               random);
 }
 
 MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
                             const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
   FilterNoise noise = zero_noise(model.formulas.model);
   noise.x0 = x;
+  IntegrationSteps steps = motion_steps(model, at, recording, x);
+  // Where it runs away any number does to show it.
+  if (steps.steps.empty()) {
+    steps.steps.assign(static_cast<std::size_t>(std::max<Index>(recording.size() - 1, 0)), 1);
+  }
   Random unused(1);
   return nonlinear_realisation(model.formulas.model, formula_parameters(model, at), noise,
-                               ProcessNoise::per_sample, integration_nodes(model, recording),
+                               ProcessNoise::per_sample, nodes_in(model, recording, steps.steps),
                                unused)
       .y;
 }
@@ -134,7 +202,7 @@ FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
                               const Dataset& recording, Keep keep) {
   FilterResult out = nonlinear_filter(model.formulas.model, formula_parameters(model, at),
                                       noise_of(written_matrices(model.linear, at)),
-                                      integration_nodes(model, recording), recording.y,
+                                      filter_nodes(model, at, recording), recording.y,
                                       filter_options(model), keep);
   if (keep == Keep::innovations || out.status != FilterStatus::ok) return out;
   out.e_sd.resize(recording.y.rows(), recording.size());
@@ -148,7 +216,7 @@ SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at
                                   const Dataset& recording, std::optional<Index> lag) {
   return nonlinear_smoother(model.formulas.model, formula_parameters(model, at),
                             noise_of(written_matrices(model.linear, at)),
-                            integration_nodes(model, recording), recording.y, filter_options(model),
+                            filter_nodes(model, at, recording), recording.y, filter_options(model),
                             lag, SmootherKeep::deviations);
 }
 

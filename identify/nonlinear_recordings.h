@@ -8,16 +8,18 @@
 
 #include "identify/model_file.h"
 #include "lib/dataset.h"
+#include "lib/integration_steps.h"
 #include "lib/nonlinear_filter.h"
 #include "lib/nonlinear_realisation.h"
 #include "lib/nonlinear_smoother.h"
 
 namespace identikal {
 
-/// Where the inputs are read and how many steps the integration takes between samples: as many as
-/// the model's own values need (lib/integration_steps.h), or as the file says.
-/// @throws InputError when the motion runs away, or would need more steps than is sensible
-InputNodes integration_nodes(const ModelFile& model, const Dataset& recording);
+/// How many steps the integration takes between samples: as many as the filter with these values
+/// needs (lib/integration_steps.h), or as the file says.
+/// @throws InputError when the file says too many
+IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
+                                const Dataset& recording);
 
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
 /// one per thread.
@@ -31,9 +33,15 @@ class NonlinearRecordings {
   const Likelihood& evaluate(const ParameterSet& at, bool with_derivatives,
                              Eigen::MatrixXd* score_products = nullptr);
 
+  /// Halves the steps wherever the filter with these values needs it; those of the model's own are
+  /// taken to begin with.
+  /// @return has any been halved? Then the likelihood is a slightly different function.
+  bool refine(const ParameterSet& at);
+
  private:
   const ModelFile& model_;
   const std::vector<Dataset>& recordings_;
+  std::vector<std::vector<int>> steps_;
   std::vector<InputNodes> inputs_;
   ModelMemory memory_;
   NonlinearFilterOptions options_;

@@ -37,6 +37,10 @@ class RecordingsLikelihood {
   /// curvature takes from the likelihood, where that is positive. Refers to this object.
   LikelihoodProblem problem();
 
+  /// Makes the integration of a nonlinear model as fine as the filter with these values needs it.
+  /// @return is it finer than before? Then the likelihood is a slightly different function.
+  bool refine(const ParameterSet& at) { return nonlinear_ && nonlinear_->refine(at); }
+
   /// How the evaluation at the model's own values ends.
   FilterStatus status_at_start();
 

@@ -291,7 +291,7 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
   const std::string turned =
       fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as", gain, se);
-  const bool at_wheel = problem.run->steering_at_road_wheel;
+  const bool at_wheel = p[kSteeringRatio] == 1.0;
   estimate.warnings.push_back(
       {"steering_ratio",
        "warning",

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "lib/nonlinear_filter.h"
 #include "lib/nonlinear_model.h"
 
 namespace identikal {
@@ -21,7 +22,7 @@ struct StepTolerance {
 /// How the choice ended.
 enum class StepStatus {
   ok,
-  capped,      ///< somewhere as many steps as are allowed do not reach the tolerance
+  capped,      ///< somewhere as many steps as are allowed do not reach the tolerance, as at a jump
   not_finite,  ///< the state leaves what numbers can hold, or a function its domain
 };
 
@@ -36,8 +37,9 @@ struct IntegrationSteps {
 };
 
 /// Follows the trajectory without noise and doubles the steps of every interval until that changes
-/// nothing. A grid is chosen once, for a start of a search, and kept: a likelihood on a grid that
-/// changes with the parameters is not smooth. In discrete time one step each.
+/// nothing. At a jump of the rates, whose error falls too slowly, a few steps are taken. A grid is
+/// chosen once, for a start of a search, and kept: a likelihood on a grid that changes with the
+/// parameters is not smooth. In discrete time one step each.
 /// @param p     parameters, SI
 /// @param x0    nx: state at the first sample
 /// @param time  N strictly increasing time stamps [s]
@@ -49,5 +51,22 @@ IntegrationSteps integration_steps(const NonlinearModel& model,
                                    const Eigen::Ref<const Eigen::VectorXd>& x0,
                                    const Eigen::VectorXd& time, const Eigen::MatrixXd& u,
                                    InputPath path, const StepTolerance& tolerance = {});
+
+/// The same for a filter, which looks at the states around its own, by changes relative to the
+/// largest |x_i| of the record or its deviation: from x_filt and its deviations
+/// x_filt +- L_j, L L' = P_filt + P_pred of the next sample. The filter that tells them runs on the
+/// steps found so far, until none has to be halved. A state at rest in the mean moves in them.
+/// Where the interval is longer than usual, `most` grows with it.
+/// @param y  ny x N, NaN = missing
+/// @return steps in any case: where the filter ends early, at its `sample` of not_finite, they are
+///   those of the part before
+/// @throws std::invalid_argument as nonlinear_filter() and above
+IntegrationSteps integration_steps(const NonlinearModel& model,
+                                   const Eigen::Ref<const Eigen::VectorXd>& p,
+                                   const FilterNoise& noise, const Eigen::VectorXd& time,
+                                   const Eigen::MatrixXd& u, InputPath path,
+                                   const Eigen::Ref<const Eigen::MatrixXd>& y,
+                                   const NonlinearFilterOptions& options = {},
+                                   const StepTolerance& tolerance = {});
 
 }  // namespace identikal

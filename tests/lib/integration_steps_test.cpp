@@ -11,6 +11,7 @@
 
 #include "lib/constants.h"
 #include "lib/expression.h"
+#include "lib/nonlinear_filter.h"
 
 namespace identikal {
 namespace {
@@ -136,6 +137,73 @@ TEST(IntegrationSteps, SayWhatCannotBeFollowed) {
                std::invalid_argument);
   EXPECT_THROW(integration_steps(model, p, x0, time, u, InputPath::linear, {0.0, 1.0, 1}),
                std::invalid_argument);
+}
+
+// A pendulum that hangs still in the mean needs no step; its deviations and its filter do.
+TEST(IntegrationSteps, FiltersLookAroundTheirMean) {
+  const NonlinearModel model = rates_of({"b", "-39*k*sin(a) - 0.2*b"});
+  const Index N = 60;
+  const VectorXd p = VectorXd::Constant(1, 1.0), time = VectorXd::LinSpaced(N, 0.0, 11.8);
+  const MatrixXd u = MatrixXd::Zero(1, N), y = (6.0 * time.array()).sin().matrix().transpose();
+  FilterNoise noise = zero_noise(model);
+  noise.Q(1, 1) = 0.5;
+  noise.R(0, 0) = 1e-4;
+  NonlinearFilterOptions options;
+  options.noise = ProcessNoise::density;
+  const auto value_with = [&](const std::vector<int>& steps) {
+    return nonlinear_filter(model, p, noise, input_nodes(time, u, InputPath::linear, steps), y,
+                            options)
+        .log_likelihood;
+  };
+  const std::vector<int> at_rest =
+      integration_steps(model, p, VectorXd::Zero(2), time, u, InputPath::linear).steps;
+  EXPECT_EQ(at_rest, std::vector<int>(59, 1));
+  for (const bool certain : {false, true}) {
+    noise.P0 = certain ? MatrixXd::Zero(2, 2) : MatrixXd(0.01 * MatrixXd::Identity(2, 2));
+    const IntegrationSteps chosen =
+        integration_steps(model, p, noise, time, u, InputPath::linear, y, options);
+    EXPECT_EQ(chosen.status, StepStatus::ok);
+    const double exact = value_with(std::vector<int>(59, 256));
+    std::printf("log-likelihood %.6f, by one step %.3f off, by %d to %d steps %.1e\n", exact,
+                value_with(at_rest) - exact,
+                *std::min_element(chosen.steps.begin(), chosen.steps.end()),
+                *std::max_element(chosen.steps.begin(), chosen.steps.end()),
+                value_with(chosen.steps) - exact);
+    EXPECT_GT(std::abs(value_with(at_rest) - exact), 1e-3);
+    EXPECT_NEAR(value_with(chosen.steps), exact, 1e-5);
+  }
+}
+
+TEST(IntegrationSteps, AJumpTakesAFewSteps) {
+  const NonlinearModel model = rates_of({"b", "-10*a - sign(b)*k"});
+  const VectorXd p = VectorXd::Constant(1, 1.0), time = VectorXd::LinSpaced(101, 0.0, 10.0);
+  const IntegrationSteps chosen = integration_steps(model, p, Eigen::Vector2d(3.0, 0.0), time,
+                                                    MatrixXd::Zero(1, 101), InputPath::linear);
+  EXPECT_EQ(chosen.status, StepStatus::capped);
+  EXPECT_LE(*std::max_element(chosen.steps.begin(), chosen.steps.end()), 64);
+}
+
+// An unstable plant in a closed loop: alone it runs away, with its measurements it does not.
+TEST(IntegrationSteps, AFilterNeedsNoMotionOfItsOwn) {
+  const NonlinearModel model = rates_of({"k*a + a^3 + u", "-b"});
+  const Index N = 200;
+  const VectorXd p = VectorXd::Constant(1, 1.0), time = VectorXd::LinSpaced(N, 0.0, 20.0);
+  MatrixXd u(1, N), y(1, N);
+  for (Index k = 0; k < N; ++k) {
+    y(0, k) = 0.3 * std::sin(time[k]);
+    u(0, k) = 0.3 * std::cos(time[k]) - y(0, k) - std::pow(y(0, k), 3);
+  }
+  FilterNoise noise = zero_noise(model);
+  noise.Q(0, 0) = 1e-3;
+  noise.R(0, 0) = 1e-4;
+  noise.P0(0, 0) = 0.01;
+  NonlinearFilterOptions options;
+  options.noise = ProcessNoise::density;
+  EXPECT_EQ(
+      integration_steps(model, p, Eigen::Vector2d(0.3, 0.0), time, u, InputPath::linear).status,
+      StepStatus::not_finite);
+  EXPECT_EQ(integration_steps(model, p, noise, time, u, InputPath::linear, y, options).status,
+            StepStatus::ok);
 }
 
 }  // namespace
