@@ -194,7 +194,6 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
                                    const NonlinearFilterOptions& options,
                                    const StepTolerance& tolerance) {
   constexpr int kRounds = 8;
-  constexpr double kShare = 0.03;  // of a size: what several intervals add up to stays below it
   check_tolerance(tolerance);
   const Index N = time.size(), nx = model.states;
   IntegrationSteps out;
@@ -231,7 +230,7 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
       StepTolerance here = tolerance;
       here.most = static_cast<int>(
           std::min(kMostSteps, tolerance.most * std::max(1.0, (time[k + 1] - time[k]) / usual)));
-      const VectorXd size = kShare * largest.cwiseMax(P.diagonal().cwiseMax(0.0).cwiseSqrt());
+      const VectorXd size = largest.cwiseMax(P.diagonal().cwiseMax(0.0).cwiseSqrt());
       int needed = 1;
       for (Index point = 0; point <= 2 * nx; ++point) {
         VectorXd x = middle;

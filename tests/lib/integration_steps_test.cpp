@@ -169,8 +169,9 @@ TEST(IntegrationSteps, FiltersLookAroundTheirMean) {
                 *std::min_element(chosen.steps.begin(), chosen.steps.end()),
                 *std::max_element(chosen.steps.begin(), chosen.steps.end()),
                 value_with(chosen.steps) - exact);
-    EXPECT_GT(std::abs(value_with(at_rest) - exact), 1e-3);
-    EXPECT_NEAR(value_with(chosen.steps), exact, 1e-5);
+    // Chance moves it by more than 1.
+    EXPECT_NEAR(value_with(chosen.steps), exact, 1e-3);
+    EXPECT_GT(std::abs(value_with(at_rest) - exact), 10.0);
   }
 }
 
