@@ -70,13 +70,18 @@ struct RowAxis {
 RowAxis laid_end_to_end(const Estimate& estimate) {
   const Series& series = estimate.series;
   const VectorXd& held = estimate.pictures.held_time;
+  const std::vector<int>& held_recording = estimate.pictures.held_recording;
   RowAxis out;
   out.fitted = series.time.size();
   out.time.resize(out.fitted + held.size());
   out.time << series.time, held;
   double usual = out.fitted > 1 ? std::abs(series.time[1] - series.time[0]) : 1.0, shift = 0.0;
+  // Those of held-out rows are told from the others by their sign.
   const auto recording = [&](Index t) {
-    if (t >= out.fitted) return -1;
+    if (t >= out.fitted) {
+      const auto at = static_cast<std::size_t>(t - out.fitted);
+      return held_recording.empty() ? -1 : -held_recording[at];
+    }
     return series.recording.empty() ? 0 : series.recording[static_cast<std::size_t>(t)];
   };
   for (Index t = 1; t < out.time.size(); ++t) {

@@ -498,6 +498,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     Series held = validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust);
     estimate.hold_out = channel_fits(held, options.search.robust);
     estimate.pictures.held_time = std::move(held.time);
+    estimate.pictures.held_recording = std::move(held.recording);
     estimate.pictures.held_measured = std::move(held.measured);
     estimate.pictures.held_free_run = std::move(held.predicted);
     check_hold_out(estimate);

@@ -168,6 +168,31 @@ class Page(unittest.TestCase):
         page = self.made("held_out", "fit", "examples/severe_lane_change.yaml", data, "--hold-out", "30%")
         self.looked_at("held_out", page, 12)
 
+    def drawn_by(self, page):
+        return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S)[1])
+
+    def laid_end_to_end(self, data, recordings):
+        self.assertTrue(all(a < b for a, b in zip(data["time"], data["time"][1:])), "time goes back")
+        self.assertEqual(2 * recordings - 1, len(data["joints"]))
+        self.assertEqual(data["held_from"], data["joints"][recordings - 1])
+
+    def test_several_recordings_are_held_out(self):
+        severe = (ROOT / "data/severe_lane_change.csv").read_text()
+        model = (ROOT / "examples/severe_lane_change.yaml").read_text()
+        files = [self.path / f"drive{i}.csv" for i in (1, 2)]
+        for file in files:
+            file.write_text(severe)
+        page = self.made("two", "fit", "examples/severe_lane_change.yaml", *files, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+        one_file, restarting = self.path / "runs.csv", self.path / "runs.yaml"
+        one_file.write_text(severe + "".join(row for row in severe.splitlines(True) if row[0].isdigit()))
+        restarting.write_text(model.replace("unit: s}", "unit: s, runs: restart}"))
+        page = self.made("two_runs", "fit", restarting, one_file, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+        years = ROOT / "data/nile.csv"
+        page = self.made("two_niles", "tune", "examples/nile.yaml", years, years, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+
     def test_check(self):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)

@@ -356,7 +356,7 @@ if (data.channels.length) {
   const what = [];
   if (data.held_from !== null) what.push("Shaded: held out, the fit did not see it.");
   else if (data.forecasts.length) what.push("Shaded: free run, predicted without any correction from there on, with two standard deviations either way; the fit did see these rows.");
-  if (data.joints.length) what.push("Recordings are laid end to end; a dashed line is where the next begins.");
+  if (data.joints.length) what.push(`Recordings${data.held_from !== null ? ", and what is held out behind them," : ""} are laid end to end; a dashed line is where the next begins.`);
   section("predictions", "Measured and predicted", reset,
     note("Drag to zoom, all plots over time together; double-click shows all. " + what.join(" ") + thinning),
     data.channels.map((c) => {
