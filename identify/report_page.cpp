@@ -102,10 +102,15 @@ PageJson recording(const RecordingSheet& r) {
                         {"mean", finite(c.mean)},
                         {"high", finite(c.high)}});
   }
-  return {{"name", r.name},           {"rows", r.rows},
-          {"from", finite(r.from)},   {"to", finite(r.to)},
-          {"step", finite(r.step)},   {"longest_step", finite(r.longest_step)},
-          {"gap_count", r.gap_count}, {"gaps", gaps},
+  return {{"name", r.name},
+          {"held", r.held},
+          {"rows", r.rows},
+          {"from", finite(r.from)},
+          {"to", finite(r.to)},
+          {"step", finite(r.step)},
+          {"longest_step", finite(r.longest_step)},
+          {"gap_count", r.gap_count},
+          {"gaps", gaps},
           {"channels", channels}};
 }
 

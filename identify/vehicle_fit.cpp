@@ -276,6 +276,25 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
   found.best = best;
 }
 
+/// Held-out rows, simulated by the fitted car. Their residuals are on the scale of the others where
+/// these are a simulation's too.
+void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovariance& covariance,
+                     bool simulation, Estimate& estimate) {
+  Pictures& pictures = estimate.pictures;
+  estimate.hold_out = channel_fits(held, found.problem.robust);
+  if (simulation) {
+    pictures.held_standardised = held.measured - held.predicted;
+    for (Eigen::Index j = 0; j < held.measured.rows(); ++j) {
+      pictures.held_standardised.row(j) /=
+          in_unit(found.problem.run->outputs[static_cast<std::size_t>(j)], covariance.sd[j]);
+    }
+  }
+  pictures.held_time = std::move(held.time);
+  pictures.held_recording = std::move(held.recording);
+  pictures.held_measured = std::move(held.measured);
+  pictures.held_free_run = std::move(held.predicted);
+}
+
 /// Goes on from the best simulation with the whole path unknown.
 VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
                                     const VehicleSearchOptions& search, VehicleSearch& found,
@@ -495,12 +514,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   report_derived(found, covariance, estimate);
 
   if (!options.hold_out.empty()) {
-    Series held = validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust);
-    estimate.hold_out = channel_fits(held, options.search.robust);
-    estimate.pictures.held_time = std::move(held.time);
-    estimate.pictures.held_recording = std::move(held.recording);
-    estimate.pictures.held_measured = std::move(held.measured);
-    estimate.pictures.held_free_run = std::move(held.predicted);
+    report_hold_out(validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust),
+                    found, covariance, simulation, estimate);
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);

@@ -176,6 +176,26 @@ class Page(unittest.TestCase):
         self.assertEqual(2 * recordings - 1, len(data["joints"]))
         self.assertEqual(data["held_from"], data["joints"][recordings - 1])
 
+    def test_held_out_rows_have_all_that_the_others_have(self):
+        page = self.made("driven", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv", "--hold-out", "30%")
+        data = self.drawn_by(page)
+        lines = [u["line"] for u in data["inputs"]] + [c["after"] for c in data["channels"]]
+        self.assertEqual(4, len(lines))
+        for line in lines:
+            self.assertNotIn(None, line["y"])
+        recording = [line.split(",") for line in (ROOT / "data/severe_lane_change.csv").read_text().splitlines() if line[0].isdigit()]
+        for row, angle in zip(recording, lines[0]["y"]):
+            self.assertAlmostEqual(float(row[1]), angle, delta=0.02)
+        self.assertEqual([(49, False), (21, True)], [(r["rows"], r["held"]) for r in data["recordings"]])
+        for c in data["channels"]:  # the scale of the fitted rows: the noise is the same
+            squares = [e * e for e in c["after"]["y"][49:]]
+            self.assertTrue(0.5 < (sum(squares) / len(squares)) ** 0.5 < 2.0)
+        self.browser.open(page)
+        self.assertEqual([["fitted", "49"], ["held out", "21"]], self.browser.run(
+            "return [...document.querySelectorAll('#data table')[0].querySelectorAll('tbody tr')].map((r) => [r.cells[1].textContent, r.cells[2].textContent])"))
+        page = self.made("niles_end", "tune", "examples/nile.yaml", "data/nile.csv", "--hold-out", "30%")
+        self.assertTrue(all(e is not None for e in self.drawn_by(page)["channels"][0]["after"]["y"][70:]))
+
     def test_several_recordings_are_held_out(self):
         severe = (ROOT / "data/severe_lane_change.csv").read_text()
         model = (ROOT / "examples/severe_lane_change.yaml").read_text()

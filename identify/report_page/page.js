@@ -520,7 +520,9 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
 
 // --- data ---
 (() => {
-  const channels = data.recordings.flatMap((r) => r.channels.map((c) => [r.name, c.input ? "input" : "output", c.name, c.unit || "–", num(c.low, 5), num(c.mean, 5), num(c.high, 5), String(c.missing), percent(100 * c.missing / (r.rows || 1))]));
+  const anyHeld = data.recordings.some((r) => r.held), partHead = anyHeld ? ["rows are"] : [];
+  const part = (r) => (anyHeld ? [r.held ? "held out" : "fitted"] : []);
+  const channels = data.recordings.flatMap((r) => r.channels.map((c) => [r.name, ...part(r), c.input ? "input" : "output", c.name, c.unit || "–", num(c.low, 5), num(c.mean, 5), num(c.high, 5), String(c.missing), percent(100 * c.missing / (r.rows || 1))]));
   const [from, until] = data.time.length ? timeRange() : [0, 1];
   const strip = data.time.length ? figure("Rows that went in", "", chart({ x: [from, until], y: [0, 1], height: 84, xLabel: timeLabel, yLabel: "" }, (g) => {
     for (const [a, b] of data.used) g.add("rect", { class: "fill-accent", opacity: 0.6, x: g.X(a), width: Math.max(0.7, g.X(b) - g.X(a)), y: g.top + 6, height: g.bottom - g.top - 12 });
@@ -529,9 +531,9 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
   }), key(["k-accent", "used"], data.held_from !== null && ["k-contrast", "held out"])) : null;
   if (strip) for (const old of strip.querySelectorAll("svg > text[text-anchor=end]")) old.remove();
   section("data", "Data",
-    table(["recording", "#rows", "#duration [s]", "#step [s]", "#rate [Hz]", "#longest step [s]", "#gaps"], data.recordings.map((r) => [r.name, String(r.rows), num(r.to - r.from, 6), num(r.step, 5), num(1 / r.step, 5), num(r.longest_step, 5), String(r.gap_count)])),
-    strip, channels.length ? table(["recording", "kind", "channel", "unit", "#least", "#mean", "#largest", "#missing", "#"], channels) : null,
-    data.recordings.some((r) => r.gaps.length) ? [el("h3", {}, "Longest gaps"), table(["recording", "#from [s]", "#to [s]", "#length [s]"], data.recordings.flatMap((r) => r.gaps.map((g) => [r.name, num(g.from, 7), num(g.to, 7), num(g.to - g.from, 4)])))].flat() : null);
+    table(["recording", ...partHead, "#rows", "#duration [s]", "#step [s]", "#rate [Hz]", "#longest step [s]", "#gaps"], data.recordings.map((r) => [r.name, ...part(r), String(r.rows), num(r.to - r.from, 6), num(r.step, 5), num(1 / r.step, 5), num(r.longest_step, 5), String(r.gap_count)])),
+    strip, channels.length ? table(["recording", ...partHead, "kind", "channel", "unit", "#least", "#mean", "#largest", "#missing", "#"], channels) : null,
+    data.recordings.some((r) => r.gaps.length) ? [el("h3", {}, "Longest gaps"), table(["recording", ...partHead, "#from [s]", "#to [s]", "#length [s]"], data.recordings.flatMap((r) => r.gaps.map((g) => [r.name, ...part(r), num(g.from, 7), num(g.to, 7), num(g.to - g.from, 4)])))].flat() : null);
 })();
 
 // --- reproducibility ---
