@@ -265,6 +265,7 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
   const VehicleOptimum best = maximise_likelihood(problem, z, solver);
   found.iterations += best.iterations;
   found.evaluations += best.evaluations;
+  found.paths.push_back(best.path);
   const double gain = 2.0 * (best.log_likelihood - found.best.log_likelihood);
   if (gain < chi_square_quantile(0.99, static_cast<double>(problem.gains()))) {
     estimate.notes.push_back(
@@ -465,13 +466,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
         "more samples than unknowns");
   }
   VehicleSearchOptions watched = options.search;
-  int last = 0;
   bool stopped = false;  // by the caller: this search, and all that would follow
   watched.progress = [&](int iteration, double L) {
-    std::vector<std::vector<double>>& searches = estimate.pictures.searches;
-    if (searches.empty() || iteration <= last) searches.emplace_back();
-    last = iteration;
-    searches.back().push_back(L);
     stopped = stopped || (options.search.progress && !options.search.progress(iteration, L));
     return !stopped;
   };
@@ -491,6 +487,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
     covariance = vehicle_covariance(found.problem, found.best);
   }
+  estimate.pictures.searches = found.paths;
   // Whatever one start found, the search was not finished.
   if (stopped) {
     found.best.converged = false;

@@ -213,6 +213,18 @@ class Page(unittest.TestCase):
         page = self.made("two_niles", "tune", "examples/nile.yaml", years, years, "--hold-out", "30%")
         self.laid_end_to_end(self.drawn_by(page), 2)
 
+    def test_climbs_are_shown_from_their_starts(self):
+        page = self.made("climbs", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+        searches = self.drawn_by(page)["searches"]
+        result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
+        self.assertEqual(result["objective"]["iterations"], sum(len(path) - 1 for path in searches))
+        # The file's own values are among the starts here.
+        self.assertTrue(any(abs(path[0] - result["objective"]["log_likelihood_start"]) < 1e-6 for path in searches))
+        for path in searches:
+            self.assertTrue(all(a <= b for a, b in zip(path, path[1:])))
+        self.browser.open(page)
+        self.assertIn(f"{len(searches)} climbs", self.browser.run("return document.querySelector('#likelihood').textContent"))
+
     def test_check(self):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)

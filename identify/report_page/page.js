@@ -508,11 +508,15 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
   }
   const searches = data.searches.filter((s) => s.length > 1);
   if (searches.length) {
+    const vehicle = data.axles.length > 0, start = result.objective.log_likelihood_start;
+    const aside = vehicle && known(start) && Math.abs(start - searches[0][0]) > 1e-3
+      ? `The best of the starts tried climb; the first begins at ${num(searches[0][0], 7)}, where the values of the model file have ${num(start, 7)}.` : null;
+    const whose = result.objective.method === "trajectory" ? "Climbs of the simulation that the trajectory begins with." : null;
     const best = Math.max(...searches.flat().filter(known)), floor = 1e-6;
     const below = searches.map((s) => s.map((v) => (known(v) ? Math.log10(Math.max(best - v, floor)) : null)));
     plots.push(figure("Convergence", `${searches.length} ${searches.length > 1 ? "climbs" : "climb"}`, chart({ x: [0, Math.max(...searches.map((s) => s.length - 1))], y: spread([...below.flat(), -6]), xLabel: "iteration", yLabel: "log-likelihood below the best", logY: true }, (g) => {
       below.forEach((s, k) => { g.path(s.map((_, i) => i), s, k === 0 ? "accent line" : "quiet thin"); g.dots([s.length - 1], [s[s.length - 1]], k === 0 ? "fill-accent" : "fill-quiet", 2.5, 1); });
-    }), [key(["k-accent", "first start"], searches.length > 1 && ["k-quiet", "others"]), result.objective.starts ? `${result.objective.starts_agree} of ${result.objective.starts} starts end at the best value.` : null].filter(Boolean)));
+    }), [key(["k-accent", vehicle ? "best start" : "first start"], searches.length > 1 && ["k-quiet", "others"]), result.objective.starts ? `${result.objective.starts_agree} of ${result.objective.starts} starts end at the best value.` : null, aside, whose].filter(Boolean).map((words) => (typeof words === "string" ? el("div", {}, words) : words))));
   }
   if (plots.length) section("likelihood", "Likelihood and search", data.profiles.length === 0 && plots.length ? note("No likelihood profiles: the search was not by likelihood, or an evaluation is too long for some twenty of them.") : null,
     result.covariance_kind.includes("sandwich") && data.profiles.length ? note("Profiles take the residuals as white; the standard errors allow for what they are, and are the ones to trust.") : null, grid(plots));
