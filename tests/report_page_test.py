@@ -225,6 +225,16 @@ class Page(unittest.TestCase):
         self.browser.open(page)
         self.assertIn(f"{len(searches)} climbs", self.browser.run("return document.querySelector('#likelihood').textContent"))
 
+    def test_spectra_keep_what_is_small(self):
+        model, noise = self.path / "off.yaml", ("--set", "r=0.1")
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        subprocess.run([PROGRAM, "simulate", model, "-n", "3000", "-o", self.path / "off", "--seed", "3", *noise], check=True, capture_output=True)
+        # A filter that holds the level for constant: what it leaves wanders as the level does.
+        page = self.made("spectrum", "tune", model, self.path / "off/simulated.csv", *noise, "--set", "q=1e-6", "--starts", "1")
+        level = self.drawn_by(page)["channels"][0]["innovations_before"]["level"]
+        self.assertGreater(max(level), 1e4 * min(level))
+        self.assertGreater(len(set(level)), 400)  # of 511
+
     def test_check(self):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)
