@@ -235,6 +235,21 @@ class Page(unittest.TestCase):
         self.assertGreater(max(level), 1e4 * min(level))
         self.assertGreater(len(set(level)), 400)  # of 511
 
+    def test_nothing_is_cut_on_paper(self):
+        page = self.made("paper", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+        browser = self.browser
+        browser.screen(700, 900)
+        browser.open(page)
+        browser.run("for (const d of document.querySelectorAll('details')) d.open = true")
+        browser.devtools("Emulation.setEmulatedMedia", media="print")
+        try:
+            self.assertEqual([], browser.run("""return [...document.querySelectorAll(".code pre, .code, .scroll, code")]
+                .filter((e) => e.clientWidth > 0 && e.scrollWidth > e.clientWidth).map((e) => e.textContent.slice(0, 60))"""))
+            self.assertEqual(["11px"], browser.run("""const sizes = ["p.note", "table td", ".code pre", "footer", "body"].map((s) =>
+                getComputedStyle(document.querySelector(s)).fontSize); return [...new Set(sizes)]"""))
+        finally:
+            browser.devtools("Emulation.setEmulatedMedia", media="")
+
     def test_check(self):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)
