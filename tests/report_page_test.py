@@ -4,6 +4,7 @@ Drives headless Chromium through chromedriver (Debian: chromium, chromium-driver
 writes pictures of both pages, light and dark, wide and narrow, for a person to look at."""
 import base64
 import json
+import math
 import os
 import pathlib
 import re
@@ -253,6 +254,26 @@ class Page(unittest.TestCase):
     def test_check(self):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)
+        self.assertTrue(self.drawn_by(page)["forecasts"])
+        self.assertIn("Shaded: free run", self.browser.run("return document.querySelector('main').textContent"))
+        self.assertNotIn("the fit did see", self.browser.run("return document.querySelector('main').textContent"))
+
+    def test_a_verdict_does_not_hide_failing_tests(self):
+        model = self.path / "off.yaml"
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        swing, rows = 0.0, ["t,level"]
+        for t in range(400):
+            swing = 0.5 * swing + (t * 7919 % 101 - 50) + 80 * math.sin(0.9 * t)
+            rows.append(f"{t},{swing:.6f}")
+        recording = self.path / "swinging.csv"
+        recording.write_text("\n".join(rows) + "\n")
+        page = self.made("swinging", "tune", model, recording)
+        result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
+        failed = sum(not t["pass"] for t in result["tests"])
+        self.assertEqual("ok", result["status"]["code"])
+        self.assertGreater(failed, 0)
+        self.browser.open(page)
+        self.assertEqual(f"! Usable, but {failed} of {len(result['tests'])} tests fail", self.browser.run("return document.querySelector('#verdict strong').textContent"))
 
     def test_zoom_is_shared(self):
         page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")

@@ -263,13 +263,15 @@ document.querySelector(".facts").textContent = rowsUsed.length > 3 ? `${rowsUsed
 const tones = { ok: ["good", "✓ Usable"], answer_no: ["bad", "✗ The answer is no"], untrusted: ["bad", "✗ Not to be trusted"], not_converged: ["doubt", "! Not converged"] };
 const severe = { serious: ["bad", "serious"], warning: ["doubt", "warning"], note: ["good", "note"] };
 (() => {
-  const [tone, words] = tones[result.status.code] || ["doubt", result.status.code];
+  let [tone, words] = tones[result.status.code] || ["doubt", result.status.code];
   const o = result.objective, facts = [];
   if (known(o.log_likelihood)) facts.push(`log-likelihood ${num(o.log_likelihood, 9)}` + (known(o.log_likelihood_start) ? ` (start ${num(o.log_likelihood_start, 9)})` : ""));
   if (known(o.aic)) facts.push(`AIC ${num(o.aic, 7)}, BIC ${num(o.bic, 7)}`);
   if (o.starts > 0) facts.push(`${o.starts_agree} of ${o.starts} starts agree`);
   const failed = result.tests.filter((t) => !t.pass).length;
   if (result.tests.length) facts.push(failed ? `${failed} of ${result.tests.length} tests fail` : `${result.tests.length} of ${result.tests.length} tests pass`);
+  // The search ended well and the data determine the values; what the tests say of the model the warnings explain.
+  if (failed && result.status.code === "ok") [tone, words] = ["doubt", `! Usable, but ${failed} of ${result.tests.length} tests fail`];
   const order = ["serious", "warning", "note"];
   const warnings = [...result.warnings].sort((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity));
   main.append(el("div", { class: `verdict tone-${tone}`, id: "verdict" }, el("strong", {}, words), el("p", {}, result.status.message),
@@ -355,7 +357,7 @@ if (data.channels.length) {
   reset.addEventListener("click", () => { const [min, max] = timeRange(); timePlots[0].setScale("x", { min, max }); });
   const what = [];
   if (data.held_from !== null) what.push("Shaded: held out, the fit did not see it.");
-  else if (data.forecasts.length) what.push("Shaded: free run, predicted without any correction from there on, with two standard deviations either way; the fit did see these rows.");
+  else if (data.forecasts.length) what.push("Shaded: free run, predicted without any correction from there on, with two standard deviations either way" + (result.verb === "check" ? "." : "; the fit did see these rows."));
   if (data.joints.length) what.push(`Recordings${data.held_from !== null ? ", and what is held out behind them," : ""} are laid end to end; a dashed line is where the next begins.`);
   section("predictions", "Measured and predicted", reset,
     note("Drag to zoom, all plots over time together; double-click shows all. " + what.join(" ") + thinning),
