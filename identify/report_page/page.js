@@ -510,7 +510,7 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
   }
   const searches = data.searches.filter((s) => s.length > 1);
   if (searches.length) {
-    const vehicle = data.axles.length > 0, start = result.objective.log_likelihood_start;
+    const vehicle = Boolean(result.tyre_curve), start = result.objective.log_likelihood_start;
     const aside = vehicle && known(start) && Math.abs(start - searches[0][0]) > 1e-3
       ? `The best of the starts tried climb; the first begins at ${num(searches[0][0], 7)}, where the values of the model file have ${num(start, 7)}.` : null;
     const whose = result.objective.method === "trajectory" ? "Climbs of the simulation that the trajectory begins with." : null;
