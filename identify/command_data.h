@@ -36,6 +36,7 @@ Dataset load_data(const Arguments& args, const std::vector<Table>& files, const 
 
 struct Recordings {
   std::vector<Dataset> data;
+  std::vector<Dataset> held_out;                                ///< what the estimator does not see
   std::vector<InputRecord> records;                             ///< one per file
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  ///< recordings [from, to) of a file
 

@@ -103,8 +103,9 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
                        const std::vector<HeldOut>& held_out) {
   const ParameterSet end = parameters_of(estimate, model.parameters);
   const std::vector<Channel>& outputs = held_out[0].recording.outputs;
-  MatrixXd y, innovations, simulated;
+  MatrixXd y, innovations, standardised, simulated;
   VectorXd time;
+  std::vector<int> recording;
   double log_likelihood = 0.0;
   const auto fail = [&](const HeldOut& held, const std::string& why) {
     estimate.warnings.push_back(
@@ -129,9 +130,12 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
     log_likelihood += filter.log_likelihood;
     append(y, data.y);
     append(innovations, filter.e);
+    append(standardised, filter.standardised);
     append(simulated, free_run(here, end, data));
     time.conservativeResize(y.cols());
     time.tail(data.size()) = data.time;
+    recording.resize(static_cast<std::size_t>(y.cols()),
+                     recording.empty() ? 1 : recording.back() + 1);
   }
   estimate.hold_out = fits_of(outputs, y, y - simulated);
   estimate.hold_out_one_step = fits_of(outputs, y, innovations);
@@ -141,6 +145,8 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
   estimate.derived.push_back(
       {"  on held-out rows", "", log_likelihood / static_cast<double>(y.cols()), kNone});
   estimate.pictures.held_time = std::move(time);
+  estimate.pictures.held_recording = std::move(recording);
+  estimate.pictures.held_standardised = std::move(standardised);
   estimate.pictures.held_measured = in_units(y, outputs);
   estimate.pictures.held_free_run = in_units(simulated, outputs);
 }

@@ -99,7 +99,7 @@ bool wants_pictures(const Arguments& args) {
 
 std::string report_data_text(const Arguments& args, const Recordings& recordings,
                              const Estimate& estimate, const std::string& json) {
-  return report_data_json(report_data(estimate, recordings.data,
+  return report_data_json(report_data(estimate, recordings.data, recordings.held_out,
                                       {args.command, args.model, sha256_of_file(args.model)}),
                           json);
 }
@@ -243,6 +243,9 @@ int run_estimator(const Arguments& args) {
   }
   if (!held_out.empty()) {
     describe_hold_out(estimate, model, held_out);
+    for (const HeldOut& held : held_out) {
+      recordings.held_out.push_back(samples_from(held.recording, held.from));
+    }
     for (const Dataset& data : recordings.data) {
       const auto rows = static_cast<long>(data.size());
       estimate.inputs.push_back({data.name, "", rows, rows});
@@ -282,6 +285,7 @@ int run_fit(const Arguments& args) {
   for (const HeldOut& held : hold_out(args, model, recordings)) {
     options.hold_out.push_back(samples_from(held.recording, held.from));
   }
+  recordings.held_out = options.hold_out;
   Progress progress(args);
   options.search.progress = [&](int iteration, double) {
     progress.show(fmt::format("fitting the vehicle: iteration {}", iteration));

@@ -330,11 +330,11 @@ std::string innovation_form_text(const Estimate& estimate) {
                        2);
 }
 
-std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
+std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits, int width) {
   std::string out;
   for (const ChannelFit& fit : fits) {
     out +=
-        fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {} {}\n", kind, fit.channel,
+        fmt::format("fit    {:<{}} {:<12} {:>7} %   rmse {} {}\n", kind, width, fit.channel,
                     std::isfinite(fit.fit_percent) ? fmt::format("{:.2f}", fit.fit_percent) : "-",
                     std::isfinite(fit.rmse) ? fmt::format("{:.4g}", fit.rmse) : "-", fit.unit);
   }
@@ -409,9 +409,11 @@ std::string console_report(const Estimate& estimate) {
                        objective.evaluations,
                        objective.path.empty() ? "" : ", " + objective.path + " likelihood");
   }
-  out += fit_text("one step", estimate.one_step) + fit_text("simulation", estimate.simulation) +
-         fit_text("hold-out", estimate.hold_out) +
-         fit_text("  one step", estimate.hold_out_one_step);
+  const int width = estimate.hold_out_one_step.empty() ? 12 : 18;
+  out += fit_text("one step", estimate.one_step, width) +
+         fit_text("simulation", estimate.simulation, width) +
+         fit_text("hold-out", estimate.hold_out, width) +
+         fit_text("one step, hold-out", estimate.hold_out_one_step, width);
   for (const TestResult& test : estimate.tests) {
     if (objective.method == "compare") break;  // its table says the same
     out += fmt::format(

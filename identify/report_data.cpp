@@ -70,13 +70,18 @@ struct RowAxis {
 RowAxis laid_end_to_end(const Estimate& estimate) {
   const Series& series = estimate.series;
   const VectorXd& held = estimate.pictures.held_time;
+  const std::vector<int>& held_recording = estimate.pictures.held_recording;
   RowAxis out;
   out.fitted = series.time.size();
   out.time.resize(out.fitted + held.size());
   out.time << series.time, held;
   double usual = out.fitted > 1 ? std::abs(series.time[1] - series.time[0]) : 1.0, shift = 0.0;
+  // Those of held-out rows are told from the others by their sign.
   const auto recording = [&](Index t) {
-    if (t >= out.fitted) return -1;
+    if (t >= out.fitted) {
+      const auto at = static_cast<std::size_t>(t - out.fitted);
+      return held_recording.empty() ? -1 : -held_recording[at];
+    }
     return series.recording.empty() ? 0 : series.recording[static_cast<std::size_t>(t)];
   };
   for (Index t = 1; t < out.time.size(); ++t) {
@@ -341,20 +346,30 @@ VectorXd every(const VectorXd& x, Index most) {
   return out;
 }
 
-void add_inputs(const std::vector<Dataset>& recordings, const Columns& columns, Index fitted,
-                ReportData& out) {
+Index rows_of(const std::vector<Dataset>& recordings) {
   Index rows = 0;
   for (const Dataset& data : recordings) rows += data.size();
-  if (recordings.empty() || rows != fitted) return;
+  return rows;
+}
+
+// @param fitted  rows of the recordings; the held-out ones follow
+void add_inputs(const std::vector<Dataset>& recordings, const std::vector<Dataset>& held_out,
+                const Columns& columns, Index fitted, ReportData& out) {
+  if (recordings.empty() || rows_of(recordings) != fitted) return;
+  const bool held_too = rows_of(held_out) == columns.rows - fitted;
   for (std::size_t n = 0; n < recordings[0].inputs.size(); ++n) {
     const Unit unit = parse_unit(recordings[0].inputs[n].unit).value_or(Unit{});
     VectorXd x = VectorXd::Constant(columns.rows, kNone);
     Index at = 0;
-    for (const Dataset& data : recordings) {
-      for (Index t = 0; t < data.size(); ++t) {
-        x[at++] = unit.from_si(data.u(static_cast<Index>(n), t));
+    const auto append = [&](const std::vector<Dataset>& parts) {
+      for (const Dataset& data : parts) {
+        for (Index t = 0; t < data.size(); ++t) {
+          x[at++] = unit.from_si(data.u(static_cast<Index>(n), t));
+        }
       }
-    }
+    };
+    append(recordings);
+    if (held_too) append(held_out);
     out.inputs.push_back(
         {recordings[0].inputs[n].name, recordings[0].inputs[n].unit, thinned(columns, x)});
   }
@@ -378,10 +393,8 @@ void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordi
     const double dof = 2.0 * kTapersOfReport * static_cast<double>(now.segments);
     out.level_band = {chi_square_quantile(0.025, dof) / dof, chi_square_quantile(0.975, dof) / dof};
   }
-  Index rows = 0;
-  for (const Dataset& data : recordings) rows += data.size();
   MatrixXd u;
-  if (rows == N && !recordings.empty() && recordings[0].u.rows() > 0) {
+  if (rows_of(recordings) == N && !recordings.empty() && recordings[0].u.rows() > 0) {
     u.resize(recordings[0].u.rows(), N);
     Index at = 0;
     for (const Dataset& data : recordings) {
@@ -432,10 +445,14 @@ std::vector<bool> seen_in(const MatrixXd& X, Index rows) {
 }  // namespace
 
 ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& recordings,
-                       Provenance provenance) {
+                       const std::vector<Dataset>& held_out, Provenance provenance) {
   ReportData out;
   out.provenance = std::move(provenance);
   for (const Dataset& data : recordings) out.recordings.push_back(sheet_of(data));
+  for (const Dataset& data : held_out) {
+    out.recordings.push_back(sheet_of(data));
+    out.recordings.back().held = true;
+  }
   const Pictures& pictures = estimate.pictures;
   const Series& series = estimate.series;
   out.searches = pictures.searches;
@@ -483,7 +500,8 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     return both;
   };
   const MatrixXd measured = with_held(series.measured, pictures.held_measured),
-                 free_run = with_held(pictures.free_run, pictures.held_free_run);
+                 free_run = with_held(pictures.free_run, pictures.held_free_run),
+                 standardised = with_held(series.standardised, pictures.held_standardised);
   for (std::size_t n = 0; n < series.channels.size(); ++n) {
     const auto i = static_cast<Index>(n);
     ReportChannel channel;
@@ -495,12 +513,12 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     channel.forecast_low = row_line(columns, low, i);
     channel.forecast_high = row_line(columns, high, i);
     channel.before = row_line(columns, pictures.standardised_before, i);
-    channel.after = row_line(columns, series.standardised, i);
+    channel.after = row_line(columns, standardised, i);
     out.channels.push_back(std::move(channel));
   }
   if (low.size() > 0) out.forecasts = runs_of(axis.time, seen_in(low, axis.fitted));
   out.used = runs_of(axis.time, seen_in(series.predicted, axis.fitted));
-  add_inputs(recordings, columns, axis.fitted, out);
+  add_inputs(recordings, held_out, columns, axis.fitted, out);
   add_whiteness(estimate, recordings, axis.time, out);
   add_course(estimate, columns, out);
   return out;

@@ -38,9 +38,10 @@ struct ReportChannel {
   InnovationPicture innovations_before, innovations_after;
 };
 
-/// One recording as it came.
+/// One recording as it came; what is held out of it has a sheet of its own.
 struct RecordingSheet {
   std::string name;
+  bool held = false;  ///< the fit did not see it
   Eigen::Index rows = 0;
   double from = kNone, to = kNone, step = kNone;  ///< [s]
   double longest_step = kNone;                    ///< [s]
@@ -104,7 +105,8 @@ struct ReportData {
 
 /// Rows are dealt into at most so many columns that the page stays below a megabyte.
 /// @param recordings  those that the estimate was made from, in the order of its series
+/// @param held_out    those of Pictures::held_time
 ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& recordings,
-                       Provenance provenance);
+                       const std::vector<Dataset>& held_out, Provenance provenance);
 
 }  // namespace identikal

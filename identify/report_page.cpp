@@ -69,6 +69,16 @@ PageJson rounded(const std::vector<double>& x) {
   return rounded(Eigen::Map<const VectorXd>(x.data(), static_cast<Index>(x.size())), 1e-7);
 }
 
+// For a logarithmic axis: every number to a share of itself, so that the small ones stay apart.
+PageJson rounded_each(const VectorXd& x) {
+  PageJson out = PageJson::array();
+  for (const double v : x) {
+    const VectorXd alone = VectorXd::Constant(1, v);
+    out.push_back(Rounding({&alone}, kLineShare)(v));
+  }
+  return out;
+}
+
 PageJson finite(double x) { return std::isfinite(x) ? PageJson(x) : PageJson(nullptr); }
 
 PageJson line(const Line& l) {
@@ -85,7 +95,7 @@ PageJson innovations(const InnovationPicture& p) {
           {"sd", finite(p.sd)},          {"autocorrelation", rounded(p.autocorrelation)},
           {"normal", rounded(p.normal)}, {"seen", rounded(p.seen)},
           {"edges", rounded(p.edges)},   {"count", rounded(p.count, 1e-9)},
-          {"outside", p.outside},        {"level", rounded(p.level)},
+          {"outside", p.outside},        {"level", rounded_each(p.level)},
           {"from_input", from_input}};
 }
 
@@ -102,10 +112,15 @@ PageJson recording(const RecordingSheet& r) {
                         {"mean", finite(c.mean)},
                         {"high", finite(c.high)}});
   }
-  return {{"name", r.name},           {"rows", r.rows},
-          {"from", finite(r.from)},   {"to", finite(r.to)},
-          {"step", finite(r.step)},   {"longest_step", finite(r.longest_step)},
-          {"gap_count", r.gap_count}, {"gaps", gaps},
+  return {{"name", r.name},
+          {"held", r.held},
+          {"rows", r.rows},
+          {"from", finite(r.from)},
+          {"to", finite(r.to)},
+          {"step", finite(r.step)},
+          {"longest_step", finite(r.longest_step)},
+          {"gap_count", r.gap_count},
+          {"gaps", gaps},
           {"channels", channels}};
 }
 

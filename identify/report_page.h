@@ -11,7 +11,8 @@ namespace identikal {
 inline constexpr const char* kReportDataFile = "report_data.json";
 
 /// What the page draws beyond the result, as JSON of schema_version 1: lines over time as {y} or
-/// {lo, hi}, numbers rounded to a twenty-thousandth of their line's range, null for NaN.
+/// {lo, hi}, numbers rounded to a twenty-thousandth of their line's range (of themselves where the
+/// axis is logarithmic), null for NaN.
 /// @param result  what result_json() gave for the same estimate: its SHA-256 without the time that
 ///   the job took is kept, so that no page is made of parts that do not belong together
 std::string report_data_json(const ReportData& data, const std::string& result);

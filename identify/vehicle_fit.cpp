@@ -265,6 +265,7 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
   const VehicleOptimum best = maximise_likelihood(problem, z, solver);
   found.iterations += best.iterations;
   found.evaluations += best.evaluations;
+  found.paths.push_back(best.path);
   const double gain = 2.0 * (best.log_likelihood - found.best.log_likelihood);
   if (gain < chi_square_quantile(0.99, static_cast<double>(problem.gains()))) {
     estimate.notes.push_back(
@@ -274,6 +275,25 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
   }
   found.problem = problem;
   found.best = best;
+}
+
+/// Held-out rows, simulated by the fitted car. Their residuals are on the scale of the others where
+/// these are a simulation's too.
+void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovariance& covariance,
+                     bool simulation, Estimate& estimate) {
+  Pictures& pictures = estimate.pictures;
+  estimate.hold_out = channel_fits(held, found.problem.robust);
+  if (simulation) {
+    pictures.held_standardised = held.measured - held.predicted;
+    for (Eigen::Index j = 0; j < held.measured.rows(); ++j) {
+      pictures.held_standardised.row(j) /=
+          in_unit(found.problem.run->outputs[static_cast<std::size_t>(j)], covariance.sd[j]);
+    }
+  }
+  pictures.held_time = std::move(held.time);
+  pictures.held_recording = std::move(held.recording);
+  pictures.held_measured = std::move(held.measured);
+  pictures.held_free_run = std::move(held.predicted);
 }
 
 /// Goes on from the best simulation with the whole path unknown.
@@ -446,13 +466,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
         "more samples than unknowns");
   }
   VehicleSearchOptions watched = options.search;
-  int last = 0;
   bool stopped = false;  // by the caller: this search, and all that would follow
   watched.progress = [&](int iteration, double L) {
-    std::vector<std::vector<double>>& searches = estimate.pictures.searches;
-    if (searches.empty() || iteration <= last) searches.emplace_back();
-    last = iteration;
-    searches.back().push_back(L);
     stopped = stopped || (options.search.progress && !options.search.progress(iteration, L));
     return !stopped;
   };
@@ -472,6 +487,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
     covariance = vehicle_covariance(found.problem, found.best);
   }
+  estimate.pictures.searches = found.paths;
   // Whatever one start found, the search was not finished.
   if (stopped) {
     found.best.converged = false;
@@ -495,11 +511,8 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
   report_derived(found, covariance, estimate);
 
   if (!options.hold_out.empty()) {
-    Series held = validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust);
-    estimate.hold_out = channel_fits(held, options.search.robust);
-    estimate.pictures.held_time = std::move(held.time);
-    estimate.pictures.held_measured = std::move(held.measured);
-    estimate.pictures.held_free_run = std::move(held.predicted);
+    report_hold_out(validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust),
+                    found, covariance, simulation, estimate);
     check_hold_out(estimate);
   }
   check_signs(run, p, estimate);

@@ -681,8 +681,13 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     }
     return true;
   };
-  const Solution solution = maximise(likelihood, start, options);
   VehicleOptimum out;
+  SolverOptions watched = options;
+  watched.progress = [&](int iteration, double L) {
+    out.path.push_back(L);
+    return !options.progress || options.progress(iteration, L);
+  };
+  const Solution solution = maximise(likelihood, start, watched);
   out.z = solution.x;
   out.iterations = solution.summary.iterations;
   out.evaluations = solution.summary.evaluations;
@@ -692,6 +697,7 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     out.message = "the car runs away at the start";
     return out;
   }
+  out.path.insert(out.path.begin(), solution.summary.initial_objective);
   output_error(problem, out.z, e, nullptr);
   out.sd = noise_sd(problem, e);
   out.log_likelihood = log_likelihood(problem, out.z, e, out.sd);

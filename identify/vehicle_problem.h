@@ -218,6 +218,7 @@ struct VehicleOptimum {
   std::string message;
   int iterations = 0;
   int evaluations = 0;
+  std::vector<double> path;  ///< log-likelihood at the start and after every iteration
 };
 
 /// The maximum of the likelihood with every output's noise at its most likely size (unless given):

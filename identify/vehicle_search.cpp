@@ -75,7 +75,13 @@ VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unkno
                                                       1, out.problem.residuals()));
   out.best.message = "the car runs away from every start";
   for (VehicleOptimum& summit : summits) {
-    if (summit.log_likelihood > promising && !summit.converged) summit = climb(summit.z, solver);
+    if (summit.log_likelihood > promising && !summit.converged) {
+      std::vector<double> path = std::move(summit.path);
+      summit = climb(summit.z, solver);
+      if (!summit.path.empty()) path.insert(path.end(), summit.path.begin() + 1, summit.path.end());
+      summit.path = std::move(path);
+    }
+    if (!summit.path.empty()) out.paths.push_back(summit.path);
     if (summit.log_likelihood > out.best.log_likelihood) out.best = summit;
   }
   out.starts = static_cast<int>(summits.size());
@@ -89,6 +95,7 @@ VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unkno
     out.problem = problem_for(run, unknowns, p);
     out.problem.robust = options.robust;
     out.best = maximise_likelihood(out.problem, out.best.z, solver);
+    out.paths.push_back(out.best.path);
     out.iterations += out.best.iterations;
     out.evaluations += out.best.evaluations;
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "identify/vehicle_problem.h"
 
@@ -18,6 +19,7 @@ struct VehicleSearch {
   VehicleProblem problem;
   VehicleOptimum best;  ///< its z is empty when the car runs away from every start
   int starts = 0, agree = 0, iterations = 0, evaluations = 0;
+  std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration, one climb each
 };
 
 /// Ranks the starts by likelihood, climbs from the best few and keeps the best summit.

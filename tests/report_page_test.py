@@ -4,6 +4,7 @@ Drives headless Chromium through chromedriver (Debian: chromium, chromium-driver
 writes pictures of both pages, light and dark, wide and narrow, for a person to look at."""
 import base64
 import json
+import math
 import os
 import pathlib
 import re
@@ -168,9 +169,111 @@ class Page(unittest.TestCase):
         page = self.made("held_out", "fit", "examples/severe_lane_change.yaml", data, "--hold-out", "30%")
         self.looked_at("held_out", page, 12)
 
+    def drawn_by(self, page):
+        return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S)[1])
+
+    def laid_end_to_end(self, data, recordings):
+        self.assertTrue(all(a < b for a, b in zip(data["time"], data["time"][1:])), "time goes back")
+        self.assertEqual(2 * recordings - 1, len(data["joints"]))
+        self.assertEqual(data["held_from"], data["joints"][recordings - 1])
+
+    def test_held_out_rows_have_all_that_the_others_have(self):
+        page = self.made("driven", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv", "--hold-out", "30%")
+        data = self.drawn_by(page)
+        lines = [u["line"] for u in data["inputs"]] + [c["after"] for c in data["channels"]]
+        self.assertEqual(4, len(lines))
+        for line in lines:
+            self.assertNotIn(None, line["y"])
+        recording = [line.split(",") for line in (ROOT / "data/severe_lane_change.csv").read_text().splitlines() if line[0].isdigit()]
+        for row, angle in zip(recording, lines[0]["y"]):
+            self.assertAlmostEqual(float(row[1]), angle, delta=0.02)
+        self.assertEqual([(49, False), (21, True)], [(r["rows"], r["held"]) for r in data["recordings"]])
+        for c in data["channels"]:  # the scale of the fitted rows: the noise is the same
+            squares = [e * e for e in c["after"]["y"][49:]]
+            self.assertTrue(0.5 < (sum(squares) / len(squares)) ** 0.5 < 2.0)
+        self.browser.open(page)
+        self.assertEqual([["fitted", "49"], ["held out", "21"]], self.browser.run(
+            "return [...document.querySelectorAll('#data table')[0].querySelectorAll('tbody tr')].map((r) => [r.cells[1].textContent, r.cells[2].textContent])"))
+        page = self.made("niles_end", "tune", "examples/nile.yaml", "data/nile.csv", "--hold-out", "30%")
+        self.assertTrue(all(e is not None for e in self.drawn_by(page)["channels"][0]["after"]["y"][70:]))
+
+    def test_several_recordings_are_held_out(self):
+        severe = (ROOT / "data/severe_lane_change.csv").read_text()
+        model = (ROOT / "examples/severe_lane_change.yaml").read_text()
+        files = [self.path / f"drive{i}.csv" for i in (1, 2)]
+        for file in files:
+            file.write_text(severe)
+        page = self.made("two", "fit", "examples/severe_lane_change.yaml", *files, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+        one_file, restarting = self.path / "runs.csv", self.path / "runs.yaml"
+        one_file.write_text(severe + "".join(row for row in severe.splitlines(True) if row[0].isdigit()))
+        restarting.write_text(model.replace("unit: s}", "unit: s, runs: restart}"))
+        page = self.made("two_runs", "fit", restarting, one_file, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+        years = ROOT / "data/nile.csv"
+        page = self.made("two_niles", "tune", "examples/nile.yaml", years, years, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+
+    def test_climbs_are_shown_from_their_starts(self):
+        page = self.made("climbs", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+        searches = self.drawn_by(page)["searches"]
+        result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
+        self.assertEqual(result["objective"]["iterations"], sum(len(path) - 1 for path in searches))
+        # The file's own values are among the starts here.
+        self.assertTrue(any(abs(path[0] - result["objective"]["log_likelihood_start"]) < 1e-6 for path in searches))
+        for path in searches:
+            self.assertTrue(all(a <= b for a, b in zip(path, path[1:])))
+        self.browser.open(page)
+        self.assertIn(f"{len(searches)} climbs", self.browser.run("return document.querySelector('#likelihood').textContent"))
+
+    def test_spectra_keep_what_is_small(self):
+        model, noise = self.path / "off.yaml", ("--set", "r=0.1")
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        subprocess.run([PROGRAM, "simulate", model, "-n", "3000", "-o", self.path / "off", "--seed", "3", *noise], check=True, capture_output=True)
+        # A filter that holds the level for constant: what it leaves wanders as the level does.
+        page = self.made("spectrum", "tune", model, self.path / "off/simulated.csv", *noise, "--set", "q=1e-6", "--starts", "1")
+        level = self.drawn_by(page)["channels"][0]["innovations_before"]["level"]
+        self.assertGreater(max(level), 1e4 * min(level))
+        self.assertGreater(len(set(level)), 400)  # of 511
+
+    def test_nothing_is_cut_on_paper(self):
+        page = self.made("paper", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+        browser = self.browser
+        browser.screen(700, 900)
+        browser.open(page)
+        browser.run("for (const d of document.querySelectorAll('details')) d.open = true")
+        browser.devtools("Emulation.setEmulatedMedia", media="print")
+        try:
+            self.assertEqual([], browser.run("""return [...document.querySelectorAll(".code pre, .code, .scroll, code")]
+                .filter((e) => e.clientWidth > 0 && e.scrollWidth > e.clientWidth).map((e) => e.textContent.slice(0, 60))"""))
+            self.assertEqual(["11px"], browser.run("""const sizes = ["p.note", "table td", ".code pre", "footer", "body"].map((s) =>
+                getComputedStyle(document.querySelector(s)).fontSize); return [...new Set(sizes)]"""))
+        finally:
+            browser.devtools("Emulation.setEmulatedMedia", media="")
+
     def test_check(self):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)
+        self.assertTrue(self.drawn_by(page)["forecasts"])
+        self.assertIn("Shaded: free run", self.browser.run("return document.querySelector('main').textContent"))
+        self.assertNotIn("the fit did see", self.browser.run("return document.querySelector('main').textContent"))
+
+    def test_a_verdict_does_not_hide_failing_tests(self):
+        model = self.path / "off.yaml"
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        swing, rows = 0.0, ["t,level"]
+        for t in range(400):
+            swing = 0.5 * swing + (t * 7919 % 101 - 50) + 80 * math.sin(0.9 * t)
+            rows.append(f"{t},{swing:.6f}")
+        recording = self.path / "swinging.csv"
+        recording.write_text("\n".join(rows) + "\n")
+        page = self.made("swinging", "tune", model, recording)
+        result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
+        failed = sum(not t["pass"] for t in result["tests"])
+        self.assertEqual("ok", result["status"]["code"])
+        self.assertGreater(failed, 0)
+        self.browser.open(page)
+        self.assertEqual(f"! Usable, but {failed} of {len(result['tests'])} tests fail", self.browser.run("return document.querySelector('#verdict strong').textContent"))
 
     def test_zoom_is_shared(self):
         page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")

@@ -263,13 +263,15 @@ document.querySelector(".facts").textContent = rowsUsed.length > 3 ? `${rowsUsed
 const tones = { ok: ["good", "✓ Usable"], answer_no: ["bad", "✗ The answer is no"], untrusted: ["bad", "✗ Not to be trusted"], not_converged: ["doubt", "! Not converged"] };
 const severe = { serious: ["bad", "serious"], warning: ["doubt", "warning"], note: ["good", "note"] };
 (() => {
-  const [tone, words] = tones[result.status.code] || ["doubt", result.status.code];
+  let [tone, words] = tones[result.status.code] || ["doubt", result.status.code];
   const o = result.objective, facts = [];
   if (known(o.log_likelihood)) facts.push(`log-likelihood ${num(o.log_likelihood, 9)}` + (known(o.log_likelihood_start) ? ` (start ${num(o.log_likelihood_start, 9)})` : ""));
   if (known(o.aic)) facts.push(`AIC ${num(o.aic, 7)}, BIC ${num(o.bic, 7)}`);
   if (o.starts > 0) facts.push(`${o.starts_agree} of ${o.starts} starts agree`);
   const failed = result.tests.filter((t) => !t.pass).length;
   if (result.tests.length) facts.push(failed ? `${failed} of ${result.tests.length} tests fail` : `${result.tests.length} of ${result.tests.length} tests pass`);
+  // The search ended well and the data determine the values; what the tests say of the model the warnings explain.
+  if (failed && result.status.code === "ok") [tone, words] = ["doubt", `! Usable, but ${failed} of ${result.tests.length} tests fail`];
   const order = ["serious", "warning", "note"];
   const warnings = [...result.warnings].sort((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity));
   main.append(el("div", { class: `verdict tone-${tone}`, id: "verdict" }, el("strong", {}, words), el("p", {}, result.status.message),
@@ -355,8 +357,8 @@ if (data.channels.length) {
   reset.addEventListener("click", () => { const [min, max] = timeRange(); timePlots[0].setScale("x", { min, max }); });
   const what = [];
   if (data.held_from !== null) what.push("Shaded: held out, the fit did not see it.");
-  else if (data.forecasts.length) what.push("Shaded: free run, predicted without any correction from there on, with two standard deviations either way; the fit did see these rows.");
-  if (data.joints.length) what.push("Recordings are laid end to end; a dashed line is where the next begins.");
+  else if (data.forecasts.length) what.push("Shaded: free run, predicted without any correction from there on, with two standard deviations either way" + (result.verb === "check" ? "." : "; the fit did see these rows."));
+  if (data.joints.length) what.push(`Recordings${data.held_from !== null ? ", and what is held out behind them," : ""} are laid end to end; a dashed line is where the next begins.`);
   section("predictions", "Measured and predicted", reset,
     note("Drag to zoom, all plots over time together; double-click shows all. " + what.join(" ") + thinning),
     data.channels.map((c) => {
@@ -508,11 +510,15 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
   }
   const searches = data.searches.filter((s) => s.length > 1);
   if (searches.length) {
+    const vehicle = Boolean(result.tyre_curve), start = result.objective.log_likelihood_start;
+    const aside = vehicle && known(start) && Math.abs(start - searches[0][0]) > 1e-3
+      ? `The best of the starts tried climb; the first begins at ${num(searches[0][0], 7)}, where the values of the model file have ${num(start, 7)}.` : null;
+    const whose = result.objective.method === "trajectory" ? "Climbs of the simulation that the trajectory begins with." : null;
     const best = Math.max(...searches.flat().filter(known)), floor = 1e-6;
     const below = searches.map((s) => s.map((v) => (known(v) ? Math.log10(Math.max(best - v, floor)) : null)));
     plots.push(figure("Convergence", `${searches.length} ${searches.length > 1 ? "climbs" : "climb"}`, chart({ x: [0, Math.max(...searches.map((s) => s.length - 1))], y: spread([...below.flat(), -6]), xLabel: "iteration", yLabel: "log-likelihood below the best", logY: true }, (g) => {
       below.forEach((s, k) => { g.path(s.map((_, i) => i), s, k === 0 ? "accent line" : "quiet thin"); g.dots([s.length - 1], [s[s.length - 1]], k === 0 ? "fill-accent" : "fill-quiet", 2.5, 1); });
-    }), [key(["k-accent", "first start"], searches.length > 1 && ["k-quiet", "others"]), result.objective.starts ? `${result.objective.starts_agree} of ${result.objective.starts} starts end at the best value.` : null].filter(Boolean)));
+    }), [key(["k-accent", vehicle ? "best start" : "first start"], searches.length > 1 && ["k-quiet", "others"]), result.objective.starts ? `${result.objective.starts_agree} of ${result.objective.starts} starts end at the best value.` : null, aside, whose].filter(Boolean).map((words) => (typeof words === "string" ? el("div", {}, words) : words))));
   }
   if (plots.length) section("likelihood", "Likelihood and search", data.profiles.length === 0 && plots.length ? note("No likelihood profiles: the search was not by likelihood, or an evaluation is too long for some twenty of them.") : null,
     result.covariance_kind.includes("sandwich") && data.profiles.length ? note("Profiles take the residuals as white; the standard errors allow for what they are, and are the ones to trust.") : null, grid(plots));
@@ -520,7 +526,9 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
 
 // --- data ---
 (() => {
-  const channels = data.recordings.flatMap((r) => r.channels.map((c) => [r.name, c.input ? "input" : "output", c.name, c.unit || "–", num(c.low, 5), num(c.mean, 5), num(c.high, 5), String(c.missing), percent(100 * c.missing / (r.rows || 1))]));
+  const anyHeld = data.recordings.some((r) => r.held), partHead = anyHeld ? ["rows are"] : [];
+  const part = (r) => (anyHeld ? [r.held ? "held out" : "fitted"] : []);
+  const channels = data.recordings.flatMap((r) => r.channels.map((c) => [r.name, ...part(r), c.input ? "input" : "output", c.name, c.unit || "–", num(c.low, 5), num(c.mean, 5), num(c.high, 5), String(c.missing), percent(100 * c.missing / (r.rows || 1))]));
   const [from, until] = data.time.length ? timeRange() : [0, 1];
   const strip = data.time.length ? figure("Rows that went in", "", chart({ x: [from, until], y: [0, 1], height: 84, xLabel: timeLabel, yLabel: "" }, (g) => {
     for (const [a, b] of data.used) g.add("rect", { class: "fill-accent", opacity: 0.6, x: g.X(a), width: Math.max(0.7, g.X(b) - g.X(a)), y: g.top + 6, height: g.bottom - g.top - 12 });
@@ -529,9 +537,9 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
   }), key(["k-accent", "used"], data.held_from !== null && ["k-contrast", "held out"])) : null;
   if (strip) for (const old of strip.querySelectorAll("svg > text[text-anchor=end]")) old.remove();
   section("data", "Data",
-    table(["recording", "#rows", "#duration [s]", "#step [s]", "#rate [Hz]", "#longest step [s]", "#gaps"], data.recordings.map((r) => [r.name, String(r.rows), num(r.to - r.from, 6), num(r.step, 5), num(1 / r.step, 5), num(r.longest_step, 5), String(r.gap_count)])),
-    strip, channels.length ? table(["recording", "kind", "channel", "unit", "#least", "#mean", "#largest", "#missing", "#"], channels) : null,
-    data.recordings.some((r) => r.gaps.length) ? [el("h3", {}, "Longest gaps"), table(["recording", "#from [s]", "#to [s]", "#length [s]"], data.recordings.flatMap((r) => r.gaps.map((g) => [r.name, num(g.from, 7), num(g.to, 7), num(g.to - g.from, 4)])))].flat() : null);
+    table(["recording", ...partHead, "#rows", "#duration [s]", "#step [s]", "#rate [Hz]", "#longest step [s]", "#gaps"], data.recordings.map((r) => [r.name, ...part(r), String(r.rows), num(r.to - r.from, 6), num(r.step, 5), num(1 / r.step, 5), num(r.longest_step, 5), String(r.gap_count)])),
+    strip, channels.length ? table(["recording", ...partHead, "kind", "channel", "unit", "#least", "#mean", "#largest", "#missing", "#"], channels) : null,
+    data.recordings.some((r) => r.gaps.length) ? [el("h3", {}, "Longest gaps"), table(["recording", ...partHead, "#from [s]", "#to [s]", "#length [s]"], data.recordings.flatMap((r) => r.gaps.map((g) => [r.name, ...part(r), num(g.from, 7), num(g.to, 7), num(g.to - g.from, 4)])))].flat() : null);
 })();
 
 // --- reproducibility ---

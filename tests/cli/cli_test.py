@@ -1271,7 +1271,7 @@ class Nonlinear(unittest.TestCase):
         for kind in ("simulation", "hold_out"):
             self.assertGreater(fits[kind], 80)
             self.assertLess(fits[kind], fits["one_step"])
-        for line in ("fit    simulation", "fit    hold-out", "fit      one step"):
+        for line in ("fit    simulation", "fit    hold-out", "fit    one step, hold-out"):
             self.assertIn(line, text)
         self.assertEqual((400, 280), (fitted["inputs"][0]["rows"], fitted["inputs"][0]["used"]))
         page = json.loads((self.out / "report_data.json").read_text())
