@@ -704,11 +704,12 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
       estimate.survey = survey(within(guess_vehicle(files), parse_range(args.range)));
     }
     estimate.inputs = records.records;
+    estimate.notes = records.data[0].notes;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (args.json) {
       print(result_json(estimate, false, spent.count()));
     } else {
-      for (const std::string& note : records.data[0].notes) print(note + "\n");
+      for (const std::string& note : estimate.notes) print(note + "\n");
       print(argument + "\n" + survey_text(*estimate.survey));
     }
   }

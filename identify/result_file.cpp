@@ -265,6 +265,7 @@ Estimate estimate_of(const Field& root) {
     out.warnings.push_back({w["code"].text(), w["severity"].text(), w["about"].names(),
                             w["text"].text(), w["do"].text()});
   }
+  out.notes = root["notes"].names();
   return out;
 }
 

@@ -9,8 +9,8 @@ namespace identikal {
 
 /// A result that was written before. Of the estimate there are identity, status, inputs, model
 /// file, parameters and their correlation, noise, filter, tyre curve, objective, fits, tests,
-/// derived values and warnings. A largest axle force that is null in the file, as it lies beyond
-/// what the recording showed, is infinite here.
+/// derived values, warnings and notes. A largest axle force that is null in the file, as it lies
+/// beyond what the recording showed, is infinite here.
 struct StoredResult {
   std::string path, text;       ///< of result.json
   std::string data_path, data;  ///< of kReportDataFile, of the same run; empty data: none was read

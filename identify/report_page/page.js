@@ -518,6 +518,9 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
     result.covariance_kind.includes("sandwich") && data.profiles.length ? note("Profiles take the residuals as white; the standard errors allow for what they are, and are the ones to trust.") : null, grid(plots));
 })();
 
+// --- remarks ---
+section("remarks", "Remarks", result.notes.length ? el("div", { class: "code" }, el("pre", {}, result.notes.join("\n"))) : null);
+
 // --- data ---
 (() => {
   const channels = data.recordings.flatMap((r) => r.channels.map((c) => [r.name, c.input ? "input" : "output", c.name, c.unit || "–", num(c.low, 5), num(c.mean, 5), num(c.high, 5), String(c.missing), percent(100 * c.missing / (r.rows || 1))]));

@@ -272,6 +272,25 @@ class Tune(unittest.TestCase):
             run("report", out / "result.json", "--report", again, code=0)
             self.assertEqual(text, again.read_text())
 
+    def test_a_result_holds_what_is_printed(self):
+        with Folder() as folder:
+            out = folder.path / "out"
+            run("fit", *LANE_CHANGE, "-o", folder.path / "car", code=0)
+            for words, job in (("autocovariances", ("tune", *NILE, "--method", "als")), ("rms", ("fit", *LANE_CHANGE)),
+                               ("refit on these data", ("validate", folder.path / "car", LANE_CHANGE[1])),
+                               ("log-likelihood", ("compare", folder.path / "car", folder.path / "car"))):
+                notes = json.loads(run(*job, "--json").stdout)["notes"]
+                self.assertGreater(len(notes), 0, job)
+                printed = run(*job).stdout
+                for line in notes:
+                    self.assertIn(" ".join(line.split()), " ".join(printed.split()), job)
+                self.assertIn(words, "\n".join(notes))
+            run("tune", *NILE, "--method", "als", "-o", out, code=0)
+            stored = json.loads((out / "result.json").read_text())
+            self.assertIn("autocovariances of the innovations", stored["notes"][0])
+            run("report", out, code=0)
+            self.assertIn("result.notes", (out / "report.html").read_text())
+
     def test_report_data(self):
         def strict(text):
             return json.loads(text, parse_constant=self.fail)
