@@ -84,6 +84,9 @@ std::string commented(const std::vector<std::string>& lines, const std::string& 
 
 bool is_vehicle(const Estimate& e) { return !e.tyre_curve.empty(); }
 
+// The largest force of an axle that stays straight as far as it was driven: it has no number.
+bool is_straight(const EstimatedParameter& p) { return std::isinf(p.value); }
+
 std::string unit_text(const std::string& unit) { return unit.empty() ? "" : " " + unit; }
 
 std::string remark_of(const EstimatedParameter& p) {
@@ -94,8 +97,8 @@ std::string remark_of(const EstimatedParameter& p) {
   for (const std::string& name : p.with) with += " " + name;
   switch (p.verdict) {
     case Verdict::at_bound:
-      return std::isinf(p.value) ? "beyond what the recording showed: this axle stays straight"
-                                 : "AT ITS BOUND, no standard error";
+      return is_straight(p) ? "beyond what the recording showed: this axle stays straight"
+                            : "AT ITS BOUND, no standard error";
     case Verdict::flat:
     case Verdict::unexcited:
       return "NOT DETERMINED by the data" + (with.empty() ? "" : ", only with" + with);
@@ -177,6 +180,13 @@ std::vector<std::string> curve_lines(const Estimate& e) {
         "tyre curve magic-formula: F = D sin(c atan(y - e (y - atan(y)))), y = L/(c D), D = Ff_max "
         "or Fr_max, c = curve_shape, e = curve_curvature");
   }
+  for (const EstimatedParameter& p : e.parameters) {
+    if (!is_straight(p)) continue;
+    out.push_back(
+        fmt::format("F = L for the {} axle, so there is no {}: it stays straight as far "
+                    "as the recording goes",
+                    p.name == "Ff_max" ? "front" : "rear", p.name));
+  }
   return out;
 }
 
@@ -253,6 +263,7 @@ struct StructMember {
 std::vector<StructMember> members_of(const Estimate& e) {
   std::vector<StructMember> out;
   for (const EstimatedParameter& p : e.parameters) {
+    if (is_straight(p)) continue;
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
     const std::string si = vehicle_unit(p.name);
     // Only a number that stays the same keeps its last digit.
