@@ -495,8 +495,9 @@ int run_shape(const Arguments& args) {
 int run_report(const Arguments& args) {
   const std::filesystem::path given(args.model);
   const std::string page = rebuilt_page(args.model);
+  std::error_code ignored;
   const std::filesystem::path folder =
-      std::filesystem::is_directory(given) ? given : given.parent_path();
+      std::filesystem::is_directory(given, ignored) ? given : given.parent_path();
   const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
   write_page(path, page);
   print(fmt::format("{} written\n", path));

@@ -509,7 +509,7 @@ void write_files(const std::string& folder, const std::vector<ResultFile>& files
   namespace fs = std::filesystem;
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error || !fs::is_directory(folder)) {
+  if (error || !fs::is_directory(folder, error)) {
     throw OutputError(folder + ": cannot make this folder" + (error ? ": " + error.message() : "") +
                       "; give another with " + option);
   }
@@ -524,7 +524,7 @@ void write_files(const std::string& folder, const std::vector<ResultFile>& files
                       "; give another place with " + option);
   };
   for (const ResultFile& f : files) {
-    if (fs::is_directory(target(f))) fail(f, ": it is a folder");
+    if (fs::is_directory(target(f), error)) fail(f, ": it is a folder");
     std::ofstream out(part(f), std::ios::binary);
     out << f.content;
     out.close();
@@ -563,10 +563,13 @@ std::string sha256_of_text(std::string_view text) {
   return sha256_ended(context.get());
 }
 
-std::string text_of_file(const std::string& path) {
+std::string text_of_file(const std::string& path, const std::string& expected,
+                         const std::string& hint) {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
-  if (!file || !(text << file.rdbuf())) throw InputError({path, 0, 0}, "cannot be read");
+  if (!file || !(text << file.rdbuf())) {
+    throw InputError({path, 0, 0}, "cannot be read", expected, hint);
+  }
   return text.str();
 }
 

@@ -6,6 +6,7 @@ import math
 import os
 import pathlib
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -1748,6 +1749,36 @@ class BadInput(unittest.TestCase):
         self.refused(["--report"], "tune", *NILE, "--report", "/proc/none/page.html", code=5)
         self.refused(["--report"], "tune", *NILE, "--report", "")
         self.refused(["--report", "--compare"], "check", "--compare", NILE[0], *NILE, "--report", self.folder.path / "page.html")
+
+    def test_results_that_no_program_wrote(self):
+        out, other = self.folder.path / "result", self.folder.path / "other"
+        for folder in (out, other):
+            run("tune", *NILE, "-o", folder, code=0)
+        text = (out / "result.json").read_text()
+        (self.folder.path / "loop").symlink_to("loop")
+        long = self.folder.path / ("x" * 5000)
+        for spoilt, words in ((re.sub('"log_likelihood": [-0-9.]+', '"log_likelihood": 1e999', text), ["result.json", "too large"]),
+                              ('{"schema_version":' + 200_000 * "[" + 200_000 * "]" + "}", ["result.json", "in more than"]),
+                              ('{"schema_version":' + 200_000 * '{"a":' + "1" + 200_000 * "}" + "}", ["result.json", "in more than"]),
+                              ('{"schema_version":"' + 5000 * "1" + '"}', ["schema_version"]),
+                              (text.replace('"code": "ok"', '"code": "o\\nk' + 5000 * "k" + '"'), ["status.code"]),
+                              (re.sub('"rows": 100', '"rows": 1e300', text), ["'inputs[0].rows' is no whole number"])):
+            self.assertNotEqual(spoilt, text)
+            (out / "result.json").write_text(spoilt)
+            for job in (("report", out), ("export", out, "--to", "c"), ("validate", out, NILE[1]), ("compare", other, out),
+                        ("filter", *NILE, "--from", out)):
+                # What does not belong to report_data.json any more is refused for that.
+                edited = "inputs" in spoilt and "1e999" not in spoilt and job[0] in ("report", "export")
+                with self.subTest(spoilt=spoilt[:60], job=job[0]):
+                    self.refused(["belongs to another result"] if edited else words, *job)
+        for path in (self.folder.path / "loop", long):
+            for job in (("report", path), ("export", path, "--to", "c"), ("validate", path, NILE[1]), ("compare", other, path),
+                        ("filter", *NILE, "--from", path)):
+                done = run(*job, code=2)
+                self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))
+                self.assertIn("cannot be read", done.stderr)
+        # A folder whose name is too long to be made is no internal error either.
+        self.refused(["x" * 300], "report", other, "--report", self.folder.path / ("x" * 300 + ".html"), code=5)
 
     def test_exports(self):
         out = self.folder.path / "result"
