@@ -228,7 +228,10 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   for (const TrackPicture& t : data.tracks) {
     out["tracks"].push_back({{"name", t.name}, {"X", rounded(t.X)}, {"Y", rounded(t.Y)}});
   }
-  return out.dump(-1, ' ', false, PageJson::error_handler_t::replace) + "\n";
+  const auto text = [&] { return out.dump(-1, ' ', false, PageJson::error_handler_t::replace); };
+  out["sha256"] = nullptr;
+  out["sha256"] = report_data_fingerprint(text());
+  return text() + "\n";
 }
 
 std::string report_page(const std::string& result, const std::string& data) {

@@ -63,9 +63,9 @@ void check_version(const std::string& path, const StoredJson& file) {
   }
 }
 
-std::string fingerprint_of(StoredJson result) {
-  result["timing_s"] = nullptr;
-  return sha256_of_text(result.dump(-1, ' ', false, StoredJson::error_handler_t::replace));
+std::string fingerprint_without(StoredJson file, const char* key) {
+  file[key] = nullptr;
+  return sha256_of_text(file.dump(-1, ' ', false, StoredJson::error_handler_t::replace));
 }
 
 // A value of the file with the way to it, for messages.
@@ -283,7 +283,11 @@ Estimate estimate_of(const Field& root) {
 }  // namespace
 
 std::string result_fingerprint(const std::string& text) {
-  return fingerprint_of(StoredJson::parse(text));
+  return fingerprint_without(StoredJson::parse(text), "timing_s");
+}
+
+std::string report_data_fingerprint(const std::string& text) {
+  return fingerprint_without(StoredJson::parse(text), "sha256");
 }
 
 StoredResult parse_stored_result(StoredResult result) {
@@ -292,11 +296,16 @@ StoredResult parse_stored_result(StoredResult result) {
   if (!result.data.empty()) {
     const StoredJson data = parsed_json(result.data_path, result.data);
     check_version(result.data_path, data);
-    if (data.value("result_sha256", "") != fingerprint_of(file)) {
+    const Field fields(data, "", result.data_path);
+    if (fields["result_sha256"].text() != fingerprint_without(file, "timing_s")) {
       throw InputError({result.data_path, 0, 0}, "belongs to another result",
                        "both files from one run", "run the job again with -o");
     }
-    result.command = Field(data, "", result.data_path)["provenance"]["command"].text();
+    if (fields["sha256"].text() != fingerprint_without(data, "sha256")) {
+      throw InputError({result.data_path, 0, 0}, "has been changed since it was written",
+                       "the file as -o wrote it", "run the job again with -o");
+    }
+    result.command = fields["provenance"]["command"].text();
   }
   const Field root(file, "", result.path);
   result.version = root["version"].text();

@@ -24,7 +24,7 @@ enum class PageData { not_read, if_there, required };
 
 /// @param path  result.json, or the folder that holds it
 /// @throws InputError when a file is missing, is not whole, is of another schema version, lacks a
-///   key or holds something of another kind, or the two do not belong together
+///   key or holds something of another kind, was changed, or the two do not belong together
 StoredResult read_stored_result(const std::string& path, PageData data = PageData::not_read);
 
 /// The same from the files' texts. @param result  its paths, text and data are read
@@ -32,5 +32,8 @@ StoredResult parse_stored_result(StoredResult result);
 
 /// SHA-256 of a result's text without the one field that differs between equal runs.
 std::string result_fingerprint(const std::string& text);
+
+/// SHA-256 of kReportDataFile's text without the field that holds it.
+std::string report_data_fingerprint(const std::string& text);
 
 }  // namespace identikal

@@ -1734,6 +1734,10 @@ class BadInput(unittest.TestCase):
             ("report_data.json", data_text[:-100], ["report_data.json", "no whole JSON"]),
             ("report_data.json", data_text.replace('"schema_version":1', '"schema_version":9'), ["report_data.json", "schema_version 9"]),
             ("report_data.json", None, ["report_data.json", "cannot be read"]),
+            ("report_data.json", data_text.replace('"channels":[{"name":"level"', '"chanels":[{"name":"level"'), ["report_data.json", "has been changed"]),
+            ("report_data.json", re.sub('"time":\\[[^]]*\\]', '"time":"abc"', data_text), ["report_data.json", "has been changed"]),
+            ("report_data.json", re.sub('"result_sha256":"[0-9a-f]*"', '"result_sha256":5', data_text), ["'result_sha256' is no text"]),
+            ("report_data.json", data_text.replace('"rows":100', '"rows":1e999'), ["report_data.json", "too large"]),
             ("result.json", None, ["result.json", "cannot be read"]),
         ]
         for name, text, words in cases:
@@ -1742,6 +1746,8 @@ class BadInput(unittest.TestCase):
             if text is None:
                 (out / name).unlink()
             else:
+                self.assertNotEqual(text, data_text)
+                self.assertNotEqual(text, result_text)
                 (out / name).write_text(text)
             self.refused(words, "report", out)
             self.assertFalse((out / "report.html").exists())
