@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "identify/estimated_model.h"
@@ -405,7 +406,19 @@ std::string numbers(const Estimate& e) {
 
 }  // namespace
 
-std::string_view name_of(ExportFormat format) { return names_of(format).name; }
+const std::vector<std::string>& export_formats() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> out;
+    for (const FormatNames& each : kFormats) out.emplace_back(each.name);
+    return out;
+  }();
+  return names;
+}
+
+std::string export_format_list() {
+  const std::vector<std::string>& names = export_formats();
+  return fmt::format("{} or {}", fmt::join(names.begin(), names.end() - 1, ", "), names.back());
+}
 
 std::optional<ExportFormat> export_format(std::string_view name) {
   for (const FormatNames& each : kFormats) {

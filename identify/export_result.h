@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "identify/result_file.h"
 
@@ -14,7 +15,9 @@ namespace identikal {
 enum class ExportFormat { cpp, c, matlab, python, yaml, json };
 
 /// "cpp", "c", "matlab", "python", "yaml", "json".
-std::string_view name_of(ExportFormat format);
+const std::vector<std::string>& export_formats();
+/// The same for people: "cpp, c, matlab, python, yaml or json".
+std::string export_format_list();
 std::optional<ExportFormat> export_format(std::string_view name);
 /// For people: "MATLAB, Octave".
 std::string_view describe(ExportFormat format);

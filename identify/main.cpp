@@ -507,9 +507,8 @@ int run_report(const Arguments& args) {
 int run_export(const Arguments& args) {
   const std::optional<ExportFormat> format = export_format(args.language);
   if (!format) {
-    throw InputError({}, fmt::format("--to '{}'", args.language),
-                     "cpp, c, matlab, python, yaml or json",
-                     did_you_mean(args.language, export_languages()));
+    throw InputError({}, fmt::format("--to '{}'", args.language), export_format_list(),
+                     did_you_mean(args.language, export_formats()));
   }
   const StoredResult result = read_stored_result(args.model, PageData::if_there);
   const std::string text = export_text(result, *format, day_of_file(result.path));

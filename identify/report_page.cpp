@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "identify/estimated_model.h"
 #include "identify/export_result.h"
 #include "identify/report.h"
 #include "identify/report_template.h"
@@ -123,14 +122,6 @@ std::string inside_script(const std::string& json) {
   return out;
 }
 
-bool has_model_text(const Estimate& result, const std::string& path) {
-  try {
-    return result.model_file && estimated_model_text(result, path);
-  } catch (const InputError&) {  // a file that the model included is gone
-    return false;
-  }
-}
-
 // What export prints, by language.
 std::string paste_json(const std::string& result, const std::string& data) {
   StoredResult stored;
@@ -143,8 +134,12 @@ std::string paste_json(const std::string& result, const std::string& data) {
   if (!is_exportable(stored.estimate)) return out.dump();
   for (const ExportFormat format : {ExportFormat::matlab, ExportFormat::python, ExportFormat::cpp,
                                     ExportFormat::c, ExportFormat::yaml}) {
-    if (format == ExportFormat::yaml && !has_model_text(stored.estimate, stored.path)) continue;
-    out.push_back({{"language", describe(format)}, {"text", export_text(stored, format)}});
+    try {
+      out.push_back({{"language", describe(format)}, {"text", export_text(stored, format)}});
+    } catch (const InputError&) {
+      // No text of the model file with the estimates, e.g. as a file that it included is gone.
+      if (format != ExportFormat::yaml) throw;
+    }
   }
   return out.dump(-1, ' ', false, PageJson::error_handler_t::replace);
 }
