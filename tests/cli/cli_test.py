@@ -888,13 +888,30 @@ initial: stationary
         p["value"], p["verdict"], p["se"] = None, "at_bound", None
         (self.out / "report_data.json").unlink()
         (self.out / "result.json").write_text(json.dumps(result))
-        for language in ("cpp", "c", "matlab", "python"):
+        for language in ("cpp", "c", "matlab", "python", "json"):
             export = self.exported(language)
-            self.assertNotRegex(export, r"(?i)\b(inf|infinity|nan|null)\b")
-            self.assertIn(f"F = L for the rear axle, so there is no {name}", export)
-            self.assertNotIn(f"// {name} [", export)
-            self.assertNotRegex(export, f"(double |car\\.|\"){name}")
+            self.assertNotRegex(export, r"(?i)\b(inf|infinity|nan|null)\b" if language != "json" else "Infinity|NaN")
+            if language == "json":
+                self.assertIn("rear", json.loads(export)["straight_axles"])
+                self.assertNotIn(name, json.loads(export)["parameters"])
+            else:
+                self.assertIn(f"F = L for the rear axle, so there is no {name}", export)
+                self.assertNotIn(f"// {name} [", export)
+                self.assertNotRegex(export, f"(double |car\\.|\"){name}")
         (self.out / "result.json").write_text(text)
+
+    def test_pasted_units(self):
+        text = pathlib.Path(LANE_CHANGE[0]).read_text()
+        model = self.folder.write("m.yaml", text.replace("curve: linear", "curve: tanh").replace(
+            "  Iz:", "  bias_r: {value: 0.1 deg/s, min: -3, max: 3}\n  Iz:"))
+        run("fit", model, LANE_CHANGE[1], "-o", self.out)
+        numbers = json.loads(self.exported("json"))
+        space = {}
+        exec(self.exported("python"), space)
+        self.assertEqual(space["car"], {n: p["value"] for n, p in numbers["parameters"].items()})
+        self.assertEqual({"Cf": "N/rad", "Iz": "kg m^2", "bias_r": "rad/s"}, {n: numbers["parameters"][n]["unit"] for n in ("Cf", "Iz", "bias_r")})
+        stored = {p["name"]: p for p in self.stored()["parameters"]}
+        self.assertAlmostEqual(stored["bias_r"]["se"] * math.pi / 180, numbers["parameters"]["bias_r"]["se"], delta=1e-15)
         header = self.folder.write("car.h", self.exported("c"))
         compiled(self.folder, f'#include "{header}"\nint main(void) {{ return severe_lane_change_car_estimate.m > 0 ? 0 : 1; }}\n', "main.c", "gcc", "-std=c99")
         pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
@@ -917,6 +934,20 @@ initial: stationary
         self.assertIn("AT ITS BOUND", self.exported("python"))
         pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
         self.assertEqual(0, json.loads(run("check", pasted, data, "--json").stdout)["parameters"][0]["value"])
+
+    def test_json_says_where_it_comes_from(self):
+        data = self.folder.write("white.csv", "volume\n" + "".join(f"{random.Random(i).gauss(0, 1):.5f}\n" for i in range(200)))
+        run("tune", NILE[0], data, "-o", self.out)
+        numbers, stored = json.loads(self.exported("json")), self.stored()
+        self.assertEqual({k: stored["status"][k] for k in ("code", "message")}, numbers["status"])
+        self.assertEqual([w["text"] for w in stored["warnings"]], [w["text"] for w in numbers["warnings"]])
+        self.assertGreater(len(numbers["warnings"]), 0)
+        self.assertEqual(stored["version"], numbers["version"])
+        self.assertEqual(stored["model_file"]["sha256"], numbers["model_file"]["sha256"])
+        self.assertEqual([i["sha256"] for i in stored["inputs"]], [d["sha256"] for d in numbers["data"]])
+        self.assertEqual(hashlib.sha256(pathlib.Path(data).read_bytes()).hexdigest(), numbers["data"][0]["sha256"])
+        self.assertIn("identikal tune", numbers["command"])
+        self.assertEqual({"name": "volume", "recorded_in": stored["filter"]["outputs"][0]["unit"]}, {**numbers["outputs"][0], "name": "volume"})
 
     def test_the_page_has_the_same(self):
         run("tune", *NILE, "-o", self.out, "--report", self.folder.path / "page.html", code=0)
@@ -1785,6 +1816,17 @@ class BadInput(unittest.TestCase):
                 self.assertIn("cannot be read", done.stderr)
         # A folder whose name is too long to be made is no internal error either.
         self.refused(["x" * 300], "report", other, "--report", self.folder.path / ("x" * 300 + ".html"), code=5)
+
+    def test_exports_of_nothing(self):
+        out = self.folder.path / "result"
+        run("tune", *NILE, "-o", out, code=0)
+        (out / "report_data.json").unlink()
+        result = json.loads((out / "result.json").read_text())
+        for name, null in (("A", [[None]]), ("A", None), ("P", [[None]])):
+            filter_ = {**result["filter"], name: null}
+            (out / "result.json").write_text(json.dumps({**result, "filter": filter_}))
+            for language in ("cpp", "c", "matlab", "python", "json"):
+                self.refused([f"a number of '{name}' is missing"], "export", out, "--to", language)
 
     def test_exports(self):
         out = self.folder.path / "result"
