@@ -11,6 +11,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/command_reference.h"
+#include "identify/export_result.h"
 #include "identify/manoeuvres.h"
 #include "identify/study.h"
 #include "lib/error.h"
@@ -245,7 +246,7 @@ void add_report_and_export(CLI::App& app, Arguments& args) {
   CLI::App* to_paste =
       app.add_subcommand("export", "code to paste from a result that -o has written");
   to_paste->add_option("RESULT", args.model, "result.json, or its folder")->required();
-  to_paste->add_option("--to", args.language, "cpp, c, matlab, python, yaml or json")->required();
+  to_paste->add_option("--to", args.language, export_format_list())->required();
   to_paste->add_option("-o,--output", args.output, "FILE; without it, the text is printed")
       ->check(a_page);
 }
@@ -379,11 +380,6 @@ TimeRange parse_range(const std::string& text) {
   return range;
 }
 
-const std::vector<std::string>& export_languages() {
-  static const std::vector<std::string> languages{"cpp", "c", "matlab", "python", "yaml", "json"};
-  return languages;
-}
-
 std::optional<Arguments> parse_command_line(int argc, char** argv) {
   CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data"};
   app.require_subcommand(1);
@@ -422,7 +418,7 @@ std::optional<Arguments> parse_command_line(int argc, char** argv) {
     print(command_reference(app, argv[2], IDENTIKAL_VERSION,
                             {{"study", "NAME", study_names()},
                              {"simulate", "--manoeuvre", drives},
-                             {"export", "--to", export_languages()}}));
+                             {"export", "--to", export_formats()}}));
     return std::nullopt;
   }
   refuse_unknown_verb(app, argc, argv);

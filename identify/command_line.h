@@ -56,7 +56,4 @@ TimeRange parse_range(const std::string& text);
 /// On standard output. @throws OutputError when it takes no more, as on a full disk
 void print(const std::string& text);
 
-/// Languages of `export`.
-const std::vector<std::string>& export_languages();
-
 }  // namespace identikal

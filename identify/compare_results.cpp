@@ -125,7 +125,7 @@ struct Nesting {
 
 bool same_value(double a, double b) { return std::abs(a - b) <= 1e-9 * std::abs(a); }
 
-// nullptr-like: false when `small` is no special case of `large`.
+// False when `small` is no special case of `large`.
 bool is_nested(const Estimate& small, const Estimate& large, Nesting& out) {
   if (small.objective.initial != large.objective.initial) return false;
   std::map<std::string, const EstimatedParameter*> in_small;

@@ -350,7 +350,7 @@ struct Estimate {
   std::optional<VehicleSurvey> survey;  ///< info --vehicle only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
-  std::vector<std::string> notes;  ///< lines for the console, e.g. a histogram
+  std::vector<std::string> notes;  ///< tables and remarks for people, line by line
   Series series;
   Pictures pictures;  ///< filled where a report is asked for
 };

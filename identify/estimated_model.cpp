@@ -27,7 +27,8 @@ ModelFile started_model(const Estimate& result, const std::string& path) {
                      "run the job again with -o");
   }
   for (const ModelSource::Included& file : result.model_file->included) {
-    const bool there = std::filesystem::is_regular_file(file.path);
+    std::error_code ignored;
+    const bool there = std::filesystem::is_regular_file(file.path, ignored);
     if (there && sha256_of_file(file.path) == file.sha256) continue;
     throw InputError({path, 0, 0},
                      fmt::format("{}, which its model file includes, {}", file.path,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "identify/estimated_model.h"
@@ -22,16 +23,15 @@ using Eigen::MatrixXd;
 
 struct FormatNames {
   ExportFormat format;
-  const char *name, *title, *comment, *infinity, *missing;
+  const char *name, *title, *comment;
 };
 constexpr FormatNames kFormats[] = {
-    {ExportFormat::cpp, "cpp", "C++ (header)", "//", "std::numeric_limits<double>::infinity()",
-     "std::numeric_limits<double>::quiet_NaN()"},
-    {ExportFormat::c, "c", "C (header)", "//", "INFINITY", "NAN"},
-    {ExportFormat::matlab, "matlab", "MATLAB, Octave", "%", "Inf", "NaN"},
-    {ExportFormat::python, "python", "Python", "#", "float(\"inf\")", "float(\"nan\")"},
-    {ExportFormat::yaml, "yaml", "Model file (YAML)", "#", "", ""},
-    {ExportFormat::json, "json", "JSON", "", "", ""},
+    {ExportFormat::cpp, "cpp", "C++ (header)", "//"},
+    {ExportFormat::c, "c", "C (header)", "//"},
+    {ExportFormat::matlab, "matlab", "MATLAB, Octave", "%"},
+    {ExportFormat::python, "python", "Python", "#"},
+    {ExportFormat::yaml, "yaml", "Model file (YAML)", "#"},
+    {ExportFormat::json, "json", "JSON", ""},
 };
 
 const FormatNames& names_of(ExportFormat format) {
@@ -40,9 +40,7 @@ const FormatNames& names_of(ExportFormat format) {
 }
 
 // The shortest text that reads as this very number, never as an integer.
-std::string exact(double value, const FormatNames& format) {
-  if (std::isnan(value)) return format.missing;
-  if (std::isinf(value)) return (value < 0.0 ? "-" : "") + std::string(format.infinity);
+std::string exact(double value) {
   std::string out = fmt::format("{}", value);
   if (out.find_first_of(".e") == std::string::npos) out += ".0";
   return out;
@@ -84,6 +82,9 @@ std::string commented(const std::vector<std::string>& lines, const std::string& 
 
 bool is_vehicle(const Estimate& e) { return !e.tyre_curve.empty(); }
 
+// The largest force of an axle that stays straight as far as it was driven: it has no number.
+bool is_straight(const EstimatedParameter& p) { return std::isinf(p.value); }
+
 std::string unit_text(const std::string& unit) { return unit.empty() ? "" : " " + unit; }
 
 std::string remark_of(const EstimatedParameter& p) {
@@ -94,8 +95,8 @@ std::string remark_of(const EstimatedParameter& p) {
   for (const std::string& name : p.with) with += " " + name;
   switch (p.verdict) {
     case Verdict::at_bound:
-      return std::isinf(p.value) ? "beyond what the recording showed: this axle stays straight"
-                                 : "AT ITS BOUND, no standard error";
+      return is_straight(p) ? "beyond what the recording showed: this axle stays straight"
+                            : "AT ITS BOUND, no standard error";
     case Verdict::flat:
     case Verdict::unexcited:
       return "NOT DETERMINED by the data" + (with.empty() ? "" : ", only with" + with);
@@ -177,6 +178,13 @@ std::vector<std::string> curve_lines(const Estimate& e) {
         "tyre curve magic-formula: F = D sin(c atan(y - e (y - atan(y)))), y = L/(c D), D = Ff_max "
         "or Fr_max, c = curve_shape, e = curve_curvature");
   }
+  for (const EstimatedParameter& p : e.parameters) {
+    if (!is_straight(p)) continue;
+    out.push_back(
+        fmt::format("F = L for the {} axle, so there is no {}: it stays straight as far "
+                    "as the recording goes",
+                    p.name == "Ff_max" ? "front" : "rear", p.name));
+  }
   return out;
 }
 
@@ -246,35 +254,36 @@ std::vector<NamedMatrix> matrices_of(const Estimate& e) {
 
 struct StructMember {
   std::string name, unit;
-  double value;  // SI
-  std::string remark;
+  double value, se;  // SI
+  std::string remark, verdict;
 };
 
 std::vector<StructMember> members_of(const Estimate& e) {
   std::vector<StructMember> out;
   for (const EstimatedParameter& p : e.parameters) {
+    if (is_straight(p)) continue;
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
     const std::string si = vehicle_unit(p.name);
     // Only a number that stays the same keeps its last digit.
     const bool same = unit.scale == 1.0 && unit.offset == 0.0;
     std::string remark = remark_of(p);
     if (!same) remark += fmt::format("; {:.6g} {}", p.value, p.unit);
-    out.push_back({p.name, si.empty() ? "-" : si, same ? p.value : unit.to_si(p.value), remark});
+    out.push_back({p.name, si.empty() ? "-" : si, same ? p.value : unit.to_si(p.value),
+                   unit.scale * p.se, remark, p.fixed ? "known" : to_string(p.verdict)});
   }
   return out;
 }
 
-std::string row_text(const MatrixXd& M, Index i, const FormatNames& format) {
+std::string row_text(const MatrixXd& M, Index i) {
   std::string out;
-  for (Index j = 0; j < M.cols(); ++j) out += (j > 0 ? ", " : "") + exact(M(i, j), format);
+  for (Index j = 0; j < M.cols(); ++j) out += (j > 0 ? ", " : "") + exact(M(i, j));
   return out;
 }
 
-std::string rows_text(const MatrixXd& M, const FormatNames& format, const char* open,
-                      const char* between, const char* close) {
+std::string rows_text(const MatrixXd& M, const char* open, const char* between, const char* close) {
   std::string out;
   for (Index i = 0; i < M.rows(); ++i) {
-    out += (i > 0 ? between : "") + (open + row_text(M, i, format)) + close;
+    out += (i > 0 ? between : "") + (open + row_text(M, i)) + close;
   }
   return out;
 }
@@ -292,10 +301,9 @@ std::string c_header(const Estimate& e, const FormatNames& format, const std::st
   const auto array = [&](const std::string& of, const MatrixXd& M) {
     return fmt::format("{}{}[{}][{}] = {{{}}};",
                        cpp ? "inline constexpr double " : "static const double " + name + "_", of,
-                       M.rows(), M.cols(), rows_text(M, format, "{", ", ", "}"));
+                       M.rows(), M.cols(), rows_text(M, "{", ", ", "}"));
   };
   if (vehicle) {
-    out += cpp ? "#include <limits>\n\n" : "#include <math.h>\n\n";
     if (cpp) out += fmt::format("namespace {} {{\n\n", name);
     out += cpp ? "struct Parameters {\n" : "typedef struct {\n";
     for (const StructMember& m : members_of(e)) {
@@ -305,8 +313,7 @@ std::string c_header(const Estimate& e, const FormatNames& format, const std::st
                : fmt::format(
                      "}} {0}_parameters;\n\nstatic const {0}_parameters {0}_estimate = {{\n", name);
     for (const StructMember& m : members_of(e)) {
-      out += fmt::format("    {},  // {} [{}], {}\n", exact(m.value, format), m.name, m.unit,
-                         m.remark);
+      out += fmt::format("    {},  // {} [{}], {}\n", exact(m.value), m.name, m.unit, m.remark);
     }
     out += "};\n";
     out += fmt::format("{}tyre_curve[] = \"{}\";\n",
@@ -317,7 +324,7 @@ std::string c_header(const Estimate& e, const FormatNames& format, const std::st
     if (cpp) out += fmt::format("namespace {} {{\n\n", name);
     out += fmt::format("{}dt = {};  // sampling period [s]\n",
                        cpp ? "inline constexpr double " : "static const double " + name + "_",
-                       exact(e.filter->model.dt, format));
+                       exact(e.filter->model.dt));
     for (const NamedMatrix& m : matrices_of(e)) {
       out += array(m.name, *m.value) + ending(m.remark, format);
     }
@@ -330,14 +337,13 @@ std::string matlab_script(const Estimate& e, const FormatNames& format) {
   std::string out;
   if (is_vehicle(e)) {
     for (const StructMember& m : members_of(e)) {
-      out +=
-          fmt::format("car.{} = {};  % {}, {}\n", m.name, exact(m.value, format), m.unit, m.remark);
+      out += fmt::format("car.{} = {};  % {}, {}\n", m.name, exact(m.value), m.unit, m.remark);
     }
     return out + fmt::format("car.tyre_curve = '{}';\n", e.tyre_curve);
   }
-  out += fmt::format("dt = {};  % sampling period [s]\n", exact(e.filter->model.dt, format));
+  out += fmt::format("dt = {};  % sampling period [s]\n", exact(e.filter->model.dt));
   for (const NamedMatrix& m : matrices_of(e)) {
-    out += fmt::format("{} = [{}];", m.name, rows_text(*m.value, format, "", "; ", "")) +
+    out += fmt::format("{} = [{}];", m.name, rows_text(*m.value, "", "; ", "")) +
            ending(m.remark, format);
   }
   return out;
@@ -348,27 +354,72 @@ std::string python_script(const Estimate& e, const FormatNames& format) {
   if (is_vehicle(e)) {
     out += "car = {\n";
     for (const StructMember& m : members_of(e)) {
-      out += fmt::format("    \"{}\": {},  # {}, {}\n", m.name, exact(m.value, format), m.unit,
-                         m.remark);
+      out += fmt::format("    \"{}\": {},  # {}, {}\n", m.name, exact(m.value), m.unit, m.remark);
     }
     return out + fmt::format("}}\ntyre_curve = \"{}\"\n", e.tyre_curve);
   }
   out += "import numpy as np\n\n";
-  out += fmt::format("dt = {}  # sampling period [s]\n", exact(e.filter->model.dt, format));
+  out += fmt::format("dt = {}  # sampling period [s]\n", exact(e.filter->model.dt));
   for (const NamedMatrix& m : matrices_of(e)) {
-    out += fmt::format("{} = np.array([{}])", m.name, rows_text(*m.value, format, "[", ", ", "]")) +
+    out += fmt::format("{} = np.array([{}])", m.name, rows_text(*m.value, "[", ", ", "]")) +
            ending(m.remark, format);
   }
   return out;
 }
 
-std::string numbers(const Estimate& e) {
-  using ExportJson = nlohmann::ordered_json;
+using ExportJson = nlohmann::ordered_json;
+
+// What head() says, for programs.
+ExportJson identity(const StoredResult& result, const std::string& date) {
+  const Estimate& e = result.estimate;
+  ExportJson warnings = ExportJson::array(), data = ExportJson::array();
+  for (const Warning& w : e.warnings) {
+    warnings.push_back({{"code", w.code}, {"severity", w.severity}, {"text", w.text}});
+  }
+  for (const InputRecord& input : e.inputs) {
+    data.push_back({{"path", input.path},
+                    {"sha256", input.sha256},
+                    {"rows", input.rows},
+                    {"used", input.used}});
+  }
+  const auto known = [](const std::string& text) {
+    return text.empty() ? ExportJson(nullptr) : ExportJson(text);
+  };
+  return {{"model", e.model_name},
+          {"verb", e.verb},
+          {"method", e.objective.method},
+          {"version", result.version},
+          {"written", known(date)},
+          {"command", known(result.command)},
+          {"status", {{"code", to_string(e.status)}, {"message", e.message}}},
+          {"warnings", warnings},
+          {"model_file", !e.model_file ? ExportJson(nullptr)
+                                       : ExportJson{{"path", e.model_file->path},
+                                                    {"sha256", e.model_file->sha256}}},
+          {"data", data}};
+}
+
+std::string numbers(const StoredResult& result, const std::string& date) {
+  const Estimate& e = result.estimate;
   const auto number = [](double x) {
     return std::isfinite(x) ? ExportJson(x) : ExportJson(nullptr);
   };
-  ExportJson out{{"model", e.model_name}, {"verb", e.verb}, {"status", to_string(e.status)}};
+  const auto parameter = [&](double value, const std::string& unit, double se,
+                             const std::string& verdict) {
+    return ExportJson{
+        {"value", number(value)}, {"unit", unit}, {"se", number(se)}, {"verdict", verdict}};
+  };
+  ExportJson out = identity(result, date), parameters = ExportJson::object();
   if (!is_vehicle(e)) {
+    const auto channels = [](const std::vector<SteadyFilter::Channel>& list) {
+      ExportJson names = ExportJson::array();
+      for (const SteadyFilter::Channel& c : list) {
+        names.push_back({{"name", c.name}, {"recorded_in", c.unit}});
+      }
+      return names;
+    };
+    out["outputs"] = channels(e.filter->outputs);
+    out["inputs"] = channels(e.filter->inputs);
     out["dt"] = e.filter->model.dt;
     for (const NamedMatrix& m : matrices_of(e)) {
       ExportJson rows = ExportJson::array();
@@ -379,22 +430,61 @@ std::string numbers(const Estimate& e) {
       }
       out[m.name] = std::move(rows);
     }
+    for (const EstimatedParameter& p : e.parameters) {
+      parameters[p.name] =
+          parameter(p.value, p.unit, p.se, p.fixed ? "known" : to_string(p.verdict));
+    }
   } else {
     out["tyre_curve"] = e.tyre_curve;
+    out["straight_axles"] = ExportJson::array();
+    for (const EstimatedParameter& p : e.parameters) {
+      if (is_straight(p)) out["straight_axles"].push_back(p.name == "Ff_max" ? "front" : "rear");
+    }
+    for (const StructMember& m : members_of(e)) {
+      parameters[m.name] = parameter(m.value, m.unit, m.se, m.verdict);
+    }
   }
-  out["parameters"] = ExportJson::object();
-  for (const EstimatedParameter& p : e.parameters) {
-    out["parameters"][p.name] = {{"value", number(p.value)},
-                                 {"unit", p.unit},
-                                 {"se", number(p.se)},
-                                 {"verdict", p.fixed ? "known" : to_string(p.verdict)}};
-  }
+  out["parameters"] = std::move(parameters);
   return out.dump(-1, ' ', false, ExportJson::error_handler_t::replace) + "\n";
+}
+
+bool holds_numbers(const Estimate& e) {
+  return e.verb != "bound" && (e.filter.has_value() || (is_vehicle(e) && !e.parameters.empty()));
+}
+
+// The first name, as the export has it, behind which a number is missing; empty: all are there.
+std::string missing_number(const Estimate& e) {
+  if (is_vehicle(e)) {
+    for (const StructMember& m : members_of(e)) {
+      if (!std::isfinite(m.value)) return m.name;
+    }
+    return "";
+  }
+  const StateSpace& model = e.filter->model;
+  if (!std::isfinite(model.dt)) return "dt";
+  if (model.A.size() == 0) return "A";
+  if (model.C.size() == 0) return "C";
+  for (const NamedMatrix& m : matrices_of(e)) {
+    if (!m.value->allFinite()) return m.name;
+  }
+  return "";
 }
 
 }  // namespace
 
-std::string_view name_of(ExportFormat format) { return names_of(format).name; }
+const std::vector<std::string>& export_formats() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> out;
+    for (const FormatNames& each : kFormats) out.emplace_back(each.name);
+    return out;
+  }();
+  return names;
+}
+
+std::string export_format_list() {
+  const std::vector<std::string>& names = export_formats();
+  return fmt::format("{} or {}", fmt::join(names.begin(), names.end() - 1, ", "), names.back());
+}
 
 std::optional<ExportFormat> export_format(std::string_view name) {
   for (const FormatNames& each : kFormats) {
@@ -405,17 +495,19 @@ std::optional<ExportFormat> export_format(std::string_view name) {
 
 std::string_view describe(ExportFormat format) { return names_of(format).title; }
 
-bool is_exportable(const Estimate& e) {
-  return e.verb != "bound" && (e.filter.has_value() || (is_vehicle(e) && !e.parameters.empty()));
-}
+bool is_exportable(const Estimate& e) { return holds_numbers(e) && missing_number(e).empty(); }
 
 std::string export_text(const StoredResult& result, ExportFormat format, const std::string& date) {
   const Estimate& e = result.estimate;
-  if (!is_exportable(e)) {
+  if (!holds_numbers(e)) {
     throw InputError(
         {result.path, 0, 0},
         fmt::format("a result of '{}' that holds neither a filter nor a vehicle", e.verb),
         "a result of tune, check or fit");
+  }
+  if (const std::string name = missing_number(e); !name.empty()) {
+    throw InputError({result.path, 0, 0}, fmt::format("a number of '{}' is missing", name),
+                     "a result as -o writes it", "run the job again with -o");
   }
   const FormatNames& names = names_of(format);
   std::vector<std::string> lines = head(result, date);
@@ -437,7 +529,7 @@ std::string export_text(const StoredResult& result, ExportFormat format, const s
     case ExportFormat::python:
       return comments + python_script(e, names);
     case ExportFormat::json:
-      return numbers(e);
+      return numbers(result, date);
     case ExportFormat::yaml:
       break;
   }

@@ -60,7 +60,8 @@ YamlNode with_included(YamlNode root, const std::string& path, Walk& walk) {
   for (const YamlNode& file : files) {
     const std::filesystem::path target =
         std::filesystem::path(path).parent_path() / text_of(file, "include");
-    if (!std::filesystem::exists(target)) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(target, ignored)) {
       throw InputError(file.at, fmt::format("include {} does not exist", describe(file)),
                        "a file, relative to this one");
     }

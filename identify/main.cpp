@@ -498,8 +498,9 @@ int run_shape(const Arguments& args) {
 int run_report(const Arguments& args) {
   const std::filesystem::path given(args.model);
   const std::string page = rebuilt_page(args.model);
+  std::error_code ignored;
   const std::filesystem::path folder =
-      std::filesystem::is_directory(given) ? given : given.parent_path();
+      std::filesystem::is_directory(given, ignored) ? given : given.parent_path();
   const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
   write_files({{path, page, "--report"}});
   print(fmt::format("{} written\n", path));
@@ -509,9 +510,8 @@ int run_report(const Arguments& args) {
 int run_export(const Arguments& args) {
   const std::optional<ExportFormat> format = export_format(args.language);
   if (!format) {
-    throw InputError({}, fmt::format("--to '{}'", args.language),
-                     "cpp, c, matlab, python, yaml or json",
-                     did_you_mean(args.language, export_languages()));
+    throw InputError({}, fmt::format("--to '{}'", args.language), export_format_list(),
+                     did_you_mean(args.language, export_formats()));
   }
   const StoredResult result = read_stored_result(args.model, PageData::if_there);
   const std::string text = export_text(result, *format, day_of_file(result.path));
@@ -710,11 +710,12 @@ int run_survey(const Arguments& args, const std::optional<ModelFile>& model,
       estimate.survey = survey(within(guess_vehicle(files), parse_range(args.range)));
     }
     estimate.inputs = records.records;
+    estimate.notes = records.data[0].notes;
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (args.json) {
       print(result_json(estimate, false, spent.count()));
     } else {
-      for (const std::string& note : records.data[0].notes) print(note + "\n");
+      for (const std::string& note : estimate.notes) print(note + "\n");
       print(argument + "\n" + survey_text(*estimate.survey));
     }
   }

@@ -541,10 +541,11 @@ std::string sha256_of_text(std::string_view text) {
   return sha256_ended(context.get());
 }
 
-std::string text_of_file(const std::string& path) {
+std::string text_of_file(const std::string& path, const std::string& expected,
+                         const std::string& hint) {
   std::ifstream file(path, std::ios::binary);
   std::string text(std::istreambuf_iterator<char>(file), {});
-  if (!file || file.bad()) throw InputError({path, 0, 0}, "cannot be read");
+  if (!file || file.bad()) throw InputError({path, 0, 0}, "cannot be read", expected, hint);
   return text;
 }
 

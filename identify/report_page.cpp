@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "identify/estimated_model.h"
 #include "identify/export_result.h"
 #include "identify/report.h"
 #include "identify/report_template.h"
@@ -138,14 +137,6 @@ std::string inside_script(const std::string& json) {
   return out;
 }
 
-bool has_model_text(const Estimate& result, const std::string& path) {
-  try {
-    return result.model_file && estimated_model_text(result, path);
-  } catch (const InputError&) {  // a file that the model included is gone
-    return false;
-  }
-}
-
 // What export prints, by language.
 std::string paste_json(const std::string& result, const std::string& data) {
   StoredResult stored;
@@ -158,8 +149,12 @@ std::string paste_json(const std::string& result, const std::string& data) {
   if (!is_exportable(stored.estimate)) return out.dump();
   for (const ExportFormat format : {ExportFormat::matlab, ExportFormat::python, ExportFormat::cpp,
                                     ExportFormat::c, ExportFormat::yaml}) {
-    if (format == ExportFormat::yaml && !has_model_text(stored.estimate, stored.path)) continue;
-    out.push_back({{"language", describe(format)}, {"text", export_text(stored, format)}});
+    try {
+      out.push_back({{"language", describe(format)}, {"text", export_text(stored, format)}});
+    } catch (const InputError&) {
+      // No text of the model file with the estimates, e.g. as a file that it included is gone.
+      if (format != ExportFormat::yaml) throw;
+    }
   }
   return out.dump(-1, ' ', false, PageJson::error_handler_t::replace);
 }
@@ -243,7 +238,10 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   for (const TrackPicture& t : data.tracks) {
     out["tracks"].push_back({{"name", t.name}, {"X", rounded(t.X)}, {"Y", rounded(t.Y)}});
   }
-  return out.dump(-1, ' ', false, PageJson::error_handler_t::replace) + "\n";
+  const auto text = [&] { return out.dump(-1, ' ', false, PageJson::error_handler_t::replace); };
+  out["sha256"] = nullptr;
+  out["sha256"] = report_data_fingerprint(text());
+  return text() + "\n";
 }
 
 std::string report_page(const std::string& result, const std::string& data) {

@@ -14,7 +14,8 @@ inline constexpr const char* kReportDataFile = "report_data.json";
 /// {lo, hi}, numbers rounded to a twenty-thousandth of their line's range (of themselves where the
 /// axis is logarithmic), null for NaN.
 /// @param result  what result_json() gave for the same estimate: its SHA-256 without the time that
-///   the job took is kept, so that no page is made of parts that do not belong together
+///   the job took is kept, so that no page is made of parts that do not belong together; its own
+///   too
 std::string report_data_json(const ReportData& data, const std::string& result);
 
 /// The page: HTML with styles, scripts and both JSON texts inside.
@@ -22,8 +23,8 @@ std::string report_page(const std::string& result, const std::string& data);
 
 /// The page of a result that was written before.
 /// @param path  result.json or the folder that holds it; kReportDataFile lies beside it
-/// @throws InputError when a file is missing, is not whole, is of another schema version, or the
-///   two do not belong together
+/// @throws InputError when a file is missing, is not whole, is of another schema version, was
+///   changed, or the two do not belong together
 std::string rebuilt_page(const std::string& path);
 
 }  // namespace identikal

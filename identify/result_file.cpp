@@ -3,10 +3,9 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <initializer_list>
 #include <limits>
-#include <sstream>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -24,14 +23,32 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using StoredJson = nlohmann::ordered_json;
 
+// Results and what their pages draw are nowhere near as deep; printing is recursive.
+constexpr int kDeepest = 64;
+
 StoredJson parsed_json(const std::string& path, const std::string& text) {
+  const auto refuse = [&](const std::string& what) {
+    throw InputError({path, 0, 0}, what, "a file as -o writes it", "run the job again with -o");
+  };
+  const auto depth_allowed = [&](int depth, StoredJson::parse_event_t, StoredJson&) {
+    if (depth > kDeepest) refuse(fmt::format("lists or objects in more than {} others", kDeepest));
+    return true;
+  };
   try {
-    return StoredJson::parse(text);
+    return StoredJson::parse(text, depth_allowed);
   } catch (const StoredJson::parse_error& error) {
-    throw InputError({path, 0, 0},
-                     fmt::format("no whole JSON text: it breaks at byte {}", error.byte),
-                     "a file as -o writes it", "run the job again with -o");
+    refuse(fmt::format("no whole JSON text: it breaks at byte {}", error.byte));
+  } catch (const StoredJson::out_of_range&) {
+    refuse("a number is too large");
   }
+  return {};
+}
+
+// In quotes where it is a text; on one line.
+std::string shown(const StoredJson& value) {
+  constexpr std::size_t kLongest = 40;
+  const std::string text = value.dump(-1, ' ', true, StoredJson::error_handler_t::replace);
+  return text.size() <= kLongest ? text : text.substr(0, kLongest) + "...";
 }
 
 void check_version(const std::string& path, const StoredJson& file) {
@@ -40,24 +57,15 @@ void check_version(const std::string& path, const StoredJson& file) {
   }
   const StoredJson& version = file["schema_version"];
   if (version != kSchemaVersion) {
-    throw InputError({path, 0, 0}, fmt::format("schema_version {}", version.dump()),
+    throw InputError({path, 0, 0}, "schema_version " + shown(version),
                      fmt::format("{}", kSchemaVersion),
                      "run the job again with -o, or use the version that wrote it");
   }
 }
 
-std::string stored_text(const std::string& path, const std::string& hint) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || !(text << file.rdbuf())) {
-    throw InputError({path, 0, 0}, "cannot be read", "a file as -o writes it", hint);
-  }
-  return text.str();
-}
-
-std::string fingerprint_of(StoredJson result) {
-  result["timing_s"] = nullptr;
-  return sha256_of_text(result.dump(-1, ' ', false, StoredJson::error_handler_t::replace));
+std::string fingerprint_without(StoredJson file, const char* key) {
+  file[key] = nullptr;
+  return sha256_of_text(file.dump(-1, ' ', false, StoredJson::error_handler_t::replace));
 }
 
 // A value of the file with the way to it, for messages.
@@ -103,6 +111,10 @@ class Field {
     if (!value_.is_number()) refuse("is no number");
     return value_.get<double>();
   }
+  long count() const {
+    if (!value_.is_number_integer()) refuse("is no whole number");
+    return value_.get<long>();
+  }
   bool yes() const {
     if (!value_.is_boolean()) refuse("is neither true nor false");
     return value_.get<bool>();
@@ -143,7 +155,7 @@ class Field {
     for (const Enum each : known) {
       if (to_string(each) == found) return each;
     }
-    refuse("is '" + found + "'");
+    refuse("is " + shown(value_));
   }
 
  private:
@@ -208,9 +220,8 @@ Estimate estimate_of(const Field& root) {
       {Status::ok, Status::answer_no, Status::not_converged, Status::untrusted});
   out.message = root["status"]["message"].text();
   for (const Field& input : root["inputs"].items()) {
-    out.inputs.push_back({input["path"].text(), input["sha256"].text(),
-                          static_cast<long>(input["rows"].number()),
-                          static_cast<long>(input["used"].number()), input["range"].bounds()});
+    out.inputs.push_back({input["path"].text(), input["sha256"].text(), input["rows"].count(),
+                          input["used"].count(), input["range"].bounds()});
   }
   if (const Field model = root["model_file"]; !model.absent()) {
     out.model_file = {model["path"].text(), model["sha256"].text(), model["text"].text(), {}};
@@ -265,13 +276,18 @@ Estimate estimate_of(const Field& root) {
     out.warnings.push_back({w["code"].text(), w["severity"].text(), w["about"].names(),
                             w["text"].text(), w["do"].text()});
   }
+  out.notes = root["notes"].names();
   return out;
 }
 
 }  // namespace
 
 std::string result_fingerprint(const std::string& text) {
-  return fingerprint_of(StoredJson::parse(text));
+  return fingerprint_without(StoredJson::parse(text), "timing_s");
+}
+
+std::string report_data_fingerprint(const std::string& text) {
+  return fingerprint_without(StoredJson::parse(text), "sha256");
 }
 
 StoredResult parse_stored_result(StoredResult result) {
@@ -280,11 +296,16 @@ StoredResult parse_stored_result(StoredResult result) {
   if (!result.data.empty()) {
     const StoredJson data = parsed_json(result.data_path, result.data);
     check_version(result.data_path, data);
-    if (data.value("result_sha256", "") != fingerprint_of(file)) {
+    const Field fields(data, "", result.data_path);
+    if (fields["result_sha256"].text() != fingerprint_without(file, "timing_s")) {
       throw InputError({result.data_path, 0, 0}, "belongs to another result",
                        "both files from one run", "run the job again with -o");
     }
-    result.command = Field(data, "", result.data_path)["provenance"]["command"].text();
+    if (fields["sha256"].text() != fingerprint_without(data, "sha256")) {
+      throw InputError({result.data_path, 0, 0}, "has been changed since it was written",
+                       "the file as -o wrote it", "run the job again with -o");
+    }
+    result.command = fields["provenance"]["command"].text();
   }
   const Field root(file, "", result.path);
   result.version = root["version"].text();
@@ -294,18 +315,21 @@ StoredResult parse_stored_result(StoredResult result) {
 
 StoredResult read_stored_result(const std::string& path, PageData data) {
   namespace fs = std::filesystem;
+  std::error_code ignored;
   const fs::path result_path =
-      fs::is_directory(path) ? fs::path(path) / "result.json" : fs::path(path);
+      fs::is_directory(path, ignored) ? fs::path(path) / "result.json" : fs::path(path);
   const fs::path data_path = result_path.parent_path() / kReportDataFile;
   StoredResult out;
   out.path = result_path.string();
   out.data_path = data_path.string();
-  out.text = stored_text(out.path, "name the folder that -o was given");
-  if (data == PageData::required || (data == PageData::if_there && fs::exists(data_path))) {
+  const std::string expected = "a file as -o writes it";
+  out.text = text_of_file(out.path, expected, "name the folder that -o was given");
+  if (data == PageData::required ||
+      (data == PageData::if_there && fs::exists(data_path, ignored))) {
     // What is wrong with the result is said first.
     check_version(out.path, parsed_json(out.path, out.text));
-    out.data =
-        stored_text(out.data_path, "tune, check, fit, shape and track write it beside result.json");
+    out.data = text_of_file(out.data_path, expected,
+                            "tune, check, fit, shape and track write it beside result.json");
   }
   return parse_stored_result(std::move(out));
 }

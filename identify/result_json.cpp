@@ -370,6 +370,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
         {{"name", d.name}, {"unit", d.unit}, {"value", number(d.value)}, {"se", number(d.se)}});
   }
   out["warnings"] = warnings_of(estimate.warnings);
+  out["notes"] = estimate.notes;
   out["timing_s"] = number(timing_s);
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -524,6 +524,9 @@ if (data.axles.length || (result.derived.length && data.tracks.length)) {
     result.covariance_kind.includes("sandwich") && data.profiles.length ? note("Profiles take the residuals as white; the standard errors allow for what they are, and are the ones to trust.") : null, grid(plots));
 })();
 
+// --- remarks ---
+section("remarks", "Remarks", result.notes.length ? el("div", { class: "code" }, el("pre", {}, result.notes.join("\n"))) : null);
+
 // --- data ---
 (() => {
   const anyHeld = data.recordings.some((r) => r.held), partHead = anyHeld ? ["rows are"] : [];

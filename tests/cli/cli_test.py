@@ -6,6 +6,7 @@ import math
 import os
 import pathlib
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -271,6 +272,25 @@ class Tune(unittest.TestCase):
             again = folder.path / "again.html"
             run("report", out / "result.json", "--report", again, code=0)
             self.assertEqual(text, again.read_text())
+
+    def test_a_result_holds_what_is_printed(self):
+        with Folder() as folder:
+            out = folder.path / "out"
+            run("fit", *LANE_CHANGE, "-o", folder.path / "car", code=0)
+            for words, job in (("autocovariances", ("tune", *NILE, "--method", "als")), ("rms", ("fit", *LANE_CHANGE)),
+                               ("refit on these data", ("validate", folder.path / "car", LANE_CHANGE[1])),
+                               ("log-likelihood", ("compare", folder.path / "car", folder.path / "car"))):
+                notes = json.loads(run(*job, "--json").stdout)["notes"]
+                self.assertGreater(len(notes), 0, job)
+                printed = run(*job).stdout
+                for line in notes:
+                    self.assertIn(" ".join(line.split()), " ".join(printed.split()), job)
+                self.assertIn(words, "\n".join(notes))
+            run("tune", *NILE, "--method", "als", "-o", out, code=0)
+            stored = json.loads((out / "result.json").read_text())
+            self.assertIn("autocovariances of the innovations", stored["notes"][0])
+            run("report", out, code=0)
+            self.assertIn("result.notes", (out / "report.html").read_text())
 
     def test_report_data(self):
         def strict(text):
@@ -857,10 +877,41 @@ initial: stationary
         exec(self.exported("python"), space)
         self.assertAlmostEqual(space["car"]["bias_r"], stored["bias_r"]["value"] * 3.14159265358979323846 / 180, delta=1e-17)
         for name in ("Ff_max", "Fr_max"):
-            if stored[name]["value"] is None:
-                self.assertEqual(float("inf"), space["car"][name])
+            self.assertEqual(stored[name]["value"], space["car"].get(name))
+        self.straight_axle("Fr_max", stored)
+
+    def straight_axle(self, name, stored):
+        """No Inf tanh(0), which is no number: the axle has no largest force, and the text says F = L."""
+        text = (self.out / "result.json").read_text()
+        result = json.loads(text)
+        p = next(p for p in result["parameters"] if p["name"] == name)
+        p["value"], p["verdict"], p["se"] = None, "at_bound", None
+        (self.out / "report_data.json").unlink()
+        (self.out / "result.json").write_text(json.dumps(result))
+        for language in ("cpp", "c", "matlab", "python", "json"):
+            export = self.exported(language)
+            self.assertNotRegex(export, r"(?i)\b(inf|infinity|nan|null)\b" if language != "json" else "Infinity|NaN")
+            if language == "json":
+                self.assertIn("rear", json.loads(export)["straight_axles"])
+                self.assertNotIn(name, json.loads(export)["parameters"])
             else:
-                self.assertEqual(stored[name]["value"], space["car"][name])
+                self.assertIn(f"F = L for the rear axle, so there is no {name}", export)
+                self.assertNotIn(f"// {name} [", export)
+                self.assertNotRegex(export, f"(double |car\\.|\"){name}")
+        (self.out / "result.json").write_text(text)
+
+    def test_pasted_units(self):
+        text = pathlib.Path(LANE_CHANGE[0]).read_text()
+        model = self.folder.write("m.yaml", text.replace("curve: linear", "curve: tanh").replace(
+            "  Iz:", "  bias_r: {value: 0.1 deg/s, min: -3, max: 3}\n  Iz:"))
+        run("fit", model, LANE_CHANGE[1], "-o", self.out)
+        numbers = json.loads(self.exported("json"))
+        space = {}
+        exec(self.exported("python"), space)
+        self.assertEqual(space["car"], {n: p["value"] for n, p in numbers["parameters"].items()})
+        self.assertEqual({"Cf": "N/rad", "Iz": "kg m^2", "bias_r": "rad/s"}, {n: numbers["parameters"][n]["unit"] for n in ("Cf", "Iz", "bias_r")})
+        stored = {p["name"]: p for p in self.stored()["parameters"]}
+        self.assertAlmostEqual(stored["bias_r"]["se"] * math.pi / 180, numbers["parameters"]["bias_r"]["se"], delta=1e-15)
         header = self.folder.write("car.h", self.exported("c"))
         compiled(self.folder, f'#include "{header}"\nint main(void) {{ return severe_lane_change_car_estimate.m > 0 ? 0 : 1; }}\n', "main.c", "gcc", "-std=c99")
         pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
@@ -883,6 +934,20 @@ initial: stationary
         self.assertIn("AT ITS BOUND", self.exported("python"))
         pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
         self.assertEqual(0, json.loads(run("check", pasted, data, "--json").stdout)["parameters"][0]["value"])
+
+    def test_json_says_where_it_comes_from(self):
+        data = self.folder.write("white.csv", "volume\n" + "".join(f"{random.Random(i).gauss(0, 1):.5f}\n" for i in range(200)))
+        run("tune", NILE[0], data, "-o", self.out)
+        numbers, stored = json.loads(self.exported("json")), self.stored()
+        self.assertEqual({k: stored["status"][k] for k in ("code", "message")}, numbers["status"])
+        self.assertEqual([w["text"] for w in stored["warnings"]], [w["text"] for w in numbers["warnings"]])
+        self.assertGreater(len(numbers["warnings"]), 0)
+        self.assertEqual(stored["version"], numbers["version"])
+        self.assertEqual(stored["model_file"]["sha256"], numbers["model_file"]["sha256"])
+        self.assertEqual([i["sha256"] for i in stored["inputs"]], [d["sha256"] for d in numbers["data"]])
+        self.assertEqual(hashlib.sha256(pathlib.Path(data).read_bytes()).hexdigest(), numbers["data"][0]["sha256"])
+        self.assertIn("identikal tune", numbers["command"])
+        self.assertEqual({"name": "volume", "recorded_in": stored["filter"]["outputs"][0]["unit"]}, {**numbers["outputs"][0], "name": "volume"})
 
     def test_the_page_has_the_same(self):
         run("tune", *NILE, "-o", self.out, "--report", self.folder.path / "page.html", code=0)
@@ -1700,6 +1765,10 @@ class BadInput(unittest.TestCase):
             ("report_data.json", data_text[:-100], ["report_data.json", "no whole JSON"]),
             ("report_data.json", data_text.replace('"schema_version":1', '"schema_version":9'), ["report_data.json", "schema_version 9"]),
             ("report_data.json", None, ["report_data.json", "cannot be read"]),
+            ("report_data.json", data_text.replace('"channels":[{"name":"level"', '"chanels":[{"name":"level"'), ["report_data.json", "has been changed"]),
+            ("report_data.json", re.sub('"time":\\[[^]]*\\]', '"time":"abc"', data_text), ["report_data.json", "has been changed"]),
+            ("report_data.json", re.sub('"result_sha256":"[0-9a-f]*"', '"result_sha256":5', data_text), ["'result_sha256' is no text"]),
+            ("report_data.json", data_text.replace('"rows":100', '"rows":1e999'), ["report_data.json", "too large"]),
             ("result.json", None, ["result.json", "cannot be read"]),
         ]
         for name, text, words in cases:
@@ -1708,6 +1777,8 @@ class BadInput(unittest.TestCase):
             if text is None:
                 (out / name).unlink()
             else:
+                self.assertNotEqual(text, data_text)
+                self.assertNotEqual(text, result_text)
                 (out / name).write_text(text)
             self.refused(words, "report", out)
             self.assertFalse((out / "report.html").exists())
@@ -1715,6 +1786,47 @@ class BadInput(unittest.TestCase):
         self.refused(["--report"], "tune", *NILE, "--report", "/proc/none/page.html", code=5)
         self.refused(["--report"], "tune", *NILE, "--report", "")
         self.refused(["--report", "--compare"], "check", "--compare", NILE[0], *NILE, "--report", self.folder.path / "page.html")
+
+    def test_results_that_no_program_wrote(self):
+        out, other = self.folder.path / "result", self.folder.path / "other"
+        for folder in (out, other):
+            run("tune", *NILE, "-o", folder, code=0)
+        text = (out / "result.json").read_text()
+        (self.folder.path / "loop").symlink_to("loop")
+        long = self.folder.path / ("x" * 5000)
+        for spoilt, words in ((re.sub('"log_likelihood": [-0-9.]+', '"log_likelihood": 1e999', text), ["result.json", "too large"]),
+                              ('{"schema_version":' + 200_000 * "[" + 200_000 * "]" + "}", ["result.json", "in more than"]),
+                              ('{"schema_version":' + 200_000 * '{"a":' + "1" + 200_000 * "}" + "}", ["result.json", "in more than"]),
+                              ('{"schema_version":"' + 5000 * "1" + '"}', ["schema_version"]),
+                              (text.replace('"code": "ok"', '"code": "o\\nk' + 5000 * "k" + '"'), ["status.code"]),
+                              (re.sub('"rows": 100', '"rows": 1e300', text), ["'inputs[0].rows' is no whole number"])):
+            self.assertNotEqual(spoilt, text)
+            (out / "result.json").write_text(spoilt)
+            for job in (("report", out), ("export", out, "--to", "c"), ("validate", out, NILE[1]), ("compare", other, out),
+                        ("filter", *NILE, "--from", out)):
+                # What does not belong to report_data.json any more is refused for that.
+                edited = "inputs" in spoilt and "1e999" not in spoilt and job[0] in ("report", "export")
+                with self.subTest(spoilt=spoilt[:60], job=job[0]):
+                    self.refused(["belongs to another result"] if edited else words, *job)
+        for path in (self.folder.path / "loop", long):
+            for job in (("report", path), ("export", path, "--to", "c"), ("validate", path, NILE[1]), ("compare", other, path),
+                        ("filter", *NILE, "--from", path)):
+                done = run(*job, code=2)
+                self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))
+                self.assertIn("cannot be read", done.stderr)
+        # A folder whose name is too long to be made is no internal error either.
+        self.refused(["x" * 300], "report", other, "--report", self.folder.path / ("x" * 300 + ".html"), code=5)
+
+    def test_exports_of_nothing(self):
+        out = self.folder.path / "result"
+        run("tune", *NILE, "-o", out, code=0)
+        (out / "report_data.json").unlink()
+        result = json.loads((out / "result.json").read_text())
+        for name, null in (("A", [[None]]), ("A", None), ("P", [[None]])):
+            filter_ = {**result["filter"], name: null}
+            (out / "result.json").write_text(json.dumps({**result, "filter": filter_}))
+            for language in ("cpp", "c", "matlab", "python", "json"):
+                self.refused([f"a number of '{name}' is missing"], "export", out, "--to", language)
 
     def test_exports(self):
         out = self.folder.path / "result"
