@@ -137,6 +137,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
                                   [&](const Warning& w) { return w.text == warning.text; });
     if (!said) estimate.warnings.push_back(warning);
   };
+  for (const Warning& warning : recordings.warnings) say_once(warning);
   for (const Dataset& data : recordings.data) {
     for (const std::string& note : data.notes) say_once({"data_treated", "note", {}, note, ""});
     for (const std::string& doubt : data.unknown_units) {

@@ -1297,6 +1297,39 @@ class Nonlinear(unittest.TestCase):
         self.assertEqual({"score", "nis", "ljung_box"}, {t["id"] for t in held["tests"]})
         self.assertEqual("answer_no", result("validate", self.out, self.spoilt(other), code=1)["status"]["code"])
 
+    def test_starts_within_a_recording_are_said(self):
+        lines = self.simulated(1, 100).read_text().splitlines()
+        header = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+        names = lines[header].split(",")
+        column = next(i for i, name in enumerate(names) if name.startswith("torque"))
+        row = next(i for i in range(header + 1, len(lines)) if lines[i][0].isdigit()) + 10
+        cells = lines[row].split(",")
+        cells[column] = ""
+        gap = self.folder.write("gap.csv", "\n".join([*lines[:row], ",".join(cells), *lines[row + 1:]]) + "\n")
+        after = float(lines[row + 1].split(",")[0])
+
+        def warnings(*arguments):
+            out = json.loads(run("filter", self.model, *arguments, "--json").stdout)
+            return {w["code"]: w for w in out["warnings"]}
+
+        said = warnings(gap)["starts_anew"]
+        self.assertEqual("warning", said["severity"])
+        self.assertIn(f"starts anew from 'initial' at t = {after:g} s, after a missing input", said["text"])
+        said = warnings(self.simulated(1, 100), "--range", "1:4")["starts_within"]
+        self.assertEqual("note", said["severity"])
+        self.assertIn("at t = 1 s, where --range begins", said["text"])
+        self.assertNotIn("starts_anew", warnings(self.simulated(1, 100)))
+
+    def test_another_step_than_the_file_s(self):
+        with Folder() as folder:
+            model = folder.write("model.yaml", SYSTEM_1.replace("step: 1 s", "step: 10 ms"))
+            rows = "".join(f"{20 * t},{math.sin(t * t)}\n" for t in range(60))
+            data = folder.write("data.csv", "t [ms],y\n" + rows)
+            warning = {w["code"]: w for w in json.loads(run("filter", model, data, "--json").stdout)["warnings"]}["step_differs"]
+            self.assertIn("0.01 s from row to row, column 't' of data.csv 0.02 s", warning["text"])
+            data = folder.write("data.csv", "t [ms],y\n" + "".join(f"{10 * t},{math.sin(t * t)}\n" for t in range(60)))
+            self.assertEqual([], json.loads(run("filter", model, data, "--json").stdout)["warnings"])
+
     def spoilt(self, data):
         """The angle four times as noisy."""
         generator = random.Random(1)
