@@ -1320,6 +1320,26 @@ class Nonlinear(unittest.TestCase):
         self.assertIn("at t = 1 s, where --range begins", said["text"])
         self.assertNotIn("starts_anew", warnings(self.simulated(1, 100)))
 
+    def test_where_a_filter_has_no_numbers(self):
+        tank = self.folder.write("tank.yaml", """identikal: 1
+name: tank
+time: {kind: discrete, step: 1 s}
+parameters: {c: {value: 0.1}, q: {value: 0.01, min: 0}, r: {value: 1e-4, min: 0}}
+states: [h]
+dynamics: {h: h - c*sqrt(h)}
+outputs: {level: {column: level, equals: h}}
+noise: {process: {kind: per-sample, variance: {h: q}}, measurement: {variance: {level: r}}}
+initial: {mean: {h: 1}, sd: {h: 0.1}}
+""")
+        levels = [1, 0.9, 0.8, 0.7, 0.6, -5, 0.5, 0.4, 0.3, 0.2]
+        data = self.folder.write("levels.csv", "level\n" + "".join(f"{v}\n" for v in levels))
+        for verb in ("filter", "tune"):
+            said = run(verb, tank, data, code=2).stderr
+            # The state is below zero once the sixth level is known, and has no root.
+            self.assertIn("levels.csv: the filter has no numbers at t = 6 s (sample 7)", said)
+            self.assertNotIn("input is missing", said)
+            self.assertNotIn("semidefinite", said)
+
     def test_another_step_than_the_file_s(self):
         with Folder() as folder:
             model = folder.write("model.yaml", SYSTEM_1.replace("step: 1 s", "step: 10 ms"))

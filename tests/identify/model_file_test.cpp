@@ -614,6 +614,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"0.1]", "~]", "7:11: an entry of A is empty; expected a single value"},
     {"0.1]", "[1]]", "7:11: an entry of A is a list; expected a single value"},
     {"0.1]", "1e308*q]", "7:4: A is too large"},
+    {"0.1]", "sqrt(1 - q)]", "7:4: A is not a number: a formula is undefined at these values"},
     {"C: [[1, 0]]", "C: [[1, 0, 0]]", "8:4: C is 1 x 3; expected 1 x 2 (outputs x states)"},
     {"C: [[1, 0]]", "C: [[1, 0], [0, 1]]", "8:4: C is 2 x 2; expected 1 x 2 (outputs x states)"},
     {"C: [[1, 0]]", "C: 1", "8:4: C is 1 x 1; expected 1 x 2 (outputs x states)"},
