@@ -221,6 +221,10 @@ int run_estimator(const Arguments& args) {
     throw InputError({}, fmt::format("{} has no meaning with --method {}", option, args.method),
                      "--method als or als-weighted");
   }
+  if (model.form == ModelFile::Form::nonlinear && args.path != Arguments{}.path) {
+    throw InputError({}, "--path has no meaning here", "a linear model",
+                     "the likelihood of a nonlinear one has one path");
+  }
   if (args.full_matrix && args.method != "als") {
     throw InputError({}, "--full-matrix has no meaning with --method " + args.method,
                      "--method als: it is a choice of weights, and als-weighted has its own");

@@ -1320,6 +1320,19 @@ class Nonlinear(unittest.TestCase):
         self.assertIn("at t = 1 s, where --range begins", said["text"])
         self.assertNotIn("starts_anew", warnings(self.simulated(1, 100)))
 
+    def test_advice_is_for_the_model_at_hand(self):
+        data = self.simulated(1, 100)
+        self.assertIn("--path has no meaning here", run("tune", self.model, data, "--path", "steady", code=2).stderr)
+        short = self.simulated(2, 9)
+        out = json.loads(run("fit", self.model, short, "--starts", 1, "--json").stdout)
+        self.assertIn("9 samples for 4 unknowns", {w["code"]: w for w in out["warnings"]}["few_samples"]["text"])
+        text = pathlib.Path(self.model).read_text()
+        still = self.folder.write("still.yaml", text.replace("sin(phi)", "sin(phi)/20").replace("l: {value: 0.8 m, min: 0.1, max: 5}", "l: 0.8 m"))
+        out = json.loads(run("fit", still, self.simulated(3), "--starts", 1, "--json").stdout)
+        said = [w["do"] for w in out["warnings"] if w["code"] == "coloured_innovations"]
+        self.assertTrue(said)
+        self.assertNotIn("shape", " ".join(said))
+
     def test_where_a_filter_has_no_numbers(self):
         tank = self.folder.write("tank.yaml", """identikal: 1
 name: tank
