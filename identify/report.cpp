@@ -333,9 +333,10 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits) {
   std::string out;
   for (const ChannelFit& fit : fits) {
     out +=
-        fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {} {}\n", kind, fit.channel,
+        fmt::format("fit    {:<12} {:<12} {:>7} %   rmse {}{}{}\n", kind, fit.channel,
                     std::isfinite(fit.fit_percent) ? fmt::format("{:.2f}", fit.fit_percent) : "-",
-                    std::isfinite(fit.rmse) ? fmt::format("{:.4g}", fit.rmse) : "-", fit.unit);
+                    std::isfinite(fit.rmse) ? fmt::format("{:.4g}", fit.rmse) : "-",
+                    fit.unit.empty() ? "" : " ", fit.unit);
   }
   return out;
 }

@@ -945,6 +945,7 @@ TEST_F(ModelFileTest, FilesThatAreNoModel) {
       {"a: 1\n? [b]\n: 2\n", "2:3: a key is a list; expected a word before the colon"},
       {"a: 1\n: 2\n", "2:1: a key is empty; expected a word before the colon"},
       {"a: 1\n\tb: 2\n", "2:1: not valid YAML: illegal tab when looking for indentation"},
+      {"a:\n\tb: 1\n", "2:1: a tab in the indentation; expected blanks; illegal map value"},
       {"ěšč: [1, 2]\nř: {á: b, á: c}\n", "2:11: key 'á' is given twice; the first is on line 2"},
       {"\xEF\xBB\xBF"
        "identikal: 2\n",
