@@ -110,11 +110,37 @@ void conclude(Estimate& estimate) {
 // What recordings say of the free entries, SI.
 struct Told {
   MatrixXd total;
-  MatrixXd per_sample;               // what further samples add; empty: as much as these
-  std::optional<MatrixXd> complete;  // per sample, with the states observed
+  MatrixXd per_sample;  // what further samples add; empty: as much as these
+  // Per free entry: its variance times the samples, with the states observed; kNone where the
+  // noise alone does not say it. Empty: none of them.
+  VectorXd complete;
   std::optional<GainSensitivity> gain;
   Bound::InnovationForm innovation_form;
 };
+
+bool moves_dynamics(const StateSpace& d) {
+  return !(d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0));
+}
+
+// With the states observed and the dynamics known. Noise of continuous time depends, as it is from
+// sample to sample, on the dynamics too; but what that says of them is little beside what the
+// states themselves say, so nothing is said of parameters that move both.
+VectorXd complete_variance(const StateSpace& system, const std::vector<StateSpace>& derivatives) {
+  std::vector<StateSpace> of_noise;
+  std::vector<Index> place;
+  for (std::size_t i = 0; i < derivatives.size(); ++i) {
+    const StateSpace& d = derivatives[i];
+    const bool in_noise = !(d.Q.isZero(0.0) && d.R.isZero(0.0) && d.S.isZero(0.0));
+    if (!in_noise || !d.G.isZero(0.0) || moves_dynamics(d)) continue;
+    of_noise.push_back(d);
+    place.push_back(static_cast<Index>(i));
+  }
+  VectorXd out = VectorXd::Constant(static_cast<Index>(derivatives.size()), kNone);
+  const auto information = complete_data_information(system, of_noise);
+  const auto covariance = information ? scaled_inverse(*information, 1e-12) : std::nullopt;
+  if (covariance) out(place) = covariance->diagonal();
+  return out;
+}
 
 Told told_by_linear(const ModelFile& model, const BoundOptions& options, const Dataset* inputs,
                     const std::vector<StateSpace>& derivatives) {
@@ -133,13 +159,10 @@ Told told_by_linear(const ModelFile& model, const BoundOptions& options, const D
   out.total = information.total;
   // Further samples add what a steady filter sees; of inputs, as much as so far.
   if (u.size() == 0) out.per_sample = information.per_sample;
-  out.complete = complete_data_information(system, derivatives);
+  out.complete = complete_variance(system, derivatives);
   out.gain = steady_gain_sensitivity(system, derivatives);
   if (out.gain) {
-    const bool of_the_noise =
-        std::all_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
-          return d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0);
-        });
+    const bool of_the_noise = std::none_of(derivatives.begin(), derivatives.end(), moves_dynamics);
     out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
   }
   return out;
@@ -220,11 +243,6 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   describe_filter_loss(estimate, model, model.parameters);
 
   const std::optional<GainSensitivity>& gain = told.gain;
-  std::optional<MatrixXd> complete_covariance;
-  if (told.complete) {
-    complete_covariance =
-        scaled_inverse(static_cast<double>(options.samples) * in_units(*told.complete), 1e-12);
-  }
   const MatrixXd rate = told.per_sample.size() > 0
                             ? in_units(told.per_sample)
                             : MatrixXd(total / static_cast<double>(options.samples));
@@ -237,7 +255,9 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
       p.crb_se = p.se;
       p.se = kNone;
       p.ci95 = {kNone, kNone};
-      if (complete_covariance) complete_se = std::sqrt((*complete_covariance)(i, i));
+      if (told.complete.size() > 0) {
+        complete_se = std::sqrt(told.complete[i] / static_cast<double>(options.samples)) / unit[i];
+      }
       if (!std::isnan(p.crb_se)) {
         const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
         needed = std::ceil(std::pow(relative / options.accuracy, 2));

@@ -65,10 +65,11 @@ std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& 
   }
   const Joined joined = join_tables(files, model.time);
   const std::vector<ChannelSource> no_outputs;
+  const TimeRange range = parse_range(args.range);
   std::vector<Dataset> out;
   for (const Table& run : split_runs(joined.table, model.time)) {
     Dataset data = make_dataset(run, model.time, model.inputs,
-                                with_outputs ? model.outputs : no_outputs, parse_range(args.range));
+                                with_outputs ? model.outputs : no_outputs, range);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
     const bool as_recorded =
         model.form == ModelFile::Form::single_track ||
@@ -76,6 +77,11 @@ std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& 
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;
       data = on_uniform_raster(data, step);
+    }
+    if (range.from > 0.0) {
+      data.begins = "where --range begins";
+    } else if (!out.empty()) {
+      data.begins = "where the time stamps start again";
     }
     for (Dataset& stretch : usable_stretches(model, std::move(data))) {
       out.push_back(std::move(stretch));
@@ -93,6 +99,85 @@ Dataset load_data(const Arguments& args, const std::vector<Table>& files, const 
   }
   return std::move(runs.front());
 }
+
+namespace {
+
+// A start that is given belongs to a recording's begin; a filter that begins elsewhere takes it
+// too.
+void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
+                    std::vector<Warning>& warnings) {
+  const bool filters =
+      model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear;
+  if (!filters || model.linear.initial != InitialState::given) return;
+  struct Starts {
+    std::size_t count = 0;
+    std::string text;
+    void add(const Dataset& run) {
+      if (++count > 5) return;
+      text += fmt::format("{}at t = {:.6g} s, {}", count > 1 ? "; " : "", run.time[0], run.begins);
+    }
+    std::string said() const {
+      return count > 5 ? fmt::format("{}; and {} times more", text, count - 5) : text;
+    }
+  };
+  Starts at_gaps, wanted;
+  for (const Dataset& run : runs) {
+    if (run.begins.empty()) continue;
+    (run.begins.starts_with("after") ? at_gaps : wanted).add(run);
+  }
+  const std::string& name = runs.front().name;
+  if (at_gaps.count > 0) {
+    warnings.push_back(
+        {"starts_anew",
+         "warning",
+         {},
+         fmt::format("{}: the filter starts anew from 'initial' {}", name, at_gaps.said()),
+         "fill the gaps, or give 'initial' variances that hold for the state there too"});
+  }
+  if (wanted.count > 0) {
+    warnings.push_back({"starts_within",
+                        "note",
+                        {},
+                        fmt::format("{}: the filter starts from 'initial' {}", name, wanted.said()),
+                        "'initial' is to hold there too"});
+  }
+}
+
+// Without a column of time stamps rows are a step apart: does the file say another one?
+void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warning>& warnings) {
+  if (!model.time.column.empty() || !(model.time.step > 0.0) || table.rows < 2) return;
+  const auto read = [&](const Column& column) {
+    const auto is_it = [&](const ChannelSource& c) { return c.column == column.name; };
+    return std::any_of(model.inputs.begin(), model.inputs.end(), is_it) ||
+           std::any_of(model.outputs.begin(), model.outputs.end(), is_it);
+  };
+  for (const Column& column : table.columns) {
+    if (!looks_like_time(column) || read(column)) continue;
+    TimeSource source;
+    source.column = column.name;
+    Eigen::VectorXd t;
+    try {
+      t = time_stamps(table, source);
+    } catch (const InputError&) {
+      continue;  // not time stamps
+    }
+    Eigen::VectorXd steps = t.tail(t.size() - 1) - t.head(t.size() - 1);
+    double* middle = steps.data() + steps.size() / 2;
+    std::nth_element(steps.data(), middle, steps.data() + steps.size());
+    if (std::abs(*middle - model.time.step) <= 0.01 * model.time.step) continue;
+    warnings.push_back(
+        {"step_differs",
+         "warning",
+         {},
+         fmt::format("the model says {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
+                     model.time.step, column.name,
+                     std::filesystem::path(table.path).filename().string(), *middle),
+         fmt::format("correct 'step', or say time: {{column: {}}}", column.name)});
+    return;
+  }
+}
+
+}  // namespace
 
 void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
                      const TimeRange& range) {
@@ -134,7 +219,10 @@ Recordings load_recordings(const Arguments& args, const ModelFile& model) {
                        "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
     }
     const std::vector<Table> files = read_files(path);
-    out.add(load_runs(args, files, model), files, parse_range(args.range));
+    std::vector<Dataset> runs = load_runs(args, files, model);
+    warn_of_starts(model, runs, out.warnings);
+    warn_of_step(model, files.front(), out.warnings);
+    out.add(std::move(runs), files, parse_range(args.range));
     check_period(args, model, out.data.front(), out.data.back());
   }
   return out;

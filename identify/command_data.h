@@ -40,6 +40,8 @@ struct Recordings {
   std::vector<InputRecord> records;                             ///< one per file
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  ///< recordings [from, to) of a file
 
+  std::vector<Warning> warnings;  ///< of how they go with the model
+
   /// What was loaded from the files of one argument.
   void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range);
 };

@@ -9,7 +9,9 @@
 
 #include "identify/distribution.h"
 #include "identify/free_run.h"
+#include "identify/matrix_reader.h"
 #include "identify/model_filter.h"
+#include "identify/noise_estimate.h"
 #include "lib/error.h"
 #include "lib/matrix_equations.h"
 #include "lib/units.h"
@@ -145,6 +147,35 @@ void take_units(std::vector<SteadyFilter::Channel>& to, const std::vector<Channe
   }
 }
 
+// Where a filter at the model's values first ends as `status` says.
+struct Failure {
+  std::string recording;
+  double time = kNone;
+  Index row = 0;  // from 1; 0: it does not, or not at a sample of its own
+
+  std::string where() const {
+    return row == 0 ? "" : fmt::format(" at t = {:.6g} s (sample {})", time, row);
+  }
+};
+
+Failure first_failure(const ModelFile& model, const std::vector<Dataset>& recordings,
+                      FilterStatus status) {
+  const auto ends_so = [&](const Dataset& data) {
+    return run_filter(model, model.parameters, data, Keep::innovations).status == status;
+  };
+  for (const Dataset& data : recordings) {
+    if (!ends_so(data)) continue;
+    if (status == FilterStatus::undetermined) return {data.name, kNone, 0};
+    Index runs = 0, fails = data.size();  // samples with which it does not, and does
+    while (fails - runs > 1) {
+      const Index middle = runs + (fails - runs) / 2;
+      (ends_so(first_samples(data, middle)) ? fails : runs) = middle;
+    }
+    return {data.name, data.time[fails - 1], fails};
+  }
+  return {recordings[0].name, kNone, 0};
+}
+
 }  // namespace
 
 MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
@@ -182,37 +213,51 @@ ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Ei
 void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
                    FilterStatus status) {
   const Location here{model.path, 0, 0};
-  const auto culprit = [&] {
-    for (const Dataset& data : recordings) {
-      const FilterResult filter = run_filter(model, model.parameters, data, Keep::innovations);
-      if (filter.status == status) return Location{data.name, 0, 0};
-    }
-    return Location{recordings[0].name, 0, 0};
-  };
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (status == FilterStatus::unstable) {
+    throw InputError(
+        here,
+        fmt::format(
+            "the filter starts stationary, and A has an eigenvalue of size "
+            "{:.6g}",
+            instantiate(model.linear, model.parameters).A.eigenvalues().cwiseAbs().maxCoeff()),
+        "a stable A: every eigenvalue inside the unit circle",
+        "say 'initial: diffuse' where nothing is known of the state");
+  }
+  const Failure failure = first_failure(model, recordings, status);
+  const Location there{failure.recording, 0, 0};
   switch (status) {
     case FilterStatus::ok:
-      break;
     case FilterStatus::unstable:
+      break;
+    case FilterStatus::indefinite:
+      if (const auto fault = fault_at(model.linear, model.parameters)) {
+        throw InputError(here, fault->text + " at these values");
+      }
       throw InputError(
           here,
-          fmt::format(
-              "the filter starts stationary, and A has an eigenvalue of size "
-              "{:.6g}",
-              instantiate(model.linear, model.parameters).A.eigenvalues().cwiseAbs().maxCoeff()),
-          "a stable A: every eigenvalue inside the unit circle",
-          "say 'initial: diffuse' where nothing is known of the state");
-    case FilterStatus::indefinite:
-      throw InputError(here, "an innovation covariance is not positive definite at these values",
-                       "noise in every output: Q and R positive semidefinite, and no output or "
-                       "combination of outputs without any");
+          "an innovation covariance is not positive definite at these values" + failure.where(),
+          nonlinear ? "noise in every output, and no output or combination of outputs "
+                      "without any"
+                    : "noise in every output: Q and R positive semidefinite, and no "
+                      "output or combination of outputs without any");
     case FilterStatus::undetermined:
-      throw InputError(culprit(), "the recording does not determine the diffuse initial state",
+      throw InputError(there, "the recording does not determine the diffuse initial state",
                        "outputs that show every state, and more rows than states",
                        "say 'initial: stationary', or give x0 and P0");
     case FilterStatus::not_finite:
-      throw InputError(culprit(), "the filter overflows, or an input is missing",
-                       "numbers of a size whose square is finite, and a value of every input in "
-                       "every row");
+      check_inputs(recordings);
+      if (nonlinear) {
+        throw InputError(there,
+                         "the filter has no numbers" + failure.where() +
+                             ": a state overflows, or a formula or its derivative is undefined "
+                             "there",
+                         "formulas that are defined wherever the filter takes the states",
+                         "bound what a function takes, as in sqrt(max(x, 1e-9)); start nearer to "
+                         "the truth, or take a shorter time: {integration_step: ...}");
+      }
+      throw InputError(there, "the filter overflows" + failure.where(),
+                       "numbers of a size whose square is finite");
   }
   throw InputError(here, "the filter cannot run");
 }
@@ -272,7 +317,9 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
   for (const Dataset& data : recordings) {
     filters.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {
-      refuse_filter(model, recordings, filters.back().status);
+      ModelFile here = model;
+      here.parameters = parameters;
+      refuse_filter(here, recordings, filters.back().status);
     }
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }

@@ -125,6 +125,7 @@ class FormulaReader {
     read_initial(root_, physical, parameters_, out_.linear);
     refuse_what_only_linear_models_have();
     read_use_when();
+    refuse_unused_definitions();
     refuse_unused(parameters_);
     check_start();
     out_.parameters = std::move(parameters_.set);
@@ -179,6 +180,47 @@ class FormulaReader {
     return read_formula(node, what, symbols_.names, first_parameter_, parameters_, kind);
   }
 
+  // Number i of `let`. Those from it on are known by name, to be refused by what they are.
+  Expression definition(const YamlNode& let, std::size_t i) {
+    std::vector<std::string> names = symbols_.names;
+    for (std::size_t j = i; j < let.keys.size(); ++j) names.push_back(let.keys[j].text);
+    const std::string name = in_quotes(let.keys[i].text);
+    Expression out =
+        read_formula(let.items[i], name, names, first_parameter_, parameters_, FormulaKind::number);
+    for (const Expression::Node& each : out.nodes) {
+      if (each.op != Op::symbol) continue;
+      const auto symbol = static_cast<std::size_t>(each.symbol);
+      if (symbol < symbols_.names.size()) continue;
+      throw InputError(
+          place_in(let.items[i], each.column),
+          in_quotes(names[symbol]) +
+              (symbol == symbols_.names.size() ? " is defined by itself" : " is defined later"),
+          "names defined before it",
+          symbol == symbols_.names.size() ? "" : fmt::format("move {} below it", name));
+    }
+    return out;
+  }
+
+  void refuse_unused_definitions() const {
+    const YamlNode* let = find(root_, "let");
+    if (let == nullptr) return;
+    const std::size_t first = symbols_.names.size() - let->keys.size();
+    std::vector<bool> used(let->keys.size());
+    for (const auto* formulas : {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs}) {
+      for (const Expression& formula : *formulas) {
+        for (const Expression::Node& each : formula.nodes) {
+          const auto symbol = static_cast<std::size_t>(each.symbol);
+          if (each.op == Op::symbol && symbol >= first) used[symbol - first] = true;
+        }
+      }
+    }
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (used[i]) continue;
+      throw InputError(let->keys[i].at, fmt::format("definition {} is not used anywhere",
+                                                    in_quotes(let->keys[i].text)));
+    }
+  }
+
   void read_definitions() {
     const YamlNode* let = find(root_, "let");
     if (let == nullptr) return;
@@ -186,7 +228,7 @@ class FormulaReader {
     for (std::size_t i = 0; i < let->keys.size(); ++i) {
       const YamlNode& name = let->keys[i];
       const YamlNode& node = let->items[i];
-      formulas_.definitions.push_back(formula(node, in_quotes(name.text)));
+      formulas_.definitions.push_back(definition(*let, i));
       symbols_.add(name, "a definition", "");
       if (!symbols_.with_units) continue;
       symbols_.dimensions.back() = in_formula(node, [&] {

@@ -137,6 +137,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
                                   [&](const Warning& w) { return w.text == warning.text; });
     if (!said) estimate.warnings.push_back(warning);
   };
+  for (const Warning& warning : recordings.warnings) say_once(warning);
   for (const Dataset& data : recordings.data) {
     for (const std::string& note : data.notes) say_once({"data_treated", "note", {}, note, ""});
     for (const std::string& doubt : data.unknown_units) {
@@ -219,6 +220,10 @@ int run_estimator(const Arguments& args) {
     if (!given || is_als(args)) continue;
     throw InputError({}, fmt::format("{} has no meaning with --method {}", option, args.method),
                      "--method als or als-weighted");
+  }
+  if (model.form == ModelFile::Form::nonlinear && args.path != Arguments{}.path) {
+    throw InputError({}, "--path has no meaning here", "a linear model",
+                     "the likelihood of a nonlinear one has one path");
   }
   if (args.full_matrix && args.method != "als") {
     throw InputError({}, "--full-matrix has no meaning with --method " + args.method,

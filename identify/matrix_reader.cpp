@@ -361,18 +361,30 @@ std::string domain_fault(const Parameter& parameter) {
   return "";
 }
 
+namespace {
+
+// What has become of numbers that are not all finite.
+std::string not_finite(const Eigen::MatrixXd& value) {
+  return value.hasNaN() ? "is not a number: a formula is undefined at these values"
+                        : "is too large";
+}
+
+}  // namespace
+
 std::optional<ModelFault> fault_at(const LinearModel& model, const ParameterSet& parameters) {
   const StateSpace at = instantiate(model, parameters);
   for (const auto& [key, value] :
        {std::pair{"A", &at.A}, std::pair{"B", &at.B}, std::pair{"C", &at.C}, std::pair{"D", &at.D},
         std::pair{"G", &at.G}, std::pair{"S", &at.S}}) {
-    if (!value->allFinite()) return ModelFault{key, fmt::format("{} is too large", key)};
+    if (!value->allFinite()) return ModelFault{key, fmt::format("{} {}", key, not_finite(*value))};
   }
-  if (!at.x0.allFinite()) return ModelFault{"initial", "the initial mean is too large"};
+  if (!at.x0.allFinite()) {
+    return ModelFault{"initial", "the initial mean " + not_finite(at.x0)};
+  }
   const auto check = [](const char* key, const std::string& what, const Eigen::MatrixXd& value) {
     std::optional<ModelFault> out;
     if (!value.allFinite()) {
-      out = {key, what + " is too large"};
+      out = {key, what + " " + not_finite(value)};
     } else if (!is_semidefinite(value)) {
       out = {key, what + " is not positive semidefinite"};
     }

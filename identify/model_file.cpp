@@ -24,8 +24,9 @@
 namespace identikal {
 namespace {
 
-const std::vector<std::string> kCommonKeys = {
-    "identikal", "name", "model", "time", "parameters", "inputs", "outputs", "noise", "use_when"};
+const std::vector<std::string> kCommonKeys = {"identikal",  "name",   "model",   "time",
+                                              "parameters", "inputs", "outputs", "noise",
+                                              "use_when",   "include"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};

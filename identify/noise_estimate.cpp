@@ -239,9 +239,19 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   distrust_serious_warnings(estimate);
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
+  const Index samples = samples_present(recordings);
+  if (static_cast<double>(samples) < 5.0 * k) {  // the likelihood is no parabola yet
+    estimate.warnings.push_back(
+        {"few_samples",
+         "warning",
+         {},
+         fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
+                     "here too small",
+                     samples, k),
+         "record more, or fix parameters that are known"});
+  }
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
-  objective.bic = k * std::log(static_cast<double>(samples_present(recordings))) -
-                  2.0 * objective.log_likelihood;
+  objective.bic = k * std::log(static_cast<double>(samples)) - 2.0 * objective.log_likelihood;
   warn_of_coloured_innovations(estimate);
 }
 
@@ -254,6 +264,7 @@ void distrust_serious_warnings(Estimate& estimate) {
 }
 
 void warn_of_coloured_innovations(Estimate& estimate) {
+  const bool shapes = estimate.objective.filter.empty();  // it takes linear models
   for (const TestResult& test : estimate.tests) {
     if (test.pass || test.id != "ljung_box") continue;
     estimate.warnings.push_back(
@@ -264,8 +275,10 @@ void warn_of_coloured_innovations(Estimate& estimate) {
              "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
              "dynamics or coloured noise, and the errors above are too small",
              test.channel, test.p),
-         "'identikal shape' looks for a filter that colours the noise; else extend the model: a "
-         "filter tuned on a wrong model is not optimal"});
+         shapes ? "'identikal shape' looks for a filter that colours the noise; else extend the "
+                  "model: a filter tuned on a wrong model is not optimal"
+                : "extend the model, by states that colour the noise if need be: a filter tuned on "
+                  "a wrong model is not optimal"});
   }
 }
 

@@ -186,7 +186,7 @@ void explain(const Member& failed, const MatrixXd& e, int lags, const std::vecto
                     outputs[static_cast<std::size_t>(worst)].name, mean));
   } else if (t.id == "input_correlation") {
     out.faults.push_back(fmt::format(
-        "innovations of '{}' follow the inputs (p = {:.2g}): B or D, or the delay of an input",
+        "innovations of '{}' follow the inputs (p = {:.2g}): how inputs act, or the delay of one",
         t.channel, t.p));
   }
 }

@@ -13,20 +13,28 @@ std::vector<Dataset> usable_stretches(const ModelFile& model, Dataset recording)
   const std::optional<Expression>& use_when = model.formulas.use_when;
   if (!nonlinear && !use_when) return {std::move(recording)};
   std::vector<double> symbols(model.states.size() + model.inputs.size());
+  std::string gap = recording.begins;  // what stands before a stretch
   const auto usable = [&](Index t) {
     for (Index i = 0; i < recording.u.rows(); ++i) {
       symbols[model.states.size() + static_cast<std::size_t>(i)] = recording.u(i, t);
     }
-    if (nonlinear && !recording.u.col(t).allFinite()) return false;
-    return !use_when || evaluate(*use_when, symbols) != 0.0;
+    if (nonlinear && !recording.u.col(t).allFinite()) {
+      gap = "after a missing input";
+      return false;
+    }
+    if (!use_when || evaluate(*use_when, symbols) != 0.0) return true;
+    gap = "after rows that use_when leaves out";
+    return false;
   };
   std::vector<Dataset> out;
   Index used = 0;
   for (Index from = 0; from < recording.size();) {
     Index to = from;
+    const std::string before = gap;
     while (to < recording.size() && usable(to)) ++to;
     if (to - from > 1) {
       out.push_back(samples_from(first_samples(recording, to), from));
+      out.back().begins = before;
       used += to - from;
     }
     from = to + 1;

@@ -109,6 +109,14 @@ class Source {
     return mark.is_null() ? Location{path_} : place_of(byte_at(mark));
   }
 
+  // A tab among the blanks that a line (from 1) begins with.
+  std::optional<Location> indenting_tab(int line) const {
+    if (line < 1 || static_cast<std::size_t>(line) > lines_.size()) return std::nullopt;
+    const std::size_t at = text_.find_first_not_of(' ', lines_[static_cast<std::size_t>(line) - 1]);
+    if (at == std::string::npos || text_[at] != '\t') return std::nullopt;
+    return place_of(at);
+  }
+
   // Where a scalar's text stands: past its quote, and on every line that it was folded from. Ends
   // at an escape, which is not what it stands for.
   std::vector<YamlNode::Line> lines_of(const YAML::Mark& mark, std::string_view value) const {
@@ -284,7 +292,13 @@ YamlNode parse_yaml(const std::string& text, const std::string& path) {
     while (parser.HandleNextDocument(tree)) {
     }
   } catch (const YAML::Exception& error) {
-    throw InputError(source.place(error.mark), "not valid YAML: " + error.msg);
+    const Location at = source.place(error.mark);
+    // What yaml-cpp makes of a tab differs from place to place, and few of its words say "tab".
+    const std::optional<Location> tab = source.indenting_tab(at.line);
+    if (tab && error.msg.find("tab") == std::string::npos) {
+      throw InputError(*tab, "a tab in the indentation", "blanks", error.msg);
+    }
+    throw InputError(at, "not valid YAML: " + error.msg);
   }
   if (tree.root.kind == YamlNode::Kind::empty) {
     throw InputError({path}, "is empty", "a model file, which starts with 'identikal: 1'");

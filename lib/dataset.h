@@ -31,6 +31,8 @@ struct Dataset {
   std::vector<Channel> outputs;    ///< ny
   std::vector<std::string> notes;  ///< what was done to recorded values beyond their units
   std::vector<std::string> unknown_units;  ///< sentences on those that the model file overrules
+  std::string
+      begins;  ///< "after a missing input": why rows before are not in it; empty: it has all
   Eigen::Index size() const { return time.size(); }
 };
 

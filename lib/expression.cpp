@@ -114,9 +114,12 @@ class FormulaParser {
                            "a number from 1e-307 to 1e308");
       }
       for (std::size_t i = 0; i < size; ++i) advance();
+    } else if (const auto* typeset = typeset_sign(); typeset != nullptr) {
+      throw FormulaError(column_, quoted(typeset->first) + " is not " + typeset->second,
+                         "the sign of the keyboard");
     } else if (name_begins(text_[pos_])) {
       token_ = Token::name;
-      while (name_begins(at(pos_)) || digit(at(pos_))) advance();
+      while ((name_begins(at(pos_)) || digit(at(pos_))) && typeset_sign() == nullptr) advance();
     } else {
       token_ = Token::sign;
       static constexpr std::string_view kLong[] = {"<=", ">=", "==", "!=", "**", "&&", "||"};
@@ -126,6 +129,22 @@ class FormulaParser {
       if (two) advance();
     }
     word_ = text_.substr(begin, pos_ - begin);
+  }
+
+  // Signs that text processors put in the place of those of the keyboard: no part of a name.
+  const std::pair<std::string_view, const char*>* typeset_sign() const {
+    static constexpr std::pair<std::string_view, const char*> kTypeset[] = {
+        {"\u2212", "the minus sign '-'"},    {"\u2013", "the minus sign '-'"},
+        {"\u2014", "the minus sign '-'"},    {"\u2010", "the minus sign '-'"},
+        {"\u00B7", "the product sign '*'"},  {"\u22C5", "the product sign '*'"},
+        {"\u00D7", "the product sign '*'"},  {"\u00F7", "the quotient sign '/'"},
+        {"\u2215", "the quotient sign '/'"}, {"\u00B2", "the power '^2'"},
+        {"\u00B3", "the power '^3'"},        {"\u00A0", "a blank ' '"},
+    };
+    for (const auto& each : kTypeset) {
+      if (text_.substr(pos_).starts_with(each.first)) return &each;
+    }
+    return nullptr;
   }
 
   bool is_sign(std::string_view sign) const { return token_ == Token::sign && word_ == sign; }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <set>
 #include <utility>
 
@@ -451,6 +452,12 @@ FormulaGraph::Id FormulaGraph::substitute(Id root, std::span<const double> value
     image.emplace(id, out);
   }
   return image.at(root);
+}
+
+std::vector<int> symbol_range(int first, int count) {
+  std::vector<int> out(static_cast<std::size_t>(count));
+  std::iota(out.begin(), out.end(), first);
+  return out;
 }
 
 }  // namespace identikal

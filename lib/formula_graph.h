@@ -102,4 +102,7 @@ class FormulaGraph {
   std::size_t work_ = 0;  // steps of differentiation so far
 };
 
+/// The symbols first, first + 1, ..., `count` of them.
+std::vector<int> symbol_range(int first, int count);
+
 }  // namespace identikal

@@ -1,7 +1,6 @@
 #include "lib/linear_formulas.h"
 
 #include <cmath>
-#include <numeric>
 
 #include "lib/constants.h"
 
@@ -9,12 +8,6 @@ namespace identikal {
 namespace {
 
 using Id = FormulaGraph::Id;
-
-std::vector<int> symbol_range(int first, int count) {
-  std::vector<int> out(static_cast<std::size_t>(count));
-  std::iota(out.begin(), out.end(), first);
-  return out;
-}
 
 // The factors of a formula that is a sum of multiples of symbols; nothing when it is another.
 std::optional<std::vector<double>> factors(FormulaGraph& graph, Id value,

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -17,12 +16,6 @@ using Eigen::Index;
 using Id = FormulaGraph::Id;
 
 constexpr double kMaxSteps = 1e6;  // between two samples
-
-std::vector<int> consecutive(int first, int count) {
-  std::vector<int> out(static_cast<std::size_t>(count));
-  std::iota(out.begin(), out.end(), first);
-  return out;
-}
 
 std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
                                          const std::vector<int>& by) {
@@ -241,7 +234,7 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   FormulaGraph& graph = nodes.graph;
   const std::vector<Id>&f = nodes.dynamics, &h = nodes.outputs;
   NonlinearModel out;
-  std::vector<int> by = consecutive(0, nodes.states);
+  std::vector<int> by = symbol_range(0, nodes.states);
   const auto occurs = [&](int symbol) {
     const auto holds = [&](Id root) { return !graph.is_free_of(root, {&symbol, 1}); };
     return std::any_of(f.begin(), f.end(), holds) || std::any_of(h.begin(), h.end(), holds);

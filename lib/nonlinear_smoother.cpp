@@ -62,10 +62,15 @@ class Followed {
     gramians_.densities = noise.Q.reshaped(model.states * model.states, 1);
   }
 
-  // The model of sample t; its inputs are offset()'s.
-  void set(Index t, StateSpace& out) {
+  struct Lines {
+    StraightLine seen, moved;  // y(t) and x(t+1) of x(t)
+  };
+  Lines at(Index t) { return {seen_at(t), moved_from(t)}; }
+
+  // The model of a sample; its inputs are both offsets.
+  void set(const Lines& lines, StateSpace& out) const {
     const Index nx = model_.states, ny = model_.outputs;
-    const StraightLine seen = seen_at(t), moved = moved_from(t);
+    const auto& [seen, moved] = lines;
     out.A = moved.slopes;
     out.B.setIdentity(nx, nx + ny);
     out.C = seen.slopes;
@@ -77,12 +82,6 @@ class Followed {
     out.S.setZero(nx, ny);
     out.x0 = noise_.x0;
     out.P0 = noise_.P0;
-  }
-
-  VectorXd offset(Index t) {
-    VectorXd out(model_.states + model_.outputs);
-    out << moved_from(t).offset, seen_at(t).offset;
-    return out;
   }
 
  private:
@@ -154,10 +153,17 @@ SmootherResult nonlinear_smoother(const NonlinearModel& model, const Eigen::Ref<
     out.status = filter.status;
     return out;
   }
-  Followed lines(model, p, noise, inputs, options, filter);
+  Followed followed(model, p, noise, inputs, options, filter);
+  std::vector<Followed::Lines> lines;
+  lines.reserve(static_cast<std::size_t>(y.cols()));
   MatrixXd u(model.states + model.outputs, y.cols());
-  for (Index t = 0; t < y.cols(); ++t) u.col(t) = lines.offset(t);
-  const ModelAt at = [&](Index t, StateSpace& out, std::vector<StateSpace>*) { lines.set(t, out); };
+  for (Index t = 0; t < y.cols(); ++t) {
+    lines.push_back(followed.at(t));
+    u.col(t) << lines.back().moved.offset, lines.back().seen.offset;
+  }
+  const ModelAt at = [&](Index t, StateSpace& out, std::vector<StateSpace>*) {
+    followed.set(lines[static_cast<std::size_t>(t)], out);
+  };
   return lag ? smooth_with_lag(at, InitialState::given, y, u, *lag, keep)
              : smooth(at, InitialState::given, y, u, keep);
 }

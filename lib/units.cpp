@@ -35,6 +35,8 @@ constexpr std::array<int, 5> kCharge{0, 0, 1, 1, 0};
 constexpr std::array<int, 5> kResistance{2, 1, -3, -2, 0};
 constexpr std::array<int, 5> kCapacitance{-2, -1, 4, 2, 0};
 constexpr std::array<int, 5> kPressure{-1, 1, -2, 0, 0};
+constexpr std::array<int, 5> kInductance{2, 1, -2, -2, 0};
+constexpr std::array<int, 5> kVolume{3, 0, 0, 0, 0};
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMile = 1609.344;
@@ -42,7 +44,7 @@ constexpr double kMile = 1609.344;
 // "g" is standard gravity, never the gram: vehicle files give accelerations in it and masses in kg.
 // "min" is the minute. "rps" is left out on purpose: some write it for rad/s, some for rev/s.
 // "nm" is there so that "NM" stays ambiguous and is refused rather than read as one of the two; MW,
-// MV and MOhm so that capitals mean mega.
+// MV, MOhm, MN and MH so that capitals mean mega, and mHz so that small letters mean milli.
 constexpr NamedUnit kUnits[] = {
     {"%", {0.01, 0.0, kNumber}},
     {"rad", {1.0, 0.0, kNumber}},
@@ -78,14 +80,20 @@ constexpr NamedUnit kUnits[] = {
     {"mph", {kMile / 3600.0, 0.0, kSpeed}},
     {"kn", {1852.0 / 3600.0, 0.0, kSpeed}},
     {"Hz", {1.0, 0.0, kRate}},
+    {"mHz", {1e-3, 0.0, kRate}},
+    {"kHz", {1e3, 0.0, kRate}},
+    {"MHz", {1e6, 0.0, kRate}},
     {"rpm", {2.0 * std::numbers::pi / 60.0, 0.0, kRate}},
     {"dps", {kDegree, 0.0, kRate}},
+    {"mN", {1e-3, 0.0, kForce}},
     {"N", {1.0, 0.0, kForce}},
     {"kN", {1e3, 0.0, kForce}},
+    {"MN", {1e6, 0.0, kForce}},
     {"Nm", {1.0, 0.0, kEnergy}},
     {"kNm", {1e3, 0.0, kEnergy}},
     {"J", {1.0, 0.0, kEnergy}},
     {"kJ", {1e3, 0.0, kEnergy}},
+    {"Wh", {3600.0, 0.0, kEnergy}},
     {"kWh", {3.6e6, 0.0, kEnergy}},
     {"mW", {1e-3, 0.0, kPower}},
     {"W", {1.0, 0.0, kPower}},
@@ -106,9 +114,18 @@ constexpr NamedUnit kUnits[] = {
     {"MOhm", {1e6, 0.0, kResistance}},
     {"F", {1.0, 0.0, kCapacitance}},
     {"uF", {1e-6, 0.0, kCapacitance}},
+    {"uH", {1e-6, 0.0, kInductance}},
+    {"mH", {1e-3, 0.0, kInductance}},
+    {"H", {1.0, 0.0, kInductance}},
+    {"MH", {1e6, 0.0, kInductance}},
+    {"l", {1e-3, 0.0, kVolume}},
+    {"ml", {1e-6, 0.0, kVolume}},
+    {"Ml", {1e3, 0.0, kVolume}},
     {"Pa", {1.0, 0.0, kPressure}},
     {"kPa", {1e3, 0.0, kPressure}},
+    {"mbar", {100.0, 0.0, kPressure}},
     {"bar", {1e5, 0.0, kPressure}},
+    {"psi", {6894.757293168361, 0.0, kPressure}},
     {"K", {1.0, 0.0, kTemperature}},
     {"degC", {1.0, 273.15, kTemperature}},
 };

@@ -1362,6 +1362,72 @@ class Nonlinear(unittest.TestCase):
         self.assertEqual({"score", "nis", "ljung_box"}, {t["id"] for t in held["tests"]})
         self.assertEqual("answer_no", result("validate", self.out, self.spoilt(other), code=1)["status"]["code"])
 
+    def test_starts_within_a_recording_are_said(self):
+        lines = self.simulated(1, 100).read_text().splitlines()
+        header = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+        names = lines[header].split(",")
+        column = next(i for i, name in enumerate(names) if name.startswith("torque"))
+        row = next(i for i in range(header + 1, len(lines)) if lines[i][0].isdigit()) + 10
+        cells = lines[row].split(",")
+        cells[column] = ""
+        gap = self.folder.write("gap.csv", "\n".join([*lines[:row], ",".join(cells), *lines[row + 1:]]) + "\n")
+        after = float(lines[row + 1].split(",")[0])
+
+        def warnings(*arguments):
+            out = json.loads(run("filter", self.model, *arguments, "--json").stdout)
+            return {w["code"]: w for w in out["warnings"]}
+
+        said = warnings(gap)["starts_anew"]
+        self.assertEqual("warning", said["severity"])
+        self.assertIn(f"starts anew from 'initial' at t = {after:g} s, after a missing input", said["text"])
+        said = warnings(self.simulated(1, 100), "--range", "1:4")["starts_within"]
+        self.assertEqual("note", said["severity"])
+        self.assertIn("at t = 1 s, where --range begins", said["text"])
+        self.assertNotIn("starts_anew", warnings(self.simulated(1, 100)))
+
+    def test_advice_is_for_the_model_at_hand(self):
+        data = self.simulated(1, 100)
+        self.assertIn("--path has no meaning here", run("tune", self.model, data, "--path", "steady", code=2).stderr)
+        short = self.simulated(2, 9)
+        out = json.loads(run("fit", self.model, short, "--starts", 1, "--json").stdout)
+        self.assertIn("9 samples for 4 unknowns", {w["code"]: w for w in out["warnings"]}["few_samples"]["text"])
+        text = pathlib.Path(self.model).read_text()
+        still = self.folder.write("still.yaml", text.replace("sin(phi)", "sin(phi)/20").replace("l: {value: 0.8 m, min: 0.1, max: 5}", "l: 0.8 m"))
+        out = json.loads(run("fit", still, self.simulated(3), "--starts", 1, "--json").stdout)
+        said = [w["do"] for w in out["warnings"] if w["code"] == "coloured_innovations"]
+        self.assertTrue(said)
+        self.assertNotIn("shape", " ".join(said))
+
+    def test_where_a_filter_has_no_numbers(self):
+        tank = self.folder.write("tank.yaml", """identikal: 1
+name: tank
+time: {kind: discrete, step: 1 s}
+parameters: {c: {value: 0.1}, q: {value: 0.01, min: 0}, r: {value: 1e-4, min: 0}}
+states: [h]
+dynamics: {h: h - c*sqrt(h)}
+outputs: {level: {column: level, equals: h}}
+noise: {process: {kind: per-sample, variance: {h: q}}, measurement: {variance: {level: r}}}
+initial: {mean: {h: 1}, sd: {h: 0.1}}
+""")
+        levels = [1, 0.9, 0.8, 0.7, 0.6, -5, 0.5, 0.4, 0.3, 0.2]
+        data = self.folder.write("levels.csv", "level\n" + "".join(f"{v}\n" for v in levels))
+        for verb in ("filter", "tune"):
+            said = run(verb, tank, data, code=2).stderr
+            # The state is below zero once the sixth level is known, and has no root.
+            self.assertIn("levels.csv: the filter has no numbers at t = 6 s (sample 7)", said)
+            self.assertNotIn("input is missing", said)
+            self.assertNotIn("semidefinite", said)
+
+    def test_another_step_than_the_file_s(self):
+        with Folder() as folder:
+            model = folder.write("model.yaml", SYSTEM_1.replace("step: 1 s", "step: 10 ms"))
+            rows = "".join(f"{20 * t},{math.sin(t * t)}\n" for t in range(60))
+            data = folder.write("data.csv", "t [ms],y\n" + rows)
+            warning = {w["code"]: w for w in json.loads(run("filter", model, data, "--json").stdout)["warnings"]}["step_differs"]
+            self.assertIn("0.01 s from row to row, column 't' of data.csv 0.02 s", warning["text"])
+            data = folder.write("data.csv", "t [ms],y\n" + "".join(f"{10 * t},{math.sin(t * t)}\n" for t in range(60)))
+            self.assertEqual([], json.loads(run("filter", model, data, "--json").stdout)["warnings"])
+
     def spoilt(self, data):
         """The angle four times as noisy."""
         generator = random.Random(1)

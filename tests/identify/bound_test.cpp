@@ -85,6 +85,40 @@ TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
   EXPECT_NEAR(estimate.bound->complete_se[1], 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
 }
 
+// x' = -k x + w, density q, every 0.1 s: with x observed a variance is known to q sqrt(2 / N), and
+// nothing is said of k, which the sampled noise depends on too.
+TEST(BoundOf, KnownStatesSayOfContinuousNoiseWhatTheySayOfSampledNoise) {
+  ModelFile model;
+  model.path = "decay.yaml";
+  for (const auto& [name, value] : {std::pair{"k", 2.0}, {"q", 3.0}, {"r", 0.1}}) {
+    Parameter p;
+    p.name = name;
+    p.value = Eigen::MatrixXd::Constant(1, 1, value);
+    model.parameters.push_back(p);
+  }
+  LinearModel& linear = model.linear;
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Ones(1, 1), zero = Eigen::MatrixXd::Zero(1, 1);
+  for (ParametrisedMatrix* M : {&linear.A, &linear.Q, &linear.R, &linear.S}) M->constant = zero;
+  linear.B.constant = Eigen::MatrixXd::Zero(1, 0);
+  linear.D.constant = Eigen::MatrixXd::Zero(1, 0);
+  linear.C.constant = linear.G.constant = one;
+  linear.A.entries = {{0, 0, 0, -1.0}};
+  linear.Q.entries = {{0, 0, 1, 1.0}};
+  linear.R.entries = {{0, 0, 2, 1.0}};
+  linear.continuous = true;
+  linear.noise = ProcessNoise::density;
+  linear.dt = 0.1;
+  linear.initial = InitialState::stationary;
+  BoundOptions options;
+  options.samples = 1000;
+  const Estimate estimate = bound_of(model, options, nullptr);
+  const std::vector<double>& complete = estimate.bound->complete_se;
+  EXPECT_TRUE(std::isnan(complete[0]));
+  EXPECT_NEAR(complete[1], 3.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(complete[2], 0.1 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_LT(complete[1], named(estimate, "q").crb_se);
+}
+
 TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
   const MatiskoSystem system = matisko_system(7);
   const ModelFile model = true_model(system, Domain::diagonal);

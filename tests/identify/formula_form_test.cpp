@@ -199,6 +199,10 @@ constexpr FormulaMistake kMistakes[] = {
     {"J: m*l^2", "l: m*l^2",
      "13:3: a definition is 'l' again; expected a name of its own; the first "
      "is on line 5, column 3"},
+    {"J: m*l^2", "J: m*b\n  b: l^2",
+     "13:8: 'b' is defined later; expected names defined before it; move 'J' below it"},
+    {"J: m*l^2", "J: m*J", "13:8: 'J' is defined by itself; expected names defined before it"},
+    {"J: m*l^2", "J: m*l^2\n  b: l^2", "14:3: definition 'b' is not used anywhere"},
     {"m: 0.5 kg", "sin: 0.5 kg", "7:3: a parameter name is 'sin', a word of formulas"},
     {"m: 0.5 kg", "t: 0.5 kg", "7:3: a parameter is 't', the time; expected another name"},
     {"w: rad/s}", "w: rad/x}", "10:23: state 'w' has the unknown unit 'rad/x'"},

@@ -614,6 +614,7 @@ constexpr Mistake kLinearMistakes[] = {
     {"0.1]", "~]", "7:11: an entry of A is empty; expected a single value"},
     {"0.1]", "[1]]", "7:11: an entry of A is a list; expected a single value"},
     {"0.1]", "1e308*q]", "7:4: A is too large"},
+    {"0.1]", "sqrt(1 - q)]", "7:4: A is not a number: a formula is undefined at these values"},
     {"C: [[1, 0]]", "C: [[1, 0, 0]]", "8:4: C is 1 x 3; expected 1 x 2 (outputs x states)"},
     {"C: [[1, 0]]", "C: [[1, 0], [0, 1]]", "8:4: C is 2 x 2; expected 1 x 2 (outputs x states)"},
     {"C: [[1, 0]]", "C: 1", "8:4: C is 1 x 1; expected 1 x 2 (outputs x states)"},
@@ -944,6 +945,7 @@ TEST_F(ModelFileTest, FilesThatAreNoModel) {
       {"a: 1\n? [b]\n: 2\n", "2:3: a key is a list; expected a word before the colon"},
       {"a: 1\n: 2\n", "2:1: a key is empty; expected a word before the colon"},
       {"a: 1\n\tb: 2\n", "2:1: not valid YAML: illegal tab when looking for indentation"},
+      {"a:\n\tb: 1\n", "2:1: a tab in the indentation; expected blanks; illegal map value"},
       {"ěšč: [1, 2]\nř: {á: b, á: c}\n", "2:11: key 'á' is given twice; the first is on line 2"},
       {"\xEF\xBB\xBF"
        "identikal: 2\n",
