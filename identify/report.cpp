@@ -333,14 +333,11 @@ std::string innovation_form_text(const Estimate& estimate) {
 std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits, int width) {
   std::string out;
   for (const ChannelFit& fit : fits) {
-    out += fmt::format(
-        "fit    {:<{}} {:<12} {:>7} %   rmse {}{}{}
-        ", kind, width, fit.channel,
-            std::isfinite(fit.fit_percent)
-            ? fmt::format("{:.2f}", fit.fit_percent)
-            : "-",
-        std::isfinite(fit.rmse) ? fmt::format("{:.4g}", fit.rmse) : "-",
-        fit.unit.empty() ? "" : " ", fit.unit);
+    out +=
+        fmt::format("fit    {:<{}} {:<12} {:>7} %   rmse {}{}{}\n", kind, width, fit.channel,
+                    std::isfinite(fit.fit_percent) ? fmt::format("{:.2f}", fit.fit_percent) : "-",
+                    std::isfinite(fit.rmse) ? fmt::format("{:.4g}", fit.rmse) : "-",
+                    fit.unit.empty() ? "" : " ", fit.unit);
   }
   return out;
 }
