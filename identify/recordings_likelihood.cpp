@@ -1,5 +1,7 @@
 #include "identify/recordings_likelihood.h"
 
+#include <algorithm>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
@@ -16,6 +18,10 @@ bool semidefinite(const MatrixXd& M) {
   if (Eigen::LLT<MatrixXd>(M).info() == Eigen::Success) return true;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(M, Eigen::EigenvaluesOnly);
   return eigen.eigenvalues().minCoeff() >= -1e-12 * eigen.eigenvalues().cwiseAbs().maxCoeff();
+}
+
+bool moves_dynamics(const StateSpace& d) {
+  return !(d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0));
 }
 
 bool admissible(const StateSpace& model) {
@@ -38,6 +44,11 @@ RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
   constant_derivatives_ =
       !model.linear.continuous && is_linear_in_parameters(model.linear, model.parameters);
   derivatives_ = model_derivatives(model.linear, model.parameters);
+  // What a swing from a known start tells of the dynamics is in no information of a steady filter.
+  const bool swings = model.linear.initial == InitialState::given &&
+                      !written_matrices(model.linear, model.parameters).x0.isZero(0.0);
+  const bool dynamics = std::any_of(derivatives_.begin(), derivatives_.end(), moves_dynamics);
+  if (path_ == Path::automatic && swings && dynamics) path_ = Path::steady;
   for (const Dataset& data : recordings) inputs_.push_back(model_inputs(model.linear, data.u));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     engine_.add_recording(recordings[i].y, inputs_[i]);
