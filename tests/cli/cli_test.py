@@ -1364,14 +1364,12 @@ class Nonlinear(unittest.TestCase):
 
     def test_starts_within_a_recording_are_said(self):
         lines = self.simulated(1, 100).read_text().splitlines()
-        header = next(i for i, line in enumerate(lines) if not line.startswith("#"))
-        names = lines[header].split(",")
-        column = next(i for i, name in enumerate(names) if name.startswith("torque"))
-        row = next(i for i in range(header + 1, len(lines)) if lines[i][0].isdigit()) + 10
+        header = next(i for i, line in enumerate(lines) if "torque" in line and not line.startswith("#"))
+        column = next(i for i, name in enumerate(lines[header].split(",")) if name.startswith("torque"))
+        row = next(i for i in range(header + 1, len(lines)) if lines[i][0] in "-0123456789") + 10
         cells = lines[row].split(",")
         cells[column] = ""
         gap = self.folder.write("gap.csv", "\n".join([*lines[:row], ",".join(cells), *lines[row + 1:]]) + "\n")
-        after = float(lines[row + 1].split(",")[0])
 
         def warnings(*arguments):
             out = json.loads(run("filter", self.model, *arguments, "--json").stdout)
@@ -1379,7 +1377,7 @@ class Nonlinear(unittest.TestCase):
 
         said = warnings(gap)["starts_anew"]
         self.assertEqual("warning", said["severity"])
-        self.assertIn(f"starts anew from 'initial' at t = {after:g} s, after a missing input", said["text"])
+        self.assertIn("starts anew from 'initial' at t = 0.22 s, after a missing input", said["text"])
         said = warnings(self.simulated(1, 100), "--range", "1:4")["starts_within"]
         self.assertEqual("note", said["severity"])
         self.assertIn("at t = 1 s, where --range begins", said["text"])
