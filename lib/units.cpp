@@ -45,6 +45,7 @@ constexpr double kMile = 1609.344;
 // "min" is the minute. "rps" is left out on purpose: some write it for rad/s, some for rev/s.
 // "nm" is there so that "NM" stays ambiguous and is refused rather than read as one of the two; MW,
 // MV, MOhm, MN and MH so that capitals mean mega, and mHz so that small letters mean milli.
+// "H" alone is the hour of "KM/H", never the henry: write 1000 mH, or V s/A.
 constexpr NamedUnit kUnits[] = {
     {"%", {0.01, 0.0, kNumber}},
     {"rad", {1.0, 0.0, kNumber}},
@@ -116,7 +117,6 @@ constexpr NamedUnit kUnits[] = {
     {"uF", {1e-6, 0.0, kCapacitance}},
     {"uH", {1e-6, 0.0, kInductance}},
     {"mH", {1e-3, 0.0, kInductance}},
-    {"H", {1.0, 0.0, kInductance}},
     {"MH", {1e6, 0.0, kInductance}},
     {"l", {1e-3, 0.0, kVolume}},
     {"ml", {1e-6, 0.0, kVolume}},

@@ -85,7 +85,7 @@ TEST(Units, TableHoldsWhatVehicleAndProcessFilesUse) {
       {"ml", 1e-6, {3}},
       {"mH", 1e-3, {2, 1, -2, -2}},
       {"V s/A", 1, {2, 1, -2, -2}},
-      {"H", 1, {2, 1, -2, -2}},
+      {"MH", 1e6, {2, 1, -2, -2}},
       {"kHz", 1e3, kRate},
       {"mHz", 1e-3, kRate},
       {"MHz", 1e6, kRate},
