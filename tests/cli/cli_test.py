@@ -1324,6 +1324,32 @@ class Nonlinear(unittest.TestCase):
         run("simulate", self.model, "-n", rows, *self.TORQUE, "--seed", seed, "-o", out, code=0)
         return out / "simulated.csv"
 
+    def test_steps_do_not_depend_on_the_start(self):
+        """A pendulum at rest moves in its deviations alone, and a search begun where all is slow ends where it is fast."""
+        model = self.folder.write("swing.yaml", run("init", "pendulum", code=0).stdout.replace("{phi: 20 deg, w: 0}", "{phi: 0, w: 0}"))
+        near = result("fit", model, self.simulated(1), "--starts", 1)
+        far = result("fit", model, self.simulated(1), "--starts", 1, "--set", "l=4")
+        for a, b in zip(near["parameters"], far["parameters"]):
+            self.assertAlmostEqual(a["value"], b["value"], delta=1e-3 * (a["se"] or 0), msg=a["name"])
+        self.assertAlmostEqual(near["objective"]["log_likelihood"], far["objective"]["log_likelihood"], delta=1e-3)
+
+    def test_a_swing_from_a_known_start_is_information(self):
+        """The paths agree on it: a linear model that begins far from rest."""
+        model = self.folder.write("swing.yaml", """identikal: 1
+time: {kind: continuous, step: 0.05 s}
+parameters: {k: {value: 25, min: 0.1}, c: {value: 0.5, min: 0}, q: {value: 0.01, min: 0}, r: {value: 1e-5, min: 0}}
+states: [x, v]
+dynamics: {x: v, v: -c*v - k*x}
+outputs: {x: {column: x}}
+noise: {process: {kind: density, variance: {v: q}}, measurement: {variance: {x: r}}}
+initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
+""")
+        run("simulate", model, "-n", 500, "-o", self.out, code=0)
+        taken, direct = (result("tune", model, self.out / "simulated.csv", "--starts", 1, *more) for more in ((), ("--path", "direct")))
+        for a, b in zip(taken["parameters"], direct["parameters"]):
+            for number in ("value", "se", "crb_se"):
+                self.assertAlmostEqual(a[number] / b[number], 1, delta=1e-5, msg=(a["name"], number))
+
     def test_fit_filter_validate(self):
         data, other = self.simulated(1), self.simulated(2)
         text = run("fit", self.model, data, "--hold-out", "30%", "--starts", 1, "-o", self.out, code=0).stdout
