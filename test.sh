@@ -33,4 +33,6 @@ slow_here+='|NoiseTrack.DiffuseStart|Shape.FindsThePublishedFilter|Shape.PolesOn
 slow_here+='|PushedCar|OutliersAndGaps|MistakesPutIntoRealRecordings|TanhTyreComesBack|ErrorsAreHonest|RobustCostShrugs'
 slow_here+='|Smoother.IntervalEquals|Smoother.LagEquals|Smoother.DiffuseStart|NonlinearFilter.GradientAndInformation'
 slow_here+='|StaysDefiniteOverAMillion|ResetFindsASuddenChange|PortmanteauHasItsExactMean'
+slow_here+='|NonlinearSmoother.ItsErrorsAre|NonlinearSmoother.ItIsTheRauch|Smoother.ModelsThatChangeWithTime'
+slow_here+='|WithForgettingTheyAreTooLarge|WhiteIsALikelihoodRatio|Simulation.CarriesExactDerivatives'
 ctest --test-dir build-dev --output-on-failure -j "$(nproc)" -LE 'slow|release' -E "$slow_here"

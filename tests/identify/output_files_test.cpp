@@ -16,7 +16,7 @@ namespace identikal {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 struct Scratch {
   fs::path path = fs::temp_directory_path() / ("output_files_" + std::to_string(getpid()));
