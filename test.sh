@@ -20,6 +20,7 @@ unity=ON
 [ "$slow" = yes ] && unity=OFF
 cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=$unity
 cmake --build build
+[ "$slow" = yes ] && cmake --build build --target benches
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()
 ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
