@@ -289,18 +289,15 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   const double gain = p[kSteeringGain], se = standard_error(problem, covariance, gradient);
   const double quantile = student_t_quantile(0.995, covariance.freedom);
   if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
-  const std::string turned =
-      fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as", gain, se);
-  const bool at_wheel = p[kSteeringRatio] == 1.0;
   estimate.warnings.push_back(
       {"steering_ratio",
        "warning",
        {"steering_gain"},
-       at_wheel ? turned + " the road wheel angle says"
-                : fmt::format("the given steering ratio is wrong: {} it says; the ratio is {:.4g}",
-                              turned, p[kSteeringRatio] / gain),
-       at_wheel ? "correct the calibration of the steering sensor"
-                : "correct the ratio, or the calibration of the steering sensor"});
+       fmt::format(
+           "the given steering ratio is wrong: the wheels turn {:.3g} +- {:.2g} times as far "
+           "as it says; the ratio is {:.4g}",
+           gain, se, p[kSteeringRatio] / gain),
+       "correct the ratio, or the calibration of the steering sensor"});
 }
 
 void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
