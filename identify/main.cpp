@@ -549,8 +549,12 @@ int run_validate(const Arguments& args) {
   }
   if (!args.least_fit.empty()) {
     options.least_fit = 100.0 * percentage("--fit", args.least_fit);
-    if (!(*options.least_fit > 0.0 && *options.least_fit <= 100.0)) {
-      throw InputError({}, fmt::format("--fit '{}' is no fit", args.least_fit), "above 0% to 100%");
+    if (!(*options.least_fit <= 100.0)) {
+      throw InputError({}, fmt::format("--fit '{}' cannot be reached", args.least_fit),
+                       "at most 100%");
+    }
+    if (!(*options.least_fit > 0.0)) {
+      throw InputError({}, fmt::format("--fit '{}' asks for nothing", args.least_fit), "above 0%");
     }
   }
   const Recordings recordings = load_recordings(args, model);

@@ -1127,7 +1127,8 @@ class Validate(unittest.TestCase):
             done = run("validate", path, NILE[1], code=2)
             self.assertIn(words, done.stderr)
             self.assertEqual(1, done.stderr.count("\n"))
-        for arguments, words in ((("--fit", "120%"), "cannot be reached"), (("--fit", "much"), "not a quantity"), (("--robust",), "no meaning")):
+        for arguments, words in ((("--fit", "120%"), "cannot be reached"), (("--fit", "0.7"), "may be 0.7 % or 70 %"), (("--fit=-5%",), "asks for nothing"),
+                                 (("--fit", "much"), "not a quantity"), (("--robust",), "no meaning")):
             self.assertIn(words, run("validate", self.out, NILE[1], *arguments, code=2).stderr)
         self.assertIn("cannot be read", run("validate", self.folder.path / "none", NILE[1], code=2).stderr)
         model = self.folder.write("m.yaml", "identikal: 1\ntime: {kind: discrete, step: 1 s}\nparameters: {s: {value: 1, min: 0}}\nstates: [x]\ndynamics: {x: 0.9*sin(x)}\noutputs: {y: {column: y, equals: x}}\n"
