@@ -36,4 +36,5 @@ slow_here+='|Smoother.IntervalEquals|Smoother.LagEquals|Smoother.DiffuseStart|No
 slow_here+='|StaysDefiniteOverAMillion|ResetFindsASuddenChange|PortmanteauHasItsExactMean'
 slow_here+='|NonlinearSmoother.ItsErrorsAre|NonlinearSmoother.ItIsTheRauch|Smoother.ModelsThatChangeWithTime'
 slow_here+='|WithForgettingTheyAreTooLarge|WhiteIsALikelihoodRatio|Simulation.CarriesExactDerivatives'
+slow_here+='|IntegrationSteps.AsManyAs|IntegrationSteps.FiltersLook|NonlinearJobs.TheBound|NonlinearJobs.ScoresScatter'
 ctest --test-dir build-dev --output-on-failure -j "$(nproc)" -LE 'slow|release' -E "$slow_here"
