@@ -118,10 +118,6 @@ struct Told {
   Bound::InnovationForm innovation_form;
 };
 
-bool moves_dynamics(const StateSpace& d) {
-  return !(d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0));
-}
-
 // With the states observed and the dynamics known. Noise of continuous time depends, as it is from
 // sample to sample, on the dynamics too; but what that says of them is little beside what the
 // states themselves say, so nothing is said of parameters that move both.
@@ -131,7 +127,7 @@ VectorXd complete_variance(const StateSpace& system, const std::vector<StateSpac
   for (std::size_t i = 0; i < derivatives.size(); ++i) {
     const StateSpace& d = derivatives[i];
     const bool in_noise = !(d.Q.isZero(0.0) && d.R.isZero(0.0) && d.S.isZero(0.0));
-    if (!in_noise || !d.G.isZero(0.0) || moves_dynamics(d)) continue;
+    if (!in_noise || !d.G.isZero(0.0) || changes_dynamics(d)) continue;
     of_noise.push_back(d);
     place.push_back(static_cast<Index>(i));
   }
@@ -162,7 +158,8 @@ Told told_by_linear(const ModelFile& model, const BoundOptions& options, const D
   out.complete = complete_variance(system, derivatives);
   out.gain = steady_gain_sensitivity(system, derivatives);
   if (out.gain) {
-    const bool of_the_noise = std::none_of(derivatives.begin(), derivatives.end(), moves_dynamics);
+    const bool of_the_noise =
+        std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
     out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
   }
   return out;

@@ -32,9 +32,7 @@ void refuse_free_dynamics(const ModelFile& model) {
   for (std::size_t e = 0; e < entries.names.size(); ++e) {
     if (model.parameters[static_cast<std::size_t>(entries.parameter[e])].fixed) continue;
     const StateSpace& d = derivatives[free++];
-    const bool noise = d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0) &&
-                       d.x0.isZero(0.0) && d.P0.isZero(0.0);
-    if (noise) continue;
+    if (!changes_dynamics(d) && d.x0.isZero(0.0) && d.P0.isZero(0.0)) continue;
     throw InputError(
         {model.path, 0, 0}, fmt::format("'{}' is free and is not noise", entries.names[e]),
         "'track' follows Q, R and S of a known model", "fix it, or estimate it with 'tune'");

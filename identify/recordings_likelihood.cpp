@@ -20,10 +20,6 @@ bool semidefinite(const MatrixXd& M) {
   return eigen.eigenvalues().minCoeff() >= -1e-12 * eigen.eigenvalues().cwiseAbs().maxCoeff();
 }
 
-bool moves_dynamics(const StateSpace& d) {
-  return !(d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0));
-}
-
 bool admissible(const StateSpace& model) {
   if (model.S.isZero(0.0)) return semidefinite(model.Q) && semidefinite(model.R);
   return semidefinite(joint_covariance(model));
@@ -44,11 +40,6 @@ RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
   constant_derivatives_ =
       !model.linear.continuous && is_linear_in_parameters(model.linear, model.parameters);
   derivatives_ = model_derivatives(model.linear, model.parameters);
-  // What a swing from a known start tells of the dynamics is in no information of a steady filter.
-  const bool swings = model.linear.initial == InitialState::given &&
-                      !written_matrices(model.linear, model.parameters).x0.isZero(0.0);
-  const bool dynamics = std::any_of(derivatives_.begin(), derivatives_.end(), moves_dynamics);
-  if (path_ == Path::automatic && swings && dynamics) path_ = Path::steady;
   for (const Dataset& data : recordings) inputs_.push_back(model_inputs(model.linear, data.u));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     engine_.add_recording(recordings[i].y, inputs_[i]);

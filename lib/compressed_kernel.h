@@ -16,7 +16,11 @@
 //   X = sum_t x x' = F X F' + Kz Gamma_0 Kz' + Kz Y F' + F Y' Kz' + x0 x0' - xN xN',
 //   S_e = H Gamma_0 H' - H Y C' - C Y' H' + C X C'.
 //
-// The gradient is the adjoint of these equations; delta stands at a minimum, so it is held.
+// The gradient is the adjoint of these equations; delta stands at a minimum, so it is held. So it
+// is in the information on parameters of the dynamics, which then lacks that delta is not known:
+// with s_i = sum_t F'^t C' Sigma^-1 de_i(t),
+//
+//   sum_t de_i' Sigma^-1 de_j - s_i' (I + Pi M)^-1 Pi s_j.
 #pragma once
 
 #include <cmath>
@@ -117,10 +121,13 @@ class CompressedKernel final : public StretchKernel {
     Columns b, dx_z, g_z, M_b, on_dx_z;
     Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> dC, W_dC, c_x;
     SmallMatrix g, W_g, c_z, relative;
+    State dx0, dxN, s;
   };
 
   bool find_directions();
   void respond(std::size_t i, const Stretch& stretch, Response& r) const;
+  State last_response(const Stretch& stretch, const Response& r) const;
+  void follow_start(const Stretch& stretch, Response& r);
   bool add(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
   void augment(const Stretch& stretch);
   bool well_conditioned(const Square& Pi) const;
@@ -129,7 +136,7 @@ class CompressedKernel final : public StretchKernel {
   void sum_lags(const LagSums& sums, Eigen::Index lags);
   void add_gradient(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
   void add_noise_information(double samples, Likelihood& out) const;
-  void add_full_information(const Stretch& stretch, Likelihood& out);
+  void add_full_information(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
 
   Refusal refusal_ = Refusal::none;
   Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> white_C_;
@@ -157,8 +164,9 @@ class CompressedKernel final : public StretchKernel {
       Eigen::Matrix<double, n, Eigen::Dynamic, n == 1 ? Eigen::RowMajor : Eigen::ColMajor>;
   States T_;           // T_m = Kz Gamma_m' + F T_(m+1), all m
   States head_;        // F^t x0
+  States first_;       // state over the first samples
   States tail_;        // state over the last samples
-  Eigen::MatrixXd e_;  // first innovations
+  Eigen::MatrixXd e_;  // first innovations, or their derivatives
 };
 
 template <int n>
@@ -173,7 +181,7 @@ bool CompressedKernel<n>::find_directions() {
     Direction& out = directions_[i];
     const bool dA = !d.A.isZero(0.0), dC = !d.C.isZero(0.0), dG = !d.G.isZero(0.0);
     const bool dQ = !d.Q.isZero(0.0), dR = !d.R.isZero(0.0), dS = !d.S.isZero(0.0);
-    out.dynamics = dA || dC || !d.B.isZero(0.0) || !d.D.isZero(0.0);
+    out.dynamics = changes_dynamics(d);
     out.W.setZero(f.A.rows(), f.A.cols());
     if (dQ) {
       set_product(product_, m.G, d.Q);
@@ -438,7 +446,7 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
   bool dynamics = false;
   for (const Direction& d : directions_) dynamics = dynamics || d.dynamics;
   if (dynamics) {
-    add_full_information(stretch, out);
+    add_full_information(stretch, start, out);
   } else {
     add_noise_information(static_cast<double>(N), out);
   }
@@ -602,24 +610,62 @@ void CompressedKernel<n>::respond(std::size_t i, const Stretch& stretch, Respons
   }
 }
 
+/// dx behind the last sample.
+template <int n>
+auto CompressedKernel<n>::last_response(const Stretch& stretch, const Response& r) const -> State {
+  const Eigen::Index L = memory(), N = stretch.sums.samples();
+  State dx = State::Zero(model_->states()), next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    set_product(next, filter_.F, dx);
+    add_product(next, r.a, tail_.col(t));
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      next += stretch.sums.sample(c, N - L + t) * r.b.col(c);
+    }
+    dx = next;
+  }
+  return dx;
+}
+
+/// What dx owes to the start, dh+ = F dh + a F^t x0, does with z'; and s_i of the first
+/// innovations.
+template <int n>
+void CompressedKernel<n>::follow_start(const Stretch& stretch, Response& r) {
+  const SteadyFilter<n>& f = filter_;
+  const Eigen::Index L = memory();
+  State dh = r.dx0, dx = r.dx0, next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    auto de = e_.col(t);
+    set_product(de, f.Ct.transpose(), dx, -1.0);
+    add_product(de, r.dC, first_.col(t), -1.0);
+    set_product(next, f.F, dx);
+    add_product(next, r.a, first_.col(t));
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      const double z = stretch.sums.sample(c, t);
+      r.dx_z.col(c) += z * dh;
+      de += z * r.g.col(c);
+      next += z * r.b.col(c);
+    }
+    dx = next;
+    set_product(next, f.F, dh);
+    add_product(next, r.a, head_.col(t));
+    dh = next;
+  }
+  r.s.setZero(model_->states());
+  for (Eigen::Index t = L - 1; t >= 0; --t) {
+    set_product(next, f.F.transpose(), r.s);
+    add_product(next, CW_, e_.col(t));
+    r.s = next;
+  }
+}
+
 template <int n>
 void CompressedKernel<n>::end_of_stretch(const Stretch& stretch, FilterState& state) {
-  const Eigen::Index L = memory(), N = stretch.sums.samples();
   state.x = xN_;
   state.P = filter_.P;
   for (std::size_t i = 0; i < directions_.size(); ++i) {
     Response r;
     respond(i, stretch, r);
-    State dx = State::Zero(model_->states()), next;
-    for (Eigen::Index t = 0; t < L; ++t) {
-      set_product(next, filter_.F, dx);
-      add_product(next, r.a, tail_.col(t));
-      for (Eigen::Index c = 0; c < channels_; ++c) {
-        next += stretch.sums.sample(c, N - L + t) * r.b.col(c);
-      }
-      dx = next;
-    }
-    state.x_theta[i] = dx;
+    state.x_theta[i] = last_response(stretch, r);
     state.P_theta[i] = directions_[i].P;
   }
 }
@@ -646,12 +692,22 @@ void CompressedKernel<n>::add_noise_information(double samples, Likelihood& out)
 /// Parameters of the dynamics move the filter by what the states and inputs did in this stretch:
 /// sums of products with dx follow like X and Y.
 template <int n>
-void CompressedKernel<n>::add_full_information(const Stretch& stretch, Likelihood& out) {
+void CompressedKernel<n>::add_full_information(const Stretch& stretch, const StretchStart<n>& start,
+                                               Likelihood& out) {
   const SteadyFilter<n>& f = filter_;
   const LagSums& sums = stretch.sums;
   const auto samples = static_cast<double>(sums.samples());
   const auto Gamma_0 = sums.at(0);
+  const Eigen::Index L = memory();
   responses_.resize(directions_.size());
+  first_.resize(model_->states(), std::max(L, first_.cols()));
+  State x = x0_, x_next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    first_.col(t) = x;
+    set_product(x_next, f.F, x);
+    for (Eigen::Index c = 0; c < channels_; ++c) x_next += sums.sample(c, t) * Kz_.col(c);
+    x = x_next;
+  }
   Square half;
   Columns next;
   for (std::size_t i = 0; i < directions_.size(); ++i) {
@@ -664,6 +720,10 @@ void CompressedKernel<n>::add_full_information(const Stretch& stretch, Likelihoo
       add_product(next, r.b, sums.at(lag).transpose());
       r.dx_z.swap(next);
     }
+    r.dx0.setZero(model_->states());
+    if (start.kind == InitialState::given) r.dx0 = start.mean_theta[i];
+    follow_start(stretch, r);
+    r.dxN = last_response(stretch, r);
     // What drives dx, g = a x + b z, times x' and z'.
     set_product(r.g_x, r.a, X_);
     add_product(r.g_x, r.b, Yt_.transpose());
@@ -673,6 +733,8 @@ void CompressedKernel<n>::add_full_information(const Stretch& stretch, Likelihoo
     next = r.g_z;
     add_product(next, f.F, r.dx_z);
     add_product(r.dx_x, next, Kz_.transpose());
+    add_product(r.dx_x, r.dx0, x0_.transpose());
+    add_product(r.dx_x, r.dxN, xN_.transpose(), -1.0);
     f.powers.sum_forward(r.dx_x);
     // What c = g z - dC x, the direct effect on the innovation, does with x' and z'.
     set_product(r.c_x, r.g, Yt_.transpose());
@@ -691,8 +753,12 @@ void CompressedKernel<n>::add_full_information(const Stretch& stretch, Likelihoo
     set_product(small_, f.Sigma_inverse, directions_[i].Sigma);
     set_product(r.relative, small_, f.Sigma_inverse);
   }
+  State M_dx0, M_dxN, Z_s;
   for (std::size_t i = 0; i < responses_.size(); ++i) {
     const Response& p = responses_[i];
+    set_product(M_dx0, M_, p.dx0);
+    set_product(M_dxN, M_, p.dxN);
+    set_product(Z_s, Z_, p.s);
     for (std::size_t j = 0; j <= i; ++j) {
       const Response& q = responses_[j];
       add_symmetric(out.information, i, j,
@@ -700,6 +766,7 @@ void CompressedKernel<n>::add_full_information(const Stretch& stretch, Likelihoo
                         inner_product(p.on_dx_x, q.dx_x) + inner_product(p.on_dx_z, q.dx_z) +
                         inner_product(q.M_a, p.g_x) + inner_product(q.M_b, p.g_z) +
                         inner_product(q.W_g, p.c_z) - inner_product(q.W_dC, p.c_x) +
+                        M_dx0.dot(q.dx0) - M_dxN.dot(q.dxN) - Z_s.dot(q.s) +
                         0.5 * samples * inner_product(p.relative, directions_[j].Sigma));
     }
   }

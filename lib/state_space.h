@@ -26,6 +26,9 @@ void check_shapes(const StateSpace& model);
 /// [Q S; S' R], the covariance of [w; v].
 Eigen::MatrixXd joint_covariance(const StateSpace& model);
 
+/// Of a derivative of a model: does A, B, C or D change?
+bool changes_dynamics(const StateSpace& derivative);
+
 /// Of a derivative of a model: does nothing but Q, R and S change?
 bool changes_only_noise(const StateSpace& derivative);
 

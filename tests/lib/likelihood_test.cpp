@@ -316,6 +316,46 @@ TEST(Likelihood, AStartThatIsEstimated) {
   expect_same(m, InitialState::given, y, u, {by_x0, by_P0}, 1e-6);
 }
 
+// A pendulum that is let go of tells more of its frequency and damping by the swing from where it
+// was than by the noise that keeps it going; behind a gap the swing starts from where the filter
+// is.
+TEST(Likelihood, ASwingFromAKnownStartIsInformation) {
+  StateSpace m;
+  m.A = MatrixXd{{0.97, 0.049}, {-1.2, 0.95}};
+  m.B = MatrixXd(2, 0);
+  m.C = MatrixXd{{1.0, 0.0}};
+  m.D = MatrixXd(1, 0);
+  m.G = MatrixXd{{0.0}, {1.0}};
+  m.Q = MatrixXd::Constant(1, 1, 5e-4);
+  m.R = MatrixXd::Constant(1, 1, 1e-5);
+  m.S = MatrixXd::Zero(1, 1);
+  m.x0 = VectorXd::Zero(2);
+  m.P0 = Eigen::Vector2d(1e-4, 1e-2).asDiagonal();
+  std::vector<StateSpace> d(3, zero_like(m));
+  d[0].A(1, 0) = d[1].A(1, 1) = d[2].Q(0, 0) = 1.0;
+  const Index N = 2000;
+  for (const double swing : {0.0, 0.3, 3.0}) {
+    m.x0 = Eigen::Vector2d(swing, 0.0);
+    Random random(5);
+    MatrixXd y = simulate_outputs(random, m, MatrixXd(0, N), N);
+    const MatrixXd u(0, N);
+    for (const bool gap : {false, true}) {
+      SCOPED_TRACE(swing);
+      if (gap) knock_out(y, 20, 3, -1);
+      LikelihoodEngine engine;
+      engine.add_recording(y, u);
+      const MatrixXd direct = engine.evaluate(m, InitialState::given, d, Path::direct).information;
+      const MatrixXd compressed = engine.evaluate(m, InitialState::given, d).information;
+      ASSERT_EQ(engine.path_taken().path, Path::compressed);
+      const VectorXd scale = direct.diagonal().cwiseSqrt().cwiseInverse();
+      const MatrixXd error = scale.asDiagonal() * (compressed - direct) * scale.asDiagonal();
+      printf("swing %.1f%s: information %.1e of the full recursion's apart\n", swing,
+             gap ? ", gap" : "", error.cwiseAbs().maxCoeff());
+      EXPECT_LT(error.cwiseAbs().maxCoeff(), 0.01);
+    }
+  }
+}
+
 TEST(Likelihood, AStartKnownMuchBetterThanTheSteadyState) {
   for (const auto& [a, Q, R] :
        {std::tuple{1.5, 1e-20, 1.0}, std::tuple{1.2, 1e-16, 1.0}, std::tuple{1.5, 1e-12, 1.0},
