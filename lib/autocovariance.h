@@ -21,7 +21,7 @@ struct SampleAutocovariances {
 
 /// The unbiased estimate: every entry is divided by its own number of pairs.
 /// @param e  ny x N, NaN = missing
-/// Source: Matisko (2013), (4.13), not transposed (DESIGN errata): Y_k = E e(t+k) e(t)'.
+/// Source: Matisko (2013), (4.13), not transposed as printed there: Y_k = E e(t+k) e(t)'.
 SampleAutocovariances sample_autocovariances(const Eigen::Ref<const Eigen::MatrixXd>& e,
                                              Eigen::Index lags);
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
+#include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 
@@ -16,6 +18,12 @@ using Eigen::VectorXd;
 
 FStatistic input_correlation(const Eigen::Ref<const VectorXd>& e,
                              const Eigen::Ref<const MatrixXd>& u, int lags) {
+  if (u.cols() != e.size() || lags < 0) {
+    std::ostringstream text;
+    text << "input_correlation: " << e.size() << " innovations, inputs " << u.rows() << " x "
+         << u.cols() << ", " << lags << " lags";
+    throw std::invalid_argument(text.str());
+  }
   FStatistic out;
   out.value = std::numeric_limits<double>::quiet_NaN();
   const Index nu = u.rows(), size = nu * (lags + 1), N = e.size();

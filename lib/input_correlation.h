@@ -13,6 +13,7 @@ namespace identikal {
 /// missing are left out; what no input says (a constant one, two that are equal) leaves the rank.
 /// @param e     N, NaN = missing     @param u  nu x N, NaN = missing
 /// @param lags  >= 0
+/// @throws std::invalid_argument when lengths differ or lags < 0
 /// @return NaN when e is zero, all inputs are constant, or rows are too few
 FStatistic input_correlation(const Eigen::Ref<const Eigen::VectorXd>& e,
                              const Eigen::Ref<const Eigen::MatrixXd>& u, int lags);

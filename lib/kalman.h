@@ -58,8 +58,8 @@ enum class Keep { everything, innovations };
 /// @param y        ny x N, NaN = missing
 /// @param u        nu x N
 /// @throws std::invalid_argument when shapes disagree.
-/// Source: Matisko (2013), section 2.1, with the gain of DESIGN errata; Durbin & Koopman (2012),
-/// chapter 5.
+/// Source: Matisko (2013), section 2.1, with the A that the gain after (2.6) lacks; Durbin &
+/// Koopman (2012), chapter 5.
 FilterResult kalman_filter(const StateSpace& model, InitialState initial,
                            const Eigen::Ref<const Eigen::MatrixXd>& y,
                            const Eigen::Ref<const Eigen::MatrixXd>& u,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <set>
+#include <sstream>
+#include <stdexcept>
 
 namespace identikal {
 namespace {
@@ -43,6 +45,19 @@ struct FormulaValues {
 double& entry(Eigen::MatrixXd& M, int row, int col) { return M(row, col); }
 double& entry(Eigen::VectorXd& v, int row, int) { return v(row); }
 
+void check_entries(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {
+  const Eigen::Index rows = matrix.constant.rows(), cols = matrix.constant.cols();
+  for (const ParametrisedMatrix::Entry& e : matrix.entries) {
+    const bool inside = e.row >= 0 && e.row < rows && e.col >= 0 && e.col < cols;
+    if (inside && e.parameter >= 0 && e.parameter < static_cast<int>(parameters.size())) continue;
+    std::ostringstream text;
+    text << "linear model: an entry at (" << e.row << ", " << e.col << ") of parameter "
+         << e.parameter << " in a " << rows << " x " << cols << " matrix with " << parameters.size()
+         << " parameters";
+    throw std::invalid_argument(text.str());
+  }
+}
+
 template <class Matrix>
 void set_value(const ParametrisedMatrix& matrix, const ParameterSet& parameters,
                const FormulaValues& formulas, Matrix& out) {
@@ -51,6 +66,7 @@ void set_value(const ParametrisedMatrix& matrix, const ParameterSet& parameters,
     return;
   }
   out = matrix.constant;
+  check_entries(matrix, parameters);
   for (const ParametrisedMatrix::Entry& e : matrix.entries) {
     entry(out, e.row, e.col) +=
         e.factor * parameters[static_cast<std::size_t>(e.parameter)].scalar();
@@ -73,6 +89,7 @@ void set_derivative(const ParametrisedMatrix& matrix, const ParameterSet& parame
     }
     return;
   }
+  check_entries(matrix, parameters);
   out = Matrix::Zero(matrix.constant.rows(), matrix.constant.cols());
   for (const ParametrisedMatrix::Entry& e : matrix.entries) {
     if (e.parameter == d.parameter) entry(out, e.row, e.col) += e.factor * d.value(0, 0);

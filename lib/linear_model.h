@@ -79,6 +79,7 @@ StateSpace written_matrices(const LinearModel& model, const ParameterSet& parame
 
 /// The discrete-time model at these parameter values. Its inputs are [u(t); u(t+1)] where they are
 /// held linearly (lib/discretise.h).
+/// @throws std::invalid_argument for an entry outside of its matrix or of the parameters
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
 /// The same into `out`, whose memory is used again.
 void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);

@@ -1,11 +1,20 @@
 #include "lib/matrix_equations.h"
 
+#include <sstream>
+#include <stdexcept>
+
 #include "lib/steady_filter.h"
 
 namespace identikal {
 
 std::optional<Eigen::MatrixXd> solve_discrete_lyapunov(const Eigen::Ref<const Eigen::MatrixXd>& A,
                                                        const Eigen::Ref<const Eigen::MatrixXd>& W) {
+  if (A.rows() != A.cols() || W.rows() != A.rows() || W.cols() != A.rows()) {
+    std::ostringstream text;
+    text << "discrete Lyapunov equation: A is " << A.rows() << " x " << A.cols() << ", W "
+         << W.rows() << " x " << W.cols();
+    throw std::invalid_argument(text.str());
+  }
   Powers<Eigen::Dynamic> powers;
   if (!powers.compute(A)) return std::nullopt;
   Eigen::MatrixXd P = W;

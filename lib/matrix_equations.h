@@ -13,6 +13,7 @@ namespace identikal {
 /// @param A  n x n
 /// @param W  n x n, need not be symmetric
 /// @return nothing when A is not stable (spectral radius >= 1 to working precision).
+/// @throws std::invalid_argument when shapes disagree
 std::optional<Eigen::MatrixXd> solve_discrete_lyapunov(const Eigen::Ref<const Eigen::MatrixXd>& A,
                                                        const Eigen::Ref<const Eigen::MatrixXd>& W);
 

@@ -133,7 +133,7 @@ struct SteadyFilter {
       powers.sum_forward(next);
       symmetrise(next);
       if (!next.allFinite()) return false;
-      const bool done = close(P, next, 1e-11);
+      const bool done = close(P, next, 1e-11, noise_size());
       P = next;
       if (done) return gain(model) && powers.compute(F);
     }
@@ -168,18 +168,33 @@ struct SteadyFilter {
 
   // += K R K' - K (G S)' - (G S) K'
   void noise_of_gain(const StateSpace& model, Square& to) {
-    set_product(K_Sigma_, K, model.R);
-    add_product(to, K_Sigma_, K.transpose());
+    set_product(K_R_, K, model.R);
+    add_product(to, K_R_, K.transpose());
     add_product(to, K, Sw.transpose(), -1.0);
     add_product(to, Sw, K.transpose(), -1.0);
   }
 
-  // Entries are measured against the standard deviations they belong to.
-  static bool close(const Square& before, const Square& after, double tolerance) {
-    const Eigen::Index size = after.rows();
-    for (Eigen::Index j = 0; j < size; ++j) {
+  using Size = Eigen::Matrix<double, n, 1>;
+
+  // Variances that cancel in P where w and v are nearly the same noise.
+  Size noise_size() const {
+    Size out = W.diagonal();
+    for (Eigen::Index i = 0; i < out.size(); ++i) {
+      for (Eigen::Index j = 0; j < K_R_.cols(); ++j) out[i] += K_R_(i, j) * K(i, j);
+    }
+    return out;
+  }
+
+  // Entries are measured against the standard deviations they belong to, of P or, a hundredth, of
+  // `size`: finer than the rounding of that they do not get.
+  static bool close(const Square& before, const Square& after, double tolerance, const Size& size) {
+    constexpr double kFloor = 1e-4;
+    const auto deviation = [&](Eigen::Index i) {
+      return std::sqrt(std::max(std::abs(after(i, i)), kFloor * size[i]));
+    };
+    for (Eigen::Index j = 0; j < after.rows(); ++j) {
       for (Eigen::Index i = 0; i <= j; ++i) {
-        const double scale = std::sqrt(std::abs(after(i, i))) * std::sqrt(std::abs(after(j, j)));
+        const double scale = deviation(i) * deviation(j);
         if (std::abs(after(i, j) - before(i, j)) > tolerance * scale) return false;
       }
     }
@@ -221,7 +236,7 @@ struct SteadyFilter {
       set_product(step, Ak, Gk);
       Ak = step;
       if (!P.allFinite()) return false;
-      if (close(H, P, 1e-9)) return true;
+      if (close(H, P, 1e-9, Size::Zero(A.rows()))) return true;
       H = P;
     }
     return false;
@@ -247,14 +262,14 @@ struct SteadyFilter {
       noise_of_gain(model, next);
       symmetrise(next);
       if (!next.allFinite()) return false;
-      const bool done = close(P, next, 1e-9);
+      const bool done = close(P, next, 1e-9, noise_size());
       P = next;
       if (done) return true;
     }
     return false;
   }
 
-  Columns K_Sigma_;
+  Columns K_Sigma_, K_R_;
   Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, channels, 1> row_;
 };
 

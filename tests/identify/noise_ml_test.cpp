@@ -2,6 +2,7 @@
 #include "identify/noise_ml.h"
 
 #include <cmath>
+#include <stdexcept>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -173,6 +174,12 @@ TEST(NoiseMl, SandwichAllowsForHeavyTails) {
 
 TEST(NoiseMl, RefusesInWords) {
   ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  EXPECT_THROW(tune_ml(model, {}), std::invalid_argument);
+  ModelFile outside = model;
+  outside.linear.Q.entries = {{3, 0, 0, 1.0}};
+  EXPECT_THROW(tune_ml(outside, {dataset_of(MatrixXd::Random(1, 100))}), std::invalid_argument);
+  outside.linear.Q.entries = {{0, 0, 7, 1.0}};
+  EXPECT_THROW(tune_ml(outside, {dataset_of(MatrixXd::Random(1, 100))}), std::invalid_argument);
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Constant(1, 100, 3.0))}), InputError);
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 2))}), InputError);
   model.parameters[0].fixed = model.parameters[1].fixed = true;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <stdexcept>
 
 #include <Eigen/QR>
 #include <gtest/gtest.h>
@@ -71,6 +72,12 @@ TEST(InputCorrelation, FalseAlarmRateIsNominal) {
     std::printf("input correlation%s: false alarms %.2f %%\n", gaps ? ", gaps" : "", alarms / 20.0);
     EXPECT_NEAR(alarms / 2000.0, 0.05, 0.015);
   }
+}
+
+TEST(InputCorrelation, RefusesLengthsThatDiffer) {
+  const Eigen::VectorXd e = Eigen::VectorXd::Ones(50);
+  EXPECT_THROW(input_correlation(e, Eigen::MatrixXd::Ones(1, 40), 2), std::invalid_argument);
+  EXPECT_THROW(input_correlation(e, Eigen::MatrixXd::Ones(1, 50), -1), std::invalid_argument);
 }
 
 }  // namespace

@@ -1,5 +1,10 @@
 #include "lib/matrix_equations.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <gtest/gtest.h>
@@ -37,6 +42,12 @@ TEST(DiscreteLyapunov, RefusesWhatIsNotStable) {
                    .has_value());
 }
 
+TEST(DiscreteLyapunov, RefusesShapesThatDisagree) {
+  const MatrixXd square = MatrixXd::Zero(2, 2);
+  EXPECT_THROW(solve_discrete_lyapunov(MatrixXd::Zero(2, 3), square), std::invalid_argument);
+  EXPECT_THROW(solve_discrete_lyapunov(square, MatrixXd::Zero(2, 3)), std::invalid_argument);
+}
+
 TEST(SteadyState, SatisfiesTheRiccatiEquation) {
   StateSpace m;
   m.A = (MatrixXd(2, 2) << 1, 1, 0, 1).finished();  // integrators
@@ -52,6 +63,45 @@ TEST(SteadyState, SatisfiesTheRiccatiEquation) {
   const MatrixXd next = m.A * s->P * m.A.transpose() + m.Q - K * Sigma * K.transpose();
   EXPECT_TRUE(next.isApprox(s->P, 1e-11));
   EXPECT_LT((m.A - s->K * m.C).eigenvalues().cwiseAbs().maxCoeff(), 1.0);
+}
+
+// w and v nearly the same noise: P is then a small part of what cancels in it. With S = (1 - eps)
+// sqrt(Q R) one state, seen as it is, has P = a'^2 P R / (P + R) + q', a' = a - S / R and
+// q' = Q - S^2 / R = Q eps (2 - eps).
+TEST(SteadyState, IsFoundForNoisesThatAreNearlyOne) {
+  const auto one = [](double x) { return MatrixXd::Constant(1, 1, x); };
+  StateSpace m;
+  m.A = one(0.9);
+  m.C = m.G = one(1.0);
+  m.Q = one(1.2);
+  m.R = one(0.13);
+  double worst = 0.0;
+  for (double eps = 0.1; eps > 1e-14; eps /= 10.0) {
+    SCOPED_TRACE(eps);
+    m.S = one((1.0 - eps) * std::sqrt(1.2 * 0.13));
+    const auto s = steady_state(m);
+    ASSERT_TRUE(s.has_value());
+    const double R = 0.13, a = 0.9 - m.S(0, 0) / R, q = 1.2 * eps * (2.0 - eps);
+    const double b = R * (1.0 - a * a) - q;
+    const double P = b > 0.0 ? 2.0 * q * R / (b + std::sqrt(b * b + 4.0 * q * R))
+                             : (-b + std::sqrt(b * b + 4.0 * q * R)) / 2.0;
+    // As far as Q and S tell it.
+    EXPECT_NEAR(s->P(0, 0), P, 1e-11 * P + 1e-14);
+    worst = std::max(worst, std::abs(s->P(0, 0) - P));
+    EXPECT_LT(std::abs(0.9 - s->K(0, 0)), 1.0);
+    StateSpace two;
+    two.A = MatrixXd{{0.9, 0.2}, {-0.1, 0.8}};
+    two.C = MatrixXd{{1.0, 0.0}, {0.3, 1.0}};
+    two.G = Eigen::Vector2d(0.5, 1.0);
+    two.Q = one(1.2);
+    two.R = Eigen::Vector2d(0.13, 1.7).asDiagonal();
+    two.S = Eigen::RowVector2d(m.S(0, 0), 0.0);
+    const auto t = steady_state(two);
+    ASSERT_TRUE(t.has_value());
+    EXPECT_LT((two.A - t->K * two.C).eigenvalues().cwiseAbs().maxCoeff(), 0.9);
+    EXPECT_GT(t->P.eigenvalues().real().minCoeff(), -1e-14);
+  }
+  std::printf("off by %.1e at most, of noise of 1.2\n", worst);
 }
 
 }  // namespace
