@@ -15,8 +15,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kMostSteps = 1e6;  // between two samples
-
 VectorXd formula_parameters(const ModelFile& model, const ParameterSet& at) {
   VectorXd out(model.formulas.model.parameters);
   for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
@@ -54,7 +52,7 @@ NonlinearFilterOptions filter_options(const ModelFile& model) {
 }
 
 // What `integration_step` asks for; one each in discrete time.
-std::optional<std::vector<int>> steps_of_file(const ModelFile& model, const Dataset& recording) {
+std::optional<IntegrationSteps> steps_of_file(const ModelFile& model, const Dataset& recording) {
   const FormulaSettings& settings = model.formulas;
   const bool continuous = settings.model.continuous;
   if (continuous && !(settings.longest_step > 0.0)) return std::nullopt;
@@ -68,9 +66,11 @@ std::optional<std::vector<int>> steps_of_file(const ModelFile& model, const Data
                      fmt::format("integration_step {:.3g} s makes {:.3g} steps between two samples "
                                  "of '{}'",
                                  longest, widest / longest, recording.name),
-                     fmt::format("at most {:.0e}", kMostSteps), "a longer step, or none");
+                     fmt::format("at most {}", kMostSteps), "a longer step, or none");
   }
-  return input_nodes(recording.time, recording.u, settings.inputs, longest).steps;
+  IntegrationSteps out;
+  out.steps = input_nodes(recording.time, recording.u, settings.inputs, longest).steps;
+  return out;
 }
 
 InputNodes nodes_in(const ModelFile& model, const Dataset& recording,
@@ -86,11 +86,7 @@ InputNodes filter_nodes(const ModelFile& model, const ParameterSet& at, const Da
 // For the motion without noise from x.
 IntegrationSteps motion_steps(const ModelFile& model, const ParameterSet& at,
                               const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
-  if (std::optional<std::vector<int>> given = steps_of_file(model, recording)) {
-    IntegrationSteps out;
-    out.steps = std::move(*given);
-    return out;
-  }
+  if (auto given = steps_of_file(model, recording)) return *given;
   return integration_steps(model.formulas.model, formula_parameters(model, at), x, recording.time,
                            recording.u, model.formulas.inputs);
 }
@@ -100,11 +96,7 @@ IntegrationSteps motion_steps(const ModelFile& model, const ParameterSet& at,
 IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
                                 const Dataset& recording) {
   const FormulaSettings& settings = model.formulas;
-  if (std::optional<std::vector<int>> given = steps_of_file(model, recording)) {
-    IntegrationSteps out;
-    out.steps = std::move(*given);
-    return out;
-  }
+  if (auto given = steps_of_file(model, recording)) return *given;
   return integration_steps(settings.model, formula_parameters(model, at),
                            noise_of(written_matrices(model.linear, at)), recording.time,
                            recording.u, settings.inputs, recording.y, filter_options(model));
@@ -200,16 +192,10 @@ MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
 
 FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
                               const Dataset& recording, Keep keep) {
-  FilterResult out = nonlinear_filter(model.formulas.model, formula_parameters(model, at),
-                                      noise_of(written_matrices(model.linear, at)),
-                                      filter_nodes(model, at, recording), recording.y,
-                                      filter_options(model), keep);
-  if (keep == Keep::innovations || out.status != FilterStatus::ok) return out;
-  out.e_sd.resize(recording.y.rows(), recording.size());
-  for (Index t = 0; t < recording.size(); ++t) {
-    out.e_sd.col(t) = out.Sigma[static_cast<std::size_t>(t)].diagonal().cwiseSqrt();
-  }
-  return out;
+  return nonlinear_filter(model.formulas.model, formula_parameters(model, at),
+                          noise_of(written_matrices(model.linear, at)),
+                          filter_nodes(model, at, recording), recording.y, filter_options(model),
+                          keep);
 }
 
 SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,

@@ -58,7 +58,7 @@ Eigen::MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& a
                                    const Dataset& recording,
                                    const Eigen::Ref<const Eigen::VectorXd>& x);
 
-/// The filter's run over one recording; e_sd with Keep::everything.
+/// The filter's run over one recording.
 FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
                               const Dataset& recording, Keep keep);
 

@@ -18,8 +18,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kMostSteps = 1e6;  // of input_nodes()
-constexpr int kFew = 16;            // where nothing says how many would do
+constexpr int kFew = 16;  // where nothing says how many would do
 
 // The inputs of one interval in any number of steps. A smooth curve between two samples depends on
 // one neighbour on either side (lib/interpolation.h), so that four samples make it.
@@ -94,6 +93,9 @@ Settled settle(const NonlinearModel& model, ModelMemory& memory, OneInterval& in
     out.by = relative_change(end, out.end, least);
     if (before[0] > kNear || !(out.by > kSlow * before[0])) continue;
     out.steps = std::min(out.steps, kFew);
+    end = moved(out.steps);
+    out.end = moved(2 * out.steps);
+    out.by = relative_change(end, out.end, least);
     break;
   }
   if (!out.end.allFinite() || !end.allFinite()) {
@@ -105,7 +107,8 @@ Settled settle(const NonlinearModel& model, ModelMemory& memory, OneInterval& in
 }
 
 void check_tolerance(const StepTolerance& tolerance) {
-  if (tolerance.relative > 0.0 && tolerance.floor > 0.0 && tolerance.most >= 1) return;
+  const bool possible = tolerance.most >= 1 && tolerance.most <= kMostSteps;
+  if (tolerance.relative > 0.0 && tolerance.floor > 0.0 && possible) return;
   std::ostringstream text;
   text << "integration_steps: tolerance " << tolerance.relative << " with floor " << tolerance.floor
        << " in " << tolerance.most << " steps at most";
@@ -113,7 +116,7 @@ void check_tolerance(const StepTolerance& tolerance) {
 }
 
 void note(IntegrationSteps& out, StepStatus status, Index sample) {
-  if (out.status != StepStatus::ok || status == StepStatus::ok) return;
+  if (status <= out.status) return;
   out.status = status;
   out.sample = sample;
 }
@@ -228,8 +231,8 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
       }
       OneInterval inputs(time, u, path, k);
       StepTolerance here = tolerance;
-      here.most = static_cast<int>(
-          std::min(kMostSteps, tolerance.most * std::max(1.0, (time[k + 1] - time[k]) / usual)));
+      here.most = static_cast<int>(std::min<double>(
+          kMostSteps, tolerance.most * std::max(1.0, (time[k + 1] - time[k]) / usual)));
       const VectorXd size = largest.cwiseMax(P.diagonal().cwiseMax(0.0).cwiseSqrt());
       int needed = 1;
       for (Index point = 0; point <= 2 * nx; ++point) {
@@ -240,9 +243,7 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
         if (settled.status == StepStatus::not_finite && point > 0) continue;
         note(out, settled.status, k);
         needed = std::max(needed, settled.steps);
-        if (settled.status == StepStatus::ok) {
-          out.largest_change = std::max(out.largest_change, settled.by);
-        }
+        out.largest_change = std::max(out.largest_change, settled.by);
       }
       grown = grown || needed > steps[interval];
       steps[interval] = std::max(steps[interval], needed);

@@ -15,11 +15,11 @@ namespace identikal {
 /// over the interval.
 struct StepTolerance {
   double relative = 1e-8;
-  double floor = 1e-3;
-  int most = 1024;  ///< steps between two samples
+  double floor = 1e-3;  ///< of a trajectory; a filter's deviations take its place
+  int most = 1024;      ///< steps between two samples
 };
 
-/// How the choice ended.
+/// How the choice ended, from good to bad.
 enum class StepStatus {
   ok,
   capped,      ///< somewhere as many steps as are allowed do not reach the tolerance, as at a jump
@@ -30,22 +30,22 @@ enum class StepStatus {
 const char* describe(StepStatus status);
 
 struct IntegrationSteps {
-  StepStatus status = StepStatus::ok;
+  StepStatus status = StepStatus::ok;  ///< of the worst interval
   Eigen::Index sample = -1;  ///< not ok: the interval that begins there is the first such, 0-based
   std::vector<int> steps;    ///< N - 1, for input_nodes(); powers of two; not_finite: empty
   double largest_change = 0.0;  ///< by twice as many steps, against the tolerance's max(..)
 };
 
 /// Follows the trajectory without noise and doubles the steps of every interval until that changes
-/// nothing. At a jump of the rates, whose error falls too slowly, a few steps are taken. A grid is
-/// chosen once, for a start of a search, and kept: a likelihood on a grid that changes with the
+/// nothing. At a jump of the rates, whose error falls too slowly, a few steps are taken. A search
+/// keeps its grid from evaluation to evaluation: a likelihood on one that changes with the
 /// parameters is not smooth. In discrete time one step each.
 /// @param p     parameters, SI
 /// @param x0    nx: state at the first sample
 /// @param time  N strictly increasing time stamps [s]
 /// @param u     nu x N, no NaN
 /// @throws std::invalid_argument when shapes disagree, time does not increase, relative or floor
-///   <= 0, or most is not 1 to a million
+///   <= 0, or most is not 1 to kMostSteps
 IntegrationSteps integration_steps(const NonlinearModel& model,
                                    const Eigen::Ref<const Eigen::VectorXd>& p,
                                    const Eigen::Ref<const Eigen::VectorXd>& x0,

@@ -252,7 +252,7 @@ class NonlinearRecursion {
         store_->x_pred.col(t) = now_.x;
         store_->P_pred[static_cast<std::size_t>(t)] = now_.P;
       }
-      if (present_count_ > 0 || states_) measure(t);
+      if (present_count_ > 0 || store_ != nullptr) measure(t);
       if (status_ != FilterStatus::ok) break;
       if (states_) {
         store_->x_filt.col(t) = now_.x;
@@ -332,6 +332,8 @@ class NonlinearRecursion {
     return status == FilterStatus::ok;
   }
   void keep_covariance(Index t, const MatrixXd& Sigma) {
+    if (store_ == nullptr) return;
+    store_->e_sd.col(t) = Sigma.diagonal().cwiseSqrt();
     if (states_) store_->Sigma[static_cast<std::size_t>(t)] = Sigma;
   }
   void add_terms(Index t) {
@@ -648,6 +650,7 @@ FilterResult nonlinear_filter(const NonlinearModel& model, const Eigen::Ref<cons
   const Index N = y.cols();
   out.e = MatrixXd::Constant(y.rows(), N, kNaN);
   out.standardised = out.e;
+  out.e_sd = out.e;
   if (keep == Keep::everything) {
     out.x_pred = MatrixXd::Constant(model.states, N, kNaN);
     out.x_filt = out.x_pred;

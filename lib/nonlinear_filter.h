@@ -75,7 +75,7 @@ struct NonlinearFilterOptions {
 /// @param p       parameters, SI
 /// @param inputs  N samples
 /// @param y       ny x N, NaN = missing
-/// @return e and standardised, and with Keep::everything states, covariances and Sigma, as
+/// @return e, e_sd and standardised, and with Keep::everything states, covariances and Sigma, as
 ///   kalman_filter() returns them
 /// @throws std::invalid_argument when shapes disagree, a density is given in discrete time,
 ///   iterations < 1 or alpha^2 (nx + kappa) <= 0

@@ -15,8 +15,6 @@ namespace {
 using Eigen::Index;
 using Id = FormulaGraph::Id;
 
-constexpr double kMaxSteps = 1e6;  // between two samples
-
 std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
                                          const std::vector<int>& by) {
   std::vector<std::vector<Id>> out;
@@ -281,7 +279,7 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
     const double h = time[k + 1] - time[k];
     // A sampling period that is the longest step up to rounding takes one step.
     const double steps = std::max(1.0, std::ceil(h / longest_step * (1.0 - 1e-9)));
-    if (!(h > 0.0) || !(steps <= kMaxSteps)) {
+    if (!(h > 0.0) || !(steps <= kMostSteps)) {
       std::ostringstream text;
       text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in steps of "
            << longest_step << " s";
@@ -308,7 +306,7 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
   Index columns = 0;
   for (Index k = 0; k + 1 < N; ++k) {
     const int count = steps[static_cast<std::size_t>(k)];
-    if (!(time[k + 1] > time[k]) || count < 1 || count > kMaxSteps) {
+    if (!(time[k + 1] > time[k]) || count < 1 || count > kMostSteps) {
       std::ostringstream text;
       text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in " << count
            << " steps";

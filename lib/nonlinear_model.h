@@ -81,15 +81,18 @@ struct InputNodes {
   Eigen::MatrixXd at_sample;
 };
 
+/// Steps of the Runge-Kutta method between two samples, at most.
+inline constexpr int kMostSteps = 1'000'000;
+
 /// @param time          N strictly increasing time stamps [s], any spacing
 /// @param u             nu x N, no NaN
 /// @param longest_step  of the Runge-Kutta method [s]; infinite: one step from sample to sample
 /// @throws std::invalid_argument when shapes disagree, time does not increase, longest_step <= 0 or
-///   an interval needs more than a million steps
+///   an interval needs more than kMostSteps
 InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
                        double longest_step);
 /// The same with a number of steps for every interval (lib/integration_steps.h).
-/// @param steps  N - 1, each 1 to a million
+/// @param steps  N - 1, each 1 to kMostSteps
 InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
                        const std::vector<int>& steps);
 
