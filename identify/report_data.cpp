@@ -100,15 +100,24 @@ RowAxis laid_end_to_end(const Estimate& estimate) {
 RecordingSheet sheet_of(const Dataset& data) {
   RecordingSheet out;
   out.name = data.name;
-  out.rows = data.size();
+  out.rows = data.size() - static_cast<Index>(data.absent.size());
   out.step = data.dt;
   if (out.rows == 0) return out;
   out.from = data.time[0];
-  out.to = data.time[out.rows - 1];
-  for (Index t = 1; t < out.rows; ++t) {
-    const double step = data.time[t] - data.time[t - 1];
-    if (!(out.longest_step > step)) out.longest_step = step;
-    if (step > kGap * data.dt) out.gaps.push_back({data.time[t - 1], data.time[t]});
+  out.to = data.time[data.size() - 1];
+  auto absent = data.absent.begin();
+  Index before = -1;  // the last row that was recorded
+  for (Index t = 0; t < data.size(); ++t) {
+    if (absent != data.absent.end() && *absent == t) {
+      ++absent;
+      continue;
+    }
+    if (before >= 0) {
+      const double step = data.time[t] - data.time[before];
+      if (!(out.longest_step > step)) out.longest_step = step;
+      if (step > kGap * data.dt) out.gaps.push_back({data.time[before], data.time[t]});
+    }
+    before = t;
   }
   out.gap_count = static_cast<Index>(out.gaps.size());
   std::stable_sort(out.gaps.begin(), out.gaps.end(),
@@ -121,6 +130,7 @@ RecordingSheet sheet_of(const Dataset& data) {
       sheet.name = channels[n].name;
       sheet.unit = channels[n].unit;
       sheet.input = input;
+      sheet.missing = -static_cast<Index>(data.absent.size());
       double sum = 0.0, count = 0.0, low = HUGE_VAL, high = -HUGE_VAL;
       for (const double x : X.row(static_cast<Index>(n))) {
         if (std::isnan(x)) {

@@ -353,6 +353,7 @@ Dataset first_samples(const Dataset& data, Index count) {
   Dataset out = data;
   out.time.conservativeResize(keep);
   if (out.stamps.size() > 0) out.stamps.conservativeResize(keep);
+  std::erase_if(out.absent, [&](Index row) { return row >= keep; });
   out.u.conservativeResize(Eigen::NoChange, keep);
   out.y.conservativeResize(Eigen::NoChange, keep);
   return out;
@@ -363,6 +364,8 @@ Dataset samples_from(const Dataset& data, Index first) {
   Dataset out = data;
   out.time = data.time.tail(keep);
   if (data.stamps.size() > 0) out.stamps = data.stamps.tail(keep);
+  std::erase_if(out.absent, [&](Index row) { return row < first; });
+  for (Index& row : out.absent) row -= first;
   out.u = data.u.rightCols(keep);
   out.y = data.y.rightCols(keep);
   return out;
@@ -398,12 +401,8 @@ Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
     target[static_cast<std::size_t>(i)] = static_cast<Index>(k);
   }
 
-  Dataset out;
-  out.name = data.name;
+  Dataset out = data;
   out.dt = step;
-  out.inputs = data.inputs;
-  out.outputs = data.outputs;
-  out.notes = data.notes;
   const Index rows = n == 0 ? 0 : target.back() + 1;
   out.time.resize(rows);
   for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;
@@ -412,6 +411,7 @@ Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
     if (i + 1 < n && target[static_cast<std::size_t>(i + 1)] == at) ++i;
     const Index absent = at - target[static_cast<std::size_t>(i)];
     out.stamps[at] = data.time[i] + static_cast<double>(absent) * step;
+    if (absent > 0) out.absent.push_back(at);
   }
   out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
   out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);

@@ -21,15 +21,16 @@ struct Channel {
 };
 
 struct Dataset {
-  std::string name;                ///< of the file, without its folder
-  double dt = 0.0;                 ///< sampling period [s]: the step given, else the median step
-  Eigen::VectorXd time;            ///< N [s], strictly increasing
-  Eigen::VectorXd stamps;          ///< N [s]: as recorded, where on_uniform_raster() has moved them
-  Eigen::MatrixXd u;               ///< nu x N, SI, NaN = missing
-  Eigen::MatrixXd y;               ///< ny x N, SI, NaN = missing
-  std::vector<Channel> inputs;     ///< nu
-  std::vector<Channel> outputs;    ///< ny
-  std::vector<std::string> notes;  ///< what was done to recorded values beyond their units
+  std::string name;        ///< of the file, without its folder
+  double dt = 0.0;         ///< sampling period [s]: the step given, else the median step
+  Eigen::VectorXd time;    ///< N [s], strictly increasing
+  Eigen::VectorXd stamps;  ///< N [s]: as recorded, where on_uniform_raster() has moved them
+  std::vector<Eigen::Index> absent;  ///< rows that it has put in where none was recorded, rising
+  Eigen::MatrixXd u;                 ///< nu x N, SI, NaN = missing
+  Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
+  std::vector<Channel> inputs;       ///< nu
+  std::vector<Channel> outputs;      ///< ny
+  std::vector<std::string> notes;    ///< what was done to recorded values beyond their units
   std::vector<std::string> unknown_units;  ///< sentences on those that the model file overrules
   std::string
       begins;  ///< "after a missing input": why rows before are not in it; empty: it has all

@@ -350,6 +350,10 @@ TEST(UniformRaster, AbsentRowsBecomeMissingSamples) {
   EXPECT_TRUE(std::isnan(out.y(0, 3)));
   EXPECT_EQ(out.y(0, 4), 30.0);
   EXPECT_EQ(out.y(0, 5), 40.0);
+  EXPECT_EQ(out.absent, (std::vector<Eigen::Index>{2, 3}));
+  EXPECT_EQ(first_samples(out, 3).absent, std::vector<Eigen::Index>{2});
+  EXPECT_EQ(samples_from(out, 3).absent, std::vector<Eigen::Index>{0});
+  EXPECT_TRUE(samples_from(out, 4).absent.empty());
 }
 
 TEST(UniformRaster, AWholeRecordingIsLeftAsItIs) {
