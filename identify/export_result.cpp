@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <functional>
+#include <optional>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -80,7 +84,14 @@ std::string commented(const std::vector<std::string>& lines, const std::string& 
   return out;
 }
 
-bool is_vehicle(const Estimate& e) { return !e.tyre_curve.empty(); }
+enum class Kind { nothing, filter, vehicle, formulas };
+
+Kind kind_of(const Estimate& e) {
+  if (e.verb == "bound") return Kind::nothing;
+  if (!e.tyre_curve.empty()) return e.parameters.empty() ? Kind::nothing : Kind::vehicle;
+  if (e.filter) return Kind::filter;
+  return e.objective.filter.empty() || !e.model_file ? Kind::nothing : Kind::formulas;
+}
 
 // The largest force of an axle that stays straight as far as it was driven: it has no number.
 bool is_straight(const EstimatedParameter& p) { return std::isinf(p.value); }
@@ -134,6 +145,7 @@ std::vector<std::string> head(const StoredResult& result, const std::string& dat
                             result.version, date.empty() ? "" : ", result written " + date));
   out.push_back(status_line(e));
   for (const Warning& w : e.warnings) {
+    if (w.code == "data_treated") out.push_back("recorded: " + w.text);
     if (w.severity == "note") continue;
     out.push_back((w.severity == "serious" ? "SERIOUS: " : "warning: ") + w.text);
   }
@@ -163,6 +175,8 @@ std::vector<std::string> curve_lines(const Estimate& e) {
   std::vector<std::string> out{
       "single-track model, ISO 8855: x forward, y and angles positive to the left; C of an axle is "
       "Cf or Cr",
+      "m (vy' + vx r) = Ff + Fr - m g sin(bank), Iz r' = a Ff - b Fr",
+      "delta(t) = steering_gain (angle(t - steering_delay) + steering_offset) / steering_ratio",
       "slip alpha_f = (vy + a r)/vx - delta, alpha_r = (vy - b r)/vx; linear force L = -C alpha"};
   if (e.tyre_curve == "linear") out.emplace_back("tyre curve linear: F = L");
   if (e.tyre_curve == "tanh") {
@@ -188,11 +202,12 @@ std::vector<std::string> curve_lines(const Estimate& e) {
   return out;
 }
 
-std::string channel_list(const std::vector<SteadyFilter::Channel>& channels) {
+std::string channel_list(const std::vector<SteadyFilter::Channel>& channels,
+                         const char* unit_is = "recorded in ") {
   std::string out;
   for (const SteadyFilter::Channel& c : channels) {
     out += fmt::format("{}{}{}", out.empty() ? "" : ", ", c.name,
-                       c.unit.empty() ? "" : fmt::format(" (recorded in {})", c.unit));
+                       c.unit.empty() ? "" : fmt::format(" ({}{})", unit_is, c.unit));
   }
   return out;
 }
@@ -202,6 +217,7 @@ std::vector<std::string> filter_lines(const Estimate& e) {
   std::vector<std::string> out;
   out.emplace_back(
       "x(t+1) = A x + B u + G w, y = C x + D u + v, cov[w; v] = [Q S; S' R], discrete time, SI");
+  if (!f.states.empty()) out.push_back("states x: " + channel_list(f.states, ""));
   out.push_back("outputs y: " + channel_list(f.outputs));
   if (!f.inputs.empty()) out.push_back("inputs u: " + channel_list(f.inputs));
   out.emplace_back("innovation e = y - C x_pred - D u");
@@ -222,55 +238,163 @@ std::vector<std::string> filter_lines(const Estimate& e) {
 
 struct NamedMatrix {
   std::string name;
-  const MatrixXd* value;
+  MatrixXd value;
   std::string remark;
 };
 
-// Those that are there.
-std::vector<NamedMatrix> matrices_of(const Estimate& e) {
-  const SteadyFilter& f = *e.filter;
-  const bool density = e.noise.Q_kind == "density";
-  std::vector<NamedMatrix> all{
-      {"A", &f.model.A, ""},
-      {"B", &f.model.B, ""},
-      {"C", &f.model.C, ""},
-      {"D", &f.model.D, ""},
-      {"G", &f.model.G, ""},
-      {"Q", &f.model.Q, "process noise, covariance of w per sample"},
-      {"R", &f.model.R, "measurement noise, covariance of v per sample"},
-      {"S", &f.model.S, "covariance of w and v per sample"},
-      {"K_predictor", &f.K, "steady gain of the predictor form, K = (A P C' + G S) Sigma^-1"},
-      {"L_filter", &f.L, "steady gain of the filter form, L = P C' Sigma^-1"},
-      {"P", &f.P, "steady covariance of x(t) - x_pred(t), before y(t) is known"},
-      {"Sigma", &f.Sigma, "steady covariance of e, C P C' + R"}};
-  if (density) {
-    all.insert(all.begin() + 6,
-               {"Q_density", &e.noise.Q,
-                "process noise as the model file has it, power per time (density)"});
-  }
-  std::erase_if(all, [](const NamedMatrix& m) { return m.value->size() == 0; });
-  return all;
-}
-
 struct StructMember {
   std::string name, unit;
-  double value, se;  // SI
+  double value, se;
   std::string remark, verdict;
 };
 
-std::vector<StructMember> members_of(const Estimate& e) {
+// What there is to write, whatever the language.
+struct Contents {
+  std::string suffix;  // of the name that all stands under
+  std::string group;   // of the members, where a language has none of its own
+  std::vector<StructMember> members;
+  std::optional<double> dt;
+  std::vector<NamedMatrix> matrices;
+  std::string tyre_curve;
+  std::vector<SteadyFilter::Channel> states, outputs, inputs;
+  std::vector<std::string> lines;  // what a reader has to know
+};
+
+std::vector<NamedMatrix> filter_matrices(const Estimate& e) {
+  const SteadyFilter& f = *e.filter;
+  const bool density = e.noise.Q_kind == "density";
+  std::vector<NamedMatrix> all{
+      {"A", f.model.A, ""},
+      {"B", f.model.B, ""},
+      {"C", f.model.C, ""},
+      {"D", f.model.D, ""},
+      {"G", f.model.G, ""},
+      {"Q", f.model.Q, "process noise, covariance of w per sample"},
+      {"R", f.model.R, "measurement noise, covariance of v per sample"},
+      {"S", f.model.S, "covariance of w and v per sample"},
+      {"K_predictor", f.K, "steady gain of the predictor form, K = (A P C' + G S) Sigma^-1"},
+      {"L_filter", f.L, "steady gain of the filter form, L = P C' Sigma^-1"},
+      {"P", f.P, "steady covariance of x(t) - x_pred(t), before y(t) is known"},
+      {"Sigma", f.Sigma, "steady covariance of e, C P C' + R"}};
+  if (density) {
+    all.insert(all.begin() + 6,
+               {"Q_density", e.noise.Q,
+                "process noise as the model file has it, power per time (density)"});
+  }
+  return all;
+}
+
+// A name that is no word of a language's own.
+std::string member_name(const std::string& name) {
+  static const std::set<std::string, std::less<>> reserved{
+      "alignas",   "alignof",  "and",      "asm",       "auto",      "bitand",     "bitor",
+      "bool",      "break",    "case",     "catch",     "char",      "class",      "classdef",
+      "compl",     "concept",  "const",    "consteval", "constexpr", "constinit",  "continue",
+      "decltype",  "default",  "delete",   "do",        "double",    "else",       "elseif",
+      "end",       "enum",     "explicit", "export",    "extern",    "false",      "float",
+      "for",       "friend",   "function", "global",    "goto",      "if",         "inline",
+      "int",       "long",     "mutable",  "namespace", "new",       "noexcept",   "not",
+      "nullptr",   "operator", "or",       "otherwise", "parfor",    "persistent", "private",
+      "protected", "public",   "register", "requires",  "restrict",  "return",     "short",
+      "signed",    "sizeof",   "spmd",     "static",    "struct",    "switch",     "template",
+      "this",      "throw",    "true",     "try",       "typedef",   "typeid",     "typename",
+      "union",     "unsigned", "using",    "virtual",   "void",      "volatile",   "while",
+      "xor"};
+  return reserved.contains(name) ? name + "_" : name;
+}
+
+// The estimates in SI, one after the other.
+std::vector<StructMember> members_of(const Estimate& e, bool vehicle) {
   std::vector<StructMember> out;
   for (const EstimatedParameter& p : e.parameters) {
     if (is_straight(p)) continue;
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
-    const std::string si = vehicle_unit(p.name);
     // Only a number that stays the same keeps its last digit.
     const bool same = unit.scale == 1.0 && unit.offset == 0.0;
+    std::string si = vehicle ? vehicle_unit(p.name) : same ? p.unit : si_unit(unit);
+    if (si.empty()) si = "-";
     std::string remark = remark_of(p);
     if (!same) remark += fmt::format("; {:.6g} {}", p.value, p.unit);
-    out.push_back({p.name, si.empty() ? "-" : si, same ? p.value : unit.to_si(p.value),
-                   unit.scale * p.se, remark, p.fixed ? "known" : to_string(p.verdict)});
+    out.push_back({member_name(p.name), si, same ? p.value : unit.to_si(p.value), unit.scale * p.se,
+                   remark, p.fixed ? "known" : to_string(p.verdict)});
   }
+  return out;
+}
+
+std::vector<SteadyFilter::Channel> channels_of(const std::vector<ChannelSource>& from) {
+  std::vector<SteadyFilter::Channel> out;
+  for (const ChannelSource& c : from) out.push_back({c.name, c.unit});
+  return out;
+}
+
+void add_formulas(Contents& to, const StoredResult& result) {
+  const Estimate& e = result.estimate;
+  const ModelFile model = estimated_model(e, result.path);
+  const StateSpace written = written_matrices(model.linear, model.parameters);
+  const bool density = e.noise.Q_kind == "density";
+  for (const StateName& state : model.states) to.states.push_back({state.name, state.unit});
+  to.outputs = channels_of(model.outputs);
+  to.inputs = channels_of(model.inputs);
+  to.matrices = {{"Q", written.G * written.Q * written.G.transpose(),
+                  density ? "process noise of the states, power per time (density)"
+                          : "process noise of the states, covariance per sample"},
+                 {"R", written.R, "measurement noise, covariance per sample"},
+                 {"x0", written.x0, "state at the first sample: mean"},
+                 {"P0", written.P0, "and its covariance"}};
+  to.lines.push_back(fmt::format("{} filter; numbers in SI; the formulas stand in the model file",
+                                 e.objective.filter));
+  to.lines.push_back("states x: " + channel_list(to.states, ""));
+  to.lines.push_back("outputs y: " + channel_list(to.outputs));
+  if (!to.inputs.empty()) to.lines.push_back("inputs u: " + channel_list(to.inputs));
+}
+
+// A file may have been edited.
+void check_filter(const StoredResult& result) {
+  StateSpace model = result.estimate.filter->model;
+  model.x0.setZero(model.states());
+  model.P0.setZero(model.states(), model.states());
+  try {
+    check_shapes(model);
+  } catch (const std::invalid_argument& error) {
+    throw InputError({result.path, 0, 0}, fmt::format("not a filter ({})", error.what()),
+                     "a result as -o writes it", "run the job again with -o");
+  }
+}
+
+Contents contents_of(const StoredResult& result) {
+  const Estimate& e = result.estimate;
+  Contents out;
+  switch (kind_of(e)) {
+    case Kind::nothing:
+      throw InputError(
+          {result.path, 0, 0},
+          fmt::format("a result of '{}' that holds no filter, vehicle or model of formulas",
+                      e.verb),
+          "a result of tune, check or fit");
+    case Kind::vehicle:
+      out.suffix = out.group = "car";
+      out.members = members_of(e, true);
+      out.tyre_curve = e.tyre_curve;
+      out.lines = curve_lines(e);
+      break;
+    case Kind::filter:
+      out.suffix = "filter";
+      out.dt = e.filter->model.dt;
+      out.matrices = filter_matrices(e);
+      out.states = e.filter->states;
+      out.outputs = e.filter->outputs;
+      out.inputs = e.filter->inputs;
+      out.lines = parameter_lines(e, true);
+      for (std::string& line : filter_lines(e)) out.lines.push_back(std::move(line));
+      break;
+    case Kind::formulas:
+      out.suffix = "model";
+      out.group = "p";
+      out.members = members_of(e, false);
+      add_formulas(out, result);
+      break;
+  }
+  std::erase_if(out.matrices, [](const NamedMatrix& m) { return m.value.size() == 0; });
   return out;
 }
 
@@ -292,78 +416,78 @@ std::string ending(const std::string& remark, const FormatNames& format) {
   return remark.empty() ? "\n" : fmt::format("  {} {}\n", format.comment, remark);
 }
 
-std::string c_header(const Estimate& e, const FormatNames& format, const std::string& comments) {
-  const bool cpp = format.format == ExportFormat::cpp, vehicle = is_vehicle(e);
-  const std::string name = identifier(e.model_name) + (vehicle ? "_car" : "_filter");
+std::string c_header(const Contents& c, const std::string& model, const FormatNames& format,
+                     const std::string& comments) {
+  const bool cpp = format.format == ExportFormat::cpp;
+  const std::string name = identifier(model) + "_" + c.suffix;
   std::string guard = name + (cpp ? "_hpp" : "_h");
-  for (char& c : guard) c = static_cast<char>(std::toupper(c));
-  std::string out = comments + fmt::format("#ifndef {0}\n#define {0}\n\n", guard);
-  const auto array = [&](const std::string& of, const MatrixXd& M) {
-    return fmt::format("{}{}[{}][{}] = {{{}}};",
-                       cpp ? "inline constexpr double " : "static const double " + name + "_", of,
-                       M.rows(), M.cols(), rows_text(M, "{", ", ", "}"));
+  for (char& letter : guard) letter = static_cast<char>(std::toupper(letter));
+  const auto constant = [&](const char* type, const std::string& of) {
+    return cpp ? fmt::format("inline constexpr {} {}", type, of)
+               : fmt::format("static const {} {}_{}", type, name, of);
   };
-  if (vehicle) {
-    if (cpp) out += fmt::format("namespace {} {{\n\n", name);
+  std::string out = comments + fmt::format("#ifndef {0}\n#define {0}\n\n", guard);
+  if (!c.matrices.empty()) out += "// matrices by rows\n";
+  if (cpp) out += fmt::format("namespace {} {{\n\n", name);
+  if (!c.members.empty()) {
     out += cpp ? "struct Parameters {\n" : "typedef struct {\n";
-    for (const StructMember& m : members_of(e)) {
+    for (const StructMember& m : c.members)
       out += fmt::format("  double {};  // {}\n", m.name, m.unit);
-    }
     out += cpp ? "};\n\ninline constexpr Parameters estimate = {\n"
                : fmt::format(
                      "}} {0}_parameters;\n\nstatic const {0}_parameters {0}_estimate = {{\n", name);
-    for (const StructMember& m : members_of(e)) {
+    for (const StructMember& m : c.members) {
       out += fmt::format("    {},  // {} [{}], {}\n", exact(m.value), m.name, m.unit, m.remark);
     }
     out += "};\n";
-    out += fmt::format("{}tyre_curve[] = \"{}\";\n",
-                       cpp ? "inline constexpr char " : "static const char " + name + "_",
-                       e.tyre_curve);
-  } else {
-    out += "// matrices by rows\n";
-    if (cpp) out += fmt::format("namespace {} {{\n\n", name);
-    out += fmt::format("{}dt = {};  // sampling period [s]\n",
-                       cpp ? "inline constexpr double " : "static const double " + name + "_",
-                       exact(e.filter->model.dt));
-    for (const NamedMatrix& m : matrices_of(e)) {
-      out += array(m.name, *m.value) + ending(m.remark, format);
-    }
+  }
+  if (c.dt) {
+    out +=
+        fmt::format("{} = {};  // sampling period [s]\n", constant("double", "dt"), exact(*c.dt));
+  }
+  for (const NamedMatrix& m : c.matrices) {
+    out += fmt::format("{}[{}][{}] = {{{}}};", constant("double", m.name), m.value.rows(),
+                       m.value.cols(), rows_text(m.value, "{", ", ", "}")) +
+           ending(m.remark, format);
+  }
+  if (!c.tyre_curve.empty()) {
+    out += fmt::format("{} = \"{}\";\n", constant("char", "tyre_curve[]"), c.tyre_curve);
   }
   if (cpp) out += fmt::format("\n}}  // namespace {}\n", name);
   return out + "\n#endif\n";
 }
 
-std::string matlab_script(const Estimate& e, const FormatNames& format) {
+std::string matlab_script(const Contents& c, const FormatNames& format) {
   std::string out;
-  if (is_vehicle(e)) {
-    for (const StructMember& m : members_of(e)) {
-      out += fmt::format("car.{} = {};  % {}, {}\n", m.name, exact(m.value), m.unit, m.remark);
-    }
-    return out + fmt::format("car.tyre_curve = '{}';\n", e.tyre_curve);
+  for (const StructMember& m : c.members) {
+    out +=
+        fmt::format("{}.{} = {};  % {}, {}\n", c.group, m.name, exact(m.value), m.unit, m.remark);
   }
-  out += fmt::format("dt = {};  % sampling period [s]\n", exact(e.filter->model.dt));
-  for (const NamedMatrix& m : matrices_of(e)) {
-    out += fmt::format("{} = [{}];", m.name, rows_text(*m.value, "", "; ", "")) +
+  if (c.dt) out += fmt::format("dt = {};  % sampling period [s]\n", exact(*c.dt));
+  for (const NamedMatrix& m : c.matrices) {
+    out += fmt::format("{} = [{}];", m.name, rows_text(m.value, "", "; ", "")) +
            ending(m.remark, format);
   }
+  if (!c.tyre_curve.empty()) out += fmt::format("{}.tyre_curve = '{}';\n", c.group, c.tyre_curve);
   return out;
 }
 
-std::string python_script(const Estimate& e, const FormatNames& format) {
+std::string python_script(const Contents& c, const FormatNames& format) {
   std::string out;
-  if (is_vehicle(e)) {
-    out += "car = {\n";
-    for (const StructMember& m : members_of(e)) {
+  if (!c.matrices.empty()) out += "import numpy as np\n\n";
+  if (!c.members.empty()) {
+    out += c.group + " = {\n";
+    for (const StructMember& m : c.members) {
       out += fmt::format("    \"{}\": {},  # {}, {}\n", m.name, exact(m.value), m.unit, m.remark);
     }
-    return out + fmt::format("}}\ntyre_curve = \"{}\"\n", e.tyre_curve);
+    out += "}\n";
   }
-  out += "import numpy as np\n\n";
-  out += fmt::format("dt = {}  # sampling period [s]\n", exact(e.filter->model.dt));
-  for (const NamedMatrix& m : matrices_of(e)) {
-    out += fmt::format("{} = np.array([{}])", m.name, rows_text(*m.value, "[", ", ", "]")) +
+  if (c.dt) out += fmt::format("dt = {}  # sampling period [s]\n", exact(*c.dt));
+  for (const NamedMatrix& m : c.matrices) {
+    out += fmt::format("{} = np.array([{}])", m.name, rows_text(m.value, "[", ", ", "]")) +
            ending(m.remark, format);
   }
+  if (!c.tyre_curve.empty()) out += fmt::format("tyre_curve = \"{}\"\n", c.tyre_curve);
   return out;
 }
 
@@ -399,7 +523,7 @@ ExportJson identity(const StoredResult& result, const std::string& date) {
           {"data", data}};
 }
 
-std::string numbers(const StoredResult& result, const std::string& date) {
+std::string numbers(const StoredResult& result, const Contents& c, const std::string& date) {
   const Estimate& e = result.estimate;
   const auto number = [](double x) {
     return std::isfinite(x) ? ExportJson(x) : ExportJson(nullptr);
@@ -410,62 +534,60 @@ std::string numbers(const StoredResult& result, const std::string& date) {
         {"value", number(value)}, {"unit", unit}, {"se", number(se)}, {"verdict", verdict}};
   };
   ExportJson out = identity(result, date), parameters = ExportJson::object();
-  if (!is_vehicle(e)) {
-    const auto channels = [](const std::vector<SteadyFilter::Channel>& list) {
-      ExportJson names = ExportJson::array();
-      for (const SteadyFilter::Channel& c : list) {
-        names.push_back({{"name", c.name}, {"recorded_in", c.unit}});
-      }
-      return names;
-    };
-    out["outputs"] = channels(e.filter->outputs);
-    out["inputs"] = channels(e.filter->inputs);
-    out["dt"] = e.filter->model.dt;
-    for (const NamedMatrix& m : matrices_of(e)) {
-      ExportJson rows = ExportJson::array();
-      for (Index i = 0; i < m.value->rows(); ++i) {
-        ExportJson row = ExportJson::array();
-        for (Index j = 0; j < m.value->cols(); ++j) row.push_back(number((*m.value)(i, j)));
-        rows.push_back(std::move(row));
-      }
-      out[m.name] = std::move(rows);
+  const auto name_channels = [&](const char* key, const std::vector<SteadyFilter::Channel>& list,
+                                 const char* unit) {
+    out[key] = ExportJson::array();
+    for (const SteadyFilter::Channel& channel : list) {
+      out[key].push_back({{"name", channel.name}, {unit, channel.unit}});
     }
-    for (const EstimatedParameter& p : e.parameters) {
-      parameters[p.name] =
-          parameter(p.value, p.unit, p.se, p.fixed ? "known" : to_string(p.verdict));
-    }
+  };
+  if (!c.states.empty()) name_channels("states", c.states, "unit");
+  if (c.tyre_curve.empty()) {
+    name_channels("outputs", c.outputs, "recorded_in");
+    name_channels("inputs", c.inputs, "recorded_in");
   } else {
-    out["tyre_curve"] = e.tyre_curve;
+    out["tyre_curve"] = c.tyre_curve;
     out["straight_axles"] = ExportJson::array();
     for (const EstimatedParameter& p : e.parameters) {
       if (is_straight(p)) out["straight_axles"].push_back(p.name == "Ff_max" ? "front" : "rear");
     }
-    for (const StructMember& m : members_of(e)) {
-      parameters[m.name] = parameter(m.value, m.unit, m.se, m.verdict);
+  }
+  if (c.dt) out["dt"] = *c.dt;
+  if (c.suffix == "model") out["Q_kind"] = e.noise.Q_kind;
+  for (const NamedMatrix& m : c.matrices) {
+    ExportJson rows = ExportJson::array();
+    for (Index i = 0; i < m.value.rows(); ++i) {
+      ExportJson row = ExportJson::array();
+      for (Index j = 0; j < m.value.cols(); ++j) row.push_back(number(m.value(i, j)));
+      rows.push_back(std::move(row));
+    }
+    out[m.name] = std::move(rows);
+  }
+  for (const StructMember& m : c.members)
+    parameters[m.name] = parameter(m.value, m.unit, m.se, m.verdict);
+  if (c.members.empty()) {
+    for (const EstimatedParameter& p : e.parameters) {
+      parameters[p.name] =
+          parameter(p.value, p.unit, p.se, p.fixed ? "known" : to_string(p.verdict));
     }
   }
   out["parameters"] = std::move(parameters);
   return out.dump(-1, ' ', false, ExportJson::error_handler_t::replace) + "\n";
 }
 
-bool holds_numbers(const Estimate& e) {
-  return e.verb != "bound" && (e.filter.has_value() || (is_vehicle(e) && !e.parameters.empty()));
-}
-
 // The first name, as the export has it, behind which a number is missing; empty: all are there.
-std::string missing_number(const Estimate& e) {
-  if (is_vehicle(e)) {
-    for (const StructMember& m : members_of(e)) {
-      if (!std::isfinite(m.value)) return m.name;
-    }
-    return "";
+std::string missing_number(const Contents& c) {
+  for (const StructMember& m : c.members) {
+    if (!std::isfinite(m.value)) return m.name;
   }
-  const StateSpace& model = e.filter->model;
-  if (!std::isfinite(model.dt)) return "dt";
-  if (model.A.size() == 0) return "A";
-  if (model.C.size() == 0) return "C";
-  for (const NamedMatrix& m : matrices_of(e)) {
-    if (!m.value->allFinite()) return m.name;
+  if (c.dt && !std::isfinite(*c.dt)) return "dt";
+  for (const char* needed : {"A", "C"}) {
+    const bool there = std::any_of(c.matrices.begin(), c.matrices.end(),
+                                   [&](const NamedMatrix& m) { return m.name == needed; });
+    if (c.dt && !there) return needed;
+  }
+  for (const NamedMatrix& m : c.matrices) {
+    if (!m.value.allFinite()) return m.name;
   }
   return "";
 }
@@ -495,41 +617,31 @@ std::optional<ExportFormat> export_format(std::string_view name) {
 
 std::string_view describe(ExportFormat format) { return names_of(format).title; }
 
-bool is_exportable(const Estimate& e) { return holds_numbers(e) && missing_number(e).empty(); }
-
 std::string export_text(const StoredResult& result, ExportFormat format, const std::string& date) {
   const Estimate& e = result.estimate;
-  if (!holds_numbers(e)) {
-    throw InputError(
-        {result.path, 0, 0},
-        fmt::format("a result of '{}' that holds neither a filter nor a vehicle", e.verb),
-        "a result of tune, check or fit");
-  }
-  if (const std::string name = missing_number(e); !name.empty()) {
+  const Contents contents = contents_of(result);
+  if (const std::string name = missing_number(contents); !name.empty()) {
     throw InputError({result.path, 0, 0}, fmt::format("a number of '{}' is missing", name),
                      "a result as -o writes it", "run the job again with -o");
   }
+  if (kind_of(e) == Kind::filter) check_filter(result);
   const FormatNames& names = names_of(format);
   std::vector<std::string> lines = head(result, date);
-  if (!is_vehicle(e) || format == ExportFormat::yaml) {
-    const std::vector<std::string> more = parameter_lines(e, !is_vehicle(e));
-    lines.insert(lines.end(), more.begin(), more.end());
-  }
-  if (format != ExportFormat::yaml) {
-    const std::vector<std::string> more = is_vehicle(e) ? curve_lines(e) : filter_lines(e);
-    lines.insert(lines.end(), more.begin(), more.end());
-  }
+  const std::vector<std::string> more = format != ExportFormat::yaml
+                                            ? contents.lines
+                                            : parameter_lines(e, kind_of(e) == Kind::filter);
+  lines.insert(lines.end(), more.begin(), more.end());
   const std::string comments = commented(lines, names.comment);
   switch (format) {
     case ExportFormat::cpp:
     case ExportFormat::c:
-      return c_header(e, names, comments);
+      return c_header(contents, e.model_name, names, comments);
     case ExportFormat::matlab:
-      return comments + matlab_script(e, names);
+      return comments + matlab_script(contents, names);
     case ExportFormat::python:
-      return comments + python_script(e, names);
+      return comments + python_script(contents, names);
     case ExportFormat::json:
-      return numbers(result, date);
+      return numbers(result, contents, date);
     case ExportFormat::yaml:
       break;
   }

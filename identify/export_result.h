@@ -22,15 +22,13 @@ std::optional<ExportFormat> export_format(std::string_view name);
 /// For people: "MATLAB, Octave".
 std::string_view describe(ExportFormat format);
 
-/// Whether there is a filter or a vehicle to export, with no number missing.
-bool is_exportable(const Estimate& estimate);
-
 /// The text, ending in a line feed. Numbers are the result's own, to the last digit. A filter comes
 /// as its discrete-time matrices in SI with both gains, K of the predictor and L of the filter, a
-/// vehicle as its parameters in SI and its tyre curve, YAML as the model file with the estimates in
-/// it. All begins with comments, or in JSON with keys: what it is, whether to trust it, the
-/// standard errors and verdicts, files with SHA-256, version, command. An axle that stays straight
-/// as far as the recording goes has no largest force: it is left out, and the tyre curve says so.
+/// vehicle as its parameters in SI and its tyre curve, a model of formulas as its parameters, noise
+/// and start in SI, YAML as the model file with the estimates in it. All begins with comments, or
+/// in JSON with keys: what it is, whether to trust it, the standard errors and verdicts, files with
+/// SHA-256, version, command. An axle that stays straight as far as the recording goes has no
+/// largest force: it is left out, and the tyre curve says so.
 /// @param date  of the result, for the comments; empty: not known
 /// @throws InputError when the result holds nothing to export, lacks a number of it, or its model
 /// file cannot be filled

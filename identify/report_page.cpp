@@ -146,14 +146,12 @@ std::string paste_json(const std::string& result, const std::string& data) {
   stored.data = data;
   stored = parse_stored_result(std::move(stored));
   PageJson out = PageJson::array();
-  if (!is_exportable(stored.estimate)) return out.dump();
   for (const ExportFormat format : {ExportFormat::matlab, ExportFormat::python, ExportFormat::cpp,
                                     ExportFormat::c, ExportFormat::yaml}) {
     try {
       out.push_back({{"language", describe(format)}, {"text", export_text(stored, format)}});
     } catch (const InputError&) {
-      // No text of the model file with the estimates, e.g. as a file that it included is gone.
-      if (format != ExportFormat::yaml) throw;
+      // Nothing to paste, or not as a model file, e.g. as one that it included is gone.
     }
   }
   return out.dump(-1, ' ', false, PageJson::error_handler_t::replace);

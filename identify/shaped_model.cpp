@@ -160,7 +160,7 @@ namespace {
 std::string number_text(double value) { return fmt::format("{:.12g}", value); }
 
 // As a YAML string.
-std::string quoted(const std::string& text) {
+std::string in_quotes(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') out += '\\';
@@ -247,8 +247,8 @@ std::string channels_text(const char* key, const std::vector<ChannelSource>& cha
   std::string out = fmt::format("{}: [", key);
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const ChannelSource& c = channels[i];
-    out += fmt::format("{}{{name: {}, column: {}{}}}", i > 0 ? ", " : "", quoted(c.name),
-                       quoted(c.column), c.unit.empty() ? "" : ", unit: " + quoted(c.unit));
+    out += fmt::format("{}{{name: {}, column: {}{}}}", i > 0 ? ", " : "", in_quotes(c.name),
+                       in_quotes(c.column), c.unit.empty() ? "" : ", unit: " + in_quotes(c.unit));
   }
   return out + "]\n";
 }
@@ -258,11 +258,11 @@ std::string channels_text(const char* key, const std::vector<ChannelSource>& cha
 std::string model_text(const ModelFile& model, const std::vector<std::string>& comment) {
   std::string out;
   for (const std::string& line : comment) out += "# " + line + "\n";
-  out += fmt::format("identikal: 1\nname: {}\n", quoted(model.name));
+  out += fmt::format("identikal: 1\nname: {}\n", in_quotes(model.name));
   std::string time = "kind: discrete";
   if (!model.time.column.empty()) {
-    time += fmt::format(", column: {}{}", quoted(model.time.column),
-                        model.time.unit.empty() ? "" : ", unit: " + quoted(model.time.unit));
+    time += fmt::format(", column: {}{}", in_quotes(model.time.column),
+                        model.time.unit.empty() ? "" : ", unit: " + in_quotes(model.time.unit));
   }
   if (model.time.step > 0.0) time += fmt::format(", step: {} s", number_text(model.time.step));
   out += "time: {" + time + "}\n";
@@ -282,7 +282,7 @@ std::string model_text(const ModelFile& model, const std::vector<std::string>& c
         fmt::format("  {}: {{value: {}", p.name, number_text(unit.from_si(p.scalar())));
     if (std::isfinite(p.min)) line += fmt::format(", min: {}", number_text(unit.from_si(p.min)));
     if (std::isfinite(p.max)) line += fmt::format(", max: {}", number_text(unit.from_si(p.max)));
-    if (!p.unit.empty()) line += ", unit: " + quoted(p.unit);
+    if (!p.unit.empty()) line += ", unit: " + in_quotes(p.unit);
     if (p.fixed) line += ", fixed: true";
     parameters += line + prior_text(p) + "}\n";
   }

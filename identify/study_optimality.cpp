@@ -31,7 +31,7 @@ using Eigen::VectorXd;
 constexpr int kPublishedLags = 20, kPublishedOrder = 10, kSequentialOrder = 6;
 // Nor when Test 4 begins: in figures 1 and 2 nothing is decided before about 100 samples.
 constexpr Index kSequentialStart = 100;
-constexpr double kLevel = 0.05, kFalseAlarm = 0.05, kMiss = 0.01;
+constexpr double kTestLevel = 0.05, kFalseAlarm = 0.05, kMiss = 0.01;
 
 struct Tuning {
   std::string name;
@@ -201,11 +201,11 @@ void run(const StateSpace& truth, const Tuning& tuning, Index samples, Random& r
   const MatrixXd& e = filter.standardised;
   const Autocovariances Y = sample_autocovariances(e, kPublishedLags + 1, Divisor::equal_variance);
   const Autocovariances gamma = autocorrelations(Y);
-  counts.mehra.add(
-      (mehra_share(gamma, samples, normal_quantile(1.0 - 0.5 * kLevel)).array() > 1.0 - kLevel)
-          .all());
+  counts.mehra.add((mehra_share(gamma, samples, normal_quantile(1.0 - 0.5 * kTestLevel)).array() >
+                    1.0 - kTestLevel)
+                       .all());
   counts.chi_square.add((published_chi_square(gamma, samples).array() <
-                         chi_square_quantile(1.0 - kLevel, kPublishedLags))
+                         chi_square_quantile(1.0 - kTestLevel, kPublishedLags))
                             .all());
   const Autoregressions models =
       yule_walker(Autocovariances(Y.begin(), Y.begin() + kPublishedOrder + 1));
@@ -213,7 +213,7 @@ void run(const StateSpace& truth, const Tuning& tuning, Index samples, Random& r
   if (e.rows() == 1)
     counts.published_sequential.add(published_sequential(e.row(0).transpose()).decision);
   const auto accepts = [](const ChiSquareStatistic& s) {
-    return chi_square_upper_tail(s.value, s.dof) >= kLevel;
+    return chi_square_upper_tail(s.value, s.dof) >= kTestLevel;
   };
   counts.portmanteau_5.add(accepts(portmanteau(e, 5)));
   counts.portmanteau_20.add(accepts(portmanteau(e, 20)));

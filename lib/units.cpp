@@ -305,6 +305,18 @@ std::optional<Unit> parse_unit(std::string_view text) {
   return UnitParser(trimmed).parse();
 }
 
+std::string si_unit(const Unit& unit) {
+  constexpr std::array<const char*, 5> kNames{"m", "kg", "s", "A", "K"};
+  std::string out;
+  for (std::size_t i = 0; i < kNames.size(); ++i) {
+    const int power = unit.dimension[i];
+    if (power == 0) continue;
+    out += (out.empty() ? "" : " ") + std::string(kNames[i]);
+    if (power != 1) out += "^" + std::to_string(power);
+  }
+  return out;
+}
+
 std::string nearest_unit(std::string_view text) {
   std::vector<std::string> names{"m/s",   "km/h",   "m/s^2", "rad/s", "deg/s",
                                  "N/rad", "kg m^2", "1/s",   "m^2",   "m^3"};

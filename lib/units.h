@@ -28,6 +28,9 @@ struct Unit {
 /// @return nothing when the text is not a unit.
 std::optional<Unit> parse_unit(std::string_view text);
 
+/// The SI unit of the same kind, as "m kg s^-2"; empty when it has no dimension.
+std::string si_unit(const Unit& unit);
+
 /// The known unit whose name is nearest to `text`; empty when none is near.
 std::string nearest_unit(std::string_view text);
 
