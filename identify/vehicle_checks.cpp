@@ -271,7 +271,8 @@ void check_hold_out(Estimate& estimate) {
 }
 
 void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                         const VehicleParameters<double>& p, Estimate& estimate) {
+                         const VehicleParameters<double>& p, bool at_road_wheel,
+                         Estimate& estimate) {
   const Eigen::Index at = problem.unknowns.find(kSteeringGain);
   if (at < 0) return;
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
@@ -289,14 +290,15 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   const double gain = p[kSteeringGain], se = standard_error(problem, covariance, gradient);
   const double quantile = student_t_quantile(0.995, covariance.freedom);
   if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
+  const std::string turned =
+      fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as it says", gain, se);
   estimate.warnings.push_back(
       {"steering_ratio",
        "warning",
        {"steering_gain"},
-       fmt::format(
-           "the given steering ratio is wrong: the wheels turn {:.3g} +- {:.2g} times as far "
-           "as it says; the ratio is {:.4g}",
-           gain, se, p[kSteeringRatio] / gain),
+       fmt::format("the given steering ratio is wrong{}: {}; the ratio is {:.4g}",
+                   at_road_wheel ? ", 1 as of an angle at the road wheels" : "", turned,
+                   p[kSteeringRatio] / gain),
        "correct the ratio, or the calibration of the steering sensor"});
 }
 

@@ -47,7 +47,8 @@ void check_hold_out(Estimate& estimate);
 
 /// A steering gain that was fitted and is not 1: the model file's ratio is then wrong.
 void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                         const VehicleParameters<double>& p, Estimate& estimate);
+                         const VehicleParameters<double>& p, bool at_road_wheel,
+                         Estimate& estimate);
 
 /// Says when the standard errors had to be widened.
 void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate);

@@ -112,6 +112,7 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
         to_user.asDiagonal() * covariance.covariance * to_user.asDiagonal();
     judge_parameters(estimate, information, in_user_units,
                      student_t_quantile(0.975, covariance.freedom));
+    estimate.covariance_freedom = covariance.freedom;
   }
   for (Eigen::Index i = 0; i < k; ++i) {
     const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
@@ -246,7 +247,8 @@ void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& e
     if (std::isnan(output.given_sd)) estimated += 1.0;
   }
   objective.aic = 2.0 * (estimated - found.best.log_likelihood);
-  objective.bic = estimated * std::log(static_cast<double>(problem.residuals())) -
+  objective.samples = static_cast<long>(problem.residuals());
+  objective.bic = estimated * std::log(static_cast<double>(objective.samples)) -
                   2.0 * found.best.log_likelihood;
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
@@ -532,7 +534,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
                 estimate);
   }
   check_whiteness(covariance, estimate);
-  check_steering_gain(found.problem, covariance, p, estimate);
+  check_steering_gain(found.problem, covariance, p, model.vehicle.steering_at_road_wheel, estimate);
   if (second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
     compare_alternatives(found, options.search, estimate);
   }

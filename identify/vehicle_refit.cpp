@@ -48,22 +48,6 @@ VehicleUnknowns estimated_unknowns(const Estimate& result, const ModelFile& mode
   return out;
 }
 
-/// Degrees of freedom of the Student's t that the result's intervals were made with.
-double freedom_of(const Estimate& result) {
-  double least = 1e6;
-  for (const EstimatedParameter& p : result.parameters) {
-    if (!(std::isfinite(p.se) && p.se > 0.0) || std::isnan(p.ci95[1])) continue;
-    const double quantile = 0.5 * (p.ci95[1] - p.ci95[0]) / p.se;
-    double low = 1.0, high = 1e6;
-    while (high > 1.001 * low) {
-      const double middle = std::sqrt(low * high);
-      (student_t_quantile(0.975, middle) > quantile ? low : high) = middle;
-    }
-    least = std::min(least, low);
-  }
-  return least;
-}
-
 double correlation_of(const Estimate& result, const std::string& a, const std::string& b) {
   const auto& names = result.correlation_names;
   const auto i = std::find(names.begin(), names.end(), a),
@@ -81,6 +65,74 @@ MatrixXd complement_of(const MatrixXd& A) {
   const Eigen::ColPivHouseholderQR<MatrixXd> qr(A);
   const MatrixXd Q = qr.householderQ() * MatrixXd::Identity(n, n);
   return Q.rightCols(n - qr.rank());
+}
+
+/// What the refit has changed of the car, relative to the values that are known.
+struct Changes {
+  std::vector<VehicleRefit::Change> named;
+  VectorXd d;
+  MatrixXd V;     // covariance of d: errors of both fits
+  MatrixXd flat;  // columns: directions that the recording does not determine
+};
+
+Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknowns,
+                           const VehicleParameters<double>& refitted,
+                           const VehicleCovariance& here) {
+  std::vector<Index> judged;  // of here.inner
+  for (std::size_t i = 0; i < here.inner.size(); ++i) {
+    if (of_the_car(unknowns.free[static_cast<std::size_t>(here.inner[i])])) {
+      judged.push_back(static_cast<Index>(i));
+    }
+  }
+  const auto k = static_cast<Index>(judged.size());
+  Changes out{{}, VectorXd(k), MatrixXd(k, k), MatrixXd(k, here.null_space.cols())};
+  VectorXd slope(k), own(k);  // own: standard errors of the result
+  for (Index i = 0; i < k; ++i) {
+    const Index at = here.inner[static_cast<std::size_t>(judged[static_cast<std::size_t>(i)])];
+    const VehicleParameter parameter = unknowns.free[static_cast<std::size_t>(at)];
+    const UserValue now = in_user_terms(parameter, refitted[parameter]),
+                    then = in_user_terms(parameter, unknowns.value[parameter]);
+    out.d[i] = now.value / then.value - 1.0;
+    slope[i] = now.slope / then.value;
+    out.flat.row(i) =
+        here.null_space.row(judged[static_cast<std::size_t>(i)]) * unknowns.scale[at] * slope[i];
+    const EstimatedParameter& of_result = *reported(result, parameter);
+    own[i] = of_result.se / of_result.value;
+    const Unit unit = parse_unit(of_result.unit).value_or(Unit{});
+    VehicleRefit::Change change;
+    change.name = of_result.name;
+    change.unit = of_result.unit;
+    change.known = unit.from_si(then.value);
+    change.refitted = unit.from_si(now.value);
+    out.named.push_back(change);
+  }
+  for (Index i = 0; i < k; ++i) {
+    for (Index j = 0; j < k; ++j) {
+      const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);
+      out.V(i, j) = here.covariance(judged[a], judged[b]) * slope[i] * slope[j] +
+                    correlation_of(result, out.named[a].name, out.named[b].name) * own[i] * own[j];
+    }
+  }
+  for (Index i = 0; i < k; ++i) {
+    VehicleRefit::Change& change = out.named[static_cast<std::size_t>(i)];
+    const bool determined = out.flat.cols() == 0 || out.flat.row(i).norm() <= 1e-6;
+    if (!determined) continue;
+    change.se = std::sqrt(out.V(i, i)) * std::abs(change.known);
+    change.visible = kFound * std::sqrt(out.V(i, i));
+  }
+  return out;
+}
+
+/// Are they more than chance? Hotelling's test on what the recording determines of them.
+void test_changes(const Changes& found, double freedom, VehicleRefit& out) {
+  const MatrixXd L = complement_of(found.flat);
+  if (L.cols() == 0) return;
+  const VectorXd Ld = L.transpose() * found.d;
+  const double wald = Ld.dot((L.transpose() * found.V * L).ldlt().solve(Ld));
+  out.dof = static_cast<double>(L.cols());
+  out.freedom = std::max(1.0, freedom - out.dof + 1.0);
+  out.statistic = wald / out.dof * std::min(1.0, out.freedom / freedom);
+  out.p = f_upper_tail(out.statistic, out.dof, out.freedom);
 }
 
 /// VehicleRefit::moves.
@@ -116,63 +168,10 @@ VehicleRefit refit_vehicle(const Estimate& result, const ModelFile& model,
   out.converged = best.converged && best.z.size() > 0;
   if (!out.converged) return out;
   const VehicleCovariance here = vehicle_covariance(problem, best);
-  const VehicleParameters<double> p = parameters_at(problem, best.z);
-
-  std::vector<Index> judged;  // of covariance.inner
-  for (std::size_t i = 0; i < here.inner.size(); ++i) {
-    if (of_the_car(unknowns.free[static_cast<std::size_t>(here.inner[i])])) {
-      judged.push_back(static_cast<Index>(i));
-    }
-  }
-  const auto k = static_cast<Index>(judged.size());
-  if (k == 0) return out;
-  // All relative to the values that are known, in the user's terms.
-  VectorXd d(k), slope(k), own(k);  // own: standard errors of the result
-  MatrixXd V(k, k), flat(k, here.null_space.cols());
-  for (Index i = 0; i < k; ++i) {
-    const Index at = here.inner[static_cast<std::size_t>(judged[static_cast<std::size_t>(i)])];
-    const VehicleParameter parameter = unknowns.free[static_cast<std::size_t>(at)];
-    const UserValue now = in_user_terms(parameter, p[parameter]),
-                    then = in_user_terms(parameter, known[parameter]);
-    d[i] = now.value / then.value - 1.0;
-    slope[i] = now.slope / then.value;
-    flat.row(i) =
-        here.null_space.row(judged[static_cast<std::size_t>(i)]) * unknowns.scale[at] * slope[i];
-    const EstimatedParameter& of_result = *reported(result, parameter);
-    own[i] = of_result.se / of_result.value;
-    const Unit unit = parse_unit(of_result.unit).value_or(Unit{});
-    VehicleRefit::Change change;
-    change.name = of_result.name;
-    change.unit = of_result.unit;
-    change.known = unit.from_si(then.value);
-    change.refitted = unit.from_si(now.value);
-    out.changes.push_back(change);
-  }
-  for (Index i = 0; i < k; ++i) {
-    for (Index j = 0; j < k; ++j) {
-      const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);
-      V(i, j) = here.covariance(judged[a], judged[b]) * slope[i] * slope[j] +
-                correlation_of(result, out.changes[a].name, out.changes[b].name) * own[i] * own[j];
-    }
-  }
-  for (Index i = 0; i < k; ++i) {
-    VehicleRefit::Change& change = out.changes[static_cast<std::size_t>(i)];
-    const bool determined = flat.cols() == 0 || flat.row(i).norm() <= 1e-6;
-    if (!determined) continue;
-    change.se = std::sqrt(V(i, i)) * std::abs(change.known);
-    change.visible = kFound * std::sqrt(V(i, i));
-  }
-  const MatrixXd L = complement_of(flat);
-  const Index directions = L.cols();
-  if (directions > 0) {
-    const VectorXd Ld = L.transpose() * d;
-    const double wald = Ld.dot((L.transpose() * V * L).ldlt().solve(Ld));
-    const double f = std::min(here.freedom, freedom_of(result));
-    out.dof = static_cast<double>(directions);
-    out.freedom = std::max(1.0, f - out.dof + 1.0);
-    out.statistic = wald / out.dof * std::min(1.0, out.freedom / f);
-    out.p = f_upper_tail(out.statistic, out.dof, out.freedom);
-  }
+  const Changes found = changes_of_the_car(result, unknowns, parameters_at(problem, best.z), here);
+  if (found.d.size() == 0) return out;
+  out.changes = found.named;
+  test_changes(found, std::fmin(here.freedom, result.covariance_freedom), out);
 
   out.moves = moves_between(validate_vehicle(model, recordings, unknowns, known, robust),
                             vehicle_series(problem, best.z));

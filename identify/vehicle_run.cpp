@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -256,6 +257,7 @@ Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
 }
 
 VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  if (recordings.empty()) throw std::invalid_argument("there is no recording");
   VehicleRun run;
   Losses lost;
   const double min_speed = std::max(model.vehicle.min_speed, kSlowestModel);
