@@ -102,13 +102,16 @@ Dataset load_data(const Arguments& args, const std::vector<Table>& files, const 
 
 namespace {
 
-// A start that is given belongs to a recording's begin; a filter that begins elsewhere takes it
-// too.
+// A start that is given, or one at rest, belongs to a recording's begin; a filter that begins
+// elsewhere takes it too.
 void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
                     std::vector<Warning>& warnings) {
   const bool filters =
       model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear;
-  if (!filters || model.linear.initial != InitialState::given) return;
+  const bool driven = !model.inputs.empty();
+  const bool of_the_begin = model.linear.initial == InitialState::given ||
+                            (model.linear.initial == InitialState::stationary && driven);
+  if (!filters || !of_the_begin) return;
   struct Starts {
     std::size_t count = 0;
     std::string text;
@@ -177,12 +180,39 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
   }
 }
 
+// Values of a result may be doubtful, or another model's.
+void warn_of_origin(const Arguments& args, std::vector<Warning>& warnings) {
+  if (args.from.empty()) return;
+  const StoredResult result = read_stored_result(args.from);
+  const Estimate& e = result.estimate;
+  if (e.status != Status::ok) {
+    warnings.push_back(
+        {"doubtful_result",
+         "warning",
+         {},
+         fmt::format("{} is itself {}: {}", args.from, to_string(e.status), e.message),
+         ""});
+  }
+  if (e.model_file && e.model_file->sha256 != sha256_of_file(args.model)) {
+    warnings.push_back(
+        {"model_changed",
+         "warning",
+         {args.model},
+         fmt::format("the values of {} are those of another model file ({}), or it "
+                     "has changed since",
+                     args.from, e.model_file->path),
+         fmt::format("'identikal export {} --to yaml' prints the model that it is of", args.from)});
+  }
+}
+
 }  // namespace
 
 void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
                      const TimeRange& range) {
   long rows = 0;
-  for (const Dataset& run : runs) rows += static_cast<long>(run.size());
+  for (const Dataset& run : runs) {
+    rows += static_cast<long>(run.size()) - static_cast<long>(run.absent.size());
+  }
   for (const Table& file : files) {
     records.push_back({file.path,
                        sha256_of_file(file.path),
@@ -212,6 +242,7 @@ bool is_model(const std::string& path) {
 
 Recordings load_recordings(const Arguments& args, const ModelFile& model) {
   Recordings out;
+  warn_of_origin(args, out.warnings);
   for (const std::string& path : args.data) {
     if (is_model(path)) {
       throw InputError({path, 0, 0}, "a model file where recordings are expected",

@@ -14,6 +14,7 @@
 #include "identify/export_result.h"
 #include "identify/manoeuvres.h"
 #include "identify/study.h"
+#include "identify/templates.h"
 #include "lib/error.h"
 #include "lib/nearest_name.h"
 #include "lib/units.h"
@@ -413,10 +414,12 @@ std::optional<Arguments> parse_command_line(int argc, char** argv) {
 
   // For the build, which makes the manual page and the completions of shells from all of the above.
   if (argc == 3 && std::string(argv[1]) == "--generate") {
-    std::vector<std::string> drives;
+    std::vector<std::string> drives, templates;
     for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
+    for (const ModelTemplate& t : model_templates()) templates.push_back(t.name);
     print(command_reference(app, argv[2], IDENTIKAL_VERSION,
-                            {{"study", "NAME", study_names()},
+                            {{"init", "TEMPLATE", templates},
+                             {"study", "NAME", study_names()},
                              {"simulate", "--manoeuvre", drives},
                              {"export", "--to", export_formats()}}));
     return std::nullopt;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <tuple>
 
@@ -44,11 +45,6 @@ std::string likelihood_kind(const Estimate& e) {
 }
 
 double unknowns(const Objective& o) { return 0.5 * o.aic + o.log_likelihood; }
-
-// Of measured values, as BIC counts them.
-double samples(const Objective& o) {
-  return std::round(std::exp((o.bic + 2.0 * o.log_likelihood) / unknowns(o)));
-}
 
 std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const Estimate& e) {
   std::vector<std::tuple<std::string, long, std::array<double, 2>>> out;
@@ -99,10 +95,10 @@ void check_comparable(const std::vector<StoredResult>& results) {
                       name_of(first), fmt::join(channels_of(f), ", ")),
           "the same outputs in the same units");
     }
-    if (samples(e.objective) != samples(f.objective)) {
+    if (e.objective.samples != f.objective.samples) {
       refuse(result,
-             fmt::format("uses {:.0f} measured values, {} uses {:.0f}", samples(e.objective),
-                         name_of(first), samples(f.objective)),
+             fmt::format("uses {} measured values, {} uses {}", e.objective.samples, name_of(first),
+                         f.objective.samples),
              "the same values for all", "--robust leaves some out");
     }
     const bool one_diffuse =
@@ -161,10 +157,23 @@ std::string shortened(const std::string& path, std::size_t width) {
   return path.size() <= width ? path : "..." + path.substr(path.size() - width + 3);
 }
 
-double mean_hold_out(const Estimate& e) {
+// What a result is worth on rows that it has not seen: a free run says little of noise.
+struct HeldOutValue {
+  const char* id;
+  double value;
+  std::string text;
+};
+
+std::optional<HeldOutValue> held_out_value(const Estimate& e) {
+  if (std::isfinite(e.objective.held_out)) {
+    return HeldOutValue{"held_out", e.objective.held_out,
+                        fmt::format("{:>8.4f}  ", e.objective.held_out)};
+  }
+  if (e.hold_out.empty()) return std::nullopt;
   double sum = 0.0;
   for (const ChannelFit& fit : e.hold_out) sum += fit.fit_percent;
-  return e.hold_out.empty() ? kNone : sum / static_cast<double>(e.hold_out.size());
+  const double mean = sum / static_cast<double>(e.hold_out.size());
+  return HeldOutValue{"held_out_fit", mean, fmt::format("{:>6.1f} %  ", mean)};
 }
 
 double critical_value(int extra, int at_bound) {
@@ -262,7 +271,7 @@ Estimate compare_results(const std::vector<StoredResult>& results) {
   bool held_out = false, converged = true;
   for (const StoredResult* result : order) {
     if (result->estimate.objective.bic < least_bic->estimate.objective.bic) least_bic = result;
-    held_out = held_out || !result->estimate.hold_out.empty();
+    held_out = held_out || held_out_value(result->estimate).has_value();
     converged = converged && result->estimate.status != Status::not_converged;
   }
 
@@ -280,14 +289,12 @@ Estimate compare_results(const std::vector<StoredResult>& results) {
     const Objective& o = result.estimate.objective;
     const double dAIC = o.aic - best.objective.aic;
     const double dBIC = o.bic - least_bic->estimate.objective.bic;
-    const double fit = mean_hold_out(result.estimate);
+    const std::optional<HeldOutValue> unseen = held_out_value(result.estimate);
     out.tests.push_back(measure("aic", name_of(result), dAIC, dAIC == 0.0));
     out.tests.push_back(measure("bic", name_of(result), dBIC, dBIC == 0.0));
     out.tests.push_back(measure("log_likelihood", name_of(result), o.log_likelihood, rank == 0));
-    if (!std::isnan(fit)) out.tests.push_back(measure("held_out_fit", name_of(result), fit, true));
-    const std::string held = !held_out         ? ""
-                             : std::isnan(fit) ? "       -  "
-                                               : fmt::format("{:>6.1f} %  ", fit);
+    if (unseen) out.tests.push_back(measure(unseen->id, name_of(result), unseen->value, true));
+    const std::string held = !held_out ? "" : unseen ? unseen->text : "       -  ";
     out.notes.push_back(fmt::format("{:>4} {:>4.0f} {:>14.3f} {:>9.2f} {:>9.2f} {}{:<13} {}",
                                     rank + 1, unknowns(o), o.log_likelihood, dAIC, dBIC, held,
                                     to_string(result.estimate.status),

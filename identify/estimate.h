@@ -120,6 +120,7 @@ struct SteadyFilter {
   /// Inputs as the columns of B and D: those of the model file, "1" for an input that is always 1
   /// where the model has an offset, and where they are held linearly all of them again, at t+1.
   std::vector<Channel> inputs, outputs;
+  std::vector<Channel> states;  ///< as formulas name them, their unit the user's; empty: no names
 };
 
 /// The model file of a result, as it was then; of files that it includes no text is kept.
@@ -139,6 +140,8 @@ struct Objective {
   double log_likelihood_start = kNone;
   double aic = kNone;
   double bic = kNone;
+  long samples = 0;  ///< measured values that the likelihood is of, as BIC counts them; 0: no BIC
+  double held_out = kNone;  ///< log-likelihood per held-out row, of a filter
   int iterations = 0;
   int evaluations = 0;
   int starts = 0;                 ///< optimisations run
@@ -328,7 +331,8 @@ struct Estimate {
   std::string message = "the estimator did not run";
   std::vector<InputRecord> inputs;
   std::vector<EstimatedParameter> parameters;
-  std::string covariance_kind;  ///< where `se` comes from, in words
+  std::string covariance_kind;        ///< where `se` comes from, in words
+  double covariance_freedom = kNone;  ///< of the Student's t behind `ci95`; kNone: normal
   std::vector<std::string> correlation_names;
   Eigen::MatrixXd correlation;
   Noise noise;

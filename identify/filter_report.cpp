@@ -12,7 +12,9 @@
 #include "identify/matrix_reader.h"
 #include "identify/model_filter.h"
 #include "identify/noise_estimate.h"
+#include "identify/nonlinear_recordings.h"
 #include "lib/error.h"
+#include "lib/input_correlation.h"
 #include "lib/matrix_equations.h"
 #include "lib/units.h"
 #include "lib/whiteness.h"
@@ -31,6 +33,12 @@ MatrixXd with_gaps(const std::vector<const MatrixXd*>& parts, Index gap) {
     out.middleCols(at, part->cols()) = *part;
     at += part->cols() + gap;
   }
+  return out;
+}
+
+Index shortest_of(const std::vector<Dataset>& recordings) {
+  Index out = recordings[0].size();
+  for (const Dataset& data : recordings) out = std::min(out, data.size());
   return out;
 }
 
@@ -63,10 +71,13 @@ Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResu
   return out;
 }
 
-void report_tests(Estimate& estimate, const std::vector<Channel>& outputs,
-                  const std::vector<FilterResult>& filters, int lags) {
+void report_tests(Estimate& estimate, const std::vector<Dataset>& recordings,
+                  const std::vector<FilterResult>& filters) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
+  const int lags = default_lags(shortest_of(recordings));
   const MatrixXd all = side_by_side(filters, lags);
-  const double level = 0.05 / static_cast<double>(1 + outputs.size());
+  const std::vector<FStatistic> by_input = input_tests(recordings, filters);
+  const double level = 0.05 / static_cast<double>(1 + outputs.size() + by_input.size());
   const ChiSquareStatistic nis = normalised_innovation_squared(all);
   if (nis.dof > 0.0) {
     TestResult test;
@@ -92,6 +103,18 @@ void report_tests(Estimate& estimate, const std::vector<Channel>& outputs,
     test.value = q.value;
     test.p = chi_square_upper_tail(q.value, q.dof);
     if (q.dof > 0.0) test.interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
+    test.pass = test.p >= level;
+    estimate.tests.push_back(test);
+  }
+  for (std::size_t i = 0; i < by_input.size(); ++i) {
+    const FStatistic& f = by_input[i];
+    if (!std::isfinite(f.value)) continue;
+    TestResult test;
+    test.id = "input_correlation";
+    test.channel = outputs[i].name;
+    test.value = f.value;
+    test.p = f_upper_tail(f.value, f.dof, f.dof_rest);
+    test.interval = {0.0, f_quantile(1.0 - level, f.dof, f.dof_rest)};
     test.pass = test.p >= level;
     estimate.tests.push_back(test);
   }
@@ -176,6 +199,30 @@ Failure first_failure(const ModelFile& model, const std::vector<Dataset>& record
   return {recordings[0].name, kNone, 0};
 }
 
+// Where the likelihood is not as smooth as the search takes it to be, or not the model's own.
+void warn_of_integration(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                         const std::vector<Dataset>& recordings) {
+  double largest = 0.0;
+  std::string where;
+  for (const Dataset& data : recordings) {
+    const IntegrationSteps chosen = integration_of(model, parameters, data);
+    if (chosen.status != StepStatus::capped || chosen.largest_change <= largest) continue;
+    largest = chosen.largest_change;
+    where = fmt::format("{}: from t = {:.6g} s on", data.name, data.time[chosen.sample]);
+  }
+  if (where.empty()) return;
+  constexpr double kSmall = 1e-3;
+  estimate.warnings.push_back(
+      {"integration",
+       largest > kSmall ? "warning" : "note",
+       {},
+       fmt::format(
+           "{} the rates of change jump, or are faster than the integration follows: twice as "
+           "many steps move a state by up to {:.2g} of its size",
+           where, largest),
+       "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}"});
+}
+
 }  // namespace
 
 MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
@@ -188,6 +235,21 @@ MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Index gap) 
   std::vector<const MatrixXd*> parts;
   for (const Dataset& data : recordings) parts.push_back(&data.u);
   return with_gaps(parts, gap);
+}
+
+std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
+                                    const std::vector<FilterResult>& filters) {
+  constexpr int kMost = 10;
+  if (recordings[0].inputs.empty()) return {};
+  const int before = std::min(kMost, default_lags(shortest_of(recordings)));
+  const MatrixXd e = side_by_side(filters, before), u = inputs_side_by_side(recordings, before);
+  MatrixXd earlier = MatrixXd::Constant(u.rows(), u.cols(), kNone);
+  earlier.rightCols(u.cols() - 1) = u.leftCols(u.cols() - 1);
+  std::vector<FStatistic> out;
+  for (Index i = 0; i < e.rows(); ++i) {
+    out.push_back(input_correlation(e.row(i).transpose(), earlier, before - 1));
+  }
+  return out;
 }
 
 ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e) {
@@ -232,7 +294,7 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
       break;
     case FilterStatus::indefinite:
       if (const auto fault = fault_at(model.linear, model.parameters)) {
-        throw InputError(here, fault->text + " at these values");
+        throw InputError(here, fault->text);
       }
       throw InputError(
           here,
@@ -280,6 +342,7 @@ void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterS
   for (const ChannelSource& output : model.outputs) {
     filter.outputs.push_back({output.name, output.unit});
   }
+  for (const StateName& state : model.states) filter.states.push_back({state.name, state.unit});
   if (const auto steady = steady_state(filter.model)) {
     estimate.noise.K_steady = steady->K;
     estimate.noise.P_steady = steady->P;
@@ -293,11 +356,8 @@ void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterS
 
 void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
                           const std::vector<FilterResult>& filters) {
-  Index shortest = recordings[0].size();
-  for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
-  const int lags = default_lags(shortest);
   report_fit(estimate, recordings[0].outputs, join(recordings, filters));
-  report_tests(estimate, recordings[0].outputs, filters, lags);
+  report_tests(estimate, recordings, filters);
 }
 
 std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
@@ -325,6 +385,7 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
   }
   describe_innovations(estimate, recordings, filters);
   if (model.form == ModelFile::Form::nonlinear) {
+    warn_of_integration(estimate, model, parameters, recordings);
     describe_free_run(estimate, model, parameters, recordings);
   }
   return filters;

@@ -8,6 +8,7 @@
 #include "identify/model_file.h"
 #include "lib/dataset.h"
 #include "lib/kalman.h"
+#include "lib/whiteness.h"
 
 namespace identikal {
 
@@ -41,5 +42,12 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
 /// the next, so that no test looks across; and the inputs in step with them.
 Eigen::MatrixXd side_by_side(const std::vector<FilterResult>& filters, Eigen::Index gap);
 Eigen::MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Eigen::Index gap);
+
+/// Do the innovations of each channel follow what the inputs were up to ten samples earlier?
+/// input_correlation() (lib/input_correlation.h) without inputs of the same time: a controller may
+/// have made those from this very sample. Its value is NaN where it has none.
+/// @return ny; empty without inputs
+std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
+                                    const std::vector<FilterResult>& filters);
 
 }  // namespace identikal

@@ -102,7 +102,7 @@ std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixX
   const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
   std::nth_element(known.begin(), middle, known.end());
   const Index last = sd.cols() - 1;
-  return fmt::format("state  {:<12} {:>11.6g} +- {:<9.3g} at the end, sd {:.3g} in the median{}{}",
+  return fmt::format("state  {:<12} {:>11.6g} +- {:<9.3g} at the end, sd {:.3g}{}{} in the median",
                      state.name, state.si.from_si(x(i, last)), sd(i, last) / state.si.scale,
                      *middle / state.si.scale, state.unit.empty() ? "" : " ", state.unit);
 }
@@ -130,12 +130,8 @@ FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& 
   list_known_parameters(estimate, model.parameters);
   out.innovations = describe_filter(estimate, model, model.parameters, recordings);
   Index rows = 0;
-  for (std::size_t r = 0; r < recordings.size(); ++r) {
-    const Dataset& data = recordings[r];
+  for (const Dataset& data : recordings) {
     out.states.push_back(run_smoother(model, model.parameters, data, options.lag));
-    if (nonlinear) {
-      out.innovations[r].e_sd = run_filter(model, model.parameters, data).e_sd;
-    }
     if (out.states.back().status != FilterStatus::ok) {
       refuse_filter(model, recordings, out.states.back().status);
     }

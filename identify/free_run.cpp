@@ -1,9 +1,13 @@
 #include "identify/free_run.h"
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include <fmt/format.h>
+
+#include "identify/distribution.h"
 #include "identify/filter_report.h"
 #include "identify/model_filter.h"
 #include "identify/noise_estimate.h"
@@ -11,6 +15,7 @@
 #include "lib/constants.h"
 #include "lib/error.h"
 #include "lib/units.h"
+#include "lib/whiteness.h"
 
 namespace identikal {
 namespace {
@@ -77,6 +82,25 @@ MatrixXd simulated_from(const ModelFile& model, const ParameterSet& parameters,
   return out;
 }
 
+// A model that holds leaves innovations there as it does here.
+void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
+  constexpr double kRare = 1e-3, kMatters = 1.1;
+  const ChiSquareStatistic held = normalised_innovation_squared(standardised);
+  const ChiSquareStatistic own = normalised_innovation_squared(estimate.series.standardised);
+  if (!(held.dof > 0.0 && own.dof > 0.0)) return;
+  const double ratio = held.value / held.dof / (own.value / own.dof);
+  if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
+  estimate.warnings.push_back(
+      {"hold_out",
+       "warning",
+       {},
+       fmt::format(
+           "on held-out rows the innovations are {:.3g} times as large, beside their standard "
+           "deviation",
+           std::sqrt(ratio)),
+       "what holds there is another model or noise, or too many parameters are free: validate"});
+}
+
 }  // namespace
 
 MatrixXd free_run(const ModelFile& model, const ParameterSet& parameters,
@@ -137,13 +161,14 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
     recording.resize(static_cast<std::size_t>(y.cols()),
                      recording.empty() ? 1 : recording.back() + 1);
   }
+  test_held_out(estimate, standardised);
   estimate.hold_out = fits_of(outputs, y, y - simulated);
   estimate.hold_out_one_step = fits_of(outputs, y, innovations);
   const auto rows = static_cast<double>(estimate.series.time.size());
   estimate.derived.push_back(
       {"log-likelihood per row", "", estimate.objective.log_likelihood / rows, kNone});
-  estimate.derived.push_back(
-      {"  on held-out rows", "", log_likelihood / static_cast<double>(y.cols()), kNone});
+  estimate.objective.held_out = log_likelihood / static_cast<double>(y.cols());
+  estimate.derived.push_back({"  on held-out rows", "", estimate.objective.held_out, kNone});
   estimate.pictures.held_time = std::move(time);
   estimate.pictures.held_recording = std::move(recording);
   estimate.pictures.held_standardised = std::move(standardised);

@@ -91,6 +91,16 @@ class Progress {
 };
 
 // Whether pictures are worth making: they go into the report, which -o makes possible later.
+// A result over the model or the recording that it is of would be the end of both.
+void write_results(const Arguments& args, const std::vector<OutputFile>& files,
+                   const Estimate& of = {}) {
+  std::vector<std::string> inputs = args.data;
+  inputs.push_back(args.model);
+  for (const InputRecord& input : of.inputs) inputs.push_back(input.path);
+  if (of.model_file) inputs.push_back(of.model_file->path);
+  write_files(files, inputs);
+}
+
 bool wants_pictures(const Arguments& args) {
   const bool pictured =
       args.verb != "bound" && args.verb != "filter" && args.verb != "validate" && !args.compare;
@@ -162,7 +172,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     const std::vector<OutputFile> of_folder = in_folder(args.output, files);
     written.insert(written.end(), of_folder.begin(), of_folder.end());
   }
-  write_files(written);
+  write_results(args, written);
   print(args.json ? json : console_report(estimate));
   return exit_code(estimate, args.strict);
 }
@@ -356,6 +366,11 @@ int run_filter(const Arguments& args) {
   if (args.output.empty() && !args.json) {
     write_states_csv(std::cout, model, recordings.data, run);
     print("");
+    std::vector<Warning>& warnings = run.estimate.warnings;
+    warnings.insert(warnings.begin(), recordings.warnings.begin(), recordings.warnings.end());
+    for (const Warning& w : warnings) {
+      if (w.severity != "note") std::cerr << "identikal: " << w.severity << ": " << w.text << "\n";
+    }
     return exit_code(run.estimate, args.strict);
   }
   std::vector<ResultFile> files;
@@ -507,7 +522,7 @@ int run_report(const Arguments& args) {
   const std::filesystem::path folder =
       std::filesystem::is_directory(given, ignored) ? given : given.parent_path();
   const std::string path = args.report.empty() ? (folder / "report.html").string() : args.report;
-  write_files({{path, page, "--report"}});
+  write_results(args, {{path, page, "--report"}});
   print(fmt::format("{} written\n", path));
   return 0;
 }
@@ -523,7 +538,7 @@ int run_export(const Arguments& args) {
   if (args.output.empty()) {
     print(text);
   } else {
-    write_files({{args.output, text}});
+    write_results(args, {{args.output, text}}, result.estimate);
     print(fmt::format("{} written\n", args.output));
   }
   return 0;
@@ -580,7 +595,7 @@ int run_study(const Arguments& args) {
       files.push_back({args.model + ".csv", report.csv});
       files.push_back({args.model + ".svg", svg(*report.figure)});
     }
-    write_files(in_folder(args.output, files));
+    write_results(args, in_folder(args.output, files));
   }
   print(report.text);
   return 0;
@@ -631,6 +646,30 @@ int run_init(const Arguments& args) {
   return 0;
 }
 
+// Options that this model, with or without a recording of inputs, gives no meaning to.
+void check_simulate_options(const Arguments& args, bool vehicle, bool inputs) {
+  if (vehicle && !args.signals.empty()) {
+    throw InputError({}, "--input has no meaning here", "a model of matrices or formulas",
+                     "--manoeuvre drives the vehicle");
+  }
+  if (!args.signals.empty() && inputs) {
+    throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
+  }
+  if (args.rows > 0 && (inputs || vehicle)) {
+    throw InputError(
+        {}, "-n has no meaning here",
+        inputs ? "as many rows as the recording of the inputs has" : "--duration and --rate");
+  }
+  const bool asks_for_manoeuvre = !args.manoeuvre.empty() || !args.manoeuvre_settings.empty();
+  if (asks_for_manoeuvre && (inputs || !vehicle)) {
+    throw InputError({}, "--manoeuvre and --with have no meaning here",
+                     "a vehicle without a recording");
+  }
+  if (!args.snr.empty() && !vehicle) {
+    throw InputError({}, "--snr has no meaning here", "a vehicle", "a linear model has Q and R");
+  }
+}
+
 int run_simulate(const Arguments& args) {
   ModelFile model = load_model(args);
   std::optional<Dataset> recording;
@@ -640,30 +679,10 @@ int run_simulate(const Arguments& args) {
   const Dataset* inputs = recording ? &*recording : nullptr;
   if (inputs != nullptr && model.time.step == 0.0) model.linear.dt = inputs->dt;
   const bool vehicle = model.form == ModelFile::Form::single_track;
-  if (vehicle && !args.signals.empty()) {
-    throw InputError({}, "--input has no meaning here", "a model of matrices or formulas",
-                     "--manoeuvre drives the vehicle");
-  }
-  if (!args.signals.empty() && inputs != nullptr) {
-    throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
-  }
-  if (args.rows > 0 && (inputs != nullptr || vehicle)) {
-    throw InputError({}, "-n has no meaning here",
-                     inputs != nullptr ? "as many rows as the recording of the inputs has"
-                                       : "--duration and --rate");
-  }
-  const bool asks_for_manoeuvre = !args.manoeuvre.empty() || !args.manoeuvre_settings.empty();
-  if (asks_for_manoeuvre && (inputs != nullptr || !vehicle)) {
-    throw InputError({}, "--manoeuvre and --with have no meaning here",
-                     "a vehicle without a recording");
-  }
-  const std::optional<double> snr = signal_to_noise(args.snr);
-  if (snr && !vehicle) {
-    throw InputError({}, "--snr has no meaning here", "a vehicle", "a linear model has Q and R");
-  }
+  check_simulate_options(args, vehicle, inputs != nullptr);
   Simulated simulated;
   if (vehicle) {
-    simulated = simulate_vehicle(model, manoeuvre_request(args), inputs, snr,
+    simulated = simulate_vehicle(model, manoeuvre_request(args), inputs, signal_to_noise(args.snr),
                                  static_cast<std::uint64_t>(args.seed));
   } else {
     if (inputs == nullptr && args.rows < 1) {
@@ -683,7 +702,7 @@ int run_simulate(const Arguments& args) {
   if (args.output.empty()) {
     print(simulated.csv);
   } else {
-    write_files(in_folder(args.output, {{"simulated.csv", simulated.csv}}));
+    write_results(args, in_folder(args.output, {{"simulated.csv", simulated.csv}}));
     print(fmt::format("{} rows written to {}\n", simulated.rows,
                       (std::filesystem::path(args.output) / "simulated.csv").string()));
     for (const std::string& note : simulated.notes) print(fmt::format("{}\n", note));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -29,6 +30,7 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
                      "at least one parameter with {value: ...} or a structured Q or R",
                      "use 'check' to test a filter whose noise is given");
   }
+  if (recordings.empty()) throw std::invalid_argument("there is no recording");
   const Index samples = samples_present(recordings);
   if (samples <= unknowns) {
     throw InputError({recordings[0].name, 0, 0},
@@ -39,6 +41,7 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
 }
 
 void check_channels(const std::vector<Dataset>& recordings) {
+  check_inputs(recordings);
   for (const Dataset& data : recordings) {
     for (Index i = 0; i < data.y.rows(); ++i) {
       double low = HUGE_VAL, high = -HUGE_VAL;
@@ -55,10 +58,10 @@ void check_channels(const std::vector<Dataset>& recordings) {
       }
     }
   }
-  check_inputs(recordings);
 }
 
 void check_inputs(const std::vector<Dataset>& recordings) {
+  if (recordings.empty()) throw std::invalid_argument("there is no recording");
   for (const Dataset& data : recordings) {
     for (Index i = 0; i < data.u.rows(); ++i) {
       for (Index t = 0; t < data.u.cols(); ++t) {
@@ -239,19 +242,20 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   distrust_serious_warnings(estimate);
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
-  const Index samples = samples_present(recordings);
-  if (static_cast<double>(samples) < 5.0 * k) {  // the likelihood is no parabola yet
+  objective.samples = static_cast<long>(samples_present(recordings));
+  if (static_cast<double>(objective.samples) < 5.0 * k) {  // the likelihood is no parabola yet
     estimate.warnings.push_back(
         {"few_samples",
          "warning",
          {},
          fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
                      "here too small",
-                     samples, k),
+                     objective.samples, k),
          "record more, or fix parameters that are known"});
   }
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
-  objective.bic = k * std::log(static_cast<double>(samples)) - 2.0 * objective.log_likelihood;
+  objective.bic =
+      k * std::log(static_cast<double>(objective.samples)) - 2.0 * objective.log_likelihood;
   warn_of_coloured_innovations(estimate);
 }
 
@@ -265,7 +269,22 @@ void distrust_serious_warnings(Estimate& estimate) {
 
 void warn_of_coloured_innovations(Estimate& estimate) {
   const bool shapes = estimate.objective.filter.empty();  // it takes linear models
+  const bool errors =
+      std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
+                  [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });
   for (const TestResult& test : estimate.tests) {
+    if (!test.pass && test.id == "input_correlation") {
+      estimate.warnings.push_back(
+          {"input_in_innovations",
+           "warning",
+           {test.channel},
+           fmt::format(
+               "the innovations of '{}' follow earlier inputs (p = {:.2g}): what the inputs "
+               "do is not all in the model",
+               test.channel, test.p),
+           "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which "
+           "lag"});
+    }
     if (test.pass || test.id != "ljung_box") continue;
     estimate.warnings.push_back(
         {"coloured_innovations",
@@ -273,8 +292,8 @@ void warn_of_coloured_innovations(Estimate& estimate) {
          {test.channel},
          fmt::format(
              "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
-             "dynamics or coloured noise, and the errors above are too small",
-             test.channel, test.p),
+             "dynamics or coloured noise{}",
+             test.channel, test.p, errors ? ", and the errors above are too small" : ""),
          shapes ? "'identikal shape' looks for a filter that colours the noise; else extend the "
                   "model: a filter tuned on a wrong model is not optimal"
                 : "extend the model, by states that colour the noise if need be: a filter tuned on "

@@ -29,7 +29,7 @@ struct NoiseMlOptions {
 /// profile likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman
 /// (2012), section 7.3.
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
-/// changes or an input has gaps
+/// changes or an input has gaps; std::invalid_argument without a recording
 Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
                  const NoiseMlOptions& options = {});
 

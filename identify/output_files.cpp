@@ -59,7 +59,16 @@ bool write(const fs::path& path, const std::string& content) {
 
 }  // namespace
 
-void write_files(const std::vector<OutputFile>& files) {
+void write_files(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs) {
+  for (const OutputFile& file : files) {
+    for (const std::string& input : inputs) {
+      std::error_code neither;
+      if (!fs::is_regular_file(input, neither) || !fs::equivalent(file.path, input, neither))
+        continue;
+      throw InputError({file.path, 0, 0}, "would be written over, and this job reads it",
+                       "another place with " + file.option);
+    }
+  }
   std::vector<Place> places;
   const auto give_up = [&](const OutputFile& file, const std::string& why) {
     std::error_code ignored;

@@ -14,8 +14,10 @@ struct OutputFile {
 /// Writes all files or none: each to a temporary name beside it, then renamed, so that nobody sees
 /// half of one. Folders are made. A symbolic link stays and its target is written; a device or pipe
 /// is written as it is.
-/// @throws OutputError naming the path, the reason, and the option to give another place with
-void write_files(const std::vector<OutputFile>& files);
+/// @param inputs  paths that the job has read, none of which is written to
+/// @throws OutputError naming the path, the reason, and the option to give another place with;
+///   InputError for a path that is one of the inputs
+void write_files(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs = {});
 
 /// A file of a result's folder.
 struct ResultFile {

@@ -203,8 +203,14 @@ SteadyFilter filter_of(const Field& field) {
         std::pair{"Sigma", &f.Sigma}}) {
     *M = field[key].matrix();
   }
+  // Without columns a matrix is stored without rows too.
+  if (m.B.size() == 0) m.B.resize(m.A.rows(), 0);
+  if (m.D.size() == 0) m.D.resize(m.C.rows(), 0);
+  if (m.G.size() == 0) m.G.resize(m.A.rows(), 0);
+  if (m.S.size() == 0) m.S.resize(0, m.C.rows());
   for (const auto& [key, channels] :
-       {std::pair{"inputs", &f.inputs}, std::pair{"outputs", &f.outputs}}) {
+       {std::pair{"inputs", &f.inputs}, std::pair{"outputs", &f.outputs},
+        std::pair{"states", &f.states}}) {
     for (const Field& c : field[key].items()) {
       channels->push_back({c["name"].text(), c["unit"].text()});
     }
@@ -231,6 +237,7 @@ Estimate estimate_of(const Field& root) {
   }
   for (const Field& p : root["parameters"].items()) out.parameters.push_back(parameter_of(p));
   out.covariance_kind = root["covariance_kind"].text();
+  out.covariance_freedom = root["covariance_freedom"].number();
   out.correlation_names = root["correlation"]["names"].names();
   out.correlation = root["correlation"]["matrix"].matrix();
   if (out.correlation.rows() != static_cast<Index>(out.correlation_names.size())) {
@@ -258,6 +265,8 @@ Estimate estimate_of(const Field& root) {
   out.objective.log_likelihood = objective["log_likelihood"].number();
   out.objective.aic = objective["aic"].number();
   out.objective.bic = objective["bic"].number();
+  out.objective.samples = objective["samples"].count();
+  out.objective.held_out = objective["held_out"].number();
   const Field fit = root["fit"];
   out.one_step = fits_of(fit["one_step"]);
   out.simulation = fits_of(fit["simulation"]);
@@ -330,6 +339,7 @@ StoredResult read_stored_result(const std::string& path, PageData data) {
     check_version(out.path, parsed_json(out.path, out.text));
     out.data = text_of_file(out.data_path, expected,
                             "tune, check, fit, shape and track write it beside result.json");
+    if (out.data.empty()) throw InputError({out.data_path, 0, 0}, "is empty", expected);
   }
   return parse_stored_result(std::move(out));
 }

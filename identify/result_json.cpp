@@ -261,6 +261,7 @@ Json filter(const Estimate& estimate) {
   return {{"dt", number(m.dt)},
           {"inputs", channels(f.inputs)},
           {"outputs", channels(f.outputs)},
+          {"states", channels(f.states)},
           {"A", matrix(m.A)},
           {"B", matrix(m.B)},
           {"C", matrix(m.C)},
@@ -311,6 +312,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   out["model_file"] = model_file(estimate);
   out["parameters"] = parameters(estimate);
   out["covariance_kind"] = estimate.covariance_kind;
+  out["covariance_freedom"] = number(estimate.covariance_freedom);
   out["correlation"] = {{"names", estimate.correlation_names},
                         {"matrix", matrix(estimate.correlation)}};
   const Noise& noise = estimate.noise;
@@ -330,6 +332,8 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                       {"log_likelihood_start", number(objective.log_likelihood_start)},
                       {"aic", number(objective.aic)},
                       {"bic", number(objective.bic)},
+                      {"samples", objective.samples},
+                      {"held_out", number(objective.held_out)},
                       {"iterations", objective.iterations},
                       {"evaluations", objective.evaluations},
                       {"starts", objective.starts},

@@ -333,7 +333,7 @@ function errorBar(p) {
 
 // --- paste: what `identikal export` prints ---
 (() => {
-  const blocks = block("paste").map(({ language, text }, i) => {
+  const blocks = block("paste").map(({ language, text }) => {
     const copy = el("button", { type: "button" }, "Copy");
     const pre = el("pre", {}, text);
     copy.addEventListener("click", () => {
@@ -343,9 +343,11 @@ function errorBar(p) {
       copy.textContent = "Copied";
       setTimeout(() => { copy.textContent = "Copy"; }, 1500);
     });
-    return el("details", i === 0 ? { open: "" } : {}, el("summary", {}, language), el("div", { class: "code" }, pre, copy));
+    return el("details", {}, el("summary", {}, language), el("div", { class: "code" }, pre, copy));
   });
-  if (blocks.length) section("paste", "To paste", blocks);
+  if (!blocks.length) return;
+  section("paste", "To paste", blocks);
+  addEventListener("beforeprint", () => { blocks[0].open = true; });
 })();
 
 // --- predictions ---

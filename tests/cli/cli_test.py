@@ -847,6 +847,44 @@ initial: stationary
         own = result("validate", self.out, data)
         self.assertEqual(stored["objective"]["log_likelihood"], own["objective"]["log_likelihood"])
 
+    def test_formulas_that_are_not_linear(self):
+        """Parameters, noise and start; a parameter may be called as a word of a language, and be given in centimetres."""
+        model = self.folder.write("m.yaml", run("init", "pendulum", code=0).stdout.replace("l: {value: 0.8 m, min: 0.1, max: 5}", "long: {value: 80 cm, min: 10, max: 500}")
+                                  .replace("g/l*", "g/long*").replace("m*l^2", "m*long^2"))
+        run("simulate", model, "-n", 300, *Nonlinear.TORQUE, "-o", self.folder.path, code=0)
+        data = self.folder.path / "simulated.csv"
+        run("fit", model, data, "--starts", 1, "-o", self.out, code=0)
+        stored = self.stored()
+        expected = {p["name"]: p["value"] for p in stored["parameters"]}
+        expected["long"] /= 100
+        values, q, r = list(expected.values()), expected["q"], expected["r"]
+        prints = "".join(f'printf("%.17g\\n", {{0}}estimate.{"long_" if n == "long" else n});\n' for n in expected)
+        prints += 'printf("%.17g %.17g %.17g %.17g\\n", {0}Q[1][1], {0}R[0][0], {0}x0[0][0], {0}P0[1][1]);\n'
+        for language, compiler, standard, prefix in (("c", "gcc", "-std=c99", "pendulum_model_"), ("cpp", "g++", "-std=c++17", "pendulum_model::")):
+            self.folder.write("model.h", self.exported(language))
+            source = '#include "model.h"\n#include <stdio.h>\nint main(void) {\n' + prints.format(prefix) + "return 0;\n}\n"
+            for a, b in zip([*values, q, r, math.radians(20), 0.04], compiled(self.folder, source, f"main.{language}", compiler, standard)):
+                self.assertAlmostEqual(a, b, delta=1e-15 * abs(a))
+        matlab = self.exported("matlab")
+        self.assertIn(f"p.q = {q!r};  % s^-3, se", matlab.replace("1/s^3", "s^-3"))
+        self.assertRegex(matlab, r"p\.long_ = [0-9.]+;  % m, se .* cm")
+        self.assertIn("% states x: phi (rad), w (rad/s)", matlab)
+        numbers = json.loads(self.exported("json"))
+        self.assertEqual(("density", [[0, 0], [0, q]], [[r]]), (numbers["Q_kind"], numbers["Q"], numbers["R"]))
+        self.assertEqual(["phi", "w"], [s["name"] for s in numbers["states"]])
+        again = result("check", self.folder.write("pasted.yaml", self.exported("yaml")), data)
+        self.assertEqual([p["value"] for p in stored["parameters"]], [p["value"] for p in again["parameters"]])
+        self.assertAlmostEqual(again["objective"]["log_likelihood"], stored["objective"]["log_likelihood"], delta=1e-5)
+        run("report", self.out, code=0)
+        page = (self.out / "report.html").read_text()
+        self.assertEqual(5, len(json.loads(page.split('id="paste">')[1].split("</script>")[0])))
+        python = interpreter_with_numpy()
+        if python:
+            show = "print(repr([*p.values(), float(Q[1, 1]), float(R[0, 0])]))"
+            done = subprocess.run([python, "-c", self.exported("python") + show], capture_output=True, text=True, check=True)
+            for a, b in zip([*values, q, r], json.loads(done.stdout)):
+                self.assertAlmostEqual(a, b, delta=1e-15 * abs(a))
+
     def test_a_model_that_includes_another(self):
         text = pathlib.Path(NILE[0]).read_text()
         level = "  r: {value: 1000, min: 0, role: measurement-noise}\n"
@@ -962,7 +1000,7 @@ initial: stationary
             path = self.folder.write("r.json", text)
             self.assertIn(words, run("export", path, "--to", "c", code=2).stderr)
         run("bound", NILE[0], "-n", 100, "-o", self.out, code=0)
-        self.assertIn("neither a filter nor a vehicle", run("export", self.out, "--to", "c", code=2).stderr)
+        self.assertIn("holds no filter, vehicle or model of formulas", run("export", self.out, "--to", "c", code=2).stderr)
 
 
 class Validate(unittest.TestCase):
@@ -1203,6 +1241,130 @@ def table(text):
     return rows[0], [[float(cell) if cell else None for cell in row] for row in rows[1:]]
 
 
+class Driven(unittest.TestCase):
+    """A level that pulls back to zero and is pushed by an input, as the model says or seven samples later."""
+
+    MODEL = """identikal: 1
+time: {column: t, unit: s, step: 0.1 s}
+parameters: {b: {value: 1}, q: {value: 1, min: 0}, r: {value: 1, min: 0}}
+A: [[0.9]]
+B: [[b]]
+C: [[1]]
+Q: [[q]]
+R: [[r]]
+initial: stationary
+inputs: {u: {column: u, unit: m}}
+outputs: {y: {column: y, unit: m}}
+"""
+
+    def setUp(self):
+        self.folder = Folder().__enter__()
+        self.out = self.folder.path / "out"
+        self.model = self.folder.write("m.yaml", self.MODEL)
+
+    def tearDown(self):
+        self.folder.__exit__()
+
+    def recording(self, name, seed, delay=0, rows=600, absent=(), feedback=0.0):
+        draw = random.Random(seed)
+        x, u, lines = 0.0, [], []
+        for t in range(rows):
+            y = x + draw.gauss(0, 1)
+            u.append(draw.gauss(0, 1) - feedback * y)
+            if t not in absent:
+                lines.append(f"{0.1 * t:.1f},{u[t]:.6f},{y:.6f}")
+            x = 0.9 * x + (u[t - delay] if t >= delay else 0.0) + draw.gauss(0, 0.5)
+        return self.folder.write(name, "\n".join(["t,u,y", *lines]) + "\n")
+
+    def test_innovations_that_follow_an_input_are_named(self):
+        right, late = self.recording("right.csv", 1), self.recording("late.csv", 2, delay=7)
+        for data, expected in ((right, True), (self.recording("loop.csv", 3, feedback=0.3), True), (late, False)):
+            out = result("tune", self.model, data, "--starts", 1, "-o", self.out)
+            test = next(t for t in out["tests"] if t["id"] == "input_correlation")
+            self.assertEqual(expected, test["pass"], data)
+            self.assertEqual(expected, "input_in_innovations" not in [w["code"] for w in out["warnings"]])
+            self.assertAlmostEqual(0.05 / 3, 1 - self.f_share(test), delta=4e-3)
+        run("tune", self.model, right, "-o", self.out)
+        self.assertEqual("ok", result("validate", self.out, self.recording("more.csv", 4))["status"]["code"])
+        out = result("validate", self.out, late, code=1)
+        self.assertIn("input_correlation", out["status"]["message"])
+
+    @staticmethod
+    def f_share(test):
+        """Of F with many degrees of freedom below the test's limit: chi-square over 10, an Erlang distribution."""
+        half = 5 * test["interval"][1]
+        return 1 - math.exp(-half) * sum(half**i / math.factorial(i) for i in range(5))
+
+    def test_rows_that_are_absent_are_not_counted(self):
+        model = self.folder.write("quiet.yaml", re.sub("b: .value: 1., ", "", self.MODEL).replace("B: [[b]]\n", "").replace("inputs: {u: {column: u, unit: m}}\n", ""))
+        data = self.recording("gap.csv", 5, absent=range(50, 58))
+        text = run("tune", model, data, "--starts", 1, "-o", self.out).stdout
+        self.assertIn("592 rows, 592 used", text)
+        self.assertEqual((592, 592), tuple(json.loads((self.out / "result.json").read_text())["inputs"][0][k] for k in ("rows", "used")))
+        sheet = json.loads((self.out / "report_data.json").read_text())["recordings"][0]
+        self.assertEqual((592, 1, 0), (sheet["rows"], sheet["gap_count"], sheet["channels"][0]["missing"]))
+        self.assertAlmostEqual(0.9, sheet["longest_step"])
+        self.assertIn("592 of 592 rows used", run("export", self.out, "--to", "c", code=0).stdout)
+
+    def test_exports_say_what_was_done_to_columns_and_name_states(self):
+        model = self.folder.write("turned.yaml", self.MODEL.replace("u: {column: u, unit: m}", "u: {column: u, unit: m, scale: -1}"))
+        run("tune", model, self.recording("right.csv", 1), "--starts", 1, "-o", self.out)
+        for language in ("cpp", "python", "yaml"):
+            self.assertIn("recorded: u is column 'u' times -1", run("export", self.out, "--to", language, code=0).stdout)
+        self.assertIn("u is column 'u' times -1", [w["text"] for w in json.loads(run("export", self.out, "--to", "json", code=0).stdout)["warnings"]])
+
+    def test_compare_ranks_held_out_rows_by_their_likelihood(self):
+        data, names = self.recording("right.csv", 1), []
+        known = self.folder.write("known.yaml", self.MODEL.replace("b: {value: 1}", "b: 1"))
+        for name, model in (("free", self.model), ("known", known)):
+            names.append(self.folder.path / name)
+            run("tune", model, data, "--hold-out", "30%", "--starts", 1, "-o", names[-1])
+        out = result("compare", *names)
+        held = {t["channel"]: t["value"] for t in out["tests"] if t["id"] == "held_out"}
+        for name in names:
+            stored = json.loads((name / "result.json").read_text())
+            self.assertEqual(stored["objective"]["held_out"], held[str(name)])
+            self.assertAlmostEqual(stored["objective"]["held_out"], {d["name"].strip(): d["value"] for d in stored["derived"]}["on held-out rows"])
+
+    def test_no_input_is_written_over(self):
+        data = self.recording("right.csv", 1)
+        before = pathlib.Path(data).read_bytes()
+        run("tune", self.model, data, "--starts", 1, "-o", self.out)
+        for arguments in (("tune", self.model, data, "--starts", 1, "--report", data), ("export", self.out, "--to", "c", "-o", data),
+                          ("tune", self.model, data, "--starts", 1, "--report", self.model)):
+            self.assertIn("would be written over, and this job reads it; expected another place with", run(*arguments, code=2).stderr)
+            self.assertEqual(before, pathlib.Path(data).read_bytes())
+            self.assertEqual(self.MODEL, pathlib.Path(self.model).read_text())
+
+    def test_an_empty_file_beside_a_result_is_said(self):
+        run("tune", self.model, self.recording("right.csv", 1), "--starts", 1, "-o", self.out)
+        (self.out / "report_data.json").write_text("")
+        self.assertIn("report_data.json: is empty", run("report", self.out, code=2).stderr)
+        self.assertFalse((self.out / "report.html").exists())
+
+    def test_values_of_another_model_are_said(self):
+        data = self.recording("right.csv", 1)
+        run("tune", self.model, data, "--starts", 1, "-o", self.out, code=0)
+        codes = lambda model: [w["code"] for w in result("filter", model, data, "--from", self.out)["warnings"]]
+        self.assertNotIn("model_changed", codes(self.model))
+        other = self.folder.write("other.yaml", self.MODEL.replace("0.9", "0.5"))
+        self.assertIn("model_changed", codes(other))
+        done = run("filter", other, data, "--from", self.out, code=0)
+        self.assertIn("identikal: warning: the values of", done.stderr)
+
+    def test_too_few_rows_to_validate_are_said(self):
+        run("tune", self.model, self.recording("right.csv", 1), "--starts", 1, "-o", self.out, code=0)
+        blind = lambda data: [w["text"] for w in json.loads(run("validate", self.out, data, "--json").stdout)["warnings"] if w["code"] == "blind"]
+        self.assertEqual([], blind(self.recording("more.csv", 6)))
+        self.assertIn("would not show innovations", blind(self.recording("few.csv", 7, rows=6))[0])
+
+    def test_a_filter_at_rest_within_a_drive_is_said(self):
+        data = self.recording("right.csv", 1)
+        said = lambda *more: [w["code"] for w in json.loads(run("check", self.model, data, *more, "--json").stdout)["warnings"]]
+        self.assertIn("starts_within", said("--range", "20:50"))
+        self.assertNotIn("starts_within", said())
+
+
 class Filter(unittest.TestCase):
     """The level of the Nile at Durbin and Koopman's values against statsmodels 0.13.5, local level with a diffuse start."""
 
@@ -1347,9 +1509,25 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
 """)
         run("simulate", model, "-n", 500, "-o", self.out, code=0)
         taken, direct = (result("tune", model, self.out / "simulated.csv", "--starts", 1, *more) for more in ((), ("--path", "direct")))
+        self.assertEqual("compressed", taken["objective"]["path"])
         for a, b in zip(taken["parameters"], direct["parameters"]):
-            for number in ("value", "se", "crb_se"):
-                self.assertAlmostEqual(a[number] / b[number], 1, delta=1e-5, msg=(a["name"], number))
+            self.assertAlmostEqual(a["value"] / b["value"], 1, delta=1e-5, msg=a["name"])
+            # That path counts all samples as those of a steady filter: 500 of them.
+            for number in ("se", "crb_se"):
+                self.assertAlmostEqual(a[number] / b[number], 1, delta=2e-3, msg=(a["name"], number))
+
+    def test_jumps_and_haste_of_the_rates_are_said(self):
+        """Dry friction, whose sign no number of steps follows; and a rate that wants more steps than there are."""
+        text = run("init", "pendulum", code=0).stdout
+        data = self.simulated(8, 100)
+        for rates, least, most in (("- d*d*sign(w)", 1e-6, 1e-2), ("- d*w + 1e6*d*d*sin(1e6*d*t)", 1e-3, 10)):
+            model = self.folder.write("m.yaml", text.replace("- d*w", rates))
+            said = [w for w in json.loads(run("check", model, data, "--json").stdout)["warnings"] if w["code"] == "integration"]
+            self.assertEqual(1, len(said), rates)
+            size = float(re.search(r"from t = [0-9.]+ s on .* by up to ([0-9.e-]+) of its size", said[0]["text"]).group(1))
+            self.assertTrue(least < size < most, said[0]["text"])
+            self.assertEqual("warning" if size > 1e-3 else "note", said[0]["severity"])
+        self.assertFalse([w for w in result("check", self.model, data)["warnings"] if w["code"] == "integration"])
 
     def test_fit_filter_validate(self):
         data, other = self.simulated(1), self.simulated(2)
@@ -1386,7 +1564,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
 
         held = result("validate", self.out, other)
         self.assertGreater(held["fit"]["simulation"]["angle"]["fit_percent"], 80)
-        self.assertEqual({"score", "nis", "ljung_box"}, {t["id"] for t in held["tests"]})
+        self.assertEqual({"score", "nis", "ljung_box", "input_correlation"}, {t["id"] for t in held["tests"]})
         self.assertEqual("answer_no", result("validate", self.out, self.spoilt(other), code=1)["status"]["code"])
 
     def test_starts_within_a_recording_are_said(self):
@@ -1527,6 +1705,16 @@ initial: {mean: {h: 1}, sd: {h: 0.1}}
         everything = result("filter", *NILE, *values)["objective"]["log_likelihood"]
         rows = {d["name"].strip(): d["value"] for d in out["derived"]}
         self.assertAlmostEqual(70 * rows["log-likelihood per row"] + 30 * rows["on held-out rows"], everything, delta=1e-6)
+        self.assertNotIn("hold_out", [w["code"] for w in out["warnings"]])
+
+    def test_held_out_rows_of_another_noise_are_seen(self):
+        for name, r in (("same", 15099), ("other", 40000)):
+            run("simulate", NILE[0], "-n", 400, "--seed", 3, "--set", "q=1469", "--set", f"r={r}", "-o", self.folder.path / name, code=0)
+        data = [self.folder.path / name / "simulated.csv" for name in ("same", "other")]
+        said = {held: [w["text"] for w in result("tune", NILE[0], data[0], "--hold-out", held, "--starts", 1)["warnings"] if w["code"] == "hold_out"]
+                for held in ("50%", data[1])}
+        self.assertEqual([], said["50%"])
+        self.assertRegex(said[data[1]][0], r"innovations are 1\.[3-6][0-9]* times as large")
 
 
 class Compare(unittest.TestCase):

@@ -101,5 +101,22 @@ TEST(OutputFiles, LinksAndPipesStayWhatTheyAre) {
   }
 }
 
+TEST(OutputFiles, NoInputIsWrittenOver) {
+  const Scratch folder;
+  write_files({{folder / "data.csv", "t,y"}});
+  fs::create_symlink("data.csv", folder / "link");
+  for (const char* name : {"data.csv", "./data.csv", "link"}) {
+    try {
+      write_files({{folder / "other", "x"}, {folder / name, "x", "--report"}},
+                  {folder / "gone", folder / "data.csv"});
+      ADD_FAILURE() << name;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("another place with --report"));
+    }
+    EXPECT_FALSE(fs::exists(folder / "other"));
+    EXPECT_EQ(content_of(folder / "data.csv"), "t,y");
+  }
+}
+
 }  // namespace
 }  // namespace identikal

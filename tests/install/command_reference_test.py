@@ -78,6 +78,7 @@ class Reference(unittest.TestCase):
         self.assertEqual(self.complete("identikal tune --starts "), [])
         self.assertEqual(self.complete("identikal study matisko-table-1")[0], "matisko-table-1")
         self.assertIn("obstacle-avoidance", self.complete("identikal simulate --manoeuvre "))
+        self.assertEqual(self.complete("identikal init pend"), ["pendulum"])
 
     def test_bash_completes_files(self):
         self.assertIn("install_test.py", self.complete("identikal tune inst"))

@@ -42,7 +42,8 @@ with tempfile.TemporaryDirectory() as name:
         expect(f"./usr/share/doc/{package}/copyright" in names, f"{package}: no copyright")
         wanted = {"identikal": ["bin/identikal", "share/man/man1/identikal.1", "share/bash-completion/completions/identikal",
                                 "share/zsh/vendor-completions/_identikal", "share/fish/vendor_completions.d/identikal.fish",
-                                "share/identikal/examples/nile.yaml", "share/identikal/data/nile.csv", "share/doc/identikal/CHANGELOG.md"],
+                                "share/identikal/examples/nile.yaml", "share/identikal/data/nile.csv", "share/doc/identikal/CHANGELOG.md",
+                                "share/doc/identikal/README.md", "share/doc/identikal/docs/tune-a-filter.md"],
                   "libidentikal-dev": ["include/identikal/lib/kalman.h", "include/identikal/lib/version.h", "lib/pkgconfig/identikal.pc",
                                        "lib/cmake/identikal/identikal-config.cmake", "lib/libidentikal_lib.a"]}[package]
         missing = [w for w in wanted if f"./usr/{w}" not in names]
