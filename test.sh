@@ -14,18 +14,19 @@ esac
 
 git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
 
-# Several files in one go: most of the time is spent on the templates that they share. With --slow
+# Many files in one go: most of the time is spent on the templates that they share. With --slow
 # every file is compiled on its own, and so has to include what it uses.
 unity=ON
+batch=-DCMAKE_UNITY_BUILD_BATCH_SIZE=16
 [ "$slow" = yes ] && unity=OFF
-cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=$unity
+cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=$unity $batch
 cmake --build build
 [ "$slow" = yes ] && cmake --build build --target benches
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()
 ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 
-cmake --preset dev -DCMAKE_UNITY_BUILD=ON
+cmake --preset dev -DCMAKE_UNITY_BUILD=ON $batch
 cmake --build build-dev
 # Fast in the release build, but up to minutes each here; what they run, shorter tests run too.
 slow_here='PathsAgree|GapsSplitTheRecording|CompressedInformationIs|FullCovariancesStay|GridAndMonteCarlo'
@@ -37,4 +38,6 @@ slow_here+='|StaysDefiniteOverAMillion|ResetFindsASuddenChange|PortmanteauHasIts
 slow_here+='|NonlinearSmoother.ItsErrorsAre|NonlinearSmoother.ItIsTheRauch|Smoother.ModelsThatChangeWithTime'
 slow_here+='|WithForgettingTheyAreTooLarge|WhiteIsALikelihoodRatio|Simulation.CarriesExactDerivatives'
 slow_here+='|IntegrationSteps.AsManyAs|IntegrationSteps.FiltersLook|NonlinearJobs.TheBound|NonlinearJobs.ScoresScatter'
+slow_here+='|ParticlesAgree|Shape.StopsWhenTold|RefusesForcesThatAreStates|ExchangedChannelsGive|TableIsTheSame'
+slow_here+='|ItsStandardErrorIsTheScatter|OfNoiseAloneEquals'
 ctest --test-dir build-dev --output-on-failure -j "$(nproc)" -LE 'slow|release' -E "$slow_here"
