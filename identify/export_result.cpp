@@ -256,6 +256,7 @@ struct Contents {
   std::optional<double> dt;
   std::vector<NamedMatrix> matrices;
   std::string tyre_curve;
+  std::string Q_kind;  // where no remark of a matrix tells a program
   std::vector<SteadyFilter::Channel> states, outputs, inputs;
   std::vector<std::string> lines;  // what a reader has to know
 };
@@ -315,8 +316,8 @@ std::vector<StructMember> members_of(const Estimate& e, bool vehicle) {
     if (si.empty()) si = "-";
     std::string remark = remark_of(p);
     if (!same) remark += fmt::format("; {:.6g} {}", p.value, p.unit);
-    out.push_back({member_name(p.name), si, same ? p.value : unit.to_si(p.value), unit.scale * p.se,
-                   remark, p.fixed ? "known" : to_string(p.verdict)});
+    out.push_back({p.name, si, same ? p.value : unit.to_si(p.value), unit.scale * p.se, remark,
+                   p.fixed ? "known" : to_string(p.verdict)});
   }
   return out;
 }
@@ -335,6 +336,7 @@ void add_formulas(Contents& to, const StoredResult& result) {
   for (const StateName& state : model.states) to.states.push_back({state.name, state.unit});
   to.outputs = channels_of(model.outputs);
   to.inputs = channels_of(model.inputs);
+  to.Q_kind = e.noise.Q_kind;
   to.matrices = {{"Q", written.G * written.Q * written.G.transpose(),
                   density ? "process noise of the states, power per time (density)"
                           : "process noise of the states, covariance per sample"},
@@ -432,7 +434,7 @@ std::string c_header(const Contents& c, const std::string& model, const FormatNa
   if (!c.members.empty()) {
     out += cpp ? "struct Parameters {\n" : "typedef struct {\n";
     for (const StructMember& m : c.members)
-      out += fmt::format("  double {};  // {}\n", m.name, m.unit);
+      out += fmt::format("  double {};  // {}\n", member_name(m.name), m.unit);
     out += cpp ? "};\n\ninline constexpr Parameters estimate = {\n"
                : fmt::format(
                      "}} {0}_parameters;\n\nstatic const {0}_parameters {0}_estimate = {{\n", name);
@@ -460,8 +462,8 @@ std::string c_header(const Contents& c, const std::string& model, const FormatNa
 std::string matlab_script(const Contents& c, const FormatNames& format) {
   std::string out;
   for (const StructMember& m : c.members) {
-    out +=
-        fmt::format("{}.{} = {};  % {}, {}\n", c.group, m.name, exact(m.value), m.unit, m.remark);
+    out += fmt::format("{}.{} = {};  % {}, {}\n", c.group, member_name(m.name), exact(m.value),
+                       m.unit, m.remark);
   }
   if (c.dt) out += fmt::format("dt = {};  % sampling period [s]\n", exact(*c.dt));
   for (const NamedMatrix& m : c.matrices) {
@@ -553,7 +555,7 @@ std::string numbers(const StoredResult& result, const Contents& c, const std::st
     }
   }
   if (c.dt) out["dt"] = *c.dt;
-  if (c.suffix == "model") out["Q_kind"] = e.noise.Q_kind;
+  if (!c.Q_kind.empty()) out["Q_kind"] = c.Q_kind;
   for (const NamedMatrix& m : c.matrices) {
     ExportJson rows = ExportJson::array();
     for (Index i = 0; i < m.value.rows(); ++i) {
