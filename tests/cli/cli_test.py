@@ -372,6 +372,7 @@ class Tune(unittest.TestCase):
             self.assertIn("Q(1,1)", run("tune", model, data, code=1).stdout)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Track(unittest.TestCase):
     """System 1 with Q = 1, from sample 300 on 10."""
 
@@ -428,6 +429,7 @@ regression: {inputs: 1, feedback: 1, forgetting: 0.999, delta: 0.01}
 """
 
 
+@unittest.skipIf(QUICK, "minutes")
 class TrackRegression(unittest.TestCase):
     """r(t) = g steer(t) + 0.8 r(t-1) + noise of sd 0.1; g = 0.05, from 60 s on 0.1."""
 
@@ -533,6 +535,7 @@ class TrackRegression(unittest.TestCase):
             self.assertLess(abs(p["value"] / truth - 1), 0.1)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Shape(unittest.TestCase):
     """x+ = 0.5 x + v, v itself coloured with a pole pair at 1 rad."""
 
@@ -633,6 +636,7 @@ class Fit(unittest.TestCase):
         self.assertEqual(made, pathlib.Path(LANE_CHANGE[1]).read_text())
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Manoeuvres(unittest.TestCase):
     def test_manoeuvres(self):
         help_text = run("simulate", "--help", code=0).stdout
@@ -679,6 +683,7 @@ def flat(matrix):
     return [v for row in matrix for v in row]
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Export(unittest.TestCase):
     """The text is compiled or run, and gives the numbers of result.json to the last digit."""
 
@@ -872,6 +877,7 @@ initial: stationary
         numbers = json.loads(self.exported("json"))
         self.assertEqual(("density", [[0, 0], [0, q]], [[r]]), (numbers["Q_kind"], numbers["Q"], numbers["R"]))
         self.assertEqual(["phi", "w"], [s["name"] for s in numbers["states"]])
+        self.assertEqual(list(expected), list(numbers["parameters"]))
         again = result("check", self.folder.write("pasted.yaml", self.exported("yaml")), data)
         self.assertEqual([p["value"] for p in stored["parameters"]], [p["value"] for p in again["parameters"]])
         self.assertAlmostEqual(again["objective"]["log_likelihood"], stored["objective"]["log_likelihood"], delta=1e-5)
@@ -1003,6 +1009,7 @@ initial: stationary
         self.assertIn("holds no filter, vehicle or model of formulas", run("export", self.out, "--to", "c", code=2).stderr)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Validate(unittest.TestCase):
     def setUp(self):
         self.folder = Folder().__enter__()
@@ -1241,6 +1248,7 @@ def table(text):
     return rows[0], [[float(cell) if cell else None for cell in row] for row in rows[1:]]
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Driven(unittest.TestCase):
     """A level that pulls back to zero and is pushed by an input, as the model says or seven samples later."""
 
@@ -1470,6 +1478,7 @@ class Filter(unittest.TestCase):
                 self.assertIn(word, done.stderr)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Nonlinear(unittest.TestCase):
     """The pendulum of the templates, from its own simulation."""
 
@@ -1885,6 +1894,7 @@ noise: {measurement: {kind: per-sample, sd: {r: 0.01 rad/s, vy: 0.03 m/s}}}
 """
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Treated(unittest.TestCase):
     """Several files of one recording, and channels with scale, offset and delay: the same car comes out."""
 
