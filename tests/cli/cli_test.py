@@ -141,6 +141,7 @@ class BadData(unittest.TestCase):
             self.assertIn("coloured_innovations", self.tuned(y, "--method", method)[2])
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Tune(unittest.TestCase):
     def test_nile_from_two_starts(self):
         for q, r in ((1000, 1000), (1, 1e6), (1e6, 1)):
@@ -587,6 +588,7 @@ class Shape(unittest.TestCase):
         self.assertIn("--hold-out", run("shape", self.model, self.data, "--hold-out", "0.99", code=2).stderr)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Fit(unittest.TestCase):
     def test_the_cause_goes_first(self):
         """A channel with the wrong sign makes all that follows: it is named first, its consequences in one note."""
@@ -1373,6 +1375,7 @@ outputs: {y: {column: y, unit: m}}
         self.assertNotIn("starts_within", said())
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Filter(unittest.TestCase):
     """The level of the Nile at Durbin and Koopman's values against statsmodels 0.13.5, local level with a diffuse start."""
 
@@ -1726,6 +1729,7 @@ initial: {mean: {h: 1}, sd: {h: 0.1}}
         self.assertRegex(said[data[1]][0], r"innovations are 1\.[3-6][0-9]* times as large")
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Compare(unittest.TestCase):
     """A level that stands still inside one that wanders; the likelihood of the first is known in closed form."""
 
@@ -1840,6 +1844,7 @@ class Compare(unittest.TestCase):
             refused(["other/result.json", *words], self.a, other)
 
 
+@unittest.skipIf(QUICK, "minutes")
 class Simulate(unittest.TestCase):
     def test_round_trip_linear(self):
         with Folder() as folder:
