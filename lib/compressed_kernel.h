@@ -21,6 +21,9 @@
 // with s_i = sum_t F'^t C' Sigma^-1 de_i(t),
 //
 //   sum_t de_i' Sigma^-1 de_j - s_i' (I + Pi M)^-1 Pi s_j.
+//
+// Its sums of dx x' and dx dx' follow like X, with the products of the first dx added and those of
+// the one behind the last sample taken off.
 #pragma once
 
 #include <cmath>

@@ -68,7 +68,8 @@ class LikelihoodEngine {
   /// P0 included where the start is given. On the compressed path the information is
   /// the Fisher information of a stationary filter: the expectation
   ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
-  /// when all parameters are of the noise, else with the sums that the recording supplied for x, z.
+  /// when all parameters are of the noise, else with the sums that the recording supplied for x, z
+  /// from its own start on, less what is not known of that start (lib/compressed_kernel.h).
   /// No memory is allocated from the second evaluation of a model of up to 6 states on, when all
   /// parameters are of the noise and the compressed path serves it.
   /// @throws std::invalid_argument when shapes disagree or there is no recording.
