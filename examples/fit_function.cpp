@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "identify/noise_ml.h"
-#include "identify/nonlinear_recordings.h"
-#include "lib/traced.h"
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/noise/ml.h"
+#include "lib/model/traced.h"
 
 namespace {
 

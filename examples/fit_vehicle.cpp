@@ -1,10 +1,10 @@
 // The library instead of the command line: cornering stiffnesses from a recording and a model file.
 #include <cstdio>
 
-#include "identify/model_file.h"
-#include "identify/vehicle_fit.h"
-#include "lib/csv.h"
-#include "lib/dataset.h"
+#include "identify/model/model_file.h"
+#include "identify/vehicle/fit.h"
+#include "lib/data/csv.h"
+#include "lib/data/dataset.h"
 
 int main(int argc, char** argv) {
   using namespace identikal;

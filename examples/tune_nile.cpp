@@ -1,9 +1,9 @@
 // The library instead of the command line: maximum likelihood of Q and R, the model written in C++.
 #include <cstdio>
 
-#include "identify/noise_ml.h"
-#include "lib/csv.h"
-#include "lib/dataset.h"
+#include "identify/noise/ml.h"
+#include "lib/data/csv.h"
+#include "lib/data/dataset.h"
 
 int main(int argc, char** argv) {
   using namespace identikal;

@@ -1,9 +1,9 @@
 // Tunes a filter that knows nothing of this library: a function that runs it is enough.
 #include <cstdio>
 
-#include "identify/own_filter_fit.h"
-#include "lib/csv.h"
-#include "lib/dataset.h"
+#include "identify/noise/external_filter.h"
+#include "lib/data/csv.h"
+#include "lib/data/dataset.h"
 
 namespace {
 

@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <vector>
 
-#include "lib/csv.h"
-#include "lib/dataset.h"
-#include "lib/velocity_sensors.h"
+#include "lib/data/csv.h"
+#include "lib/data/dataset.h"
+#include "lib/vehicle/velocity_sensors.h"
 
 int main(int argc, char** argv) {
   using namespace identikal;

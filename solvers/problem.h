@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "lib/alignment.h"
+#include "lib/base/alignment.h"
 
 namespace identikal {
 

@@ -16,7 +16,7 @@
 #include <Eigen/QR>
 #include <Eigen/SVD>
 
-#include "lib/constants.h"
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <Eigen/Core>
 
-#include "lib/filter_bank.h"
-#include "lib/random.h"
-#include "lib/state_space.h"
+#include "lib/base/random.h"
+#include "lib/filter/filter_bank.h"
+#include "lib/model/state_space.h"
 
 namespace identikal {
 

@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "lib/constants.h"
-#include "solvers/resampling.h"
+#include "lib/base/constants.h"
+#include "solvers/internal/resampling.h"
 
 namespace identikal {
 

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "lib/random.h"
+#include "lib/base/random.h"
 #include "solvers/problem.h"
 
 namespace identikal {

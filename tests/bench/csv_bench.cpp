@@ -8,7 +8,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "lib/csv.h"
+#include "lib/data/csv.h"
 
 namespace {
 

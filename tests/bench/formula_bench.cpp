@@ -5,9 +5,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "lib/dual.h"
-#include "lib/nonlinear_filter.h"
-#include "lib/tape.h"
+#include "lib/base/dual.h"
+#include "lib/formula/tape.h"
+#include "lib/nonlinear/filter.h"
 
 namespace {
 

@@ -7,9 +7,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "identify/recordings_likelihood.h"
-#include "lib/csv.h"
-#include "lib/lag_sums.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "lib/data/csv.h"
+#include "lib/filter/internal/lag_sums.h"
 #include "tests/bench/roof.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/random_model.h"

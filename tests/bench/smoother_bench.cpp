@@ -6,9 +6,9 @@
 
 #include <sys/resource.h>
 
-#include "lib/kalman.h"
-#include "lib/random.h"
-#include "lib/smoother.h"
+#include "lib/base/random.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/smoother.h"
 #include "tests/support/random_model.h"
 
 namespace {

@@ -6,11 +6,11 @@
 
 #include <fmt/format.h>
 
-#include "identify/model_file.h"
-#include "identify/vehicle_search.h"
-#include "identify/vehicle_starts.h"
-#include "lib/csv.h"
-#include "lib/dataset.h"
+#include "identify/model/model_file.h"
+#include "identify/vehicle/search.h"
+#include "identify/vehicle/starts.h"
+#include "lib/data/csv.h"
+#include "lib/data/dataset.h"
 
 namespace identikal {
 namespace {

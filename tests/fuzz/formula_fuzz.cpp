@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "lib/dimension.h"
-#include "lib/tape.h"
+#include "lib/formula/dimension.h"
+#include "lib/formula/tape.h"
 
 namespace {
 

@@ -12,18 +12,18 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "identify/bound.h"
-#include "identify/check.h"
-#include "identify/compare.h"
-#include "identify/filter_run.h"
-#include "identify/free_run.h"
-#include "identify/model_filter.h"
-#include "identify/noise_ml.h"
-#include "identify/nonlinear_recordings.h"
-#include "identify/simulate.h"
-#include "identify/validate.h"
-#include "lib/error.h"
-#include "lib/random.h"
+#include "identify/filter/model_filter.h"
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/run.h"
+#include "identify/filter/simulated_fit.h"
+#include "identify/noise/ml.h"
+#include "identify/optimality/bound.h"
+#include "identify/optimality/check.h"
+#include "identify/optimality/compare_filters.h"
+#include "identify/simulation/simulate.h"
+#include "identify/validation/validate.h"
+#include "lib/base/error.h"
+#include "lib/base/random.h"
 
 namespace identikal {
 namespace {

@@ -33,7 +33,10 @@ with tempfile.TemporaryDirectory() as name:
     include = folder / "include"
     names, alone, standard = [], [], set()
     for header in map(pathlib.Path, headers):
-        names.append(f"{header.parent.name}/{header.name}")
+        # Below the source tree, or made by CMake in a folder of that layout.
+        names.append(re.search(r"(lib|solvers|identify)/(?!.*/(lib|solvers|identify)/).*", header.as_posix()).group(0)
+                     if not header.is_relative_to(ROOT) or "generated" in header.parts
+                     else header.relative_to(ROOT).as_posix())
         target = include / names[-1]
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(header, target)

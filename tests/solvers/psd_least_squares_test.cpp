@@ -14,7 +14,7 @@
 #include <Eigen/QR>
 #include <gtest/gtest.h>
 
-#include "lib/random.h"
+#include "lib/base/random.h"
 
 namespace identikal {
 namespace {

@@ -5,7 +5,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "lib/constants.h"
+#include "lib/base/constants.h"
 #include "solvers/covariance.h"
 #include "solvers/solve.h"
 

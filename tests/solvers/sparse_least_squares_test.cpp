@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "lib/random.h"
+#include "lib/base/random.h"
 #include "solvers/solve.h"
 
 namespace identikal {

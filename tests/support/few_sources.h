@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 
-#include "lib/random.h"
+#include "lib/base/random.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/random_model.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "lib/expression.h"
+#include "lib/formula/expression.h"
 
 namespace identikal {
 

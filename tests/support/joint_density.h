@@ -9,7 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 
-#include "lib/state_space.h"
+#include "lib/model/state_space.h"
 
 namespace identikal {
 

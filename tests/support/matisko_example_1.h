@@ -4,10 +4,10 @@
 
 #include <Eigen/Core>
 
-#include "lib/kalman.h"
-#include "lib/random.h"
-#include "lib/realisation.h"
-#include "lib/state_space.h"
+#include "lib/base/random.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/simulation.h"
+#include "lib/model/state_space.h"
 
 namespace identikal {
 

@@ -5,9 +5,9 @@
 
 #include <Eigen/Core>
 
-#include "identify/model_file.h"
-#include "lib/dataset.h"
-#include "lib/random.h"
+#include "identify/model/model_file.h"
+#include "lib/base/random.h"
+#include "lib/data/dataset.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/scalar_case.h"
 

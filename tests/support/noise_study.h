@@ -13,11 +13,11 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 
-#include "identify/estimate.h"
-#include "lib/csv.h"
-#include "lib/dataset.h"
-#include "lib/information.h"
-#include "lib/matrix_equations.h"
+#include "identify/estimate/estimate.h"
+#include "lib/data/csv.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/information.h"
+#include "lib/filter/steady_state.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/scalar_case.h"
 #include "tests/support/shared_data.h"

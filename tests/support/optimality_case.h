@@ -5,12 +5,12 @@
 
 #include <Eigen/Core>
 
-#include "identify/model_file.h"
-#include "lib/dataset.h"
-#include "lib/kalman.h"
-#include "lib/random.h"
-#include "lib/realisation.h"
-#include "lib/state_space.h"
+#include "identify/model/model_file.h"
+#include "lib/base/random.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/simulation.h"
+#include "lib/model/state_space.h"
 
 namespace identikal {
 

@@ -4,8 +4,8 @@
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 
-#include "lib/random.h"
-#include "lib/state_space.h"
+#include "lib/base/random.h"
+#include "lib/model/state_space.h"
 
 namespace identikal {
 

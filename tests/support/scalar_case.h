@@ -7,9 +7,9 @@
 
 #include <Eigen/Core>
 
-#include "identify/model_file.h"
-#include "lib/dataset.h"
-#include "lib/random.h"
+#include "identify/model/model_file.h"
+#include "lib/base/random.h"
+#include "lib/data/dataset.h"
 
 namespace identikal {
 

@@ -10,13 +10,13 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate.h"
-#include "identify/model_file.h"
-#include "identify/thesis_drive.h"
-#include "identify/vehicle_fit.h"
-#include "lib/dataset.h"
-#include "lib/manoeuvre.h"
-#include "lib/random.h"
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "identify/vehicle/fit.h"
+#include "lib/base/random.h"
+#include "lib/data/dataset.h"
+#include "lib/vehicle/manoeuvre.h"
+#include "studies/sladka_lane_change.h"
 
 namespace identikal::testing {
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "lib/nonlinear_model.h"
+#include "lib/model/nonlinear_model.h"
 
 namespace identikal {
 

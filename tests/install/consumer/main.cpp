@@ -1,8 +1,8 @@
 // Somebody else's program: noise covariances of a recording, by the installed library.
 #include <cstdio>
 
-#include "identify/noise_ml.h"
-#include "lib/csv.h"
+#include "identify/noise/ml.h"
+#include "lib/data/csv.h"
 #include "lib/version.h"
 
 int main(int argc, char** argv) {

@@ -1,0 +1,299 @@
+#include "command/load.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include "identify/model/row_selection.h"
+#include "identify/report/console.h"
+#include "identify/result/file.h"
+#include "identify/result/values.h"
+#include "lib/base/error.h"
+#include "lib/data/join.h"
+
+namespace identikal {
+
+void require_linear(const Arguments& args, const ModelFile& model) {
+  if (model.form == ModelFile::Form::linear) return;
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  const std::string method = args.method == "ml" ? "" : " --method " + args.method;
+  throw InputError({model.path, 0, 0},
+                   fmt::format("'{}{}' takes a linear model, this {}", args.verb, method,
+                               vehicle ? "is a vehicle" : "one is not linear in its states"),
+                   "a model with A, C, Q, R, or formulas that are linear in states and inputs");
+}
+
+void require_filter(const Arguments& args, const ModelFile& model) {
+  if (model.form != ModelFile::Form::nonlinear) require_linear(args, model);
+}
+
+ModelFile load_model(const Arguments& args) {
+  ModelFile model = read_model_file(args.model);
+  if (model.form == ModelFile::Form::regression && args.verb != "track") {
+    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
+                     "identikal track MODEL DATA");
+  }
+  if (!args.from.empty()) {
+    const StoredResult result = read_stored_result(args.from);
+    set_values(model, result.estimate, result.path);
+  }
+  for (const std::string& assignment : args.settings) set_parameter(model, assignment);
+  if (!args.filter.empty()) {
+    if (model.form != ModelFile::Form::nonlinear) {
+      throw InputError({}, "--filter has no meaning here", "a nonlinear model",
+                       "the Kalman filter of a linear one is exact");
+    }
+    model.formulas.filter = nonlinear_method(args.filter, {});
+  }
+  return model;
+}
+
+std::vector<Table> read_files(const std::string& argument) {
+  std::vector<Table> out;
+  for (const std::string& path : joined_files(argument)) out.push_back(read_csv(path));
+  return out;
+}
+
+std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
+                               const ModelFile& model, bool with_outputs) {
+  if (model.time.restarts && files.size() > 1) {
+    throw InputError(model.time.at, "runs: restart with files that are joined",
+                     "one file, or one run");
+  }
+  const Joined joined = join_tables(files, model.time);
+  const std::vector<ChannelSource> no_outputs;
+  const TimeRange range = parse_range(args.range);
+  std::vector<Dataset> out;
+  for (const Table& run : split_runs(joined.table, model.time)) {
+    Dataset data = make_dataset(run, model.time, model.inputs,
+                                with_outputs ? model.outputs : no_outputs, range);
+    data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
+    const bool as_recorded =
+        model.form == ModelFile::Form::single_track ||
+        (model.form == ModelFile::Form::nonlinear && model.formulas.model.continuous);
+    if (!as_recorded) {
+      const double step = model.time.step > 0.0 ? model.time.step : data.dt;
+      data = on_uniform_raster(data, step);
+    }
+    if (range.from > 0.0) {
+      data.begins = "where --range begins";
+    } else if (!out.empty()) {
+      data.begins = "where the time stamps start again";
+    }
+    for (Dataset& stretch : usable_stretches(model, std::move(data))) {
+      out.push_back(std::move(stretch));
+    }
+  }
+  return out;
+}
+
+Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+                  bool with_outputs) {
+  std::vector<Dataset> runs = load_runs(args, files, model, with_outputs);
+  if (runs.size() > 1) {
+    throw InputError({files.front().path, 0, 0}, fmt::format("{} runs", runs.size()),
+                     "one run here", "'fit', 'tune' and 'check' take several");
+  }
+  return std::move(runs.front());
+}
+
+namespace {
+
+// A start that is given, or one at rest, belongs to a recording's begin; a filter that begins
+// elsewhere takes it too.
+void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
+                    std::vector<Warning>& warnings) {
+  const bool filters =
+      model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear;
+  const bool driven = !model.inputs.empty();
+  const bool of_the_begin = model.linear.initial == InitialState::given ||
+                            (model.linear.initial == InitialState::stationary && driven);
+  if (!filters || !of_the_begin) return;
+  struct Starts {
+    std::size_t count = 0;
+    std::string text;
+    void add(const Dataset& run) {
+      if (++count > 5) return;
+      text += fmt::format("{}at t = {:.6g} s, {}", count > 1 ? "; " : "", run.time[0], run.begins);
+    }
+    std::string said() const {
+      return count > 5 ? fmt::format("{}; and {} times more", text, count - 5) : text;
+    }
+  };
+  Starts at_gaps, wanted;
+  for (const Dataset& run : runs) {
+    if (run.begins.empty()) continue;
+    (run.begins.starts_with("after") ? at_gaps : wanted).add(run);
+  }
+  const std::string& name = runs.front().name;
+  if (at_gaps.count > 0) {
+    warnings.push_back(
+        {"starts_anew",
+         "warning",
+         {},
+         fmt::format("{}: the filter starts anew from 'initial' {}", name, at_gaps.said()),
+         "fill the gaps, or give 'initial' variances that hold for the state there too"});
+  }
+  if (wanted.count > 0) {
+    warnings.push_back({"starts_within",
+                        "note",
+                        {},
+                        fmt::format("{}: the filter starts from 'initial' {}", name, wanted.said()),
+                        "'initial' is to hold there too"});
+  }
+}
+
+// Without a column of time stamps rows are a step apart: does the file say another one?
+void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warning>& warnings) {
+  if (!model.time.column.empty() || !(model.time.step > 0.0) || table.rows < 2) return;
+  const auto read = [&](const Column& column) {
+    const auto is_it = [&](const ChannelSource& c) { return c.column == column.name; };
+    return std::any_of(model.inputs.begin(), model.inputs.end(), is_it) ||
+           std::any_of(model.outputs.begin(), model.outputs.end(), is_it);
+  };
+  for (const Column& column : table.columns) {
+    if (!looks_like_time(column) || read(column)) continue;
+    TimeSource source;
+    source.column = column.name;
+    Eigen::VectorXd t;
+    try {
+      t = time_stamps(table, source);
+    } catch (const InputError&) {
+      continue;  // not time stamps
+    }
+    Eigen::VectorXd steps = t.tail(t.size() - 1) - t.head(t.size() - 1);
+    double* middle = steps.data() + steps.size() / 2;
+    std::nth_element(steps.data(), middle, steps.data() + steps.size());
+    if (std::abs(*middle - model.time.step) <= 0.01 * model.time.step) continue;
+    warnings.push_back(
+        {"step_differs",
+         "warning",
+         {},
+         fmt::format("the model says {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
+                     model.time.step, column.name,
+                     std::filesystem::path(table.path).filename().string(), *middle),
+         fmt::format("correct 'step', or say time: {{column: {}}}", column.name)});
+    return;
+  }
+}
+
+// Values of a result may be doubtful, or another model's.
+void warn_of_origin(const Arguments& args, std::vector<Warning>& warnings) {
+  if (args.from.empty()) return;
+  const StoredResult result = read_stored_result(args.from);
+  const Estimate& e = result.estimate;
+  if (e.status != Status::ok) {
+    warnings.push_back(
+        {"doubtful_result",
+         "warning",
+         {},
+         fmt::format("{} is itself {}: {}", args.from, to_string(e.status), e.message),
+         ""});
+  }
+  if (e.model_file && e.model_file->sha256 != sha256_of_file(args.model)) {
+    warnings.push_back(
+        {"model_changed",
+         "warning",
+         {args.model},
+         fmt::format("the values of {} are those of another model file ({}), or it "
+                     "has changed since",
+                     args.from, e.model_file->path),
+         fmt::format("'identikal export {} --to yaml' prints the model that it is of", args.from)});
+  }
+}
+
+}  // namespace
+
+void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
+                     const TimeRange& range) {
+  long rows = 0;
+  for (const Dataset& run : runs) {
+    rows += static_cast<long>(run.size()) - static_cast<long>(run.absent.size());
+  }
+  for (const Table& file : files) {
+    records.push_back({file.path,
+                       sha256_of_file(file.path),
+                       static_cast<long>(file.rows),
+                       rows,
+                       {range.from, range.to}});
+    of_records.emplace_back(data.size(), data.size() + runs.size());
+  }
+  for (Dataset& run : runs) data.push_back(std::move(run));
+}
+
+void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
+                  const Dataset& other) {
+  const bool any = model.form != ModelFile::Form::linear || model.time.step > 0.0;
+  if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
+  throw InputError({other.name, 0, 0},
+                   fmt::format("sampled every {:.6g} s, {} every {:.6g} s", other.dt,
+                               args.data.front(), first.dt),
+                   "recordings with the same sampling period",
+                   "a discrete-time model belongs to one sampling period");
+}
+
+bool is_model(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
+Recordings load_recordings(const Arguments& args, const ModelFile& model) {
+  Recordings out;
+  warn_of_origin(args, out.warnings);
+  for (const std::string& path : args.data) {
+    if (is_model(path)) {
+      throw InputError({path, 0, 0}, "a model file where recordings are expected",
+                       fmt::format("'identikal {} MODEL DATA...'", args.verb),
+                       "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
+    }
+    const std::vector<Table> files = read_files(path);
+    std::vector<Dataset> runs = load_runs(args, files, model);
+    warn_of_starts(model, runs, out.warnings);
+    warn_of_step(model, files.front(), out.warnings);
+    out.add(std::move(runs), files, parse_range(args.range));
+    check_period(args, model, out.data.front(), out.data.back());
+  }
+  return out;
+}
+
+std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
+                              Recordings& recordings) {
+  std::vector<HeldOut> out;
+  if (args.hold_out.empty()) return out;
+  if (!args.hold_out.ends_with('%')) {
+    for (Dataset& run : load_runs(args, read_files(args.hold_out), model)) {
+      out.push_back({std::move(run), 0});
+    }
+    return out;
+  }
+  const double share = quantity("--hold-out", args.hold_out, "%");
+  if (!(share >= 0.05 && share <= 0.8)) {
+    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
+                     "5% to 80%");
+  }
+  for (std::size_t i = 0; i < recordings.data.size(); ++i) {
+    Dataset& data = recordings.data[i];
+    const auto kept =
+        static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
+    // A stretch of a few rows is fitted whole.
+    if (kept < 1 || kept >= data.size()) continue;
+    out.push_back({data, kept});
+    data = first_samples(data, kept);
+    for (std::size_t file = 0; file < recordings.records.size(); ++file) {
+      if (recordings.of_records[file] != std::pair(i, i + 1)) continue;
+      std::array<double, 2>& range = recordings.records[file].range;
+      const double begin = std::isfinite(range[0]) ? range[0] : 0.0;
+      range[1] = begin + data.time[kept - 1] - data.time[0];
+    }
+  }
+  if (out.empty()) {
+    throw InputError({}, fmt::format("--hold-out '{}' of too few rows", args.hold_out),
+                     "a longer recording");
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,366 @@
+#include "identify/colour/internal/spectrum.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <memory>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "lib/base/error.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/steady_state.h"
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+namespace {
+
+// Where the coordinates of spectral_problem() stand, and the likelihood of them.
+class SpectralFit {
+ public:
+  SpectralFit(const InnovationSpectrum& spectrum, ShapingStructure structure)
+      : data_(spectrum), structure_(std::move(structure)) {
+    nw_ = data_.Q.rows();
+    ny_ = data_.R.rows();
+  }
+
+  Index filter_begin(std::size_t c) const {
+    return nw_ + ny_ + static_cast<Index>(c) * structure_.unknowns();
+  }
+  Index poles_begin(std::size_t c) const {
+    return filter_begin(c) + (structure_.own_variance() ? 1 : 0);
+  }
+  Index unknowns() const { return filter_begin(structure_.channels.size()); }
+
+  ShapingFilter filter(const VectorXd& x, std::size_t c, MatrixXd* Ja, MatrixXd* Jb) const {
+    const Index at = poles_begin(c);
+    return {stable_polynomial(x.segment(at, structure_.order), Ja),
+            stable_polynomial(x.segment(at + structure_.order, structure_.zeros()), Jb)};
+  }
+
+  // Whittle's log-likelihood, its gradient and Fisher information.
+  bool evaluate(const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) const {
+    const bool derivatives = gradient != nullptr;
+    const Index k = unknowns(), channels = static_cast<Index>(structure_.channels.size());
+    const VectorXd fq = (0.5 * x.head(nw_)).array().exp(),
+                   fr = (0.5 * x.segment(nw_, ny_)).array().exp();
+    const MatrixXd Q = fq.asDiagonal() * data_.Q * fq.asDiagonal();
+    const MatrixXd R = fr.asDiagonal() * data_.R * fr.asDiagonal();
+    const MatrixXd S = fq.asDiagonal() * data_.S * fr.asDiagonal();
+    std::vector<ShapingFilter> filters;
+    std::vector<MatrixXd> Ja(structure_.channels.size()), Jb(structure_.channels.size());
+    for (std::size_t c = 0; c < structure_.channels.size(); ++c) {
+      filters.push_back(filter(x, c, &Ja[c], &Jb[c]));
+    }
+    L = 0.0;
+    if (gradient != nullptr) gradient->setZero(k);
+    if (information != nullptr) information->setZero(k, k);
+    std::vector<MatrixXcd> dS(static_cast<std::size_t>(k));
+    VectorXcd H(channels);
+    std::vector<VectorXcd> dHs(structure_.channels.size());
+    for (Index f = 0; f < data_.measured.omega.size(); ++f) {
+      const auto at = static_cast<std::size_t>(f);
+      for (std::size_t c = 0; c < filters.size(); ++c) {
+        H[static_cast<Index>(c)] =
+            response(filters[c], data_.measured.omega[f], derivatives ? &dHs[c] : nullptr);
+      }
+      const bool process = structure_.place == NoisePlace::process;
+      // Columns: what w and v, each with its filter, do to the innovations.
+      MatrixXcd W = data_.T_G[at];
+      const MatrixXcd& V = data_.T_V[at];
+      if (process) {
+        for (Index c = 0; c < channels; ++c)
+          W.col(structure_.channels[static_cast<std::size_t>(c)]) *= H[c];
+      }
+      const MatrixXcd WQ = W * Q + V * S.transpose(), VR = V * R + W * S;
+      MatrixXcd model = WQ * W.adjoint() + VR * V.adjoint();
+      if (!process) {
+        for (Index c = 0; c < channels; ++c) {
+          const VectorXcd v = V.col(structure_.channels[static_cast<std::size_t>(c)]);
+          const double q = std::exp(x[filter_begin(static_cast<std::size_t>(c))]);
+          model += q * std::norm(H[c]) * v * v.adjoint();
+        }
+      }
+      const Eigen::LLT<MatrixXcd> factor(model);
+      if (factor.info() != Eigen::Success || !model.allFinite()) return false;
+      const double weight = data_.measured.weight[f];
+      const MatrixXcd inverse = factor.solve(MatrixXcd::Identity(ny_, ny_));
+      const MatrixXcd whitened = inverse * data_.measured.S[at];
+      double log_det = 0.0;
+      for (Index i = 0; i < ny_; ++i) log_det += 2.0 * std::log(factor.matrixLLT()(i, i).real());
+      L -= weight * (log_det + whitened.trace().real());
+      if (!derivatives) continue;
+      const auto twice = [](const MatrixXcd& half) { return MatrixXcd(half + half.adjoint()); };
+      for (Index i = 0; i < nw_; ++i) {
+        dS[static_cast<std::size_t>(i)] = twice(0.5 * WQ.col(i) * W.col(i).adjoint());
+      }
+      for (Index i = 0; i < ny_; ++i) {
+        dS[static_cast<std::size_t>(nw_ + i)] = twice(0.5 * VR.col(i) * V.col(i).adjoint());
+      }
+      for (std::size_t c = 0; c < filters.size(); ++c) {
+        const Index channel = structure_.channels[c], begin = filter_begin(c);
+        const Index order = structure_.order, zeros = structure_.zeros();
+        VectorXcd dzeta(order + zeros);
+        dzeta.head(order) = Ja[c].transpose().cast<std::complex<double>>() * dHs[c].head(order);
+        dzeta.tail(zeros) = Jb[c].transpose().cast<std::complex<double>>() * dHs[c].tail(zeros);
+        const std::complex<double> h = H[static_cast<Index>(c)];
+        MatrixXcd base;
+        if (process) {
+          // WQ already holds this channel's H; what changes is its column of W.
+          base = WQ.col(channel) * data_.T_G[at].col(channel).adjoint();
+          for (Index i = 0; i < order + zeros; ++i) {
+            dS[static_cast<std::size_t>(begin + i)] = twice(std::conj(dzeta[i]) * base);
+          }
+          continue;
+        }
+        const VectorXcd v = V.col(channel);
+        base = std::exp(x[begin]) * v * v.adjoint();
+        dS[static_cast<std::size_t>(begin)] = std::norm(h) * base;
+        for (Index i = 0; i < order + zeros; ++i) {
+          dS[static_cast<std::size_t>(begin + 1 + i)] =
+              2.0 * (std::conj(h) * dzeta[i]).real() * base;
+        }
+      }
+      const MatrixXcd left = MatrixXcd::Identity(ny_, ny_) - whitened;
+      std::vector<MatrixXcd> solved;
+      for (Index i = 0; i < k; ++i) {
+        solved.push_back(inverse * dS[static_cast<std::size_t>(i)]);
+        (*gradient)[i] -= weight * (solved.back() * left).trace().real();
+      }
+      for (Index i = 0; i < k && information != nullptr; ++i) {
+        for (Index j = 0; j <= i; ++j) {
+          (*information)(i, j) += weight * (solved[static_cast<std::size_t>(i)]
+                                                .transpose()
+                                                .cwiseProduct(solved[static_cast<std::size_t>(j)])
+                                                .sum()
+                                                .real());
+        }
+      }
+    }
+    if (information != nullptr) {
+      *information = MatrixXd(information->selfadjointView<Eigen::Lower>());
+    }
+    return std::isfinite(L);
+  }
+
+ private:
+  const InnovationSpectrum& data_;
+  ShapingStructure structure_;
+  Index nw_ = 0, ny_ = 0;
+};
+
+// Frequencies where the innovations have most power, apart from one another.
+std::vector<double> peaks(const Spectrum& measured) {
+  VectorXd height(measured.omega.size());
+  for (Index k = 0; k < height.size(); ++k) {
+    height[k] = measured.S[static_cast<std::size_t>(k)].real().trace();
+  }
+  // One frequency alone may be high by chance.
+  VectorXd smooth = height;
+  for (Index k = 1; k + 1 < height.size(); ++k) smooth[k] = height.segment(k - 1, 3).mean();
+  std::vector<double> out;
+  constexpr double kApart = 0.15;  // rad per sample
+  constexpr int kMost = 2;
+  for (int p = 0; p < kMost; ++p) {
+    Index at = 0;
+    if (!(smooth.maxCoeff(&at) > 0.0)) break;
+    out.push_back(measured.omega[at]);
+    for (Index k = 0; k < smooth.size(); ++k) {
+      if (std::abs(measured.omega[k] - measured.omega[at]) < kApart) smooth[k] = 0.0;
+    }
+  }
+  return out;
+}
+
+VectorXd polynomial_product(const VectorXd& p, const VectorXd& q) {
+  VectorXd a(p.size() + 1), b(q.size() + 1);
+  a << 1.0, p;
+  b << 1.0, q;
+  VectorXd out = VectorXd::Zero(a.size() + b.size() - 1);
+  for (Index i = 0; i < a.size(); ++i) out.segment(i, b.size()) += a[i] * b;
+  return out.tail(out.size() - 1);
+}
+
+// Where the poles might be: pairs at the peaks, real poles, or what a lower order has found and a
+// pole that does nothing yet.
+std::vector<VectorXd> pole_starts(Index order, const std::vector<double>& peak,
+                                  const std::vector<VectorXd>& lower) {
+  std::vector<VectorXd> pairs, out;
+  for (const double omega : peak) {
+    for (const double radius : {0.8, 0.98}) {
+      pairs.push_back(Eigen::Vector2d(-2.0 * radius * std::cos(omega), radius * radius));
+    }
+  }
+  const auto real = [](double pole) { return VectorXd::Constant(1, -pole); };
+  if (order == 1) {
+    for (const double pole : {0.95, 0.5, -0.6}) out.push_back(real(pole));
+    return out;
+  }
+  if (order == 2) out = pairs;
+  for (const VectorXd& a : lower) {
+    out.push_back(polynomial_product(a, real(0.3)));
+    out.push_back(polynomial_product(a, real(-0.3)));
+  }
+  if (order == 4 && pairs.size() >= 4) out.push_back(polynomial_product(pairs[1], pairs[3]));
+  return out;
+}
+
+}  // namespace
+
+InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& recording) {
+  constexpr Index kBins = 250;
+  constexpr int kTapers = 3;
+  const StateSpace m = instantiate(white.linear, white.parameters);
+  const auto steady = steady_state(m);
+  if (!steady) {
+    throw InputError({white.path, 0, 0}, "the filter of the tuned model has no steady state",
+                     "a model whose unstable states the outputs show and the noise moves");
+  }
+  const FilterResult filter =
+      kalman_filter(m, white.linear.initial, recording.y, recording.u, Keep::innovations);
+  InnovationSpectrum out;
+  out.measured =
+      binned(multitaper(filter.e.rightCols(filter.e.cols() - filter.first_proper), kTapers), kBins);
+  out.samples = recording.y.array().isFinite().count();
+  out.Q = m.Q;
+  out.R = m.R;
+  out.S = m.S;
+  const Index n = m.states(), ny = m.outputs();
+  const MatrixXcd F = (m.A - steady->K * m.C).cast<std::complex<double>>();
+  MatrixXcd sources(n, m.G.cols() + ny);
+  sources << m.G.cast<std::complex<double>>(), steady->K.cast<std::complex<double>>();
+  for (Index k = 0; k < out.measured.omega.size(); ++k) {
+    const std::complex<double> z = std::polar(1.0, out.measured.omega[k]);
+    const MatrixXcd x = (z * MatrixXcd::Identity(n, n) - F).partialPivLu().solve(sources);
+    const MatrixXcd y = m.C.cast<std::complex<double>>() * x;
+    out.T_G.push_back(y.leftCols(m.G.cols()));
+    out.T_V.push_back(MatrixXcd::Identity(ny, ny) - y.rightCols(ny));
+  }
+  return out;
+}
+
+ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
+  constexpr double kNothing = 1e-3, kRaised = 0.1;  // of the innovations' variance
+  const Index nw = spectrum.Q.rows(), ny = spectrum.R.rows();
+  VectorXd power = VectorXd::Zero(ny), gain = VectorXd::Zero(nw);  // means over frequency
+  double weight = 0.0;
+  for (Index k = 0; k < spectrum.measured.omega.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double w = spectrum.measured.weight[k];
+    power += w * spectrum.measured.S[at].diagonal().real();
+    gain += w * spectrum.T_G[at].colwise().squaredNorm().transpose();
+    weight += w;
+  }
+  power /= weight;
+  gain /= weight;
+  const auto raise = [&](const ParametrisedMatrix& matrix, const VectorXd& whole) {
+    if (matrix.block >= 0) {
+      Parameter& p = white.parameters[static_cast<std::size_t>(matrix.block)];
+      for (Index i = 0; !p.fixed && i < whole.size(); ++i) {
+        if (std::isfinite(whole[i]) && p.value(i, i) < kNothing * whole[i])
+          p.value(i, i) += kRaised * whole[i];
+      }
+      if (!p.fixed && p.domain == Domain::scaled_identity) {
+        p.value = p.value.diagonal().mean() * MatrixXd::Identity(whole.size(), whole.size());
+      }
+    }
+    for (const ParametrisedMatrix::Entry& e : matrix.entries) {
+      Parameter& p = white.parameters[static_cast<std::size_t>(e.parameter)];
+      if (p.fixed || e.row != e.col || !(e.factor > 0.0)) continue;
+      const double most = whole[e.row] / e.factor;
+      if (!std::isfinite(most) || p.scalar() >= kNothing * most) continue;
+      p.value(0, 0) = std::clamp(kRaised * most, p.min, p.max);
+    }
+  };
+  raise(white.linear.R, power);
+  raise(white.linear.Q, VectorXd::Constant(nw, power.sum()).cwiseQuotient(gain));
+  const StateSpace m = instantiate(white.linear, white.parameters);
+  spectrum.Q = m.Q;
+  spectrum.R = m.R;
+  return white;
+}
+
+LikelihoodProblem spectral_problem(const InnovationSpectrum& spectrum,
+                                   const ShapingStructure& structure) {
+  const auto fit = std::make_shared<const SpectralFit>(spectrum, structure);
+  LikelihoodProblem out;
+  out.evaluate = [fit](const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) {
+    return fit->evaluate(x, L, gradient, information);
+  };
+  out.lower = VectorXd::Constant(fit->unknowns(), -kFarthestZeta);
+  out.upper = VectorXd::Constant(fit->unknowns(), kFarthestZeta);
+  const Index variances = spectrum.Q.rows() + spectrum.R.rows();
+  out.lower.head(variances).setConstant(-30.0);
+  out.upper.head(variances).setConstant(10.0);
+  for (std::size_t c = 0; structure.own_variance() && c < structure.channels.size(); ++c) {
+    out.lower[fit->filter_begin(c)] = -100.0;
+    out.upper[fit->filter_begin(c)] = 100.0;
+  }
+  return out;
+}
+
+SpectralSolution fit_spectrum(const InnovationSpectrum& spectrum, const ShapingStructure& structure,
+                              const SpectralSolution* lower) {
+  const SpectralFit fit(spectrum, structure);
+  const LikelihoodProblem problem = spectral_problem(spectrum, structure);
+  std::vector<VectorXd> known;
+  if (lower != nullptr) {
+    for (const ShapedChannel& channel : lower->channels) known.push_back(channel.filter.a);
+  }
+  SolverOptions solver;
+  solver.max_iterations = 40;
+  solver.decrement_tolerance = 1e-4;
+  VectorXd best;
+  SpectralSolution out;
+  for (const VectorXd& poles : pole_starts(structure.order, peaks(spectrum.measured), known)) {
+    const VectorXd zeta = stable_coordinates(poles);
+    if (!zeta.allFinite()) continue;
+    VectorXd x = VectorXd::Zero(fit.unknowns());
+    // The power that the filter adds is taken from the variance in front of it.
+    double gain = 0.0;
+    for (Index k = 0; k < spectrum.measured.omega.size(); ++k) {
+      gain += spectrum.measured.weight[k] *
+              std::norm(response({poles, VectorXd(0)}, spectrum.measured.omega[k]));
+    }
+    gain /= spectrum.measured.weight.sum();
+    for (std::size_t c = 0; c < structure.channels.size(); ++c) {
+      const Index channel = structure.channels[c];
+      x.segment(fit.poles_begin(c), structure.order) =
+          zeta.cwiseMax(1.0 - kFarthestZeta).cwiseMin(kFarthestZeta - 1.0);
+      if (!structure.own_variance()) {
+        x[channel] = std::max(-std::log(gain), -20.0);
+        continue;
+      }
+      double power = spectrum.R(channel, channel);
+      if (!(power > 0.0)) power = spectrum.measured.S[0].real().trace();
+      x[fit.filter_begin(c)] = std::log(0.3 * power / gain);
+    }
+    const Solution solution = maximise(problem, x, solver);
+    if (!(solution.summary.objective > out.log_likelihood)) continue;
+    best = solution.x;
+    out.log_likelihood = solution.summary.objective;
+  }
+  out.structure = structure;
+  if (best.size() == 0) return out;
+  out.bic = -2.0 * out.log_likelihood +
+            static_cast<double>(fit.unknowns()) * std::log(static_cast<double>(spectrum.samples));
+  const Index nw = spectrum.Q.rows(), ny = spectrum.R.rows();
+  out.scale_Q = best.head(nw).array().exp();
+  out.scale_R = best.segment(nw, ny).array().exp();
+  for (std::size_t c = 0; c < structure.channels.size(); ++c) {
+    const double variance = structure.own_variance() ? std::exp(best[fit.filter_begin(c)]) : 1.0;
+    out.channels.push_back(
+        {structure.channels[c], fit.filter(best, c, nullptr, nullptr), variance});
+  }
+  return out;
+}
+
+}  // namespace identikal

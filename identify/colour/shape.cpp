@@ -1,0 +1,518 @@
+#include "identify/colour/shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include <Eigen/LU>
+#include <fmt/format.h>
+
+#include "identify/colour/internal/innovation_colour.h"
+#include "identify/colour/internal/likelihood.h"
+#include "identify/colour/internal/spectrum.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/noise/estimate.h"
+#include "identify/noise/ml.h"
+#include "lib/base/error.h"
+#include "lib/data/units.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/prediction.h"
+#include "lib/model/equivalent_noise.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+using Say = std::function<bool(const std::string& what)>;  // false: stop
+
+const char* place_name(NoisePlace place) {
+  return place == NoisePlace::process ? "process" : "measurement";
+}
+
+double bic_of(double log_likelihood, Index unknowns, Index samples) {
+  return -2.0 * log_likelihood +
+         static_cast<double>(unknowns) * std::log(static_cast<double>(samples));
+}
+
+// A structure with its maximum likelihood.
+struct Candidate {
+  ShapingStructure structure;
+  ModelFile model;  // its parameters are at the maximum
+  double log_likelihood = kNone;
+  double bic = kNone;
+};
+
+std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOptions& options) {
+  std::vector<ShapingStructure> out;
+  const auto place = [&](NoisePlace where, Index channels) {
+    if (options.place && *options.place != where) return;
+    if (!shaping_fault(model, where).empty()) return;
+    std::vector<std::vector<Index>> sets;
+    for (Index c = 0; c < channels; ++c) sets.push_back({c});
+    if (channels > 1) {
+      sets.emplace_back();
+      for (Index c = 0; c < channels; ++c) sets.back().push_back(c);
+    }
+    for (const std::vector<Index>& set : sets) out.push_back({where, set, 1});
+  };
+  place(NoisePlace::process, model.linear.G.constant.cols());
+  place(NoisePlace::measurement, model.linear.C.constant.rows());
+  return out;
+}
+
+// Root mean square errors over the samples of each recording from a share on, in SI; ny x horizons.
+MatrixXd prediction_rms(const ModelFile& model, const std::vector<Dataset>& recordings,
+                        const std::vector<int>& horizons, double from) {
+  const StateSpace m = instantiate(model.linear, model.parameters);
+  PredictionErrors all;
+  for (const Dataset& data : recordings) {
+    const auto begin = static_cast<Index>(from * static_cast<double>(data.size()));
+    const PredictionErrors one =
+        prediction_errors(m, model.linear.initial, data.y, data.u, horizons, begin);
+    if (all.count.size() == 0) {
+      all = one;
+    } else {
+      all.squares += one.squares;
+      all.count += one.count;
+    }
+  }
+  return all.rms();
+}
+
+double log_likelihood_of(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  const StateSpace m = instantiate(model.linear, model.parameters);
+  double out = 0.0;
+  for (const Dataset& data : recordings) {
+    const Likelihood one = log_likelihood(m, model.linear.initial, data.y, data.u);
+    if (one.status != FilterStatus::ok) return kNone;
+    out += one.value;
+  }
+  return out;
+}
+
+// The log-likelihood behind the first samples. With a diffuse start a model with more states leaves
+// out more samples, and what it leaves out has a unit: without the same beginning taken from both,
+// likelihoods of two models could not be compared.
+double comparable_log_likelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
+                                 Index beginning) {
+  if (beginning == 0) return log_likelihood_of(model, recordings);
+  std::vector<Dataset> first;
+  for (const Dataset& data : recordings) first.push_back(first_samples(data, beginning));
+  return log_likelihood_of(model, recordings) - log_likelihood_of(model, first);
+}
+
+std::vector<Dataset> first_parts(const std::vector<Dataset>& recordings, double share) {
+  std::vector<Dataset> out;
+  for (const Dataset& data : recordings) {
+    const auto keep = static_cast<Index>(share * static_cast<double>(data.size()));
+    out.push_back(first_samples(data, std::max<Index>(1, keep)));
+  }
+  return out;
+}
+
+// Where the outputs' spectrum has the peak that belongs to the slowest of the filters' poles
+// [rad/s]; kNone where there is none.
+double output_peak(const ModelFile& model, const std::vector<Shaping::Pole>& poles, double dt) {
+  if (poles.empty()) return kNone;
+  const StateSpace m = instantiate(model.linear, model.parameters);
+  const Index n = m.states();
+  const MatrixXcd A = m.A.cast<std::complex<double>>(), C = m.C.cast<std::complex<double>>();
+  const MatrixXcd noise = (m.G * m.Q * m.G.transpose()).cast<std::complex<double>>();
+  const auto level = [&](double omega) {
+    const MatrixXcd T = C * (std::polar(1.0, omega) * MatrixXcd::Identity(n, n) - A)
+                                .partialPivLu()
+                                .solve(MatrixXcd::Identity(n, n));
+    return (T * noise * T.adjoint()).trace().real();
+  };
+  const auto slowest = std::max_element(
+      poles.begin(), poles.end(), [](const auto& a, const auto& b) { return a.radius < b.radius; });
+  if (slowest->frequency <= 0.0) return kNone;
+  // Uphill from the pole, in steps of a tenth of its width.
+  const double step = std::max(0.1 * (1.0 - slowest->radius), 1e-5);
+  double omega = slowest->frequency * dt, here = level(omega);
+  for (const double sign : {1.0, -1.0}) {
+    for (int k = 0; k < 20000; ++k) {
+      const double next = omega + sign * step;
+      if (!(next > 0.0 && next < std::numbers::pi)) return kNone;
+      const double there = level(next);
+      if (!(there > here)) break;
+      omega = next;
+      here = there;
+    }
+  }
+  return omega / dt;
+}
+
+std::string channel_names(const ModelFile& model, const ShapingStructure& structure) {
+  std::string out;
+  for (const Index c : structure.channels) {
+    if (!out.empty()) out += ", ";
+    out += structure.place == NoisePlace::process ? fmt::format("w{}", c + 1)
+                                                  : model.outputs[static_cast<std::size_t>(c)].name;
+  }
+  return out;
+}
+
+// The longest recording. Throws where no filter can be put into the model, or all are too short.
+const Dataset& longest_recording(const ModelFile& model, const std::vector<Dataset>& recordings,
+                                 const ShapeOptions& options) {
+  if (structures(model, options).empty()) {
+    const NoisePlace place = options.place.value_or(NoisePlace::process);
+    throw InputError({model.path, 0, 0},
+                     "no shaping filter can be put into this model: " + shaping_fault(model, place),
+                     "a discrete-time model, 'initial: stationary' or 'diffuse'");
+  }
+  constexpr Index kFewest = 64;  // samples that make a spectrum
+  const auto measured = [](const Dataset& d) { return samples_present({d}) / d.y.rows(); };
+  const auto longest = std::max_element(
+      recordings.begin(), recordings.end(),
+      [&](const Dataset& a, const Dataset& b) { return measured(a) < measured(b); });
+  const Index fewest = kFewest + 2 * model.linear.A.constant.rows();
+  if (measured(*longest) < fewest) {
+    throw InputError({longest->name, 0, 0},
+                     fmt::format("{} measured rows are too few to tell coloured noise from white",
+                                 measured(*longest)),
+                     fmt::format("at least {}", fewest), "use a longer recording");
+  }
+  return *longest;
+}
+
+// Samples that determine any shaped model's diffuse start: twice the states of the largest.
+Index undetermined_beginning(const ModelFile& model, int most_order) {
+  if (model.linear.initial != InitialState::diffuse) return 0;
+  const Index channels = std::max(model.linear.G.constant.cols(), model.linear.C.constant.rows());
+  return 2 * (model.linear.A.constant.rows() + most_order * channels);
+}
+
+// Every structure fitted to the spectrum, each order from what the lower one has found; the
+// smallest BIC first.
+std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
+                                            const ModelFile& model, const ShapeOptions& options,
+                                            const Say& say) {
+  std::vector<SpectralSolution> out;
+  for (ShapingStructure structure : structures(model, options)) {
+    SpectralSolution lower;
+    for (structure.order = 1; structure.order <= options.most_order; ++structure.order) {
+      if (!say(fmt::format("spectrum: {} noise, order {}", place_name(structure.place),
+                           structure.order))) {
+        return {};
+      }
+      SpectralSolution best;
+      for (const bool zeros : {false, true}) {
+        if (zeros && structure.order == 1) continue;
+        structure.with_zeros = zeros;
+        const SpectralSolution one =
+            fit_spectrum(spectrum, structure, structure.order > 1 ? &lower : nullptr);
+        if (!std::isfinite(one.log_likelihood)) continue;
+        out.push_back(one);
+        if (one.log_likelihood > best.log_likelihood) best = one;
+      }
+      if (best.channels.empty()) break;
+      lower = best;
+    }
+  }
+  std::sort(out.begin(), out.end(),
+            [](const SpectralSolution& a, const SpectralSolution& b) { return a.bic < b.bic; });
+  return out;
+}
+
+// The most promising of each place at their maximum likelihood; the smallest BIC first.
+std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dataset>& recordings,
+                                   const std::vector<SpectralSolution>& fits, Index beginning,
+                                   const Say& say) {
+  constexpr std::size_t kEach = 3;
+  constexpr double kHopeless = 15.0;  // BIC behind the best of its place
+  const Index samples = samples_present(recordings);
+  std::vector<Candidate> out;
+  for (const NoisePlace place : {NoisePlace::process, NoisePlace::measurement}) {
+    std::size_t taken = 0;
+    double first = 0.0;
+    for (const SpectralSolution& s : fits) {
+      if (s.structure.place != place || taken == kEach) continue;
+      if (taken == 0) first = s.bic;
+      if (s.bic > first + kHopeless) continue;
+      ++taken;
+      if (!say(fmt::format("likelihood: order {}", s.structure.order))) return {};
+      std::optional<ModelFile> shaped =
+          maximise_shaped(shaped_start(start, s), s.structure, recordings);
+      if (!shaped) continue;
+      const double L = comparable_log_likelihood(*shaped, recordings, beginning);
+      if (!std::isfinite(L)) continue;
+      const double bic = bic_of(L, coordinates(shaped->parameters).size(), samples);
+      out.push_back({s.structure, std::move(*shaped), L, bic});
+    }
+  }
+  std::sort(out.begin(), out.end(),
+            [](const Candidate& a, const Candidate& b) { return a.bic < b.bic; });
+  return out;
+}
+
+// Maximum likelihood without the warning that sends to this verb.
+Estimate tuned(const ModelFile& model, const std::vector<Dataset>& recordings, int starts,
+               std::uint64_t seed, const std::function<bool()>& go_on) {
+  NoiseMlOptions options;
+  options.progress = [&](int, int, double) { return go_on(); };
+  options.starts = starts;
+  options.profiles = false;
+  options.seed = seed;
+  Estimate out = tune_ml(model, recordings, options);
+  std::erase_if(out.warnings, [](const Warning& w) { return w.code == "coloured_innovations"; });
+  return out;
+}
+
+// A candidate with its errors.
+struct Winner {
+  const Candidate* candidate;
+  Estimate estimate;
+  std::vector<ShapingFilter> filters;
+};
+
+// The best that beats white noise, that the data determine, and whose filters stay stable when
+// nothing holds them.
+std::optional<Winner> first_determined(const std::vector<Candidate>& candidates, double white_bic,
+                                       const std::vector<Dataset>& recordings,
+                                       const std::function<bool()>& go_on) {
+  for (const Candidate& c : candidates) {
+    if (!(c.bic < white_bic) || !go_on()) break;
+    Winner out{&c, tuned(c.model, recordings, 1, 1, go_on), {}};
+    out.filters = filters_of(parameters_of(out.estimate, c.model.parameters), c.structure);
+    const bool stable =
+        std::all_of(out.filters.begin(), out.filters.end(),
+                    [](const ShapingFilter& f) { return modes(f.a).front().radius < 1.0; });
+    const Identifiability& id = out.estimate.identifiability;
+    if (stable && id.rank == id.of && out.estimate.status != Status::not_converged) return out;
+  }
+  return std::nullopt;
+}
+
+// Both tuned on the first part of each recording, compared on the last.
+void compare_held_out(const ModelFile& white, const Candidate& best,
+                      const std::vector<Dataset>& recordings, double hold_out, Shaping& report) {
+  const std::vector<Dataset> first = first_parts(recordings, 1.0 - hold_out);
+  ModelFile white_first = white;
+  RecordingsLikelihood likelihood(white, first);
+  const Solution refit = maximise(likelihood.problem(), coordinates(white.parameters));
+  if (std::isfinite(refit.summary.objective)) {
+    white_first.parameters = with_coordinates(white.parameters, refit.x);
+  }
+  const ModelFile best_first =
+      maximise_shaped(best.model, best.structure, first).value_or(best.model);
+  report.horizons = {1, 2, 4, 8, 16};
+  report.without = prediction_rms(white_first, recordings, report.horizons, 1.0 - hold_out);
+  report.with = prediction_rms(best_first, recordings, report.horizons, 1.0 - hold_out);
+  report.held_out_without =
+      log_likelihood_of(white_first, recordings) - log_likelihood_of(white_first, first);
+  report.held_out_with =
+      log_likelihood_of(best_first, recordings) - log_likelihood_of(best_first, first);
+  for (std::size_t i = 0; i < report.units.size(); ++i) {
+    const double unit = unit_scale(report.units[i]);
+    report.with.row(static_cast<Index>(i)) /= unit;
+    report.without.row(static_cast<Index>(i)) /= unit;
+  }
+}
+
+// The model, with coloured process noise, as one with coloured measurement noise: A, C and G as
+// numbers, the rest and its parameters as they are.
+std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_states) {
+  const auto m =
+      colour_in_measurement(instantiate(shaped.linear, shaped.parameters), filter_states);
+  if (!m) return std::nullopt;
+  ModelFile out = shaped;
+  out.name += ", colour in the measurement";
+  out.linear.A = constant_matrix(m->A);
+  out.linear.C = constant_matrix(m->C);
+  out.linear.G = constant_matrix(m->G);
+  // Parameters that stood in these alone are gone.
+  out.parameters.clear();
+  std::vector<int> place(shaped.parameters.size(), -1);
+  const auto keep = [&](int& parameter) {
+    int& to = place[static_cast<std::size_t>(parameter)];
+    if (to < 0) {
+      to = static_cast<int>(out.parameters.size());
+      out.parameters.push_back(shaped.parameters[static_cast<std::size_t>(parameter)]);
+    }
+    parameter = to;
+  };
+  for (ParametrisedMatrix* matrix :
+       {&out.linear.B, &out.linear.D, &out.linear.Q, &out.linear.R, &out.linear.S}) {
+    for (ParametrisedMatrix::Entry& entry : matrix->entries) keep(entry.parameter);
+    if (matrix->block >= 0) keep(matrix->block);
+  }
+  return out;
+}
+
+// Does the filter explain everything, hold on unseen data, leave the model's own noise, and stand
+// where the outputs say?
+void judge(const Candidate& best, const std::vector<Candidate>& candidates, const Shaping& report,
+           Estimate& estimate) {
+  bool white_now = true;
+  for (const TestResult& test : estimate.tests) {
+    white_now = white_now && (test.id != "ljung_box" || test.pass);
+  }
+  estimate.message =
+      fmt::format("coloured {} noise (p {:.2g}): a filter of order {} explains it{}", report.place,
+                  report.colour_p, report.order,
+                  white_now ? "" : ", but not all: the innovations are still not white");
+  if (!white_now) estimate.status = Status::untrusted;
+  if (report.held_out_with < report.held_out_without) {
+    estimate.status = Status::untrusted;
+    estimate.message += ", but not on the part held out, where it does worse than white noise";
+  }
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.verdict != Verdict::at_bound || p.value != 0.0) continue;
+    estimate.warnings.push_back(
+        {"noise_vanished",
+         "warning",
+         {p.name},
+         fmt::format("{} has become zero: the filter has taken its place", p.name),
+         "check the model's dynamics: a wrong A looks like coloured noise too"});
+  }
+  // Of the same spectrum in the other place the outputs say nothing.
+  constexpr double kTells = 10.0;  // BIC apart: very strong evidence (Kass & Raftery 1995)
+  const auto other = std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& c) {
+    return c.structure.place != best.structure.place;
+  });
+  if (other == candidates.end() || other->bic >= best.bic + kTells) return;
+  estimate.warnings.push_back(
+      {"noise_place",
+       "note",
+       {},
+       fmt::format("the outputs do not tell whether process or measurement noise is coloured "
+                   "(BIC {:.1f} and {:.1f}); the state estimates differ",
+                   best.bic, other->bic),
+       "decide by what is known of the sensor, and say --noise process or measurement"});
+}
+
+}  // namespace
+
+ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordings,
+                  const ShapeOptions& options) {
+  ModelFile model = written;
+  model.linear = with_known_formulas_as_numbers(model.linear, model.parameters);
+  if (!model.linear.formulas.empty() || model.linear.offset) {
+    throw InputError({model.path, 0, 0},
+                     model.linear.offset
+                         ? "the model has constants beside states and inputs"
+                         : "the model is not linear in the parameters that are sought",
+                     "entries that are sums of multiples of parameters",
+                     "'fit' or 'tune' first, then fix what is not noise");
+  }
+  bool stopped = false;  // by the caller: this search, and all that would follow
+  std::string stage;
+  const std::function<bool()> go_on = [&] {
+    stopped = stopped || (options.progress && !options.progress(stage));
+    return !stopped;
+  };
+  const Say say = [&](const std::string& what) {
+    stage = what;
+    return go_on();
+  };
+  const Dataset& longest = longest_recording(model, recordings, options);
+  const double dt = model.linear.dt;
+  ShapeResult out;
+  Shaping report;
+  for (const Channel& channel : recordings[0].outputs) {
+    report.channels.push_back(channel.name);
+    report.units.push_back(channel.unit);
+  }
+
+  say("tuning the white model");
+  Estimate white_estimate = tuned(model, recordings, 3, options.seed, go_on);
+  ModelFile white = model;
+  white.parameters = parameters_of(white_estimate, model.parameters);
+  const Colour colour = innovation_colour(white_estimate);
+  report.colour_p = colour.p;
+  report.peak = colour.peak / dt;
+  report.peak_p = colour.peak_p;
+  const MatrixXd white_innovations = white_estimate.series.standardised;
+  const auto describe_white = [&](Index first) {
+    const InnovationSpectra seen = innovation_spectra(white_innovations, first);
+    report.frequency = seen.omega / dt;
+    report.spectrum_white = seen.level;
+    report.band = seen.band;
+  };
+  describe_white(first_innovation(white_innovations));
+  const Index beginning = undetermined_beginning(model, options.most_order);
+  const double white_L = comparable_log_likelihood(white, recordings, beginning);
+  const double white_bic =
+      bic_of(white_L, coordinates(model.parameters).size(), samples_present(recordings));
+  report.candidates.push_back({"white", "", 0, 0, white_L, white_bic});
+  const auto without_filter = [&](Status status, std::string message) {
+    out.estimate = std::move(white_estimate);
+    out.estimate.status = status;
+    out.estimate.message = std::move(message);
+    out.estimate.shaping = std::move(report);
+    return out;
+  };
+  const auto as_stopped = [&] {
+    return without_filter(Status::not_converged, "stopped by the caller at: " + stage);
+  };
+  if (stopped) return as_stopped();
+  constexpr double kLevel = 0.05;  // of all tests of colour together
+  if (!(colour.p < kLevel)) {
+    return without_filter(
+        Status::answer_no,
+        fmt::format("the noise is white as far as the recording tells (p {:.2g}): no filter needed",
+                    colour.p));
+  }
+
+  InnovationSpectrum spectrum = innovation_spectrum(white, longest);
+  const ModelFile start = with_raised_variances(white, spectrum);
+  const std::vector<SpectralSolution> fits = spectral_fits(spectrum, model, options, say);
+  const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, say);
+  if (stopped) return as_stopped();
+  for (const Candidate& c : candidates) {
+    report.candidates.push_back({place_name(c.structure.place), channel_names(model, c.structure),
+                                 static_cast<int>(c.structure.order),
+                                 static_cast<int>(c.structure.zeros()), c.log_likelihood, c.bic});
+  }
+  say("errors of the shaped model");
+  std::optional<Winner> winner = first_determined(candidates, white_bic, recordings, go_on);
+  if (stopped) return as_stopped();
+  if (!winner) {
+    return without_filter(
+        Status::untrusted,
+        fmt::format("the innovations are not white (p {:.2g}), and no shaping filter explains "
+                    "them: the model itself is in doubt",
+                    colour.p));
+  }
+  const Candidate& best = *winner->candidate;
+  if (!say("held-out comparison")) return as_stopped();
+  compare_held_out(white, best, recordings, options.hold_out, report);
+  report.place = place_name(best.structure.place);
+  report.order = static_cast<int>(best.structure.order);
+  report.zeros = static_cast<int>(best.structure.zeros());
+  for (const ShapingFilter& filter : winner->filters) {
+    for (const Mode& mode : modes(filter.a)) {
+      report.poles.push_back({mode.frequency / dt, mode.radius});
+    }
+  }
+  out.estimate = std::move(winner->estimate);
+  out.model = best.model;
+  out.model->name = model.name + ", shaped";
+  out.model->parameters = parameters_of(out.estimate, best.model.parameters);
+  out.estimate.model_name = out.model->name;
+  out.estimate.objective.method = "shape";
+  // From the same sample on: with more states, a diffuse filter begins later.
+  const MatrixXd& innovations = out.estimate.series.standardised;
+  const Index first = std::max(first_innovation(innovations), first_innovation(white_innovations));
+  describe_white(first);
+  report.spectrum_shaped = innovation_spectra(innovations, first).level;
+  report.output_peak = output_peak(*out.model, report.poles, dt);
+  if (best.structure.place == NoisePlace::process) {
+    out.in_measurement = same_outputs(
+        *out.model, static_cast<Index>(best.structure.channels.size()) * best.structure.order);
+  }
+  if (out.estimate.status == Status::ok) judge(best, candidates, report, out.estimate);
+  out.estimate.shaping = std::move(report);
+  return out;
+}
+
+}  // namespace identikal

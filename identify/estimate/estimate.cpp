@@ -1,0 +1,175 @@
+#include "identify/estimate/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Entries of a flat direction smaller than this are not part of it.
+constexpr double kPartOf = 0.1;
+
+std::vector<EstimatedParameter*> judged(Estimate& estimate) {
+  std::vector<EstimatedParameter*> out;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed && p.verdict != Verdict::at_bound) out.push_back(&p);
+  }
+  return out;
+}
+
+// Marks what the data say nothing about; returns who is left with a meaningful standard error.
+std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParameter*>& free,
+                            const MatrixXd& information) {
+  const auto k = static_cast<Index>(free.size());
+  std::vector<bool> sound(free.size(), true);
+  VectorXd scale = VectorXd::Zero(k);
+  for (Index i = 0; i < k; ++i) {
+    const double d = information(i, i);
+    if (d > 0.0 && std::isfinite(d)) {
+      scale[i] = 1.0 / std::sqrt(d);
+    } else {
+      free[static_cast<std::size_t>(i)]->verdict = Verdict::unexcited;
+      sound[static_cast<std::size_t>(i)] = false;
+    }
+  }
+  const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
+  const double largest = eigen.eigenvalues().maxCoeff();
+  Identifiability& out = estimate.identifiability;
+  out.of = static_cast<int>(k);
+  out.rank = 0;
+  double smallest = largest;
+  for (Index j = 0; j < k; ++j) {
+    const double value = eigen.eigenvalues()[j];
+    if (value > kFlat * largest) {
+      ++out.rank;
+      smallest = std::min(smallest, value);
+      continue;
+    }
+    Identifiability::Direction direction;
+    for (Index i = 0; i < k; ++i) {
+      const double weight = eigen.eigenvectors()(i, j);
+      EstimatedParameter& p = *free[static_cast<std::size_t>(i)];
+      if (std::abs(weight) < kPartOf || p.verdict == Verdict::unexcited) continue;
+      direction.names.push_back(p.name);
+      direction.weights.push_back(weight);
+      p.verdict = Verdict::flat;
+      sound[static_cast<std::size_t>(i)] = false;
+    }
+    if (direction.names.empty()) continue;
+    for (const std::string& name : direction.names) {
+      auto p = std::find_if(free.begin(), free.end(),
+                            [&name](const EstimatedParameter* q) { return q->name == name; });
+      for (const std::string& other : direction.names) {
+        auto& with = (*p)->with;
+        if (other != name && std::find(with.begin(), with.end(), other) == with.end()) {
+          with.push_back(other);
+        }
+      }
+    }
+    out.flat_directions.push_back(std::move(direction));
+  }
+  out.condition = out.rank == out.of && smallest > 0.0 ? largest / smallest : kNone;
+  return sound;
+}
+
+}  // namespace
+
+std::string to_string(Status status) {
+  switch (status) {
+    case Status::ok:
+      return "ok";
+    case Status::answer_no:
+      return "answer_no";
+    case Status::not_converged:
+      return "not_converged";
+    case Status::untrusted:
+      return "untrusted";
+  }
+  return "";
+}
+
+std::string to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::ok:
+      return "ok";
+    case Verdict::weak:
+      return "weak";
+    case Verdict::correlated:
+      return "correlated";
+    case Verdict::at_bound:
+      return "at_bound";
+    case Verdict::unexcited:
+      return "unexcited";
+    case Verdict::flat:
+      return "flat";
+    case Verdict::unfitted:
+      return "unfitted";
+  }
+  return "";
+}
+
+int exit_code(const Estimate& estimate, bool strict) {
+  switch (estimate.status) {
+    case Status::answer_no:
+    case Status::untrusted:
+      return 1;
+    case Status::not_converged:
+      return 3;
+    case Status::ok:
+      break;
+  }
+  const bool warned = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                                  [](const Warning& w) { return w.severity != "note"; });
+  return strict && warned ? 4 : 0;
+}
+
+void judge_parameters(Estimate& estimate, const MatrixXd& information, const MatrixXd& covariance,
+                      double quantile) {
+  const std::vector<EstimatedParameter*> free = judged(estimate);
+  const auto k = static_cast<Index>(free.size());
+  if (information.rows() != k || information.cols() != k || covariance.rows() != k ||
+      covariance.cols() != k) {
+    throw std::invalid_argument("judge_parameters: matrices do not fit the free parameters");
+  }
+  if (k == 0) return;
+  const std::vector<bool> sound = find_flat(estimate, free, information);
+  VectorXd se = VectorXd::Constant(k, kNone);
+  for (Index i = 0; i < k; ++i) {
+    EstimatedParameter& p = *free[static_cast<std::size_t>(i)];
+    if (!sound[static_cast<std::size_t>(i)] || !(covariance(i, i) > 0.0)) continue;
+    se[i] = std::sqrt(covariance(i, i));
+    p.se = se[i];
+    p.ci95 = {p.value - quantile * se[i], p.value + quantile * se[i]};
+  }
+  estimate.correlation = MatrixXd::Constant(k, k, kNone);
+  estimate.correlation_names.clear();
+  for (Index i = 0; i < k; ++i) {
+    EstimatedParameter& p = *free[static_cast<std::size_t>(i)];
+    estimate.correlation_names.push_back(p.name);
+    if (std::isnan(se[i])) continue;
+    const double relative = p.value != 0.0 ? se[i] / std::abs(p.value) : 0.0;
+    p.verdict = relative > 0.25 ? Verdict::weak : Verdict::ok;
+    for (Index j = 0; j < k; ++j) {
+      if (std::isnan(se[j])) continue;
+      const double rho = covariance(i, j) / (se[i] * se[j]);
+      estimate.correlation(i, j) = rho;
+      // A strong correlation with small errors is harmless; with large ones it is the reason for
+      // them.
+      if (i != j && (std::abs(rho) > 0.99 || (std::abs(rho) > 0.9 && relative > 0.25))) {
+        p.verdict = Verdict::correlated;
+        p.with.push_back(free[static_cast<std::size_t>(j)]->name);
+      }
+    }
+  }
+}
+
+}  // namespace identikal

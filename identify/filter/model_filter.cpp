@@ -1,0 +1,49 @@
+#include "identify/filter/model_filter.h"
+
+#include "identify/filter/nonlinear_recordings.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+
+SmootherResult filtered_states(const FilterResult& filter) {
+  SmootherResult out;
+  out.status = filter.status;
+  if (filter.status != FilterStatus::ok) return out;
+  out.log_likelihood = filter.log_likelihood;
+  out.x = filter.x_filt;
+  out.sd.resize(out.x.rows(), out.x.cols());
+  for (Index t = 0; t < out.x.cols(); ++t) {
+    const auto variance = filter.P_filt[static_cast<std::size_t>(t)].diagonal();
+    out.sd.col(t) = variance.cwiseMax(0.0).cwiseSqrt();
+  }
+  return out;
+}
+
+}  // namespace
+
+FilterResult run_filter(const ModelFile& model, const ParameterSet& parameters,
+                        const Dataset& recording, Keep keep) {
+  if (model.form == ModelFile::Form::nonlinear) {
+    return nonlinear_filter(model, parameters, recording, keep);
+  }
+  return kalman_filter(instantiate(model.linear, parameters), model.linear.initial, recording.y,
+                       model_inputs(model.linear, recording.u), keep);
+}
+
+SmootherResult run_smoother(const ModelFile& model, const ParameterSet& parameters,
+                            const Dataset& recording, std::optional<Index> lag) {
+  if (model.form == ModelFile::Form::nonlinear) {
+    return lag == Index{0}
+               ? filtered_states(nonlinear_filter(model, parameters, recording, Keep::everything))
+               : nonlinear_smoother(model, parameters, recording, lag);
+  }
+  const StateSpace system = instantiate(model.linear, parameters);
+  const Eigen::MatrixXd u = model_inputs(model.linear, recording.u);
+  return lag ? smooth_with_lag(system, model.linear.initial, recording.y, u, *lag,
+                               SmootherKeep::deviations)
+             : smooth(system, model.linear.initial, recording.y, u, SmootherKeep::deviations);
+}
+
+}  // namespace identikal

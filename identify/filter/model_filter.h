@@ -1,0 +1,25 @@
+// What does the filter of a model file make of a recording, whatever the model's form?
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/smoother.h"
+
+namespace identikal {
+
+/// kalman_filter() of a linear model, nonlinear_filter() of another, from the model's start.
+/// @param model  of the form linear or nonlinear
+FilterResult run_filter(const ModelFile& model, const ParameterSet& parameters,
+                        const Dataset& recording, Keep keep = Keep::everything);
+
+/// smooth() or nonlinear_smoother(), standard deviations without covariances.
+/// @param lag  given what was recorded up to so many samples later: 0 filters. None: given all
+SmootherResult run_smoother(const ModelFile& model, const ParameterSet& parameters,
+                            const Dataset& recording, std::optional<Eigen::Index> lag);
+
+}  // namespace identikal

@@ -1,0 +1,209 @@
+#include "identify/filter/nonlinear_recordings.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "lib/nonlinear/integration_steps.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+VectorXd formula_parameters(const ModelFile& model, const ParameterSet& at) {
+  VectorXd out(model.formulas.model.parameters);
+  for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
+  return out;
+}
+
+FilterNoise noise_of(const StateSpace& written) {
+  return {written.G * written.Q * written.G.transpose(), written.R, written.x0, written.P0};
+}
+
+// d(G Q G') and the rest.
+FilterNoise noise_derivative(const StateSpace& written, const StateSpace& d) {
+  const MatrixXd moved = d.G * written.Q * written.G.transpose();
+  return {moved + moved.transpose() + written.G * d.Q * written.G.transpose(), d.R, d.x0, d.P0};
+}
+
+std::vector<FilterDirection> directions(const ModelFile& model, const ParameterSet& at,
+                                        const StateSpace& written) {
+  std::vector<FilterDirection> out;
+  const std::vector<EntryDerivative> entries = entry_derivatives(at);
+  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const int parameter = entries[i].parameter;
+    out.push_back({parameter < model.formulas.model.parameters ? parameter : -1,
+                   noise_derivative(written, derivatives[i])});
+  }
+  return out;
+}
+
+NonlinearFilterOptions filter_options(const ModelFile& model) {
+  NonlinearFilterOptions out;
+  out.method = model.formulas.filter;
+  out.noise = model.linear.noise;
+  return out;
+}
+
+// What `integration_step` asks for; one each in discrete time.
+std::optional<IntegrationSteps> steps_of_file(const ModelFile& model, const Dataset& recording) {
+  const FormulaSettings& settings = model.formulas;
+  const bool continuous = settings.model.continuous;
+  if (continuous && !(settings.longest_step > 0.0)) return std::nullopt;
+  const double longest =
+      continuous ? settings.longest_step : std::numeric_limits<double>::infinity();
+  const Index N = recording.size();
+  const double widest =
+      N < 2 ? 0.0 : (recording.time.tail(N - 1) - recording.time.head(N - 1)).maxCoeff();
+  if (widest > kMostSteps * longest) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("integration_step {:.3g} s makes {:.3g} steps between two samples "
+                                 "of '{}'",
+                                 longest, widest / longest, recording.name),
+                     fmt::format("at most {}", kMostSteps), "a longer step, or none");
+  }
+  IntegrationSteps out;
+  out.steps = input_nodes(recording.time, recording.u, settings.inputs, longest).steps;
+  return out;
+}
+
+InputNodes nodes_in(const ModelFile& model, const Dataset& recording,
+                    const std::vector<int>& steps) {
+  return input_nodes(recording.time, recording.u, model.formulas.inputs, steps);
+}
+
+// For the filter with these values.
+InputNodes filter_nodes(const ModelFile& model, const ParameterSet& at, const Dataset& recording) {
+  return nodes_in(model, recording, integration_of(model, at, recording).steps);
+}
+
+// For the motion without noise from x.
+IntegrationSteps motion_steps(const ModelFile& model, const ParameterSet& at,
+                              const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
+  if (auto given = steps_of_file(model, recording)) return *given;
+  return integration_steps(model.formulas.model, formula_parameters(model, at), x, recording.time,
+                           recording.u, model.formulas.inputs);
+}
+
+}  // namespace
+
+IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
+                                const Dataset& recording) {
+  const FormulaSettings& settings = model.formulas;
+  if (auto given = steps_of_file(model, recording)) return *given;
+  return integration_steps(settings.model, formula_parameters(model, at),
+                           noise_of(written_matrices(model.linear, at)), recording.time,
+                           recording.u, settings.inputs, recording.y, filter_options(model));
+}
+
+NonlinearRecordings::NonlinearRecordings(const ModelFile& model,
+                                         const std::vector<Dataset>& recordings)
+    : model_(model),
+      recordings_(recordings),
+      memory_(make_memory(model.formulas.model)),
+      options_(filter_options(model)) {
+  for (const Dataset& recording : recordings) {
+    steps_.push_back(integration_of(model, model.parameters, recording).steps);
+    inputs_.push_back(nodes_in(model, recording, steps_.back()));
+  }
+}
+
+bool NonlinearRecordings::refine(const ParameterSet& at) {
+  bool halved = false;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    const std::vector<int> needed = integration_of(model_, at, recordings_[i]).steps;
+    bool here = false;
+    for (std::size_t k = 0; k < needed.size(); ++k) {
+      here = here || needed[k] > steps_[i][k];
+      steps_[i][k] = std::max(steps_[i][k], needed[k]);
+    }
+    if (here) inputs_[i] = nodes_in(model_, recordings_[i], steps_[i]);
+    halved = halved || here;
+  }
+  return halved;
+}
+
+const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
+                                                MatrixXd* score_products) {
+  const StateSpace written = written_matrices(model_.linear, at);
+  const FilterNoise noise = noise_of(written);
+  const VectorXd p = formula_parameters(model_, at);
+  const std::vector<FilterDirection> by =
+      with_derivatives ? directions(model_, at, written) : std::vector<FilterDirection>{};
+  const auto k = static_cast<Index>(by.size());
+  sum_.status = FilterStatus::ok;
+  sum_.value = 0.0;
+  sum_.gradient.setZero(k);
+  sum_.information.setZero(k, k);
+  if (score_products != nullptr) score_products->setZero(k, k);
+  MatrixXd products;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    const Likelihood one =
+        nonlinear_likelihood(model_.formulas.model, memory_, p, noise, by, inputs_[i],
+                             recordings_[i].y, options_, score_products ? &products : nullptr);
+    sum_.status = one.status;
+    if (one.status != FilterStatus::ok) return sum_;
+    sum_.value += one.value;
+    if (k == 0) continue;
+    sum_.gradient += one.gradient;
+    sum_.information += one.information;
+    if (score_products != nullptr) *score_products += products;
+  }
+  return sum_;
+}
+
+NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
+                                           Random& random) {
+  const FilterNoise noise = noise_of(written_matrices(model.linear, model.parameters));
+  const IntegrationSteps steps = motion_steps(model, model.parameters, recording, noise.x0);
+  if (steps.status == StepStatus::not_finite) {
+    throw InputError({model.path, 0, 0},
+                     fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
+                                 recording.time[steps.sample], describe(steps.status)),
+                     "values from which the model can be simulated",
+                     "other values, or time: {integration_step: ...}");
+  }
+  return nonlinear_realisation(model.formulas.model, formula_parameters(model, model.parameters),
+                               noise, model.linear.noise, nodes_in(model, recording, steps.steps),
+                               random);
+}
+
+MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
+                            const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
+  FilterNoise noise = zero_noise(model.formulas.model);
+  noise.x0 = x;
+  IntegrationSteps steps = motion_steps(model, at, recording, x);
+  // Where it runs away any number does to show it.
+  if (steps.steps.empty()) {
+    steps.steps.assign(static_cast<std::size_t>(std::max<Index>(recording.size() - 1, 0)), 1);
+  }
+  Random unused(1);
+  return nonlinear_realisation(model.formulas.model, formula_parameters(model, at), noise,
+                               ProcessNoise::per_sample, nodes_in(model, recording, steps.steps),
+                               unused)
+      .y;
+}
+
+FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
+                              const Dataset& recording, Keep keep) {
+  return nonlinear_filter(model.formulas.model, formula_parameters(model, at),
+                          noise_of(written_matrices(model.linear, at)),
+                          filter_nodes(model, at, recording), recording.y, filter_options(model),
+                          keep);
+}
+
+SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,
+                                  const Dataset& recording, std::optional<Index> lag) {
+  return nonlinear_smoother(model.formulas.model, formula_parameters(model, at),
+                            noise_of(written_matrices(model.linear, at)),
+                            filter_nodes(model, at, recording), recording.y, filter_options(model),
+                            lag, SmootherKeep::deviations);
+}
+
+}  // namespace identikal

@@ -1,0 +1,69 @@
+// How does a recording go through a model of formulas, as a model file states it?
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/nonlinear/filter.h"
+#include "lib/nonlinear/integration_steps.h"
+#include "lib/nonlinear/simulation.h"
+#include "lib/nonlinear/smoother.h"
+
+namespace identikal {
+
+/// How many steps the integration takes between samples: as many as the filter with these values
+/// needs (lib/nonlinear/integration_steps.h), or as the file says.
+/// @throws InputError when the file says too many
+IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
+                                const Dataset& recording);
+
+/// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
+/// one per thread.
+class NonlinearRecordings {
+ public:
+  NonlinearRecordings(const ModelFile& model, const std::vector<Dataset>& recordings);
+
+  /// The sum over all recordings of nonlinear_likelihood(), each from the model's start, by the
+  /// free entries where asked for. Valid until the next call.
+  /// @param score_products  written when not null: the sum over all samples
+  const Likelihood& evaluate(const ParameterSet& at, bool with_derivatives,
+                             Eigen::MatrixXd* score_products = nullptr);
+
+  /// Halves the steps wherever the filter with these values needs it; those of the model's own are
+  /// taken to begin with.
+  /// @return has any been halved? Then the likelihood is a slightly different function.
+  bool refine(const ParameterSet& at);
+
+ private:
+  const ModelFile& model_;
+  const std::vector<Dataset>& recordings_;
+  std::vector<std::vector<int>> steps_;
+  std::vector<InputNodes> inputs_;
+  ModelMemory memory_;
+  NonlinearFilterOptions options_;
+  Likelihood sum_;
+};
+
+/// A recording with this one's times and inputs, drawn from the model at its own values.
+/// @throws std::invalid_argument when a covariance is not positive semidefinite
+NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
+                                           Random& random);
+
+/// What the outputs would be without noise, from the state x at the first sample; SI, ny x N.
+Eigen::MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
+                                   const Dataset& recording,
+                                   const Eigen::Ref<const Eigen::VectorXd>& x);
+
+/// The filter's run over one recording.
+FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
+                              const Dataset& recording, Keep keep);
+
+/// The smoother's, deviations only. @param lag  as lib/nonlinear/smoother.h has it
+SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,
+                                  const Dataset& recording, std::optional<Eigen::Index> lag);
+
+}  // namespace identikal

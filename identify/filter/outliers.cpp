@@ -1,0 +1,292 @@
+#include "identify/filter/outliers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <fmt/format.h>
+
+#include "identify/filter/model_filter.h"
+#include "lib/data/units.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/steady_state.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kOutlier = 6.0;   // robust standard deviations
+constexpr double kOffset = 5.0;    // standard errors of the mean
+constexpr double kSerious = 0.05;  // share of the innovations' power
+// Of a constant offset of the outputs, whitened, what the innovations have to keep in the steady
+// state: rounding leaves up to 1e-10 of one that the model integrates away.
+constexpr double kSeen = 1e-6;
+
+// Of every recording; innovations are missing where the filter does not run.
+std::vector<FilterResult> filtered(const ModelFile& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings) {
+  std::vector<FilterResult> out;
+  for (const Dataset& data : recordings) {
+    out.push_back(run_filter(model, parameters, data, Keep::innovations));
+    if (out.back().status == FilterStatus::ok) continue;
+    out.back().e = out.back().standardised = MatrixXd::Constant(data.y.rows(), data.size(), kNone);
+  }
+  return out;
+}
+
+// 1.4826 median |e| of one channel over all recordings; 0 when there is nothing.
+double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
+                        Index channel) {
+  std::vector<double> sizes;
+  for (const FilterResult& filter : filters) {
+    for (const double value : (filter.*e).row(channel)) {
+      if (!std::isnan(value)) sizes.push_back(std::abs(value));
+    }
+  }
+  if (sizes.empty()) return 0.0;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return 1.4826 * *middle;
+}
+
+// How long a disturbed prediction stays disturbed.
+Index memory(const ModelFile& model, const ParameterSet& parameters) {
+  constexpr Index kMost = 1000, kNonlinear = 100;
+  if (model.form == ModelFile::Form::nonlinear) return kNonlinear;
+  const StateSpace system = instantiate(model.linear, parameters);
+  const auto steady = steady_state(system);
+  if (!steady) return kMost;
+  const MatrixXd F = system.A - steady->K * system.C;
+  MatrixXd power = F;
+  Index k = 1;
+  while (k < kMost && power.norm() > 0.01) {
+    power = (F * power).eval();
+    ++k;
+  }
+  return k;
+}
+
+// find_outliers(), where the filters of the recordings are known already.
+std::vector<Outlier> outliers_of(const ModelFile& model, const ParameterSet& parameters,
+                                 const std::vector<Dataset>& recordings,
+                                 std::vector<FilterResult> now) {
+  constexpr int kMostPasses = 200;
+  const Index apart = memory(model, parameters);
+  std::vector<Outlier> out;
+  std::vector<Dataset> rest = recordings;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    std::vector<Outlier> found;
+    const Index ny = rest[0].y.rows();
+    VectorXd deviation(ny), white_deviation(ny);
+    for (Index i = 0; i < ny; ++i) {
+      deviation[i] = robust_deviation(now, &FilterResult::e, i);
+      white_deviation[i] = robust_deviation(now, &FilterResult::standardised, i);
+    }
+    const auto largest = [](const VectorXd& sizes) {
+      Index worst = 0;
+      for (Index i = 0; i < sizes.size(); ++i) {
+        if (std::isnan(sizes[worst]) || sizes[i] > sizes[worst]) worst = i;
+      }
+      return worst;
+    };
+    for (std::size_t r = 0; r < rest.size(); ++r) {
+      for (Index t = 0; t < rest[r].size(); ++t) {
+        // Whitened: at the start, and after gaps, innovations are larger by rights.
+        const VectorXd white = now[r].standardised.col(t).cwiseAbs().cwiseQuotient(white_deviation);
+        const double size = white[largest(white)];
+        if (!(std::isfinite(size) && size > kOutlier)) continue;
+        // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
+        const Index channel = largest(now[r].e.col(t).cwiseAbs().cwiseQuotient(deviation));
+        found.push_back({r, channel, t, size});
+        t += apart;
+      }
+    }
+    if (found.empty()) break;
+    out.insert(out.end(), found.begin(), found.end());
+    rest = without(std::move(rest), found);
+    now = filtered(model, parameters, rest);
+  }
+  std::sort(out.begin(), out.end(), [](const Outlier& a, const Outlier& b) {
+    return std::tie(a.recording, a.sample, a.channel) < std::tie(b.recording, b.sample, b.channel);
+  });
+  return out;
+}
+
+std::string first_times(const std::vector<Dataset>& recordings,
+                        const std::vector<Outlier>& outliers) {
+  constexpr std::size_t kShown = 3;
+  std::string out;
+  for (std::size_t i = 0; i < std::min(kShown, outliers.size()); ++i) {
+    const Dataset& data = recordings[outliers[i].recording];
+    out += fmt::format("{}{:.6g} s{}", i > 0 ? ", " : "", data.time[outliers[i].sample],
+                       recordings.size() > 1 ? " of " + data.name : "");
+  }
+  return out + (outliers.size() > kShown ? ", ..." : "");
+}
+
+void warn_of_outliers(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                      const std::vector<Dataset>& recordings,
+                      const std::vector<FilterResult>& filters) {
+  const std::vector<Outlier> outliers = outliers_of(model, parameters, recordings, filters);
+  for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
+    std::vector<Outlier> here;
+    std::copy_if(outliers.begin(), outliers.end(), std::back_inserter(here),
+                 [c](const Outlier& o) { return o.channel == static_cast<Index>(c); });
+    if (here.empty()) continue;
+    double power = 0.0, of_outliers = 0.0;
+    for (const FilterResult& filter : filters) {
+      const auto row = filter.e.row(static_cast<Index>(c)).array();
+      power += row.isNaN().select(0.0, row.square()).sum();
+    }
+    for (const Outlier& o : here)
+      of_outliers += std::pow(filters[o.recording].e(o.channel, o.sample), 2);
+    const double share = of_outliers / power;
+    estimate.warnings.push_back(
+        {"outliers",
+         share > kSerious ? "serious" : "warning",
+         {recordings[0].outputs[c].name},
+         fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
+                     "and make{} up {:.2g} % of the innovations' power",
+                     here.size(), here.size() > 1 ? "s" : "", recordings[0].outputs[c].name,
+                     first_times(recordings, here), here.size() > 1 ? "" : "s",
+                     std::max_element(here.begin(), here.end(),
+                                      [](const Outlier& a, const Outlier& b) {
+                                        return a.deviations < b.deviations;
+                                      })
+                         ->deviations,
+                     here.size() > 1 ? "" : "s", 100.0 * share),
+         "--robust leaves them out; or empty their cells: missing samples are exact"});
+  }
+}
+
+// Innovations with a mean: what constant in the outputs would give it?
+void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                    const std::vector<Dataset>& recordings,
+                    const std::vector<FilterResult>& filters) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
+  const auto ny = static_cast<Index>(outputs.size());
+  VectorXd mean = VectorXd::Zero(ny), power = mean, count = mean, largest = mean;
+  for (const Dataset& data : recordings) {
+    const auto present = (data.y.array() == data.y.array());
+    largest = largest.cwiseMax(present.select(data.y.cwiseAbs(), 0.0).rowwise().maxCoeff());
+  }
+  for (const FilterResult& filter : filters) {
+    const auto present = (filter.e.array() == filter.e.array());
+    mean += present.select(filter.e, 0.0).rowwise().sum();
+    power += present.select(filter.e, 0.0).rowwise().squaredNorm();
+    count += present.cast<double>().matrix().rowwise().sum();
+  }
+  mean = mean.cwiseQuotient(count);
+  power = power.cwiseQuotient(count);
+  VectorXd offset = VectorXd::Constant(ny, kNone);
+  // The states take a constant of this output in: the innovations do not show it.
+  Eigen::Array<bool, Eigen::Dynamic, 1> hidden =
+      Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(ny, false);
+  const bool linear = model.form == ModelFile::Form::linear;
+  const StateSpace system = instantiate(model.linear, parameters);
+  if (const auto steady = linear ? steady_state(system) : std::nullopt) {
+    const Index n = system.states();
+    const MatrixXd F = system.A - steady->K * system.C;
+    const MatrixXd seen = MatrixXd::Identity(ny, ny) -
+                          system.C * (MatrixXd::Identity(n, n) - F).partialPivLu().solve(steady->K);
+    // In units of each output's innovations, so that the units chosen do not decide.
+    const VectorXd unit = steady->Sigma.diagonal().cwiseSqrt();
+    const MatrixXd whitened = unit.cwiseInverse().asDiagonal() * seen * unit.asDiagonal();
+    if (Eigen::JacobiSVD<MatrixXd>(whitened).singularValues()[ny - 1] > kSeen) {
+      offset = seen.fullPivLu().solve(mean);
+      // Larger than anything measured: arithmetic of a model that all but integrates.
+      offset = (offset.array().abs() <= largest.array()).select(offset, kNone);
+    }
+    hidden = (whitened.colwise().norm().transpose().array() <= kSeen);
+  }
+  for (Index i = 0; i < ny; ++i) {
+    const double share = mean[i] * mean[i] / power[i];
+    if (!(share * count[i] > kOffset * kOffset)) continue;
+    const Channel& source = outputs[static_cast<std::size_t>(i)];
+    const double scale = parse_unit(source.unit).value_or(Unit{}).scale;
+    const std::string unit = source.unit.empty() ? "" : " " + source.unit;
+    const bool known = std::isfinite(offset[i]);
+    estimate.warnings.push_back(
+        {"offset",
+         share > kSerious ? "serious" : "warning",
+         {source.name},
+         fmt::format("the innovations of '{}' have the mean {:.4g}{}, {:.2g} % of their power; the "
+                     "model takes it for noise{}",
+                     source.name, mean[i] / scale, unit, 100.0 * share,
+                     known ? fmt::format(". An offset of {:.4g}{} in '{}' would explain it",
+                                         offset[i] / scale, unit, source.name)
+                     : hidden[i]
+                         ? ". It is no offset of a sensor: the states take one in, and it does not "
+                           "show here"
+                         : ""),
+         known ? "subtract the offset, or add it to the model as a constant state"
+               : "add a drift or a constant input to the model"});
+  }
+}
+
+}  // namespace
+
+std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings) {
+  return outliers_of(model, parameters, recordings, filtered(model, parameters, recordings));
+}
+
+std::vector<Dataset> without(std::vector<Dataset> recordings,
+                             const std::vector<Outlier>& outliers) {
+  for (const Outlier& o : outliers) recordings[o.recording].y(o.channel, o.sample) = kNone;
+  return recordings;
+}
+
+void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
+                          const ParameterSet& parameters, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters) {
+  warn_of_outliers(estimate, model, parameters, recordings, filters);
+  warn_of_offset(estimate, model, parameters, recordings, filters);
+}
+
+Estimate tune_robust(
+    const ModelFile& model, const std::vector<Dataset>& recordings,
+    const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator) {
+  constexpr int kMostPasses = 10;
+  std::vector<Outlier> left_out;
+  Estimate out = estimator(recordings);
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    // Judged anew on all samples: those that the first, too wide estimate took for outliers wrongly
+    // come back.
+    Eigen::VectorXd entries = free_entries(model.parameters);
+    Index i = 0;
+    for (const EstimatedParameter& p : out.parameters) {
+      if (!p.fixed) entries[i++] = parse_unit(p.unit).value_or(Unit{}).to_si(p.value);
+    }
+    const std::vector<Outlier> found =
+        find_outliers(model, with_entries(model.parameters, entries), recordings);
+    const bool same = std::equal(found.begin(), found.end(), left_out.begin(), left_out.end(),
+                                 [](const Outlier& a, const Outlier& b) {
+                                   return a.recording == b.recording && a.sample == b.sample &&
+                                          a.channel == b.channel;
+                                 });
+    if (same) break;
+    left_out = found;
+    out = estimator(without(recordings, left_out));
+  }
+  if (!left_out.empty()) {
+    out.warnings.push_back(
+        {"outliers_left_out",
+         "note",
+         {},
+         fmt::format("{} sample{} left out as outliers ({})", left_out.size(),
+                     left_out.size() > 1 ? "s" : "", first_times(recordings, left_out)),
+         ""});
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,44 @@
+// Does anything in the recordings not belong to the model's noise: outliers, an offset?
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/kalman.h"
+
+namespace identikal {
+
+struct Outlier {
+  std::size_t recording;
+  Eigen::Index channel, sample;
+  double deviations;  ///< of its innovation, in robust standard deviations
+};
+
+/// Samples whose innovation, whitened by its own covariance, lies more than 6 robust standard
+/// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. An outlier disturbs the
+/// filter for a while; so one is looked for at a time in every stretch as long as the filter's
+/// memory, taken out, and the filter run again.
+std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings);
+
+/// The recordings with these samples missing.
+std::vector<Dataset> without(std::vector<Dataset> recordings, const std::vector<Outlier>& outliers);
+
+/// Warnings for outliers, and for innovations whose mean is not zero, with the offset that would
+/// explain it. Serious, so that the result is not to be trusted, when they make up more than 5 %
+/// of the innovations' power: by that much the noise is overestimated.
+/// @param filters  of each recording, at these parameters (identify/filter/report.h)
+void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
+                          const ParameterSet& parameters, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters);
+
+/// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
+/// no more are found. The result's warning "outliers_left_out" names them.
+Estimate tune_robust(
+    const ModelFile& model, const std::vector<Dataset>& recordings,
+    const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator);
+
+}  // namespace identikal

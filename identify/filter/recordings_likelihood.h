@@ -1,0 +1,69 @@
+// How likely are recordings as a function of a model file's free parameters? What every estimator
+// of noise climbs.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/likelihood.h"
+#include "solvers/scoring.h"
+
+namespace identikal {
+
+/// The likelihood of all recordings under a linear or nonlinear model, as a function of the free
+/// entries or of the optimiser's coordinates (lib/model/parameter.h). Keeps references to model and
+/// recordings; one per thread.
+class RecordingsLikelihood {
+ public:
+  RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
+                       Path path = Path::automatic);
+  /// Neither may be a temporary.
+  RecordingsLikelihood(const ModelFile& model, std::vector<Dataset>&& recordings,
+                       Path path = Path::automatic) = delete;
+  RecordingsLikelihood(ModelFile&& model, const std::vector<Dataset>& recordings,
+                       Path path = Path::automatic) = delete;
+
+  /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
+  /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable
+  /// stationary start, ...). Valid until the next call.
+  const Likelihood* evaluate(const ParameterSet& at, bool with_gradient);
+
+  /// In the optimiser's coordinates. To the information is added what the coordinates' own
+  /// curvature takes from the likelihood, where that is positive. Refers to this object.
+  LikelihoodProblem problem();
+
+  /// Makes the integration of a nonlinear model as fine as the filter with these values needs it.
+  /// @return is it finer than before? Then the likelihood is a slightly different function.
+  bool refine(const ParameterSet& at) { return nonlinear_ && nonlinear_->refine(at); }
+
+  /// How the evaluation at the model's own values ends.
+  FilterStatus status_at_start();
+
+  /// sum s s' of the samples' scores by the free entries (lib/filter/kalman.h); empty where
+  /// undefined.
+  Eigen::MatrixXd score_products(const ParameterSet& at);
+
+  const PathTaken& path_taken() const { return engine_.path_taken(); }
+
+ private:
+  // The matrices at these values, and their derivatives; false where covariances are none.
+  bool set_system(const ParameterSet& at, bool with_derivatives);
+
+  const ModelFile& model_;
+  Path path_;
+  bool curved_ = false;
+  bool constant_derivatives_ = false;
+  std::optional<NonlinearRecordings> nonlinear_;
+  std::vector<Eigen::MatrixXd> inputs_;  // the engine refers to them
+  LikelihoodEngine engine_;
+  StateSpace system_;
+  const std::vector<StateSpace> none_;
+  std::vector<StateSpace> derivatives_;
+};
+
+}  // namespace identikal

@@ -1,0 +1,394 @@
+#include "identify/filter/report.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include "identify/estimate/distribution.h"
+#include "identify/filter/model_filter.h"
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/simulated_fit.h"
+#include "identify/model/matrix_reader.h"
+#include "identify/noise/estimate.h"
+#include "lib/base/error.h"
+#include "lib/data/units.h"
+#include "lib/filter/steady_state.h"
+#include "lib/statistics/input_correlation.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+MatrixXd with_gaps(const std::vector<const MatrixXd*>& parts, Index gap) {
+  Index total = gap * static_cast<Index>(parts.size() - 1), at = 0;
+  for (const MatrixXd* part : parts) total += part->cols();
+  MatrixXd out = MatrixXd::Constant(parts[0]->rows(), total, kNone);
+  for (const MatrixXd* part : parts) {
+    out.middleCols(at, part->cols()) = *part;
+    at += part->cols() + gap;
+  }
+  return out;
+}
+
+Index shortest_of(const std::vector<Dataset>& recordings) {
+  Index out = recordings[0].size();
+  for (const Dataset& data : recordings) out = std::min(out, data.size());
+  return out;
+}
+
+// All recordings side by side.
+struct Joined {
+  MatrixXd y, e, standardised;
+  Eigen::VectorXd time;
+  std::vector<int> recording;
+};
+
+Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters) {
+  const Index ny = recordings[0].y.rows();
+  Index total = 0;
+  for (const Dataset& data : recordings) total += data.size();
+  Joined out;
+  out.y.resize(ny, total);
+  out.e.resize(ny, total);
+  out.standardised.resize(ny, total);
+  out.time.resize(total);
+  Index at = 0;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Index N = recordings[r].size();
+    out.y.middleCols(at, N) = recordings[r].y;
+    out.e.middleCols(at, N) = filters[r].e;
+    out.standardised.middleCols(at, N) = filters[r].standardised;
+    out.time.segment(at, N) = recordings[r].time;
+    out.recording.insert(out.recording.end(), static_cast<std::size_t>(N), static_cast<int>(r) + 1);
+    at += N;
+  }
+  return out;
+}
+
+void report_tests(Estimate& estimate, const std::vector<Dataset>& recordings,
+                  const std::vector<FilterResult>& filters) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
+  const int lags = default_lags(shortest_of(recordings));
+  const MatrixXd all = side_by_side(filters, lags);
+  const std::vector<FStatistic> by_input = input_tests(recordings, filters);
+  const double level = 0.05 / static_cast<double>(1 + outputs.size() + by_input.size());
+  const ChiSquareStatistic nis = normalised_innovation_squared(all);
+  if (nis.dof > 0.0) {
+    TestResult test;
+    test.id = "nis";
+    test.value = nis.value / nis.dof;
+    test.interval = {chi_square_quantile(0.5 * level, nis.dof) / nis.dof,
+                     chi_square_quantile(1.0 - 0.5 * level, nis.dof) / nis.dof};
+    const double upper = chi_square_upper_tail(nis.value, nis.dof);
+    test.p = std::min(1.0, 2.0 * std::min(upper, 1.0 - upper));
+    test.pass = test.value >= test.interval[0] && test.value <= test.interval[1];
+    estimate.tests.push_back(test);
+  }
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
+    if (!std::isfinite(q.value)) {
+      estimate.notes.push_back("ljung_box of '" + outputs[i].name +
+                               "' is not computed: its innovations are constant or missing");
+      continue;
+    }
+    TestResult test;
+    test.id = "ljung_box";
+    test.channel = outputs[i].name;
+    test.value = q.value;
+    test.p = chi_square_upper_tail(q.value, q.dof);
+    if (q.dof > 0.0) test.interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
+    test.pass = test.p >= level;
+    estimate.tests.push_back(test);
+  }
+  for (std::size_t i = 0; i < by_input.size(); ++i) {
+    const FStatistic& f = by_input[i];
+    if (!std::isfinite(f.value)) continue;
+    TestResult test;
+    test.id = "input_correlation";
+    test.channel = outputs[i].name;
+    test.value = f.value;
+    test.p = f_upper_tail(f.value, f.dof, f.dof_rest);
+    test.interval = {0.0, f_quantile(1.0 - level, f.dof, f.dof_rest)};
+    test.pass = test.p >= level;
+    estimate.tests.push_back(test);
+  }
+}
+
+void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const Joined& all) {
+  Series& series = estimate.series;
+  series.time = all.time;
+  series.recording = all.recording;
+  series.measured = all.y;
+  series.predicted = all.y - all.e;
+  series.standardised = all.standardised;
+  for (std::size_t n = 0; n < outputs.size(); ++n) {
+    const auto i = static_cast<Index>(n);
+    const Unit unit = parse_unit(outputs[n].unit).value_or(Unit{});
+    series.channels.push_back(outputs[n].name);
+    series.units.push_back(outputs[n].unit);
+    estimate.one_step.push_back(
+        channel_fit(outputs[n], all.y.row(i).transpose(), all.e.row(i).transpose()));
+    series.measured.row(i) = (series.measured.row(i).array() - unit.offset) / unit.scale;
+    series.predicted.row(i) = (series.predicted.row(i).array() - unit.offset) / unit.scale;
+  }
+}
+
+const char* initial_name(InitialState initial) {
+  switch (initial) {
+    case InitialState::given:
+      return "given";
+    case InitialState::stationary:
+      return "stationary";
+    case InitialState::diffuse:
+      return "diffuse";
+  }
+  return "";
+}
+
+// What the columns of B and D belong to, but for the next sample's.
+std::vector<SteadyFilter::Channel> input_channels(const ModelFile& model, const std::string& when) {
+  std::vector<SteadyFilter::Channel> out;
+  for (const ChannelSource& input : model.inputs) out.push_back({input.name + when, input.unit});
+  if (model.linear.offset) out.push_back({"1", ""});
+  return out;
+}
+
+// A unit that the model file leaves out stands in the recording.
+void take_units(std::vector<SteadyFilter::Channel>& to, const std::vector<Channel>& from,
+                bool offset) {
+  const std::size_t columns = from.size() + (offset ? 1 : 0);
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    if (const std::size_t channel = i % columns; channel < from.size()) {
+      to[i].unit = from[channel].unit;
+    }
+  }
+}
+
+// Where a filter at the model's values first ends as `status` says.
+struct Failure {
+  std::string recording;
+  double time = kNone;
+  Index row = 0;  // from 1; 0: it does not, or not at a sample of its own
+
+  std::string where() const {
+    return row == 0 ? "" : fmt::format(" at t = {:.6g} s (sample {})", time, row);
+  }
+};
+
+Failure first_failure(const ModelFile& model, const std::vector<Dataset>& recordings,
+                      FilterStatus status) {
+  const auto ends_so = [&](const Dataset& data) {
+    return run_filter(model, model.parameters, data, Keep::innovations).status == status;
+  };
+  for (const Dataset& data : recordings) {
+    if (!ends_so(data)) continue;
+    if (status == FilterStatus::undetermined) return {data.name, kNone, 0};
+    Index runs = 0, fails = data.size();  // samples with which it does not, and does
+    while (fails - runs > 1) {
+      const Index middle = runs + (fails - runs) / 2;
+      (ends_so(first_samples(data, middle)) ? fails : runs) = middle;
+    }
+    return {data.name, data.time[fails - 1], fails};
+  }
+  return {recordings[0].name, kNone, 0};
+}
+
+// Where the likelihood is not as smooth as the search takes it to be, or not the model's own.
+void warn_of_integration(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                         const std::vector<Dataset>& recordings) {
+  double largest = 0.0;
+  std::string where;
+  for (const Dataset& data : recordings) {
+    const IntegrationSteps chosen = integration_of(model, parameters, data);
+    if (chosen.status != StepStatus::capped || chosen.largest_change <= largest) continue;
+    largest = chosen.largest_change;
+    where = fmt::format("{}: from t = {:.6g} s on", data.name, data.time[chosen.sample]);
+  }
+  if (where.empty()) return;
+  constexpr double kSmall = 1e-3;
+  estimate.warnings.push_back(
+      {"integration",
+       largest > kSmall ? "warning" : "note",
+       {},
+       fmt::format(
+           "{} the rates of change jump, or are faster than the integration follows: twice as "
+           "many steps move a state by up to {:.2g} of its size",
+           where, largest),
+       "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}"});
+}
+
+}  // namespace
+
+MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
+  std::vector<const MatrixXd*> parts;
+  for (const FilterResult& filter : filters) parts.push_back(&filter.standardised);
+  return with_gaps(parts, gap);
+}
+
+MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Index gap) {
+  std::vector<const MatrixXd*> parts;
+  for (const Dataset& data : recordings) parts.push_back(&data.u);
+  return with_gaps(parts, gap);
+}
+
+std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
+                                    const std::vector<FilterResult>& filters) {
+  constexpr int kMost = 10;
+  if (recordings[0].inputs.empty()) return {};
+  const int before = std::min(kMost, default_lags(shortest_of(recordings)));
+  const MatrixXd e = side_by_side(filters, before), u = inputs_side_by_side(recordings, before);
+  MatrixXd earlier = MatrixXd::Constant(u.rows(), u.cols(), kNone);
+  earlier.rightCols(u.cols() - 1) = u.leftCols(u.cols() - 1);
+  std::vector<FStatistic> out;
+  for (Index i = 0; i < e.rows(); ++i) {
+    out.push_back(input_correlation(e.row(i).transpose(), earlier, before - 1));
+  }
+  return out;
+}
+
+ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e) {
+  double sum = 0.0, count = 0.0, total = 0.0, squares = 0.0;
+  for (Index t = 0; t < y.size(); ++t) {
+    if (std::isnan(e[t])) continue;
+    sum += y[t];
+    count += 1.0;
+  }
+  for (Index t = 0; t < y.size(); ++t) {
+    if (std::isnan(e[t])) continue;
+    squares += e[t] * e[t];
+    total += std::pow(y[t] - sum / count, 2);
+  }
+  ChannelFit fit{output.name, output.unit, kNone, kNone};
+  if (count > 0.0) {
+    fit.rmse = std::sqrt(squares / count) / parse_unit(output.unit).value_or(Unit{}).scale;
+  }
+  if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
+  return fit;
+}
+
+void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+                   FilterStatus status) {
+  const Location here{model.path, 0, 0};
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (status == FilterStatus::unstable) {
+    throw InputError(
+        here,
+        fmt::format(
+            "the filter starts stationary, and A has an eigenvalue of size "
+            "{:.6g}",
+            instantiate(model.linear, model.parameters).A.eigenvalues().cwiseAbs().maxCoeff()),
+        "a stable A: every eigenvalue inside the unit circle",
+        "say 'initial: diffuse' where nothing is known of the state");
+  }
+  const Failure failure = first_failure(model, recordings, status);
+  const Location there{failure.recording, 0, 0};
+  switch (status) {
+    case FilterStatus::ok:
+    case FilterStatus::unstable:
+      break;
+    case FilterStatus::indefinite:
+      if (const auto fault = fault_at(model.linear, model.parameters)) {
+        throw InputError(here, fault->text);
+      }
+      throw InputError(
+          here,
+          "an innovation covariance is not positive definite at these values" + failure.where(),
+          nonlinear ? "noise in every output, and no output or combination of outputs "
+                      "without any"
+                    : "noise in every output: Q and R positive semidefinite, and no "
+                      "output or combination of outputs without any");
+    case FilterStatus::undetermined:
+      throw InputError(there, "the recording does not determine the diffuse initial state",
+                       "outputs that show every state, and more rows than states",
+                       "say 'initial: stationary', or give x0 and P0");
+    case FilterStatus::not_finite:
+      check_inputs(recordings);
+      if (nonlinear) {
+        throw InputError(there,
+                         "the filter has no numbers" + failure.where() +
+                             ": a state overflows, or a formula or its derivative is undefined "
+                             "there",
+                         "formulas that are defined wherever the filter takes the states",
+                         "bound what a function takes, as in sqrt(max(x, 1e-9)); start nearer to "
+                         "the truth, or take a shorter time: {integration_step: ...}");
+      }
+      throw InputError(there, "the filter overflows" + failure.where(),
+                       "numbers of a size whose square is finite");
+  }
+  throw InputError(here, "the filter cannot run");
+}
+
+void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters) {
+  const StateSpace written = written_matrices(model.linear, parameters);
+  estimate.noise.Q = written.Q;
+  estimate.noise.R = written.R;
+  if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
+  const bool density = model.linear.noise == ProcessNoise::density;
+  estimate.noise.Q_kind = density ? "density" : "per-sample";
+  if (model.form == ModelFile::Form::nonlinear) return;
+  SteadyFilter filter;
+  filter.model = instantiate(model.linear, parameters);
+  filter.inputs = input_channels(model, "");
+  if (filter.model.inputs() > static_cast<Index>(filter.inputs.size())) {  // held linearly
+    const auto next = input_channels(model, " of the next sample");
+    filter.inputs.insert(filter.inputs.end(), next.begin(), next.end());
+  }
+  for (const ChannelSource& output : model.outputs) {
+    filter.outputs.push_back({output.name, output.unit});
+  }
+  for (const StateName& state : model.states) filter.states.push_back({state.name, state.unit});
+  if (const auto steady = steady_state(filter.model)) {
+    estimate.noise.K_steady = steady->K;
+    estimate.noise.P_steady = steady->P;
+    filter.K = steady->K;
+    filter.P = steady->P;
+    filter.Sigma = steady->Sigma;
+    filter.L = steady->Sigma.ldlt().solve(filter.model.C * steady->P.transpose()).transpose();
+  }
+  estimate.filter = std::move(filter);
+}
+
+void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters) {
+  report_fit(estimate, recordings[0].outputs, join(recordings, filters));
+  report_tests(estimate, recordings, filters);
+}
+
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings) {
+  describe_noise(estimate, model, parameters);
+  if (estimate.filter) {
+    take_units(estimate.filter->inputs, recordings[0].inputs, model.linear.offset);
+    take_units(estimate.filter->outputs, recordings[0].outputs, false);
+  }
+  std::vector<FilterResult> filters;
+  estimate.objective.log_likelihood = 0.0;
+  estimate.objective.initial = initial_name(model.linear.initial);
+  if (model.form == ModelFile::Form::nonlinear) {
+    estimate.objective.filter = to_string(model.formulas.filter);
+  }
+  for (const Dataset& data : recordings) {
+    filters.push_back(run_filter(model, parameters, data, Keep::innovations));
+    if (filters.back().status != FilterStatus::ok) {
+      ModelFile here = model;
+      here.parameters = parameters;
+      refuse_filter(here, recordings, filters.back().status);
+    }
+    estimate.objective.log_likelihood += filters.back().log_likelihood;
+  }
+  describe_innovations(estimate, recordings, filters);
+  if (model.form == ModelFile::Form::nonlinear) {
+    warn_of_integration(estimate, model, parameters, recordings);
+    describe_free_run(estimate, model, parameters, recordings);
+  }
+  return filters;
+}
+
+}  // namespace identikal

@@ -1,0 +1,53 @@
+// What does a filter with known noise make of recordings? Noise matrices, steady gain, fit,
+// whiteness tests, series: the part that every result about a filter shares.
+#pragma once
+
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/kalman.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+
+/// The model's values do not make a filter for these recordings: says why.
+/// @throws InputError always
+[[noreturn]] void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+                                FilterStatus status);
+
+/// Q, R, S and the steady state of the filter.
+void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
+
+/// How well predictions follow an output. @param y  SI  @param e  y less what was predicted; NaN =
+/// missing
+ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e);
+
+/// One-step fit, tests and series of innovations that one filter per recording has left. The tests
+/// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation
+/// reaches across from one recording to the next.
+void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+                          const std::vector<FilterResult>& filters);
+
+/// Runs the filter over every recording, each from the model's initial state, and fills all of the
+/// above, the log-likelihood and, of a nonlinear model, the fit of its free runs.
+/// @return what the filter made of each recording, innovations only
+/// @throws InputError when the filter cannot run
+std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
+                                          const ParameterSet& parameters,
+                                          const std::vector<Dataset>& recordings);
+
+/// Standardised innovations of all recordings, ny x N, with `gap` missing samples between one and
+/// the next, so that no test looks across; and the inputs in step with them.
+Eigen::MatrixXd side_by_side(const std::vector<FilterResult>& filters, Eigen::Index gap);
+Eigen::MatrixXd inputs_side_by_side(const std::vector<Dataset>& recordings, Eigen::Index gap);
+
+/// Do the innovations of each channel follow what the inputs were up to ten samples earlier?
+/// input_correlation() (lib/statistics/input_correlation.h) without inputs of the same time: a
+/// controller may have made those from this very sample. Its value is NaN where it has none.
+/// @return ny; empty without inputs
+std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
+                                    const std::vector<FilterResult>& filters);
+
+}  // namespace identikal

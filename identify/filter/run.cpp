@@ -1,0 +1,204 @@
+#include "identify/filter/run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <ostream>
+#include <stdexcept>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "identify/filter/model_filter.h"
+#include "identify/filter/report.h"
+#include "identify/noise/estimate.h"
+#include "identify/report/console.h"
+#include "lib/base/error.h"
+#include "lib/data/units.h"
+#include "lib/model/linear_model.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+struct NamedState {
+  std::string name, unit;
+  Unit si;
+};
+
+std::vector<NamedState> named_states(const ModelFile& model) {
+  const StateSpace system = instantiate(model.linear, model.parameters);
+  std::vector<NamedState> out;
+  for (Index i = 0; i < system.states(); ++i) {
+    NamedState state{fmt::format("x{}", i + 1), "", Unit{}};
+    if (!model.states.empty()) {
+      const StateName& named = model.states[static_cast<std::size_t>(i)];
+      out.push_back({named.name, named.unit, parse_unit(named.unit).value_or(Unit{})});
+      continue;
+    }
+    for (Index j = 0; j < system.outputs(); ++j) {
+      const bool shown = system.C(j, i) == 1.0 && (system.C.row(j).array() != 0.0).count() == 1 &&
+                         system.D.row(j).isZero(0.0);
+      if (!shown) continue;
+      const ChannelSource& output = model.outputs[static_cast<std::size_t>(j)];
+      state = {output.name, output.unit, parse_unit(output.unit).value_or(Unit{})};
+      break;
+    }
+    out.push_back(std::move(state));
+  }
+  return out;
+}
+
+// Cells of a line, in a buffer that is written out now and then.
+class CsvLines {
+ public:
+  CsvLines(std::ostream& out, bool several) : out_(out), several_(several) {
+    text_ = several ? "recording,time [s]" : "time [s]";
+  }
+  ~CsvLines() { flush(); }
+  CsvLines(const CsvLines&) = delete;
+  CsvLines& operator=(const CsvLines&) = delete;
+
+  void head(const std::string& name, const std::string& unit) {
+    text_ += "," + csv_heading(name, unit);
+  }
+  void begin_line(std::size_t recording, double time) {
+    text_ += '\n';
+    if (text_.size() > kBuffer) flush();
+    if (several_) fmt::format_to(std::back_inserter(text_), "{},", recording + 1);
+    fmt::format_to(std::back_inserter(text_), "{:.15g}", time);
+  }
+  void cell(double value) {
+    text_ += ',';
+    if (std::isfinite(value)) fmt::format_to(std::back_inserter(text_), "{:.9g}", value);
+  }
+  void end() { text_ += '\n'; }
+
+ private:
+  static constexpr std::size_t kBuffer = 1 << 18;
+  void flush() {
+    out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
+    text_.clear();
+  }
+  std::ostream& out_;
+  bool several_;
+  std::string text_;
+};
+
+const VectorXd& stamps_of(const Dataset& data) {
+  return data.stamps.size() > 0 ? data.stamps : data.time;
+}
+
+// What the end of the last recording says of a state, and how well it is known in the median.
+std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixXd& sd, Index i) {
+  std::vector<double> known;
+  for (Index t = 0; t < sd.cols(); ++t) {
+    if (std::isfinite(sd(i, t))) known.push_back(sd(i, t));
+  }
+  if (known.empty()) return fmt::format("state  {:<12} is never determined", state.name);
+  const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
+  std::nth_element(known.begin(), middle, known.end());
+  const Index last = sd.cols() - 1;
+  return fmt::format("state  {:<12} {:>11.6g} +- {:<9.3g} at the end, sd {:.3g}{}{} in the median",
+                     state.name, state.si.from_si(x(i, last)), sd(i, last) / state.si.scale,
+                     *middle / state.si.scale, state.unit.empty() ? "" : " ", state.unit);
+}
+
+std::string what_was_done(const FilterRunOptions& options) {
+  if (!options.lag) return "states smoothed, given the whole recording";
+  if (*options.lag == 0) return "states filtered, given what was recorded up to then";
+  return fmt::format("states smoothed, given what was recorded up to {} samples later",
+                     *options.lag);
+}
+
+}  // namespace
+
+FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                            const FilterRunOptions& options) {
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (model.form != ModelFile::Form::linear && !nonlinear) {
+    throw std::invalid_argument("filter_recordings: " + model.path + " is no filter");
+  }
+  check_inputs(recordings);
+  FilterRun out;
+  Estimate& estimate = out.estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = "filter";
+  list_known_parameters(estimate, model.parameters);
+  out.innovations = describe_filter(estimate, model, model.parameters, recordings);
+  Index rows = 0;
+  for (const Dataset& data : recordings) {
+    out.states.push_back(run_smoother(model, model.parameters, data, options.lag));
+    if (out.states.back().status != FilterStatus::ok) {
+      refuse_filter(model, recordings, out.states.back().status);
+    }
+    rows += data.size();
+  }
+  const std::vector<NamedState> states = named_states(model);
+  constexpr std::size_t kShown = 12;
+  for (std::size_t i = 0; i < std::min(states.size(), kShown); ++i) {
+    estimate.notes.push_back(
+        state_line(states[i], out.states.back().x, out.states.back().sd, static_cast<Index>(i)));
+  }
+  if (states.size() > kShown) {
+    estimate.notes.push_back(fmt::format("and {} more states", states.size() - kShown));
+  }
+  estimate.status = Status::ok;
+  estimate.message = fmt::format("{} rows, {}", rows, what_was_done(options));
+  return out;
+}
+
+void write_states_csv(std::ostream& out, const ModelFile& model,
+                      const std::vector<Dataset>& recordings, const FilterRun& run) {
+  const std::vector<NamedState> states = named_states(model);
+  CsvLines lines(out, recordings.size() > 1);
+  for (const NamedState& state : states) {
+    lines.head(state.name, state.unit);
+    lines.head(state.name + "_sd", state.unit);
+  }
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const VectorXd& stamps = stamps_of(recordings[r]);
+    const SmootherResult& smoothed = run.states[r];
+    for (Index t = 0; t < stamps.size(); ++t) {
+      lines.begin_line(r, stamps[t]);
+      for (std::size_t i = 0; i < states.size(); ++i) {
+        const auto row = static_cast<Index>(i);
+        lines.cell(states[i].si.from_si(smoothed.x(row, t)));
+        lines.cell(smoothed.sd(row, t) / states[i].si.scale);
+      }
+    }
+  }
+  lines.end();
+}
+
+void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
+                           const FilterRun& run) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
+  CsvLines lines(out, recordings.size() > 1);
+  std::vector<double> scale;
+  for (const Channel& channel : outputs) {
+    scale.push_back(unit_scale(channel.unit));
+    lines.head(channel.name + "_innovation", channel.unit);
+    lines.head(channel.name + "_sd", channel.unit);
+    lines.head(channel.name + "_standardised", "");
+  }
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const VectorXd& stamps = stamps_of(recordings[r]);
+    const FilterResult& filter = run.innovations[r];
+    for (Index t = 0; t < stamps.size(); ++t) {
+      lines.begin_line(r, stamps[t]);
+      for (std::size_t i = 0; i < outputs.size(); ++i) {
+        const auto row = static_cast<Index>(i);
+        lines.cell(filter.e(row, t) / scale[i]);
+        lines.cell(filter.e_sd(row, t) / scale[i]);
+        lines.cell(filter.standardised(row, t));
+      }
+    }
+  }
+  lines.end();
+}
+
+}  // namespace identikal

@@ -1,0 +1,48 @@
+// What were the states, sample by sample? Filtered or smoothed states and innovations of recordings
+// as CSV.
+#pragma once
+
+#include <iosfwd>
+#include <optional>
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/kalman.h"
+#include "lib/filter/smoother.h"
+
+namespace identikal {
+
+struct FilterRunOptions {
+  /// Given all that was recorded up to so many samples later: 0 filters. Nothing: given the whole
+  /// recording.
+  std::optional<Eigen::Index> lag = 0;
+};
+
+struct FilterRun {
+  Estimate estimate;  ///< noise, gain, fit, tests, a line about every state; status ok
+  std::vector<SmootherResult> states;     ///< of every recording; deviations only
+  std::vector<FilterResult> innovations;  ///< of every recording
+};
+
+/// Runs the model's filter, as it is, over every recording, each from the model's initial state.
+/// @param model  of the form linear or nonlinear
+/// @throws InputError for an input with gaps, and where the filter cannot run;
+///   std::invalid_argument for a model of another form
+FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                            const FilterRunOptions& options);
+
+/// Time as recorded [s], and of every state its value and standard deviation. States that formulas
+/// name are called and measured so; else a state that an output shows as it is has that output's
+/// name and unit, and the others are x1, x2, ... in SI. Empty cells while a diffuse start is not
+/// determined. Several recordings follow each other, their number in the first column.
+void write_states_csv(std::ostream& out, const ModelFile& model,
+                      const std::vector<Dataset>& recordings, const FilterRun& run);
+
+/// Time, and of every output the innovation, its standard deviation, and the standardised
+/// innovation (lib/filter/kalman.h), in the outputs' units. Empty where nothing was measured.
+void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
+                           const FilterRun& run);
+
+}  // namespace identikal

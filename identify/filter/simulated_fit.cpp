@@ -1,0 +1,179 @@
+#include "identify/filter/simulated_fit.h"
+
+#include <cmath>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "identify/estimate/distribution.h"
+#include "identify/filter/model_filter.h"
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/report.h"
+#include "identify/noise/estimate.h"
+#include "lib/base/constants.h"
+#include "lib/base/error.h"
+#include "lib/data/units.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The model, known to be in this state before the first measurement.
+ModelFile started_at(ModelFile model, const VectorXd& x, const MatrixXd& P) {
+  model.linear.initial = InitialState::given;
+  model.linear.x0 = constant_matrix(x);
+  model.linear.P0 = constant_matrix(P);
+  return model;
+}
+
+// The model where the held-out rows begin.
+ModelFile at_the_cut(const ModelFile& model, const ParameterSet& parameters, const HeldOut& held) {
+  if (held.from == 0) return model;
+  const FilterResult before =
+      run_filter(model, parameters, first_samples(held.recording, held.from + 1));
+  if (before.status != FilterStatus::ok || before.first_proper > held.from) return model;
+  return started_at(model, before.x_pred.col(held.from),
+                    before.P_pred[static_cast<std::size_t>(held.from)]);
+}
+
+MatrixXd in_units(const MatrixXd& y, const std::vector<Channel>& outputs) {
+  MatrixXd out = y;
+  for (Index i = 0; i < y.rows(); ++i) {
+    const Unit unit = parse_unit(outputs[static_cast<std::size_t>(i)].unit).value_or(Unit{});
+    out.row(i) = (y.row(i).array() - unit.offset) / unit.scale;
+  }
+  return out.array().isFinite().select(out, kNone);
+}
+
+void append(MatrixXd& to, const MatrixXd& more) {
+  const Index had = to.cols();
+  to.conservativeResize(more.rows(), had + more.cols());
+  to.rightCols(more.cols()) = more;
+}
+
+std::vector<ChannelFit> fits_of(const std::vector<Channel>& outputs, const MatrixXd& y,
+                                const MatrixXd& errors) {
+  std::vector<ChannelFit> out;
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const auto row = static_cast<Index>(i);
+    out.push_back(channel_fit(outputs[i], y.row(row).transpose(), errors.row(row).transpose()));
+  }
+  return out;
+}
+
+MatrixXd simulated_from(const ModelFile& model, const ParameterSet& parameters,
+                        const Dataset& recording, VectorXd x) {
+  if (model.form == ModelFile::Form::nonlinear) {
+    return noise_free_outputs(model, parameters, recording, x);
+  }
+  const StateSpace system = instantiate(model.linear, parameters);
+  const MatrixXd u = model_inputs(model.linear, recording.u);
+  MatrixXd out(system.outputs(), recording.size());
+  for (Index t = 0; t < recording.size(); ++t) {
+    out.col(t) = system.C * x + system.D * u.col(t);
+    x = (system.A * x + system.B * u.col(t)).eval();
+  }
+  return out;
+}
+
+// A model that holds leaves innovations there as it does here.
+void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
+  constexpr double kRare = 1e-3, kMatters = 1.1;
+  const ChiSquareStatistic held = normalised_innovation_squared(standardised);
+  const ChiSquareStatistic own = normalised_innovation_squared(estimate.series.standardised);
+  if (!(held.dof > 0.0 && own.dof > 0.0)) return;
+  const double ratio = held.value / held.dof / (own.value / own.dof);
+  if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
+  estimate.warnings.push_back(
+      {"hold_out",
+       "warning",
+       {},
+       fmt::format(
+           "on held-out rows the innovations are {:.3g} times as large, beside their standard "
+           "deviation",
+           std::sqrt(ratio)),
+       "what holds there is another model or noise, or too many parameters are free: validate"});
+}
+
+}  // namespace
+
+MatrixXd free_run(const ModelFile& model, const ParameterSet& parameters,
+                  const Dataset& recording) {
+  const SmootherResult known = run_smoother(model, parameters, recording, std::nullopt);
+  const bool runs = known.status == FilterStatus::ok && known.x.col(0).allFinite();
+  const VectorXd x =
+      runs ? VectorXd(known.x.col(0)) : written_matrices(model.linear, parameters).x0;
+  const MatrixXd out = simulated_from(model, parameters, recording, x);
+  return out.array().isFinite().select(out, kInfinity);
+}
+
+void describe_free_run(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                       const std::vector<Dataset>& recordings) {
+  MatrixXd y, errors;
+  for (const Dataset& data : recordings) {
+    append(y, data.y);
+    append(errors, data.y - free_run(model, parameters, data));
+  }
+  estimate.simulation = fits_of(recordings[0].outputs, y, errors);
+}
+
+void describe_hold_out(Estimate& estimate, const ModelFile& model,
+                       const std::vector<HeldOut>& held_out) {
+  const ParameterSet end = parameters_of(estimate, model.parameters);
+  const std::vector<Channel>& outputs = held_out[0].recording.outputs;
+  MatrixXd y, innovations, standardised, simulated;
+  VectorXd time;
+  std::vector<int> recording;
+  double log_likelihood = 0.0;
+  const auto fail = [&](const HeldOut& held, const std::string& why) {
+    estimate.warnings.push_back(
+        {"hold_out",
+         "warning",
+         {},
+         "the filter does not run on held-out " + held.recording.name + ": " + why,
+         ""});
+  };
+  for (const HeldOut& held : held_out) {
+    const Dataset data = samples_from(held.recording, held.from);
+    ModelFile here;
+    FilterResult filter;
+    // The estimate stands whatever these rows are.
+    try {
+      here = at_the_cut(model, end, held);
+      filter = run_filter(here, end, data, Keep::innovations);
+    } catch (const InputError& error) {
+      return fail(held, error.what());
+    }
+    if (filter.status != FilterStatus::ok) return fail(held, describe(filter.status));
+    log_likelihood += filter.log_likelihood;
+    append(y, data.y);
+    append(innovations, filter.e);
+    append(standardised, filter.standardised);
+    append(simulated, free_run(here, end, data));
+    time.conservativeResize(y.cols());
+    time.tail(data.size()) = data.time;
+    recording.resize(static_cast<std::size_t>(y.cols()),
+                     recording.empty() ? 1 : recording.back() + 1);
+  }
+  test_held_out(estimate, standardised);
+  estimate.hold_out = fits_of(outputs, y, y - simulated);
+  estimate.hold_out_one_step = fits_of(outputs, y, innovations);
+  const auto rows = static_cast<double>(estimate.series.time.size());
+  estimate.derived.push_back(
+      {"log-likelihood per row", "", estimate.objective.log_likelihood / rows, kNone});
+  estimate.objective.held_out = log_likelihood / static_cast<double>(y.cols());
+  estimate.derived.push_back({"  on held-out rows", "", estimate.objective.held_out, kNone});
+  estimate.pictures.held_time = std::move(time);
+  estimate.pictures.held_recording = std::move(recording);
+  estimate.pictures.held_standardised = std::move(standardised);
+  estimate.pictures.held_measured = in_units(y, outputs);
+  estimate.pictures.held_free_run = in_units(simulated, outputs);
+}
+
+}  // namespace identikal

@@ -1,0 +1,39 @@
+// What does a model do on its own, and how well does it foretell rows that it was not fitted to?
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+/// The outputs without noise, by the inputs alone, from the state at the first sample as the whole
+/// recording tells it (the smoother of identify/filter/model_filter.h; where that does not run, the
+/// model's start): nothing of the recording enters but through that state.
+/// @param model  of the form linear or nonlinear
+/// @return SI, ny x N; infinite where the motion runs away
+Eigen::MatrixXd free_run(const ModelFile& model, const ParameterSet& parameters,
+                         const Dataset& recording);
+
+/// Fills `simulation` with the fit of the free runs.
+void describe_free_run(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                       const std::vector<Dataset>& recordings);
+
+/// Rows from `from` on were not fitted to; those before were.
+struct HeldOut {
+  Dataset recording;
+  Eigen::Index from = 0;
+};
+
+/// Fills `hold_out` and `hold_out_one_step`, `derived` with log-likelihoods per row, held out and
+/// fitted, and the pictures of held-out rows. The filter goes on from what it knows of the state at
+/// the first of them; where nothing was before, from the model's start.
+/// @param estimate  of this model; its parameters are taken, its data are the rows before
+void describe_hold_out(Estimate& estimate, const ModelFile& model,
+                       const std::vector<HeldOut>& held_out);
+
+}  // namespace identikal

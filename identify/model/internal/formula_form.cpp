@@ -1,0 +1,387 @@
+#include "identify/model/internal/formula_form.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "identify/model/internal/noise_form.h"
+#include "identify/model/matrix_reader.h"
+#include "identify/model/model_values.h"
+#include "lib/data/units.h"
+#include "lib/model/linear_formulas.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::MatrixXd;
+
+// The symbols of a model's formulas, in the order of lib/model/nonlinear_model.h.
+struct Symbols {
+  std::vector<std::string> names;
+  std::vector<Dimension> dimensions;
+  std::vector<Location> at;  // where each is declared; the time has no place
+  bool with_units = true;
+
+  void add(const YamlNode& name, const std::string& what, const std::string& unit) {
+    check_name(name, what);
+    if (name.text == "t") {
+      throw InputError(name.at, fmt::format("{} is 't', the time", what), "another name");
+    }
+    const auto known = std::find(names.begin(), names.end(), name.text);
+    if (known != names.end()) {
+      const Location& first = at[static_cast<std::size_t>(known - names.begin())];
+      throw InputError(name.at, fmt::format("{} is {} again", what, in_quotes(name.text)),
+                       "a name of its own",
+                       fmt::format("the first is on line {}, column {}", first.line, first.column));
+    }
+    add_known(name.text, dimension_of(parse_unit(unit).value_or(Unit{})), name.at);
+  }
+  void add_known(const std::string& name, const Dimension& dimension, const Location& place) {
+    names.push_back(name);
+    dimensions.push_back(dimension);
+    at.push_back(place);
+  }
+};
+
+// Calls body(), whose mistakes are those of the formula that stands in the node.
+template <typename Body>
+auto in_formula(const YamlNode& node, Body&& body) {
+  try {
+    return body();
+  } catch (const FormulaError& error) {
+    throw error.in_file(place_in(node, error.column()));
+  }
+}
+
+void read_states(const YamlNode& node, ModelFile& out, Symbols& symbols) {
+  if (node.kind == YamlNode::Kind::list) {
+    symbols.with_units = false;
+    for (const YamlNode& name : node.items) {
+      text_of(name, "a state");
+      symbols.add(name, "a state", "");
+      out.states.push_back({name.text, ""});
+    }
+  } else {
+    check_mapping(node, "states");
+    for (std::size_t i = 0; i < node.keys.size(); ++i) {
+      const std::string& unit = text_of(node.items[i], "the unit of a state");
+      if (!parse_unit(unit)) {
+        const std::string nearest = nearest_unit(unit);
+        throw InputError(
+            node.items[i].at,
+            fmt::format("state '{}' has the unknown unit {}", node.keys[i].text, in_quotes(unit)),
+            "m, rad/s, ..., or 1",
+            nearest.empty() ? "" : fmt::format("did you mean '{}'?", nearest));
+      }
+      symbols.add(node.keys[i], "a state", unit);
+      out.states.push_back({node.keys[i].text, unit});
+    }
+  }
+  if (out.states.empty() || static_cast<Eigen::Index>(out.states.size()) > kMaxSize) {
+    throw InputError(node.at, fmt::format("{} states", out.states.size()),
+                     fmt::format("1 to {}", kMaxSize));
+  }
+}
+
+// The names of a mapping or a list of channels.
+std::vector<const YamlNode*> channel_names(const YamlNode& node) {
+  std::vector<const YamlNode*> out;
+  for (std::size_t i = 0; i < node.items.size(); ++i) {
+    out.push_back(node.kind == YamlNode::Kind::mapping ? &node.keys[i]
+                                                       : find(node.items[i], "name"));
+  }
+  return out;
+}
+
+// Reads the formulas of one model file.
+class FormulaReader {
+ public:
+  FormulaReader(const YamlNode& root, ModelFile& out)
+      : root_(root), out_(out), parameters_(read_named_parameters(root)) {}
+
+  void read() {
+    const std::string top = "the model file";
+    read_states(required(root_, "states", top, "states: {NAME: UNIT}"), out_, symbols_);
+    read_inputs();
+    first_parameter_ = static_cast<int>(symbols_.names.size());
+    for (std::size_t i = 0; i < parameters_.names.size(); ++i) {
+      symbols_.add(parameters_.declared->keys[i], "a parameter", parameters_.set[i].unit);
+    }
+    symbols_.add_known("t", dimension_of(Unit{1.0, 0.0, {0, 0, 1, 0, 0}}), {});
+    formulas_.states = static_cast<int>(out_.states.size());
+    formulas_.inputs = static_cast<int>(out_.inputs.size());
+    formulas_.parameters = static_cast<int>(parameters_.names.size());
+    read_time();
+    read_definitions();
+    read_dynamics();
+    const PhysicalNames physical{state_names(), read_outputs(), symbols_.with_units};
+    decide_form();
+    read_noise(root_, physical, parameters_, out_.linear);
+    // What is read into a nonlinear model's matrices is used as it is, not sampled.
+    if (out_.form == ModelFile::Form::nonlinear) out_.linear.continuous = false;
+    required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
+    read_initial(root_, physical, parameters_, out_.linear);
+    refuse_what_only_linear_models_have();
+    read_use_when();
+    refuse_unused_definitions();
+    refuse_unused(parameters_);
+    check_start();
+    out_.parameters = std::move(parameters_.set);
+  }
+
+ private:
+  void read_inputs() {
+    const YamlNode* inputs = find(root_, "inputs");
+    if (inputs == nullptr) return;
+    out_.inputs = read_channels(*inputs, "inputs", {});
+    const std::vector<const YamlNode*> names = channel_names(*inputs);
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      symbols_.add(*names[i], "an input", out_.inputs[i].unit);
+    }
+  }
+
+  void read_time() {
+    const YamlNode& time = required(root_, "time", "the model file", "");
+    const YamlNode& kind = required(time, "kind", "time", "kind: continuous, or kind: discrete");
+    formulas_.continuous = text_of(kind, "kind") == "continuous";
+    FormulaSettings& settings = out_.formulas;
+    const auto only_continuous = [&](const YamlNode& node) {
+      if (formulas_.continuous) return;
+      throw InputError(node.at, "a discrete-time model knows nothing between samples",
+                       "no such key here, or kind: continuous");
+    };
+    if (const YamlNode* inputs = find(time, "inputs")) {
+      only_continuous(*inputs);
+      const std::string& path = word_of(*inputs, "inputs", {"zoh", "foh", "pchip"});
+      settings.inputs = path == "zoh"   ? InputPath::constant
+                        : path == "foh" ? InputPath::linear
+                                        : InputPath::pchip;
+    }
+    if (const YamlNode* sampling = find(time, "sampling")) {
+      only_continuous(*sampling);
+      settings.irregular = word_of(*sampling, "sampling", {"regular", "irregular"}) == "irregular";
+      if (settings.irregular && out_.time.column.empty()) {
+        throw InputError(sampling->at, "irregular sampling without time stamps", "column: NAME");
+      }
+    }
+    if (const YamlNode* step = find(time, "integration_step")) {
+      only_continuous(*step);
+      settings.longest_step = read_si(*step, "s", "integration_step");
+      if (!(settings.longest_step > 0.0)) {
+        throw InputError(step->at, "integration_step is " + describe(*step), "a time above 0");
+      }
+    }
+  }
+
+  Expression formula(const YamlNode& node, const std::string& what,
+                     FormulaKind kind = FormulaKind::number) {
+    return read_formula(node, what, symbols_.names, first_parameter_, parameters_, kind);
+  }
+
+  // Number i of `let`. Those from it on are known by name, to be refused by what they are.
+  Expression definition(const YamlNode& let, std::size_t i) {
+    std::vector<std::string> names = symbols_.names;
+    for (std::size_t j = i; j < let.keys.size(); ++j) names.push_back(let.keys[j].text);
+    const std::string name = in_quotes(let.keys[i].text);
+    Expression out =
+        read_formula(let.items[i], name, names, first_parameter_, parameters_, FormulaKind::number);
+    for (const Expression::Node& each : out.nodes) {
+      if (each.op != Op::symbol) continue;
+      const auto symbol = static_cast<std::size_t>(each.symbol);
+      if (symbol < symbols_.names.size()) continue;
+      throw InputError(
+          place_in(let.items[i], each.column),
+          in_quotes(names[symbol]) +
+              (symbol == symbols_.names.size() ? " is defined by itself" : " is defined later"),
+          "names defined before it",
+          symbol == symbols_.names.size() ? "" : fmt::format("move {} below it", name));
+    }
+    return out;
+  }
+
+  void refuse_unused_definitions() const {
+    const YamlNode* let = find(root_, "let");
+    if (let == nullptr) return;
+    const std::size_t first = symbols_.names.size() - let->keys.size();
+    std::vector<bool> used(let->keys.size());
+    for (const auto* formulas : {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs}) {
+      for (const Expression& formula : *formulas) {
+        for (const Expression::Node& each : formula.nodes) {
+          const auto symbol = static_cast<std::size_t>(each.symbol);
+          if (each.op == Op::symbol && symbol >= first) used[symbol - first] = true;
+        }
+      }
+    }
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (used[i]) continue;
+      throw InputError(let->keys[i].at, fmt::format("definition {} is not used anywhere",
+                                                    in_quotes(let->keys[i].text)));
+    }
+  }
+
+  void read_definitions() {
+    const YamlNode* let = find(root_, "let");
+    if (let == nullptr) return;
+    check_mapping(*let, "let");
+    for (std::size_t i = 0; i < let->keys.size(); ++i) {
+      const YamlNode& name = let->keys[i];
+      const YamlNode& node = let->items[i];
+      formulas_.definitions.push_back(definition(*let, i));
+      symbols_.add(name, "a definition", "");
+      if (!symbols_.with_units) continue;
+      symbols_.dimensions.back() = in_formula(node, [&] {
+        return dimension_of(formulas_.definitions.back(),
+                            std::span(symbols_.dimensions).first(symbols_.names.size() - 1));
+      });
+    }
+  }
+
+  void read_dynamics() {
+    const YamlNode& node = required(root_, "dynamics", "the model file",
+                                    "dynamics: {STATE: formula of its rate of change}");
+    std::vector<std::string> names;
+    for (const StateName& state : out_.states) names.push_back(state.name);
+    check_keys(node, "dynamics", names);
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const YamlNode* given = find(node, names[i]);
+      if (given == nullptr) {
+        throw InputError(node.at, fmt::format("dynamics of state '{}' are missing", names[i]),
+                         fmt::format("{}: formula", names[i]));
+      }
+      formulas_.dynamics.push_back(formula(*given, fmt::format("the dynamics of '{}'", names[i])));
+      Dimension wanted = symbols_.dimensions[i];
+      if (formulas_.continuous) wanted.exponent[2] -= 1.0;
+      check(*given, formulas_.dynamics.back(), wanted,
+            (formulas_.continuous ? "the rate of change of " : "the next ") + in_quotes(names[i]));
+    }
+  }
+
+  void check(const YamlNode& node, const Expression& expression, const Dimension& wanted,
+             const std::string& what) {
+    if (!symbols_.with_units) return;
+    in_formula(node, [&] { check_dimension(expression, symbols_.dimensions, wanted, what); });
+  }
+
+  std::vector<PhysicalName> state_names() const {
+    std::vector<PhysicalName> out;
+    for (std::size_t i = 0; i < out_.states.size(); ++i) {
+      out.push_back({out_.states[i].name, symbols_.dimensions[i]});
+    }
+    return out;
+  }
+
+  std::vector<PhysicalName> read_outputs() {
+    const YamlNode& node = required(root_, "outputs", "the model file",
+                                    "outputs: {NAME: {column: ..., unit: ..., equals: formula}}");
+    out_.outputs = read_channels(node, "outputs", {}, true);
+    std::vector<PhysicalName> out;
+    for (std::size_t i = 0; i < out_.outputs.size(); ++i) {
+      const ChannelSource& channel = out_.outputs[i];
+      const YamlNode* equals = find(node.items[i], "equals");
+      const bool is_state = std::any_of(out_.states.begin(), out_.states.end(),
+                                        [&](const auto& s) { return s.name == channel.name; });
+      if (equals == nullptr && !is_state) {
+        throw InputError(node.items[i].at, fmt::format("output '{}' is no state", channel.name),
+                         "equals: formula");
+      }
+      const YamlNode own = equals == nullptr ? *channel_names(node)[i] : *equals;
+      formulas_.outputs.push_back(formula(own, in_quotes(channel.name)));
+      Dimension dimension;
+      if (symbols_.with_units) {
+        if (channel.unit.empty()) {
+          dimension = in_formula(
+              own, [&] { return dimension_of(formulas_.outputs.back(), symbols_.dimensions); });
+        } else {
+          dimension = dimension_of(*parse_unit(channel.unit));
+          check(own, formulas_.outputs.back(), dimension, fmt::format("output '{}'", channel.name));
+        }
+      }
+      out.push_back({channel.name, dimension});
+    }
+    return out;
+  }
+
+  void decide_form() {
+    FormulaSettings& settings = out_.formulas;
+    std::optional<LinearModel> linear =
+        in_formula(*find(root_, "dynamics"), [&] { return linear_model_of(formulas_); });
+    if (linear && !settings.irregular && settings.inputs != InputPath::pchip &&
+        settings.longest_step == 0.0) {
+      out_.form = ModelFile::Form::linear;
+      out_.linear = std::move(*linear);
+      out_.linear.hold =
+          settings.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
+      if (out_.time.step > 0.0) out_.linear.dt = out_.time.step;
+      return;
+    }
+    out_.form = ModelFile::Form::nonlinear;
+    std::vector<bool> known;
+    for (const Parameter& p : parameters_.set) known.push_back(p.fixed);
+    settings.model = in_formula(*find(root_, "dynamics"), [&] {
+      return make_nonlinear_model(formulas_, Derivatives::second, known);
+    });
+    // Noise and start alone; their sizes follow from these.
+    out_.linear.continuous = formulas_.continuous;
+    out_.linear.A.constant.setZero(formulas_.states, formulas_.states);
+    out_.linear.B.constant.setZero(formulas_.states, 0);
+    const auto ny = static_cast<Eigen::Index>(out_.outputs.size());
+    out_.linear.C.constant.setZero(ny, formulas_.states);
+    out_.linear.D.constant.setZero(ny, 0);
+  }
+
+  void read_use_when() {
+    const YamlNode* node = find(root_, "use_when");
+    if (node == nullptr) return;
+    const Expression condition = formula(*node, "use_when", FormulaKind::condition);
+    const int first_input = formulas_.states;
+    for (const Expression::Node& each : condition.nodes) {
+      if (each.op != Op::symbol) continue;
+      const bool known = each.symbol >= first_input && each.symbol < first_parameter_;
+      if (known) continue;
+      throw InputError(
+          place_in(*node, each.column),
+          in_quotes(symbols_.names[static_cast<std::size_t>(each.symbol)]) + " is no input",
+          "a condition on inputs, which are known before anything is estimated");
+    }
+    if (symbols_.with_units) {
+      in_formula(*node, [&] { return dimension_of(condition, symbols_.dimensions); });
+    }
+    out_.formulas.use_when = condition;
+  }
+
+  void refuse_what_only_linear_models_have() const {
+    if (out_.form == ModelFile::Form::nonlinear) {
+      if (out_.linear.initial != InitialState::given) {
+        throw InputError(find(root_, "initial")->at, "a nonlinear model has no such start",
+                         "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
+      }
+      if (!out_.linear.S.constant.isZero(0.0) || !parameters_in(out_.linear.S).empty()) {
+        throw InputError(find(root_, "S")->at, "S belongs to linear models", "no S");
+      }
+    }
+  }
+
+  void check_start() {
+    const std::optional<ModelFault> fault = fault_at(out_.linear, parameters_.set);
+    if (!fault) return;
+    const YamlNode* node = find(root_, fault->key);
+    if (node == nullptr) node = find(root_, fault->key == "initial" ? "initial" : "noise");
+    if (node == nullptr) node = find(root_, "dynamics");
+    throw InputError(node->at, fault->text);
+  }
+
+  const YamlNode& root_;
+  ModelFile& out_;
+  NamedParameters parameters_;
+  Symbols symbols_;
+  int first_parameter_ = 0;
+  ModelFormulas formulas_;
+};
+
+}  // namespace
+
+void read_formulas(const YamlNode& root, ModelFile& out) { FormulaReader(root, out).read(); }
+
+}  // namespace identikal

@@ -1,0 +1,68 @@
+#include "identify/model/internal/linear_form.h"
+
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "identify/model/internal/noise_form.h"
+#include "identify/model/matrix_reader.h"
+#include "identify/model/model_values.h"
+
+namespace identikal {
+
+void read_linear(const YamlNode& root, ModelFile& out) {
+  NamedParameters parameters = read_named_parameters(root);
+  const std::string top = "the model file";
+  out.outputs = read_channels(required(root, "outputs", top, "outputs: [{name: y, column: y}]"),
+                              "outputs", {});
+  if (const YamlNode* inputs = find(root, "inputs")) {
+    out.inputs = read_channels(*inputs, "inputs", {});
+  }
+  const auto ny = static_cast<Eigen::Index>(out.outputs.size());
+  const auto nu = static_cast<Eigen::Index>(out.inputs.size());
+
+  LinearModel& model = out.linear;
+  const YamlNode& A = required(root, "A", top, "A: a list of rows, states x states");
+  model.A = read_matrix(A, "A", {kAnySize, kAnySize, "states x states"}, parameters, model);
+  const Eigen::Index n = model.A.constant.rows();
+  if (model.A.constant.cols() != n) {
+    throw InputError(A.at, fmt::format("A is {} x {}", n, model.A.constant.cols()),
+                     "a square matrix (states x states)");
+  }
+  model.C = read_matrix(required(root, "C", top, "C: a list of rows, outputs x states"), "C",
+                        {ny, n, "outputs x states"}, parameters, model);
+  const auto of_inputs = [&](const char* key, const MatrixShape& want) {
+    const YamlNode* node = find(root, key);
+    if (node != nullptr && nu == 0) {
+      throw InputError(node->at, fmt::format("{} is given but the model has no inputs", key),
+                       "inputs: [{name: u, column: u}]");
+    }
+    return node == nullptr ? constant_matrix(Eigen::MatrixXd::Zero(want.rows, want.cols))
+                           : read_matrix(*node, key, want, parameters, model);
+  };
+  if (nu > 0) required(root, "B", top, "B: a list of rows, states x inputs");
+  model.B = of_inputs("B", {n, nu, "states x inputs"});
+  model.D = of_inputs("D", {ny, nu, "outputs x inputs"});
+  const YamlNode& time = required(root, "time", top, "");
+  if (const YamlNode* kind = find(time, "kind")) {
+    model.continuous = text_of(*kind, "kind") == "continuous";
+  }
+  if (const YamlNode* hold = find(time, "inputs")) {
+    const bool linear = word_of(*hold, "inputs", {"zoh", "foh"}) == "foh";
+    if (!model.continuous) {
+      throw InputError(hold->at, "a discrete-time model knows nothing between samples",
+                       "no 'inputs' here, or kind: continuous");
+    }
+    model.hold = linear ? InputHold::linear : InputHold::constant;
+  }
+  read_noise(root, {}, parameters, model);
+  read_initial(root, {}, parameters, model);
+  if (out.time.step > 0.0) model.dt = out.time.step;
+  refuse_unused(parameters);
+  if (const std::optional<ModelFault> fault = fault_at(model, parameters.set)) {
+    throw InputError(find(root, fault->key)->at, fault->text);
+  }
+  out.parameters = std::move(parameters.set);
+}
+
+}  // namespace identikal

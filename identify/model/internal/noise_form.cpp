@@ -1,0 +1,313 @@
+#include "identify/model/internal/noise_form.h"
+
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "identify/model/model_values.h"
+#include "lib/data/units.h"
+#include "lib/formula/formula_graph.h"
+#include "lib/model/linear_formulas.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+std::vector<std::string> names_in(const std::vector<PhysicalName>& all) {
+  std::vector<std::string> out;
+  for (const PhysicalName& each : all) out.push_back(each.name);
+  return out;
+}
+
+// A parameter without a unit stands for any quantity here, in SI.
+std::vector<Dimension> parameter_dimensions(const NamedParameters& parameters) {
+  std::vector<Dimension> out;
+  for (std::size_t i = 0; i < parameters.names.size(); ++i) {
+    const std::string& unit = parameters.set[i].unit;
+    out.push_back(dimension_of(parse_unit(unit).value_or(Unit{})));
+    out.back().plain = unit.empty();
+  }
+  return out;
+}
+
+// What a dimension becomes: to the power `power`, per second^(rate).
+Dimension scaled(Dimension dimension, double power, double rate) {
+  for (double& e : dimension.exponent) e *= power;
+  dimension.exponent[2] -= rate;
+  return dimension;
+}
+
+// Formulas of the parameters that are gathered for one matrix.
+struct Gathered {
+  Gathered(NamedParameters& named, LinearModel& linear)
+      : parameters(named),
+        model(linear),
+        dimensions(parameter_dimensions(named)),
+        graph(std::vector<bool>(named.names.size(), true)) {
+    for (std::size_t i = 0; i < named.names.size(); ++i) {
+      symbols.push_back(graph.symbol(static_cast<int>(i)));
+    }
+  }
+
+  NamedParameters& parameters;
+  LinearModel& model;
+  std::vector<Dimension> dimensions;
+  FormulaGraph graph;
+  std::vector<FormulaGraph::Id> symbols;
+  std::vector<PlacedFormula> placed;
+
+  void place() {
+    place_formulas(graph, placed, 0, static_cast<int>(parameters.names.size()), model);
+  }
+
+  // A quantity such as "0.5 deg/s", or a formula. @param spread  it cannot be negative
+  FormulaGraph::Id read(const YamlNode& node, const std::string& what, const Dimension& wanted,
+                        bool with_units, bool spread) {
+    const std::string& text = text_of(node, what);
+    const std::optional<Quantity> quantity = split_quantity(text);
+    if (quantity && (quantity->unit.empty() || parse_unit(quantity->unit))) {
+      const Unit unit = parse_unit(quantity->unit).value_or(Unit{});
+      if (!quantity->unit.empty() && with_units && !fits(dimension_of(unit), wanted)) {
+        throw InputError(node.at, fmt::format("{} is {}", what, describe(node)),
+                         in_words(wanted) + ", or a number in SI");
+      }
+      const double value = unit.to_si(quantity->number);
+      if (spread && !(value >= 0.0)) {
+        throw InputError(node.at, fmt::format("{} {} is negative", what, describe(node)));
+      }
+      return graph.number(value);
+    }
+    const Expression formula = read_formula(node, what, parameters.names, 0, parameters);
+    if (with_units) {
+      try {
+        check_dimension(formula, dimensions, wanted, what);
+      } catch (const FormulaError& error) {
+        throw error.in_file(place_in(node, error.column()));
+      }
+    }
+    if (spread && formula.nodes.size() == 1 && formula.nodes[0].op == Op::symbol) {
+      bound_at_zero(parameters, formula.nodes[0].symbol, what);
+    }
+    return graph.insert(formula, symbols);
+  }
+};
+
+// The diagonal of a covariance from {sd: {name: ...}} or {variance: {name: ...}}.
+ParametrisedMatrix read_spreads(const YamlNode& node, const std::string& noise,
+                                const std::vector<PhysicalName>& all, bool with_units, bool density,
+                                bool every_one, NamedParameters& parameters, LinearModel& model) {
+  const YamlNode* sd = find(node, "sd");
+  const YamlNode* variance = find(node, "variance");
+  if ((sd == nullptr) == (variance == nullptr)) {
+    throw InputError(node.at, noise + " needs one of 'sd' and 'variance'",
+                     fmt::format("sd: {{{}: NUMBER or formula}}", all.front().name));
+  }
+  const std::string key = sd != nullptr ? "sd" : "variance";
+  const YamlNode& given = sd != nullptr ? *sd : *variance;
+  check_keys(given, fmt::format("{} of the {}", key, noise), names_in(all));
+  ParametrisedMatrix out;
+  const auto size = static_cast<Index>(all.size());
+  out.constant.setZero(size, size);
+  Gathered gathered(parameters, model);
+  for (int i = 0; i < size; ++i) {
+    const PhysicalName& name = all[static_cast<std::size_t>(i)];
+    const YamlNode* entry = find(given, name.name);
+    if (entry == nullptr) {
+      if (!every_one) continue;
+      throw InputError(given.at, fmt::format("{} of '{}' is missing", key, name.name),
+                       fmt::format("{}: NUMBER or formula", name.name));
+    }
+    const double power = sd != nullptr ? 1.0 : 2.0;
+    const Dimension wanted = scaled(name.dimension, power, density ? 0.5 * power : 0.0);
+    FormulaGraph::Id value = gathered.read(
+        *entry, fmt::format("the {} of '{}'", sd ? "standard deviation" : "variance", name.name),
+        wanted, with_units, true);
+    if (sd != nullptr) value = gathered.graph.operation(Op::multiply, value, value);
+    gathered.placed.push_back({&out, i, i, value});
+  }
+  gathered.place();
+  return out;
+}
+
+// The value that every state of a mapping has, as a column or a diagonal.
+ParametrisedMatrix read_by_state(const YamlNode& given, const std::string& key,
+                                 const PhysicalNames& physical, NamedParameters& parameters,
+                                 LinearModel& model) {
+  const bool spread = key == "sd";
+  check_keys(given, key, names_in(physical.states));
+  const auto n = static_cast<Index>(physical.states.size());
+  ParametrisedMatrix out;
+  out.constant.setZero(n, spread ? n : 1);
+  Gathered gathered(parameters, model);
+  for (int i = 0; i < n; ++i) {
+    const PhysicalName& state = physical.states[static_cast<std::size_t>(i)];
+    const YamlNode* entry = find(given, state.name);
+    if (entry == nullptr) {
+      if (spread) continue;
+      throw InputError(given.at, fmt::format("{} of '{}' is missing", key, state.name),
+                       fmt::format("{}: NUMBER or formula", state.name));
+    }
+    FormulaGraph::Id value =
+        gathered.read(*entry, fmt::format("the initial {} of '{}'", key, state.name),
+                      state.dimension, physical.with_units, spread);
+    if (spread) value = gathered.graph.operation(Op::multiply, value, value);
+    gathered.placed.push_back({&out, i, spread ? i : 0, value});
+  }
+  gathered.place();
+  return out;
+}
+
+void read_process_kind(const YamlNode& node, bool density_allowed, LinearModel& model) {
+  const bool density = word_of(node, "process", {"per-sample", "density"}) == "density";
+  if (density && !density_allowed) {
+    throw InputError(node.at, "process noise is a density in a discrete-time model",
+                     "process: per-sample, or time: {kind: continuous, ...}");
+  }
+  model.noise = density ? ProcessNoise::density : ProcessNoise::per_sample;
+}
+
+// Does the noise block say it by names, so that the matrix `key` is not to be given too?
+bool by_names(const YamlNode& root, const YamlNode* part, const char* key) {
+  if (part == nullptr || part->kind != YamlNode::Kind::mapping) return false;
+  if (const YamlNode* matrix = find(root, key)) {
+    throw InputError(matrix->at, fmt::format("{} is given beside the noise by names", key),
+                     "one of the two");
+  }
+  return true;
+}
+
+}  // namespace
+
+void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
+                LinearModel& model) {
+  const Index n = model.A.constant.rows(), ny = model.C.constant.rows();
+  const bool has_names = !physical.states.empty();
+  const std::string top = "the model file";
+  const YamlNode* noise = find(root, "noise");
+  const YamlNode* process = nullptr;
+  const YamlNode* measurement = nullptr;
+  if (noise != nullptr) {
+    std::vector<std::string> keys{"process"};
+    if (has_names) keys.emplace_back("measurement");
+    check_keys(*noise, "noise", keys);
+    process = find(*noise, "process");
+    measurement = find(*noise, "measurement");
+    if (!has_names) process = &required(*noise, "process", "noise", "process: per-sample");
+  }
+
+  if (has_names && by_names(root, process, "Q")) {
+    check_keys(*process, "process", {"kind", "sd", "variance"});
+    const YamlNode* kind = find(*process, "kind");
+    if (kind == nullptr && model.continuous) {
+      required(*process, "kind", "process", "kind: density, or kind: per-sample");
+    }
+    if (kind != nullptr) read_process_kind(*kind, model.continuous, model);
+    if (const YamlNode* G = find(root, "G")) {
+      throw InputError(G->at, "G is given beside the noise by names", "one of the two");
+    }
+    model.G = constant_matrix(MatrixXd::Identity(n, n));
+    model.Q = read_spreads(*process, "process noise", physical.states, physical.with_units,
+                           model.noise == ProcessNoise::density, false, parameters, model);
+  } else if (has_names && find(root, "Q") == nullptr) {
+    if (process != nullptr) {
+      throw InputError(process->at, "process is " + describe(*process),
+                       "{kind: per-sample, sd: {STATE: NUMBER}}, or a matrix Q beside it");
+    }
+    model.G = constant_matrix(MatrixXd::Identity(n, n));
+    model.Q = constant_matrix(MatrixXd::Zero(n, n));
+  } else {
+    const YamlNode* G = find(root, "G");
+    model.G = G == nullptr ? constant_matrix(MatrixXd::Identity(n, n))
+                           : read_matrix(*G, "G", {n, kAnySize, "states x process noises"},
+                                         parameters, model);
+    const Index nw = model.G.constant.cols();
+    model.Q =
+        read_noise_covariance(required(root, "Q", top, "Q: covariance of the process noise"), "Q",
+                              {nw, nw, "process noises x process noises"}, parameters, model);
+    if (process != nullptr) {
+      read_process_kind(*process, model.continuous, model);
+    } else if (model.continuous) {
+      throw InputError(root.at, "a continuous-time model does not say what its Q is",
+                       "noise: {process: density} or noise: {process: per-sample}");
+    }
+  }
+
+  if (has_names && by_names(root, measurement, "R")) {
+    check_keys(*measurement, "measurement", {"kind", "sd", "variance"});
+    if (const YamlNode* kind = find(*measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
+    model.R = read_spreads(*measurement, "measurement noise", physical.outputs, physical.with_units,
+                           false, true, parameters, model);
+  } else {
+    const std::string example =
+        has_names ? "noise: {measurement: {sd: {" + physical.outputs.front().name + ": ...}}}, or R"
+                  : "R: covariance of the measurement noise";
+    model.R = read_noise_covariance(required(root, "R", top, example), "R",
+                                    {ny, ny, "outputs x outputs"}, parameters, model);
+  }
+  const Index nw = model.G.constant.cols();
+  const YamlNode* S = find(root, "S");
+  if (S != nullptr && model.noise == ProcessNoise::density) {
+    throw InputError(S->at, "S has no meaning with a noise density", "process: per-sample");
+  }
+  model.S = S == nullptr
+                ? constant_matrix(MatrixXd::Zero(nw, ny))
+                : read_matrix(*S, "S", {nw, ny, "process noises x outputs"}, parameters, model);
+}
+
+void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
+                  LinearModel& model) {
+  const YamlNode* node = find(root, "initial");
+  if (node == nullptr) return;
+  if (node->kind == YamlNode::Kind::list) {
+    throw InputError(node->at, "initial is a list",
+                     "stationary, diffuse, or {mean: [...], sd: [...]}");
+  }
+  if (node->kind != YamlNode::Kind::mapping) {
+    model.initial = word_of(*node, "initial", {"stationary", "diffuse"}) == "diffuse"
+                        ? InitialState::diffuse
+                        : InitialState::stationary;
+    return;
+  }
+  check_keys(*node, "initial", {"mean", "sd", "covariance"});
+  const bool has_names = !physical.states.empty();
+  const YamlNode* sd = find(*node, "sd");
+  const YamlNode* covariance = find(*node, "covariance");
+  if ((sd != nullptr && covariance != nullptr) ||
+      (sd == nullptr && covariance == nullptr && !has_names)) {
+    throw InputError(node->at, "initial needs one of 'sd' and 'covariance'",
+                     "initial: {mean: [...], sd: [...]}");
+  }
+  const Index n = model.A.constant.rows();
+  const YamlNode& mean = required(*node, "mean", "initial", "mean: [...], one entry per state");
+  const auto named = [&](const YamlNode& part) {
+    return has_names && part.kind == YamlNode::Kind::mapping;
+  };
+  model.x0 = named(mean) ? read_by_state(mean, "mean", physical, parameters, model)
+                         : read_column(mean, "mean", n, parameters, model);
+  if (covariance != nullptr) {
+    model.P0 =
+        read_covariance(*covariance, "covariance", {n, n, "states x states"}, parameters, model);
+  } else if (sd == nullptr) {
+    model.P0 = constant_matrix(MatrixXd::Zero(n, n));
+  } else if (named(*sd)) {
+    model.P0 = read_by_state(*sd, "sd", physical, parameters, model);
+  } else {
+    const ParametrisedMatrix column = read_column(*sd, "sd", n, parameters, model);
+    if (!column.entries.empty() || !column.formulas.empty()) {
+      throw InputError(sd->at, "sd holds parameters", "numbers, or 'covariance' with variances");
+    }
+    for (Index i = 0; i < n; ++i) {
+      if (column.constant(i, 0) >= 0.0) continue;
+      const YamlNode& entry = sd->items[static_cast<std::size_t>(i)];
+      throw InputError(entry.at, fmt::format("sd {} is negative", describe(entry)));
+    }
+    model.P0 = constant_matrix(column.constant.col(0).cwiseAbs2().asDiagonal());
+  }
+  model.initial = InitialState::given;
+}
+
+}  // namespace identikal

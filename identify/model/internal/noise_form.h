@@ -1,0 +1,41 @@
+// Which noise and which start does a model file give? The same keys for matrices and for formulas.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "identify/model/matrix_reader.h"
+#include "identify/model/yaml_reader.h"
+#include "lib/formula/dimension.h"
+#include "lib/model/linear_model.h"
+
+namespace identikal {
+
+/// One state or output of a physical model.
+struct PhysicalName {
+  std::string name;
+  Dimension dimension;
+};
+
+/// What a physical model calls its states and outputs, so that noise and start may be given by name
+/// and their units checked. Without states: the model is given by matrices.
+struct PhysicalNames {
+  std::vector<PhysicalName> states, outputs;
+  bool with_units = false;  ///< else no dimension is checked
+};
+
+/// G, Q, R, S and what the process noise is. A physical model may also say
+///
+///   noise: {process: {kind: density, sd: {vy: 0.1}}, measurement: {sd: {r: 0.01 rad/s}}}
+///
+/// with sd or variance: a number, a quantity, or a formula of parameters; states that it does not
+/// name have no noise of their own. Expects A and C of `model`, with their sizes.
+void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
+                LinearModel& model);
+
+/// stationary, diffuse, or {mean, sd} and {mean, covariance}: lists, or by the states' names.
+/// Expects A of `model`, with its size.
+void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
+                  LinearModel& model);
+
+}  // namespace identikal

@@ -1,0 +1,86 @@
+// How does a model file write matrices? As rows of numbers and formulas of named parameters, and
+// covariances also as a whole that is sought.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/model/yaml_reader.h"
+#include "lib/formula/expression.h"
+#include "lib/model/linear_model.h"
+#include "lib/model/parameter.h"
+
+namespace identikal {
+
+/// The parameters of a model while it is read: first those that formulas may name, then the ones
+/// that are whole matrices.
+struct NamedParameters {
+  ParameterSet set;
+  const YamlNode* declared = nullptr;  ///< the mapping that the named ones come from
+  std::vector<std::string> names;      ///< of the named ones
+  std::vector<bool> used;              ///< whether any formula names them
+};
+NamedParameters read_named_parameters(const YamlNode& root);
+
+/// Throws at the first parameter that nothing uses.
+void refuse_unused(const NamedParameters& parameters);
+
+/// A name as formulas can have them. @param what  for the message, e.g. "a parameter name"
+void check_name(const YamlNode& name, const std::string& what);
+
+/// A formula over these symbols. Marks the parameters in it as used.
+/// @param first  symbol that stands for parameter 0
+Expression read_formula(const YamlNode& node, const std::string& what,
+                        const std::vector<std::string>& symbols, int first,
+                        NamedParameters& parameters, FormulaKind kind = FormulaKind::number);
+
+inline constexpr Eigen::Index kAnySize = -1;
+/// What a matrix's size must be, and what its sides mean.
+struct MatrixShape {
+  Eigen::Index rows, cols;
+  const char* sides;
+};
+
+/// A matrix by its entries; one alone may stand without brackets.
+/// @param model  receives what is neither a number nor a sum of multiples of parameters
+ParametrisedMatrix read_matrix(const YamlNode& node, const std::string& name,
+                               const MatrixShape& want, NamedParameters& parameters,
+                               LinearModel& model);
+
+/// A covariance by its entries: symmetric whatever the parameters are, no negative variance. A
+/// parameter that is a variance is bounded by zero.
+ParametrisedMatrix read_covariance(const YamlNode& node, const std::string& name,
+                                   const MatrixShape& want, NamedParameters& parameters,
+                                   LinearModel& model);
+
+/// The same, or {structure, start, fixed, prior}: the whole matrix as one parameter.
+ParametrisedMatrix read_noise_covariance(const YamlNode& node, const std::string& name,
+                                         const MatrixShape& want, NamedParameters& parameters,
+                                         LinearModel& model);
+
+/// A parameter that is a variance or a standard deviation stays at or above zero.
+/// @param what  for the message, e.g. "a variance in Q"
+void bound_at_zero(NamedParameters& parameters, int index, const std::string& what);
+
+/// A list of formulas, one per state, as a column.
+ParametrisedMatrix read_column(const YamlNode& list, const std::string& name, Eigen::Index size,
+                               NamedParameters& parameters, LinearModel& model);
+
+/// Is the value of a matrix-valued parameter one that its coordinates can reach and leave again?
+/// Says what is wrong, or nothing.
+std::string domain_fault(const Parameter& parameter);
+
+/// What is wrong with a model, and the key of the file that says so.
+struct ModelFault {
+  std::string key, text;
+};
+
+/// The first matrix that overflows, or covariance that is not positive semidefinite, at these
+/// values.
+std::optional<ModelFault> fault_at(const LinearModel& model, const ParameterSet& parameters);
+
+}  // namespace identikal

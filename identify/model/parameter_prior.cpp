@@ -1,0 +1,216 @@
+#include "identify/model/parameter_prior.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "lib/base/constants.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+PriorCoordinate number(const Prior& prior, double min, double max) {
+  PriorCoordinate out;
+  const bool logarithm =
+      prior.kind == Prior::Kind::log_uniform || prior.kind == Prior::Kind::log_normal;
+  const auto scaled = [logarithm](double x) { return logarithm ? std::log(x) : x; };
+  out.logarithm = logarithm;
+  out.low = logarithm && min <= 0.0 ? -kInfinity : scaled(min);
+  out.high = scaled(max);
+  switch (prior.kind) {
+    case Prior::Kind::none:
+      break;
+    case Prior::Kind::uniform:
+    case Prior::Kind::log_uniform:
+      out.low = std::max(out.low, scaled(prior.a));
+      out.high = std::min(out.high, scaled(prior.b));
+      break;
+    case Prior::Kind::normal:
+      out.kind = PriorCoordinate::Kind::normal;
+      out.mean = prior.a;
+      out.sd = prior.b;
+      break;
+    case Prior::Kind::log_normal:
+      out.kind = PriorCoordinate::Kind::normal;
+      out.mean = std::log(prior.a);
+      out.sd = std::log(prior.b);
+      break;
+  }
+  return out;
+}
+
+// The prior that is used where the model file gives none.
+Prior prior_of(const ModelFile& model, const Parameter& p, double start, bool variance) {
+  constexpr double kDecades = 1e4;
+  if (p.prior.kind != Prior::Kind::none) return p.prior;
+  if (variance && start > 0.0) {
+    return {Prior::Kind::log_uniform, start / kDecades, start * kDecades};
+  }
+  if (std::isfinite(p.min) && std::isfinite(p.max)) return {Prior::Kind::uniform, p.min, p.max};
+  throw InputError({model.path, 0, 0},
+                   fmt::format("parameter '{}' has no prior, and none follows from its {}", p.name,
+                               variance ? "start, which is zero" : "bounds"),
+                   "prior: {uniform: [LOW, HIGH]}, {normal: {mean: M, sd: S}} or, for a variance, "
+                   "{log-uniform: [LOW, HIGH]}");
+}
+
+std::string in_words(const Prior& prior) {
+  switch (prior.kind) {
+    case Prior::Kind::none:
+      return "";
+    case Prior::Kind::uniform:
+      return fmt::format("uniform {:.4g} .. {:.4g}", prior.a, prior.b);
+    case Prior::Kind::log_uniform:
+      return fmt::format("log-uniform {:.4g} .. {:.4g}", prior.a, prior.b);
+    case Prior::Kind::normal:
+      return fmt::format("normal {:.4g} +- {:.4g}", prior.a, prior.b);
+    case Prior::Kind::log_normal:
+      return fmt::format("log-normal {:.4g} within a factor {:.4g}", prior.a, prior.b);
+  }
+  return "";
+}
+
+}  // namespace
+
+double PriorCoordinate::draw(Random& random) const {
+  switch (kind) {
+    case Kind::uniform:
+      return low + (high - low) * random.uniform();
+    case Kind::normal:
+      for (;;) {
+        const double x = mean + sd * random.normal();
+        if (low <= x && x <= high) return x;
+      }
+    case Kind::partial_correlation: {
+      // One coordinate of a point on the sphere in 2 shape + 1 dimensions.
+      const VectorXd z = random.normal(static_cast<Index>(std::lround(2.0 * shape)) + 1);
+      return z[0] / z.norm();
+    }
+  }
+  return 0.0;
+}
+
+double PriorCoordinate::log_density(double x) const {
+  if (!(low <= x && x <= high)) return -kInfinity;
+  switch (kind) {
+    case Kind::uniform:
+      return 0.0;
+    case Kind::normal:
+      return -0.5 * std::pow((x - mean) / sd, 2);
+    case Kind::partial_correlation:
+      return (shape - 1.0) * std::log1p(-x * x);
+  }
+  return 0.0;
+}
+
+double PriorCoordinate::deviation() const {
+  switch (kind) {
+    case Kind::uniform:
+      return (high - low) / std::sqrt(12.0);
+    case Kind::normal:
+      return sd;
+    case Kind::partial_correlation:
+      return 1.0 / std::sqrt(2.0 * shape + 1.0);
+  }
+  return 0.0;
+}
+
+double ParameterPrior::log_density(const VectorXd& x) const {
+  double out = 0.0;
+  for (std::size_t i = 0; i < coordinates.size(); ++i) {
+    out += coordinates[i].log_density(x[static_cast<Index>(i)]);
+  }
+  return out;
+}
+
+VectorXd ParameterPrior::draw(Random& random) const {
+  VectorXd out(static_cast<Index>(coordinates.size()));
+  for (Index i = 0; i < out.size(); ++i) {
+    out[i] = coordinates[static_cast<std::size_t>(i)].draw(random);
+  }
+  return out;
+}
+
+ParameterPrior parameter_prior(const ModelFile& model) {
+  ParameterPrior out;
+  const ReportedEntries all = reported_entries(model.parameters);
+  for (std::size_t e = 0; e < all.names.size(); ++e) {
+    const Parameter& p = model.parameters[static_cast<std::size_t>(all.parameter[e])];
+    if (p.fixed) continue;
+    const double value = all.value[static_cast<Index>(e)];
+    if (p.domain == Domain::positive_definite && !all.variance[e]) {
+      PriorCoordinate partial;
+      partial.kind = PriorCoordinate::Kind::partial_correlation;
+      partial.low = -1.0;
+      partial.high = 1.0;
+      partial.words = "uniform over correlation matrices";
+      out.coordinates.push_back(partial);
+      continue;
+    }
+    const bool scalar = p.domain == Domain::scalar;
+    const Prior prior = prior_of(model, p, value, all.variance[e]);
+    out.coordinates.push_back(number(prior, scalar ? p.min : 0.0,
+                                     scalar ? p.max : std::numeric_limits<double>::infinity()));
+    out.coordinates.back().words = in_words(prior);
+  }
+  // Of a full matrix, column by column: the variance, then the partial correlations below it.
+  std::size_t at = 0;
+  for (const Parameter& p : model.parameters) {
+    if (p.fixed) continue;
+    const Index n = p.value.rows();
+    if (p.domain != Domain::positive_definite) {
+      at += static_cast<std::size_t>(free_entries({p}).size());
+      continue;
+    }
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = j; i < n; ++i, ++at) {
+        if (i > j) out.coordinates[at].shape = 1.0 + 0.5 * static_cast<double>(n - 2 - j);
+      }
+    }
+  }
+  return out;
+}
+
+VectorXd entries_at(const ParameterPrior& prior, const ParameterSet& parameters,
+                    const VectorXd& x) {
+  VectorXd out = x;
+  for (Index i = 0; i < x.size(); ++i) {
+    if (prior.coordinates[static_cast<std::size_t>(i)].logarithm) out[i] = std::exp(x[i]);
+  }
+  Index at = 0;
+  for (const Parameter& p : parameters) {
+    if (p.fixed) continue;
+    const Index n = p.value.rows();
+    if (p.domain != Domain::positive_definite) {
+      at += free_entries({p}).size();
+      continue;
+    }
+    // Factor of the correlation matrix, row by row from partial correlations.
+    MatrixXd L = MatrixXd::Zero(n, n);
+    VectorXd sd(n), rest = VectorXd::Ones(n);
+    const Index first = at;
+    for (Index j = 0; j < n; ++j) {
+      sd[j] = std::sqrt(out[at++]);
+      L(j, j) = std::sqrt(rest[j]);
+      for (Index i = j + 1; i < n; ++i) {
+        L(i, j) = out[at++] * std::sqrt(rest[i]);
+        rest[i] -= L(i, j) * L(i, j);
+      }
+    }
+    const MatrixXd V = sd.asDiagonal() * L * L.transpose() * sd.asDiagonal();
+    at = first;
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = j; i < n; ++i) out[at++] = V(i, j);
+    }
+  }
+  return out;
+}
+
+}  // namespace identikal

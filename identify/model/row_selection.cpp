@@ -1,0 +1,55 @@
+#include "identify/model/row_selection.h"
+
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace identikal {
+
+using Eigen::Index;
+
+std::vector<Dataset> usable_stretches(const ModelFile& model, Dataset recording) {
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  const std::optional<Expression>& use_when = model.formulas.use_when;
+  if (!nonlinear && !use_when) return {std::move(recording)};
+  std::vector<double> symbols(model.states.size() + model.inputs.size());
+  std::string gap = recording.begins;  // what stands before a stretch
+  const auto usable = [&](Index t) {
+    for (Index i = 0; i < recording.u.rows(); ++i) {
+      symbols[model.states.size() + static_cast<std::size_t>(i)] = recording.u(i, t);
+    }
+    if (nonlinear && !recording.u.col(t).allFinite()) {
+      gap = "after a missing input";
+      return false;
+    }
+    if (!use_when || evaluate(*use_when, symbols) != 0.0) return true;
+    gap = "after rows that use_when leaves out";
+    return false;
+  };
+  std::vector<Dataset> out;
+  Index used = 0;
+  for (Index from = 0; from < recording.size();) {
+    Index to = from;
+    const std::string before = gap;
+    while (to < recording.size() && usable(to)) ++to;
+    if (to - from > 1) {
+      out.push_back(samples_from(first_samples(recording, to), from));
+      out.back().begins = before;
+      used += to - from;
+    }
+    from = to + 1;
+  }
+  if (out.empty()) {
+    throw InputError({recording.name, 0, 0}, "no two rows in succession can be used",
+                     use_when ? "rows where use_when holds and every input is there"
+                              : "rows where every input is there");
+  }
+  if (used < recording.size()) {
+    out.front().notes.push_back(fmt::format("{} of {} rows used, in {} stretch{}", used,
+                                            recording.size(), out.size(),
+                                            out.size() > 1 ? "es" : ""));
+  }
+  return out;
+}
+
+}  // namespace identikal

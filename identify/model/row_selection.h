@@ -1,0 +1,17 @@
+// Which rows of a recording does a model made of formulas use?
+#pragma once
+
+#include <vector>
+
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+/// The stretches of rows where use_when holds and every input is there, each a recording of its own
+/// that starts from the model's initial state. Without either, the recording itself. Stretches of
+/// one row are left out. What was left out is said in the notes of the first.
+/// @throws InputError when no stretch is left
+std::vector<Dataset> usable_stretches(const ModelFile& model, Dataset recording);
+
+}  // namespace identikal

@@ -1,0 +1,41 @@
+// Which noise covariances explain the autocovariances of a filter's innovations? Autocovariance
+// least squares: linear in the unknowns, no search, no start but the filter's gain.
+#pragma once
+
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+struct NoiseAlsOptions {
+  bool weighted = true;   ///< by the inverse of the covariance that the estimate itself gives the
+                          ///< sample autocovariances, iterated; false: all alike, as published
+  Eigen::Index lags = 0;  ///< autocovariances used, from lag 0 on; 0 = until the filter forgets
+  bool regain = false;    ///< filter again with the estimate's own gain, until that settles
+  bool full_matrix = false;  ///< not weighted: fit the whole matrix of autocovariances, Y_(i-j) in
+                             ///< block (i, j), and not one column of it (Odelson et al. 2006)
+  bool sources =
+      false;  ///< the fewest sources of process noise (identify/noise/internal/minimum_rank.h)
+};
+
+/// Least squares of the innovations' sample autocovariances (lib/statistics/autocovariance.h) of
+/// all recordings on the free entries of Q, R and S,
+///
+///   minimise || W^(1/2) (sum_e theta_e Y(dQ_e, dR_e, dS_e) - sample Y) ||^2,
+///   [Q S; S' R] positive semidefinite,
+///
+/// under the gain of the model's own values. The constraint is part of the problem: a variance that
+/// ends at zero is reported as such. Standard errors from the covariance of the sample
+/// autocovariances at the estimate; beside them the Cramér-Rao bound from outputs alone. Only noise
+/// can be free. Sources: Odelson, Rajamani & Rawlings (2006), Automatica 42; Rajamani & Rawlings
+/// (2009), Automatica 45 (single column); Akesson et al. (2008) for S; Matisko (2013), section 4.3.
+/// @throws InputError as check_recordings(), when anything but noise is free, when the model's
+/// values give no stable filter, when the recordings are shorter than its memory, and when there
+/// are more than 6000 autocovariances to weigh
+Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings,
+                  const NoiseAlsOptions& options = {});
+
+}  // namespace identikal

@@ -1,0 +1,51 @@
+// How probable are noise covariances, given a recording and what was known before?
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "solvers/problem.h"
+
+namespace identikal {
+
+struct NoiseBayesOptions {
+  Eigen::Index draws = 2000;  ///< of sequential Monte Carlo
+  std::uint64_t seed = 1;
+  bool grid = true;  ///< where one or two numbers are unknown, on a grid: exact, without chance
+  /// Called after every stage of sequential Monte Carlo; return false to stop, not converged.
+  std::function<bool(double temperature)> progress;
+};
+
+/// A posterior as points with weights that sum to one.
+struct PosteriorPoints {
+  Eigen::MatrixXd entries;      ///< k x n, free entries (lib/model/parameter.h)
+  Eigen::MatrixXd coordinates;  ///< k x n, of identify/model/parameter_prior.h
+  Eigen::VectorXd weight;       ///< n
+  Eigen::VectorXd log_density;  ///< n, prior times likelihood by the coordinates, up to a constant
+  double log_evidence = 0.0;
+  double effective = 0.0;
+  SolverSummary summary;
+};
+
+/// The posterior of all free parameters under parameter_prior() (identify/model/parameter_prior.h).
+/// @throws InputError as parameter_prior()
+PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& recordings,
+                          const NoiseBayesOptions& options = {});
+
+/// What every Bayesian estimator says of its posterior: of each parameter the mean, the standard
+/// deviation, the central 95 % credible interval and the most probable point; correlation; and
+/// which parameters have a posterior as wide as their prior (flat).
+void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
+                      const std::string& method);
+
+/// The posterior of the recordings' noise and the filter at its mean. Source: Matisko (2013),
+/// sections 4.4 and 4.5, with proper moves instead of (4.31): see solvers/sample.h.
+/// @throws InputError as check_recordings() and posterior()
+Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordings,
+                    const NoiseBayesOptions& options = {});
+
+}  // namespace identikal

@@ -1,0 +1,218 @@
+#include "identify/noise/internal/minimum_rank.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+#include "identify/estimate/distribution.h"
+#include "solvers/psd_least_squares.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kVanished = 1e-6;  // of Q's largest eigenvalue without penalty
+constexpr double kSourcesLevel = 0.99;
+
+double objective(const Misfit& misfit, const VectorXd& theta) {
+  return 0.5 * (misfit.design * theta - misfit.target).squaredNorm();
+}
+
+PsdLeastSquares normal_equations(const Misfit& misfit, std::vector<PsdBlock> blocks) {
+  return {misfit.design.transpose() * misfit.design, misfit.design.transpose() * misfit.target,
+          std::move(blocks)};
+}
+
+MatrixXd joint_at(const SourcesProblem& p, const VectorXd& theta) {
+  MatrixXd out = p.constant;
+  for (std::size_t e = 0; e < p.basis.size(); ++e) out += theta[static_cast<Index>(e)] * p.basis[e];
+  return out;
+}
+
+// theta = offset + directions phi, all with Q(theta) inside a range, and [Q S; S' R] seen from it.
+struct Confined {
+  VectorXd offset;
+  MatrixXd directions;
+  std::vector<PsdBlock> blocks;  // of phi
+  Index given_up = 0;            // unknowns
+};
+
+// Nothing when a constant of Q or S leaves the range. range: orthonormal columns.
+std::optional<Confined> confine(const SourcesProblem& p, const MatrixXd& range,
+                                const MatrixXd& complement) {
+  const Index nw = p.process_noises, size = p.constant.rows();
+  const auto k = static_cast<Index>(p.basis.size());
+  const auto outside = [&](const MatrixXd& joint) {
+    return MatrixXd(complement.transpose() * joint.topRows(nw));
+  };
+  // Unknowns of R alone keep their own coordinates.
+  std::vector<Index> touched, alone;
+  for (Index e = 0; e < k; ++e) {
+    const bool touches = !p.basis[static_cast<std::size_t>(e)].topRows(nw).isZero(0.0);
+    (touches ? touched : alone).push_back(e);
+  }
+  const auto count = static_cast<Index>(touched.size());
+  MatrixXd leaves(complement.cols() * size, count);
+  for (Index c = 0; c < count; ++c) {
+    leaves.col(c) =
+        outside(p.basis[static_cast<std::size_t>(touched[static_cast<std::size_t>(c)])]).reshaped();
+  }
+  Confined out{VectorXd::Zero(k), MatrixXd::Zero(k, 0), {}, 0};
+  MatrixXd kernel = MatrixXd::Identity(count, count);
+  if (leaves.size() > 0) {
+    const VectorXd wanted = -outside(p.constant).reshaped();
+    const Eigen::JacobiSVD<MatrixXd> svd(leaves, Eigen::ComputeFullV | Eigen::ComputeThinU);
+    const double largest = svd.singularValues()[0];
+    Index rank = 0;
+    while (rank < svd.singularValues().size() &&
+           svd.singularValues()[rank] > 1e-9 * std::max(largest, 1e-300)) {
+      ++rank;
+    }
+    kernel = svd.matrixV().rightCols(count - rank);
+    if (!wanted.isZero(0.0)) {
+      const VectorXd solved = leaves.completeOrthogonalDecomposition().solve(wanted);
+      if ((leaves * solved - wanted).norm() > 1e-9 * wanted.norm()) return std::nullopt;
+      out.offset(touched) = solved;
+    }
+  }
+  const auto free = static_cast<Index>(alone.size());
+  out.given_up = count - kernel.cols();
+  out.directions = MatrixXd::Zero(k, kernel.cols() + free);
+  for (Index c = 0; c < kernel.cols(); ++c) {
+    for (Index r = 0; r < count; ++r) {
+      const double value = kernel(r, c);
+      if (std::abs(value) > 1e-14) {
+        out.directions(touched[static_cast<std::size_t>(r)], c) = value;
+      }
+    }
+  }
+  for (Index c = 0; c < free; ++c) {
+    out.directions(alone[static_cast<std::size_t>(c)], kernel.cols() + c) = 1.0;
+  }
+
+  MatrixXd map = MatrixXd::Zero(size, range.cols() + size - nw);
+  map.topLeftCorner(nw, range.cols()) = range;
+  map.bottomRightCorner(size - nw, size - nw).setIdentity();
+  // Rounding must not connect blocks that nothing connects.
+  const auto seen = [&map](const MatrixXd& joint) {
+    const MatrixXd M = map.transpose() * joint * map;
+    const double tiny = 1e-13 * std::max(joint.cwiseAbs().maxCoeff(), 1e-300);
+    const MatrixXd clean = (M.array().abs() > tiny).select(M, 0.0);
+    return MatrixXd(clean.selfadjointView<Eigen::Lower>());
+  };
+  std::vector<MatrixXd> basis;
+  for (Index c = 0; c < out.directions.cols(); ++c) {
+    MatrixXd joint = MatrixXd::Zero(size, size);
+    for (Index e = 0; e < k; ++e) {
+      if (out.directions(e, c) != 0.0) {
+        joint += out.directions(e, c) * p.basis[static_cast<std::size_t>(e)];
+      }
+    }
+    basis.push_back(seen(joint));
+  }
+  out.blocks = independent_blocks(seen(joint_at(p, out.offset)), basis);
+  return out;
+}
+
+VectorXd refit(const Misfit& misfit, const Confined& to) {
+  const Misfit reduced{misfit.design * to.directions, misfit.target - misfit.design * to.offset};
+  const PsdSolution solution = minimise(normal_equations(reduced, to.blocks));
+  return to.offset + to.directions * solution.x;
+}
+
+}  // namespace
+
+FewestSources fewest_sources(const SourcesProblem& p) {
+  const Index nw = p.process_noises;
+  const auto k = static_cast<Index>(p.basis.size());
+  VectorXd slope(k);  // of tr Q
+  for (Index e = 0; e < k; ++e) {
+    slope[e] = p.basis[static_cast<std::size_t>(e)].topLeftCorner(nw, nw).trace();
+  }
+  const std::vector<PsdBlock> blocks = independent_blocks(p.constant, p.basis);
+  const PsdLeastSquares plain = normal_equations(p.fit, blocks);
+  const auto at_penalty = [&](double penalty) {
+    PsdLeastSquares penalised = plain;
+    penalised.g -= penalty * slope;
+    return minimise(penalised).x;
+  };
+  const auto Q_of = [&](const VectorXd& theta) {
+    return MatrixXd(joint_at(p, theta).topLeftCorner(nw, nw));
+  };
+
+  const VectorXd free = at_penalty(0.0);
+  const MatrixXd free_Q = Q_of(free);
+  const double largest =
+      Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly).eigenvalues()[nw - 1];
+  const double least_excess = objective(p.chance, minimise(normal_equations(p.chance, blocks)).x);
+
+  // From where Q vanishes, or cannot fall any more, over four decades.
+  constexpr int kDoublings = 60, kSteps = 24;
+  const double fixed_trace = p.constant.topLeftCorner(nw, nw).trace();
+  double most = std::max(objective(p.fit, free), 1e-300) / std::max(free_Q.trace(), 1e-300);
+  for (int i = 0; i < kDoublings; ++i) {
+    const double left = Q_of(at_penalty(most)).trace() - fixed_trace;
+    if (!(left > kVanished * free_Q.trace())) break;
+    most *= 2.0;
+  }
+
+  struct Candidate {
+    double excess;
+    Confined range;
+  };
+  std::vector<std::optional<Candidate>> best(static_cast<std::size_t>(nw + 1));
+  FewestSources out;
+  Sources& report = out.report;
+  report.of = nw;
+  for (int step = 0; step <= kSteps; ++step) {
+    const double penalty =
+        step == kSteps ? 0.0 : most * std::pow(10.0, -4.0 * step / (kSteps - 1.0));
+    const VectorXd theta = step == kSteps ? free : at_penalty(penalty);
+    const MatrixXd Q = Q_of(theta);
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(Q);
+    const Index rank = (eigen.eigenvalues().array() > kVanished * largest).count();
+    report.curve.push_back({penalty, objective(p.fit, theta), Q.trace(), rank});
+    for (Index part = 0; part <= rank; ++part) {
+      auto range = confine(p, eigen.eigenvectors().rightCols(part),
+                           eigen.eigenvectors().leftCols(nw - part));
+      if (!range) continue;
+      const double excess = 2.0 * (objective(p.chance, refit(p.chance, *range)) - least_excess);
+      auto& known = best[static_cast<std::size_t>(part)];
+      if (!known || excess < known->excess) known = Candidate{excess, std::move(*range)};
+    }
+  }
+  const auto allowed = [](const Candidate& c) {
+    return c.range.given_up > 0
+               ? chi_square_quantile(kSourcesLevel, static_cast<double>(c.range.given_up))
+               : 0.0;
+  };
+  for (Sources::Step& step : report.curve) {
+    const auto& known = best[static_cast<std::size_t>(step.sources)];
+    if (!known) continue;
+    step.excess = std::max(0.0, known->excess);
+    step.allowed = allowed(*known);
+  }
+  out.theta = free;
+  report.picked = (Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly)
+                       .eigenvalues()
+                       .array() > kVanished * largest)
+                      .count();
+  for (Index rank = 0; rank < report.picked; ++rank) {
+    const auto& known = best[static_cast<std::size_t>(rank)];
+    if (!known || known->excess > allowed(*known)) continue;
+    out.theta = refit(p.fit, known->range);
+    report.picked = rank;
+    break;
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,445 @@
+#include "identify/noise/ml.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "identify/estimate/distribution.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/filter/report.h"
+#include "identify/noise/estimate.h"
+#include "identify/noise/likelihood_profile.h"
+#include "lib/base/random.h"
+#include "lib/filter/likelihood.h"
+#include "solvers/covariance.h"
+#include "solvers/scoring.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Log-likelihoods closer than this are the same maximum.
+constexpr int kRefinements = 4;  // of the integration, each with a search of its own
+constexpr double kSameMaximum = 1e-4;
+
+// Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
+// anywhere between two finite bounds.
+VectorXd scattered_start(const ParameterSet& parameters, Random& random) {
+  ParameterSet start = parameters;
+  for (Parameter& p : start) {
+    if (p.fixed) continue;
+    if (p.domain != Domain::scalar || p.min >= 0.0) {
+      // A variance at zero has no size of its own to be scattered about.
+      if (p.value.isZero(0.0)) p.value.diagonal().setOnes();
+      p.value *= std::pow(10.0, 4.0 * random.uniform() - 2.0);
+    } else if (std::isfinite(p.min) && std::isfinite(p.max)) {
+      p.value(0, 0) = p.min + (p.max - p.min) * random.uniform();
+    } else {
+      p.value(0, 0) *= 1.0 + 0.6 * (random.uniform() - 0.5);
+    }
+    if (p.domain == Domain::scalar) p.value(0, 0) = std::clamp(p.scalar(), p.min, p.max);
+  }
+  return coordinates(start);
+}
+
+struct Search {
+  Solution best;
+  double start_value = kNone;
+  int iterations = 0, evaluations = 0, tried = 0, agree = 0;
+  std::vector<std::vector<double>> paths;  // log-likelihood by iteration
+};
+
+Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
+              const NoiseMlOptions& options) {
+  Search out;
+  Random random(options.seed);
+  std::vector<double> ends;
+  bool stopped = false;
+  for (int s = 0; s < std::max(1, options.starts) && !stopped; ++s) {
+    const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
+    SolverOptions solver;
+    solver.decrement_tolerance = 1e-15;
+    std::vector<double> path;
+    solver.progress = [&](int iteration, double L) {
+      path.push_back(L);
+      stopped = options.progress && !options.progress(s + 1, iteration, L);
+      return !stopped;
+    };
+    const Solution solution = maximise(problem, start, solver);
+    path.insert(path.begin(), solution.summary.initial_objective);
+    if (s == 0) out.start_value = solution.summary.initial_objective;
+    ++out.tried;
+    out.iterations += solution.summary.iterations;
+    out.evaluations += solution.summary.evaluations;
+    // A scattered start where the likelihood is undefined says nothing of other maxima.
+    if (s > 0 && solution.summary.termination == Termination::start_undefined) {
+      --out.tried;
+      continue;
+    }
+    ends.push_back(solution.summary.objective);
+    out.paths.push_back(std::move(path));
+    // A converged end beats an unconverged one unless that one is really higher.
+    const double lead = solution.summary.objective - out.best.summary.objective;
+    const bool first = std::isnan(out.best.summary.objective);
+    if (first || lead > kSameMaximum ||
+        (lead > -kSameMaximum && solution.summary.usable() &&
+         (!out.best.summary.usable() || lead > 0.0))) {
+      if (!std::isnan(solution.summary.objective) || first) out.best = solution;
+    }
+  }
+  // Whatever an earlier start found, the search was not finished.
+  if (stopped) {
+    out.best.summary.termination = Termination::stopped;
+    out.best.summary.message = "stopped by the caller";
+  }
+  out.agree = static_cast<int>(std::count_if(ends.begin(), ends.end(), [&out](double L) {
+    return std::abs(L - out.best.summary.objective) < kSameMaximum;
+  }));
+  return out;
+}
+
+// Largest value of coordinate i whose profile likelihood lies within the one-sided 95 % limit.
+std::optional<double> profile_upper_limit(const LikelihoodProblem& problem, const VectorXd& optimum,
+                                          double maximum, Index i, double guess) {
+  const double drop = 0.5 * chi_square_quantile(0.9, 1.0);
+  LikelihoodProblem held = problem;
+  VectorXd x = optimum;
+  const auto profile = [&](double value) {
+    held.lower[i] = held.upper[i] = value;
+    x[i] = value;
+    const Solution solution = maximise(held, x);
+    x = solution.x;
+    return solution.summary.objective - maximum + drop;
+  };
+  const double bound = problem.upper[i];
+  double low = optimum[i], high = std::min(std::max(guess, 1e-12), bound);
+  for (int k = 0; profile(high) > 0.0; ++k) {
+    if (high == bound) return bound;
+    low = high;
+    high = std::min(2.0 * high, bound);
+    if (k == 100) return std::nullopt;
+  }
+  while (high - low > 1e-4 * high) {
+    const double middle = 0.5 * (low + high);
+    (profile(middle) > 0.0 ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+// Which free entries have no two-sided error: those whose coordinate ended at its bound, and those
+// of a covariance matrix that ended singular.
+std::vector<bool> at_boundary(const ParameterSet& end, const LikelihoodProblem& problem,
+                              const VectorXd& x) {
+  constexpr double kSingular = 1e-9;
+  std::vector<bool> out;
+  Index at = 0;
+  for (const Parameter& p : end) {
+    if (p.fixed) continue;
+    const Index own = free_entries({p}).size();
+    bool singular = false;
+    if (p.domain == Domain::positive_definite) {
+      const VectorXd sd = p.value.diagonal().cwiseSqrt();
+      const MatrixXd scaled =
+          sd.cwiseInverse().asDiagonal() * p.value * sd.cwiseInverse().asDiagonal();
+      singular = !scaled.allFinite() ||
+                 Eigen::SelfAdjointEigenSolver<MatrixXd>(scaled, Eigen::EigenvaluesOnly)
+                         .eigenvalues()
+                         .minCoeff() < kSingular;
+    }
+    for (Index i = at; i < at + own; ++i) {
+      out.push_back(singular || x[i] <= problem.lower[i] || x[i] >= problem.upper[i]);
+    }
+    at += own;
+  }
+  return out;
+}
+
+// Errors of everything that was estimated, from the information at the maximum.
+void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const LikelihoodProblem& problem,
+           const ParameterSet& end, const Solution& best) {
+  const Likelihood* result = likelihood.evaluate(end, true);
+  if (result == nullptr) return;
+  const MatrixXd all = result->information;
+  const VectorXd z = free_entries(end);
+  const InsideParameters inside = inside_parameters(estimate, at_boundary(end, problem, best.x));
+  const auto k = static_cast<Index>(inside.entries.size());
+  if (k == 0) return;
+  const VectorXd& unit = inside.unit;
+  const auto in_units = [&unit](const MatrixXd& information) {
+    return MatrixXd(unit.asDiagonal() * information * unit.asDiagonal());
+  };
+  const MatrixXd information = in_units(all(inside.entries, inside.entries));
+
+  MatrixXd covariance;
+  const std::optional<MatrixXd> bound = scaled_inverse(information, 1e-9);
+  if (bound) {
+    VectorXd inside_z(k), step(k);
+    for (Index j = 0; j < k; ++j) {
+      const Index at = inside.entries[static_cast<std::size_t>(j)];
+      inside_z[j] = z[at];
+      // Small against the error, but never across a bound.
+      step[j] = 1e-3 * std::sqrt((*bound)(j, j)) * unit[j];
+      if (z[at] == best.x[at]) {
+        step[j] = std::min(
+            {step[j], 0.5 * (z[at] - problem.lower[at]), 0.5 * (problem.upper[at] - z[at])});
+      }
+    }
+    const auto gradient_at = [&](const VectorXd& at, VectorXd& g) {
+      VectorXd full = z;
+      for (Index j = 0; j < k; ++j) full[inside.entries[static_cast<std::size_t>(j)]] = at[j];
+      const Likelihood* there = likelihood.evaluate(with_entries(end, full), true);
+      if (there == nullptr) return false;
+      g.resize(k);
+      for (Index j = 0; j < k; ++j)
+        g[j] = there->gradient[inside.entries[static_cast<std::size_t>(j)]];
+      return true;
+    };
+    const auto observed = observed_information(gradient_at, inside_z, step);
+    const auto inverse_observed = observed ? scaled_inverse(in_units(*observed)) : std::nullopt;
+    covariance = inverse_observed ? *inverse_observed : *bound;
+    estimate.covariance_kind = inverse_observed ? "observed information"
+                                                : "expected information (the observed one is not "
+                                                  "positive definite)";
+  } else {
+    estimate.covariance_kind = "partial: some directions carry no information";
+    // Entries outside the flat directions keep an error: the pseudo-inverse holds it.
+    covariance = information.completeOrthogonalDecomposition().pseudoInverse();
+  }
+  judge_parameters(estimate, information, covariance);
+  if (bound) {
+    const MatrixXd products = likelihood.score_products(end);
+    if (products.size() > 0) {
+      const MatrixXd sandwich =
+          covariance * in_units(products(inside.entries, inside.entries)) * covariance;
+      for (Index j = 0; j < k; ++j) {
+        EstimatedParameter& p = *inside.reported[static_cast<std::size_t>(j)];
+        if (!std::isnan(p.se)) p.se_sandwich = std::sqrt(sandwich(j, j));
+      }
+    }
+  }
+  for (Index j = 0; j < k && bound; ++j) {
+    inside.reported[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*bound)(j, j));
+  }
+}
+
+// Where the profile likelihood of coordinate i has fallen by half a chi-square quantile, on one
+// side (sign) of the maximum: the coordinate, or its bound where it does not fall that far.
+std::optional<double> profile_end(const LikelihoodProblem& problem, const Solution& best,
+                                  double maximum, Index i, double se, double sign) {
+  const double target = std::sqrt(chi_square_quantile(0.95, 1.0));
+  LikelihoodProblem held = problem;
+  VectorXd x = best.x;
+  // Signed root of the drop, close to linear in the coordinate; nothing where it is undefined.
+  const auto root = [&](double value) -> std::optional<double> {
+    held.lower[i] = held.upper[i] = value;
+    x[i] = value;
+    const Solution solution = maximise(held, x);
+    if (!solution.summary.usable()) return std::nullopt;
+    x = solution.x;
+    return std::sqrt(2.0 * std::max(0.0, maximum - solution.summary.objective));
+  };
+  const double bound = sign < 0.0 ? problem.lower[i] : problem.upper[i];
+  double near = best.x[i], near_root = 0.0, far = near + sign * target * se;
+  for (int k = 0; k < 60; ++k) {
+    const bool stopped = sign * (far - bound) >= 0.0;
+    if (stopped) far = bound;
+    const auto far_root = root(far);
+    if (!far_root) return std::nullopt;
+    if (std::abs(*far_root - target) < 1e-5) return far;
+    if (*far_root < target && stopped) return bound;
+    if (*far_root < target) {  // not far enough yet
+      const double slope = (*far_root - near_root) / (far - near);
+      near = far;
+      near_root = *far_root;
+      const double step = slope * sign > 0.0 ? (target - near_root) / slope : sign * se;
+      far = near + sign * std::clamp(std::abs(step), 1e-9 * se, 4.0 * se);
+    } else {
+      far = near + (far - near) * (target - near_root) / (*far_root - near_root);
+    }
+  }
+  return std::nullopt;
+}
+
+bool profile_is_cheap(const PathTaken& taken, Index samples) {
+  constexpr Index kCheap = 20000;  // samples
+  return taken.path == Path::compressed || samples <= kCheap;
+}
+
+// Calls visit(parameter, coordinate, SI per unit, largest log-likelihood) for every one that a
+// profile can be taken of, where an evaluation is cheap. Coordinates of a full covariance matrix
+// are not its entries, and get none.
+template <typename Visit>
+void for_each_profiled(Estimate& estimate, const LikelihoodProblem& problem,
+                       const ParameterSet& end, const Solution& best, const PathTaken& taken,
+                       Index samples, Visit&& visit) {
+  if (!profile_is_cheap(taken, samples)) return;
+  double maximum = 0.0;
+  if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
+  const ReportedEntries entries = reported_entries(end);
+  Index i = -1;
+  for (std::size_t k = 0; k < estimate.parameters.size(); ++k) {
+    EstimatedParameter& p = estimate.parameters[k];
+    if (p.fixed) continue;
+    ++i;
+    const Domain domain = end[static_cast<std::size_t>(entries.parameter[k])].domain;
+    if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
+    visit(p, i, unit_scale(p.unit), maximum);
+  }
+}
+
+void profile(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
+             const Solution& best, const PathTaken& taken, Index samples) {
+  for_each_profiled(estimate, problem, end, best, taken, samples,
+                    [&](EstimatedParameter& p, Index i, double unit, double maximum) {
+                      const auto low = profile_end(problem, best, maximum, i, p.se * unit, -1.0);
+                      const auto high = profile_end(problem, best, maximum, i, p.se * unit, 1.0);
+                      if (low && high) p.profile95 = {*low / unit, *high / unit};
+                    });
+}
+
+// The profile likelihood as a curve: from the maximum outwards until it has fallen well below the
+// 95 % limit, or to the bound.
+void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
+                      const Solution& best, const PathTaken& taken, Index samples) {
+  const auto walk = [&](EstimatedParameter& p, Index i, double unit, double maximum) {
+    LikelihoodProblem held = problem;
+    VectorXd x = best.x;
+    const auto drop_at = [&](double value) -> std::optional<double> {
+      held.lower[i] = held.upper[i] = value;
+      x[i] = value;
+      const Solution solution = maximise(held, x);
+      if (!solution.summary.usable()) return std::nullopt;
+      x = solution.x;
+      return 2.0 * std::max(0.0, maximum - solution.summary.objective);
+    };
+    LikelihoodProfile profile = walk_profile(best.x[i], p.se * unit, problem.lower[i],
+                                             problem.upper[i], [&](double value, bool turned) {
+                                               if (turned) x = best.x;
+                                               return drop_at(value);
+                                             });
+    profile.name = p.name;
+    for (double& value : profile.value) value /= unit;
+    if (profile.value.size() > 2) estimate.pictures.profiles.push_back(std::move(profile));
+  };
+  for_each_profiled(estimate, problem, end, best, taken, samples, walk);
+}
+
+// A variance that ended at zero: how large could it be?
+void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const Solution& best) {
+  double L = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+  if (!problem.evaluate(best.x, L, &gradient, &information)) return;
+  Index i = -1;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++i;
+    const bool lower = best.x[i] <= problem.lower[i], upper = best.x[i] >= problem.upper[i];
+    if (!lower && !upper) continue;
+    Warning warning{"at_bound", "note", {p.name}, "", ""};
+    if (lower && problem.lower[i] == 0.0) {
+      const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
+                                                   : best.x.cwiseAbs().maxCoeff();
+      const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
+      if (limit) {
+        p.ci95 = {0.0, *limit / unit_scale(p.unit)};
+        warning.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
+                                   p.name, p.ci95[1]);
+      } else {
+        warning.text =
+            fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
+      }
+    } else {
+      warning.severity = "warning";
+      warning.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
+                                 lower ? "lower" : "upper", p.value);
+      warning.todo = "widen the bound in the model file if it is not physical";
+    }
+    estimate.warnings.push_back(std::move(warning));
+  }
+}
+
+// Which path served the evaluation at the maximum, and what a person should know about it.
+void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
+  estimate.objective.path = to_string(taken.path);
+  if (taken.detour == Detour::none || taken.detour == Detour::not_asked) return;
+  estimate.objective.path_reason = describe(taken.detour);
+  if (taken.detour == Detour::long_memory) {
+    estimate.objective.path_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
+  }
+  const bool expected = taken.detour == Detour::short_stretch && asked != Path::compressed;
+  if (expected || taken.path == Path::compressed) return;
+  estimate.warnings.push_back(
+      {"path",
+       "note",
+       {},
+       fmt::format("the likelihood took the {} path, the same value only slower: {}",
+                   estimate.objective.path, estimate.objective.path_reason),
+       ""});
+}
+
+}  // namespace
+
+Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
+                 const NoiseMlOptions& options) {
+  const ParameterSet& parameters = model.parameters;
+  Estimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = "ml";
+  check_recordings(model, recordings);
+
+  RecordingsLikelihood likelihood(model, recordings, options.path);
+  if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
+    refuse_filter(model, recordings, start);
+  }
+  const LikelihoodProblem problem = likelihood.problem();
+  Search found = search(problem, parameters, options);
+  // The integration was as fine as the start needs it; all starts are compared on the same.
+  for (int i = 0; i < kRefinements && found.best.summary.usable() &&
+                  likelihood.refine(with_coordinates(parameters, found.best.x));
+       ++i) {
+    found = search(problem, parameters, options);
+  }
+  const ParameterSet end = with_coordinates(parameters, found.best.x);
+  list_parameters(estimate, parameters, end);
+  Objective& objective = estimate.objective;
+  objective.log_likelihood_start = found.start_value;
+  objective.iterations = found.iterations;
+  objective.evaluations = found.evaluations;
+  objective.starts = found.tried;
+  objective.starts_agree = found.agree;
+  judge(estimate, likelihood, problem, end, found.best);
+  report_path(estimate, likelihood.path_taken(), options.path);
+  limit_boundary(estimate, problem, found.best);
+  if (options.profiles && found.best.summary.usable()) {
+    profile(estimate, problem, end, found.best, likelihood.path_taken(),
+            samples_present(recordings));
+  }
+  if (options.pictures) {
+    estimate.pictures.searches = found.paths;
+    if (found.best.summary.usable()) {
+      picture_profiles(estimate, problem, end, found.best, likelihood.path_taken(),
+                       samples_present(recordings));
+    }
+  }
+  conclude_noise_estimate(estimate, found.best.summary);
+  describe_noise_estimate(estimate, model, end, recordings);
+  if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
+    estimate.warnings.push_back(
+        {"several_maxima",
+         "warning",
+         {},
+         fmt::format("{} of {} starts ended at the best value", found.agree, found.tried),
+         "raise --starts; if they still disagree, the likelihood has several maxima"});
+  }
+  return estimate;
+}
+
+}  // namespace identikal

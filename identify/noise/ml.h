@@ -1,0 +1,36 @@
+// Which noise covariances make a recording most likely? Maximum likelihood over the innovations.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/filter/likelihood.h"
+
+namespace identikal {
+
+struct NoiseMlOptions {
+  int starts = 5;          ///< optimisations: the file's start, then scattered ones
+  std::uint64_t seed = 1;  ///< of the scattered starts
+  Path path = Path::automatic;
+  bool profiles = true;   ///< profile intervals, where an evaluation is cheap
+  bool pictures = false;  ///< searches and profiles as curves, Estimate::pictures
+  /// Called after every iteration; return false to stop: the best so far, not converged.
+  std::function<bool(int start, int iteration, double log_likelihood)> progress;
+};
+
+/// Maximises the innovations' log-likelihood (lib/filter/likelihood.h) of all recordings over every
+/// free parameter of a linear model: covariances, and any other entry. Standard errors from the
+/// observed information (differences of the exact gradient); beside them the Cramér-Rao bound from
+/// the expected information. A variance that ends at zero gets no interval but an upper limit from
+/// the profile likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman
+/// (2012), section 7.3.
+/// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
+/// changes or an input has gaps; std::invalid_argument without a recording
+Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
+                 const NoiseMlOptions& options = {});
+
+}  // namespace identikal

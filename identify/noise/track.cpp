@@ -1,0 +1,469 @@
+#include "identify/noise/track.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <Eigen/Cholesky>
+#include <fmt/format.h>
+
+#include "identify/filter/outliers.h"
+#include "identify/filter/report.h"
+#include "identify/model/parameter_prior.h"
+#include "identify/noise/estimate.h"
+#include "lib/base/constants.h"
+#include "lib/base/error.h"
+#include "lib/statistics/sequential_probability_ratio.h"
+#include "solvers/recursive_posterior.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The filter is a bank of one shared A, C: only noise may be free.
+void refuse_free_dynamics(const ModelFile& model) {
+  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, model.parameters);
+  const ReportedEntries entries = reported_entries(model.parameters);
+  std::size_t free = 0;
+  for (std::size_t e = 0; e < entries.names.size(); ++e) {
+    if (model.parameters[static_cast<std::size_t>(entries.parameter[e])].fixed) continue;
+    const StateSpace& d = derivatives[free++];
+    if (!changes_dynamics(d) && d.x0.isZero(0.0) && d.P0.isZero(0.0)) continue;
+    throw InputError(
+        {model.path, 0, 0}, fmt::format("'{}' is free and is not noise", entries.names[e]),
+        "'track' follows Q, R and S of a known model", "fix it, or estimate it with 'tune'");
+  }
+}
+
+// A recording as every filter of the bank sees it.
+struct Samples {
+  const Dataset& data;
+  MatrixXd u;
+  Index lead = 0;  // samples that a diffuse start takes to determine the state
+};
+
+FilterStart start_of_recording(const ModelFile& model, const Samples& samples,
+                               const StateSpace& system) {
+  MatrixXd y = samples.data.y.leftCols(samples.lead + 1);
+  y.col(samples.lead).setConstant(kNone);
+  const FilterResult filter =
+      kalman_filter(system, model.linear.initial, y, samples.u.leftCols(samples.lead + 1));
+  if (filter.status != FilterStatus::ok) {
+    return {VectorXd::Zero(system.states()), MatrixXd::Zero(system.states(), system.states()),
+            -kInfinity};
+  }
+  return {filter.x_pred.col(samples.lead), filter.P_pred.back(), filter.log_likelihood};
+}
+
+Samples samples_of(const ModelFile& model, const Dataset& data) {
+  Samples out{data, model_inputs(model.linear, data.u), 0};
+  const FilterResult filter = kalman_filter(instantiate(model.linear, model.parameters),
+                                            model.linear.initial, data.y, out.u, Keep::innovations);
+  if (filter.status != FilterStatus::ok) refuse_filter(model, {data}, filter.status);
+  out.lead = filter.first_proper;
+  return out;
+}
+
+NoiseProblem learning_problem(const ModelFile& model, const ParameterPrior& prior,
+                              std::function<FilterStart(const StateSpace&)> start) {
+  NoiseProblem problem;
+  problem.shared = instantiate(model.linear, model.parameters);
+  problem.draw_prior = [&prior](Random& random) { return prior.draw(random); };
+  problem.log_prior = [&prior](const VectorXd& x) { return prior.log_density(x); };
+  problem.noise = [&model, &prior](const VectorXd& x) {
+    return instantiate(model.linear,
+                       with_entries(model.parameters, entries_at(prior, model.parameters, x)));
+  };
+  problem.start = std::move(start);
+  return problem;
+}
+
+// The file's own noise: one draw, without coordinates.
+NoiseProblem known_problem(const ModelFile& model,
+                           std::function<FilterStart(const StateSpace&)> start) {
+  NoiseProblem problem;
+  problem.shared = instantiate(model.linear, model.parameters);
+  problem.draw_prior = [](Random&) { return VectorXd(0); };
+  problem.log_prior = [](const VectorXd&) { return 0.0; };
+  problem.noise = [&model](const VectorXd&) { return instantiate(model.linear, model.parameters); };
+  problem.start = std::move(start);
+  return problem;
+}
+
+MatrixXd entries_of_draws(const ModelFile& model, const ParameterPrior& prior,
+                          const RecursivePosterior& posterior) {
+  const VectorXd own = free_entries(model.parameters);
+  MatrixXd out(own.size(), posterior.draws.cols());
+  for (Index i = 0; i < out.cols(); ++i) {
+    out.col(i) = posterior.draws.rows() == 0
+                     ? own
+                     : entries_at(prior, model.parameters, posterior.draws.col(i));
+  }
+  return out;
+}
+
+// What the noise might have become: the present one with one variance, one matrix, or all of it
+// larger or smaller.
+std::vector<ParameterSet> neighbours(const ParameterSet& present) {
+  const double factors[] = {0.1, std::sqrt(0.1), std::sqrt(10.0), 10.0};
+  std::vector<ParameterSet> out;
+  for (const double factor : factors) {
+    ParameterSet all = present;
+    for (std::size_t p = 0; p < present.size(); ++p) {
+      if (present[p].fixed) continue;
+      all[p].value *= factor;
+      ParameterSet one = present;
+      one[p].value *= factor;
+      out.push_back(one);
+      const bool separate =
+          present[p].domain == Domain::diagonal || present[p].domain == Domain::positive_definite;
+      for (Index i = 0; separate && present[p].value.rows() > 1 && i < present[p].value.rows();
+           ++i) {
+        one = present;
+        one[p].value.row(i) *= std::sqrt(factor);
+        one[p].value.col(i) *= std::sqrt(factor);
+        out.push_back(one);
+      }
+    }
+    out.push_back(all);
+  }
+  return out;
+}
+
+// The test for a change: filters with other noise, and Shiryaev-Roberts statistics of each.
+class ChangeTest {
+ public:
+  ChangeTest(const ModelFile& model, const ParameterPrior& prior, const Samples& samples,
+             double threshold, Random& random)
+      : model_(model), threshold_(threshold) {
+    constexpr Index kFromPrior = 200;
+    near_ = static_cast<Index>(neighbours(model.parameters).size());
+    const Index members = near_ + kFromPrior;
+    bank_ = filter_bank(instantiate(model.linear, model.parameters), members);
+    for (Index i = near_; i < members; ++i) {
+      const VectorXd x = prior.draw(random);
+      const StateSpace noise = instantiate(
+          model.linear, with_entries(model.parameters, entries_at(prior, model.parameters, x)));
+      const FilterStart start = start_of_recording(model, samples, noise);
+      set_noise(bank_, i, noise);
+      set_state(bank_, i, start.x, start.P);
+    }
+    statistic_ = VectorXd::Constant(members, -kInfinity);
+    sum_ = VectorXd::Zero(members);
+    since_.assign(static_cast<std::size_t>(members), 0);
+    log_share_.resize(members);
+    log_share_.head(near_).setConstant(-std::log(2.0 * static_cast<double>(near_)));
+    log_share_.tail(kFromPrior).setConstant(-std::log(2.0 * static_cast<double>(kFromPrior)));
+    density_.resize(members);
+  }
+
+  // The alternatives nearby go with the present noise.
+  void gather_round(const ParameterSet& present, const Mixture& state) {
+    const std::vector<ParameterSet> sets = neighbours(present);
+    for (Index i = 0; i < near_; ++i) {
+      set_noise(bank_, i, instantiate(model_.linear, sets[static_cast<std::size_t>(i)]));
+      set_state(bank_, i, state.x, state.P);
+    }
+  }
+
+  // Takes sample t, whose log-density under the present noise is given. @return log S
+  double observe(Index t, const VectorXd& y, const VectorXd& u, double present) {
+    const double most = threshold_ / 3.0;
+    step(bank_, y, u, density_);
+    for (Index i = 0; i < statistic_.size(); ++i) {
+      const double evidence = std::min(density_[i] - present, most);
+      double& S = statistic_[i];
+      S = (S > 0.0 ? S + std::log1p(std::exp(-S)) : std::log1p(std::exp(S))) + evidence;
+      // The most likely begin of a change into this noise is where its cumulative sum was lowest.
+      if (!(sum_[i] > 0.0)) {
+        sum_[i] = 0.0;
+        since_[static_cast<std::size_t>(i)] = t;
+      }
+      sum_[i] += evidence;
+    }
+    const VectorXd all = statistic_ + log_share_;
+    const double largest = all.maxCoeff();
+    return largest > -kInfinity ? largest + std::log((all.array() - largest).exp().sum())
+                                : -kInfinity;
+  }
+
+  // When the change began: the latest begin that explains the samples about as well as any. An
+  // early one draws samples of the old noise into what is learnt of the new.
+  Index since() const {
+    constexpr double kAsWell = 3.0;  // in log-likelihood
+    const double most = sum_.maxCoeff();
+    Index out = 0;
+    for (Index i = 0; i < sum_.size(); ++i) {
+      if (sum_[i] > most - kAsWell) out = std::max(out, since_[static_cast<std::size_t>(i)]);
+    }
+    return out;
+  }
+
+  // Of the state's prediction under the noise that explains the change best.
+  MatrixXd state_covariance() const {
+    Index best = 0;
+    sum_.maxCoeff(&best);
+    return mixture(bank_, VectorXd::Unit(sum_.size(), best)).P;
+  }
+
+  void begin_anew() {
+    statistic_.setConstant(-kInfinity);
+    sum_.setZero();
+  }
+
+ private:
+  const ModelFile& model_;
+  double threshold_;
+  Index near_ = 0;
+  FilterBank bank_;
+  VectorXd statistic_, sum_, log_share_, density_;
+  std::vector<Index> since_;
+};
+
+// Stores what the mixture of filters says ahead of sample t.
+void store_prediction(FilterResult& out, const StateSpace& shared, Index t, const Mixture& state,
+                      const VectorXd& y, const VectorXd& u) {
+  out.x_pred.col(t) = state.x;
+  out.P_pred.push_back(state.P);
+  const MatrixXd Sigma = shared.C * state.P * shared.C.transpose() + state.R;
+  out.Sigma.push_back(Sigma);
+  VectorXd e = y - shared.C * state.x;
+  if (u.size() > 0) e -= shared.D * u;
+  out.e.col(t) = e;
+  std::vector<Index> present;
+  for (Index j = 0; j < e.size(); ++j) {
+    if (!std::isnan(e[j])) present.push_back(j);
+  }
+  const Eigen::LLT<MatrixXd> factor(MatrixXd(Sigma(present, present)));
+  if (present.empty() || factor.info() != Eigen::Success) return;
+  const VectorXd white = factor.matrixL().solve(VectorXd(e(present)));
+  for (std::size_t j = 0; j < present.size(); ++j) {
+    out.standardised(present[j], t) = white[static_cast<Index>(j)];
+  }
+}
+
+// The same with the first samples alone.
+void shorten(NoiseTrack& track, Index samples) {
+  for (MatrixXd* each : {&track.mean, &track.sd, &track.filter.x_pred, &track.filter.e,
+                         &track.filter.standardised}) {
+    *each = each->leftCols(samples).eval();
+  }
+  track.log_alarm = track.log_alarm.head(samples).eval();
+}
+
+}  // namespace
+
+NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
+                       const NoiseTrackOptions& options) {
+  refuse_free_dynamics(model);
+  const ParameterPrior prior = parameter_prior(model);
+  const Samples samples = samples_of(model, recording);
+  const Index N = recording.size(), n = model.linear.A.constant.rows(), ny = recording.y.rows();
+  Random random(options.seed);
+  const auto at_start = [&](const StateSpace& noise) {
+    return start_of_recording(model, samples, noise);
+  };
+  NoiseProblem problem =
+      options.adaptive ? known_problem(model, at_start) : learning_problem(model, prior, at_start);
+  RecursivePosterior posterior =
+      start_posterior(problem, options.adaptive ? 1 : options.draws, options.seed);
+
+  NoiseTrack out;
+  const Index k = free_entries(model.parameters).size();
+  out.mean.resize(k, N);
+  out.sd.resize(k, N);
+  out.log_alarm = VectorXd::Constant(N, -kInfinity);
+  out.log_threshold = std::log(options.samples_per_false_alarm);
+  out.filter.first_proper = samples.lead;
+  out.filter.x_pred = MatrixXd::Zero(n, N);
+  out.filter.e = MatrixXd::Constant(ny, N, kNone);
+  out.filter.standardised = out.filter.e;
+  out.filter.P_pred.assign(static_cast<std::size_t>(samples.lead), MatrixXd::Zero(n, n));
+  out.filter.Sigma.assign(static_cast<std::size_t>(samples.lead), MatrixXd::Zero(ny, ny));
+
+  MatrixXd entries = entries_of_draws(model, prior, posterior);
+  const auto summarise = [&](Index t) {
+    const VectorXd w = weights(posterior);
+    out.mean.col(t) = entries * w;
+    if (entries.cols() > 1) {
+      out.sd.col(t) = ((entries.colwise() - out.mean.col(t)).cwiseAbs2() * w).cwiseSqrt();
+    } else {
+      out.sd.col(t).setConstant(kNone);
+    }
+  };
+  for (Index t = 0; t < samples.lead; ++t) summarise(t);
+
+  std::optional<ChangeTest> test;
+  if (options.adaptive) {
+    test.emplace(model, prior, samples, out.log_threshold, random);
+    test->gather_round(model.parameters, mixture(posterior.bank, weights(posterior)));
+  }
+  // Takes sample t into the posterior. @return its log-density
+  const auto learn = [&](Index t) {
+    const int before = posterior.renewals;
+    const double density = observe(posterior, problem, recording.y.col(t), samples.u.col(t));
+    if (posterior.renewals != before) entries = entries_of_draws(model, prior, posterior);
+    return density;
+  };
+  bool stopped = false;  // by the caller
+  for (Index t = samples.lead; t < N && !stopped; ++t) {
+    store_prediction(out.filter, problem.shared, t, mixture(posterior.bank, weights(posterior)),
+                     recording.y.col(t), samples.u.col(t));
+    const int before = posterior.renewals;
+    const double density = learn(t);
+    if (!(density > -kInfinity)) refuse_filter(model, {recording}, FilterStatus::indefinite);
+    out.filter.log_likelihood += density;
+    if (test) {
+      out.log_alarm[t] = test->observe(t, recording.y.col(t), samples.u.col(t), density);
+      bool moved = posterior.renewals != before;
+      if (out.log_alarm[t] > out.log_threshold) {
+        const Index since = test->since();
+        out.changes.push_back({since, t});
+        // The old filter does not know how far the new noise has driven the state by then.
+        const FilterStart from{
+            out.filter.x_pred.col(since),
+            out.filter.P_pred[static_cast<std::size_t>(since)] + test->state_covariance(), 0.0};
+        problem = learning_problem(model, prior, [from](const StateSpace&) { return from; });
+        posterior = start_posterior(problem, options.draws, options.seed + out.changes.size());
+        entries = entries_of_draws(model, prior, posterior);
+        for (Index s = since; s <= t; ++s) learn(s);
+        test->begin_anew();
+        moved = true;
+      }
+      if (moved) {
+        const VectorXd w = weights(posterior);
+        test->gather_round(with_entries(model.parameters, entries * w), mixture(posterior.bank, w));
+      }
+    }
+    summarise(t);
+    stopped = options.progress && !options.progress(t + 1, N);
+    if (stopped) shorten(out, t + 1);
+  }
+  PosteriorPoints& end = out.posterior;
+  end.entries = entries;
+  end.coordinates = posterior.draws;
+  end.weight = weights(posterior);
+  end.log_density = posterior.log_prior + posterior.log_likelihood;
+  end.log_evidence = out.filter.log_likelihood;
+  end.effective = 1.0 / end.weight.squaredNorm();
+  end.summary.termination = stopped ? Termination::stopped : Termination::converged;
+  if (stopped) {
+    end.summary.message =
+        fmt::format("stopped by the caller after {} of {} samples", out.mean.cols(), N);
+  }
+  end.summary.iterations = posterior.renewals;
+  return out;
+}
+
+namespace {
+
+// What Wald's sequential test says of the innovations along the way, decision after decision.
+void report_whiteness(Estimate& estimate, const FilterResult& filter) {
+  SequentialTest test = start_sequential_test(filter.standardised.rows(), {});
+  int white = 0, coloured = 0;
+  for (Index t = filter.first_proper; t < filter.standardised.cols(); ++t) {
+    const SequentialDecision decision = update(test, filter.standardised.col(t));
+    white += decision == SequentialDecision::white;
+    coloured += decision == SequentialDecision::coloured;
+  }
+  estimate.notes.push_back(
+      white + coloured == 0
+          ? "the sequential test of whiteness has come to no decision"
+          : fmt::format("sequential test of whiteness: {} times white, {} times coloured", white,
+                        coloured));
+}
+
+// Innovations that are not as large as the filter takes them for, all along the recording.
+void warn_of_size(Estimate& estimate, bool adaptive) {
+  constexpr Index kEnough = 50;  // below, a mixture of filters has no chi-square
+  for (const TestResult& test : estimate.tests) {
+    if (test.id != "nis" || test.pass || estimate.series.time.size() < kEnough) continue;
+    estimate.warnings.push_back(
+        {"innovation_size",
+         "warning",
+         {},
+         fmt::format("the innovations are {:.3g} times as large (in variance) as the filter took "
+                     "them for",
+                     test.value),
+         adaptive ? "the first samples of every new noise are among them; else widen the priors"
+                  : "noise that changes on the way: --adaptive; else widen the priors"});
+  }
+}
+
+}  // namespace
+
+Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOptions& options) {
+  check_recordings(model, {whole});
+  const NoiseTrack course = track_noise(model, whole, options);
+  const bool stopped = course.posterior.summary.termination == Termination::stopped;
+  const Dataset recording = stopped ? first_samples(whole, course.mean.cols()) : whole;
+  Estimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = options.adaptive ? "adaptive" : "recursive";
+  estimate.objective.log_likelihood = course.filter.log_likelihood;
+  const PosteriorPoints& points = course.posterior;
+  const bool learnt = points.coordinates.rows() > 0;
+  if (learnt) {
+    report_posterior(estimate, model, points, "recursive Monte Carlo");
+  } else {
+    list_parameters(estimate, model.parameters, model.parameters);
+    estimate.covariance_kind = "none: the noise of the model file was not rejected";
+  }
+  SolverSummary summary = points.summary;
+  summary.termination = Termination::converged;  // what was learnt up to there stands
+  conclude_noise_estimate(estimate, summary);
+  if (stopped) {
+    estimate.status = Status::not_converged;
+    estimate.message = points.summary.message;
+  } else if (!learnt) {
+    estimate.message =
+        fmt::format("the noise of the model file stands after {} samples", recording.size());
+  } else if (options.adaptive) {
+    estimate.message += fmt::format("; the noise was learnt anew {} time{}", course.changes.size(),
+                                    course.changes.size() == 1 ? "" : "s");
+  }
+  const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
+  describe_noise(estimate, model, end);
+  describe_innovations(estimate, {recording}, {course.filter});
+  report_whiteness(estimate, course.filter);
+  warn_of_coloured_innovations(estimate);
+  warn_of_size(estimate, options.adaptive);
+  if (course.changes.empty()) {
+    warn_of_suspect_data(estimate, model, end, {recording}, {course.filter});
+  }
+  distrust_serious_warnings(estimate);
+
+  Course& report = estimate.course.emplace();
+  const Index k = course.mean.rows();
+  VectorXd unit(k);
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    unit[static_cast<Index>(report.names.size())] = unit_scale(p.unit);
+    report.names.push_back(p.name);
+    report.units.push_back(p.unit);
+  }
+  const VectorXd in_units = unit.cwiseInverse();
+  report.mean = in_units.asDiagonal() * course.mean;
+  report.sd = in_units.asDiagonal() * course.sd;
+  report.log_alarm = VectorXd::Constant(recording.size(), kNone);
+  if (options.adaptive) {
+    report.log_alarm.tail(recording.size() - course.filter.first_proper) =
+        course.log_alarm.tail(recording.size() - course.filter.first_proper);
+    report.log_threshold = course.log_threshold;
+  }
+  for (std::size_t c = 0; c < course.changes.size(); ++c) {
+    const NoiseChange& change = course.changes[c];
+    const Index last =
+        c + 1 < course.changes.size() ? course.changes[c + 1].found - 1 : recording.size() - 1;
+    report.changes.push_back({recording.time[change.since], recording.time[change.found],
+                              report.mean.col(std::max<Index>(change.found - 1, 0)),
+                              report.mean.col(last)});
+  }
+  return estimate;
+}
+
+}  // namespace identikal

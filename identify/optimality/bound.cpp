@@ -1,0 +1,292 @@
+#include "identify/optimality/bound.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/noise/estimate.h"
+#include "identify/simulation/simulate.h"
+#include "lib/base/random.h"
+#include "lib/data/units.h"
+#include "lib/filter/information.h"
+#include "solvers/covariance.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// A pseudo-inverse leaves the determined parameters their variance when others are flat.
+MatrixXd covariance_of(const MatrixXd& information) {
+  const auto inverse = scaled_inverse(information, 1e-9);
+  return inverse ? *inverse : information.completeOrthogonalDecomposition().pseudoInverse();
+}
+
+// Standard deviations of the steady gain's entries by the delta method.
+MatrixXd gain_deviation(const GainSensitivity& gain, const MatrixXd& covariance) {
+  MatrixXd slopes(gain.K.size(), covariance.rows());
+  for (Index i = 0; i < covariance.rows(); ++i) {
+    slopes.col(i) = gain.K_theta[static_cast<std::size_t>(i)].reshaped();
+  }
+  const VectorXd variance = (slopes * covariance * slopes.transpose()).diagonal();
+  return variance.cwiseMax(0.0).cwiseSqrt().reshaped(gain.K.rows(), gain.K.cols());
+}
+
+// The lower triangle, column by column.
+VectorXd lower_triangle(const MatrixXd& M) {
+  VectorXd out(M.rows() * (M.rows() + 1) / 2);
+  for (Index j = 0, at = 0; j < M.rows(); ++j) {
+    for (Index i = j; i < M.rows(); ++i) out[at++] = M(i, j);
+  }
+  return out;
+}
+
+// What recordings of `samples` samples leave to K and Sigma as unknowns of their own.
+// @param of_the_noise  K and Sigma carry all that outputs say of the parameters
+// @return published_se of the free parameters alone, in SI
+Bound::InnovationForm innovation_form(const StateSpace& system, const GainSensitivity& gain,
+                                      Index samples, bool of_the_noise) {
+  Bound::InnovationForm out;
+  out.published_se.assign(gain.K_theta.size(), kNone);
+  const auto information = innovation_form_information(system.A, system.C, gain.K, gain.Sigma);
+  if (!information) return out;
+  const auto N = static_cast<double>(samples);
+  const Index gains = gain.K.size(), ny = gain.Sigma.rows();
+  out.Sigma = gain.Sigma;
+  out.K_se = MatrixXd::Constant(gain.K.rows(), ny, kNone);
+  if (const auto K = scaled_inverse(N * information->topLeftCorner(gains, gains))) {
+    out.K_se = K->diagonal().cwiseSqrt().reshaped(gain.K.rows(), ny);
+  }
+  const VectorXd variance = gain.Sigma.diagonal();
+  out.Sigma_se = ((gain.Sigma.cwiseAbs2() + variance * variance.transpose()) / N).cwiseSqrt();
+  const auto k = static_cast<Index>(gain.K_theta.size());
+  if (gains != 1 || ny != 1 || gain.K(0, 0) == 0.0) return out;
+
+  const Eigen::Matrix2d published =
+      N * published_innovation_information(gain.K(0, 0), gain.Sigma(0, 0));
+  const Eigen::Matrix2d inverse = published.inverse();
+  out.published_K_se = std::sqrt(inverse(0, 0));
+  out.published_Sigma_se = std::sqrt(inverse(1, 1));
+  if (k != 2 || !of_the_noise) return out;  // not one to one
+  MatrixXd slopes(information->rows(), k);
+  for (Index i = 0; i < k; ++i) {
+    slopes.col(i) << gain.K_theta[static_cast<std::size_t>(i)].reshaped(),
+        lower_triangle(gain.Sigma_theta[static_cast<std::size_t>(i)]);
+  }
+  const auto by_parameter = scaled_inverse(slopes.transpose() * published * slopes);
+  if (!by_parameter) return out;
+  for (Index i = 0; i < k; ++i) {
+    out.published_se[static_cast<std::size_t>(i)] = std::sqrt((*by_parameter)(i, i));
+  }
+  return out;
+}
+
+void conclude(Estimate& estimate) {
+  const Identifiability& id = estimate.identifiability;
+  if (id.rank == id.of) {
+    estimate.status = Status::ok;
+    estimate.message = "every free parameter can be determined";
+    return;
+  }
+  std::string names;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
+    names += (names.empty() ? "" : ", ") + p.name;
+  }
+  estimate.status = Status::answer_no;
+  estimate.message = fmt::format("outputs alone determine {} of {} unknowns; not determined: {}",
+                                 id.rank, id.of, names);
+}
+
+// What recordings say of the free entries, SI.
+struct Told {
+  MatrixXd total;
+  MatrixXd per_sample;  // what further samples add; empty: as much as these
+  // Per free entry: its variance times the samples, with the states observed; kNone where the
+  // noise alone does not say it. Empty: none of them.
+  VectorXd complete;
+  std::optional<GainSensitivity> gain;
+  Bound::InnovationForm innovation_form;
+};
+
+// With the states observed and the dynamics known. Noise of continuous time depends, as it is from
+// sample to sample, on the dynamics too; but what that says of them is little beside what the
+// states themselves say, so nothing is said of parameters that move both.
+VectorXd complete_variance(const StateSpace& system, const std::vector<StateSpace>& derivatives) {
+  std::vector<StateSpace> of_noise;
+  std::vector<Index> place;
+  for (std::size_t i = 0; i < derivatives.size(); ++i) {
+    const StateSpace& d = derivatives[i];
+    const bool in_noise = !(d.Q.isZero(0.0) && d.R.isZero(0.0) && d.S.isZero(0.0));
+    if (!in_noise || !d.G.isZero(0.0) || changes_dynamics(d)) continue;
+    of_noise.push_back(d);
+    place.push_back(static_cast<Index>(i));
+  }
+  VectorXd out = VectorXd::Constant(static_cast<Index>(derivatives.size()), kNone);
+  const auto information = complete_data_information(system, of_noise);
+  const auto covariance = information ? scaled_inverse(*information, 1e-12) : std::nullopt;
+  if (covariance) out(place) = covariance->diagonal();
+  return out;
+}
+
+Told told_by_linear(const ModelFile& model, const BoundOptions& options, const Dataset* inputs,
+                    const std::vector<StateSpace>& derivatives) {
+  const StateSpace system = instantiate(model.linear, model.parameters);
+  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
+  const ExpectedInformation information =
+      expected_information(system, model.linear.initial, options.samples, derivatives, u);
+  if (information.status != FilterStatus::ok) {
+    throw InputError({model.path, 0, 0}, describe(information.status),
+                     "values of a filter that runs",
+                     model.linear.initial == InitialState::stationary
+                         ? "say 'initial: diffuse' where A is not stable"
+                         : "");
+  }
+  Told out;
+  out.total = information.total;
+  // Further samples add what a steady filter sees; of inputs, as much as so far.
+  if (u.size() == 0) out.per_sample = information.per_sample;
+  out.complete = complete_variance(system, derivatives);
+  out.gain = steady_gain_sensitivity(system, derivatives);
+  if (out.gain) {
+    const bool of_the_noise =
+        std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
+    out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
+  }
+  return out;
+}
+
+Told told_by_nonlinear(const ModelFile& model, const BoundOptions& options, const Dataset& inputs,
+                       Bound& bound) {
+  Random random(options.seed);
+  std::vector<MatrixXd> each;
+  std::vector<Dataset> recording{inputs};
+  Told out;
+  for (int run = 0; run < options.runs; ++run) {
+    recording[0].y = simulated_outputs(model, inputs, random);
+    NonlinearRecordings likelihood(model, recording);
+    const Likelihood& at = likelihood.evaluate(model.parameters, true);
+    if (at.status != FilterStatus::ok) {
+      throw InputError({model.path, 0, 0},
+                       fmt::format("simulated recording {} of {}: {}", run + 1, options.runs,
+                                   describe(at.status)),
+                       "values of a filter that runs");
+    }
+    each.push_back(at.information);
+    out.total = run == 0 ? at.information : MatrixXd(out.total + at.information);
+  }
+  const double runs = options.runs;
+  out.total /= runs;
+  bound.simulated = options.runs;
+  bound.seed = options.seed;
+  // V = J^-1 moves by -V dJ V.
+  const auto V = scaled_inverse(out.total, 1e-9);
+  if (!V) return out;
+  VectorXd squares = VectorXd::Zero(V->rows());
+  for (const MatrixXd& J : each) {
+    squares += (*V * (J - out.total) * *V).diagonal().cwiseAbs2();
+  }
+  const VectorXd se = (squares / (runs * (runs - 1.0))).cwiseSqrt();
+  bound.simulation_se = 0.5 * se.cwiseQuotient(V->diagonal()).maxCoeff();
+  return out;
+}
+
+}  // namespace
+
+Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs) {
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (nonlinear && (inputs == nullptr || options.runs < 2)) {
+    throw std::invalid_argument(
+        fmt::format("bound_of: a nonlinear model needs a recording's times and inputs, and 2 or "
+                    "more runs, not {}",
+                    options.runs));
+  }
+  if (free_entries(model.parameters).size() == 0) {
+    throw InputError({model.path, 0, 0}, "nothing is free, so there is nothing to bound",
+                     "at least one parameter with {value: ...} or a structured Q or R");
+  }
+  Estimate estimate;
+  estimate.verb = "bound";
+  estimate.model_name = model.name;
+  estimate.objective.method = "bound";
+  list_parameters(estimate, model.parameters, model.parameters);
+  Bound& bound = estimate.bound.emplace();
+  bound.samples = options.samples;
+  bound.accuracy = options.accuracy;
+  const Told told = nonlinear ? told_by_nonlinear(model, options, *inputs, bound)
+                              : told_by_linear(model, options, inputs,
+                                               model_derivatives(model.linear, model.parameters));
+  std::vector<double> units;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed) units.push_back(unit_scale(p.unit));
+  }
+  const auto k = static_cast<Index>(units.size());
+  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const auto in_units = [&unit](const MatrixXd& J) {
+    return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());
+  };
+  const MatrixXd total = in_units(told.total);
+  const MatrixXd covariance = covariance_of(total);
+  judge_parameters(estimate, total, covariance);
+  describe_filter_loss(estimate, model, model.parameters);
+
+  const std::optional<GainSensitivity>& gain = told.gain;
+  const MatrixXd rate = told.per_sample.size() > 0
+                            ? in_units(told.per_sample)
+                            : MatrixXd(total / static_cast<double>(options.samples));
+  const MatrixXd covariance_rate = covariance_of(rate);
+  Index i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    double complete_se = kNone, needed = kNone;
+    MatrixXd change;
+    if (!p.fixed) {
+      p.crb_se = p.se;
+      p.se = kNone;
+      p.ci95 = {kNone, kNone};
+      if (told.complete.size() > 0) {
+        complete_se = std::sqrt(told.complete[i] / static_cast<double>(options.samples)) / unit[i];
+      }
+      if (!std::isnan(p.crb_se)) {
+        const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
+        needed = std::ceil(std::pow(relative / options.accuracy, 2));
+        if (!std::isfinite(needed)) needed = kNone;
+      }
+      if (gain) {
+        change = 0.01 * p.value * unit[i] * gain->K_theta[static_cast<std::size_t>(i)];
+      }
+      ++i;
+    }
+    bound.complete_se.push_back(complete_se);
+    bound.samples_needed.push_back(needed);
+    bound.gain_change.push_back(change);
+  }
+  if (gain) {
+    estimate.noise.K_steady = gain->K;
+    bound.gain_se = gain_deviation(*gain, unit.asDiagonal() * covariance * unit.asDiagonal());
+    bound.innovation_form = told.innovation_form;
+    const std::vector<double> free = bound.innovation_form.published_se;
+    bound.innovation_form.published_se.clear();
+    Index at = 0;
+    for (const EstimatedParameter& p : estimate.parameters) {
+      double se = kNone;
+      if (!p.fixed) {
+        se = free[static_cast<std::size_t>(at)] / unit[at];
+        ++at;
+      }
+      bound.innovation_form.published_se.push_back(se);
+    }
+  }
+  conclude(estimate);
+  return estimate;
+}
+
+}  // namespace identikal

@@ -1,0 +1,88 @@
+#include "identify/optimality/check.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "identify/filter/outliers.h"
+#include "identify/filter/report.h"
+#include "identify/noise/estimate.h"
+#include "identify/optimality/optimality.h"
+#include "identify/optimality/score_statistic.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+
+using Eigen::Index;
+
+namespace {
+
+// Below this no test has its stated error.
+constexpr Index kFewestInnovations = 20;
+
+}  // namespace
+
+Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  if (model.form != ModelFile::Form::linear && !nonlinear) {
+    throw InputError({model.path, 0, 0},
+                     "'check' tests a Kalman filter, this model is a vehicle without noise",
+                     "a model with Q and R", "'fit' tests the residuals itself");
+  }
+  Estimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = "check";
+  estimate.status = Status::ok;
+  list_known_parameters(estimate, model.parameters);
+  check_channels(recordings);
+  const std::vector<FilterResult> filters =
+      describe_filter(estimate, model, model.parameters, recordings);
+  Index innovations = 0;
+  for (const FilterResult& filter : filters) {
+    innovations += (filter.standardised.array() == filter.standardised.array()).count();
+  }
+  if (innovations < kFewestInnovations) {
+    throw InputError(
+        {recordings[0].name, 0, 0}, fmt::format("{} innovations are too few to test", innovations),
+        fmt::format("at least {} measured samples behind a diffuse start", kFewestInnovations),
+        "use a longer recording");
+  }
+  Optimality found = test_optimality(model, recordings, filters);
+  estimate.tests = std::move(found.tests);
+  estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
+  const Retuned better = retuned(with_free_noise(model), recordings);
+  if (nonlinear) {
+    estimate.notes.emplace_back(
+        "no loss in tr P: a nonlinear model has no steady filter; its tests take the "
+        "innovations for Gaussian");
+  } else {
+    estimate.derived.push_back({"predicted loss in tr P", "%", 100.0 * better.loss, kNone});
+  }
+  if (!found.optimal && !std::isnan(better.gain)) {
+    const ReportedEntries to = reported_entries(better.parameters);
+    std::string values;
+    for (std::size_t i = 0; i < to.names.size(); ++i) {
+      if (better.parameters[static_cast<std::size_t>(to.parameter[i])].fixed) continue;
+      const Unit unit = parse_unit(to.units[i]).value_or(Unit{});
+      values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
+                            unit.from_si(to.value[static_cast<Index>(i)]));
+    }
+    estimate.notes.push_back(fmt::format(
+        "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
+        better.gain, values));
+  }
+  warn_of_suspect_data(estimate, model, model.parameters, recordings, filters);
+  estimate.warnings.insert(estimate.warnings.end(), found.warnings.begin(), found.warnings.end());
+  if (found.optimal) {
+    estimate.message = "no test rejects optimality";
+    return estimate;
+  }
+  estimate.status = Status::answer_no;
+  estimate.message = "not optimal";
+  for (std::size_t i = 0; i < found.faults.size(); ++i) {
+    estimate.message += (i == 0 ? ": " : "; ") + found.faults[i];
+  }
+  return estimate;
+}
+
+}  // namespace identikal

@@ -1,0 +1,22 @@
+// Is this filter optimal for this recording? Tests of the innovations at the noise covariances that
+// the model file gives.
+#pragma once
+
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+/// Runs the filter with the file's values, nothing estimated, and puts its innovations to the tests
+/// of identify/optimality/optimality.h, which together err with 5 % at most. Status answer_no when
+/// one fails; the message says what is wrong where: which entry of Q or R and which way, which
+/// channel at which lag. `derived` holds the predicted loss in tr P of the present noise where the
+/// model is linear; a nonlinear one has no steady filter to compare with.
+/// @throws InputError for a vehicle or a regression, an output that never changes, an
+/// input with gaps, or too few innovations
+Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings);
+
+}  // namespace identikal

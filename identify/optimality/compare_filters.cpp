@@ -1,0 +1,171 @@
+#include "identify/optimality/compare_filters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "identify/estimate/distribution.h"
+#include "identify/filter/report.h"
+#include "identify/noise/estimate.h"
+#include "identify/optimality/optimality.h"
+#include "lib/statistics/autocorrelation.h"
+#include "lib/statistics/autoregression.h"
+#include "lib/statistics/long_run_covariance.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kHighestPairOrder = 10;
+
+struct Scored {
+  double log_likelihood = kNone, mean = kNone, worst = kNone, order = kNone;
+  bool optimal = false;
+  int lags = 0;      // of the autocorrelations behind mean and worst
+  VectorXd squares;  // e' Sigma^-1 e of each sample; NaN where none is present
+};
+
+Scored scored(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  Scored out;
+  Estimate described;
+  const std::vector<FilterResult> filters =
+      describe_filter(described, model, model.parameters, recordings);
+  out.log_likelihood = described.objective.log_likelihood;
+  out.optimal = test_optimality(model, recordings, filters).optimal;
+  Index shortest = recordings[0].size();
+  for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
+  const int lags = out.lags = default_lags(shortest);
+  const MatrixXd e = side_by_side(filters, std::max(lags, kHighestPairOrder));
+  const auto present = (e.array() == e.array());
+  out.squares = present.select(e, 0.0).colwise().squaredNorm().transpose();
+  const auto samples = static_cast<Index>(present.colwise().all().count());
+  const VectorXd psi = published_chi_square(
+      autocorrelations(sample_autocovariances(e, lags + 1, Divisor::equal_variance)), samples);
+  out.mean = psi.mean();
+  out.worst = psi.maxCoeff();
+  const Autoregressions models =
+      yule_walker(sample_autocovariances(e, kHighestPairOrder + 1, Divisor::samples));
+  if (models.S.size() > 1 && samples >= 3) {
+    out.order = -autoregressive_order(models, samples, Penalty::bic).least;
+  }
+  return out;
+}
+
+// Two-sided p-value of the difference in log-likelihood.
+double difference(const Scored& a, const Scored& best) {
+  const double gap = a.log_likelihood - best.log_likelihood;
+  if (a.squares.size() != best.squares.size() || gap == 0.0) return 1.0;
+  VectorXd d = 0.5 * (best.squares - a.squares);
+  d.array() -= d.mean();
+  const double variance =
+      long_run_covariance(d.transpose(), andrews_bandwidth(d.transpose(), d.size() / 4 + 1))(0, 0);
+  return variance > 0.0 ? normal_two_sided(gap / std::sqrt(variance)) : 0.0;
+}
+
+void check_models(const std::vector<ModelFile>& models) {
+  if (models.size() < 2) {
+    throw InputError({}, "one filter cannot be compared",
+                     "identikal check --compare A.yaml B.yaml DATA");
+  }
+  for (const ModelFile& model : models) {
+    if (model.form != ModelFile::Form::linear && model.form != ModelFile::Form::nonlinear) {
+      throw InputError({model.path, 0, 0}, "'check' compares Kalman filters, this is a vehicle",
+                       "a model with Q and R");
+    }
+    const auto same = [](const ChannelSource& a, const ChannelSource& b) {
+      return a.column == b.column && a.unit == b.unit;
+    };
+    if (!std::equal(model.outputs.begin(), model.outputs.end(), models[0].outputs.begin(),
+                    models[0].outputs.end(), same)) {
+      throw InputError({model.path, 0, 0},
+                       "its outputs are other columns or units than those of " + models[0].path,
+                       "the same measurements in the same order",
+                       "likelihoods of different data cannot be compared");
+    }
+  }
+}
+
+}  // namespace
+
+Estimate compare_filters(const std::vector<ModelFile>& models,
+                         const std::vector<std::vector<Dataset>>& recordings) {
+  check_models(models);
+  std::vector<Scored> all;
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    check_channels(recordings[i]);
+    all.push_back(scored(models[i], recordings[i]));
+  }
+  std::vector<std::size_t> order(models.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return all[a].log_likelihood > all[b].log_likelihood;
+  });
+  const Scored& best = all[order[0]];
+
+  Estimate out;
+  out.model_name = fmt::format("{} filters", models.size());
+  out.objective.method = "compare";
+  out.objective.log_likelihood = best.log_likelihood;
+  out.status = Status::ok;
+  const auto least = [&](double Scored::*measure) {
+    double value = std::numeric_limits<double>::infinity();
+    for (const Scored& s : all) value = std::min(value, s.*measure);
+    return value;
+  };
+  const std::pair<const char*, double Scored::*> measures[] = {{"measure_mean", &Scored::mean},
+                                                               {"measure_worst", &Scored::worst},
+                                                               {"measure_order", &Scored::order}};
+  out.notes.emplace_back("rank log-likelihood  to best      p Q mean  Q max    AR opt file");
+  for (std::size_t rank = 0; rank < order.size(); ++rank) {
+    const Scored& s = all[order[rank]];
+    const std::string& path = models[order[rank]].path;
+    TestResult likelihood;
+    likelihood.id = "log_likelihood";
+    likelihood.channel = path;
+    likelihood.value = s.log_likelihood;
+    likelihood.p = difference(s, best);
+    likelihood.pass = rank == 0;
+    out.tests.push_back(likelihood);
+    for (const auto& [id, measure] : measures) {
+      TestResult t;
+      t.id = id;
+      t.channel = path;
+      t.value = s.*measure;
+      t.pass = s.*measure == least(measure);
+      out.tests.push_back(t);
+    }
+    TestResult optimal;
+    optimal.id = "optimal";
+    optimal.channel = path;
+    optimal.value = s.optimal ? 1.0 : 0.0;
+    optimal.pass = s.optimal;
+    out.tests.push_back(optimal);
+    // Within the width of the console.
+    const std::string file = path.size() <= 19 ? path : "..." + path.substr(path.size() - 16);
+    out.notes.push_back(
+        fmt::format("{:>4} {:>14.2f} {:>8.2f} {:>6.2g} {:>6.1f} {:>6.1f} {:>5.0f} {:>3} {}",
+                    rank + 1, s.log_likelihood, s.log_likelihood - best.log_likelihood,
+                    likelihood.p, s.mean, s.worst, s.order, s.optimal ? "yes" : "no", file));
+  }
+  out.notes.push_back(
+      fmt::format("Q: N times the sum of squared autocorrelations of an output's innovations at {} "
+                  "lags, about {} where they are white: mean over the outputs, largest",
+                  best.lags, best.lags));
+  out.notes.emplace_back(
+      "AR: what an autoregressive model of the innovations would gain, below 0 where they are "
+      "white");
+  out.notes.emplace_back("opt: passes the tests of 'check'");
+  const double p = difference(all[order[1]], best);
+  out.message =
+      fmt::format("{} has the highest likelihood{}", models[order[0]].path,
+                  p < kFamilyError ? "" : fmt::format(", but not beyond chance (p = {:.2g})", p));
+  return out;
+}
+
+}  // namespace identikal

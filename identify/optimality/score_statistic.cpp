@@ -1,0 +1,135 @@
+#include "identify/optimality/score_statistic.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+
+#include "identify/estimate/estimate.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "lib/filter/steady_state.h"
+#include "solvers/scoring.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kSteps = 10;
+
+void make_free(ModelFile& model, ParametrisedMatrix& matrix, const char* name,
+               const MatrixXd& value) {
+  if (value.size() == 0) return;
+  Parameter p;
+  p.name = name;
+  p.domain = Domain::positive_definite;
+  p.value = value;
+  matrix = {};
+  matrix.block = static_cast<int>(model.parameters.size());
+  model.parameters.push_back(p);
+}
+
+double predicted_loss(const StateSpace& present, const StateSpace& better) {
+  const auto now = steady_state(present), best = steady_state(better);
+  if (!now || !best) return kNone;
+  const MatrixXd& K = now->K;
+  const MatrixXd F = better.A - K * better.C, cross = better.G * better.S * K.transpose();
+  const auto P =
+      solve_discrete_lyapunov(F, better.G * better.Q * better.G.transpose() +
+                                     K * better.R * K.transpose() - cross - cross.transpose());
+  if (!P || !(best->P.trace() > 0.0)) return kNone;
+  return std::max(0.0, P->trace() / best->P.trace() - 1.0);
+}
+
+}  // namespace
+
+ModelFile with_free_noise(const ModelFile& model) {
+  std::set<int> noise;
+  for (const ParametrisedMatrix* matrix : {&model.linear.Q, &model.linear.R, &model.linear.S}) {
+    for (const int p : parameters_in(*matrix)) noise.insert(p);
+  }
+  ModelFile out = model;
+  bool any = false;
+  for (std::size_t i = 0; i < out.parameters.size(); ++i) {
+    Parameter& p = out.parameters[i];
+    p.fixed = p.fixed || noise.count(static_cast<int>(i)) == 0;
+    any = any || !p.fixed;
+  }
+  if (any) return out;
+  const StateSpace written = written_matrices(model.linear, model.parameters);
+  make_free(out, out.linear.Q, "Q", written.Q);
+  make_free(out, out.linear.R, "R", written.R);
+  return out;
+}
+
+ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  ScoreTest out;
+  const ReportedEntries entries = reported_entries(model.parameters);
+  std::vector<double> values;
+  for (std::size_t i = 0; i < entries.names.size(); ++i) {
+    if (model.parameters[static_cast<std::size_t>(entries.parameter[i])].fixed) continue;
+    out.names.push_back(entries.names[i]);
+    values.push_back(entries.value[static_cast<Index>(i)]);
+  }
+  const auto k = static_cast<Index>(values.size());
+  if (k == 0) throw std::invalid_argument("score_test: nothing is free");
+  out.value = Eigen::Map<const VectorXd>(values.data(), k);
+  RecordingsLikelihood likelihood(model, recordings);
+  const Likelihood* at = likelihood.evaluate(model.parameters, true);
+  if (at == nullptr) {
+    out.status = likelihood.status_at_start();
+    return out;
+  }
+  const VectorXd scale = at->information.diagonal().cwiseSqrt();
+  const VectorXd inverse = (scale.array() > 0.0).select(scale.cwiseInverse(), 0.0);
+  out.direction = at->gradient.cwiseProduct(inverse);
+  const MatrixXd scaled = inverse.asDiagonal() * at->information * inverse.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
+  const double least = kFlat * eigen.eigenvalues().cwiseAbs().maxCoeff();
+  VectorXd step = VectorXd::Zero(k), variance = step, flat = step;
+  for (Index i = 0; i < k; ++i) {
+    const VectorXd v = eigen.eigenvectors().col(i);
+    if (!(eigen.eigenvalues()[i] > least)) {
+      flat = flat.cwiseMax(v.cwiseAbs());
+      continue;
+    }
+    const double along = v.dot(out.direction), information = eigen.eigenvalues()[i];
+    out.statistic.value += along * along / information;
+    out.statistic.dof += 1.0;
+    step += v * (along / information);
+    variance += v.cwiseAbs2() / information;
+  }
+  out.step = step.cwiseProduct(inverse);
+  out.step_se = (flat.array() > 1e-3).select(kNone, variance.cwiseSqrt().cwiseProduct(inverse));
+  return out;
+}
+
+Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  Retuned out;
+  RecordingsLikelihood likelihood(model, recordings);
+  const LikelihoodProblem problem = likelihood.problem();
+  // A value outside its bounds is the file's own; scoring begins at the nearest inside.
+  const VectorXd start =
+      coordinates(model.parameters).cwiseMax(problem.lower).cwiseMin(problem.upper);
+  SolverOptions options;
+  options.max_iterations = kSteps;
+  const Solution solution = maximise(problem, start, options);
+  if (solution.summary.termination == Termination::start_undefined) {
+    return {model.parameters, kNone, kNone};
+  }
+  out.parameters = with_coordinates(model.parameters, solution.x);
+  out.gain = solution.summary.objective - solution.summary.initial_objective;
+  if (model.form == ModelFile::Form::nonlinear) {
+    out.loss = kNone;
+    return out;
+  }
+  out.loss = predicted_loss(instantiate(model.linear, model.parameters),
+                            instantiate(model.linear, out.parameters));
+  return out;
+}
+
+}  // namespace identikal

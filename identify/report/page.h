@@ -1,0 +1,30 @@
+// How does a result become a page that a browser shows? One file, nothing fetched.
+#pragma once
+
+#include <string>
+
+#include "identify/report/page_data.h"
+
+namespace identikal {
+
+/// Name of the file beside result.json that holds what the page draws.
+inline constexpr const char* kReportDataFile = "report_data.json";
+
+/// What the page draws beyond the result, as JSON of schema_version 1: lines over time as {y} or
+/// {lo, hi}, numbers rounded to a twenty-thousandth of their line's range (of themselves where the
+/// axis is logarithmic), null for NaN.
+/// @param result  what result_json() gave for the same estimate: its SHA-256 without the time that
+///   the job took is kept, so that no page is made of parts that do not belong together; its own
+///   too
+std::string report_data_json(const ReportData& data, const std::string& result);
+
+/// The page: HTML with styles, scripts and both JSON texts inside.
+std::string report_page(const std::string& result, const std::string& data);
+
+/// The page of a result that was written before.
+/// @param path  result.json or the folder that holds it; kReportDataFile lies beside it
+/// @throws InputError when a file is missing, is not whole, is of another schema version, was
+///   changed, or the two do not belong together
+std::string rebuilt_page(const std::string& path);
+
+}  // namespace identikal

@@ -1,0 +1,169 @@
+#include "identify/report/survey_text.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace identikal {
+namespace {
+
+constexpr std::size_t kSurveyWidth = 80;
+
+// A head as it is, then words wrapped to the width; lines after the first are indented.
+std::string in_lines(const std::string& head, const std::string& text, std::size_t indent) {
+  std::string out, line = head;
+  bool begun = false;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find(' ', at), text.size());
+    const std::string word = text.substr(at, end - at);
+    if (begun && line.size() + 1 + word.size() > kSurveyWidth) {
+      out += line + "\n";
+      line = std::string(indent, ' ') + word;
+    } else {
+      line += (begun ? " " : "") + word;
+    }
+    begun = true;
+    at = end + 1;
+  }
+  return out + line + "\n";
+}
+
+// Names of columns may be of any length.
+std::string fitting(const std::string& name, std::size_t width) {
+  return name.size() <= width ? name : name.substr(0, width - 2) + "..";
+}
+
+std::string printed(double value, const char* format = "{:.4g}") {
+  return std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : "-";
+}
+
+std::string share(double value) { return printed(100.0 * value, "{:.0f}") + " %"; }
+
+// Plain where YAML takes it as text; quoted otherwise.
+std::string yaml(const std::string& text) {
+  bool plain = !text.empty() && (std::isalpha(static_cast<unsigned char>(text[0])) != 0);
+  for (const char c : text) {
+    plain = plain && (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.' ||
+                      c == '/' || c == '^');
+  }
+  if (plain) return text;
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + "\"";
+}
+
+}  // namespace
+
+std::string mapping_text(const VehicleSurvey& survey) {
+  std::string out = "model: single-track\n";
+  if (!survey.time_column.empty()) {
+    out += fmt::format("time: {{column: {}{}}}\n", yaml(survey.time_column),
+                       survey.time_unit.empty() ? "" : ", unit: " + yaml(survey.time_unit));
+  }
+  for (const bool input : {true, false}) {
+    std::string lines;
+    for (const VehicleSurvey::Proposal& p : survey.mapping) {
+      if (p.input != input) continue;
+      lines += fmt::format("  {}: {{column: {}", p.name, yaml(p.column));
+      if (!p.unit.empty()) lines += ", unit: " + yaml(p.unit);
+      if (p.scale != 1.0) lines += fmt::format(", scale: {:g}", p.scale);
+      if (p.offset != 0.0) lines += fmt::format(", offset: {:.6g}", p.offset);
+      if (p.delay != 0.0) lines += fmt::format(", delay: {:.3g} s", p.delay);
+      lines += "}\n";
+    }
+    if (!lines.empty()) out += (input ? "inputs:\n" : "outputs:\n") + lines;
+  }
+  return out + fmt::format("use_when: \"vx > {:g}\"\n", survey.least_speed);
+}
+
+std::string survey_text(const VehicleSurvey& survey) {
+  std::string out;
+  if (!survey.signals.empty()) {
+    out = fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", "column", "taken as",
+                      "unit", "Hz", "min", "max", "held", "step");
+  }
+  for (const VehicleSurvey::Signal& s : survey.signals) {
+    out += fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 19),
+                       s.quantity, s.unit, printed(s.rate), printed(s.lowest), printed(s.highest),
+                       std::isfinite(s.held) ? fmt::format("{:.0f}%", 100.0 * s.held) : "-",
+                       printed(s.quantum, "{:.2g}"));
+  }
+  std::string straight;
+  for (const VehicleSurvey::Signal& s : survey.signals) {
+    if (!std::isfinite(s.straight)) continue;
+    straight += fmt::format("{}{} {:.3g} {}", straight.empty() ? "straight on: " : ", ", s.column,
+                            s.straight, s.unit);
+  }
+  if (!straight.empty()) out += in_lines("", straight + " (median)", 2);
+  if (!survey.relations.empty()) {
+    out += fmt::format("\n{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", "expected", "seen",
+                       "correlation", "size", "seen later by", "next peak");
+    for (const VehicleSurvey::Relation& r : survey.relations) {
+      out += fmt::format("{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
+                         printed(r.correlation, "{:.3f}"), printed(r.slope, "{:.3g}"),
+                         std::isfinite(r.lag)
+                             ? fmt::format("{:.3f} +- {} s", r.lag, printed(r.lag_se, "{:.3f}"))
+                             : "-",
+                         std::isfinite(r.other_lag)
+                             ? fmt::format("{:.2f} at {:.2f} s", r.other_correlation, r.other_lag)
+                             : "-");
+    }
+  }
+  out += "\n";
+  if (std::isfinite(survey.duration)) {
+    out +=
+        fmt::format("time    {:.1f} s, {:.1f} s of it above {:g} m/s; standing {}, reversing {}\n",
+                    survey.duration, survey.moving, survey.least_speed, share(survey.standstill),
+                    share(survey.reversing));
+  }
+  if (std::isfinite(survey.speed[2])) {
+    out += fmt::format(
+        "turning at {:.3g} to {:.3g} m/s, 5 to 95 % {:.3g} to {:.3g}; {} to the left\n",
+        survey.speed[0], survey.speed[4], survey.speed[1], survey.speed[3], share(survey.left));
+  }
+  if (survey.lateral[0] > 0.0) {
+    constexpr const char* kBins[] = {"1", "2", "3", "4", "6", "8", "more"};
+    std::string line = "[m/s^2] up to";
+    for (std::size_t k = 0; k < survey.lateral.size(); ++k) {
+      line += fmt::format(" {}: {}", kBins[k], share(survey.lateral[k]));
+    }
+    out += in_lines("|ay|    ", line, 8);
+    double far = 0.0;
+    for (std::size_t k = 4; k < survey.lateral.size(); ++k) far += survey.lateral[k];
+    if (far > 0.05) {
+      out += in_lines("        ",
+                      fmt::format("{} lies above 4 m/s^2, where tyres leave the linear range: "
+                                  "a curve for the tyre, or those rows left out",
+                                  share(far)),
+                      8);
+    }
+  }
+  if (std::isfinite(survey.above_half_hertz)) {
+    out += fmt::format(
+        "steering power above 0.5 Hz {:.2g} %, above 1.5 Hz {:.2g} %; held {} of turning\n",
+        100.0 * survey.above_half_hertz, 100.0 * survey.above_1_5_hertz, share(survey.steady));
+  }
+  out += "\nbefore any fit, this recording can tell\n";
+  for (const VehicleSurvey::Verdict& v : survey.verdicts) {
+    out += in_lines(fmt::format("  {:<14} {:<11} ", v.of, v.answer), v.why, 29);
+  }
+  out += "\n";
+  for (const Warning& w : survey.findings) {
+    const char* severity = w.severity == "note"      ? "note"
+                           : w.severity == "serious" ? "SERIOUS"
+                                                     : "warn";
+    out += in_lines(fmt::format("{:<8}", severity), w.code + ": " + w.text, 8);
+    if (!w.todo.empty()) out += in_lines("        -> ", w.todo, 11);
+  }
+  if (survey.findings.empty()) out += "nothing wrong was found\n";
+  if (survey.mapping.empty()) return out;
+  return out + "\nproposed for the model file, nothing is changed by itself:\n" +
+         mapping_text(survey);
+}
+
+}  // namespace identikal

@@ -1,0 +1,17 @@
+// How does a survey of a vehicle's recording read?
+#pragma once
+
+#include <string>
+
+#include "identify/estimate/estimate.h"
+
+namespace identikal {
+
+/// The survey as text within 80 columns where names allow: signals, what kinematics ties together,
+/// excitation, what could be identified, findings, and the mapping proposed.
+std::string survey_text(const VehicleSurvey& survey);
+
+/// The mapping proposed, as lines of a model file: time, inputs, outputs, use_when.
+std::string mapping_text(const VehicleSurvey& survey);
+
+}  // namespace identikal

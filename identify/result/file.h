@@ -1,0 +1,39 @@
+// What does a result that was written before say? Reads result.json and what lies beside it.
+#pragma once
+
+#include <string>
+
+#include "identify/estimate/estimate.h"
+
+namespace identikal {
+
+/// A result that was written before. Of the estimate there are identity, status, inputs, model
+/// file, parameters and their correlation, noise, filter, tyre curve, objective, fits, tests,
+/// derived values, warnings and notes. A largest axle force that is null in the file, as it lies
+/// beyond what the recording showed, is infinite here.
+struct StoredResult {
+  std::string path, text;       ///< of result.json
+  std::string data_path, data;  ///< of kReportDataFile, of the same run; empty data: none was read
+  std::string command;          ///< that made the result; empty: not known
+  std::string version;          ///< of the program that wrote it
+  Estimate estimate;
+};
+
+/// Whether kReportDataFile, beside a result, is read.
+enum class PageData { not_read, if_there, required };
+
+/// @param path  result.json, or the folder that holds it
+/// @throws InputError when a file is missing, is not whole, is of another schema version, lacks a
+///   key or holds something of another kind, was changed, or the two do not belong together
+StoredResult read_stored_result(const std::string& path, PageData data = PageData::not_read);
+
+/// The same from the files' texts. @param result  its paths, text and data are read
+StoredResult parse_stored_result(StoredResult result);
+
+/// SHA-256 of a result's text without the one field that differs between equal runs.
+std::string result_fingerprint(const std::string& text);
+
+/// SHA-256 of kReportDataFile's text without the field that holds it.
+std::string report_data_fingerprint(const std::string& text);
+
+}  // namespace identikal

@@ -1,0 +1,382 @@
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "identify/report/console.h"
+#include "identify/report/page_template.h"
+
+namespace identikal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json matrix(const Eigen::MatrixXd& M) {
+  if (M.size() == 0) return nullptr;
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < M.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < M.cols(); ++j) row.push_back(number(M(i, j)));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Json parameters(const Estimate& estimate) {
+  Json out = Json::array();
+  for (const EstimatedParameter& p : estimate.parameters) {
+    out.push_back({{"name", p.name},
+                   {"unit", p.unit},
+                   {"value", number(p.value)},
+                   {"se", number(p.se)},
+                   {"ci95", {number(p.ci95[0]), number(p.ci95[1])}},
+                   {"profile95", {number(p.profile95[0]), number(p.profile95[1])}},
+                   {"se_sandwich", number(p.se_sandwich)},
+                   {"crb_se", number(p.crb_se)},
+                   {"start", number(p.start)},
+                   {"bounds", {number(p.bounds[0]), number(p.bounds[1])}},
+                   {"fixed", p.fixed},
+                   {"verdict", to_string(p.verdict)},
+                   {"with", p.with}});
+  }
+  return out;
+}
+
+Json fits(const std::vector<ChannelFit>& channels) {
+  Json out = Json::object();
+  for (const ChannelFit& fit : channels) {
+    out[fit.channel] = {
+        {"fit_percent", number(fit.fit_percent)}, {"rmse", number(fit.rmse)}, {"unit", fit.unit}};
+  }
+  return out;
+}
+
+Json bound(const Estimate& estimate) {
+  if (!estimate.bound) return nullptr;
+  const Bound& b = *estimate.bound;
+  Json rows = Json::array();
+  const Bound::InnovationForm& form = b.innovation_form;
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    rows.push_back(
+        {{"name", estimate.parameters[i].name},
+         {"complete_se", number(b.complete_se[i])},
+         {"samples_needed", number(b.samples_needed[i])},
+         {"gain_change", matrix(b.gain_change[i])},
+         {"published_se", number(form.published_se.empty() ? kNone : form.published_se[i])}});
+  }
+  return {{"samples", b.samples},
+          {"accuracy", number(b.accuracy)},
+          {"parameters", rows},
+          {"gain_se", matrix(b.gain_se)},
+          {"simulated", b.simulated == 0 ? Json(nullptr)
+                                         : Json{{"recordings", b.simulated},
+                                                {"seed", b.seed},
+                                                {"relative_se", number(b.simulation_se)}}},
+          {"innovation_form",
+           {{"Sigma", matrix(form.Sigma)},
+            {"K_se", matrix(form.K_se)},
+            {"Sigma_se", matrix(form.Sigma_se)},
+            {"published_K_se", number(form.published_K_se)},
+            {"published_Sigma_se", number(form.published_Sigma_se)}}}};
+}
+
+Json posterior(const Estimate& estimate) {
+  if (!estimate.posterior) return nullptr;
+  const Posterior& p = *estimate.posterior;
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    rows.push_back(
+        {{"name", estimate.parameters[i].name}, {"map", number(p.map[i])}, {"prior", p.prior[i]}});
+  }
+  return {{"method", p.method},
+          {"points", p.points},
+          {"effective", number(p.effective)},
+          {"log_evidence", number(p.log_evidence)},
+          {"parameters", rows}};
+}
+
+Json course(const Estimate& estimate) {
+  if (!estimate.course) return nullptr;
+  const Course& c = *estimate.course;
+  const auto values = [](const Eigen::VectorXd& v) {
+    Json out = Json::array();
+    for (const double x : v) out.push_back(number(x));
+    return out;
+  };
+  Json changes = Json::array();
+  for (const Course::Change& change : c.changes) {
+    changes.push_back({{"since", number(change.since)},
+                       {"found", number(change.found)},
+                       {"before", values(change.before)},
+                       {"after", values(change.after)}});
+  }
+  return {{"names", c.names}, {"units", c.units}, {"changes", changes}};
+}
+
+Json warnings_of(const std::vector<Warning>& warnings) {
+  Json out = Json::array();
+  for (const Warning& w : warnings) {
+    out.push_back({{"code", w.code},
+                   {"severity", w.severity},
+                   {"about", w.about},
+                   {"text", w.text},
+                   {"do", w.todo}});
+  }
+  return out;
+}
+
+Json survey(const Estimate& estimate) {
+  if (!estimate.survey) return nullptr;
+  const VehicleSurvey& s = *estimate.survey;
+  Json signals = Json::array(), relations = Json::array(), verdicts = Json::array();
+  Json mapping = Json::array();
+  for (const VehicleSurvey::Signal& x : s.signals) {
+    signals.push_back({{"quantity", x.quantity},
+                       {"column", x.column},
+                       {"unit", x.unit},
+                       {"source", x.source},
+                       {"rate", number(x.rate)},
+                       {"min", number(x.lowest)},
+                       {"max", number(x.highest)},
+                       {"held", number(x.held)},
+                       {"quantum", number(x.quantum)},
+                       {"straight", number(x.straight)}});
+  }
+  for (const VehicleSurvey::Relation& x : s.relations) {
+    relations.push_back({{"expected", x.expected},
+                         {"seen", x.seen},
+                         {"correlation", number(x.correlation)},
+                         {"size", number(x.slope)},
+                         {"lag", number(x.lag)},
+                         {"lag_se", number(x.lag_se)},
+                         {"other_lag", number(x.other_lag)},
+                         {"other_correlation", number(x.other_correlation)},
+                         {"clock", x.clock}});
+  }
+  for (const VehicleSurvey::Verdict& v : s.verdicts) {
+    verdicts.push_back({{"of", v.of}, {"answer", v.answer}, {"why", v.why}});
+  }
+  for (const VehicleSurvey::Proposal& p : s.mapping) {
+    mapping.push_back({{"list", p.input ? "inputs" : "outputs"},
+                       {"name", p.name},
+                       {"column", p.column},
+                       {"unit", p.unit},
+                       {"scale", number(p.scale)},
+                       {"offset", number(p.offset)},
+                       {"delay", number(p.delay)}});
+  }
+  Json speed = Json::array(), lateral = Json::array();
+  for (const double v : s.speed) speed.push_back(number(v));
+  for (const double v : s.lateral) lateral.push_back(number(v));
+  return {{"signals", signals},
+          {"relations", relations},
+          {"duration", number(s.duration)},
+          {"moving", number(s.moving)},
+          {"standstill", number(s.standstill)},
+          {"reversing", number(s.reversing)},
+          {"speed", speed},
+          {"lateral_acceleration", lateral},
+          {"steering_above_0_5_hz", number(s.above_half_hertz)},
+          {"steering_above_1_5_hz", number(s.above_1_5_hertz)},
+          {"left", number(s.left)},
+          {"steady", number(s.steady)},
+          {"identifiable", verdicts},
+          {"mapping", mapping},
+          {"time", {{"column", s.time_column}, {"unit", s.time_unit}}},
+          {"least_speed", number(s.least_speed)},
+          {"findings", warnings_of(s.findings)}};
+}
+
+Json shaping(const Estimate& estimate) {
+  if (!estimate.shaping) return nullptr;
+  const Shaping& s = *estimate.shaping;
+  Json candidates = Json::array(), poles = Json::array(), predictions = Json::array();
+  for (const Shaping::Candidate& c : s.candidates) {
+    candidates.push_back({{"place", c.place},
+                          {"channels", c.channels},
+                          {"order", c.order},
+                          {"zeros", c.zeros},
+                          {"log_likelihood", number(c.log_likelihood)},
+                          {"bic", number(c.bic)}});
+  }
+  for (const Shaping::Pole& pole : s.poles) {
+    poles.push_back({{"frequency", number(pole.frequency)}, {"radius", number(pole.radius)}});
+  }
+  for (std::size_t i = 0; s.with.size() > 0 && i < s.channels.size(); ++i) {
+    for (std::size_t h = 0; h < s.horizons.size(); ++h) {
+      const auto row = static_cast<Eigen::Index>(i), column = static_cast<Eigen::Index>(h);
+      predictions.push_back({{"channel", s.channels[i]},
+                             {"unit", s.units[i]},
+                             {"steps", s.horizons[h]},
+                             {"rmse_without", number(s.without(row, column))},
+                             {"rmse_with", number(s.with(row, column))}});
+    }
+  }
+  return {{"colour_p", number(s.colour_p)},
+          {"peak", number(s.peak)},
+          {"peak_p", number(s.peak_p)},
+          {"place", s.place},
+          {"order", s.order},
+          {"zeros", s.zeros},
+          {"poles", poles},
+          {"output_peak", number(s.output_peak)},
+          {"candidates", candidates},
+          {"predictions", predictions},
+          {"held_out_log_likelihood_without", number(s.held_out_without)},
+          {"held_out_log_likelihood_with", number(s.held_out_with)}};
+}
+
+Json loss(const Estimate& estimate) {
+  if (!estimate.loss) return nullptr;
+  const FilterLoss& l = *estimate.loss;
+  return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
+}
+
+Json sources(const Estimate& estimate) {
+  if (!estimate.sources) return nullptr;
+  Json curve = Json::array();
+  for (const Sources::Step& step : estimate.sources->curve) {
+    curve.push_back({{"penalty", number(step.penalty)},
+                     {"objective", number(step.objective)},
+                     {"trace", number(step.trace)},
+                     {"sources", step.sources},
+                     {"excess", number(step.excess)},
+                     {"allowed", number(step.allowed)}});
+  }
+  return {{"picked", estimate.sources->picked}, {"of", estimate.sources->of}, {"curve", curve}};
+}
+
+Json filter(const Estimate& estimate) {
+  if (!estimate.filter) return nullptr;
+  const SteadyFilter& f = *estimate.filter;
+  const auto channels = [](const std::vector<SteadyFilter::Channel>& list) {
+    Json out = Json::array();
+    for (const SteadyFilter::Channel& c : list) {
+      out.push_back({{"name", c.name}, {"unit", c.unit}});
+    }
+    return out;
+  };
+  const StateSpace& m = f.model;
+  return {{"dt", number(m.dt)},
+          {"inputs", channels(f.inputs)},
+          {"outputs", channels(f.outputs)},
+          {"states", channels(f.states)},
+          {"A", matrix(m.A)},
+          {"B", matrix(m.B)},
+          {"C", matrix(m.C)},
+          {"D", matrix(m.D)},
+          {"G", matrix(m.G)},
+          {"Q", matrix(m.Q)},
+          {"R", matrix(m.R)},
+          {"S", matrix(m.S)},
+          {"K", matrix(f.K)},
+          {"L", matrix(f.L)},
+          {"P", matrix(f.P)},
+          {"Sigma", matrix(f.Sigma)}};
+}
+
+Json model_file(const Estimate& estimate) {
+  if (!estimate.model_file) return nullptr;
+  const ModelSource& m = *estimate.model_file;
+  Json included = Json::array();
+  for (const ModelSource::Included& file : m.included) {
+    included.push_back({{"path", file.path}, {"sha256", file.sha256}});
+  }
+  return {{"path", m.path}, {"sha256", m.sha256}, {"text", m.text}, {"included", included}};
+}
+
+}  // namespace
+
+std::string program_version() {
+  return Json::parse(report_versions()).at("Identikal").get<std::string>();
+}
+
+std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
+  Json out;
+  out["schema_version"] = kSchemaVersion;
+  out["version"] = program_version();
+  out["verb"] = estimate.verb;
+  out["model"] = estimate.model_name;
+  out["status"] = {{"code", to_string(estimate.status)},
+                   {"exit", exit_code(estimate, strict)},
+                   {"message", estimate.message}};
+  out["inputs"] = Json::array();
+  for (const InputRecord& input : estimate.inputs) {
+    out["inputs"].push_back({{"path", input.path},
+                             {"sha256", input.sha256},
+                             {"rows", input.rows},
+                             {"used", input.used},
+                             {"range", {number(input.range[0]), number(input.range[1])}}});
+  }
+  out["model_file"] = model_file(estimate);
+  out["parameters"] = parameters(estimate);
+  out["covariance_kind"] = estimate.covariance_kind;
+  out["covariance_freedom"] = number(estimate.covariance_freedom);
+  out["correlation"] = {{"names", estimate.correlation_names},
+                        {"matrix", matrix(estimate.correlation)}};
+  const Noise& noise = estimate.noise;
+  out["noise"] = {{"Q", {{"matrix", matrix(noise.Q)}, {"kind", noise.Q_kind}}},
+                  {"R", {{"matrix", matrix(noise.R)}}},
+                  {"S", matrix(noise.S)},
+                  {"K_steady", matrix(noise.K_steady)},
+                  {"P_steady", matrix(noise.P_steady)},
+                  {"expected_loss", loss(estimate)}};
+  out["filter"] = filter(estimate);
+  out["tyre_curve"] = estimate.tyre_curve.empty() ? Json(nullptr) : Json(estimate.tyre_curve);
+  const Objective& objective = estimate.objective;
+  out["objective"] = {{"method", objective.method},
+                      {"initial", objective.initial},
+                      {"filter", objective.filter},
+                      {"log_likelihood", number(objective.log_likelihood)},
+                      {"log_likelihood_start", number(objective.log_likelihood_start)},
+                      {"aic", number(objective.aic)},
+                      {"bic", number(objective.bic)},
+                      {"samples", objective.samples},
+                      {"held_out", number(objective.held_out)},
+                      {"iterations", objective.iterations},
+                      {"evaluations", objective.evaluations},
+                      {"starts", objective.starts},
+                      {"starts_agree", objective.starts_agree},
+                      {"path", objective.path},
+                      {"path_reason", objective.path_reason}};
+  out["fit"] = {{"one_step", fits(estimate.one_step)},
+                {"simulation", fits(estimate.simulation)},
+                {"hold_out", fits(estimate.hold_out)},
+                {"hold_out_one_step", fits(estimate.hold_out_one_step)}};
+  out["tests"] = Json::array();
+  for (const TestResult& test : estimate.tests) {
+    out["tests"].push_back({{"id", test.id},
+                            {"channel", test.channel},
+                            {"value", number(test.value)},
+                            {"interval", {number(test.interval[0]), number(test.interval[1])}},
+                            {"p", number(test.p)},
+                            {"pass", test.pass},
+                            {"level", number(test.level)}});
+  }
+  Json directions = Json::array();
+  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
+    directions.push_back({{"names", d.names}, {"weights", d.weights}});
+  }
+  out["identifiability"] = {{"rank", estimate.identifiability.rank},
+                            {"of", estimate.identifiability.of},
+                            {"cond", number(estimate.identifiability.condition)},
+                            {"flat_directions", directions}};
+  out["bound"] = bound(estimate);
+  out["posterior"] = posterior(estimate);
+  out["course"] = course(estimate);
+  out["shaping"] = shaping(estimate);
+  out["sources"] = sources(estimate);
+  out["survey"] = survey(estimate);
+  out["derived"] = Json::array();
+  for (const DerivedValue& d : estimate.derived) {
+    out["derived"].push_back(
+        {{"name", d.name}, {"unit", d.unit}, {"value", number(d.value)}, {"se", number(d.se)}});
+  }
+  out["warnings"] = warnings_of(estimate.warnings);
+  out["notes"] = estimate.notes;
+  out["timing_s"] = number(timing_s);
+  return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace identikal

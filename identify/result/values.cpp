@@ -1,0 +1,65 @@
+#include "identify/result/values.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "identify/model/matrix_reader.h"
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+#include "lib/data/units.h"
+#include "lib/model/parameter.h"
+
+namespace identikal {
+
+void set_values(ModelFile& model, const Estimate& result, const std::string& path) {
+  const Location here{path, 0, 0};
+  const std::string hint = "a result of this model, as '-o' wrote it";
+  ParameterSet all = model.parameters;
+  for (Parameter& p : all) p.fixed = false;
+  const ReportedEntries known = reported_entries(all);
+  std::vector<bool> given(known.names.size(), false);
+  Eigen::VectorXd entries = known.value;
+  for (const EstimatedParameter& p : result.parameters) {
+    const auto at = std::find(known.names.begin(), known.names.end(), p.name);
+    if (at == known.names.end()) {
+      throw InputError(here, fmt::format("{} has no parameter '{}'", model.path, p.name), hint,
+                       did_you_mean(p.name, known.names));
+    }
+    const auto i = static_cast<std::size_t>(at - known.names.begin());
+    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    if (!same_dimension(unit, parse_unit(known.units[i]).value_or(Unit{}))) {
+      const auto named = [](const std::string& unit) { return unit.empty() ? "no unit" : unit; };
+      throw InputError(here, fmt::format("'{}' is in {}", p.name, named(p.unit)),
+                       fmt::format("{}, as in {}", named(known.units[i]), model.path));
+    }
+    if (std::isnan(p.value)) {
+      throw InputError(here, fmt::format("'{}' has no value", p.name), hint);
+    }
+    entries[static_cast<Eigen::Index>(i)] = unit.to_si(p.value);
+    given[i] = true;
+  }
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    const Parameter& p = model.parameters[static_cast<std::size_t>(known.parameter[i])];
+    if (given[i] || p.fixed) continue;
+    throw InputError(
+        here, fmt::format("has no value of '{}', which {} seeks", known.names[i], model.path),
+        hint);
+  }
+  all = with_entries(std::move(all), entries);
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].fixed = model.parameters[i].fixed;
+  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) {
+    if (const std::optional<ModelFault> fault = fault_at(model.linear, all)) {
+      throw InputError(here, fault->text + " with the values of this result", hint);
+    }
+  }
+  model.parameters = std::move(all);
+  if (model.form == ModelFile::Form::nonlinear && !result.objective.filter.empty()) {
+    model.formulas.filter = nonlinear_method(result.objective.filter, here);
+  }
+}
+
+}  // namespace identikal

@@ -1,0 +1,17 @@
+// How does a model get the values that a result holds?
+#pragma once
+
+#include <string>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+
+namespace identikal {
+
+/// Puts every value of the result, known ones too, into the model; what is free stays free.
+/// @param path  of the result, for messages
+/// @throws InputError when the result lacks a free parameter or an entry of a matrix, has one that
+///   the model has not, a unit of another kind, no value, or values that make no model
+void set_values(ModelFile& model, const Estimate& result, const std::string& path);
+
+}  // namespace identikal

@@ -1,0 +1,320 @@
+#include "identify/simulation/simulate.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "identify/filter/nonlinear_recordings.h"
+#include "identify/model/model_values.h"
+#include "identify/vehicle/output_error.h"
+#include "lib/base/interpolation.h"
+#include "lib/base/nearest_name.h"
+#include "lib/base/random.h"
+#include "lib/data/units.h"
+#include "lib/filter/simulation.h"
+#include "lib/vehicle/sensor.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// One column of the file: values are SI.
+struct OutputColumn {
+  std::string name, unit;
+  VectorXd values;
+};
+
+// "3" stands for the third column of a file; a simulated file needs a name that says the same.
+std::string column_name(const ChannelSource& source) {
+  const std::string& name = source.column;
+  const bool number =
+      std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+  return number ? "column_" + name : name;
+}
+
+// What the recorder writes: scale, offset and delay of the model file make of it what the model
+// sees.
+void record(const std::vector<ChannelSource>& sources, const VectorXd& time,
+            std::vector<OutputColumn>& columns) {
+  for (const ChannelSource& source : sources) {
+    const auto column = std::find_if(columns.begin(), columns.end(), [&](const OutputColumn& c) {
+      return c.name == column_name(source);
+    });
+    if (column == columns.end()) continue;
+    const Unit unit = parse_unit(column->unit).value_or(Unit{});
+    if (source.delay != 0.0) {
+      column->values = interpolate_linearly(time, column->values, time.array() - source.delay,
+                                            kBridgedPeriods * own_period(time, column->values));
+    }
+    if (source.scale == 1.0 && source.offset == 0.0) continue;
+    for (double& x : column->values) {
+      x = unit.to_si((unit.from_si(x) - source.offset) / source.scale);
+    }
+  }
+}
+
+std::string csv_text(const ModelFile& model, std::uint64_t seed,
+                     const std::vector<std::string>& notes, const VectorXd& time,
+                     std::vector<OutputColumn> columns) {
+  record(model.inputs, time, columns);
+  record(model.outputs, time, columns);
+  std::string out = fmt::format("# simulated from '{}', seed {}\n", model.name, seed);
+  for (const std::string& note : notes) out += "# " + note + "\n";
+  for (const ReportedEntries entries = reported_entries(model.parameters);
+       const std::string& name : entries.names) {
+    const auto i = static_cast<std::size_t>(&name - entries.names.data());
+    const Unit unit = parse_unit(entries.units[i]).value_or(Unit{});
+    out += fmt::format("# truth: {} = {:.10g} {}\n", name,
+                       unit.from_si(entries.value[static_cast<Index>(i)]), entries.units[i]);
+  }
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    const std::string unit = columns[c].unit.empty() ? "" : " [" + columns[c].unit + "]";
+    out += (c > 0 ? "," : "") + columns[c].name + unit;
+  }
+  out += "\n";
+  const Index rows = columns.empty() ? 0 : columns[0].values.size();
+  for (Index t = 0; t < rows; ++t) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const Unit unit = parse_unit(columns[c].unit).value_or(Unit{});
+      out += fmt::format("{}{:.10g}", c > 0 ? "," : "", unit.from_si(columns[c].values[t]));
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+OutputColumn time_column(const ModelFile& model, const VectorXd& time) {
+  return {model.time.column.empty() ? "time" : model.time.column,
+          model.time.unit.empty() ? "s" : model.time.unit, time};
+}
+
+VectorXd sample_times(const Dataset* inputs, Index N, double step) {
+  return inputs != nullptr
+             ? inputs->time
+             : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
+}
+
+double sampling_period(const ModelFile& model) {
+  if (model.time.step > 0.0) return model.time.step;
+  throw InputError(model.time.at, "the sampling period is not known",
+                   "time: {step: 0.1 s}, or a recording that holds the inputs");
+}
+
+// Outputs and inputs as the recorder writes them. Columns that the model names by number must stand
+// where it says, so time comes last.
+std::string csv_of(const ModelFile& model, std::uint64_t seed, const MatrixXd& y,
+                   const Dataset* inputs, const VectorXd& time) {
+  std::vector<OutputColumn> columns;
+  for (Index i = 0; i < y.rows(); ++i) {
+    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
+    columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
+  }
+  for (std::size_t i = 0; i < model.inputs.size(); ++i) {
+    const ChannelSource& source = model.inputs[i];
+    columns.push_back(
+        {column_name(source), source.unit, inputs->u.row(static_cast<Index>(i)).transpose()});
+  }
+  columns.push_back(time_column(model, time));
+  return csv_text(model, seed, {}, time, columns);
+}
+
+// The recording with its intervals cut into pieces, inputs as the model has them between samples.
+Dataset refined(const Dataset& recording, InputPath path, int pieces) {
+  const InputNodes nodes =
+      input_nodes(recording.time, recording.u, path,
+                  std::vector<int>(static_cast<std::size_t>(recording.size() - 1), pieces));
+  Dataset out = recording;
+  const Index N = recording.size(), M = (N - 1) * pieces + 1;
+  out.time.resize(M);
+  out.u.resize(recording.u.rows(), M);
+  for (Index k = 0; k + 1 < N; ++k) {
+    for (Index j = 0; j < pieces; ++j) {
+      const double share = static_cast<double>(j) / pieces;
+      out.time[k * pieces + j] =
+          recording.time[k] + share * (recording.time[k + 1] - recording.time[k]);
+      out.u.col(k * pieces + j) = nodes.u.col(nodes.first[static_cast<std::size_t>(k)] + 2 * j);
+    }
+  }
+  out.time[M - 1] = recording.time[N - 1];
+  out.u.col(M - 1) = recording.u.col(N - 1);
+  return out;
+}
+
+}  // namespace
+
+Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inputs,
+                          std::uint64_t seed) {
+  const StateSpace system = instantiate(model.linear, model.parameters);
+  const Location at{model.path, 0, 0};
+  if (!model.inputs.empty() && inputs == nullptr) {
+    throw InputError(at, "the model has inputs", "a recording that holds them",
+                     "add it to the command line");
+  }
+  const Index N = inputs != nullptr ? inputs->size() : rows;
+  Random random(seed);
+  const MatrixXd u = model_inputs(model.linear, inputs != nullptr ? inputs->u : MatrixXd(0, N));
+  MatrixXd y;
+  try {
+    y = realisation(system, model.linear.initial, u, N, random);
+  } catch (const std::invalid_argument&) {
+    throw InputError(
+        at, "the model cannot be simulated",
+        "[Q S; S' R] positive semidefinite, and a stable A with 'initial: stationary'");
+  }
+  return {csv_of(model, seed, y, inputs, sample_times(inputs, N, system.dt)), N, {}};
+}
+
+Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& signals, Index rows) {
+  if (rows < 1) throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
+  const double step = sampling_period(model);
+  Dataset out;
+  out.name = model.name;
+  out.dt = step;
+  out.time = sample_times(nullptr, rows, step);
+  out.u = MatrixXd::Constant(static_cast<Index>(model.inputs.size()), rows, kNone);
+  const std::vector<std::string> symbols{"t"};
+  std::vector<std::string> names;
+  for (const ChannelSource& input : model.inputs) names.push_back(input.name);
+  for (const std::string& signal : signals) {
+    const std::size_t equals = signal.find('=');
+    const std::string what = fmt::format("--input '{}'", signal);
+    if (equals == std::string::npos) throw InputError({}, what, "NAME=FORMULA of t");
+    const std::string name(trimmed(std::string_view(signal).substr(0, equals)));
+    const auto input = std::find(names.begin(), names.end(), name);
+    if (input == names.end()) {
+      throw InputError({}, fmt::format("{}: the model has no input '{}'", what, name), "",
+                       did_you_mean(name, names));
+    }
+    Expression formula;
+    try {
+      formula = parse_expression(std::string_view(signal).substr(equals + 1), symbols);
+    } catch (const FormulaError& error) {
+      throw InputError({}, fmt::format("{}: {}", what, error.what()));
+    }
+    for (Index t = 0; t < rows; ++t) {
+      const double value = evaluate(formula, std::span(&out.time[t], 1));
+      if (!std::isfinite(value)) {
+        throw InputError({}, fmt::format("{} has no value at {:.6g} s", what, out.time[t]));
+      }
+      out.u(input - names.begin(), t) = value;
+    }
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    out.inputs.push_back({names[i], model.inputs[i].unit});
+    if (!out.u.row(static_cast<Index>(i)).hasNaN()) continue;
+    throw InputError({}, fmt::format("input '{}' is not given", names[i]),
+                     "a recording that holds it, or --input " + names[i] + "=FORMULA");
+  }
+  return out;
+}
+
+MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Random& random) {
+  const Location at{model.path, 0, 0};
+  const Index N = recording.size();
+  if (!recording.u.allFinite()) {
+    throw InputError({recording.name, 0, 0}, "an input is missing in some row",
+                     "every input in every row", "select rows with --range");
+  }
+  const int pieces = model.formulas.model.continuous ? 10 : 1;
+  const Dataset fine = refined(recording, model.formulas.inputs, pieces);
+  NonlinearRealisation found;
+  try {
+    found = nonlinear_realisation(model, fine, random);
+  } catch (const std::invalid_argument&) {
+    throw InputError(at, "the model cannot be simulated", "covariances positive semidefinite");
+  }
+  MatrixXd y(found.y.rows(), N);
+  for (Index t = 0; t < N; ++t) y.col(t) = found.y.col(t * pieces);
+  if (!y.allFinite()) {
+    Index t = 0;
+    while (y.col(t).allFinite()) ++t;
+    throw InputError(
+        at,
+        fmt::format("the motion runs away: at {:.6g} s it is not finite", fine.time[t * pieces]),
+        "values that can be simulated");
+  }
+  return y;
+}
+
+Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* inputs,
+                             std::uint64_t seed) {
+  const Index N = inputs != nullptr ? inputs->size() : rows;
+  Dataset recording;
+  recording.name = inputs != nullptr ? inputs->name : model.name;
+  recording.time = sample_times(inputs, N, inputs != nullptr ? 0.0 : sampling_period(model));
+  recording.u = inputs != nullptr ? inputs->u : MatrixXd(0, N);
+  Random random(seed);
+  const MatrixXd y = simulated_outputs(model, recording, random);
+  return {csv_of(model, seed, y, inputs, recording.time), N, {}};
+}
+
+Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
+                           const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
+  const VehicleUnknowns vehicle = vehicle_unknowns(model);
+  const SingleTrack<> car = linear_car(vehicle.value);
+  DrivenRecord driven;
+  if (inputs != nullptr) {
+    const VectorXd angle = inputs->u.row(0).transpose(), vx = inputs->u.row(1).transpose();
+    if (!angle.allFinite() || !vx.allFinite() || vx.minCoeff() <= 0.0) {
+      throw InputError({inputs->name, 0, 0},
+                       "steering or speed is missing or not positive in some row",
+                       "both in every row", "select rows with --range");
+    }
+    driven = drive_inputs(vehicle.curve, vehicle.value, inputs->time, angle, vx);
+  } else {
+    driven = drive_manoeuvre(request, vehicle.curve, vehicle.value,
+                             model.vehicle.steering_at_road_wheel);
+  }
+  const Index N = driven.time.size();
+  std::vector<OutputColumn> columns{time_column(model, driven.time)};
+  columns.push_back({column_name(model.inputs[0]), model.inputs[0].unit, driven.steering});
+  columns.push_back({column_name(model.inputs[1]), model.inputs[1].unit, driven.vx});
+  const std::size_t first = columns.size();
+  std::vector<double> sd = model.vehicle.measurement_sd;
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    const ChannelSource& source = model.outputs[i];
+    VehicleSensor sensor;
+    sensor.quantity = *vehicle_quantity(source.name);
+    const auto position = model.vehicle.sensors.find(source.name);
+    if (position != model.vehicle.sensors.end()) {
+      sensor.x = position->second.x;
+      sensor.y = position->second.y;
+      sensor.angle = position->second.angle;
+    }
+    const VehicleReading reading(sensor, car);
+    VectorXd clean(N);
+    for (Index t = 0; t < N; ++t) {
+      clean[t] = reading.value(driven.motion[static_cast<std::size_t>(t)], driven.vx[t]);
+    }
+    if (snr) {
+      sd[i] = std::pow(10.0, -*snr / 20.0) * clean.norm() / std::sqrt(static_cast<double>(N));
+      const double per_unit = parse_unit(source.unit).value_or(Unit{}).scale;
+      driven.notes.push_back(fmt::format("noise: {} {:g} dB, sd {:.6g} {}", source.name, *snr,
+                                         sd[i] / per_unit, source.unit));
+    } else if (std::isnan(sd[i])) {
+      throw InputError(source.at,
+                       fmt::format("no measurement noise is given for output '{}'", source.name),
+                       "noise: {measurement: {kind: per-sample, sd: {" + source.name + ": ...}}}",
+                       "or --snr 30dB on the command line");
+    }
+    columns.push_back({column_name(source), source.unit, clean});
+  }
+  Random random(seed);
+  for (Index t = 0; t < N; ++t) {
+    for (std::size_t i = 0; i < sd.size(); ++i) {
+      columns[first + i].values[t] += sd[i] * random.normal();
+    }
+  }
+  return {csv_text(model, seed, driven.notes, driven.time, columns), N, driven.notes};
+}
+
+}  // namespace identikal

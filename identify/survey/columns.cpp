@@ -1,0 +1,671 @@
+#include "identify/survey/columns.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <initializer_list>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "lib/base/constants.h"
+#include "lib/base/interpolation.h"
+#include "lib/data/units.h"
+#include "lib/statistics/paired_correlation.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+// --- Names ---
+
+// "LatAcc_obd" has the words lat, acc, obd; "VelFR" has vel, fr; "ay_mps2" has ay, mps2.
+std::vector<std::string> words_of(const std::string& name) {
+  std::vector<std::string> out(1);
+  char before = ' ';
+  for (const char c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool letter = std::isalnum(byte) != 0;
+    const bool camel =
+        std::isupper(byte) != 0 && std::islower(static_cast<unsigned char>(before)) != 0;
+    if ((!letter || camel) && !out.back().empty()) out.emplace_back();
+    if (letter) out.back() += static_cast<char>(std::tolower(byte));
+    before = c;
+  }
+  if (out.back().empty()) out.pop_back();
+  return out;
+}
+
+struct Words {
+  std::set<std::string> set;
+  std::string all;  // without anything between them
+  bool any(std::initializer_list<const char*> list) const {
+    return std::any_of(list.begin(), list.end(), [&](const char* w) { return set.contains(w); });
+  }
+  bool part(std::initializer_list<const char*> list) const {
+    return std::any_of(list.begin(), list.end(),
+                       [&](const char* w) { return all.find(w) != std::string::npos; });
+  }
+};
+
+struct NameGuess {
+  SignalKind kind = SignalKind::r;
+  double score = 0.0;  // 0: not of that kind
+};
+
+std::vector<NameGuess> kinds_of(const Words& w) {
+  std::vector<NameGuess> out;
+  const auto add = [&](SignalKind kind, double score) { out.push_back({kind, score}); };
+  const bool corner = w.any({"fl", "fr", "rl", "rr", "lf", "rf", "lr", "front", "rear"});
+  const bool acceleration = w.part({"acc"}) || w.any({"a"});
+  const bool rate =
+      w.any({"rate", "vel", "velocity", "dot", "spd"}) || w.part({"yawvel", "yawrate"});
+  const bool sideways =
+      w.any({"lat", "lateral", "y", "left", "right"}) || w.part({"latacc", "latvel"});
+  const bool onwards = w.any({"lon", "long", "longitudinal", "x", "fwd", "forward"}) ||
+                       w.part({"longacc", "longvel"});
+  const bool other_angle =
+      w.any({"psi", "yaw", "roll", "pitch", "torque", "trq", "time", "error", "e"});
+
+  // Steering.
+  if (!rate && !w.any({"torque", "trq", "speed", "time"})) {
+    if (w.part({"steeringwheel", "steerwheel"}) || w.any({"swa", "hwa", "stw", "delh"}) ||
+        (w.any({"sw"}) && w.any({"pos", "angle", "ang"}))) {
+      add(SignalKind::steering, 10);
+    } else if (w.part({"steer"})) {
+      add(SignalKind::steering, 9);
+    } else if (w.any({"rwa"}) || w.part({"roadwheel"})) {
+      add(SignalKind::steering, 9);
+    } else if (w.any({"delta"}) && !other_angle) {
+      add(SignalKind::steering, corner ? 6 : 8);
+    } else if (w.part({"delta"}) && corner && !other_angle) {
+      add(SignalKind::steering, 6);
+    }
+  }
+  // Yaw rate.
+  if (!acceleration) {
+    if (w.part({"yawrate", "yawvel", "yawspeed"}) || (w.any({"yaw"}) && rate)) {
+      add(SignalKind::r, 10);
+    } else if (w.part({"psidot", "psip", "dpsi", "gyroz", "gyrz", "omegaz"}) ||
+               w.any({"wz", "r"})) {
+      add(SignalKind::r, 9);
+    } else if (w.part({"gyro", "angrate", "angvel"}) && w.any({"z", "down", "up"})) {
+      add(SignalKind::r, 9);
+    } else if (w.any({"omega"}) && !w.any({"x", "y"}) && !corner) {
+      add(SignalKind::r, 7);
+    }
+  }
+  // Accelerations.
+  const bool angular = w.part({"yaw", "ang", "roll", "pitch"});
+  if (!angular) {
+    if (w.any({"ay"}) || (acceleration && sideways) || w.part({"accy", "aycg"})) {
+      add(SignalKind::ay, 10);
+    } else if (w.any({"ax"}) || (acceleration && onwards) || w.part({"accx", "axcg"})) {
+      add(SignalKind::ax, 10);
+    }
+  }
+  // Speeds.
+  if (!acceleration && !angular && !w.part({"steer", "gyro", "cmd", "engine"})) {
+    const bool speed = w.any({"speed", "velocity", "vel", "v", "u", "spd", "speedo"}) ||
+                       w.part({"speed", "veloc"});
+    if (corner && (speed || w.any({"wheel", "w"}))) {
+      add(SignalKind::wheel_speed, 8);
+    } else if (w.any({"wheel"}) && speed) {
+      add(SignalKind::wheel_speed, 9);
+    } else if (w.any({"vy", "uy"}) || (speed && sideways)) {
+      add(SignalKind::vy, 10);
+    } else if (w.any({"vx", "ux"}) || (speed && onwards)) {
+      add(SignalKind::vx, 10);
+    } else if (speed) {
+      add(SignalKind::vx, 8);
+    }
+  }
+  // Sideslip.
+  if (w.any({"beta", "ssa"}) || w.part({"sideslip", "sidslp", "slipangle"}) ||
+      (w.any({"slip"}) && w.any({"angle", "ang"}))) {
+    add(SignalKind::beta, 10);
+  }
+  // What was asked for, filtered or derived is second to what was measured.
+  for (NameGuess& guess : out) {
+    if (w.any({"cmd", "command", "des", "desired", "ref", "target"}) ||
+        w.part({"cmd", "command"})) {
+      guess.score -= 3.0;
+    }
+    if (w.part({"filt"})) guess.score -= 1.0;
+    if (w.any({"sd", "std", "var", "cov", "min", "max"})) guess.score -= 20.0;
+  }
+  std::erase_if(out, [](const NameGuess& g) { return g.score <= 0.0; });
+  return out;
+}
+
+// A unit as the ending of a name: "yaw_rate_rps", "speed_kmh".
+std::string unit_in_name(const std::vector<std::string>& words, SignalKind kind) {
+  static const std::map<std::string, std::string> kUnits = {
+      {"rad", "rad"},    {"deg", "deg"},     {"rps", "rad/s"},  {"radps", "rad/s"},
+      {"rads", "rad/s"}, {"degps", "deg/s"}, {"dps", "deg/s"},  {"degs", "deg/s"},
+      {"mps", "m/s"},    {"ms", "m/s"},      {"kmh", "km/h"},   {"kph", "km/h"},
+      {"kmph", "km/h"},  {"mph", "mph"},     {"mps2", "m/s^2"}, {"ms2", "m/s^2"},
+      {"mpss", "m/s^2"}, {"g", "g"}};
+  for (auto word = words.rbegin(); word != words.rend(); ++word) {
+    const auto hit = kUnits.find(*word);
+    if (hit == kUnits.end()) continue;
+    const std::optional<Unit> unit = parse_unit(hit->second), si = parse_unit(si_unit(kind));
+    if (unit && same_dimension(*unit, *si)) return hit->second;
+  }
+  return "";
+}
+
+std::vector<std::string> usual_units(SignalKind kind) {
+  switch (kind) {
+    case SignalKind::steering:
+    case SignalKind::beta:
+      return {"rad", "deg"};
+    case SignalKind::r:
+      return {"rad/s", "deg/s"};
+    case SignalKind::ay:
+    case SignalKind::ax:
+      return {"m/s^2", "g"};
+    case SignalKind::vx:
+    case SignalKind::vy:
+    case SignalKind::wheel_speed:
+      return {"m/s", "km/h", "mph"};
+  }
+  return {};
+}
+
+// --- Columns ---
+
+struct ColumnCandidate {
+  const Column* column = nullptr;
+  std::size_t file = 0;
+  SignalKind kind = SignalKind::r;
+  double score = 0.0;
+  std::string unit;  // empty: nobody says
+  bool constant = false;
+  Words words;
+};
+
+struct Clock {
+  VectorXd time;  // s
+  std::string column, unit;
+  int runs = 1;
+};
+
+Eigen::Map<const VectorXd> raw_values(const Column& column) {
+  return {column.values.data(), static_cast<Index>(column.values.size())};
+}
+
+// The first column that looks like time and mostly increases; runs one after the other.
+Clock read_clock(const Table& table) {
+  Clock out;
+  for (const Column& column : table.columns) {
+    const bool usable = looks_like_time(column) && column.text_cells == 0 && column.missing == 0;
+    if (!usable || column.values.size() < 2) continue;
+    std::vector<double> steps;
+    for (std::size_t i = 1; i < column.values.size(); ++i) {
+      steps.push_back(column.values[i] - column.values[i - 1]);
+    }
+    const auto back =
+        std::count_if(steps.begin(), steps.end(), [](double s) { return !(s > 0.0); });
+    if (static_cast<double>(back) > 0.1 * static_cast<double>(steps.size())) continue;
+    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+    std::vector<double> sorted = steps;
+    std::nth_element(sorted.begin(), sorted.begin() + (middle - steps.begin()), sorted.end());
+    const double median = sorted[static_cast<std::size_t>(middle - steps.begin())];
+    const std::optional<Unit> unit = parse_unit(column.unit.empty() ? "s" : column.unit);
+    const double scale = unit && same_dimension(*unit, *parse_unit("s")) ? unit->scale : 1.0;
+    out.column = column.name;
+    out.unit = column.unit.empty() ? "s" : column.unit;
+    out.time.resize(static_cast<Index>(column.values.size()));
+    double shift = 0.0;
+    out.time[0] = column.values[0] * scale;
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+      if (!(steps[i] > 0.0)) {
+        // Far enough that nothing is interpolated across, nor compared with the run before.
+        shift += -steps[i] + std::max(20.0 * median, 6.0 / scale);
+        ++out.runs;
+      }
+      out.time[static_cast<Index>(i + 1)] = (column.values[i + 1] + shift) * scale;
+    }
+    return out;
+  }
+  return out;
+}
+
+std::vector<ColumnCandidate> candidates_of(const std::vector<Table>& tables,
+                                           const std::vector<Clock>& clocks) {
+  std::vector<ColumnCandidate> out;
+  for (std::size_t f = 0; f < tables.size(); ++f) {
+    for (const Column& column : tables[f].columns) {
+      if (column.text_cells > 0 || column.name == clocks[f].column ||
+          column.missing == column.values.size()) {
+        continue;
+      }
+      const std::vector<std::string> words = words_of(column.name);
+      Words set{{words.begin(), words.end()}, ""};
+      for (const std::string& word : words) set.all += word;
+      for (const NameGuess& guess : kinds_of(set)) {
+        ColumnCandidate c{&column, f, guess.kind, guess.score, "", false, set};
+        const std::optional<Unit> unit = parse_unit(column.unit);
+        if (!column.unit.empty() && unit) {
+          if (!same_dimension(*unit, *parse_unit(si_unit(guess.kind)))) continue;
+          c.unit = column.unit;
+          c.score += 1.0;
+        } else {
+          c.unit = unit_in_name(words, guess.kind);
+        }
+        double low = kInfinity, high = -kInfinity;
+        for (const double x : column.values) {
+          if (std::isnan(x)) continue;
+          low = std::min(low, x);
+          high = std::max(high, x);
+        }
+        c.constant = !(low < high);
+        // A commanded angle that lives is better than a measured one that does not.
+        if (c.constant && low == 0.0) c.score -= 6.0;
+        out.push_back(std::move(c));
+      }
+    }
+  }
+  std::stable_sort(out.begin(), out.end(), [](const ColumnCandidate& a, const ColumnCandidate& b) {
+    return a.score > b.score;
+  });
+  return out;
+}
+
+// --- Kinematics between columns of different files ---
+
+struct OnRaster {
+  VectorXd time;
+  double step = 0.01;
+};
+
+VectorXd averaged(const VectorXd& x, Index half) {
+  VectorXd out(x.size());
+  for (Index i = 0; i < x.size(); ++i) {
+    const Index first = std::max<Index>(0, i - half), last = std::min(x.size() - 1, i + half);
+    out[i] = x.segment(first, last - first + 1).mean();  // NaN where any is missing
+  }
+  return out;
+}
+
+// What hardly has samples, or never changes, is like nothing.
+PairedCorrelation likeness(const VectorXd& x, const VectorXd& y) {
+  PairedCorrelation out = paired_correlation(x, y);
+  if (out.count < 20 || std::isnan(out.correlation)) {
+    out.correlation = 0.0;
+    out.slope = kNaN;
+  }
+  return out;
+}
+
+double high_quantile(const VectorXd& x) {
+  std::vector<double> values;
+  for (const double v : x) {
+    if (!std::isnan(v)) values.push_back(std::abs(v));
+  }
+  if (values.empty()) return kNaN;
+  const auto at = static_cast<std::ptrdiff_t>(0.98 * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+// How far a number lies outside a range, in factors (logarithm).
+double outside(double value, double low, double high) {
+  if (std::isnan(value)) return 0.0;
+  if (!(value > 0.0)) return 20.0;
+  return value < low ? std::log(low / value) : value > high ? std::log(value / high) : 0.0;
+}
+
+class Guess {
+ public:
+  explicit Guess(const std::vector<Table>& files) : tables_(files) {
+    for (const Table& table : files) clocks_.push_back(read_clock(table));
+    candidates_ = candidates_of(files, clocks_);
+  }
+  VehicleSignals run();
+
+ private:
+  const ColumnCandidate* best(SignalKind kind) const {
+    for (const ColumnCandidate& c : candidates_) {
+      if (c.kind == kind) return &c;
+    }
+    return nullptr;
+  }
+  VectorXd sampled(const Column& column, std::size_t file) const {
+    const VectorXd& t = clocks_[file].time;
+    const auto x = raw_values(column);
+    const VectorXd on =
+        interpolate_linearly(t, x, raster_.time, kBridgedPeriods * own_period(t, x));
+    return averaged(on, static_cast<Index>(std::lround(0.15 / raster_.step)));
+  }
+  VectorXd sampled(const ColumnCandidate& c) const { return sampled(*c.column, c.file); }
+  void choose_units();
+  void choose_steering_unit();
+  void try_unnamed();
+  // Of a second column of the same kind: the unit in which it is as large as the first.
+  std::string unit_like(const ColumnCandidate& c, const ColumnCandidate& first) const {
+    const double like = high_quantile(sampled(first)) * parse_unit(units_.at(c.kind))->scale;
+    std::string best_unit = si_unit(c.kind);
+    double nearest = kInfinity;
+    for (const std::string& unit : usual_units(c.kind)) {
+      const double off =
+          std::abs(std::log(high_quantile(sampled(c)) * parse_unit(unit)->scale / like));
+      if (!(off < nearest)) continue;
+      nearest = off;
+      best_unit = unit;
+    }
+    return best_unit;
+  }
+  double scale_of(SignalKind kind) const {
+    const auto unit = units_.find(kind);
+    return unit == units_.end() ? 1.0 : parse_unit(unit->second)->scale;
+  }
+  std::string called(const ColumnCandidate& c) const {
+    std::string name = c.column->name;
+    int files = 0;
+    for (const Table& table : tables_) {
+      for (const Column& column : table.columns) files += column.name == name ? 1 : 0;
+    }
+    if (files > 1) name = std::filesystem::path(tables_[c.file].path).stem().string() + "." + name;
+    return name;
+  }
+
+  const std::vector<Table>& tables_;
+  std::vector<Clock> clocks_;
+  std::vector<ColumnCandidate> candidates_;
+  OnRaster raster_;
+  std::map<SignalKind, std::string> units_;
+  bool at_wheel_ = true;
+  VehicleSignals out_;
+};
+
+// Units that nobody gives: those that make a car's kinematics.
+void Guess::choose_units() {
+  const ColumnCandidate* speed = best(SignalKind::vx);
+  if (speed == nullptr) speed = best(SignalKind::wheel_speed);
+  const ColumnCandidate* r = best(SignalKind::r);
+  const ColumnCandidate* ay = best(SignalKind::ay);
+  const auto choices = [](const ColumnCandidate* c) {
+    if (c == nullptr) return std::vector<std::string>{""};
+    return c->unit.empty() ? usual_units(c->kind) : std::vector<std::string>{c->unit};
+  };
+  const VectorXd v = speed == nullptr ? VectorXd() : sampled(*speed);
+  const VectorXd yaw = r == nullptr ? VectorXd() : sampled(*r);
+  const VectorXd side = ay == nullptr ? VectorXd() : sampled(*ay);
+  PairedCorrelation alike;
+  if (speed != nullptr && r != nullptr && ay != nullptr) {
+    alike = likeness(v.cwiseProduct(yaw), side);
+  }
+  const double top_v = high_quantile(v), top_r = high_quantile(yaw), top_ay = high_quantile(side);
+  double least = kInfinity;
+  for (const std::string& uv : choices(speed)) {
+    for (const std::string& ur : choices(r)) {
+      for (const std::string& ua : choices(ay)) {
+        const double sv = parse_unit(uv).value_or(Unit{}).scale;
+        const double sr = parse_unit(ur).value_or(Unit{}).scale;
+        const double sa = parse_unit(ua).value_or(Unit{}).scale;
+        double cost = outside(sv * top_v, 1.0, 90.0) + outside(sr * top_r, 0.02, 2.0) +
+                      outside(sa * top_ay, 0.2, 25.0);
+        // Without lateral acceleration: what vx and r ask of the tyres.
+        if (speed != nullptr && r != nullptr) {
+          cost += outside(sv * sr * high_quantile(v.cwiseProduct(yaw)), 0.2, 15.0);
+        }
+        if (std::abs(alike.correlation) > 0.6) {
+          cost += 3.0 * std::abs(std::log(alike.slope * sa / (sv * sr)));
+        }
+        // Of equals the first: SI. mph is the rarest.
+        cost += uv == "mph" ? 0.3 : 0.0;
+        if (!(cost < least - 1e-9)) continue;
+        least = cost;
+        if (speed != nullptr) units_[speed->kind] = uv;
+        if (r != nullptr) units_[SignalKind::r] = ur;
+        if (ay != nullptr) units_[SignalKind::ay] = ua;
+      }
+    }
+  }
+  // The rest follows one of these.
+  const double kmh = speed == nullptr ? 1.0 : scale_of(speed->kind);
+  for (const SignalKind kind : {SignalKind::vx, SignalKind::vy, SignalKind::wheel_speed,
+                                SignalKind::ax, SignalKind::beta}) {
+    const ColumnCandidate* c = best(kind);
+    if (c == nullptr || units_.contains(kind)) continue;
+    units_[kind] = c->unit;
+    if (!c->unit.empty()) continue;
+    const VectorXd x = sampled(*c);
+    double nearest = kInfinity;
+    for (const std::string& unit : usual_units(kind)) {
+      const double s = parse_unit(unit)->scale;
+      double cost = 0.0;
+      if (kind == SignalKind::beta) {
+        cost = outside(s * high_quantile(x), 0.005, 0.35);
+      } else if (kind == SignalKind::ax) {
+        cost = unit == (units_.contains(SignalKind::ay) ? units_[SignalKind::ay] : "m/s^2") ? 0 : 1;
+      } else if (kind == SignalKind::vy) {
+        cost = std::abs(std::log(s / kmh));
+      } else {
+        cost = std::abs(std::log(s * high_quantile(x) / (kmh * top_v)));
+      }
+      if (!(cost < nearest)) continue;
+      nearest = cost;
+      units_[kind] = unit;
+    }
+  }
+}
+
+// Steering wheel or road wheel, rad or deg: wheelbase times ratio, or wheelbase, of a car.
+void Guess::choose_steering_unit() {
+  const ColumnCandidate* c = best(SignalKind::steering);
+  if (c == nullptr) return;
+  const Words& w = c->words;
+  const bool says_road = w.any({"rwa", "road"}) || w.part({"roadwheel", "delta"});
+  const bool says_wheel = !says_road && (w.any({"swa", "sw", "hwa", "stw"}) || w.part({"wheel"}));
+  at_wheel_ = !says_road;
+  units_[SignalKind::steering] = c->unit.empty() ? "rad" : c->unit;
+  const ColumnCandidate* speed = best(SignalKind::vx);
+  if (speed == nullptr) speed = best(SignalKind::wheel_speed);
+  const ColumnCandidate* r = best(SignalKind::r);
+  const VectorXd delta = sampled(*c);
+  double length = kNaN;  // in units of the angle
+  if (speed != nullptr && r != nullptr) {
+    const VectorXd v = sampled(*speed) * scale_of(speed->kind);
+    const VectorXd yaw = sampled(*r) * scale_of(SignalKind::r);
+    VectorXd x = v.cwiseProduct(delta);
+    for (Index i = 0; i < x.size(); ++i) {
+      if (!(v[i] > 1.5) || std::abs(v[i] * yaw[i]) > 4.0) x[i] = kNaN;
+    }
+    length = 1.0 / likeness(x, yaw).slope;
+  }
+  double least = kInfinity;
+  for (const std::string& unit :
+       c->unit.empty() ? usual_units(SignalKind::steering) : std::vector<std::string>{c->unit}) {
+    for (const bool wheel : {true, false}) {
+      const double s = parse_unit(unit)->scale;
+      const double top = s * high_quantile(delta);
+      double cost = wheel ? outside(s * length, 20.0, 90.0) + outside(top, 0.03, 10.0)
+                          : outside(s * length, 1.5, 6.0) + outside(top, 0.003, 0.7);
+      if (wheel ? says_road : says_wheel) cost += 0.7;
+      if (!(cost < least)) continue;
+      least = cost;
+      units_[SignalKind::steering] = unit;
+      at_wheel_ = wheel;
+    }
+  }
+}
+
+// Columns whose names say nothing, for quantities that no name gives.
+void Guess::try_unnamed() {
+  std::vector<ColumnCandidate> free;
+  for (std::size_t f = 0; f < tables_.size(); ++f) {
+    if (clocks_[f].time.size() == 0) continue;
+    for (const Column& column : tables_[f].columns) {
+      const bool taken = column.text_cells > 0 || column.name == clocks_[f].column ||
+                         std::any_of(candidates_.begin(), candidates_.end(),
+                                     [&](const ColumnCandidate& c) { return c.column == &column; });
+      const auto x = raw_values(column);
+      if (taken || column.missing > column.values.size() / 2) continue;
+      free.push_back({&column, f, SignalKind::r, 1.0, column.unit, false, {}});
+      (void)x;
+    }
+  }
+  if (free.empty() || free.size() > 16) return;
+  const auto use = [&](const ColumnCandidate& c, SignalKind kind, const std::string& how) {
+    ColumnCandidate out = c;
+    out.kind = kind;
+    const std::optional<Unit> unit = parse_unit(c.unit);
+    if (c.unit.empty() || !unit || !same_dimension(*unit, *parse_unit(si_unit(kind)))) {
+      out.unit.clear();
+    }
+    out_.findings.push_back(
+        {"guessed_by_physics",
+         "note",
+         {c.column->name},
+         fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), how),
+         "check it: its name does not say so"});
+    candidates_.push_back(out);
+    std::erase_if(free, [&](const ColumnCandidate& f) { return f.column == c.column; });
+  };
+  const auto speed_of = [&]() {
+    const ColumnCandidate* c = best(SignalKind::vx);
+    return c != nullptr ? c : best(SignalKind::wheel_speed);
+  };
+  std::vector<VectorXd> x;
+  for (const ColumnCandidate& c : free) x.push_back(sampled(c));
+  if (speed_of() == nullptr && best(SignalKind::r) == nullptr) {
+    // All three at once: v r goes with ay, better than r alone does, and v is never negative.
+    double top = 0.9;
+    const ColumnCandidate *v = nullptr, *r = nullptr, *ay = nullptr;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      if (!(x[i].array().isNaN() || x[i].array() > -0.3).all() || high_quantile(x[i]) < 1.0)
+        continue;
+      for (std::size_t j = 0; j < free.size(); ++j) {
+        for (std::size_t k = 0; k < free.size(); ++k) {
+          if (i == j || i == k || j == k) continue;
+          const double with = std::abs(likeness(x[i].cwiseProduct(x[j]), x[k]).correlation);
+          const double without = std::abs(likeness(x[j], x[k]).correlation);
+          if (with <= top || with < without + 1e-4) continue;
+          top = with;
+          v = &free[i];
+          r = &free[j];
+          ay = &free[k];
+        }
+      }
+    }
+    if (v != nullptr) {
+      const ColumnCandidate one = *v, two = *r, three = *ay;
+      const std::string how =
+          fmt::format("'{}' times '{}' goes with '{}' (correlation {:.3f})", one.column->name,
+                      two.column->name, three.column->name, top);
+      use(one, SignalKind::vx, how);
+      use(two, SignalKind::r, how);
+      use(three, SignalKind::ay, how);
+    }
+  }
+  if (speed_of() == nullptr) return;
+  const VectorXd v = sampled(*speed_of());
+  const auto follow = [&](SignalKind kind, SignalKind with, bool times_speed, double least) {
+    if (best(kind) != nullptr || best(with) == nullptr) return;
+    const VectorXd y = sampled(*best(with));
+    const ColumnCandidate* found = nullptr;
+    double top = least;
+    for (const ColumnCandidate& c : free) {
+      const VectorXd one = sampled(c);
+      const double here = std::abs(times_speed ? likeness(v.cwiseProduct(one), y).correlation
+                                               : likeness(one, v.cwiseProduct(y)).correlation);
+      if (here <= top) continue;
+      top = here;
+      found = &c;
+    }
+    if (found == nullptr) return;
+    const ColumnCandidate copy = *found;
+    use(copy, kind,
+        fmt::format("{} goes with {} (correlation {:.3f})", times_speed ? "speed times it" : "it",
+                    times_speed ? to_string(with) : "speed times " + to_string(with), top));
+  };
+  follow(SignalKind::r, SignalKind::ay, true, 0.9);
+  follow(SignalKind::ay, SignalKind::r, false, 0.9);
+  follow(SignalKind::steering, SignalKind::r, true, 0.8);
+}
+
+VehicleSignals Guess::run() {
+  VehicleSignals& signals = out_;
+  signals.name = tables_.empty() ? "" : std::filesystem::path(tables_[0].path).filename().string();
+  const auto timed = std::find_if(clocks_.begin(), clocks_.end(),
+                                  [](const Clock& c) { return c.time.size() > 0; });
+  for (std::size_t f = 0; f < tables_.size(); ++f) {
+    const std::string file = std::filesystem::path(tables_[f].path).filename().string();
+    if (clocks_[f].time.size() == 0) {
+      out_.findings.push_back({"no_time",
+                               "serious",
+                               {file},
+                               fmt::format("no column of {} is an increasing time", file),
+                               "name it 'time' or 't'; time: {step: ...} in a model file"});
+    }
+    if (clocks_[f].runs > 1) {
+      out_.findings.push_back({"several_runs",
+                               "serious",
+                               {file},
+                               fmt::format("time runs back {} times: {} runs in one file",
+                                           clocks_[f].runs - 1, clocks_[f].runs),
+                               "time: {..., runs: restart} in the model file; this survey puts "
+                               "them one after the other"});
+    }
+  }
+  std::erase_if(candidates_,
+                [&](const ColumnCandidate& c) { return clocks_[c.file].time.size() == 0; });
+  if (timed == clocks_.end()) return std::move(out_);
+  const auto base = [&]() -> std::size_t {
+    for (const SignalKind kind : {SignalKind::r, SignalKind::ay, SignalKind::vx}) {
+      if (const ColumnCandidate* c = best(kind)) return c->file;
+    }
+    return static_cast<std::size_t>(timed - clocks_.begin());
+  };
+  raster_.time = clocks_[base()].time;
+  raster_.step = own_period(raster_.time, raster_.time);
+  try_unnamed();
+  choose_units();
+  choose_steering_unit();
+
+  signals.time_column = timed->column;
+  signals.time_unit = timed->unit;
+  std::set<const Column*> used;
+  std::string unclear;
+  for (const ColumnCandidate& c : candidates_) {
+    if (!used.insert(c.column).second) continue;
+    VehicleSignal s;
+    s.kind = c.kind;
+    s.column = called(c);
+    const ColumnCandidate* first = best(c.kind);
+    s.unit = first == &c ? units_[c.kind] : c.unit;
+    if (s.unit.empty()) s.unit = unit_like(c, *first);
+    s.source = std::filesystem::path(tables_[c.file].path).filename().string();
+    s.at_wheel = at_wheel_;
+    s.axis = c.words.any({"down", "right"}) ? -1.0 : 1.0;
+    s.time = clocks_[c.file].time;
+    s.value = raw_values(*c.column) * parse_unit(s.unit).value_or(Unit{}).scale;
+    if (c.unit.empty())
+      unclear += fmt::format("{}{} {}", unclear.empty() ? "" : ", ", s.column, s.unit);
+    signals.signals.push_back(std::move(s));
+  }
+  if (!unclear.empty()) {
+    signals.findings.push_back({"unit_unclear",
+                                "note",
+                                {},
+                                "the file gives no unit of some columns; these make the kinematics "
+                                "of a car: " +
+                                    unclear,
+                                "check them"});
+  }
+  return std::move(out_);
+}
+
+}  // namespace
+
+VehicleSignals guess_vehicle(const std::vector<Table>& tables) { return Guess(tables).run(); }
+
+}  // namespace identikal

@@ -1,0 +1,17 @@
+// Which lines of a model file would read this vehicle's recording?
+#pragma once
+
+#include "identify/survey/internal/aligned_signals.h"
+
+namespace identikal::surveying {
+
+/// The signals as they were taken.
+void propose(const VehicleSignals& signals, Scene& scene);
+
+/// Adds what the lags between signals say of their clocks. Finds one_clock.
+void propose_delays(Scene& scene);
+
+/// Files keep their own time, and the lags say how far apart these run: several_clocks.
+void name_clocks(Scene& scene);
+
+}  // namespace identikal::surveying

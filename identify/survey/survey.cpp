@@ -1,0 +1,71 @@
+#include "identify/survey/survey.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "identify/survey/internal/excitation.h"
+#include "identify/survey/internal/kinematics.h"
+#include "identify/survey/internal/mapping.h"
+#include "identify/survey/internal/signal_quality.h"
+
+namespace identikal {
+
+VehicleSurvey survey(const VehicleSignals& signals) {
+  using namespace surveying;  // NOLINT: its parts
+  Scene scene;
+  scene.out.findings = signals.findings;
+  if (signals.signals.empty() && scene.found("no_time")) {
+    scene.out.verdicts = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
+    return scene.out;
+  }
+  const bool raster = make_raster(signals, scene);
+  look_at_signals(signals, scene);
+  propose(signals, scene);
+  if (!scene.first.contains(SignalKind::steering)) {
+    scene.find("no_steering", "serious", {}, "no column looks like a steering angle",
+               "name it in the model file; without it nothing can be identified");
+  } else if (const Eigen::VectorXd& x = scene.first.at(SignalKind::steering)->value;
+             !(quantile_of(x, 0.0) < quantile_of(x, 1.0))) {
+    scene.find("no_steering", "serious", {scene.signal(SignalKind::steering).column},
+               fmt::format("the steering angle {} never changes", scene.name(SignalKind::steering)),
+               "is it the right column? Else record a manoeuvre");
+  }
+  if (!scene.first.contains(SignalKind::r)) {
+    const bool ay = scene.first.contains(SignalKind::ay);
+    scene.find("no_yaw_rate", ay ? "warning" : "serious", {}, "no column looks like a yaw rate",
+               "name it in the model file; without it signs, units and clocks are not compared");
+  }
+  const bool speed = scene.speed.size() > 0;
+  if (!speed) {
+    scene.find("no_speed", "serious", {}, "no column looks like a speed",
+               "name it in the model file");
+  }
+  const auto driving = speed ? (scene.speed.array() > kSlowestTest).count() : Eigen::Index{0};
+  const bool moved = static_cast<double>(driving) * (raster ? scene.step : 0.0) >= 2.0;
+  if (raster && speed) look_at_speed(scene);
+  if (!raster || (speed && (!moved || driving < 40))) {
+    scene.find("too_short", "serious", {},
+               raster
+                   ? fmt::format("{:.1f} s in {} rows above {} m/s",
+                                 static_cast<double>(driving) * scene.step, driving, kSlowestTest)
+                   : std::string("less than two rows"),
+               "a manoeuvre takes some seconds, and the model a moving car; is a unit wrong?");
+  } else if (speed && scene.has(SignalKind::r)) {
+    check_kinematics(scene);
+    check_stuck(scene);
+    look_at_excitation(scene);
+    look_at_straights(scene);
+    propose_delays(scene);
+    name_clocks(scene);
+  }
+  judge_identifiability(scene);
+  const auto rank = [](const Warning& w) {
+    return w.severity == "serious" ? 0 : w.severity == "warning" ? 1 : 2;
+  };
+  std::stable_sort(scene.out.findings.begin(), scene.out.findings.end(),
+                   [&](const Warning& a, const Warning& b) { return rank(a) < rank(b); });
+  return scene.out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,22 @@
+// What is in this recording of a vehicle, what is wrong with it, and what could a fit tell from it?
+// Before any fit, by kinematics alone; nothing is changed.
+#pragma once
+
+#include "identify/estimate/estimate.h"
+#include "identify/survey/signals.h"
+
+namespace identikal {
+
+/// Looks at the signals and says what is there, what is wrong and what they can tell. Kinematics
+/// (ISO 8855, small angles): ay = dvy/dt + vx r, beta = vy/vx; at low lateral acceleration r
+/// follows vx delta / L within a few tenths of a second.
+///
+/// Codes of the findings, stable: too_short, no_steering, no_speed, no_yaw_rate, dead_channel,
+/// stuck_channel, swapped_channels, units_ay, units_speed, units_steering, sign_steering, sign_r,
+/// sign_ay, sign_vy, clock_offset, clock_unclear, several_clocks, one_clock, held_samples,
+/// outliers, reversing, standstill. A finding is "serious" where a fit would be wrong, else a
+/// "warning" or a "note". Lags between signals are searched over +-5 s, or a quarter of the
+/// recording where that is less.
+VehicleSurvey survey(const VehicleSignals& signals);
+
+}  // namespace identikal

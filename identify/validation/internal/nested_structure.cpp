@@ -1,0 +1,146 @@
+#include "identify/validation/internal/nested_structure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Core>
+
+#include "identify/model/model_file.h"
+#include "identify/result/estimated_model.h"
+#include "identify/result/values.h"
+#include "lib/base/error.h"
+#include "lib/base/random.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kAlike = 1e-9;
+
+bool same_numbers(const MatrixXd& A, const MatrixXd& B) {
+  if (A.rows() != B.rows() || A.cols() != B.cols()) return false;
+  if (A.size() == 0) return true;
+  return (A - B).cwiseAbs().maxCoeff() <= kAlike * std::max(A.cwiseAbs().maxCoeff(), 1e-300);
+}
+
+bool same_channels(const std::vector<ChannelSource>& a, const std::vector<ChannelSource>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const ChannelSource& x, const ChannelSource& y) {
+                      return x.column == y.column && x.scale == y.scale && x.offset == y.offset &&
+                             x.delay == y.delay;
+                    });
+}
+
+// Noise by what it does, so that a column of G that nothing drives is none.
+bool same_noise(const StateSpace& a, const StateSpace& b) {
+  return same_numbers(a.G * a.Q * a.G.transpose(), b.G * b.Q * b.G.transpose()) &&
+         same_numbers(a.R, b.R) && same_numbers(a.G * a.S, b.G * b.S) && same_numbers(a.x0, b.x0) &&
+         same_numbers(a.P0, b.P0);
+}
+
+NestedStructure same_matrices(const ModelFile& small, const ModelFile& large) {
+  const StateSpace a = instantiate(small.linear, small.parameters);
+  const StateSpace b = instantiate(large.linear, large.parameters);
+  if (a.states() != b.states()) return NestedStructure::unknown;
+  const bool same = same_numbers(a.A, b.A) && same_numbers(a.B, b.B) && same_numbers(a.C, b.C) &&
+                    same_numbers(a.D, b.D) && same_noise(a, b);
+  return same ? NestedStructure::same : NestedStructure::other;
+}
+
+VectorXd scalars(const ModelFile& model) {
+  VectorXd out(model.formulas.model.parameters);
+  for (Index i = 0; i < out.size(); ++i) {
+    out[i] = model.parameters[static_cast<std::size_t>(i)].scalar();
+  }
+  return out;
+}
+
+// One step from x, and the outputs there.
+VectorXd value_at(const ModelFile& file, VectorXd x, const VectorXd& u) {
+  constexpr double kStep = 0.01;  // [s]
+  const NonlinearModel& model = file.formulas.model;
+  ModelMemory memory = make_memory(model);
+  set_parameters(model, memory, scalars(file));
+  VectorXd out(model.outputs + model.states);
+  observe(model, memory, x, u, 0.0, out.head(model.outputs));
+  step(model, memory,
+       input_nodes(Eigen::Vector2d(0.0, kStep), u.replicate(1, 2), InputPath::constant, kStep), 0,
+       x);
+  out.tail(model.states) = x;
+  return out;
+}
+
+NestedStructure same_formulas(const ModelFile& small, const ModelFile& large) {
+  constexpr int kPoints = 20;
+  const NonlinearModel &a = small.formulas.model, &b = large.formulas.model;
+  if (a.states != b.states || a.inputs != b.inputs) return NestedStructure::unknown;
+  const bool settings = a.continuous == b.continuous && a.outputs == b.outputs &&
+                        small.formulas.filter == large.formulas.filter &&
+                        small.formulas.inputs == large.formulas.inputs;
+  if (!settings || !same_noise(written_matrices(small.linear, small.parameters),
+                               written_matrices(large.linear, large.parameters))) {
+    return NestedStructure::other;
+  }
+  Random random(1);
+  int compared = 0;
+  for (int point = 0; point < kPoints; ++point) {
+    VectorXd x(a.states), u(a.inputs);
+    for (double& each : x) each = random.normal();
+    for (double& each : u) each = random.normal();
+    // Half of them where roots and logarithms have values.
+    if (point % 2 == 0) {
+      x = x.cwiseAbs().eval();
+      u = u.cwiseAbs().eval();
+    }
+    const VectorXd one = value_at(small, x, u), other = value_at(large, x, u);
+    if (!one.allFinite() || !other.allFinite()) continue;
+    if (!same_numbers(one, other)) return NestedStructure::other;
+    ++compared;
+  }
+  return compared > 0 ? NestedStructure::same : NestedStructure::unknown;
+}
+
+NestedStructure same_vehicle(const ModelFile& small, const ModelFile& large) {
+  const VehicleSettings &a = small.vehicle, &b = large.vehicle;
+  const auto same_sensor = [](const auto& x, const auto& y) {
+    return x.first == y.first && x.second.x == y.second.x && x.second.y == y.second.y &&
+           x.second.angle == y.second.angle;
+  };
+  const bool curves = a.curve == b.curve || a.curve == TyreCurve::linear;
+  const bool same = curves && a.steering_at_road_wheel == b.steering_at_road_wheel &&
+                    a.min_speed == b.min_speed &&
+                    std::equal(a.sensors.begin(), a.sensors.end(), b.sensors.begin(),
+                               b.sensors.end(), same_sensor);
+  return same ? NestedStructure::same : NestedStructure::other;
+}
+
+}  // namespace
+
+NestedStructure structure_at(const StoredResult& small, const StoredResult& large) {
+  if (!small.estimate.model_file || !large.estimate.model_file) return NestedStructure::unknown;
+  try {
+    const ModelFile a = estimated_model(small.estimate, small.path);
+    ModelFile b = estimated_model(large.estimate, large.path);
+    if (a.form != b.form) return NestedStructure::unknown;
+    if (!same_channels(a.inputs, b.inputs) || !same_channels(a.outputs, b.outputs)) {
+      return NestedStructure::other;
+    }
+    if (a.form == ModelFile::Form::single_track) return same_vehicle(a, b);
+    Estimate there = large.estimate;
+    for (EstimatedParameter& p : there.parameters) {
+      const auto& of_small = small.estimate.parameters;
+      const auto at = std::find_if(of_small.begin(), of_small.end(),
+                                   [&](const EstimatedParameter& s) { return s.name == p.name; });
+      p.value = at == of_small.end() ? 0.0 : at->value;
+    }
+    set_values(b, there, large.path);
+    return a.form == ModelFile::Form::nonlinear ? same_formulas(a, b) : same_matrices(a, b);
+  } catch (const InputError&) {  // a file that it included is gone; no model at these values
+    return NestedStructure::unknown;
+  }
+}
+
+}  // namespace identikal

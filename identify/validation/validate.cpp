@@ -1,0 +1,399 @@
+#include "identify/validation/validate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include "identify/estimate/distribution.h"
+#include "identify/filter/outliers.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/filter/report.h"
+#include "identify/noise/estimate.h"
+#include "identify/report/console.h"
+#include "identify/validation/internal/vehicle_refit.h"
+#include "identify/vehicle/checks.h"
+#include "identify/vehicle/series.h"
+#include "lib/base/error.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+
+// The result's figures belong to its sampling period, unless the noise is one of continuous time.
+void check_period(const Estimate& result, const ModelFile& model,
+                  const std::vector<Dataset>& recordings) {
+  const bool any_period = model.linear.continuous && model.linear.noise == ProcessNoise::density;
+  if (any_period || !result.filter) return;
+  const double dt = result.filter->model.dt;
+  for (const Dataset& data : recordings) {
+    if (std::abs(data.dt - dt) <= 1e-6 * dt || model.time.step > 0.0) continue;
+    throw InputError({data.name, 0, 0},
+                     fmt::format("sampled every {:.6g} s, the result every {:.6g} s", data.dt, dt),
+                     "the same sampling period", "noise per sample belongs to one sampling period");
+  }
+}
+
+// Whether unseen innovations are white and as large as the filter says. The estimates' own errors
+// show in them, the more the fewer rows they came from: with rho new rows per old one,
+//   score        s' J^-1 s / (1 + rho) ~ chi2(k), for cov s = J + J V J with V = (rho J^-1)
+//   nis          mean of the new ~ F(new samples, old samples): on the old it was fitted to 1
+//   ljung_box    sum of lags - k unit chi-squares and k of size 1 + rho (the fit takes k directions
+//                from the correlations of the old rows, Box & Pierce 1970), by its mean and
+//                variance
+//   input_correlation  likewise
+// where k values were estimated; without any, as on any data.
+void test_unseen(const Estimate& result, const ModelFile& model,
+                 const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters,
+                 Estimate& estimate) {
+  Index shortest = recordings[0].size();
+  double rows = 0.0, own_rows = 0.0;
+  for (const Dataset& data : recordings) {
+    shortest = std::min(shortest, data.size());
+    rows += static_cast<double>(data.size()) - static_cast<double>(data.absent.size());
+  }
+  for (const InputRecord& input : result.inputs) own_rows += static_cast<double>(input.used);
+  std::vector<Index> estimated;  // of the free entries
+  Index entry = 0;
+  for (const EstimatedParameter& p : result.parameters) {
+    if (p.fixed) continue;
+    if (p.verdict != Verdict::at_bound) estimated.push_back(entry);
+    ++entry;
+  }
+  const auto k = static_cast<Index>(estimated.size());
+  const double rho = k > 0 && own_rows > 0.0 ? rows / own_rows : 0.0;
+  const auto& outputs = recordings[0].outputs;
+  const std::vector<FStatistic> by_input = input_tests(recordings, filters);
+  const double level =
+      0.05 / static_cast<double>(outputs.size() + by_input.size() + (k > 0 ? 2 : 1));
+  const auto add = [&](const char* id, const std::string& channel, double value, double low,
+                       double high, double p) {
+    TestResult test;
+    test.id = id;
+    test.channel = channel;
+    test.value = value;
+    test.interval = {low, high};
+    test.p = p;
+    test.pass = p >= level;
+    test.level = level;
+    estimate.tests.push_back(std::move(test));
+  };
+  estimate.tests.clear();
+  const int lags = default_lags(shortest);
+  const Eigen::MatrixXd all = side_by_side(filters, lags);
+  if (k > 0) {
+    RecordingsLikelihood likelihood(model, recordings);
+    const Likelihood* at = likelihood.evaluate(model.parameters, true);
+    if (at != nullptr && at->gradient.size() == entry) {
+      const Eigen::VectorXd s = at->gradient(estimated);
+      const Eigen::MatrixXd J = at->information(estimated, estimated);
+      const Eigen::VectorXd scale = J.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * J *
+                                                                 scale.asDiagonal());
+      const Eigen::VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(s);
+      double value = 0.0, dof = 0.0;
+      for (Index i = 0; i < k; ++i) {
+        const double size = eigen.eigenvalues()[i];
+        if (!(size > kFlat * eigen.eigenvalues()[k - 1])) continue;
+        value += along[i] * along[i] / size / (1.0 + rho);
+        dof += 1.0;
+      }
+      if (dof > 0.0) {
+        add("score", "", value, 0.0, chi_square_quantile(1.0 - level, dof),
+            chi_square_upper_tail(value, dof));
+      }
+    }
+  }
+  constexpr double kKnown = 1e12;  // degrees of freedom of a variance that is known
+  if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {
+    const double mean = nis.value / nis.dof, old = rho > 0.0 ? nis.dof / rho : kKnown;
+    const double upper = f_upper_tail(mean, nis.dof, old);
+    add("nis", "", mean, f_quantile(0.5 * level, nis.dof, old),
+        f_quantile(1.0 - 0.5 * level, nis.dof, old),
+        std::min(1.0, 2.0 * std::min(upper, 1.0 - upper)));
+    // Found in four of five cases.
+    constexpr double kBlind = 1.5;
+    const double seen =
+        std::sqrt(f_quantile(1.0 - 0.5 * level, nis.dof, old) / f_quantile(0.2, nis.dof, old));
+    if (seen > kBlind) {
+      estimate.warnings.push_back(
+          {"blind",
+           "warning",
+           {},
+           fmt::format("these data would not show innovations {:.2g} times as large as the filter "
+                       "says",
+                       seen),
+           "validate on a longer recording"});
+    }
+  }
+  // A mean of `dof` squares of unit normals, k of which the estimates' errors make larger, over one
+  // of `rest` that they do not.
+  const auto add_mean = [&](const char* id, const std::string& channel, double value, double dof,
+                            double rest, double reported) {
+    const double taken = std::min(static_cast<double>(k), dof);
+    const double mean = 1.0 + rho * taken / dof;
+    const double half_variance = (dof - taken + (1.0 + rho) * (1.0 + rho) * taken) / dof;
+    const double effective = dof * mean * mean / half_variance;
+    add(id, channel, reported * value, 0.0,
+        reported * mean * f_quantile(1.0 - level, effective, rest),
+        f_upper_tail(value / mean, effective, rest));
+  };
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
+    if (!std::isfinite(q.value) || !(q.dof > 0.0)) continue;
+    add_mean("ljung_box", outputs[i].name, q.value / q.dof, q.dof, kKnown, q.dof);
+  }
+  for (std::size_t i = 0; i < by_input.size(); ++i) {
+    const FStatistic& f = by_input[i];
+    if (!std::isfinite(f.value)) continue;
+    add_mean("input_correlation", outputs[i].name, f.value, f.dof, f.dof_rest, 1.0);
+  }
+  std::string failed;
+  for (const TestResult& test : estimate.tests) {
+    if (test.pass) continue;
+    failed += (failed.empty() ? "" : ", ") + test.id +
+              (test.channel.empty() ? "" : " of " + test.channel);
+  }
+  estimate.status = failed.empty() ? Status::ok : Status::answer_no;
+  estimate.message = failed.empty() ? "it holds on these data: no test rejects it"
+                                    : "it does not hold on these data: rejected by " + failed;
+}
+
+Estimate validate_filter(const Estimate& result, const ModelFile& written,
+                         const std::vector<Dataset>& recordings) {
+  check_period(result, written, recordings);
+  ModelFile model = written;
+  if (model.time.step == 0.0) model.linear.dt = recordings.front().dt;
+  check_channels(recordings);
+  Estimate out;
+  out.model_name = model.name;
+  list_parameters(out, model.parameters, model.parameters);
+  for (EstimatedParameter& p : out.parameters) p.fixed = true;
+  const std::vector<FilterResult> filters =
+      describe_filter(out, model, model.parameters, recordings);
+  test_unseen(result, model, recordings, filters, out);
+  warn_of_suspect_data(out, model, model.parameters, recordings, filters);
+  const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };
+  double rows = 0.0, own_rows = 0.0;
+  for (const Dataset& data : recordings) {
+    rows += static_cast<double>(data.size()) - static_cast<double>(data.absent.size());
+  }
+  for (const InputRecord& input : result.inputs) own_rows += static_cast<double>(input.used);
+  out.derived.push_back(
+      {"log-likelihood per row", "", per_row(out.objective.log_likelihood, rows), kNone});
+  out.derived.push_back(
+      {"  on its own data", "", per_row(result.objective.log_likelihood, own_rows), kNone});
+  return out;
+}
+
+Estimate validate_car(const Estimate& result, const ModelFile& model,
+                      const std::vector<Dataset>& recordings, bool robust) {
+  Estimate out;
+  out.model_name = model.name;
+  out.status = Status::ok;
+  out.tyre_curve = result.tyre_curve;
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  for (const EstimatedParameter& p : result.parameters) {
+    EstimatedParameter known;
+    known.name = p.name;
+    known.unit = p.unit;
+    known.value = known.start = p.value;
+    known.fixed = true;
+    const auto parameter = vehicle_parameter(p.name);
+    known.neutral = parameter && unknowns.value[*parameter] == neutral_vehicle()[*parameter];
+    out.parameters.push_back(std::move(known));
+  }
+  out.series = validate_vehicle(model, recordings, unknowns, unknowns.value, robust);
+  out.simulation = channel_fits(out.series, robust);
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    out.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()), 0});
+  }
+  for (Index t = 0; t < out.series.time.size(); ++t) {
+    const auto run =
+        out.series.recording.empty()
+            ? std::size_t{0}
+            : static_cast<std::size_t>(out.series.recording[static_cast<std::size_t>(t)] - 1);
+    if (!out.series.predicted.col(t).array().isNaN().all()) ++out.inputs[run].used;
+  }
+  check_hold_out_recordings(model, recordings, out);
+  return out;
+}
+
+// What a refit would make of the car, and whether it says no: another car beyond chance, that moves
+// in another way by more than kMatters.
+std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& estimate) {
+  constexpr double kLevel = 0.05;
+  constexpr double kMatters = 0.05;  // of an output's size
+  constexpr double kBlind = 0.2;     // of a parameter
+  constexpr double kClear = 2.0;     // standard errors
+  if (refit.changes.empty() || !(refit.dof > 0.0)) {
+    estimate.notes.emplace_back(
+        !refit.tried      ? "refit: no value of the result has an error to compare by"
+        : refit.converged ? "refit: these data determine none of the values that were estimated"
+                          : "refit: the search did not converge, so values are not compared");
+    return std::nullopt;
+  }
+  TestResult test;
+  test.id = "refit";
+  test.value = refit.statistic;
+  test.interval = {0.0, f_quantile(1.0 - kLevel, refit.dof, refit.freedom)};
+  test.p = refit.p;
+  test.pass = refit.p >= kLevel;
+  test.level = kLevel;
+  estimate.tests.push_back(test);
+
+  std::string blind, changes, all;
+  std::vector<std::string> about;
+  estimate.notes.emplace_back("refit on these data   result      refit    change  seen from");
+  for (const VehicleRefit::Change& c : refit.changes) {
+    const double change = c.refitted / c.known - 1.0;
+    estimate.notes.push_back(
+        fmt::format("  {:<16} {:>9.6g}  {:>9.6g}  {:>+6.1f} %  {:>9}", c.name, c.known, c.refitted,
+                    100.0 * change,
+                    std::isnan(c.visible) ? "never" : fmt::format("{:.1f} %", 100.0 * c.visible)));
+    const std::string by = fmt::format("{} by {:+.0f} %", c.name, 100.0 * change);
+    all += (all.empty() ? "" : ", ") + by;
+    if (std::abs(c.refitted - c.known) > kClear * c.se) {
+      changes += (changes.empty() ? "" : ", ") + by;
+    }
+    if (c.visible <= kBlind) continue;
+    about.push_back(c.name);
+    blind += fmt::format("{}{}", blind.empty() ? "" : ", ", c.name);
+  }
+  double most = 0.0;
+  std::string moved;
+  for (std::size_t j = 0; j < refit.moves.size(); ++j) {
+    if (!(refit.moves[j] > most)) continue;
+    most = refit.moves[j];
+    moved = estimate.simulation[j].channel;
+  }
+  estimate.derived.push_back({"refit moves " + moved, "%", 100.0 * most, kNone});
+  estimate.notes.push_back(fmt::format(
+      "refit: another car where chance would give such changes in less than {:.0f} % of cases (F "
+      "with {:.0f} and {:.0f} degrees of freedom, errors of both fits), and where they move a "
+      "simulated output by more than {:.0f} % of its size. seen from: what change of this value "
+      "alone would be found in 80 % of cases",
+      100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
+  if (!blind.empty()) {
+    estimate.warnings.push_back(
+        {"blind", "warning", about,
+         fmt::format("these data would not show an error of {} of 20 %", blind),
+         "validate on a recording that tells it: 'identikal info --vehicle' says what one can "
+         "tell"});
+  }
+  if (test.pass || most <= kMatters) return std::nullopt;
+  return fmt::format(
+      "it is another car: a refit changes {} (p {:.2g}), and {} by {:.0f} % of its size",
+      changes.empty() ? all : changes, refit.p, moved, 100.0 * most);
+}
+
+// The output that has to follow the steering.
+std::size_t leading_output(const std::vector<ChannelFit>& fits) {
+  const auto named = std::find_if(fits.begin(), fits.end(),
+                                  [](const ChannelFit& fit) { return fit.channel == "r"; });
+  const auto best = std::max_element(
+      fits.begin(), fits.end(),
+      [](const ChannelFit& a, const ChannelFit& b) { return a.fit_percent < b.fit_percent; });
+  return static_cast<std::size_t>((named != fits.end() ? named : best) - fits.begin());
+}
+
+// Answers by limits of the fit. A channel without a fit never changed and reaches none.
+void judge_fits(const std::vector<ChannelFit>& fits, const std::vector<double>& limits,
+                Estimate& estimate) {
+  std::string below;
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    if (fits[i].fit_percent >= limits[i]) continue;
+    below += fmt::format("{}{} {:.1f} %, {:.4g} % wanted", below.empty() ? "" : "; ",
+                         fits[i].channel, fits[i].fit_percent, limits[i]);
+  }
+  estimate.status = below.empty() ? Status::ok : Status::answer_no;
+  estimate.message =
+      below.empty() ? "it holds on these data: every fit is high enough" : "fit too low: " + below;
+}
+
+void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord>& inputs,
+                           Estimate& estimate) {
+  for (const InputRecord& input : inputs) {
+    const bool own =
+        std::any_of(result.inputs.begin(), result.inputs.end(), [&](const InputRecord& each) {
+          const bool apart = each.range[1] < input.range[0] || input.range[1] < each.range[0];
+          return each.sha256 == input.sha256 && !apart;
+        });
+    if (!own) continue;
+    estimate.warnings.push_back({"own_data",
+                                 "warning",
+                                 {input.path},
+                                 input.path + " is what the result was made from: this proves "
+                                              "nothing",
+                                 "validate on a recording that it has not seen"});
+    const std::string but = ", but the result was made from these data";
+    if (!estimate.message.ends_with(but)) estimate.message += but;
+  }
+  if (result.status != Status::ok) {
+    estimate.warnings.push_back(
+        {"doubtful_result",
+         "warning",
+         {},
+         fmt::format("the result itself is {}: {}", to_string(result.status), result.message),
+         ""});
+  }
+  const ModelSource& model = *result.model_file;
+  std::error_code none;
+  if (std::filesystem::is_regular_file(model.path, none) &&
+      sha256_of_file(model.path) != model.sha256) {
+    estimate.warnings.push_back({"model_changed",
+                                 "warning",
+                                 {model.path},
+                                 model.path + " has changed since; what is validated is the model "
+                                              "as it was, which the result holds",
+                                 "run the job again if the change matters"});
+  }
+}
+
+}  // namespace
+
+Estimate validate(const Estimate& result, const ModelFile& model,
+                  const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
+                  const ValidateOptions& options) {
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  Estimate out = vehicle ? validate_car(result, model, recordings, options.robust)
+                         : validate_filter(result, model, recordings);
+  const std::vector<ChannelFit>& fits = vehicle ? out.simulation : out.one_step;
+  const std::vector<ChannelFit>& own = vehicle ? result.simulation : result.one_step;
+  for (const ChannelFit& fit : own) {
+    out.derived.push_back({"own fit of " + fit.channel, "%", fit.fit_percent, kNone});
+  }
+  std::optional<std::string> another_car;
+  bool refitted = false;
+  if (vehicle) {
+    const VehicleRefit refit = refit_vehicle(result, model, recordings, options.robust);
+    another_car = judge_refit(refit, out);
+    refitted = refit.dof > 0.0;
+  }
+  if (options.least_fit) {
+    judge_fits(fits, std::vector<double>(fits.size(), *options.least_fit), out);
+  } else if (vehicle) {
+    std::vector<double> limits(fits.size(), 0.0);
+    if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
+    judge_fits(fits, limits, out);
+    if (another_car) {
+      out.message = (out.status == Status::ok ? "" : out.message + "; ") + *another_car;
+      out.status = Status::answer_no;
+    } else if (out.status == Status::ok) {
+      out.message = refitted
+                        ? "it holds on these data: every fit is high enough, and a refit would "
+                          "not make another car"
+                        : "every fit is high enough; the values themselves are not tested";
+    }
+  }
+  warn_of_circumstances(result, inputs, out);
+  out.verb = out.objective.method = "validate";
+  out.model_file = result.model_file;
+  return out;
+}
+
+}  // namespace identikal

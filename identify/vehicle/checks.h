@@ -1,0 +1,64 @@
+// What would an experienced engineer say about this vehicle fit? Warnings and notes; nothing is
+// changed.
+#pragma once
+
+#include "identify/estimate/estimate.h"
+#include "identify/vehicle/covariance.h"
+#include "identify/vehicle/internal/tyre_saturation.h"
+
+namespace identikal {
+
+/// A number of an output in the user's unit: a difference, so that no offset is applied.
+double in_unit(const VehicleRun::Output& output, double si);
+
+/// vx delta must go with r, and vx r with ay (ISO 8855): a negative correlation is a flipped axis.
+void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Estimate& estimate);
+
+/// Iz/(m a b) outside 0.8 to 1.3 and axle stiffness per load outside 5 to 25 per rad, for
+/// determined values.
+void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate);
+
+/// Which change of the positive parameters, relative to their size, the recording tells least, when
+/// it leaves more than a quarter open: the direction in which a user must look for more knowledge.
+void describe_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                                const VehicleParameters<double>& p, Estimate& estimate);
+
+/// A free run of the leading output that explains less is poor [%].
+inline constexpr double kPoorFit = 50.0;
+
+/// A free-run simulation that explains less than half, and noise far from what the model file gave.
+/// @param rms  per output, SI
+void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate);
+
+/// What the survey (identify/survey/survey.h) finds wrong with the recordings as the model file
+/// maps them: units, swapped or stuck channels, clocks, outliers, reversing. What the fit leaves
+/// out by itself, or says in its own words, is not repeated.
+void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+                      Estimate& estimate);
+
+/// The same for held-out recordings, signs too, with the file named: what the fit was given is not
+/// touched by it, so that it is a warning at most. What the fitted recordings have too is not
+/// repeated.
+void check_hold_out_recordings(const ModelFile& model, const std::vector<Dataset>& hold_out,
+                               Estimate& estimate);
+
+/// Held-out data that the car foretells much worse than what it was fitted to.
+void check_hold_out(Estimate& estimate);
+
+/// A steering gain that was fitted and is not 1: the model file's ratio is then wrong.
+void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                         const VehicleParameters<double>& p, bool at_road_wheel,
+                         Estimate& estimate);
+
+/// Says when the standard errors had to be widened.
+void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate);
+
+/// Says whether, and by how much, the tyres leave the linear range.
+void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
+                 Estimate& estimate);
+
+/// Notes: how the rows spread over lateral acceleration, and the residuals of each output there.
+void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                           Estimate& estimate);
+
+}  // namespace identikal

@@ -1,0 +1,380 @@
+#include "identify/vehicle/covariance.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+#include "identify/estimate/distribution.h"
+#include "lib/base/random.h"
+#include "lib/statistics/long_run_covariance.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kColouredLevel = 0.01;
+constexpr Eigen::Index kFewestBlocks = 8, kMostBlocks = 200;
+
+/// Orthonormal basis of the columns of A.
+Eigen::MatrixXd range_of(const Eigen::MatrixXd& A) {
+  if (A.cols() == 0) return Eigen::MatrixXd(A.rows(), 0);
+  Eigen::MatrixXd scaled = A;
+  for (Eigen::Index i = 0; i < A.cols(); ++i) {
+    const double norm = A.col(i).norm();
+    if (norm > 0.0) scaled.col(i) /= norm;
+  }
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(scaled);
+  qr.setThreshold(1e-9);
+  return qr.householderQ() * Eigen::MatrixXd::Identity(A.rows(), qr.rank());
+}
+
+/// Residuals of one output on the recording's rows, NaN elsewhere.
+Eigen::VectorXd on_rows(const VehicleProblem& problem, Eigen::Index output,
+                        const Eigen::VectorXd& residuals) {
+  Eigen::VectorXd out = Eigen::VectorXd::Constant(problem.run->time.size(), kNone);
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    if (problem.output[i] == output) {
+      out[problem.row[i]] = residuals[static_cast<Eigen::Index>(i)];
+    }
+  }
+  return out;
+}
+
+/// Ljung-Box of every output, judged together.
+void test_whiteness(const VehicleProblem& problem, VehicleCovariance& out) {
+  const auto& outputs = problem.run->outputs;
+  const double level = kColouredLevel / static_cast<double>(outputs.size());
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    const Eigen::VectorXd e = on_rows(problem, static_cast<Eigen::Index>(j), out.residuals);
+    const int lags = default_lags(outputs[j].samples);
+    const ChiSquareStatistic statistic = ljung_box(e, lags);
+    if (!std::isfinite(statistic.value)) continue;
+    TestResult test;
+    test.id = "ljung_box";
+    test.channel = outputs[j].name;
+    test.value = statistic.value;
+    test.interval = {0.0, chi_square_quantile(1.0 - level, statistic.dof)};
+    test.p = chi_square_upper_tail(statistic.value, statistic.dof);
+    test.pass = test.p >= level;
+    out.coloured = out.coloured || !test.pass;
+    out.whiteness.push_back(test);
+  }
+}
+
+/// Long-run covariance at Andrews' bandwidth or a multiple of it up to an eighth of the record,
+/// whichever gives the widest errors on average over the parameters: his rule looks at neighbouring
+/// rows only, and misses slow model errors under fast noise.
+Eigen::MatrixXd widest_long_run_covariance(const Eigen::MatrixXd& scores,
+                                           const Eigen::MatrixXd& white, Eigen::Index& bandwidth) {
+  const Eigen::Index largest = std::max<Eigen::Index>(1, scores.cols() / 8);
+  Eigen::MatrixXd widest;
+  double most = -1.0;
+  for (Eigen::Index tried = andrews_bandwidth(scores, largest); tried <= largest; tried *= 2) {
+    const Eigen::MatrixXd candidate = long_run_covariance(scores, tried);
+    double inflation = 0.0;
+    for (Eigen::Index i = 0; i < white.rows(); ++i) {
+      if (white(i, i) > 0.0) inflation += candidate(i, i) / white(i, i);
+    }
+    if (inflation <= most) continue;
+    most = inflation;
+    widest = candidate;
+    bandwidth = tried;
+  }
+  return widest;
+}
+
+}  // namespace
+
+Eigen::MatrixXd orthogonal_part(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
+  const Eigen::MatrixXd Q = range_of(A);
+  return B - Q * (Q.transpose() * B);
+}
+
+Eigen::MatrixXd summed_by_row(const VehicleProblem& problem, const Eigen::MatrixXd& X,
+                              const Eigen::VectorXd& weight) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(X.cols(), problem.run->used);
+  Eigen::Index column = -1, previous = -1;
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    if (problem.row[i] != previous) ++column;
+    previous = problem.row[i];
+    out.col(column) += weight[n] * X.row(n).transpose();
+  }
+  return out.leftCols(column + 1);
+}
+
+namespace {
+
+/// vehicle_covariance() where it is said which parameters are held at their bounds.
+VehicleCovariance covariance_holding(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                                     const std::vector<bool>& at_bound) {
+  VehicleCovariance out;
+  const Eigen::Index k = problem.parameters(), m = problem.residuals();
+  const auto outputs = static_cast<Eigen::Index>(problem.run->outputs.size());
+  Eigen::VectorXd e;
+  LeastSquares::RowMatrix J;
+  output_error(problem, optimum.z, e, &J);
+
+  out.at_bound = at_bound;
+  out.open.assign(at_bound.size(), false);
+  for (Eigen::Index i = 0; i < k; ++i) {
+    if (!at_bound[static_cast<std::size_t>(i)]) out.inner.push_back(i);
+  }
+  const auto inner = static_cast<Eigen::Index>(out.inner.size());
+
+  // Weigh, and take the initial states out: what they can explain tells nothing about the
+  // parameters.
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    J.row(n) /= optimum.sd[problem.output[i]];
+    e[n] /= optimum.sd[problem.output[i]];
+  }
+  Eigen::MatrixXd X(m, inner);
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    X.col(i) = J.col(out.inner[static_cast<std::size_t>(i)]);
+  }
+  const Eigen::MatrixXd states = range_of(J.rightCols(problem.coordinates() - k));
+  X -= states * (states.transpose() * X);
+
+  // What a prior knows counts as one more row.
+  X.conservativeResize(m + k, inner);
+  X.bottomRows(k).setZero();
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    const Eigen::Index at = out.inner[static_cast<std::size_t>(i)];
+    X(m + at, i) = prior_residual(problem, optimum.z, at).slope;
+  }
+
+  // Eigenvectors of the information scaled to unit diagonal: X basis is orthonormal, `null` is
+  // flat.
+  Eigen::VectorXd size = X.colwise().norm().transpose();
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    if (!(size[i] > 0.0)) size[i] = 1.0;
+  }
+  const Eigen::MatrixXd unit = X * size.cwiseInverse().asDiagonal();
+  Eigen::MatrixXd basis(inner, 0), null(inner, 0);
+  if (inner > 0) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit.transpose() * unit);
+    const double least = kFlat * eigen.eigenvalues().maxCoeff();
+    const Eigen::Index flat = (eigen.eigenvalues().array() <= least).count();
+    null = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().leftCols(flat);
+    const Eigen::Index determined = inner - flat;
+    basis = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().rightCols(determined) *
+            eigen.eigenvalues().tail(determined).cwiseSqrt().cwiseInverse().asDiagonal();
+  }
+  const Eigen::MatrixXd influence = X * basis;
+
+  // An output loses as many degrees of freedom as the fit has leverage on its samples.
+  Eigen::VectorXd lost = Eigen::VectorXd::Zero(outputs), samples = lost;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    lost[problem.output[i]] += states.row(n).squaredNorm() + influence.row(n).squaredNorm();
+    samples[problem.output[i]] += 1.0;
+  }
+  out.sd = optimum.sd;
+  for (Eigen::Index j = 0; j < outputs; ++j) {
+    const bool given = !std::isnan(problem.run->outputs[static_cast<std::size_t>(j)].given_sd);
+    if (!given) out.sd[j] *= std::sqrt(samples[j] / std::max(samples[j] - lost[j], 1.0));
+  }
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    const double correction = optimum.sd[problem.output[i]] / out.sd[problem.output[i]];
+    X.row(n) *= correction;
+    e[n] *= correction;
+  }
+  out.residuals = e;
+  const auto inverse_of = [&](const Eigen::MatrixXd& information) {
+    return Eigen::MatrixXd(basis * (basis.transpose() * information * basis).inverse() *
+                           basis.transpose());
+  };
+  const Eigen::MatrixXd bound =
+      inverse_of(noise_information(problem.robust) * (X.topRows(m).transpose() * X.topRows(m)) +
+                 X.bottomRows(k).transpose() * X.bottomRows(k));
+  if (problem.robust) {
+    // Rows by the information of a sample, errors so that rows times errors are the scores.
+    const double root = std::sqrt(noise_information(true));
+    for (Eigen::Index n = 0; n < m; ++n) {
+      const NoiseCost cost = noise_cost(true, e[n]);
+      X.row(n) *= root;
+      e[n] *= cost.weight / root;
+    }
+  }
+
+  // From optimiser coordinates to SI.
+  Eigen::VectorXd scale(inner);
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    scale[i] = problem.unknowns.scale[out.inner[static_cast<std::size_t>(i)]];
+  }
+  const Eigen::MatrixXd information = X.transpose() * X;
+  out.information =
+      scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
+  out.null_space = null.cols() == 0
+                       ? null
+                       : Eigen::MatrixXd(null.householderQr().householderQ() *
+                                         Eigen::MatrixXd::Identity(inner, null.cols()));
+  const Eigen::MatrixXd inverse = inverse_of(information);
+  out.white = scale.asDiagonal() * bound * scale.asDiagonal();
+
+  test_whiteness(problem, out);
+  const double used = static_cast<double>(m - states.cols() - basis.cols());
+  out.freedom = std::max(used, 1.0);
+  out.covariance = out.white;
+  out.rows = X.topRows(m) * scale.cwiseInverse().asDiagonal();
+  out.scores = e;
+  if ((out.coloured || problem.robust) && basis.cols() > 0) {
+    Eigen::MatrixXd scores = summed_by_row(problem, X.topRows(m) * inverse, e);
+    // At the optimum the scores of the data balance those of the priors: without their mean they
+    // scatter about zero.
+    scores.colwise() -= Eigen::VectorXd(scores.rowwise().mean());
+    const Eigen::MatrixXd spread = out.coloured
+                                       ? widest_long_run_covariance(scores, inverse, out.bandwidth)
+                                       : long_run_covariance(scores, out.bandwidth);
+    const double correction = static_cast<double>(m) / out.freedom;
+    // What a prior knows scatters by itself, once.
+    const Eigen::MatrixXd priors = X.bottomRows(k).transpose() * X.bottomRows(k);
+    out.covariance = scale.asDiagonal() * (correction * spread + inverse * priors * inverse) *
+                     scale.asDiagonal();
+    if (out.coloured) {
+      // An estimate below the errors of white residuals is an accident of its own scatter.
+      const Eigen::VectorXd widened =
+          (out.white.diagonal().array() / out.covariance.diagonal().array()).max(1.0).sqrt();
+      out.covariance = widened.asDiagonal() * out.covariance * widened.asDiagonal();
+    }
+    // Rows without a sample have no score.
+    out.memory = static_cast<double>(out.bandwidth) * problem.run->step *
+                 static_cast<double>(problem.run->used) / static_cast<double>(scores.cols());
+    // The spread is itself an estimate: with these degrees of freedom Student's t has the critical
+    // values of Kiefer & Vogelsang (2005, table 1) for Bartlett's window at this share of the
+    // record, within 2 %.
+    out.freedom = std::max(
+        1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
+  }
+  return out;
+}
+
+/// Whether all that the recording says of a free parameter leaves it anywhere between its bounds.
+bool says_nothing(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                  const VehicleCovariance& covariance, Eigen::Index parameter) {
+  const VehicleParameter which = problem.unknowns.free[static_cast<std::size_t>(parameter)];
+  const double si = parameters_at(problem, z)[which];
+  Eigen::VectorXd along = Eigen::VectorXd::Zero(problem.parameters());
+  along[parameter] = 1.0;
+  const double se = standard_error(problem, covariance, along);
+  if (std::isnan(se)) return true;  // a flat direction
+  const double reach = normal_quantile(0.975) * se;
+  const UserValue user = in_user_terms(which, si);
+  if (!std::isfinite(user.value)) return false;
+  if (must_be_positive(which) && user.value <= reach * std::abs(user.slope)) return true;
+  return problem.unknowns.upper[parameter] - problem.unknowns.lower[parameter] <= reach;
+}
+
+}  // namespace
+
+VehicleCovariance holding_what_is_told(
+    const VehicleProblem& problem, const Eigen::VectorXd& z, const std::vector<bool>& at_bound,
+    const std::function<VehicleCovariance(const std::vector<bool>& held)>& holding) {
+  const VehicleParameters<double> p = parameters_at(problem, z);
+  const std::vector<VehicleParameter>& free = problem.unknowns.free;
+  std::vector<bool> held(free.size(), false), open = held;
+  bool any = false;
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    // A straight axle is an answer.
+    held[i] = at_bound[i] && is_straight(problem.unknowns, i, p[free[i]]);
+    any = any || at_bound[i] != held[i];
+  }
+  if (any) {
+    VehicleCovariance released = holding(held);
+    // What the drive could tell: a misfit widens the other errors, and is another finding.
+    released.covariance = released.white;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      open[i] = at_bound[i] && !held[i] &&
+                says_nothing(problem, z, released, static_cast<Eigen::Index>(i));
+      held[i] = at_bound[i] && !open[i];
+    }
+  }
+  VehicleCovariance out = holding(held);
+  out.open = open;
+  return out;
+}
+
+VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum) {
+  std::vector<bool> at_bound;
+  for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+    at_bound.push_back(is_at_bound(problem, optimum.z, i));
+  }
+  return holding_what_is_told(problem, optimum.z, at_bound, [&](const std::vector<bool>& held) {
+    return covariance_holding(problem, optimum, held);
+  });
+}
+
+void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long long seed,
+                      VehicleCovariance& covariance) {
+  const Eigen::Index k = covariance.rows.cols();
+  if (k == 0 || covariance.null_space.cols() > 0) return;
+  Eigen::Index rows = 0;  // that hold a sample
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    if (i == 0 || problem.row[i] != problem.row[i - 1]) ++rows;
+  }
+  const Eigen::Index blocks = std::clamp<Eigen::Index>(
+      rows / (2 * covariance.bandwidth), std::min<Eigen::Index>(kFewestBlocks, rows), kMostBlocks);
+  std::vector<Eigen::MatrixXd> H(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
+  std::vector<Eigen::VectorXd> g(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
+  Eigen::Index row = -1, previous = -1;
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    if (problem.row[i] != previous) ++row;
+    previous = problem.row[i];
+    const auto block = static_cast<std::size_t>(std::min(row * blocks / rows, blocks - 1));
+    const auto n = static_cast<Eigen::Index>(i);
+    const Eigen::VectorXd x = covariance.rows.row(n).transpose();
+    H[block].noalias() += x * x.transpose();
+    g[block] += covariance.scores[n] * x;
+  }
+  // The priors' share, whose scores balance those of the data.
+  Eigen::MatrixXd prior = covariance.information;
+  Eigen::VectorXd balance = Eigen::VectorXd::Zero(k);
+  for (const Eigen::MatrixXd& each : H) prior -= each;
+  for (const Eigen::VectorXd& each : g) balance -= each;
+
+  Random random(seed);
+  Eigen::MatrixXd moved(k, draws);
+  for (int draw = 0; draw < draws; ++draw) {
+    Eigen::MatrixXd information = prior;
+    Eigen::VectorXd score = balance;
+    for (Eigen::Index b = 0; b < blocks; ++b) {
+      const auto drawn = static_cast<std::size_t>(std::min(
+          blocks - 1, static_cast<Eigen::Index>(random.uniform() * static_cast<double>(blocks))));
+      information += H[drawn];
+      score += g[drawn];
+    }
+    for (Eigen::Index i = 0; i < k; ++i) {
+      score[i] += std::sqrt(std::max(0.0, prior(i, i))) * random.normal();
+    }
+    moved.col(draw) = -information.ldlt().solve(score);
+  }
+  moved.colwise() -= Eigen::VectorXd(moved.rowwise().mean());
+  covariance.covariance = moved * moved.transpose() / static_cast<double>(draws - 1);
+  covariance.freedom = static_cast<double>(blocks - 1);
+  covariance.draws = draws;
+  covariance.blocks = blocks;
+}
+
+double standard_error(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                      const Eigen::VectorXd& gradient) {
+  const auto inner = static_cast<Eigen::Index>(covariance.inner.size());
+  Eigen::VectorXd g(inner), relative(inner);
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    const Eigen::Index from = covariance.inner[static_cast<std::size_t>(i)];
+    g[i] = gradient[from];
+    relative[i] = g[i] * problem.unknowns.scale[from];
+  }
+  for (std::size_t i = 0; i < covariance.at_bound.size(); ++i) {
+    if (covariance.at_bound[i] && gradient[static_cast<Eigen::Index>(i)] != 0.0) return kNone;
+  }
+  const double along = (covariance.null_space.transpose() * relative).norm();
+  if (along > 1e-6 * relative.norm()) return kNone;
+  return std::sqrt(std::max(0.0, g.dot(covariance.covariance * g)));
+}
+
+}  // namespace identikal

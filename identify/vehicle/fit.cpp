@@ -1,0 +1,550 @@
+#include "identify/vehicle/fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "identify/estimate/distribution.h"
+#include "identify/vehicle/checks.h"
+#include "identify/vehicle/covariance.h"
+#include "identify/vehicle/internal/pictures.h"
+#include "identify/vehicle/internal/steady_cornering.h"
+#include "identify/vehicle/internal/structure_comparison.h"
+#include "identify/vehicle/internal/trajectory.h"
+#include "identify/vehicle/internal/tyre_saturation.h"
+#include "identify/vehicle/output_error.h"
+#include "identify/vehicle/search.h"
+#include "identify/vehicle/series.h"
+#include "identify/vehicle/usable_data.h"
+#include "lib/base/dual.h"
+#include "lib/base/error.h"
+#include "lib/data/units.h"
+#include "lib/vehicle/steering_response.h"
+
+namespace identikal {
+namespace {
+
+/// The model file's parameters in its units; free ones still stand at their start.
+void list_parameters(const ModelFile& model, Estimate& estimate) {
+  for (const Parameter& given : model.parameters) {
+    EstimatedParameter result;
+    result.name = given.name;
+    result.unit = given.unit;
+    result.fixed = given.fixed;
+    const Unit unit = parse_unit(given.unit).value_or(Unit{});
+    result.start = unit.from_si(given.scalar());
+    result.bounds = {unit.from_si(given.min), unit.from_si(given.max)};
+    result.value = result.start;
+    const auto parameter = vehicle_parameter(given.name);
+    result.neutral = given.fixed && given.scalar() == neutral_vehicle()[*parameter];
+    estimate.parameters.push_back(result);
+  }
+}
+
+/// At a wrong bound these push the stiffnesses away from their values.
+bool bends_the_others(VehicleParameter p) {
+  return p == kCf || p == kCr || p == kYawInertia || p == kSofteningFront || p == kSofteningRear;
+}
+
+void report_parameters(const VehicleSearch& found, const VehicleCovariance& covariance,
+                       Estimate& estimate) {
+  const VehicleUnknowns& unknowns = found.problem.unknowns;
+  const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
+    const UserValue user = in_user_terms(unknowns.free[i], p[unknowns.free[i]]);
+    result.value = parse_unit(result.unit).value_or(Unit{}).from_si(user.value);
+  }
+
+  // A parameter at a bound has no interval; the others are judged as if it were known.
+  const auto k = static_cast<Eigen::Index>(covariance.inner.size());
+  Eigen::VectorXd to_user(k);
+  for (Eigen::Index i = 0; i < k; ++i) {
+    const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
+    const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
+    to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope /
+                 parse_unit(unit).value_or(Unit{}).scale;
+  }
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    if (!covariance.at_bound[i]) continue;
+    EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
+    result.verdict = Verdict::at_bound;
+    if (is_straight(unknowns, i, p[unknowns.free[i]])) {
+      result.value = std::numeric_limits<double>::infinity();
+      estimate.warnings.push_back(
+          {"no_saturation",
+           "note",
+           {result.name},
+           fmt::format("{} is beyond what this recording shows: that axle's force stays straight",
+                       result.name),
+           "harder cornering would show it; a linear tyre does as well here"});
+      continue;
+    }
+    estimate.warnings.push_back(
+        {"at_bound",
+         bends_the_others(unknowns.free[i]) ? "serious" : "warning",
+         {result.name},
+         fmt::format("{} ended at its bound {:.6g}; the errors of the others take it as known",
+                     result.name, result.value),
+         "widen the bound in the model file if it is not physical"});
+  }
+  for (std::size_t i = 0; i < covariance.open.size(); ++i) {
+    if (!covariance.open[i]) continue;
+    const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
+    estimate.warnings.push_back(
+        {"at_bound",
+         "note",
+         {result.name},
+         fmt::format("{} ended at its bound {:.6g} by chance: this recording does not tell it",
+                     result.name, result.value),
+         ""});
+  }
+  if (k > 0) {
+    const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() *
+                                        covariance.information *
+                                        to_user.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd in_user_units =
+        to_user.asDiagonal() * covariance.covariance * to_user.asDiagonal();
+    judge_parameters(estimate, information, in_user_units,
+                     student_t_quantile(0.975, covariance.freedom));
+    estimate.covariance_freedom = covariance.freedom;
+  }
+  for (Eigen::Index i = 0; i < k; ++i) {
+    const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
+    EstimatedParameter& result = estimate.parameters[unknowns.position[n]];
+    if (!std::isnan(result.se)) {
+      result.crb_se = std::sqrt(covariance.white(i, i)) * std::abs(to_user[i]);
+    }
+  }
+  if (covariance.draws > 0) {
+    estimate.covariance_kind =
+        fmt::format("block bootstrap, {} draws of {} blocks", covariance.draws, covariance.blocks);
+  } else if (covariance.coloured) {
+    estimate.covariance_kind =
+        fmt::format("sandwich, residuals correlated over {:.2g} s", covariance.memory);
+  } else {
+    estimate.covariance_kind = found.problem.robust
+                                   ? "sandwich, robust cost"
+                                   : "inverse information, white residuals (Cramer-Rao)";
+  }
+}
+
+void report_series(const VehicleSearch& found, const VehicleCovariance& covariance,
+                   Estimate& estimate) {
+  const VehicleProblem& problem = found.problem;
+  estimate.series = vehicle_series(problem, found.best.z);
+  estimate.simulation = channel_fits(estimate.series, problem.robust);
+  if (problem.robust) {
+    estimate.notes.push_back("fit and rmse count outliers as three standard deviations");
+  }
+  if (problem.prediction) {
+    Series one_step = estimate.series;
+    Eigen::VectorXd e;
+    output_error(problem, found.best.z, e, nullptr);
+    for (std::size_t i = 0; i < problem.row.size(); ++i) {
+      const Eigen::Index j = problem.output[i];
+      one_step.predicted(j, problem.row[i]) =
+          one_step.measured(j, problem.row[i]) +
+          in_unit(problem.run->outputs[static_cast<std::size_t>(j)],
+                  e[static_cast<Eigen::Index>(i)]);
+    }
+    estimate.one_step = channel_fits(one_step, problem.robust);
+    estimate.pictures.one_step = std::move(one_step.predicted);
+  }
+  Eigen::MatrixXd& standardised = estimate.series.standardised;
+  standardised = Eigen::MatrixXd::Constant(problem.run->y.rows(), problem.run->time.size(), kNone);
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    // Residual as the rest of the program has it: measured minus predicted.
+    standardised(problem.output[i], problem.row[i]) =
+        -covariance.residuals[static_cast<Eigen::Index>(i)];
+  }
+}
+
+/// Characteristic values that the data determine, whichever single parameters they leave open.
+void report_derived(const VehicleSearch& found, const VehicleCovariance& covariance,
+                    Estimate& estimate) {
+  const VehicleProblem& problem = found.problem;
+  const VehicleParameters<double> p = parameters_at(problem, found.best.z);
+  const double u = problem.run->median_speed;
+  const std::array<double, 6> x = {p[kMass], p[kA], p[kB], p[kYawInertia], p[kCf], p[kCr]};
+
+  const auto add = [&](const std::string& name, const std::string& unit, double per_si,
+                       auto&& quantity) {
+    const auto [value, gradient] = value_and_gradient(x, [&](const auto& q) {
+      using T = typename std::decay_t<decltype(q)>::value_type;
+      SingleTrack<T> car;
+      car.m = q[kMass];
+      car.a = q[kA];
+      car.b = q[kB];
+      car.Iz = q[kYawInertia];
+      car.front.stiffness = q[kCf];
+      car.rear.stiffness = q[kCr];
+      return T(quantity(car));
+    });
+    if (!std::isfinite(value) || !gradient.allFinite()) return;
+    Eigen::VectorXd by_free(problem.parameters());
+    for (Eigen::Index i = 0; i < by_free.size(); ++i) {
+      const VehicleParameter parameter = problem.unknowns.free[static_cast<std::size_t>(i)];
+      by_free[i] = parameter <= kCr ? gradient[parameter] : 0.0;
+    }
+    double se = kNone;
+    if (by_free.size() > 0 && by_free.norm() > 0.0) {
+      se = standard_error(problem, covariance, by_free);
+      if (std::isnan(se)) return;
+    }
+    estimate.derived.push_back({name, unit, value * per_si, se * per_si});
+  };
+
+  constexpr double kDegreePerG = 57.295779513082323 * kStandardGravity;
+  add("K", "rad/(m/s^2)", 1.0, [](const auto& car) { return understeer_gradient(car); });
+  add("K per g", "deg/g", kDegreePerG, [](const auto& car) { return understeer_gradient(car); });
+  add("DF", "deg/g", kDegreePerG, [](const auto& car) { return front_compliance(car); });
+  add("DR", "deg/g", kDegreePerG, [](const auto& car) { return rear_compliance(car); });
+  const bool understeers = p[kB] * p[kCr] > p[kA] * p[kCf];
+  add(understeers ? "v_ch" : "v_cr", "km/h", 3.6,
+      [](const auto& car) { return characteristic_speed(car); });
+  const std::string at = fmt::format(" at {:.0f} km/h", 3.6 * u);
+  add("yaw gain" + at, "1/s", 1.0,
+      [u](const auto& car) { return steering_response(car, u).yaw_gain; });
+  add("wn" + at, "rad/s", 1.0,
+      [u](const auto& car) { return steering_response(car, u).natural_frequency; });
+  add("zeta" + at, "", 1.0, [u](const auto& car) { return steering_response(car, u).damping; });
+  add("Tz" + at, "s", 1.0,
+      [u](const auto& car) { return steering_response(car, u).yaw_lead_time; });
+  const auto& free = problem.unknowns.free;
+  if (std::find(free.begin(), free.end(), kMass) != free.end()) {
+    // Steering moves the car by these alone, so they may be known where the mass is not.
+    add("Cf/m", "N/(rad kg)", 1.0, [](const auto& car) { return car.front.stiffness / car.m; });
+    add("Cr/m", "N/(rad kg)", 1.0, [](const auto& car) { return car.rear.stiffness / car.m; });
+    add("Iz/m", "m^2", 1.0, [](const auto& car) { return car.Iz / car.m; });
+  }
+  for (std::size_t j = 0; j < problem.run->outputs.size(); ++j) {
+    const VehicleRun::Output& output = problem.run->outputs[j];
+    const double sd = in_unit(output, covariance.sd[static_cast<Eigen::Index>(j)]);
+    const bool given = !std::isnan(output.given_sd);
+    const double se = sd / std::sqrt(2.0 * static_cast<double>(output.samples));
+    estimate.derived.push_back({"sd(" + output.name + ")", output.unit, sd, given ? kNone : se});
+  }
+}
+
+/// @param flat  how many directions the data leave open: they count as no parameters
+void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& estimate) {
+  const VehicleProblem& problem = found.problem;
+  Objective& objective = estimate.objective;
+  objective.log_likelihood = found.best.log_likelihood;
+  Eigen::VectorXd e;
+  if (output_error(problem, coordinates_of(problem, problem.unknowns.value), e, nullptr)) {
+    objective.log_likelihood_start = log_likelihood(
+        problem, coordinates_of(problem, problem.unknowns.value), e, noise_sd(problem, e));
+  }
+  auto estimated = static_cast<double>(problem.coordinates() - flat);
+  for (const VehicleRun::Output& output : problem.run->outputs) {
+    if (std::isnan(output.given_sd)) estimated += 1.0;
+  }
+  objective.aic = 2.0 * (estimated - found.best.log_likelihood);
+  objective.samples = static_cast<long>(problem.residuals());
+  objective.bic = estimated * std::log(static_cast<double>(objective.samples)) -
+                  2.0 * found.best.log_likelihood;
+  objective.iterations = found.iterations;
+  objective.evaluations = found.evaluations;
+  objective.starts = found.starts;
+  objective.starts_agree = found.agree;
+}
+
+/// Goes on from the best simulation with a filter gain that starts at none. Where the gain makes
+/// the recording no likelier than chance would, nothing pushes the car, and the simulation stays.
+void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
+                     Estimate& estimate) {
+  Eigen::VectorXd z = found.best.z;
+  const VehicleProblem problem = predicting(found.problem, found.best.sd, z);
+  SolverOptions solver;
+  solver.progress = options.progress;
+  const VehicleOptimum best = maximise_likelihood(problem, z, solver);
+  found.iterations += best.iterations;
+  found.evaluations += best.evaluations;
+  found.paths.push_back(best.path);
+  const double gain = 2.0 * (best.log_likelihood - found.best.log_likelihood);
+  if (gain < chi_square_quantile(0.99, static_cast<double>(problem.gains()))) {
+    estimate.notes.push_back(
+        "nothing pushes this car: no filter gain is seen, values are those of "
+        "the simulation");
+    return;
+  }
+  found.problem = problem;
+  found.best = best;
+}
+
+/// Held-out rows, simulated by the fitted car. Their residuals are on the scale of the others where
+/// these are a simulation's too.
+void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovariance& covariance,
+                     bool simulation, Estimate& estimate) {
+  Pictures& pictures = estimate.pictures;
+  estimate.hold_out = channel_fits(held, found.problem.robust);
+  if (simulation) {
+    pictures.held_standardised = held.measured - held.predicted;
+    for (Eigen::Index j = 0; j < held.measured.rows(); ++j) {
+      pictures.held_standardised.row(j) /=
+          in_unit(found.problem.run->outputs[static_cast<std::size_t>(j)], covariance.sd[j]);
+    }
+  }
+  pictures.held_time = std::move(held.time);
+  pictures.held_recording = std::move(held.recording);
+  pictures.held_measured = std::move(held.measured);
+  pictures.held_free_run = std::move(held.predicted);
+}
+
+/// Goes on from the best simulation with the whole path unknown.
+VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
+                                    const VehicleSearchOptions& search, VehicleSearch& found,
+                                    Estimate& estimate) {
+  if (options.bootstrap > 0) {
+    throw InputError({}, "--bootstrap with --method trajectory",
+                     "one of them: blocks of a path are not independent");
+  }
+  SolverOptions solver;
+  solver.progress = search.progress;
+  VehicleTrajectory trajectory = fit_trajectory(found.problem, found.best, solver);
+  found.best = trajectory.best;
+  found.iterations += trajectory.best.iterations;
+  found.evaluations += trajectory.best.evaluations;
+  estimate.derived.push_back({"push on vy", "m/s^2 s^0.5", trajectory.process[0], kNone});
+  estimate.derived.push_back({"push on r", "rad/s^2 s^0.5", trajectory.process[1], kNone});
+  if (trajectory.left_out > 0) {
+    estimate.notes.push_back(fmt::format("{} samples left out as outliers", trajectory.left_out));
+  }
+  return trajectory.covariance;
+}
+
+/// Whether this finding is a channel so wrong that no other form of the model can mend it.
+bool is_misreading(const Warning& w) {
+  return w.severity == "serious" &&
+         (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
+          w.code == "clock_offset" || w.code == "swapped_channels");
+}
+
+bool misread(const Estimate& estimate) {
+  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), is_misreading);
+}
+
+/// What a misread channel entails is no finding of its own: the cause goes first, its consequences
+/// into one note behind it.
+void put_cause_first(Estimate& estimate) {
+  if (!misread(estimate)) return;
+  std::vector<Warning> causes, others;
+  std::vector<std::string> about;
+  std::vector<std::pair<std::string, std::vector<std::string>>> entailments;  // code, about
+  for (Warning& w : estimate.warnings) {
+    const bool entailed = w.code == "at_bound" || w.code == "poor_fit" ||
+                          w.code == "noise_differs" || w.code == "coloured_residuals" ||
+                          w.code == "weak_direction" || w.code == "steering_ratio" ||
+                          w.code.starts_with("implausible_");
+    if (is_misreading(w)) {
+      causes.push_back(std::move(w));
+    } else if (entailed) {
+      const std::string code = w.code.starts_with("implausible_") ? "implausible" : w.code;
+      auto at = std::find_if(entailments.begin(), entailments.end(),
+                             [&](const auto& each) { return each.first == code; });
+      if (at == entailments.end()) at = entailments.insert(at, {code, {}});
+      at->second.insert(at->second.end(), w.about.begin(), w.about.end());
+      for (const std::string& name : w.about) {
+        if (std::find(about.begin(), about.end(), name) == about.end()) about.push_back(name);
+      }
+    } else {
+      others.push_back(std::move(w));
+    }
+  }
+  estimate.warnings = std::move(causes);
+  std::string consequences;
+  for (const auto& [code, names] : entailments) {
+    consequences +=
+        fmt::format("{}{} ({})", consequences.empty() ? "" : ", ", code, fmt::join(names, ", "));
+  }
+  if (!consequences.empty()) {
+    estimate.warnings.push_back({"consequences", "note", about,
+                                 "also found, as is to be expected then: " + consequences,
+                                 "fit again when the above is mended"});
+  }
+  estimate.warnings.insert(estimate.warnings.end(), std::make_move_iterator(others.begin()),
+                           std::make_move_iterator(others.end()));
+}
+
+void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, Estimate& estimate) {
+  std::vector<std::string> open, serious;
+  std::size_t free = 0;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++free;
+    if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) open.push_back(p.name);
+  }
+  // A stiffness, mass or length whose interval holds zero is not determined either.
+  const VehicleUnknowns& unknowns = found.problem.unknowns;
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
+    const bool maybe_zero = must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0;
+    const bool listed_already = std::find(open.begin(), open.end(), p.name) != open.end();
+    const bool anywhere = i < covariance.open.size() && covariance.open[i];
+    if ((maybe_zero || anywhere) && !listed_already) open.push_back(p.name);
+  }
+  for (const Warning& warning : estimate.warnings) {
+    if (warning.severity != "serious") continue;
+    if (std::find(serious.begin(), serious.end(), warning.code) == serious.end()) {
+      serious.push_back(warning.code);
+    }
+  }
+  if (misread(estimate)) {
+    estimate.status = Status::untrusted;
+    estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
+  } else if (!open.empty()) {
+    // The search has no end along a valley of equally likely cars: that is an answer.
+    estimate.status = Status::answer_no;
+    estimate.message =
+        fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
+  } else if (!found.best.converged) {
+    estimate.status = Status::not_converged;
+    estimate.message = "the search did not converge: " + found.best.message;
+  } else if (!serious.empty()) {
+    estimate.status = Status::untrusted;
+    estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
+  } else {
+    estimate.status = Status::ok;
+    estimate.message =
+        free == 0 ? fmt::format("simulated {} rows, nothing to fit", found.problem.run->used)
+                  : fmt::format("{} parameter{} fitted to {} samples", free, free == 1 ? "" : "s",
+                                found.problem.residuals());
+  }
+}
+
+}  // namespace
+
+Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+                     const VehicleFitOptions& options) {
+  using Method = VehicleFitOptions::Method;
+  if (options.search.robust && options.method == Method::prediction_error) {
+    throw InputError({}, "--robust with --method prediction-error",
+                     "--method trajectory: the gain would carry outliers into the state");
+  }
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  const VehicleRun run = usable_run(model, recordings);
+  Estimate estimate;
+  estimate.verb = "fit";
+  estimate.model_name = model.name;
+  estimate.tyre_curve = name_of(unknowns.curve);
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    estimate.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
+                               static_cast<long>(run.used_of[i])});
+  }
+  estimate.warnings = run.warnings;
+  estimate.notes = run.notes;
+
+  list_parameters(model, estimate);
+  // Sideslip, or one stiffness that is known, lets a circle tell the stiffnesses.
+  const bool open = unknowns.find(kCf) >= 0 && unknowns.find(kCr) >= 0 &&
+                    run.find(VehicleQuantity::vy) < 0 && run.find(VehicleQuantity::beta) < 0;
+  if (open && is_steady(run)) {
+    const auto known = [&](VehicleParameter p) {
+      return unknowns.find(p) < 0 ? unknowns.value[p] : 0.0;
+    };
+    if (const std::optional<SteadyTurning> turning =
+            steady_turning(run, known(kSteeringOffset), known(kBiasR))) {
+      check_signs(run, unknowns.value, estimate);
+      report_steady(model, *turning, estimate);
+      return estimate;
+    }
+  }
+
+  const std::size_t sought = unknowns.free.size() + 2 * run.stretches.size();
+  Eigen::Index samples = 0;
+  for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
+  if (samples <= static_cast<Eigen::Index>(sought)) {
+    throw InputError(
+        Location{recordings.front().name, 0, 0},
+        fmt::format("{} samples of the outputs for {} unknowns (parameters and initial states)",
+                    samples, sought),
+        "more samples than unknowns");
+  }
+  VehicleSearchOptions watched = options.search;
+  bool stopped = false;  // by the caller: this search, and all that would follow
+  watched.progress = [&](int iteration, double L) {
+    stopped = stopped || (options.search.progress && !options.search.progress(iteration, L));
+    return !stopped;
+  };
+  VehicleSearch found = search_vehicle(run, unknowns, watched);
+  if (found.best.z.size() == 0) {
+    for (EstimatedParameter& each : estimate.parameters) {
+      if (!each.fixed) each.verdict = Verdict::unfitted;
+    }
+    conclude(found, {}, estimate);
+    return estimate;
+  }
+  const bool simulation = options.method == Method::output_error;
+  VehicleCovariance covariance;
+  if (options.method == Method::trajectory) {
+    covariance = follow_trajectory(options, watched, found, estimate);
+  } else {
+    if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
+    covariance = vehicle_covariance(found.problem, found.best);
+  }
+  estimate.pictures.searches = found.paths;
+  // Whatever one start found, the search was not finished.
+  if (stopped) {
+    found.best.converged = false;
+    found.best.message = "stopped by the caller";
+  }
+  const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
+  if (options.bootstrap > 0 && !stopped) {
+    bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
+  }
+  estimate.tests = covariance.whiteness;
+  estimate.objective.method = options.method == Method::output_error       ? "output_error"
+                              : options.method == Method::prediction_error ? "prediction_error"
+                                                                           : "trajectory";
+  report_objective(found, covariance.null_space.cols(), estimate);
+  report_parameters(found, covariance, estimate);
+  if (options.method == Method::trajectory) {
+    estimate.covariance_kind =
+        "inverse information, path eliminated; pushes and noise taken as white";
+  }
+  report_series(found, covariance, estimate);
+  report_derived(found, covariance, estimate);
+
+  if (!options.hold_out.empty()) {
+    report_hold_out(validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust),
+                    found, covariance, simulation, estimate);
+    check_hold_out(estimate);
+  }
+  check_signs(run, p, estimate);
+  const bool second_opinion = options.second_opinion && !stopped;
+  if (second_opinion) {
+    check_recordings(model, recordings, estimate);
+    check_hold_out_recordings(model, options.hold_out, estimate);
+    if (simulation && !unknowns.free.empty() && !misread(estimate)) {
+      check_turned_sideslip(found, options.search, estimate);
+    }
+  }
+  Eigen::VectorXd e;
+  output_error(found.problem, found.best.z, e, nullptr);
+  check_fit(found.problem, rms_per_output(found.problem, e), estimate);
+  if (unknowns.curve == TyreCurve::linear && simulation && !misread(estimate)) {
+    check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance),
+                estimate);
+  }
+  check_whiteness(covariance, estimate);
+  check_steering_gain(found.problem, covariance, p, model.vehicle.steering_at_road_wheel, estimate);
+  if (second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
+    compare_alternatives(found, options.search, estimate);
+  }
+  check_plausibility(p, estimate);
+  describe_weakest_direction(found.problem, covariance, p, estimate);
+  put_cause_first(estimate);
+  describe_acceleration(found.problem, found.best, estimate);
+  conclude(found, covariance, estimate);
+  if (options.pictures) picture_vehicle(found, covariance, estimate);
+  return estimate;
+}
+
+}  // namespace identikal

@@ -1,0 +1,54 @@
+// Which cornering stiffnesses and other vehicle parameters does a recording determine?
+#pragma once
+
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "identify/vehicle/search.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+struct VehicleFitOptions {
+  VehicleSearchOptions search;
+  /// output_error simulates; for cars that are pushed by more than their steering prediction_error
+  /// goes on from there with a filter gain of its own (identify/vehicle/output_error.h), trajectory
+  /// with the states of all rows as unknowns (identify/vehicle/internal/trajectory.h).
+  enum class Method { output_error, prediction_error, trajectory } method = Method::output_error;
+  bool second_opinion = true;     ///< survey the recordings and try other forms of the model
+  int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
+  std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on
+  bool pictures = false;          ///< fills Estimate::pictures
+};
+
+/// Fits the free parameters of the single-track vehicle to a recording by output error: minimise
+/// the sum over outputs j and samples t of ((y_j(t) - yhat_j(t; theta)) / sigma_j)^2, with sigma_j
+/// re-estimated until it settles (maximum likelihood for white sensor noise of unknown size). The
+/// speed varies along the run; every stretch of usable rows has an initial state of its own, fitted
+/// along. The search begins at several starts (identify/vehicle/starts.h), so that the values in
+/// the model file do not decide the answer.
+///
+/// Standard errors come from the information matrix while the residuals are white, else from a
+/// sandwich (identify/vehicle/covariance.h); `covariance_kind` says which. All numbers are in the
+/// user's units. Status: answer_no when the data leave a parameter open, untrusted when a serious
+/// warning was raised (flipped sign, poor fit, saturating tyres), not_converged, else ok.
+/// With trajectory they come from the information with the path eliminated.
+/// `one_step` is filled by prediction_error only. Circles and slow ramps are answered with what
+/// they tell (identify/vehicle/internal/steady_cornering.h); fits with another form of the model
+/// are compared (identify/vehicle/internal/structure_comparison.h).
+/// @param model  of the form single_track; @param recordings  each with inputs steering angle and
+/// vx, outputs in the
+///   order of the model
+/// @throws InputError for trajectory with a bootstrap or a relaxation length, for prediction_error
+/// with robust noise, and, in words, when
+/// the recording or the model cannot be used at all: too few rows,
+///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
+Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+                     const VehicleFitOptions& options = {});
+inline Estimate fit_vehicle(const ModelFile& model, const Dataset& recording,
+                            const VehicleFitOptions& options = {}) {
+  return fit_vehicle(model, std::vector<Dataset>{recording}, options);
+}
+
+}  // namespace identikal

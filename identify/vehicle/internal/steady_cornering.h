@@ -1,0 +1,42 @@
+// Circles and slow ramps: what does steady driving tell of a car?
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "identify/vehicle/output_error.h"
+
+namespace identikal {
+
+/// Whether the car was in a steady turn all the time: within half a second neither the steering
+/// angle nor the yaw rate changes by more than a tenth of its size (root mean squares).
+bool is_steady(const VehicleRun& run);
+
+/// The products of the steering ratio i with wheelbase L and understeer gradient K, and the offset
+/// of the steering sensor, by least squares on
+///   angle + offset = i L r/v + i K v r
+/// (v r for the lateral acceleration, as bank, roll and bias of an accelerometer would enter). One
+/// equation for the means of every stretch driven at one speed; a stretch whose speed changes by
+/// more than a tenth gives one for each of 20 parts. The error is taken as one of the angle, of one
+/// size for all. Nothing more can be told: at rest in the turn neither Iz nor i, L and K apart
+/// leave a trace.
+struct SteadyTurning {
+  Eigen::Vector3d value;       ///< i L [m], i K [rad/(m/s^2)], offset [rad]
+  Eigen::Matrix3d covariance;  ///< NaN where there are no more equations than unknowns
+  bool with_offset = true;     ///< false: turns to one side only leave the offset open; it is 0
+  Eigen::Index equations = 0;
+  double sd = kNone;  ///< of the angle about the line [rad]
+  double freedom = kNone;
+};
+
+/// @param offset  of the steering sensor [rad]; 0: unknown, sought if the car turns to both sides
+/// @param bias_r  of the yaw rate [rad/s]
+/// @return nothing when the yaw rate is not measured, or speeds and angles are too much alike
+std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset = 0.0,
+                                            double bias_r = 0.0);
+
+/// Fills the answer for a steady recording: the two products, no parameter.
+void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate& estimate);
+
+}  // namespace identikal

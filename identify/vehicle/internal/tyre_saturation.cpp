@@ -1,0 +1,110 @@
+#include "identify/vehicle/internal/tyre_saturation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/LU>
+
+#include "identify/estimate/distribution.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kScoreLevel = 0.01;
+constexpr double kLargestSlip = 0.7;  // [rad]
+constexpr double kAxleLevel = 0.005;  // one-sided, each of two axles
+
+VehicleProblem softening_problem(const VehicleProblem& linear) {
+  VehicleProblem out = make_vehicle_problem(
+      *linear.run, with_curve(linear.unknowns, TyreCurve::tanh), linear.demand);
+  out.robust = linear.robust;
+  return out;
+}
+
+/// The linear optimum as coordinates of the softening problem.
+Eigen::VectorXd with_softening(const VehicleProblem& linear, const Eigen::VectorXd& z,
+                               const Eigen::Vector2d& softening) {
+  const Eigen::Index k = linear.parameters();
+  Eigen::VectorXd out(z.size() + 2);
+  out << z.head(k), softening, z.tail(z.size() - k);
+  return out;
+}
+
+double quantile_95(std::vector<double> values) {
+  const auto at = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+}  // namespace
+
+TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
+                                    const VehicleCovariance& covariance) {
+  TyreSaturation out;
+  const VehicleProblem problem = softening_problem(linear);
+  const Eigen::Index k = linear.parameters();
+  const Eigen::VectorXd at_linear = with_softening(linear, optimum.z, Eigen::Vector2d::Zero());
+  Eigen::VectorXd e;
+  LeastSquares::RowMatrix J;
+  if (!output_error(problem, at_linear, e, &J)) return out;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const auto n = static_cast<Eigen::Index>(i);
+    J.row(n) /= covariance.sd[problem.output[i]];
+    e[n] /= covariance.sd[problem.output[i]];
+  }
+  if (problem.robust) {
+    // Scores of the robust cost, brought to unit variance: an outlier has a bounded say.
+    for (double& each : e) each *= noise_cost(true, each).weight;
+    e /= std::sqrt(e.squaredNorm() / static_cast<double>(e.size()));
+  }
+
+  Eigen::MatrixXd others(J.rows(), J.cols() - 2);
+  others << J.leftCols(k), J.rightCols(J.cols() - k - 2);
+  const Eigen::MatrixXd X = orthogonal_part(others, J.middleCols(k, 2));
+  const Eigen::Matrix2d information = X.transpose() * X;
+  // A recording at a crawl does not bend the tyre at all, and two axles may bend it the same way.
+  if (!(information.determinant() > 1e-9 * information(0, 0) * information(1, 1))) return out;
+  const Eigen::Vector2d score = -X.transpose() * e;
+  const double statistic = score.dot(information.inverse() * score);
+  if (!std::isfinite(statistic) || statistic < 0.0) return out;
+  out.score_p = chi_square_upper_tail(statistic, 2.0);
+  if (out.score_p > kScoreLevel) return out;
+
+  // The score suggests a step; where it says that an axle does not soften, the refit may still find
+  // that it does.
+  const Eigen::Vector2d step = (information.inverse() * score).cwiseMax(0.05).cwiseMin(4.0);
+  const VehicleOptimum best =
+      maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});
+  if (!best.converged) return out;
+  std::vector<double> slips[2];
+  replay(problem, best.z, [&](Eigen::Index, const Motion& motion, double) {
+    slips[0].push_back(std::abs(motion.slip_front));
+    slips[1].push_back(std::abs(motion.slip_rear));
+  });
+  out.front.slip = quantile_95(slips[0]);
+  out.rear.slip = quantile_95(slips[1]);
+  // A car that slides sideways most of the time explains a wrong model, not a tyre.
+  if (std::max(out.front.slip, out.rear.slip) > kLargestSlip) return out;
+  out.refitted = true;
+  out.gain = best.log_likelihood - optimum.log_likelihood;
+  out.softened = parameters_at(problem, best.z);
+  output_error(problem, best.z, e, nullptr);
+  out.rms = rms_per_output(problem, e);
+
+  const VehicleCovariance refit = vehicle_covariance(problem, best);
+  for (int axle = 0; axle < 2; ++axle) {
+    TyreSaturation::Axle& result = axle == 0 ? out.front : out.rear;
+    const double softening = out.softened[axle == 0 ? kSofteningFront : kSofteningRear];
+    const double stiffness = out.softened[axle == 0 ? kCf : kCr];
+    const double linear_force = stiffness * result.slip;
+    result.loss =
+        1.0 - force_share(TyreCurve::tanh, softening * linear_force * linear_force, {}).value;
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
+    gradient[k + axle] = 1.0;
+    const double se = standard_error(problem, refit, gradient);
+    result.significant = softening > student_t_quantile(1.0 - kAxleLevel, refit.freedom) * se;
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,707 @@
+#include "identify/vehicle/output_error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+#include "solvers/scoring.h"
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+namespace identikal {
+namespace {
+
+// Bounds of positive parameters that have none in the model file, in units of the typical size.
+// What ends here is reported as at its bound: the data want a rigid car.
+constexpr double kSmallest = 1e-3, kLargest = 20.0;
+constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
+constexpr double kLongestDelay = 1.0;         // [s]
+constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
+constexpr double kLeastFiala = 1e-6;          // softening in typical sizes
+
+bool is_softening(VehicleParameter p) { return p == kSofteningFront || p == kSofteningRear; }
+
+double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
+  switch (parameter) {
+    case kYawInertia:
+      return p[kMass] * p[kA] * p[kB];
+    case kCf:
+      return 10.0 * axle_loads(p)[0];
+    case kCr:
+      return 10.0 * axle_loads(p)[1];
+    case kSteeringOffset:
+    case kMountingAngle:
+    case kBiasR:
+    case kBank:
+      return 0.02;
+    case kSteeringDelay:
+      return 0.05;
+    case kBiasVy:
+    case kBiasAy:
+      return 0.2;
+    case kRelaxationLength:
+    case kCgHeight:
+      return 0.5;
+    case kCurveCurvature:
+      return 1.0;
+    case kSofteningFront:
+      return 1.0 / std::pow(axle_loads(p)[0], 2);
+    case kSofteningRear:
+      return 1.0 / std::pow(axle_loads(p)[1], 2);
+    default:
+      return p[parameter] != 0.0 ? std::abs(p[parameter]) : 1.0;
+  }
+}
+
+// A long recording forgets its initial state: derivatives by it decay below 1e-308, where the
+// processor is a hundred times slower. In this scope they become zero.
+class FlushDenormals {
+ public:
+#if defined(__SSE2__)
+  FlushDenormals() : before_(_mm_getcsr()) { _mm_setcsr(before_ | 0x8040u); }
+  ~FlushDenormals() { _mm_setcsr(before_); }
+
+ private:
+  unsigned before_;
+
+ public:
+#else
+  FlushDenormals() = default;
+#endif
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+};
+
+}  // namespace
+
+bool must_be_positive(VehicleParameter p) {
+  return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
+         p == kSteeringRatio || is_softening(p) || p == kCurveShape;
+}
+
+UserValue in_user_terms(VehicleParameter parameter, double value) {
+  if (!is_softening(parameter)) return {value, 1.0};
+  const double force = 1.0 / std::sqrt(value);
+  return {force, -0.5 * force / value};
+}
+
+double from_user_terms(VehicleParameter parameter, double value) {
+  return is_softening(parameter) ? 1.0 / (value * value) : value;
+}
+
+Eigen::Index VehicleUnknowns::find(VehicleParameter parameter) const {
+  const auto at = std::find(free.begin(), free.end(), parameter);
+  return at == free.end() ? -1 : at - free.begin();
+}
+
+bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value) {
+  const double least = kLeastFiala * unknowns.scale[static_cast<Eigen::Index>(free)];
+  return is_softening(unknowns.free[free]) && value <= least * (1.0 + 1e-6);
+}
+
+Eigen::Vector2d axle_loads(const VehicleParameters<double>& p) {
+  const double weight = p[kMass] * kStandardGravity / (p[kA] + p[kB]);
+  return {weight * p[kB], weight * p[kA]};
+}
+
+std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car) {
+  std::vector<VehicleReading> out;
+  for (const VehicleRun::Output& output : run.outputs) out.emplace_back(output.sensor, car);
+  return out;
+}
+
+void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
+  const VehicleParameters<double>& p = unknowns.value;
+  const double scale = typical_size(parameter, p);
+  double lower = -std::numeric_limits<double>::infinity(), upper = -lower;
+  if (must_be_positive(parameter)) {
+    lower = kSmallest * scale;
+    upper = kLargest * scale;
+  }
+  if (is_softening(parameter)) {
+    // Below friction 0.1 nobody drives. Fiala's curve has an infinite slope by the softening at 0.
+    lower = unknowns.curve == TyreCurve::fiala ? kLeastFiala * scale : 0.0;
+    upper = 100.0 * scale;
+  }
+  if (parameter == kSteeringDelay) {
+    lower = -kLongestDelay;
+    upper = kLongestDelay;
+  }
+  if (parameter == kMountingAngle || parameter == kBank) {
+    lower = -kLargestAngle;
+    upper = kLargestAngle;
+  }
+  if (parameter == kRelaxationLength) lower = kShortestRelaxation;
+  if (parameter == kCgHeight || parameter == kLoadSensitivity) lower = 0.0;
+  if (parameter == kCurveShape) {
+    lower = 1.0;
+    upper = 2.0;
+  }
+  if (parameter == kCurveCurvature) upper = 1.0;
+  const auto k = static_cast<Eigen::Index>(unknowns.free.size());
+  unknowns.free.push_back(parameter);
+  unknowns.position.push_back(0);
+  unknowns.prior.emplace_back();
+  for (const auto& [vector, value] :
+       {std::pair{&unknowns.lower, lower}, {&unknowns.upper, upper}, {&unknowns.scale, scale}}) {
+    vector->conservativeResize(k + 1);
+    (*vector)[k] = value;
+  }
+}
+
+VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
+  const Location at{model.path, 0, 0};
+  VehicleUnknowns out;
+  out.value = neutral_vehicle();
+  out.curve = model.vehicle.curve;
+  std::vector<std::string> known;
+  for (int i = 0; i < kVehicleParameters; ++i) {
+    known.emplace_back(name_of(static_cast<VehicleParameter>(i)));
+  }
+  std::vector<std::size_t> sought;
+  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+    const Parameter& given = model.parameters[i];
+    const auto parameter = vehicle_parameter(given.name);
+    if (!parameter) {
+      throw InputError(at, "parameter '" + given.name + "'", "one of the single-track vehicle's",
+                       did_you_mean(given.name, known));
+    }
+    if (*parameter == kSteeringRatio && model.vehicle.steering_at_road_wheel) {
+      if (given.fixed) continue;
+      throw InputError(at,
+                       "steering_ratio is to be fitted, but the angle is that of the road wheel",
+                       "", "fit steering_gain instead");
+    }
+    if (must_be_positive(*parameter) && !(given.scalar() > 0.0)) {
+      throw InputError(at, fmt::format("parameter '{}' is {:g}", given.name, given.scalar()),
+                       "a positive number");
+    }
+    if (*parameter == kRelaxationLength && given.fixed && given.scalar() != 0.0 &&
+        given.scalar() < kShortestRelaxation) {
+      throw InputError(at, fmt::format("parameter '{}' is {:g} m", given.name, given.scalar()),
+                       fmt::format("0 for none, or at least {:g} m", kShortestRelaxation));
+    }
+    out.value[*parameter] = from_user_terms(*parameter, given.scalar());
+    if (!given.fixed) sought.push_back(i);
+  }
+  for (int i = 0; i < kVehicleParameters; ++i) {
+    const auto parameter = static_cast<VehicleParameter>(i);
+    if (std::isnan(out.value[parameter])) {
+      throw InputError(at, fmt::format("parameter '{}' is missing", name_of(parameter)),
+                       "a value or a start for it");
+    }
+  }
+  for (const std::size_t i : sought) {
+    const Parameter& given = model.parameters[i];
+    const VehicleParameter parameter = *vehicle_parameter(given.name);
+    set_free(out, parameter);
+    out.position.back() = i;
+    out.prior.back() = given.prior;
+    double low = given.min, high = given.max;
+    if (given.prior.kind == Prior::Kind::uniform || given.prior.kind == Prior::Kind::log_uniform) {
+      low = std::max(low, given.prior.a);
+      high = std::min(high, given.prior.b);
+    }
+    if (given.prior.kind == Prior::Kind::log_normal) {
+      if (!(given.scalar() > 0.0)) {
+        throw InputError(at,
+                         fmt::format("parameter '{}' starts at {:g}, where its log-normal prior "
+                                     "does not reach",
+                                     given.name, given.scalar()),
+                         "a start above 0");
+      }
+      low = std::max(low, kSmallest * given.prior.a);
+    }
+    const Eigen::Index k = out.scale.size() - 1;
+    if (is_softening(parameter)) {
+      if (std::isfinite(high)) out.lower[k] = 1.0 / (high * high);
+      if (low > 0.0) out.upper[k] = 1.0 / (low * low);
+      out.upper[k] = std::max(out.upper[k], out.lower[k]);
+    } else {
+      out.lower[k] = std::max(out.lower[k], low);
+      // What the file allows expressly is allowed.
+      if (std::isfinite(high)) out.upper[k] = high;
+      const bool bounded_both_ways =
+          parameter == kSteeringDelay || parameter == kMountingAngle || parameter == kBank;
+      if (bounded_both_ways && std::isfinite(low)) out.lower[k] = low;
+    }
+    double& start = out.value[parameter];
+    start = std::min(std::max(start, out.lower[k]), out.upper[k]);
+  }
+  return out;
+}
+
+IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p) {
+  IntegrationDemand out;
+  out.decay_rate = decay_rate_times_speed(linear_car(p));
+  const Eigen::Index relaxation = unknowns.find(kRelaxationLength);
+  out.relaxation_length =
+      relaxation < 0 ? p[kRelaxationLength] : std::max(unknowns.lower[relaxation], 1e-3);
+  return out;
+}
+
+VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns& unknowns,
+                                    const IntegrationDemand& demand) {
+  VehicleProblem problem;
+  problem.run = &run;
+  problem.unknowns = unknowns;
+  problem.demand = demand;
+  std::vector<double> samples;
+  for (const VehicleRun::Stretch& s : run.stretches) {
+    problem.driven.push_back(
+        drive(run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
+              run.vx.segment(s.first, s.rows), demand, unknowns.value[kSteeringDelay]));
+    for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
+      for (Eigen::Index j = 0; j < run.y.rows(); ++j) {
+        if (std::isnan(run.y(j, t))) continue;
+        problem.row.push_back(t);
+        problem.output.push_back(j);
+        samples.push_back(run.y(j, t));
+      }
+    }
+  }
+  problem.sample =
+      Eigen::Map<const Eigen::VectorXd>(samples.data(), static_cast<Eigen::Index>(samples.size()));
+  const Eigen::Index k = problem.parameters();
+  const auto states = 2 * static_cast<Eigen::Index>(run.stretches.size());
+  problem.lower.resize(k + states);
+  problem.upper.resize(k + states);
+  problem.lower.head(k) = unknowns.lower.cwiseQuotient(unknowns.scale);
+  problem.upper.head(k) = unknowns.upper.cwiseQuotient(unknowns.scale);
+  for (std::size_t s = 0; s < run.stretches.size(); ++s) {
+    // Beyond 45 degrees of sideslip or 5 rad/s no single-track model holds.
+    const Eigen::Index at = problem.state_of(s);
+    const double fastest = run.vx[run.stretches[s].first];
+    problem.upper.segment<2>(at) = Eigen::Vector2d(fastest, 5.0).cwiseQuotient(kStateScale);
+    problem.lower.segment<2>(at) = -problem.upper.segment<2>(at);
+  }
+  return problem;
+}
+
+VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& sd,
+                          Eigen::VectorXd& z) {
+  VehicleProblem out = problem;
+  out.prediction = true;
+  out.output_scale = sd;
+  const Eigen::Index k = problem.parameters(), gains = out.gains();
+  const auto widened = [&](const Eigen::VectorXd& of, double gain) {
+    Eigen::VectorXd wide(of.size() + gains);
+    wide << of.head(k), Eigen::VectorXd::Constant(gains, gain), of.tail(of.size() - k);
+    return wide;
+  };
+  const double infinity = std::numeric_limits<double>::infinity();
+  out.lower = widened(problem.lower, -infinity);
+  out.upper = widened(problem.upper, infinity);
+  z = widened(z, 0.0);
+  return out;
+}
+
+VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve) {
+  unknowns.curve = curve;
+  for (const VehicleParameter parameter : {kSofteningFront, kSofteningRear}) {
+    const Eigen::Index at = unknowns.find(parameter);
+    if (at < 0) {
+      if (unknowns.value[parameter] == 0.0 && curve != TyreCurve::linear) {
+        unknowns.value[parameter] = typical_size(parameter, unknowns.value);
+        set_free(unknowns, parameter);
+      }
+    } else if (curve == TyreCurve::fiala) {
+      unknowns.lower[at] = std::max(unknowns.lower[at], kLeastFiala * unknowns.scale[at]);
+    }
+  }
+  return unknowns;
+}
+
+bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter) {
+  const double at = z[parameter], near = 1e-8 * std::max(1.0, std::abs(at));
+  return at - problem.lower[parameter] <= near || problem.upper[parameter] - at <= near;
+}
+
+VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z) {
+  VehicleParameters<double> p = problem.unknowns.value;
+  for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+    p[problem.unknowns.free[static_cast<std::size_t>(i)]] = z[i] * problem.unknowns.scale[i];
+  }
+  return p;
+}
+
+Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParameters<double>& p) {
+  const VehicleRun& run = *problem.run;
+  Eigen::VectorXd z = Eigen::VectorXd::Zero(problem.coordinates());
+  for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+    z[i] = p[problem.unknowns.free[static_cast<std::size_t>(i)]] / problem.unknowns.scale[i];
+  }
+  const SingleTrack<> car = linear_car(p);
+  const std::vector<VehicleReading> sensors = readings(run, car);
+  const auto first_sample = [&](VehicleQuantity quantity, Eigen::Index row) {
+    const Eigen::Index j = run.find(quantity);
+    return j < 0 ? kNone : run.y(j, row);
+  };
+  for (std::size_t s = 0; s < run.stretches.size(); ++s) {
+    const Eigen::Index row = run.stretches[s].first;
+    Eigen::Vector2d x = steady_state(car, problem.driven[s].nodes.front());
+    const double r = first_sample(VehicleQuantity::r, row);
+    if (!std::isnan(r)) x[1] = r - p[kBiasR];
+    const double vy = first_sample(VehicleQuantity::vy, row);
+    const double beta = first_sample(VehicleQuantity::beta, row);
+    const bool has_vy = !std::isnan(vy);
+    if (has_vy || !std::isnan(beta)) {
+      const Eigen::Index j = run.find(has_vy ? VehicleQuantity::vy : VehicleQuantity::beta);
+      x[0] = sensors[static_cast<std::size_t>(j)].lateral_velocity(has_vy ? vy : beta, run.vx[row],
+                                                                   x[1]);
+    }
+    z.segment<2>(problem.state_of(s)) = x.cwiseQuotient(kStateScale);
+  }
+  return z.cwiseMax(problem.lower).cwiseMin(problem.upper);
+}
+
+std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
+                                          const VehicleParameters<double>& p) {
+  if (problem.unknowns.find(kSteeringDelay) < 0) return {};
+  std::vector<DrivenStretch> moved = problem.driven;
+  const VehicleRun& run = *problem.run;
+  for (std::size_t s = 0; s < moved.size(); ++s) {
+    const VehicleRun::Stretch& stretch = run.stretches[s];
+    set_delay(moved[s], run.time.segment(stretch.first, stretch.rows),
+              run.steering.segment(stretch.first, stretch.rows), p[kSteeringDelay]);
+  }
+  return moved;
+}
+
+namespace {
+
+/// Output error of one stretch: what its simulation, or prediction, gives less the samples.
+class StretchErrors {
+ public:
+  StretchErrors(const VehicleProblem& problem, const SingleTrack<>& car, const Eigen::VectorXd& z,
+                std::size_t s, std::size_t& residual, Eigen::VectorXd& e)
+      : problem_(problem),
+        car_(car),
+        readings_(readings(*problem.run, car)),
+        first_(problem.run->stretches[s].first),
+        state_(problem.state_of(s)),
+        x_(z.segment<2>(state_).cwiseProduct(kStateScale)),
+        residual_(residual),
+        e_(e) {
+    for (Eigen::Index i = 0; i < problem.gains(); ++i) {
+      gain_.push_back(z[problem.parameters() + i] * gain_scale(i));
+    }
+  }
+
+  void run(const DrivenStretch& driven) {
+    const auto observe = [&](Eigen::Index k, const Motion& motion, double vx) {
+      step_.setZero();
+      moved_ = false;
+      for_each_sample(k, motion, vx, [](std::size_t, std::size_t) {});
+    };
+    simulate(car_, driven, x_[0], x_[1], observe, [&](Eigen::Index, double& vy, double& r) {
+      vy += step_[0];
+      r += step_[1];
+      return moved_;
+    });
+  }
+
+  void run(const DrivenStretch& driven, LeastSquares::RowMatrix& J) {
+    const Eigen::Index k = problem_.parameters(), gains = problem_.gains(), shared = k + gains;
+    SlopeColumns columns;
+    columns.columns = shared + 2;
+    Eigen::RowVectorXd scale(columns.columns), slope(columns.columns);
+    for (Eigen::Index i = 0; i < k; ++i) {
+      columns.parameter[problem_.unknowns.free[static_cast<std::size_t>(i)]] = i;
+    }
+    columns.vy = shared;
+    columns.r = shared + 1;
+    scale << problem_.unknowns.scale.transpose(), Eigen::RowVectorXd::Ones(gains),
+        kStateScale.transpose();
+    Eigen::Matrix<double, 2, Eigen::Dynamic> step_slopes(2, columns.columns);
+    const auto observe = [&](Eigen::Index row, const Motion& motion, const MotionSlopes& slopes,
+                             double vx) {
+      step_.setZero();
+      moved_ = false;
+      step_slopes.setZero();
+      for_each_sample(row, motion, vx, [&](std::size_t residual, std::size_t output) {
+        readings_[output].slopes(motion, vx, columns, slopes, slope);
+        const auto n = static_cast<Eigen::Index>(residual);
+        J.row(n).head(shared) = slope.head(shared).cwiseProduct(scale.head(shared));
+        J.row(n).segment<2>(state_) = slope.tail<2>().cwiseProduct(scale.tail<2>());
+        if (gain_.empty()) return;
+        for (Eigen::Index i = 0; i < 2; ++i) {
+          const Eigen::Index at = 2 * static_cast<Eigen::Index>(output) + i;
+          step_slopes.row(i) -= gain_[static_cast<std::size_t>(at)] * slope;
+          step_slopes(i, k + at) -= gain_scale(at) * e_[n];
+        }
+      });
+    };
+    simulate_with_slopes(car_, driven, x_[0], x_[1], columns, observe,
+                         [&](Eigen::Index, double& vy, double& r, MotionSlopes& slopes) {
+                           if (!moved_) return false;
+                           vy += step_[0];
+                           r += step_[1];
+                           slopes.vy += step_slopes.row(0);
+                           slopes.r += step_slopes.row(1);
+                           return true;
+                         });
+  }
+
+ private:
+  double gain_scale(Eigen::Index i) const {
+    return kStateScale[i % 2] / problem_.output_scale[i / 2];
+  }
+
+  /// Writes the errors of row k of the stretch and the correction of the state that follows from
+  /// them, and calls also(residual, output).
+  template <typename Also>
+  void for_each_sample(Eigen::Index k, const Motion& motion, double vx, Also&& also) {
+    for (; residual_ < problem_.row.size() && problem_.row[residual_] == first_ + k; ++residual_) {
+      const auto output = static_cast<std::size_t>(problem_.output[residual_]);
+      const auto n = static_cast<Eigen::Index>(residual_);
+      e_[n] = readings_[output].value(motion, vx) - problem_.sample[n];
+      if (!gain_.empty()) {
+        step_ -= Eigen::Map<const Eigen::Vector2d>(gain_.data() + 2 * output) * e_[n];
+        moved_ = true;
+      }
+      also(residual_, output);
+    }
+  }
+
+  const VehicleProblem& problem_;
+  const SingleTrack<>& car_;
+  std::vector<VehicleReading> readings_;
+  Eigen::Index first_, state_;
+  Eigen::Vector2d x_;
+  std::size_t& residual_;
+  Eigen::VectorXd& e_;
+  std::vector<double> gain_;  // K, column by column; empty: simulation
+  Eigen::Vector2d step_ = Eigen::Vector2d::Zero();
+  bool moved_ = false;
+};
+
+}  // namespace
+
+bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
+                  LeastSquares::RowMatrix* J) {
+  const FlushDenormals flush;
+  const VehicleParameters<double> p = parameters_at(problem, z);
+  const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
+  const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
+  const SingleTrack<> car = car_with(problem.unknowns.curve, p);
+  e.resize(problem.residuals());
+  if (J != nullptr) {
+    J->resize(problem.residuals(), problem.coordinates());
+    // Of the initial states a row depends on its own stretch's alone.
+    if (driven.size() > 1) J->setZero();
+  }
+  std::size_t residual = 0;
+  for (std::size_t s = 0; s < driven.size(); ++s) {
+    StretchErrors errors(problem, car, z, s, residual, e);
+    if (J == nullptr) {
+      errors.run(driven[s]);
+    } else {
+      errors.run(driven[s], *J);
+    }
+  }
+  return e.allFinite();
+}
+
+NoiseCost noise_cost(bool robust, double r) {
+  constexpr double nu = kStudentFreedom;
+  if (!robust) return {r * r, 1.0};
+  return {(nu + 1.0) * std::log1p(r * r / nu), (nu + 1.0) / (nu + r * r)};
+}
+
+double noise_information(bool robust) {
+  return robust ? (kStudentFreedom + 1.0) / (kStudentFreedom + 3.0) : 1.0;
+}
+
+double log_norm_of_noise(bool robust) {
+  constexpr double nu = kStudentFreedom;
+  return robust ? 0.5 * std::log(nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
+                      std::lgamma(0.5 * (nu + 1.0))
+                : 0.5 * std::log(2.0 * std::numbers::pi);
+}
+
+Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e) {
+  Eigen::VectorXd out = Eigen::VectorXd::Ones(e.size());
+  if (!robust || e.size() == 0) return out;
+  // The most likely scale grows with the outliers, the median does not; weights of the cost itself
+  // would make normal noise look a seventh smaller than it is.
+  Eigen::VectorXd size = e.cwiseAbs();
+  const auto middle = size.begin() + size.size() / 2;
+  std::nth_element(size.begin(), middle, size.end());
+  const double most = 3.0 * 1.4826 * *middle;
+  if (!(most > 0.0)) return out;
+  for (Eigen::Index i = 0; i < e.size(); ++i) {
+    if (std::abs(e[i]) > most) out[i] = std::pow(most / e[i], 2);
+  }
+  return out;
+}
+
+namespace {
+
+std::vector<Eigen::VectorXd> errors_per_output(const VehicleProblem& problem,
+                                               const Eigen::VectorXd& e) {
+  std::vector<std::vector<double>> all(problem.run->outputs.size());
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    all[static_cast<std::size_t>(problem.output[i])].push_back(e[static_cast<Eigen::Index>(i)]);
+  }
+  std::vector<Eigen::VectorXd> out;
+  for (const std::vector<double>& each : all) {
+    out.emplace_back(
+        Eigen::Map<const Eigen::VectorXd>(each.data(), static_cast<Eigen::Index>(each.size())));
+  }
+  return out;
+}
+
+/// The scale that makes these errors the most likely of robust noise: sd^2 = mean of weight(e/sd)
+/// e^2.
+double most_likely_scale(const Eigen::VectorXd& e) {
+  constexpr int kRounds = 200;  // each brings the scale a third nearer at least
+  const auto n = static_cast<double>(e.size());
+  double sd = std::sqrt(e.squaredNorm() / n);
+  for (int round = 0; round < kRounds && sd > 0.0; ++round) {
+    double sum = 0.0;
+    for (const double value : e) sum += noise_cost(true, value / sd).weight * value * value;
+    const double next = std::sqrt(sum / n), change = std::abs(next - sd);
+    sd = next;
+    if (change <= 1e-10 * sd) break;
+  }
+  return sd;
+}
+
+}  // namespace
+
+Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e) {
+  const std::vector<Eigen::VectorXd> errors = errors_per_output(problem, e);
+  Eigen::VectorXd out(static_cast<Eigen::Index>(errors.size()));
+  for (std::size_t j = 0; j < errors.size(); ++j) {
+    const Eigen::VectorXd weight = error_weights(problem.robust, errors[j]);
+    out[static_cast<Eigen::Index>(j)] = std::sqrt(weight.dot(errors[j].cwiseAbs2()) / weight.sum());
+  }
+  return out;
+}
+
+Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e) {
+  const Eigen::Index outputs = problem.run->y.rows();
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(outputs), count = squares, largest = squares;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const Eigen::Index j = problem.output[i], n = static_cast<Eigen::Index>(i);
+    squares[j] += e[n] * e[n];
+    count[j] += 1.0;
+    largest[j] = std::max(largest[j], std::abs(problem.sample[n]));
+  }
+  Eigen::VectorXd sd = squares.cwiseQuotient(count).cwiseSqrt();
+  if (problem.robust) {
+    const std::vector<Eigen::VectorXd> errors = errors_per_output(problem, e);
+    for (std::size_t j = 0; j < errors.size(); ++j) {
+      sd[static_cast<Eigen::Index>(j)] = most_likely_scale(errors[j]);
+    }
+  }
+  for (Eigen::Index j = 0; j < outputs; ++j) {
+    const double given = problem.run->outputs[static_cast<std::size_t>(j)].given_sd;
+    sd[j] = std::isnan(given) ? std::max(sd[j], 1e-7 * largest[j]) : given;
+  }
+  return sd;
+}
+
+double log_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                      const Eigen::VectorXd& e, const Eigen::VectorXd& sd) {
+  const double norm = log_norm_of_noise(problem.robust);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const double scale = sd[problem.output[i]];
+    const double r = e[static_cast<Eigen::Index>(i)] / scale;
+    sum -= norm + std::log(scale) + 0.5 * noise_cost(problem.robust, r).rho;
+  }
+  for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+    sum -= 0.5 * std::pow(prior_residual(problem, z, i).value, 2);
+  }
+  return sum;
+}
+
+PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                             Eigen::Index i) {
+  const auto n = static_cast<std::size_t>(i);
+  const Prior& prior = problem.unknowns.prior[n];
+  const double scale = problem.unknowns.scale[i];
+  const UserValue user = in_user_terms(problem.unknowns.free[n], z[i] * scale);
+  if (prior.kind == Prior::Kind::normal) {
+    return {(user.value - prior.a) / prior.b, user.slope * scale / prior.b};
+  }
+  if (prior.kind == Prior::Kind::log_normal) {
+    const double spread = std::log(prior.b);
+    return {std::log(user.value / prior.a) / spread, user.slope * scale / (user.value * spread)};
+  }
+  return {};
+}
+
+VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
+                                   const SolverOptions& options) {
+  constexpr Eigen::Index kBlock = 128;
+  Eigen::VectorXd e, weighted_e(kBlock);
+  LeastSquares::RowMatrix J, weighted_J(kBlock, problem.coordinates());
+  LikelihoodProblem likelihood;
+  likelihood.lower = problem.lower;
+  likelihood.upper = problem.upper;
+  // The noise is at its most likely size for every z, so that its derivative does not matter.
+  likelihood.evaluate = [&](const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
+                            Eigen::MatrixXd* information) {
+    const bool with_slopes = gradient != nullptr;
+    if (!output_error(problem, z, e, with_slopes ? &J : nullptr)) return false;
+    const Eigen::VectorXd sd = noise_sd(problem, e);
+    L = log_likelihood(problem, z, e, sd);
+    if (!with_slopes) return true;
+    gradient->setZero(z.size());
+    information->setZero(z.size(), z.size());
+    // By blocks that stay in the processor's first cache.
+    for (Eigen::Index first = 0; first < e.size(); first += kBlock) {
+      const Eigen::Index rows = std::min(kBlock, e.size() - first);
+      for (Eigen::Index n = 0; n < rows; ++n) {
+        const double scale = sd[problem.output[static_cast<std::size_t>(first + n)]];
+        const double r = e[first + n] / scale;
+        const double root = problem.robust ? std::sqrt(noise_cost(true, r).weight) : 1.0;
+        weighted_e[n] = root * r;
+        weighted_J.row(n) = (root / scale) * J.row(first + n);
+      }
+      const auto block = weighted_J.topRows(rows);
+      gradient->noalias() -= block.transpose() * weighted_e.head(rows);
+      information->selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
+    }
+    if (!gradient->allFinite()) return false;
+    information->triangularView<Eigen::StrictlyUpper>() = information->transpose();
+    for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
+      const PriorResidual prior = prior_residual(problem, z, i);
+      (*gradient)[i] -= prior.value * prior.slope;
+      (*information)(i, i) += prior.slope * prior.slope;
+    }
+    return true;
+  };
+  VehicleOptimum out;
+  SolverOptions watched = options;
+  watched.progress = [&](int iteration, double L) {
+    out.path.push_back(L);
+    return !options.progress || options.progress(iteration, L);
+  };
+  const Solution solution = maximise(likelihood, start, watched);
+  out.z = solution.x;
+  out.iterations = solution.summary.iterations;
+  out.evaluations = solution.summary.evaluations;
+  out.message = solution.summary.message;
+  out.converged = solution.summary.termination == Termination::converged;
+  if (solution.summary.termination == Termination::start_undefined) {
+    out.message = "the car runs away at the start";
+    return out;
+  }
+  out.path.insert(out.path.begin(), solution.summary.initial_objective);
+  output_error(problem, out.z, e, nullptr);
+  out.sd = noise_sd(problem, e);
+  out.log_likelihood = log_likelihood(problem, out.z, e, out.sd);
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,229 @@
+// Output error of the vehicle: simulated minus measured, with exact derivatives, and its maximum
+// likelihood.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/vehicle/usable_data.h"
+#include "lib/model/parameter.h"
+#include "lib/vehicle/motion.h"
+#include "lib/vehicle/sensor.h"
+#include "solvers/problem.h"
+
+namespace identikal {
+
+/// What is unknown about the car, in SI.
+struct VehicleUnknowns {
+  VehicleParameters<double> value;     ///< fixed values; of free ones the file's start
+  std::vector<VehicleParameter> free;  ///< in the order of the model file
+  std::vector<std::size_t> position;   ///< of each free one in the ParameterSet
+  std::vector<Prior> prior;            ///< of each free one, in the user's terms, SI
+  Eigen::VectorXd lower, upper;        ///< bounds of the free ones
+  Eigen::VectorXd scale;               ///< typical size of the free ones, for the optimiser
+  TyreCurve curve = TyreCurve::linear;
+
+  /// Position of the parameter among the free ones, or -1.
+  Eigen::Index find(VehicleParameter parameter) const;
+};
+
+/// Mass, lengths, inertia, stiffnesses, largest forces, steering ratio, shape of the curve.
+bool must_be_positive(VehicleParameter parameter);
+
+/// The user speaks of an axle's largest force where the mathematics has its softening; all other
+/// parameters are the same for both. `slope` is d user / d SI.
+struct UserValue {
+  double value, slope;
+};
+UserValue in_user_terms(VehicleParameter parameter, double value);
+double from_user_terms(VehicleParameter parameter, double value);
+
+/// Whether this value of a free parameter is the least softening that its curve allows (and not
+/// one that the user set): the axle is straight as far as the recording goes.
+bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value);
+
+/// Adds a parameter to the free ones, with the bounds and the scale that a model file without any
+/// gives it; it starts at value[parameter].
+void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter);
+
+/// Reads the parameters of the model file; what it does not name is neutral (neutral_vehicle()).
+/// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a
+/// mass,
+///   length, inertia, stiffness or steering ratio that is not positive
+VehicleUnknowns vehicle_unknowns(const ModelFile& model);
+
+/// Axle loads at standstill [N], front and rear.
+Eigen::Vector2d axle_loads(const VehicleParameters<double>& p);
+
+/// The least squares problem. Its coordinates are the free parameters over their scale, with
+/// `prediction` the gain, then (vy, r) over kStateScale at the begin of every stretch. Residuals
+/// are ordered by row, then output; missing samples have none.
+///
+/// Output error simulates: noise enters the sensors alone. With `prediction` the residuals are the
+/// innovations of a filter with a constant gain K (2 x outputs),
+///   e = y - yhat(x),  x <- x + K e  at every row, then on to the next,
+/// which is how a steady Kalman filter sees a car that is pushed by side wind, road and unmodelled
+/// forces too (Ljung 1999, section 7.3): their likelihood is that of the recording with process
+/// noise whose filter has this gain. Coordinates of the gain are K diag(scale of the outputs).
+struct VehicleProblem {
+  const VehicleRun* run = nullptr;
+  VehicleUnknowns unknowns;
+  bool robust = false;  ///< noise of Student's distribution, which allows for outliers; else normal
+  bool prediction = false;       ///< one-step prediction with a gain of its own; else simulation
+  Eigen::VectorXd output_scale;  ///< typical size of every output's error, for the gain
+  std::vector<DrivenStretch> driven;
+  std::vector<Eigen::Index> row, output;  ///< of every residual
+  Eigen::VectorXd sample;                 ///< measured value of every residual
+  Eigen::VectorXd lower, upper;           ///< of the coordinates
+  IntegrationDemand demand;               ///< what the integration steps were made for
+
+  Eigen::Index parameters() const { return static_cast<Eigen::Index>(unknowns.free.size()); }
+  /// Coordinates of the gain, K column by column; they follow the parameters.
+  Eigen::Index gains() const { return prediction ? 2 * run->y.rows() : 0; }
+  /// Where the initial state of stretch s stands among the coordinates.
+  Eigen::Index state_of(std::size_t s) const {
+    return parameters() + gains() + 2 * static_cast<Eigen::Index>(s);
+  }
+  Eigen::Index coordinates() const { return lower.size(); }
+  Eigen::Index residuals() const { return sample.size(); }
+};
+
+inline const Eigen::Vector2d kStateScale(1.0, 0.2);  ///< m/s, rad/s
+
+/// What the integration needs for these parameters; a relaxation length that is free is taken at
+/// its lower bound.
+IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p);
+
+/// The simulation of a run as residuals: every output of every usable row, the parameters and
+/// initial states of `unknowns` scaled to coordinates.
+VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns& unknowns,
+                                    const IntegrationDemand& demand);
+
+/// The same with one-step prediction, and the coordinates of `z`, of the simulation, there: no
+/// gain.
+/// @param sd  of the outputs' errors
+VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& sd,
+                          Eigen::VectorXd& z);
+
+/// The unknowns with tyres of another curve, with largest forces free if it has any.
+VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve);
+
+/// Whether a free parameter lies at one of its bounds.
+bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter);
+
+/// All parameters at these coordinates, clipped to nothing.
+VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z);
+
+/// Coordinates that stand for these parameters (clipped to the bounds) and for initial states read
+/// off the first samples, or taken as steady where vy or r is not measured.
+Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParameters<double>& p);
+
+/// Simulated (predicted) minus measured, SI, and when `J` is not null its derivative by the
+/// coordinates. false when the car runs away.
+bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
+                  LeastSquares::RowMatrix* J);
+
+/// The stretches with the steering read at these parameters' delay; empty where that is known, and
+/// VehicleProblem::driven has it.
+std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
+                                          const VehicleParameters<double>& p);
+
+/// What each output of the run reads off that car.
+std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car);
+
+/// Motion of the simulated car at every row of the stretches, without gain: calls observe(row,
+/// motion, vx).
+template <typename Observe>
+void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& observe) {
+  const VehicleParameters<double> p = parameters_at(problem, z);
+  const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
+  const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
+  const SingleTrack<> car = car_with(problem.unknowns.curve, p);
+  for (std::size_t s = 0; s < driven.size(); ++s) {
+    const Eigen::Index at = problem.state_of(s);
+    const Eigen::Index first = problem.run->stretches[s].first;
+    const auto shifted = [&](Eigen::Index k, const Motion& motion, double vx) {
+      observe(first + k, motion, vx);
+    };
+    const double vy = z[at] * kStateScale[0], r = z[at + 1] * kStateScale[1];
+    simulate(car, driven[s], vy, r, shifted);
+  }
+}
+
+/// What the sensors would have measured without noise, and the motion behind it: calls
+/// observe(row, motion, vx, values) with one value per output of the run, SI.
+template <typename Observe>
+void replay_outputs(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& observe) {
+  const std::vector<VehicleReading> sensors =
+      readings(*problem.run, car_with(problem.unknowns.curve, parameters_at(problem, z)));
+  Eigen::VectorXd values(problem.run->y.rows());
+  replay(problem, z, [&](Eigen::Index t, const Motion& motion, double vx) {
+    for (Eigen::Index j = 0; j < values.size(); ++j) {
+      values[j] = sensors[static_cast<std::size_t>(j)].value(motion, vx);
+    }
+    observe(t, motion, vx, values);
+  });
+}
+
+inline constexpr double kStudentFreedom = 4.0;  ///< of robust noise
+
+/// What a residual r of noise with scale 1 costs: rho(s), s = r^2, so that its density is
+/// proportional to exp(-rho/2). Normal: rho = s. Robust: rho = (nu + 1) log(1 + s/nu), Student's t
+/// with nu = 4 (Lange, Little & Taylor 1989): the further off a sample, the less it pulls.
+struct NoiseCost {
+  double rho;     ///< of s
+  double weight;  ///< d rho / d s
+};
+NoiseCost noise_cost(bool robust, double r);
+
+/// Expected information of such a sample about its mean: 1, robust (nu + 1)/(nu + 3).
+double noise_information(bool robust);
+
+/// log of the integral of exp(-rho(r^2)/2) over r.
+double log_norm_of_noise(bool robust);
+
+/// What errors of one output weigh where their size is judged: 1; with the robust cost min(1, (3
+/// s/e)^2), s = 1.483 median |e|: an outlier counts as 3 s, and normal noise keeps its size.
+Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e);
+
+/// Root mean square of the errors of each output, weighted by error_weights().
+Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e);
+
+/// Standard deviations to weigh with: the given ones, else the most likely for these errors (normal
+/// noise: their root mean square), but no less than 1e-7 of the output's largest value, below which
+/// only rounding and integration errors are left.
+Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e);
+
+/// Log-likelihood with these standard deviations per output, priors included up to a constant.
+/// @param z  where the errors belong to
+double log_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                      const Eigen::VectorXd& e, const Eigen::VectorXd& sd);
+
+/// The prior of a free parameter as a residual of unit variance, r(z), and its derivative; {0, 0}
+/// where there is none. Uniform and log-uniform priors are bounds and nothing else.
+struct PriorResidual {
+  double value = 0.0, slope = 0.0;
+};
+PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                             Eigen::Index parameter);
+
+/// A maximum of the likelihood over parameters, initial states and noise.
+struct VehicleOptimum {
+  Eigen::VectorXd z;
+  Eigen::VectorXd sd;  ///< per output, root mean square (or given)
+  double log_likelihood = -std::numeric_limits<double>::infinity();
+  bool converged = false;
+  std::string message;
+  int iterations = 0;
+  int evaluations = 0;
+  std::vector<double> path;  ///< log-likelihood at the start and after every iteration
+};
+
+/// The maximum of the likelihood with every output's noise at its most likely size (unless given):
+/// Gauss-Newton steps whose weights follow the noise (solvers/scoring.h).
+VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
+                                   const SolverOptions& options);
+
+}  // namespace identikal

@@ -1,0 +1,33 @@
+// Which car fits the recordings best, wherever the search begins?
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "identify/vehicle/output_error.h"
+
+namespace identikal {
+
+struct VehicleSearchOptions {
+  int starts = 5;  ///< tried besides the equation-error one (identify/vehicle/starts.h)
+  unsigned long long seed = 1;
+  bool robust = false;  ///< noise of Student's distribution (identify/vehicle/output_error.h)
+  std::function<bool(int iteration, double objective)> progress;  ///< return false to stop
+};
+
+struct VehicleSearch {
+  VehicleProblem problem;
+  VehicleOptimum best;  ///< its z is empty when the car runs away from every start
+  int starts = 0, agree = 0, iterations = 0, evaluations = 0;
+  std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration, one climb each
+};
+
+/// Ranks the starts by likelihood, climbs from the best few and keeps the best summit.
+/// @param run    must outlive the result
+/// @param known  a car to begin at besides, e.g. the best one of a model with fewer free
+///   parameters; may be null
+VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unknowns,
+                             const VehicleSearchOptions& options,
+                             const VehicleParameters<double>* known = nullptr);
+
+}  // namespace identikal

@@ -1,0 +1,27 @@
+// What did the car do, measured and simulated?
+#pragma once
+
+#include "identify/vehicle/output_error.h"
+
+namespace identikal {
+
+/// Measured and simulated outputs in the user's units, on all rows of the run; NaN where a row was
+/// not used. `standardised` stays empty.
+Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z);
+
+/// Fit percent and rmse of each channel of a series.
+/// @param robust  samples weigh as error_weights() has it: outliers count little
+std::vector<ChannelFit> channel_fits(const Series& series, bool robust);
+
+/// How well the car of these parameters foretells other recordings: it is simulated along them,
+/// with only the state at the begin of every stretch fitted.
+/// @return measured and simulated, to be compared by channel_fits()
+/// @param model     says which channels are what; its parameters are not read
+/// @param unknowns  of the fit; its curve and the parameters `p` make the car
+/// @param robust    noise with outliers, as in the fit
+/// @throws InputError when a recording holds no usable stretch
+Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                        bool robust);
+
+}  // namespace identikal

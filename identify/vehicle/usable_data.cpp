@@ -1,0 +1,320 @@
+#include "identify/vehicle/usable_data.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+namespace {
+
+constexpr Eigen::Index kFewestRows = 8;
+constexpr double kShortest = 1.0;    // [s]
+constexpr double kLongestGap = 3.0;  // [sampling periods]
+constexpr std::size_t kMostStretches = 60;
+constexpr double kSlowestModel = 0.5;    // [m/s]; the model divides by the speed
+constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
+
+Location in(const Dataset& data) { return Location{data.name, 0, 0}; }
+
+VehicleRun::Output describe_output(const ModelFile& model, const Dataset& data, std::size_t index) {
+  const std::string& name = model.outputs[index].name;
+  const auto quantity = vehicle_quantity(name);
+  if (!quantity) {
+    throw InputError(model.outputs[index].at, "output '" + name + "' of a single-track vehicle",
+                     "r, vy, ay or beta", did_you_mean(name, {"r", "vy", "ay", "beta"}));
+  }
+  VehicleRun::Output output;
+  output.name = name;
+  output.channel = static_cast<Eigen::Index>(index);
+  output.unit = index < data.outputs.size() ? data.outputs[index].unit : "";
+  output.sensor.quantity = *quantity;
+  if (const auto at = model.vehicle.sensors.find(name); at != model.vehicle.sensors.end()) {
+    output.sensor.x = at->second.x;
+    output.sensor.y = at->second.y;
+    output.sensor.angle = at->second.angle;
+  }
+  if (index < model.vehicle.measurement_sd.size()) {
+    output.given_sd = model.vehicle.measurement_sd[index];
+  }
+  return output;
+}
+
+/// Why rows were not used, for the message when none is left.
+struct Losses {
+  Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, stretches = 0;
+
+  Losses& operator+=(const Losses& other) {
+    no_steering += other.no_steering;
+    no_speed += other.no_speed;
+    slow += other.slow;
+    fragments += other.fragments;
+    stretches += other.stretches;
+    return *this;
+  }
+};
+
+constexpr double kLongestStep = 1.0;  // [s]
+
+std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Losses& lost) {
+  std::vector<VehicleRun::Stretch> out;
+  Eigen::Index first = -1;
+  double longest_gap = kLongestGap * data.dt;
+  const auto close = [&](Eigen::Index end) {
+    if (first >= 0) out.push_back({first, end - first});
+    first = -1;
+  };
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    const double steering = data.u(0, t), vx = data.u(1, t);
+    if (!std::isfinite(steering)) ++lost.no_steering;
+    if (!std::isfinite(vx)) ++lost.no_speed;
+    if (vx < min_speed) ++lost.slow;
+    if (!std::isfinite(steering) || !std::isfinite(vx) || vx < min_speed) {
+      close(t);
+      continue;
+    }
+    if (first >= 0 && data.time[t] - data.time[t - 1] > longest_gap) close(t);
+    if (first < 0) first = t;
+  }
+  close(data.size());
+
+  std::erase_if(out, [&](const VehicleRun::Stretch& s) {
+    const double seconds = data.time[s.first + s.rows - 1] - data.time[s.first] + data.dt;
+    const bool fragment = s.rows < kFewestRows || seconds < kShortest;
+    if (fragment) {
+      lost.fragments += s.rows;
+      ++lost.stretches;
+    }
+    return fragment;
+  });
+  if (out.size() > kMostStretches) {
+    std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.rows > b.rows; });
+    for (std::size_t i = kMostStretches; i < out.size(); ++i) lost.fragments += out[i].rows;
+    lost.stretches += static_cast<Eigen::Index>(out.size() - kMostStretches);
+    out.resize(kMostStretches);
+    std::sort(out.begin(), out.end(),
+              [](const auto& a, const auto& b) { return a.first < b.first; });
+  }
+  return out;
+}
+
+/// @param which  "recording 2 of 3: ", or nothing where there is one
+[[noreturn]] void no_usable_row(const Dataset& data, double min_speed, const Losses& lost,
+                                const std::string& which) {
+  const Eigen::Index N = data.size();
+  const auto present = data.u.row(1).array() == data.u.row(1).array();
+  const bool backwards = lost.slow == N && (present && data.u.row(1).array() < 0.0).all();
+  std::string why;
+  const auto add = [&](const std::string& reason) { why += (why.empty() ? "" : ", ") + reason; };
+  if (lost.slow > 0) {
+    const double fastest =
+        present.select(data.u.row(1).array(), -std::numeric_limits<double>::infinity()).maxCoeff();
+    add(fmt::format("{} below {:.3g} m/s (the fastest row has {:.3g} m/s)", lost.slow, min_speed,
+                    fastest));
+  }
+  if (lost.no_speed > 0) add(fmt::format("{} without vx", lost.no_speed));
+  if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
+  if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
+  throw InputError(in(data),
+                   fmt::format("{}no usable stretch in {} row{}{}{}", which, N, N == 1 ? "" : "s",
+                               why.empty() ? "" : ": ", why),
+                   fmt::format("at least {} rows and {:g} s in a row with steering angle and vx",
+                               kFewestRows, kShortest),
+                   backwards ? "vx is negative: does the car reverse, or its axis point backwards "
+                               "(scale: -1)?"
+                   : lost.slow == N ? "is the unit of vx right?"
+                                    : "");
+}
+
+/// Takes over the samples of the outputs, leaves out those that are dead.
+/// @param all  outputs of the model x rows of all recordings
+void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::MatrixXd& all,
+                  VehicleRun& run) {
+  std::string dead;
+  std::vector<Eigen::VectorXd> rows;
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    VehicleRun::Output output = describe_output(model, data, i);
+    Eigen::VectorXd y = Eigen::VectorXd::Constant(all.cols(), kNone);
+    double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+    for (const VehicleRun::Stretch& s : run.stretches) {
+      for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
+        const double value = all(output.channel, t);
+        if (!std::isfinite(value)) continue;
+        y[t] = value;
+        ++output.samples;
+        lowest = std::min(lowest, value);
+        highest = std::max(highest, value);
+      }
+    }
+    std::string trouble;
+    if (output.samples == 0) {
+      trouble = fmt::format("output '{}' has no sample in the rows used", output.name);
+    } else if (lowest == highest) {
+      const auto unit = parse_unit(output.unit);
+      trouble = fmt::format("output '{}' is constant at {:.6g} {}", output.name,
+                            unit ? unit->from_si(lowest) : lowest, output.unit);
+    }
+    if (trouble.empty()) {
+      rows.push_back(std::move(y));
+      run.outputs.push_back(std::move(output));
+      continue;
+    }
+    dead += (dead.empty() ? "" : "; ") + trouble;
+    run.warnings.push_back({"dead_output",
+                            "serious",
+                            {output.name},
+                            trouble + "; it is left out",
+                            "check the channel, or take it out of the model file"});
+  }
+  if (run.outputs.empty()) {
+    throw InputError(in(data), dead.empty() ? "the model has no output" : dead,
+                     "at least one measured output that moves");
+  }
+  run.y.resize(static_cast<Eigen::Index>(rows.size()), all.cols());
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    run.y.row(static_cast<Eigen::Index>(j)) = rows[j].transpose();
+  }
+}
+
+void require_steering(const Dataset& data, VehicleRun& run) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  for (const VehicleRun::Stretch& s : run.stretches) {
+    lowest = std::min(lowest, run.steering.segment(s.first, s.rows).minCoeff());
+    highest = std::max(highest, run.steering.segment(s.first, s.rows).maxCoeff());
+  }
+  if (highest - lowest >= kMovedSteering) return;
+  const double degrees = 57.295779513082323;
+  const std::string seen = fmt::format("the steering angle stays between {:.4g} and {:.4g} deg",
+                                       degrees * lowest, degrees * highest);
+  if (std::max(std::abs(lowest), std::abs(highest)) < 100.0 * kMovedSteering) {
+    throw InputError(in(data), fmt::format("no steering: {} in the {} rows used", seen, run.used),
+                     "a manoeuvre that excites the car",
+                     "is it the right column, and is its unit right?");
+  }
+  run.warnings.push_back({"constant_steering",
+                          "warning",
+                          {},
+                          seen + ": the car is hardly excited",
+                          "record a manoeuvre: lane change, step, sine or sweep"});
+}
+
+/// What no car does is a mark for a missing value, or a wrong unit; its squares might overflow.
+void require_possible(const ModelFile& model, const Dataset& data) {
+  constexpr double kImpossible = 1e6;  // in SI, of any channel
+  for (const bool input : {true, false}) {
+    const Eigen::MatrixXd& values = input ? data.u : data.y;
+    for (Eigen::Index t = 0; t < values.cols(); ++t) {
+      for (Eigen::Index i = 0; i < values.rows(); ++i) {
+        if (!(std::abs(values(i, t)) > kImpossible)) continue;
+        const ChannelSource& channel =
+            (input ? model.inputs : model.outputs)[static_cast<std::size_t>(i)];
+        throw InputError(in(data),
+                         fmt::format("{} is {:g} in SI units at {:.6g} s", channel.name,
+                                     values(i, t), data.time[t]),
+                         "what a car may do",
+                         "leave cells empty where nothing was measured; is a unit wrong?");
+      }
+    }
+  }
+}
+
+void require_shape(const ModelFile& model, const Dataset& data) {
+  if (data.u.rows() != 2 || data.u.cols() != data.size()) {
+    throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
+                     "two: the steering angle, then vx");
+  }
+  if (data.y.rows() != static_cast<Eigen::Index>(model.outputs.size()) ||
+      data.y.cols() != data.size()) {
+    throw InputError(in(data), fmt::format("{} outputs", data.y.rows()),
+                     fmt::format("the {} of the model", model.outputs.size()));
+  }
+  if (data.dt > kLongestStep) {
+    throw InputError(
+        in(data), fmt::format("rows are {:.6g} s apart", data.dt),
+        fmt::format("at most {:g} s: a car's yaw motion is over within a second", kLongestStep),
+        "is the time column in ms? Its unit belongs into its header or the model");
+  }
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    if (outputs[j].sensor.quantity == quantity) return static_cast<Eigen::Index>(j);
+  }
+  return -1;
+}
+
+VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  if (recordings.empty()) throw std::invalid_argument("there is no recording");
+  VehicleRun run;
+  Losses lost;
+  const double min_speed = std::max(model.vehicle.min_speed, kSlowestModel);
+  Eigen::Index N = 0;
+  for (const Dataset& data : recordings) N += data.size();
+  run.time.resize(N);
+  run.steering.resize(N);
+  run.vx.resize(N);
+  Eigen::MatrixXd y(static_cast<Eigen::Index>(model.outputs.size()), N);
+  std::vector<double> speeds, steps;
+  Eigen::Index at = 0;
+  for (const Dataset& data : recordings) {
+    require_shape(model, data);
+    require_possible(model, data);
+    Losses here;
+    std::vector<VehicleRun::Stretch> stretches = split(data, min_speed, here);
+    if (stretches.empty()) {
+      no_usable_row(
+          data, min_speed, here,
+          recordings.size() > 1
+              ? fmt::format("recording {} of {}: ", run.used_of.size() + 1, recordings.size())
+              : "");
+    }
+    lost += here;
+    run.time.segment(at, data.size()) = data.time;
+    run.steering.segment(at, data.size()) = data.u.row(0).transpose();
+    run.vx.segment(at, data.size()) = data.u.row(1).transpose();
+    y.middleCols(at, data.size()) = data.y;
+    run.recording.insert(run.recording.end(), static_cast<std::size_t>(data.size()),
+                         static_cast<int>(run.used_of.size()));
+    run.used_of.push_back(0);
+    for (const VehicleRun::Stretch& s : stretches) {
+      run.stretches.push_back({at + s.first, s.rows});
+      run.used += s.rows;
+      run.used_of.back() += s.rows;
+      const double* vx = run.vx.data() + at + s.first;
+      speeds.insert(speeds.end(), vx, vx + s.rows);
+    }
+    steps.push_back(data.dt);
+    at += data.size();
+  }
+  run.median_speed = median(std::move(speeds));
+  run.step = median(std::move(steps));
+  pick_outputs(model, recordings.front(), y, run);
+  require_steering(recordings.front(), run);
+
+  std::string note = fmt::format("{} of {} rows used in {} stretch{}", run.used, N,
+                                 run.stretches.size(), run.stretches.size() == 1 ? "" : "es");
+  if (recordings.size() > 1) note += fmt::format(" of {} recordings", recordings.size());
+  if (lost.slow > 0) note += fmt::format("; {} rows below {:.3g} m/s", lost.slow, min_speed);
+  if (lost.no_speed > 0) note += fmt::format("; {} without vx", lost.no_speed);
+  if (lost.no_steering > 0) note += fmt::format("; {} without steering angle", lost.no_steering);
+  if (lost.fragments > 0) {
+    note += fmt::format("; {} rows dropped in {} short stretches", lost.fragments, lost.stretches);
+  }
+  run.notes.push_back(note);
+  return run;
+}
+
+}  // namespace identikal

@@ -1,0 +1,54 @@
+// Which rows of the recordings can the vehicle be fitted to?
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/estimate/estimate.h"
+#include "identify/model/model_file.h"
+#include "lib/data/dataset.h"
+#include "lib/vehicle/sensor.h"
+
+namespace identikal {
+
+/// The usable part of one or several recordings, SI. Columns of `y` and entries of the vectors
+/// follow the recordings' rows, one recording after the other.
+struct VehicleRun {
+  struct Output {
+    std::string name;
+    std::string unit;  ///< of the user's channel
+    VehicleSensor sensor;
+    Eigen::Index channel = 0;  ///< row in Dataset::y
+    double given_sd = kNone;   ///< measurement noise given in the model file
+    Eigen::Index samples = 0;  ///< present in the usable rows
+  };
+  struct Stretch {
+    Eigen::Index first, rows;
+  };
+
+  std::vector<Output> outputs;  ///< those that carry information
+  Eigen::VectorXd time, steering, vx;
+  std::vector<int> recording;      ///< 0, 1, ... of each row
+  Eigen::MatrixXd y;               ///< outputs x N; NaN where missing or not usable
+  std::vector<Stretch> stretches;  ///< runs of usable rows, each with an initial state of its own
+  Eigen::Index used = 0;           ///< rows in stretches
+  std::vector<Eigen::Index> used_of;  ///< the same of each recording
+  double step = kNone;                ///< median time between rows [s]
+  double median_speed = kNone;        ///< [m/s], over the rows used
+  std::vector<Warning> warnings;
+  std::vector<std::string> notes;
+
+  /// Row of `y` that measures this quantity, or -1.
+  Eigen::Index find(VehicleQuantity quantity) const;
+};
+
+/// Splits the recordings where steering or vx is missing, vx is below the minimum speed or time
+/// jumps by more than three sampling periods; leaves out stretches under 1 s or 8 rows and outputs
+/// that are dead. A stretch never reaches from one recording into the next.
+/// @throws InputError, in words, when a recording holds nothing usable or the steering never moves;
+///   std::invalid_argument without a recording
+VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings);
+
+}  // namespace identikal

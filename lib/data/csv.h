@@ -1,0 +1,80 @@
+// What does this text file of columns hold? Reads a recording as it is: no unit is converted and no
+// sample is invented; that is lib/data/dataset.h.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "lib/base/error.h"
+
+namespace identikal {
+
+/// A cell that is not a number, kept so that an error can name it if the column is used.
+struct TextCell {
+  int line = 0;      ///< line of the file, from 1
+  int column = 0;    ///< position in the line in characters, from 1
+  std::string text;  ///< UTF-8, cut to 40 characters
+};
+
+struct Column {
+  std::string name;    ///< header without its unit; "column_3" when there is none
+  std::string header;  ///< the header cell as written; empty when there is none
+  std::string unit;    ///< as written in the header or the unit row; empty when none is given
+  std::vector<double> values;  ///< as in the file; NaN for an empty cell, nan, NA, null or text
+  std::size_t missing = 0;     ///< how many values are NaN
+  std::size_t text_cells = 0;  ///< how many cells are neither a number nor missing
+  TextCell first_text;         ///< the first of them
+};
+
+struct Table {
+  std::string path;
+  std::vector<Column> columns;
+  std::vector<std::string> metadata;  ///< lines before the header, and '#' comments, as written
+  std::size_t rows = 0;
+  char separator = ',';
+  bool decimal_comma = false;
+  bool has_header = false;
+  int header_line = 0;  ///< line of the header; 0 when there is none
+  int unit_line = 0;    ///< line of the row of units below it; 0 when there is none
+
+  /// Line of the file on which data row `row` (from 0) stands.
+  int line_of_row(std::size_t row) const;
+  /// The column of that name (as named, then as written in the header, then ignoring case); nullptr
+  /// when there is none or case alone leaves a choice. A name that is a whole number n and matches
+  /// no header means the n-th column, from 1.
+  const Column* find(const std::string& name) const;
+  std::vector<std::string> column_names() const;
+
+  /// Runs of rows without a blank or comment line between them: first row and its line.
+  struct LineRun {
+    std::size_t row;
+    int line;
+  };
+  std::vector<LineRun> line_runs;
+};
+
+/// Rows [first, first + count) of a table, on their lines of the file.
+Table rows_of(const Table& table, std::size_t first, std::size_t count);
+
+/// `text` in single quotes and in UTF-8, cut to 40 characters: how a message quotes a file.
+std::string quoted_excerpt(std::string_view text);
+
+/// Reads a comma, semicolon or tab separated file; tests/lib/data/csv_test.cpp shows every form of
+/// header, unit, comment and number that it knows. In short:
+/// - a row has a number in most columns that are numeric at the end of the file. The line of text
+///   nearest above the first row is the header (`name`, `name [unit]`, `name (unit)` or
+///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#'
+///   line directly above the first row with as many fields is the header.
+/// - lines that start with '#' are skipped anywhere, and so are blank lines, except between the
+///   rows of a single column: there a blank line is an empty cell.
+/// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text.
+/// - a decimal comma is possible where the separator is not the comma; the first fraction decides.
+/// - header, text and metadata are given in UTF-8; a file that is not UTF-8 is taken as Latin-1.
+/// @throws InputError  with path, line and column for a file that cannot be opened, a directory, an
+///   empty file, a header without rows, a column name that stands twice, a ragged row, a quote that
+///   is not closed, a binary file, or more than 10000 columns.
+Table read_csv(const std::string& path);
+
+}  // namespace identikal

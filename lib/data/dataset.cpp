@@ -1,0 +1,426 @@
+#include "lib/data/dataset.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+
+#include "lib/base/constants.h"
+#include "lib/base/interpolation.h"
+#include "lib/base/nearest_name.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+
+// The shortest text that reads back as the same number: an epoch time keeps its fraction.
+std::string number(double value) {
+  std::array<char, 32> text;
+  const auto [stop, error] = std::to_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} ? std::string(text.data(), stop) : "?";
+}
+
+// Measured and derived numbers: the digits beyond the sixth are rounding.
+std::string rounded(double value) {
+  std::array<char, 32> text;
+  const auto [stop, error] =
+      std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, 6);
+  return error == std::errc{} ? std::string(text.data(), stop) : "?";
+}
+
+std::string file_name(const Table& table) {
+  return std::filesystem::path(table.path).filename().string();
+}
+
+// The model file's line when the model came from a file, else the recording.
+Location place(const Location& at, const Table& table) {
+  return at.path.empty() ? Location{table.path} : at;
+}
+
+const Column& find_column(const Table& table, const std::string& name, const Location& at) {
+  const Column* column = table.find(name);
+  if (column == nullptr) {
+    const std::vector<std::string> names = table.column_names();
+    const std::string ending = "." + name;  // of a column that several joined files have
+    std::string several;
+    int files = 0;
+    for (const std::string& known : names) {
+      if (!known.ends_with(ending)) continue;
+      several += (files++ > 0 ? ", " : "") + quoted_excerpt(known);
+    }
+    if (files > 1) {
+      throw InputError(place(at, table),
+                       "column " + quoted_excerpt(name) + " stands in several files", several,
+                       "write which one is meant");
+    }
+    std::string list;
+    std::size_t shown = 0;
+    for (; shown < names.size() && list.size() < 80; ++shown) {
+      list += (shown > 0 ? ", " : "") + quoted_excerpt(names[shown]);
+    }
+    if (shown < names.size()) list += ", ... (" + std::to_string(names.size()) + " columns)";
+    throw InputError(place(at, table),
+                     "no column " + quoted_excerpt(name) + " in " + file_name(table),
+                     "one of " + list, did_you_mean(name, names));
+  }
+  if (column->text_cells > 0) {
+    const TextCell& text = column->first_text;
+    throw InputError({table.path, text.line, text.column},
+                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column->name),
+                     "a number");
+  }
+  return *column;
+}
+
+Unit known_unit(const std::string& text, const Location& at, const std::string& context,
+                const std::string& remedy) {
+  if (const std::optional<Unit> unit = parse_unit(text)) return *unit;
+  const std::string nearest = nearest_unit(text);
+  std::string hint = nearest.empty() ? "" : "did you mean " + quoted_excerpt(nearest) + "?";
+  if (!remedy.empty()) hint += (hint.empty() ? "" : " ") + remedy;
+  throw InputError(at, "unknown unit " + quoted_excerpt(text) + context, "", hint);
+}
+
+struct ResolvedUnit {
+  Unit unit;
+  std::string text;
+  std::string doubt;  // about a unit in the file that nobody knows, and the model overrules
+};
+
+// The unit of a column: the model's, else the file's, else SI. It must measure what `si_text` does.
+ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::string& model_text,
+                          const std::string& si_text, const Location& at) {
+  if (model_text.empty() && column.unit.empty()) return {Unit{}, si_text, ""};
+  const Location model_at = place(at, table);
+  const std::string of_column = " of column " + quoted_excerpt(column.name);
+  const std::string& text = model_text.empty() ? column.unit : model_text;
+  Unit unit;
+  std::string doubt;
+  if (model_text.empty()) {
+    const Location header{table.path, table.unit_line > 0 ? table.unit_line : table.header_line};
+    unit = known_unit(text, header, of_column, "give its 'unit:' in the model file");
+  } else {
+    unit = known_unit(text, model_at, of_column, "");
+    const std::optional<Unit> in_file = parse_unit(column.unit);
+    const bool conflict = !column.unit.empty() && in_file &&
+                          !(same_dimension(unit, *in_file) && unit.offset == in_file->offset &&
+                            std::abs(unit.scale / in_file->scale - 1.0) < 1e-9);
+    if (conflict) {
+      throw InputError(model_at,
+                       "column " + quoted_excerpt(column.name) + " is in " +
+                           quoted_excerpt(column.unit) + " according to " + file_name(table) +
+                           ", in " + quoted_excerpt(text) + " according to the model",
+                       "one unit", "remove the 'unit:' here, or the unit in the file's header");
+    }
+    if (!column.unit.empty() && !in_file) {
+      doubt = file_name(table) + ": unknown unit " + quoted_excerpt(column.unit) + of_column +
+              "; taken as " + quoted_excerpt(text) + ", as the model file says";
+    }
+  }
+  if (!si_text.empty()) {
+    const std::optional<Unit> si = parse_unit(si_text);
+    if (!si) throw std::invalid_argument("make_dataset: '" + si_text + "' is not a unit");
+    if (!same_dimension(unit, *si)) {
+      throw InputError(model_at,
+                       "column " + quoted_excerpt(column.name) + " is in " + quoted_excerpt(text) +
+                           ", which measures something else",
+                       "a unit of the same kind as " + quoted_excerpt(si_text));
+    }
+  }
+  return {unit, text, doubt};
+}
+
+// Time stamps in the unit of the column: converting first would cost digits of an epoch time.
+struct Stamps {
+  std::vector<double> values;
+  double to_seconds = 1.0;
+};
+
+Stamps read_stamps(const Table& table, const TimeSource& source) {
+  const Column& column = find_column(table, source.column, source.at);
+  const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
+  const std::vector<double>& t = column.values;
+  for (std::size_t row = 0; row < t.size(); ++row) {
+    const Location at{table.path, table.line_of_row(row)};
+    const auto stamp = [&](double value) { return number(value) + " " + unit.text; };
+    if (std::isnan(t[row])) {
+      throw InputError(at, "no time stamp in column " + quoted_excerpt(column.name), "a number");
+    }
+    if (row == 0 || t[row] > t[row - 1]) continue;
+    if (t[row] == t[row - 1]) {
+      throw InputError(at, "time " + stamp(t[row]) + " stands twice", "increasing time stamps",
+                       "remove one of the two rows");
+    }
+    throw InputError(at, "time goes back from " + stamp(t[row - 1]) + " to " + stamp(t[row]),
+                     "increasing time stamps",
+                     "recordings joined end to end: 'runs: restart' under 'time' in the model file "
+                     "makes each a run of its own");
+  }
+  return {t, unit.unit.scale};
+}
+
+double median_step(const double* first, const double* last) {
+  std::vector<double> steps;
+  for (const double* t = first; t + 1 < last; ++t) steps.push_back(t[1] - t[0]);
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  if (steps.size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(steps.begin(), middle));
+}
+
+// Rows [first, last) of the table.
+struct Rows {
+  std::size_t first;
+  std::size_t last;
+};
+
+// What the model file does to the recorded values, in words; empty when nothing.
+std::string treatment(const ChannelSource& source, const std::string& unit) {
+  std::string out;
+  if (source.scale != 1.0) out += " times " + number(source.scale);
+  if (source.offset != 0.0) {
+    out += (source.offset > 0.0 ? " plus " : " minus ") + number(std::abs(source.offset)) +
+           (unit.empty() ? "" : " " + unit);
+  }
+  if (source.delay != 0.0) {
+    out += (out.empty() ? " " : ", ") + number(std::abs(source.delay)) + " s " +
+           (source.delay > 0.0 ? "earlier" : "later") + ", interpolated linearly";
+  }
+  return out.empty() ? "" : source.name + " is column " + quoted_excerpt(source.column) + out;
+}
+
+Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
+                                const Stamps& stamps, const Rows& rows, Channel& channel,
+                                Dataset& data) {
+  const Column& column = find_column(table, source.column, source.at);
+  const ResolvedUnit unit = resolve_unit(table, column, source.unit, source.si_unit, source.at);
+  channel = {source.name, unit.text};
+  if (const std::string text = treatment(source, unit.text); !text.empty()) {
+    data.notes.push_back(text);
+  }
+  if (!unit.doubt.empty()) data.unknown_units.push_back(unit.doubt);
+  const auto first = static_cast<Index>(rows.first), count = static_cast<Index>(rows.last) - first;
+  const Eigen::Map<const Eigen::VectorXd> recorded(column.values.data(),
+                                                   static_cast<Index>(column.values.size()));
+  Eigen::VectorXd values = recorded.segment(first, count);
+  if (source.delay != 0.0) {
+    const Eigen::Map<const Eigen::VectorXd> t(stamps.values.data(), recorded.size());
+    const Eigen::VectorXd seconds = (t.array() - t[0]) * stamps.to_seconds;
+    values = interpolate_linearly(seconds, recorded,
+                                  seconds.segment(first, count).array() + source.delay,
+                                  kBridgedPeriods * own_period(seconds, recorded));
+  }
+  // Neutral scale and offset leave the bits alone.
+  if (source.scale != 1.0 || source.offset != 0.0) {
+    values = source.scale * values.array() + source.offset;
+  }
+  bool any = false;
+  for (double& value : values) {
+    value = unit.unit.to_si(value);
+    any = any || !std::isnan(value);
+  }
+  if (!any) {
+    if (source.delay != 0.0) {
+      throw InputError(place(source.at, table),
+                       "no number of column " + quoted_excerpt(column.name) + " is left after a " +
+                           "delay of " + number(source.delay) + " s",
+                       "a delay shorter than the recording");
+    }
+    throw InputError({table.path, table.line_of_row(rows.first)},
+                     "no number in column " + quoted_excerpt(column.name) +
+                         " from this row to line " +
+                         std::to_string(table.line_of_row(rows.last - 1)),
+                     "at least one");
+  }
+  return values.transpose();
+}
+
+}  // namespace
+
+bool looks_like_time(const Column& column) {
+  const std::string name = lower_case(column.name);
+  return name == "t" || name.find("time") != std::string::npos;
+}
+
+Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {
+  const Stamps stamps = read_stamps(table, time);
+  return stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(
+                                 stamps.values.data(), static_cast<Index>(stamps.values.size()));
+}
+
+TimeRange::TimeRange()
+    : from(-std::numeric_limits<double>::infinity()), to(std::numeric_limits<double>::infinity()) {}
+
+std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
+  const Column* stamps = time.restarts ? table.find(time.column) : nullptr;
+  if (stamps == nullptr) return {table};  // a missing column is said where the dataset is made
+  std::vector<Table> out;
+  std::size_t first = 0;
+  for (std::size_t row = 1; row <= table.rows; ++row) {
+    if (row < table.rows && !(stamps->values[row] <= stamps->values[row - 1])) continue;
+    if (row - first == 1 && table.rows > 1) {
+      throw InputError(
+          {table.path, table.line_of_row(first)},
+          row < table.rows ? "a run of this row alone: the next time stamp is not above it"
+                           : "a run of this row alone: the time stamp is not above the "
+                             "one before, and nothing follows",
+          "at least two rows in a run", "is a stamp written twice, or a row out of place?");
+    }
+    out.push_back(rows_of(table, first, row - first));
+    first = row;
+  }
+  return out;
+}
+
+Dataset make_dataset(const Table& table, const TimeSource& time,
+                     const std::vector<ChannelSource>& inputs,
+                     const std::vector<ChannelSource>& outputs, const TimeRange& range) {
+  if (table.rows == 0) throw InputError({table.path}, "no rows", "at least one row of numbers");
+  Stamps stamps;
+  if (!time.column.empty()) {
+    stamps = read_stamps(table, time);
+  } else {
+    if (!(time.step > 0.0)) {
+      throw InputError(place(time.at, table), "neither a time column nor a time step",
+                       "one of them");
+    }
+    stamps.to_seconds = time.step;
+    for (std::size_t row = 0; row < table.rows; ++row) {
+      stamps.values.push_back(static_cast<double>(row));
+    }
+  }
+
+  // A bound that falls on a row takes the row in, whatever the rounding of its stamp.
+  const std::vector<double>& t = stamps.values;
+  const auto seconds = [&](double stamp) { return (stamp - t.front()) * stamps.to_seconds; };
+  const double slack =
+      t.size() < 2 ? 0.0 : 1e-6 * seconds(t.back()) / static_cast<double>(t.size());
+  const auto first =
+      std::find_if(t.begin(), t.end(), [&](double s) { return seconds(s) >= range.from - slack; });
+  const auto last =
+      std::find_if(first, t.end(), [&](double s) { return seconds(s) > range.to + slack; });
+  const Rows rows{static_cast<std::size_t>(first - t.begin()),
+                  static_cast<std::size_t>(last - t.begin())};
+  if (rows.first == rows.last) {
+    throw InputError({table.path},
+                     "no row from " + rounded(range.from) + " s to " + rounded(range.to) + " s",
+                     "a range within 0 s to " + rounded(seconds(t.back())) + " s");
+  }
+
+  Dataset data;
+  data.name = file_name(table);
+  data.dt = time.step;
+  if (!time.column.empty()) {
+    if (rows.last - rows.first < 2) {
+      throw InputError({table.path, table.line_of_row(rows.first)}, "a single time stamp",
+                       "at least two, to tell the step");
+    }
+    const double median =
+        median_step(t.data() + rows.first, t.data() + rows.last) * stamps.to_seconds;
+    if (time.step > 0.0 && std::abs(median - time.step) > 0.01 * time.step) {
+      throw InputError(place(time.at, table),
+                       "the rows of " + data.name + " are " + rounded(median) + " s apart (median)",
+                       rounded(time.step) + " s, the step of the model");
+    }
+    if (!(time.step > 0.0)) data.dt = median;
+  }
+
+  const auto n = static_cast<Index>(rows.last - rows.first);
+  data.time = stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(t.data() + rows.first, n);
+  const auto read_all = [&](const std::vector<ChannelSource>& sources,
+                            std::vector<Channel>& channels) {
+    channels.resize(sources.size());
+    Eigen::MatrixXd values(static_cast<Index>(sources.size()), n);
+    for (std::size_t i = 0; i < sources.size(); ++i) {
+      values.row(static_cast<Index>(i)) =
+          read_channel(table, sources[i], stamps, rows, channels[i], data);
+    }
+    return values;
+  };
+  data.u = read_all(inputs, data.inputs);
+  data.y = read_all(outputs, data.outputs);
+  return data;
+}
+
+Dataset first_samples(const Dataset& data, Index count) {
+  const Index keep = std::min(count, data.size());
+  Dataset out = data;
+  out.time.conservativeResize(keep);
+  if (out.stamps.size() > 0) out.stamps.conservativeResize(keep);
+  std::erase_if(out.absent, [&](Index row) { return row >= keep; });
+  out.u.conservativeResize(Eigen::NoChange, keep);
+  out.y.conservativeResize(Eigen::NoChange, keep);
+  return out;
+}
+
+Dataset samples_from(const Dataset& data, Index first) {
+  const Index keep = std::max<Index>(0, data.size() - first);
+  Dataset out = data;
+  out.time = data.time.tail(keep);
+  if (data.stamps.size() > 0) out.stamps = data.stamps.tail(keep);
+  std::erase_if(out.absent, [&](Index row) { return row < first; });
+  for (Index& row : out.absent) row -= first;
+  out.u = data.u.rightCols(keep);
+  out.y = data.y.rightCols(keep);
+  return out;
+}
+
+Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
+  if (!(step > 0.0) || !std::isfinite(step)) {
+    throw std::invalid_argument("on_uniform_raster: step is " + number(step) +
+                                ", it must be positive and finite");
+  }
+  const Index n = data.size();
+  const double most = 10.0 * static_cast<double>(n);
+  std::vector<Index> target(static_cast<std::size_t>(n), 0);
+  double k = 0.0;  // a double, so that an absurd gap cannot overflow it
+  for (Index i = 1; i < n; ++i) {
+    const double steps = (data.time[i] - data.time[i - 1]) / step;
+    const double whole = std::round(steps);
+    if (!(whole >= 1.0 && std::abs(steps - whole) <= tolerance)) {
+      throw InputError({data.name},
+                       "time " + number(data.time[i]) + " s is " + rounded(steps) +
+                           " steps after the row before",
+                       "a whole number of steps of " + rounded(step) + " s",
+                       "resample the recording, or use a continuous-time model");
+    }
+    k += whole;
+    if (k + 1.0 > most) {
+      throw InputError({data.name},
+                       "rows with a step of " + rounded(step) + " s up to time " +
+                           number(data.time[i]) + " s would be more than ten times the " +
+                           std::to_string(n) + " recorded",
+                       "a recording without such gaps", "choose a range without the gap");
+    }
+    target[static_cast<std::size_t>(i)] = static_cast<Index>(k);
+  }
+
+  Dataset out = data;
+  out.dt = step;
+  const Index rows = n == 0 ? 0 : target.back() + 1;
+  out.time.resize(rows);
+  for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;
+  out.stamps.resize(rows);
+  for (Index i = 0, at = 0; at < rows; ++at) {
+    if (i + 1 < n && target[static_cast<std::size_t>(i + 1)] == at) ++i;
+    const Index absent = at - target[static_cast<std::size_t>(i)];
+    out.stamps[at] = data.time[i] + static_cast<double>(absent) * step;
+    if (absent > 0) out.absent.push_back(at);
+  }
+  out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
+  out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
+  for (Index i = 0; i < n; ++i) {
+    const Index at = target[static_cast<std::size_t>(i)];
+    out.u.col(at) = data.u.col(i);
+    out.y.col(at) = data.y.col(i);
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,120 @@
+// A recording as the mathematics sees it: SI units, time along columns, NaN where a sample is
+// missing.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/base/alignment.h"
+#include "lib/base/error.h"
+#include "lib/data/csv.h"
+
+namespace identikal {
+
+/// One channel of a Dataset. The unit is the one the user works in; values are SI.
+struct Channel {
+  std::string name;
+  std::string unit;
+};
+
+struct Dataset {
+  std::string name;        ///< of the file, without its folder
+  double dt = 0.0;         ///< sampling period [s]: the step given, else the median step
+  Eigen::VectorXd time;    ///< N [s], strictly increasing
+  Eigen::VectorXd stamps;  ///< N [s]: as recorded, where on_uniform_raster() has moved them
+  std::vector<Eigen::Index> absent;  ///< rows that it has put in where none was recorded, rising
+  Eigen::MatrixXd u;                 ///< nu x N, SI, NaN = missing
+  Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
+  std::vector<Channel> inputs;       ///< nu
+  std::vector<Channel> outputs;      ///< ny
+  std::vector<std::string> notes;    ///< what was done to recorded values beyond their units
+  std::vector<std::string> unknown_units;  ///< sentences on those that the model file overrules
+  std::string
+      begins;  ///< "after a missing input": why rows before are not in it; empty: it has all
+  Eigen::Index size() const { return time.size(); }
+};
+
+/// Where one channel of a model comes from.
+struct ChannelSource {
+  std::string name;     ///< the model's name of it
+  std::string column;   ///< column of the file; by name, or its number from 1
+  std::string unit;     ///< unit the column is in; empty = take the file's, else SI
+  std::string si_unit;  ///< what the model works in, e.g. "rad/s"; empty = anything, no check
+  Location at;          ///< where the model file says so, for error messages
+  // value = scale * recorded + offset in the column's unit, then SI.
+  double scale = 1.0;
+  double offset = 0.0;  ///< in the column's unit
+  double delay = 0.0;   ///< [s]: what is recorded at t was there at t - delay
+};
+
+/// Where time comes from: a column, or a fixed step.
+struct TimeSource {
+  std::string column;  ///< empty: no time column, rows are `step` apart and the first is at 0
+  std::string unit;    ///< unit of the column; empty = the file's, else s
+  double step = 0.0;   ///< [s]; with a column: the expected step, or 0 to take the median
+  Location at;
+  bool restarts = false;  ///< several runs in one file: each begins where the stamps go back
+};
+
+/// Which rows to use, in seconds from the first row's time, both ends included. Infinite = no
+/// limit.
+struct TimeRange {
+  double from;
+  double to;
+  TimeRange();
+};
+
+/// True for a name like "t", "Time" or "INS_time_sec".
+bool looks_like_time(const Column& column);
+
+/// The runs of a table whose time stamps restart: one table wherever a stamp is not above the one
+/// before it; itself when time.restarts is false. Throws InputError for a run of one row alone.
+std::vector<Table> split_runs(const Table& table, const TimeSource& time);
+
+/// Time stamps of a table in seconds.
+/// @param time  its column must be named
+/// @throws InputError as make_dataset() for the column, its unit and its stamps
+Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
+
+/// Builds the dataset of a table: picks the columns, converts to SI, checks time. Time stamps are
+/// kept as recorded: nothing is shifted, interpolated or resampled, but for a channel with a delay:
+/// its value at t is what was recorded at t + delay, interpolated linearly between neighbouring
+/// samples no further apart than kBridgedPeriods of the channel's own period, else missing. Scale,
+/// offset and delay that are not neutral are said in the notes.
+///
+/// The unit of a column is the model's, else the file's, else SI. When both give one they must
+/// agree: two scales for one column (deg and rad) are a conflict that only the user can settle.
+/// @throws InputError for a column that does not exist (nearest name offered), text in a used
+/// column
+///   (line and column of the first), an unknown unit, a unit of another dimension than si_unit, a
+///   unit in the file that contradicts the model's, a missing, duplicate or backward time stamp
+///   (its line), a median step more than 1 % off the step given, neither time column nor step, a
+///   column without any number in the range, fewer than two time stamps, or no row inside the
+///   range.
+/// @throws std::invalid_argument when an si_unit is not a unit.
+Dataset make_dataset(const Table& table, const TimeSource& time,
+                     const std::vector<ChannelSource>& inputs,
+                     const std::vector<ChannelSource>& outputs, const TimeRange& range = {});
+
+/// The first `count` rows, or all when there are fewer.
+Dataset first_samples(const Dataset& data, Eigen::Index count);
+
+/// The rows from number `first` (0-based) on.
+Dataset samples_from(const Dataset& data, Eigen::Index first);
+
+/// Puts a recording onto the uniform raster that a discrete-time model needs: rows whose time
+/// stamps are a whole number of steps apart keep their values, rows that are absent become missing
+/// samples. Each distance between neighbours counts, so a clock that runs slightly fast or slow
+/// stays on the raster; the result's time is exactly first + k step, its stamps are the recorded
+/// ones, and whole steps behind the row before where a row is absent.
+/// @param step       [s], positive
+/// @param tolerance  how far a distance may be from a whole number of steps, in steps
+/// @throws InputError when a time stamp is not on the raster, or the filled record would exceed ten
+///   times the rows.
+/// @throws std::invalid_argument when step is not positive and finite.
+Dataset on_uniform_raster(const Dataset& data, double step, double tolerance = 0.01);
+
+}  // namespace identikal

@@ -1,0 +1,778 @@
+// Likelihood, gradient and information of a gapless stretch at a cost that does not depend on its
+// length. Internal to lib, for a number of states known at compile time (or Dynamic).
+//
+// The whole stretch runs on the constant gain. A start that is not the steady one, x(0) ~ N(m0,
+// P0), is the steady one plus delta ~ N(0, Pi), Pi = P0 - P, which is integrated out exactly: with
+// M = sum_t F'^t C' Sigma^-1 C F^t and s = sum_t F'^t C' Sigma^-1 e(t), its smoothed value is
+// delta = (I + Pi M)^-1 Pi s and
+//
+//   -2 log L = N log|Sigma| + tr(Sigma^-1 S_e) + log|I + Pi M| + delta' Pi^-1 delta + N ny log 2pi
+//
+// where S_e = sum e e' of the filter started from m0 + delta. A diffuse start is the limit of large
+// Pi (de Jong 1991). S_e follows from the lag sums of z = [y; u] (lib/filter/internal/lag_sums.h):
+// with x+ = F x + Kz z and e = H z - C x,
+//
+//   Y = sum_t z x' = sum_m Gamma_m Kz' F'^(m-1) + sum_t z(t) (F^t x0)',
+//   X = sum_t x x' = F X F' + Kz Gamma_0 Kz' + Kz Y F' + F Y' Kz' + x0 x0' - xN xN',
+//   S_e = H Gamma_0 H' - H Y C' - C Y' H' + C X C'.
+//
+// The gradient is the adjoint of these equations; delta stands at a minimum, so it is held. So it
+// is in the information on parameters of the dynamics, which then lacks that delta is not known:
+// with s_i = sum_t F'^t C' Sigma^-1 de_i(t),
+//
+//   sum_t de_i' Sigma^-1 de_j - s_i' (I + Pi M)^-1 Pi s_j.
+//
+// Its sums of dx x' and dx dx' follow like X, with the products of the first dx added and those of
+// the one behind the last sample taken off.
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "lib/filter/internal/segment.h"
+#include "lib/filter/internal/steady_filter.h"
+#include "lib/filter/kalman.h"
+#include "lib/internal/small_product.h"
+
+namespace identikal {
+
+inline void add_symmetric(Eigen::MatrixXd& to, std::size_t i, std::size_t j, double term) {
+  const auto row = static_cast<Eigen::Index>(i), col = static_cast<Eigen::Index>(j);
+  to(row, col) += term;
+  if (row != col) to(col, row) += term;
+}
+
+/// What is known of the state before the first sample of a stretch.
+template <int n>
+struct StretchStart {
+  using Square = Eigen::Matrix<double, n, n>;
+  using State = Eigen::Matrix<double, n, 1>;
+  InitialState kind = InitialState::stationary;
+  State mean;
+  Square P;                       // given, stationary
+  std::vector<State> mean_theta;  // given: derivatives
+  std::vector<Square> P_theta;
+};
+
+template <int n>
+class CompressedKernel final : public StretchKernel {
+ public:
+  using Square = Eigen::Matrix<double, n, n>;
+  using State = Eigen::Matrix<double, n, 1>;
+  using Columns = ChannelColumns<n>;
+
+  bool prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) override {
+    model_ = &model;
+    derivatives_ = &derivatives;
+    if (!filter_.solve(model)) return false;
+    set_product(CW_, filter_.Ct, filter_.Sigma_inverse);
+    set_product(M_, CW_, filter_.Ct.transpose());
+    filter_.powers.sum_backward(M_);
+    return find_directions();
+  }
+
+  Eigen::Index memory() const override { return filter_.powers.memory(); }
+  double pole() const override { return filter_.powers.radius(); }
+  Refusal refusal() const override { return refusal_; }
+
+  bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) override {
+    const auto states = filter_.A.rows();
+    start_.kind = initial;
+    start_.mean.setZero(states);
+    if (initial == InitialState::stationary) {
+      if (!open_loop_.compute(filter_.A)) return false;
+      start_.P = filter_.W;
+      open_loop_.sum_forward(start_.P);
+    } else if (initial == InitialState::given) {
+      start_.mean = model_->x0;
+      start_.P = model_->P0;
+      start_.mean_theta.resize(derivatives_->size());
+      start_.P_theta.resize(derivatives_->size());
+      for (std::size_t i = 0; i < derivatives_->size(); ++i) {
+        start_.mean_theta[i] = (*derivatives_)[i].x0;
+        start_.P_theta[i] = (*derivatives_)[i].P0;
+      }
+    }
+    return add(stretch, start_, out);
+  }
+
+  bool add_from_state(const Stretch& stretch, const FilterState& state, Likelihood& out) override {
+    start_.kind = InitialState::given;
+    start_.mean = state.x;
+    start_.P = state.P;
+    start_.mean_theta.assign(state.x_theta.begin(), state.x_theta.end());
+    start_.P_theta.assign(state.P_theta.begin(), state.P_theta.end());
+    return add(stretch, start_, out);
+  }
+
+  void end_of_stretch(const Stretch& stretch, FilterState& state) override;
+
+ private:
+  struct Direction {
+    bool dynamics;  // anything but noise and initial state
+    Square W, P;
+    Columns K, Sw;
+    SmallMatrix Sigma;
+  };
+
+  /// How state and innovations answer to a parameter, and the sums that its information needs.
+  struct Response {
+    Square a, dx_x, g_x, M_a, on_dx_x;
+    Columns b, dx_z, g_z, M_b, on_dx_z;
+    Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> dC, W_dC, c_x;
+    SmallMatrix g, W_g, c_z, relative;
+    State dx0, dxN, s;
+  };
+
+  bool find_directions();
+  void respond(std::size_t i, const Stretch& stretch, Response& r) const;
+  State last_response(const Stretch& stretch, const Response& r) const;
+  void follow_start(const Stretch& stretch, Response& r);
+  bool add(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
+  void augment(const Stretch& stretch);
+  bool well_conditioned(const Square& Pi) const;
+  template <class Sums>
+  double size_of_terms(const Sums& Gamma_0);
+  void sum_lags(const LagSums& sums, Eigen::Index lags);
+  void add_gradient(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
+  void add_noise_information(double samples, Likelihood& out) const;
+  void add_full_information(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
+
+  Refusal refusal_ = Refusal::none;
+  Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> white_C_;
+  SmallMatrix white_H_;
+  const StateSpace* model_ = nullptr;
+  const std::vector<StateSpace>* derivatives_ = nullptr;
+  SteadyFilter<n> filter_;
+  Powers<n> open_loop_;
+  Columns CW_;  // C' Sigma^-1
+  Square M_;
+  std::vector<Direction> directions_;
+  std::vector<Response> responses_;
+  StretchStart<n> start_;
+  Eigen::MatrixXd product_;
+  Columns work_;
+  SmallMatrix small_;
+
+  // Of the stretch at hand.
+  Eigen::Index lags_ = 0, channels_ = 0;
+  Columns Kz_, Yt_;  // Yt = sum x z'
+  SmallMatrix H_, S_e_, SiSeSi_;
+  Square X_, Z_, inverse_;  // Z = (I + Pi M)^-1 Pi, inverse = (I + Pi M)^-1
+  State x0_, xN_, v_, delta_;
+  using States =
+      Eigen::Matrix<double, n, Eigen::Dynamic, n == 1 ? Eigen::RowMajor : Eigen::ColMajor>;
+  States T_;           // T_m = Kz Gamma_m' + F T_(m+1), all m
+  States head_;        // F^t x0
+  States first_;       // state over the first samples
+  States tail_;        // state over the last samples
+  Eigen::MatrixXd e_;  // first innovations, or their derivatives
+};
+
+template <int n>
+bool CompressedKernel<n>::find_directions() {
+  const StateSpace& m = *model_;
+  const SteadyFilter<n>& f = filter_;
+  directions_.resize(derivatives_->size());
+  Square F_P, half;
+  set_product(F_P, f.F, f.P);
+  for (std::size_t i = 0; i < directions_.size(); ++i) {
+    const StateSpace& d = (*derivatives_)[i];
+    Direction& out = directions_[i];
+    const bool dA = !d.A.isZero(0.0), dC = !d.C.isZero(0.0), dG = !d.G.isZero(0.0);
+    const bool dQ = !d.Q.isZero(0.0), dR = !d.R.isZero(0.0), dS = !d.S.isZero(0.0);
+    out.dynamics = changes_dynamics(d);
+    out.W.setZero(f.A.rows(), f.A.cols());
+    if (dQ) {
+      set_product(product_, m.G, d.Q);
+      add_product(out.W, product_, m.G.transpose());
+    }
+    if (dG) {
+      set_product(product_, m.G, m.Q);
+      set_product(half, product_, d.G.transpose());
+      add_with_transpose(out.W, half);
+    }
+    out.Sw.setZero(f.A.rows(), m.outputs());
+    if (dS) add_product(out.Sw, m.G, d.S);
+    if (dG) add_product(out.Sw, d.G, m.S);
+    // The gain minimises P, so its own derivative drops out of dP.
+    out.P = out.W;
+    if (dA) {
+      set_product(half, F_P, d.A.transpose());
+      add_with_transpose(out.P, half);
+    }
+    if (dC) {
+      set_product(work_, F_P, d.C.transpose());
+      set_product(half, work_, f.K.transpose());
+      add_with_transpose(out.P, half, -1.0);
+    }
+    if (dS || dG) {
+      set_product(half, f.K, out.Sw.transpose());
+      add_with_transpose(out.P, half, -1.0);
+    }
+    if (dR) {
+      set_product(work_, f.K, d.R);
+      add_product(out.P, work_, f.K.transpose());
+    }
+    f.powers.sum_forward(out.P);
+
+    // K Sigma = A P C' + G S
+    set_product(work_, out.P, f.Ct);
+    set_product(out.Sigma, f.Ct.transpose(), work_);
+    if (dR) out.Sigma += d.R;
+    Columns& KS = out.K;
+    KS = out.Sw;
+    if (dC) {
+      set_product(small_, d.C, f.PCt);
+      add_with_transpose(out.Sigma, small_);
+      add_product(work_, f.P, d.C.transpose());
+    }
+    add_product(KS, f.A, work_);
+    if (dA) add_product(KS, d.A, f.PCt);
+    add_product(KS, f.K, out.Sigma, -1.0);
+    set_product(work_, KS, f.Sigma_inverse);
+    out.K = work_;
+    if (!out.P.allFinite()) return false;
+  }
+  return true;
+}
+
+/// Filter and output matrices for the stretch's channels; the last one is 1 where the mean is out.
+template <int n>
+void CompressedKernel<n>::augment(const Stretch& stretch) {
+  const StateSpace& m = *model_;
+  const Eigen::Index ny = m.outputs(), nu = m.inputs();
+  channels_ = stretch.sums.channels();
+  Kz_.resize(m.states(), channels_);
+  H_.setZero(ny, channels_);
+  Kz_.leftCols(ny) = filter_.K;
+  H_.leftCols(ny).setIdentity();
+  if (nu > 0) {
+    Kz_.middleCols(ny, nu) = m.B;
+    add_product(Kz_.middleCols(ny, nu), filter_.K, m.D, -1.0);
+    H_.middleCols(ny, nu) = -m.D;
+  }
+  if (stretch.mean.size() > 0) {
+    set_product(Kz_.col(channels_ - 1), Kz_.leftCols(ny + nu), stretch.mean);
+    set_product(H_.col(channels_ - 1), H_.leftCols(ny + nu), stretch.mean);
+  }
+}
+
+/// T_m for all m, by Horner's rule from the oldest lag on.
+template <int n>
+void CompressedKernel<n>::sum_lags(const LagSums& sums, Eigen::Index lags) {
+  lags_ = lags;
+  if (T_.cols() < (lags + 1) * channels_) T_.resize(model_->states(), (lags + 1) * channels_);
+  T_.middleCols(lags * channels_, channels_).setZero();
+  for (Eigen::Index m = lags - 1; m > 0; --m) {
+    const auto Gamma = sums.at(m);
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      State column;
+      set_product(column, filter_.F, T_.col((m + 1) * channels_ + c));
+      for (Eigen::Index j = 0; j < channels_; ++j) column += Gamma(c, j) * Kz_.col(j);
+      T_.col(m * channels_ + c) = column;
+    }
+  }
+}
+
+/// Can I + Pi M be inverted without loss? With M = L L' its eigenvalues are those of I + L' Pi L; a
+/// start known much better than the steady state, Pi = P0 - P < 0, brings them near zero, and its
+/// first samples then tell more than the steady ones that the information counts.
+template <int n>
+bool CompressedKernel<n>::well_conditioned(const Square& Pi) const {
+  constexpr double kLeast = 1e-2;
+  Square M = M_;
+  M.diagonal().array() += 1e-14 * M_.trace();  // states that are not seen leave it singular
+  const Eigen::LLT<Square> root(M);
+  if (root.info() != Eigen::Success) return false;
+  const Square L = root.matrixL();
+  Square half, relative = (1.0 - kLeast) * Square::Identity(Pi.rows(), Pi.cols());
+  set_product(half, Pi, L);
+  add_product(relative, L.transpose(), half);
+  symmetrise(relative);
+  return Eigen::LLT<Square>(relative).info() == Eigen::Success;
+}
+
+/// tr(Sigma^-1 S_e) with every product of S_e = C X C' - C Yt H' - H Yt' C' + H Gamma_0 H' taken
+/// positive, whitened by L^-1, Sigma = L L': how large the numbers are that cancel in it.
+template <int n>
+template <class Sums>
+double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
+  const SteadyFilter<n>& f = filter_;
+  white_C_ = f.Ct.transpose();
+  f.llt.matrixL().solveInPlace(white_C_);
+  white_C_ = white_C_.cwiseAbs();
+  white_H_ = H_;
+  f.llt.matrixL().solveInPlace(white_H_);
+  white_H_ = white_H_.cwiseAbs();
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < white_C_.rows(); ++i) {
+    for (Eigen::Index k = 0; k < white_C_.cols(); ++k) {
+      double row = 0.0;
+      for (Eigen::Index j = 0; j < white_C_.cols(); ++j) row += std::abs(X_(k, j)) * white_C_(i, j);
+      for (Eigen::Index c = 0; c < channels_; ++c) {
+        row += 2.0 * std::abs(Yt_(k, c)) * white_H_(i, c);
+      }
+      sum += white_C_(i, k) * row;
+    }
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      for (Eigen::Index d = 0; d < channels_; ++d) {
+        sum += white_H_(i, c) * std::abs(Gamma_0(c, d)) * white_H_(i, d);
+      }
+    }
+  }
+  return sum;
+}
+
+template <int n>
+bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& start,
+                              Likelihood& out) {
+  const SteadyFilter<n>& f = filter_;
+  const LagSums& sums = stretch.sums;
+  const Eigen::Index states = model_->states(), ny = model_->outputs(), N = sums.samples();
+  const Eigen::Index L = memory();
+  augment(stretch);
+  refusal_ = Refusal::cancellation;
+
+  // The first innovations, from the mean of the start, say where it really was.
+  head_.resize(states, std::max(L, head_.cols()));
+  e_.resize(ny, std::max(L, e_.cols()));
+  State x = start.mean, next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    set_product(e_.col(t), f.Ct.transpose(), x, -1.0);
+    set_product(next, f.F, x);
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      const double z = sums.sample(c, t);
+      if (c < ny) {
+        e_(c, t) += z;
+      } else {
+        e_.col(t) += z * H_.col(c);
+      }
+      next += z * Kz_.col(c);
+    }
+    x = next;
+  }
+  State s = State::Zero(states);
+  for (Eigen::Index t = L - 1; t >= 0; --t) {
+    set_product(next, f.F.transpose(), s);
+    add_product(next, CW_, e_.col(t));
+    s = next;
+  }
+  double log_det = 0.0, penalty = 0.0;
+  if (start.kind == InitialState::diffuse) {
+    const Eigen::LLT<Square> llt(M_);
+    if (llt.info() != Eigen::Success) return false;
+    for (Eigen::Index i = 0; i < states; ++i) {
+      const double pivot = llt.matrixLLT()(i, i);
+      if (!(pivot * pivot > kDetermined * M_(i, i))) return false;
+      log_det += 2.0 * std::log(pivot);
+    }
+    Z_.setIdentity(states, states);
+    llt.solveInPlace(Z_);
+    set_product(delta_, Z_, s);
+    v_.setZero(states);
+  } else {
+    const Square Pi = start.P - f.P;
+    Square sum = Square::Identity(states, states);
+    add_product(sum, Pi, M_);
+    const Eigen::PartialPivLU<Square> lu(sum);
+    const double determinant = lu.determinant();
+    if (!(determinant > 0.0) || !std::isfinite(determinant)) return false;
+    if (start.kind == InitialState::given && !well_conditioned(Pi)) {
+      refusal_ = Refusal::known_start;
+      return false;
+    }
+    log_det = std::log(determinant);
+    inverse_ = lu.inverse();
+    set_product(Z_, inverse_, Pi);
+    symmetrise(Z_);
+    set_product(delta_, Z_, s);
+    v_ = s;
+    add_product(v_, M_, delta_, -1.0);
+    penalty = delta_.dot(v_);
+  }
+  x0_ = start.mean + delta_;
+
+  sum_lags(sums, std::min(L, sums.lags()));
+  Yt_ = T_.middleCols(channels_, channels_);
+  x = x0_;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    head_.col(t) = x;
+    for (Eigen::Index c = 0; c < channels_; ++c) Yt_.col(c) += sums.sample(c, t) * x;
+    set_product(next, f.F, x);
+    x = next;
+  }
+  tail_.resize(states, std::max(L + 1, tail_.cols()));
+  x.setZero(states);
+  for (Eigen::Index t = 0; t < L; ++t) {
+    tail_.col(t) = x;
+    set_product(next, f.F, x);
+    for (Eigen::Index c = 0; c < channels_; ++c) next += sums.sample(c, N - L + t) * Kz_.col(c);
+    x = next;
+  }
+  xN_ = x;
+
+  const auto Gamma_0 = sums.at(0);
+  Square half;
+  set_product(work_, f.F, Yt_);
+  set_product(half, work_, Kz_.transpose());
+  X_.setZero(states, states);
+  add_with_transpose(X_, half);
+  set_product(work_, Kz_, Gamma_0);
+  add_product(X_, work_, Kz_.transpose());
+  add_product(X_, x0_, x0_.transpose());
+  add_product(X_, xN_, xN_.transpose(), -1.0);
+  f.powers.sum_forward(X_);
+
+  set_product(work_, X_, f.Ct);
+  set_product(S_e_, f.Ct.transpose(), work_);
+  set_product(work_, Yt_, H_.transpose());
+  set_product(small_, f.Ct.transpose(), work_);
+  add_with_transpose(S_e_, small_, -1.0);
+  set_product(small_, H_, Gamma_0);
+  const SmallMatrix G_H = small_;
+  set_product(small_, G_H, H_.transpose());
+  S_e_ += small_;
+  // What is left of the terms must be more than the rounding of the largest.
+  constexpr double kWorstCancellation = 1e5;
+  const double squares = inner_product(S_e_, f.Sigma_inverse);
+  if (!(squares > 0.0) || size_of_terms(Gamma_0) > kWorstCancellation * squares) return false;
+
+  refusal_ = Refusal::none;
+  const double log_det_Sigma = 2.0 * f.llt.matrixLLT().diagonal().array().log().sum();
+  out.value -= 0.5 * (static_cast<double>(N) * log_det_Sigma + squares + log_det + penalty);
+  if (directions_.empty()) return true;
+  add_gradient(stretch, start, out);
+  bool dynamics = false;
+  for (const Direction& d : directions_) dynamics = dynamics || d.dynamics;
+  if (dynamics) {
+    add_full_information(stretch, start, out);
+  } else {
+    add_noise_information(static_cast<double>(N), out);
+  }
+  return true;
+}
+
+template <int n>
+void CompressedKernel<n>::add_gradient(const Stretch& stretch, const StretchStart<n>& start,
+                                       Likelihood& out) {
+  const StateSpace& m = *model_;
+  const SteadyFilter<n>& f = filter_;
+  const LagSums& sums = stretch.sums;
+  const Eigen::Index states = m.states(), ny = m.outputs(), nu = m.inputs(), L = memory();
+  const Eigen::Index N = sums.samples();
+  const auto Gamma_0 = sums.at(0);
+
+  // Adjoints (bar_ in names): derivatives of tr(Sigma^-1 S_e) + log|I + Pi M| + delta' Pi^-1 delta.
+  Square M_F, bar_F, half;
+  set_product(M_F, M_, f.F);
+  Columns bar_Kz, bar_Yt, bar_Ct;
+  set_product(bar_Kz, Kz_, Gamma_0);
+  add_product(bar_Kz, f.F, Yt_);
+  set_product(half, f.F, X_);
+  add_product(half, Kz_, Yt_.transpose());
+  set_product(work_, M_, bar_Kz);
+  bar_Kz = 2.0 * work_;
+  set_product(bar_F, M_, half, 2.0);
+  set_product(bar_Yt, M_F.transpose(), Kz_);
+  add_product(bar_Yt, CW_, H_, -1.0);
+  bar_Yt *= 2.0;
+  set_product(work_, X_, f.Ct);
+  add_product(work_, Yt_, H_.transpose(), -1.0);
+  set_product(bar_Ct, work_, f.Sigma_inverse, 2.0);
+  SmallMatrix bar_H;
+  set_product(small_, H_, Gamma_0);
+  add_product(small_, f.Ct.transpose(), Yt_, -1.0);
+  set_product(bar_H, f.Sigma_inverse, small_, 2.0);
+
+  // Back through Horner's rule.
+  Columns bar_T = bar_Yt, moved;
+  moved.resize(states, channels_);
+  for (Eigen::Index lag = 1; lag < lags_; ++lag) {
+    const auto Gamma = sums.at(lag);
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      add_product(bar_F, bar_T.col(c), T_.col((lag + 1) * channels_ + c).transpose());
+      for (Eigen::Index j = 0; j < channels_; ++j) bar_Kz.col(j) += Gamma(c, j) * bar_T.col(c);
+      set_product(moved.col(c), f.F.transpose(), bar_T.col(c));
+    }
+    bar_T.swap(moved);
+  }
+  // Back through F^t x0.
+  State bar_x = State::Zero(states), next;
+  for (Eigen::Index t = L - 1; t >= 0; --t) {
+    add_product(bar_F, bar_x, head_.col(t).transpose());
+    set_product(next, f.F.transpose(), bar_x);
+    for (Eigen::Index c = 0; c < channels_; ++c) next += sums.sample(c, t) * bar_Yt.col(c);
+    bar_x = next;
+  }
+  State bar_x0 = bar_x;
+  add_product(bar_x0, M_, x0_, 2.0);
+  // Back through the last state.
+  set_product(bar_x, M_, xN_, -2.0);
+  for (Eigen::Index t = L - 1; t >= 0; --t) {
+    add_product(bar_F, bar_x, tail_.col(t).transpose());
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      bar_Kz.col(c) += sums.sample(c, N - L + t) * bar_x;
+    }
+    set_product(next, f.F.transpose(), bar_x);
+    bar_x = next;
+  }
+
+  // The determinant of the start, through M = F' M F + C' Sigma^-1 C.
+  Square N_start = Z_;
+  f.powers.sum_forward(N_start);
+  set_product(half, M_F, N_start);
+  bar_F += 2.0 * half;
+  set_product(work_, N_start, f.Ct);
+  add_product(bar_Ct, work_, f.Sigma_inverse, 2.0);
+  set_product(small_, f.Ct.transpose(), work_);
+  small_ += S_e_;
+  SmallMatrix bar_Sigma;
+  set_product(SiSeSi_, f.Sigma_inverse, small_);
+  set_product(bar_Sigma, SiSeSi_, f.Sigma_inverse, -1.0);
+  bar_Sigma += static_cast<double>(N) * f.Sigma_inverse;
+
+  if (stretch.mean.size() > 0) {
+    const auto last = channels_ - 1;
+    add_product(bar_Kz.leftCols(last), bar_Kz.col(last), stretch.mean.transpose());
+    add_product(bar_H.leftCols(last), bar_H.col(last), stretch.mean.transpose());
+  }
+  // F = A - K C, Kz = [K, B - K D], H = [I, -D].
+  Columns bar_K = bar_Kz.leftCols(ny);
+  add_product(bar_K, bar_F, f.Ct, -1.0);
+  add_product(bar_Ct, bar_F.transpose(), f.K, -1.0);
+  if (nu > 0) add_product(bar_K, bar_Kz.middleCols(ny, nu), m.D.transpose(), -1.0);
+
+  Square bar_P0, Lambda;
+  if (start.kind != InitialState::diffuse) {
+    set_product(bar_P0, M_, inverse_);
+    symmetrise(bar_P0);
+    add_product(bar_P0, v_, v_.transpose(), -1.0);
+    if (start.kind == InitialState::stationary) {
+      Lambda = bar_P0;
+      open_loop_.sum_backward(Lambda);
+    }
+  }
+
+  for (std::size_t i = 0; i < directions_.size(); ++i) {
+    const Direction& d = directions_[i];
+    const StateSpace& by = (*derivatives_)[i];
+    double sum = inner_product(bar_Sigma, d.Sigma) + inner_product(bar_K, d.K);
+    if (d.dynamics) {
+      sum += inner_product(bar_F, by.A) + inner_product(bar_Ct, by.C.transpose());
+      if (nu > 0) {
+        const auto bar_Ku = bar_Kz.middleCols(ny, nu);
+        sum += inner_product(bar_Ku, by.B);
+        set_product(small_, f.K.transpose(), bar_Ku);
+        small_ += bar_H.middleCols(ny, nu);
+        sum -= inner_product(small_, by.D);
+      }
+    }
+    if (start.kind == InitialState::stationary) {
+      sum += inner_product(Lambda, d.W) - bar_P0.cwiseProduct(d.P).sum();
+      if (d.dynamics) {
+        set_product(half, by.A, start.P);
+        Square both;
+        set_product(both, half, f.A.transpose());
+        sum += 2.0 * inner_product(Lambda, both);
+      }
+    } else if (start.kind == InitialState::given) {
+      sum += bar_P0.cwiseProduct(start.P_theta[i]).sum() - bar_P0.cwiseProduct(d.P).sum() +
+             bar_x0.dot(start.mean_theta[i]);
+    }
+    out.gradient[static_cast<Eigen::Index>(i)] -= 0.5 * sum;
+  }
+}
+
+/// dx+ = F dx + a x + b z,  de = g z - dC x - C dx
+template <int n>
+void CompressedKernel<n>::respond(std::size_t i, const Stretch& stretch, Response& r) const {
+  const StateSpace& m = *model_;
+  const StateSpace& by = (*derivatives_)[i];
+  const Direction& d = directions_[i];
+  const Eigen::Index ny = m.outputs(), nu = m.inputs();
+  r.a = by.A;
+  add_product(r.a, d.K, m.C, -1.0);
+  add_product(r.a, filter_.K, by.C, -1.0);
+  r.dC = by.C;
+  r.b.setZero(m.states(), channels_);
+  r.g.setZero(ny, channels_);
+  r.b.leftCols(ny) = d.K;
+  if (nu > 0) {
+    r.b.middleCols(ny, nu) = by.B;
+    add_product(r.b.middleCols(ny, nu), d.K, m.D, -1.0);
+    add_product(r.b.middleCols(ny, nu), filter_.K, by.D, -1.0);
+    r.g.middleCols(ny, nu) = -by.D;
+  }
+  if (stretch.mean.size() > 0) {
+    set_product(r.b.col(channels_ - 1), r.b.leftCols(ny + nu), stretch.mean);
+    set_product(r.g.col(channels_ - 1), r.g.leftCols(ny + nu), stretch.mean);
+  }
+}
+
+/// dx behind the last sample.
+template <int n>
+auto CompressedKernel<n>::last_response(const Stretch& stretch, const Response& r) const -> State {
+  const Eigen::Index L = memory(), N = stretch.sums.samples();
+  State dx = State::Zero(model_->states()), next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    set_product(next, filter_.F, dx);
+    add_product(next, r.a, tail_.col(t));
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      next += stretch.sums.sample(c, N - L + t) * r.b.col(c);
+    }
+    dx = next;
+  }
+  return dx;
+}
+
+/// What dx owes to the start, dh+ = F dh + a F^t x0, does with z'; and s_i of the first
+/// innovations.
+template <int n>
+void CompressedKernel<n>::follow_start(const Stretch& stretch, Response& r) {
+  const SteadyFilter<n>& f = filter_;
+  const Eigen::Index L = memory();
+  State dh = r.dx0, dx = r.dx0, next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    auto de = e_.col(t);
+    set_product(de, f.Ct.transpose(), dx, -1.0);
+    add_product(de, r.dC, first_.col(t), -1.0);
+    set_product(next, f.F, dx);
+    add_product(next, r.a, first_.col(t));
+    for (Eigen::Index c = 0; c < channels_; ++c) {
+      const double z = stretch.sums.sample(c, t);
+      r.dx_z.col(c) += z * dh;
+      de += z * r.g.col(c);
+      next += z * r.b.col(c);
+    }
+    dx = next;
+    set_product(next, f.F, dh);
+    add_product(next, r.a, head_.col(t));
+    dh = next;
+  }
+  r.s.setZero(model_->states());
+  for (Eigen::Index t = L - 1; t >= 0; --t) {
+    set_product(next, f.F.transpose(), r.s);
+    add_product(next, CW_, e_.col(t));
+    r.s = next;
+  }
+}
+
+template <int n>
+void CompressedKernel<n>::end_of_stretch(const Stretch& stretch, FilterState& state) {
+  state.x = xN_;
+  state.P = filter_.P;
+  for (std::size_t i = 0; i < directions_.size(); ++i) {
+    Response r;
+    respond(i, stretch, r);
+    state.x_theta[i] = last_response(stretch, r);
+    state.P_theta[i] = directions_[i].P;
+  }
+}
+
+/// Noise moves the filter by its gain alone: dx+ = F dx + dK e, so that the expectation
+/// sum_t de_i' Sigma^-1 de_j is N tr(M dK_i Sigma dK_j'), whether or not A is stable.
+template <int n>
+void CompressedKernel<n>::add_noise_information(double samples, Likelihood& out) const {
+  Columns MK, MKS;
+  SmallMatrix half, relative;
+  for (std::size_t i = 0; i < directions_.size(); ++i) {
+    set_product(MK, M_, directions_[i].K);
+    set_product(MKS, MK, filter_.Sigma);
+    set_product(half, filter_.Sigma_inverse, directions_[i].Sigma);
+    set_product(relative, half, filter_.Sigma_inverse);
+    for (std::size_t j = 0; j <= i; ++j) {
+      add_symmetric(out.information, i, j,
+                    samples * (0.5 * inner_product(relative, directions_[j].Sigma) +
+                               inner_product(MKS, directions_[j].K)));
+    }
+  }
+}
+
+/// Parameters of the dynamics move the filter by what the states and inputs did in this stretch:
+/// sums of products with dx follow like X and Y.
+template <int n>
+void CompressedKernel<n>::add_full_information(const Stretch& stretch, const StretchStart<n>& start,
+                                               Likelihood& out) {
+  const SteadyFilter<n>& f = filter_;
+  const LagSums& sums = stretch.sums;
+  const auto samples = static_cast<double>(sums.samples());
+  const auto Gamma_0 = sums.at(0);
+  const Eigen::Index L = memory();
+  responses_.resize(directions_.size());
+  first_.resize(model_->states(), std::max(L, first_.cols()));
+  State x = x0_, x_next;
+  for (Eigen::Index t = 0; t < L; ++t) {
+    first_.col(t) = x;
+    set_product(x_next, f.F, x);
+    for (Eigen::Index c = 0; c < channels_; ++c) x_next += sums.sample(c, t) * Kz_.col(c);
+    x = x_next;
+  }
+  Square half;
+  Columns next;
+  for (std::size_t i = 0; i < directions_.size(); ++i) {
+    Response& r = responses_[i];
+    respond(i, stretch, r);
+    r.dx_z.setZero(model_->states(), channels_);
+    for (Eigen::Index lag = lags_ - 1; lag > 0; --lag) {
+      set_product(next, f.F, r.dx_z);
+      add_product(next, r.a, T_.middleCols((lag + 1) * channels_, channels_));
+      add_product(next, r.b, sums.at(lag).transpose());
+      r.dx_z.swap(next);
+    }
+    r.dx0.setZero(model_->states());
+    if (start.kind == InitialState::given) r.dx0 = start.mean_theta[i];
+    follow_start(stretch, r);
+    r.dxN = last_response(stretch, r);
+    // What drives dx, g = a x + b z, times x' and z'.
+    set_product(r.g_x, r.a, X_);
+    add_product(r.g_x, r.b, Yt_.transpose());
+    set_product(r.g_z, r.a, Yt_);
+    add_product(r.g_z, r.b, Gamma_0);
+    set_product(r.dx_x, r.g_x, f.F.transpose());
+    next = r.g_z;
+    add_product(next, f.F, r.dx_z);
+    add_product(r.dx_x, next, Kz_.transpose());
+    add_product(r.dx_x, r.dx0, x0_.transpose());
+    add_product(r.dx_x, r.dxN, xN_.transpose(), -1.0);
+    f.powers.sum_forward(r.dx_x);
+    // What c = g z - dC x, the direct effect on the innovation, does with x' and z'.
+    set_product(r.c_x, r.g, Yt_.transpose());
+    add_product(r.c_x, r.dC, X_, -1.0);
+    set_product(r.c_z, r.g, Gamma_0);
+    add_product(r.c_z, r.dC, Yt_, -1.0);
+    // Weights of the sums above in tr(Sigma^-1 sum de de').
+    set_product(r.M_a, M_, r.a);
+    set_product(r.M_b, M_, r.b);
+    set_product(r.W_g, f.Sigma_inverse, r.g);
+    set_product(r.W_dC, f.Sigma_inverse, r.dC);
+    set_product(r.on_dx_x, f.F.transpose(), r.M_a);
+    add_product(r.on_dx_x, f.Ct, r.W_dC);
+    set_product(r.on_dx_z, f.F.transpose(), r.M_b);
+    add_product(r.on_dx_z, f.Ct, r.W_g, -1.0);
+    set_product(small_, f.Sigma_inverse, directions_[i].Sigma);
+    set_product(r.relative, small_, f.Sigma_inverse);
+  }
+  State M_dx0, M_dxN, Z_s;
+  for (std::size_t i = 0; i < responses_.size(); ++i) {
+    const Response& p = responses_[i];
+    set_product(M_dx0, M_, p.dx0);
+    set_product(M_dxN, M_, p.dxN);
+    set_product(Z_s, Z_, p.s);
+    for (std::size_t j = 0; j <= i; ++j) {
+      const Response& q = responses_[j];
+      add_symmetric(out.information, i, j,
+                    inner_product(q.on_dx_x, p.dx_x) + inner_product(q.on_dx_z, p.dx_z) +
+                        inner_product(p.on_dx_x, q.dx_x) + inner_product(p.on_dx_z, q.dx_z) +
+                        inner_product(q.M_a, p.g_x) + inner_product(q.M_b, p.g_z) +
+                        inner_product(q.W_g, p.c_z) - inner_product(q.W_dC, p.c_x) +
+                        M_dx0.dot(q.dx0) - M_dxN.dot(q.dxN) - Z_s.dot(q.s) +
+                        0.5 * samples * inner_product(p.relative, directions_[j].Sigma));
+    }
+  }
+}
+
+}  // namespace identikal

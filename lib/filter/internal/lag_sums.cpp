@@ -1,0 +1,41 @@
+#include "lib/filter/internal/lag_sums.h"
+
+#include <algorithm>
+
+#include "lib/filter/internal/simd_kernels.h"
+
+namespace identikal {
+
+using Eigen::Index;
+
+LagSums::LagSums(const Eigen::Ref<const Eigen::MatrixXd>& z)
+    : channels_(z.rows()), samples_(z.cols()), channel_major_(static_cast<std::size_t>(z.size())) {
+  Eigen::Map<Eigen::MatrixXd>(channel_major_.data(), samples_, channels_) = z.transpose();
+}
+
+void LagSums::extend_to(Index lags) {
+  lags = std::min(lags, samples_);
+  if (lags <= lags_) return;
+  sums_.resize(static_cast<std::size_t>(lags * channels_ * channels_), 0.0);
+  // In pieces, each with the samples that follow it, zeros behind the last.
+  constexpr Index kPiece = 1 << 16;
+  const auto after = lags + static_cast<Index>(simd::padding());
+  Eigen::MatrixXd piece(std::min(kPiece, samples_) + after, channels_);
+  const Eigen::Map<const Eigen::MatrixXd> all(channel_major_.data(), samples_, channels_);
+  std::vector<const double*> pointers(static_cast<std::size_t>(channels_));
+  for (Index c = 0; c < channels_; ++c) {
+    pointers[static_cast<std::size_t>(c)] = piece.col(c).data();
+  }
+  for (Index begin = 0; begin < samples_; begin += kPiece) {
+    const Index filled = std::min(piece.rows(), samples_ - begin);
+    piece.topRows(filled) = all.middleRows(begin, filled);
+    piece.bottomRows(piece.rows() - filled).setZero();
+    simd::add_lag_products(pointers.data(), static_cast<std::size_t>(channels_),
+                           static_cast<std::size_t>(std::min(kPiece, samples_ - begin)),
+                           static_cast<std::size_t>(lags_), static_cast<std::size_t>(lags - lags_),
+                           sums_.data() + lags_ * channels_ * channels_);
+  }
+  lags_ = lags;
+}
+
+}  // namespace identikal

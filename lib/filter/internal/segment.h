@@ -1,0 +1,69 @@
+// The part of a recording without gaps, and what evaluates the likelihood over it in one go.
+// Internal to lib.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "lib/filter/internal/lag_sums.h"
+#include "lib/filter/kalman.h"
+
+namespace identikal {
+
+/// A gapless stretch as [y; u], without its mean where that is large: there the last channel is 1.
+struct Stretch {
+  Eigen::Index begin = 0;
+  Eigen::VectorXd mean;  ///< ny + nu; empty when it was left in
+  LagSums sums;
+  /// Lane-interleaved outputs (lib/filter/internal/simd_kernels.h) behind one zero; made when first
+  /// asked for.
+  std::vector<double> lanes;
+};
+
+/// Prediction of the state at some sample, with derivatives.
+struct FilterState {
+  Eigen::VectorXd x;
+  Eigen::MatrixXd P;
+  std::vector<Eigen::VectorXd> x_theta;
+  std::vector<Eigen::MatrixXd> P_theta;
+};
+
+/// What part of a diffuse start's uncertainty may be left, squared, for the start to count as
+/// determined: less and the likelihood would lose more than 1e-9 of itself.
+inline constexpr double kDetermined = 1e-8;
+
+/// Why a kernel did not add a stretch.
+enum class Refusal {
+  none,
+  cancellation,  ///< it would cost more digits than the result may lose, or the start is undefined
+  known_start,   ///< the start is known so much better than a steady filter knows it that the same
+                 ///< would happen, and the information would be wrong
+};
+
+/// The constant-gain filter of one model over any number of stretches.
+class StretchKernel {
+ public:
+  virtual ~StretchKernel() = default;
+
+  /// Solves for the constant gain and its derivatives; keeps references. false: there is none.
+  virtual bool prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) = 0;
+  /// Samples after which the filter has forgotten, to rounding.
+  virtual Eigen::Index memory() const = 0;
+  /// Largest absolute eigenvalue of F = A - K C.
+  virtual double pole() const = 0;
+
+  /// Adds value, gradient and information of a stretch, which must be longer than memory() and have
+  /// its lag sums extended to it; without the constant -(samples - diffuse)/2 log 2 pi.
+  /// @return false where refusal() then says why; nothing is added.
+  virtual bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) = 0;
+  virtual bool add_from_state(const Stretch& stretch, const FilterState& state,
+                              Likelihood& out) = 0;
+  /// Of the last stretch.
+  virtual Refusal refusal() const = 0;
+  /// The state after the stretch that was added last.
+  virtual void end_of_stretch(const Stretch& stretch, FilterState& state) = 0;
+};
+
+std::unique_ptr<StretchKernel> make_stretch_kernel(Eigen::Index states);
+
+}  // namespace identikal

@@ -1,0 +1,276 @@
+// The Kalman predictor with constant gain, for a number of states known at compile time (or
+// Dynamic). Internal to lib: matrix_equations.h and likelihood.h are what others use.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+#include "lib/internal/small_product.h"
+#include "lib/model/state_space.h"
+
+namespace identikal {
+
+/// Outputs, or outputs and inputs together, that matrices kept on the stack have room for.
+inline constexpr int kMaxChannels = 16;
+template <int channels>
+using ChannelSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, channels, channels>;
+using SmallMatrix = ChannelSquare<kMaxChannels>;
+/// One column of n numbers per channel.
+template <int n, int channels = kMaxChannels>
+using ChannelColumns = Eigen::Matrix<double, n, Eigen::Dynamic,
+                                     n == 1 ? Eigen::RowMajor : Eigen::ColMajor, n, channels>;
+
+/// F, F^2, F^4, ... of a stable matrix, with what they solve.
+template <int n>
+class Powers {
+ public:
+  using Square = Eigen::Matrix<double, n, n>;
+
+  /// false when the spectral radius of F is 1 or more, to working precision.
+  bool compute(const Square& F) {
+    constexpr double kVanished = 1e-30;
+    count_ = 0;
+    Square power = F;
+    double log_size = 0.0;
+    // 2^52 steps: a spectral radius of 1 - 1e-14 has decayed, one of 1 has not.
+    for (; count_ < 52; ++count_) {
+      log_size = std::log(power.cwiseAbs().maxCoeff());
+      if (!(log_size < 700.0)) return false;
+      power_[static_cast<std::size_t>(count_)] = power;
+      if (log_size < std::log(kVanished)) break;
+      set_product(scratch_, power, power);
+      power.swap(scratch_);
+    }
+    if (count_ == 52) return false;
+    // Units of the states enter the size of a power as a factor: on a much higher one it does not
+    // matter any more.
+    double steps = std::ldexp(1.0, count_);
+    radius_ = 0.0;
+    for (int more = 0; more < 3 && log_size > -1e300; ++more) {
+      const double scale = std::exp(log_size);
+      radius_ = std::exp(log_size / steps);
+      if (scale < 1e-140) break;
+      set_product(scratch_, power, power);
+      power.swap(scratch_);
+      steps *= 2.0;
+      log_size = std::log(power.cwiseAbs().maxCoeff());
+    }
+    return true;
+  }
+
+  double radius() const { return radius_; }
+
+  /// Steps after which F^t has vanished, to rounding.
+  Eigen::Index memory() const {
+    constexpr double kForgotten = -41.5;  // log 1e-18
+    const Eigen::Index margin = power_[0].rows() + 2;
+    if (!(radius_ > 1e-8)) return margin + 2;
+    return margin +
+           static_cast<Eigen::Index>(std::min(1e9, std::ceil(kForgotten / std::log(radius_))));
+  }
+
+  /// X = F X F' + Omega, in place.
+  void sum_forward(Square& X) const {
+    Square step;
+    for (int j = 0; j < count_; ++j) {
+      const Square& P = power_[static_cast<std::size_t>(j)];
+      set_product(step, P, X);
+      add_product(X, step, P.transpose());
+    }
+  }
+
+  /// M = F' M F + Omega, in place.
+  void sum_backward(Square& X) const {
+    Square step;
+    for (int j = 0; j < count_; ++j) {
+      const Square& P = power_[static_cast<std::size_t>(j)];
+      set_product(step, P.transpose(), X);
+      add_product(X, step, P);
+    }
+  }
+
+ private:
+  std::array<Square, 53> power_;
+  Square scratch_;
+  int count_ = 0;
+  double radius_ = 0.0;
+};
+
+/// P = A P A' + G Q G' - K Sigma K',  Sigma = C P C' + R,  K = (A P C' + G S) Sigma^-1,  F = A - K
+/// C.
+/// @tparam channels  most outputs; Dynamic = any, on the heap
+template <int n, int channels = kMaxChannels>
+struct SteadyFilter {
+  using Square = Eigen::Matrix<double, n, n>;
+  using Columns = ChannelColumns<n, channels>;
+  using OutputSquare = ChannelSquare<channels>;
+
+  Square A, W, P, F;       // W = G Q G'
+  Columns Ct, Sw, PCt, K;  // C', G S, P C', gain
+  OutputSquare Sigma, Sigma_inverse;
+  Eigen::LLT<OutputSquare> llt;
+  Powers<n> powers;
+
+  /// @return false when there is no stabilising solution: a mode that does not decay and is not
+  ///         observed, or is not excited; or a singular Sigma.
+  bool solve(const StateSpace& model) {
+    A = model.A;
+    Ct = model.C.transpose();
+    set_product(work_, model.G, model.Q);
+    set_product(W, work_, model.G.transpose());
+    set_product(Sw, model.G, model.S);
+    if (!start_by_doubling(model) && !start_by_iteration(model)) return false;
+    // Newton's method (Kleinman 1968) polishes: the gain's error enters P squared.
+    for (int round = 0; round < 12; ++round) {
+      if (!gain(model) || !powers.compute(F)) return false;
+      Square next = W;
+      noise_of_gain(model, next);
+      powers.sum_forward(next);
+      symmetrise(next);
+      if (!next.allFinite()) return false;
+      const bool done = close(P, next, 1e-11, noise_size());
+      P = next;
+      if (done) return gain(model) && powers.compute(F);
+    }
+    return false;
+  }
+
+ private:
+  Eigen::MatrixXd work_;  // G Q
+  OutputSquare R_inverse_;
+
+  bool gain(const StateSpace& model) {
+    set_product(PCt, P, Ct);
+    Sigma = model.R;
+    add_product(Sigma, Ct.transpose(), PCt);
+    llt.compute(Sigma);
+    if (llt.info() != Eigen::Success) return false;
+    Sigma_inverse.setIdentity(Sigma.rows(), Sigma.cols());
+    llt.solveInPlace(Sigma_inverse);
+    K_Sigma_ = Sw;
+    add_product(K_Sigma_, A, PCt);
+    K.resize(K_Sigma_.rows(), K_Sigma_.cols());
+    // Not by the inverse, which loses digits where outputs are nearly copies of each other.
+    for (Eigen::Index i = 0; i < K_Sigma_.rows(); ++i) {
+      row_ = K_Sigma_.row(i).transpose();
+      llt.solveInPlace(row_);
+      K.row(i) = row_.transpose();
+    }
+    F = A;
+    add_product(F, K, Ct.transpose(), -1.0);
+    return true;
+  }
+
+  // += K R K' - K (G S)' - (G S) K'
+  void noise_of_gain(const StateSpace& model, Square& to) {
+    set_product(K_R_, K, model.R);
+    add_product(to, K_R_, K.transpose());
+    add_product(to, K, Sw.transpose(), -1.0);
+    add_product(to, Sw, K.transpose(), -1.0);
+  }
+
+  using Size = Eigen::Matrix<double, n, 1>;
+
+  // Variances that cancel in P where w and v are nearly the same noise.
+  Size noise_size() const {
+    Size out = W.diagonal();
+    for (Eigen::Index i = 0; i < out.size(); ++i) {
+      for (Eigen::Index j = 0; j < K_R_.cols(); ++j) out[i] += K_R_(i, j) * K(i, j);
+    }
+    return out;
+  }
+
+  // Entries are measured against the standard deviations they belong to, of P or, a hundredth, of
+  // `size`: finer than the rounding of that they do not get.
+  static bool close(const Square& before, const Square& after, double tolerance, const Size& size) {
+    constexpr double kFloor = 1e-4;
+    const auto deviation = [&](Eigen::Index i) {
+      return std::sqrt(std::max(std::abs(after(i, i)), kFloor * size[i]));
+    };
+    for (Eigen::Index j = 0; j < after.rows(); ++j) {
+      for (Eigen::Index i = 0; i <= j; ++i) {
+        const double scale = deviation(i) * deviation(j);
+        if (std::abs(after(i, j) - before(i, j)) > tolerance * scale) return false;
+      }
+    }
+    return true;
+  }
+
+  // Structure-preserving doubling (Chu, Fan & Lin 2005) on the equation with S and R eliminated.
+  // Step k stands for 2^k steps of the Riccati recursion from P = 0.
+  bool start_by_doubling(const StateSpace& model) {
+    llt.compute(model.R);
+    if (llt.info() != Eigen::Success) return false;
+    const auto diagonal = llt.matrixLLT().diagonal();
+    for (Eigen::Index i = 0; i < diagonal.size(); ++i) {
+      if (!(diagonal[i] * diagonal[i] > 1e-10 * model.R(i, i))) return false;
+    }
+    R_inverse_.setIdentity(model.R.rows(), model.R.cols());
+    llt.solveInPlace(R_inverse_);
+    set_product(PCt, Ct, R_inverse_);
+    Square G, H = W, Ak = A.transpose(), step, inverse, Gk;
+    set_product(G, PCt, Ct.transpose());
+    if (!Sw.isZero(0.0)) {
+      add_product(Ak, PCt, Sw.transpose(), -1.0);
+      set_product(K, Sw, R_inverse_);
+      add_product(H, K, Sw.transpose(), -1.0);
+    }
+    for (int k = 0; k < 50; ++k) {
+      step.setIdentity(A.rows(), A.cols());
+      add_product(step, G, H);
+      inverse = step.inverse();
+      set_product(Gk, inverse, G);
+      set_product(step, Ak, Gk);
+      set_product(Gk, step, Ak.transpose());
+      add_with_transpose(G, Gk, 0.5);
+      set_product(Gk, inverse, Ak);  // W^-1 A
+      set_product(step, Ak.transpose(), H);
+      set_product(inverse, step, Gk);  // the increase of H
+      P = H;
+      add_with_transpose(P, inverse, 0.5);
+      set_product(step, Ak, Gk);
+      Ak = step;
+      if (!P.allFinite()) return false;
+      if (close(H, P, 1e-9, Size::Zero(A.rows()))) return true;
+      H = P;
+    }
+    return false;
+  }
+
+  // R is singular, or nearly: the recursion itself, which only ever inverts Sigma.
+  bool start_by_iteration(const StateSpace& model) {
+    Powers<n> open_loop;
+    // The covariance without measurements, from which the recursion descends; where A is not stable
+    // there is none, and any positive definite start will do.
+    P = W;
+    if (open_loop.compute(A)) {
+      open_loop.sum_forward(P);
+    } else {
+      P.diagonal().array() += 1.0;
+    }
+    Square next, step;
+    for (int k = 0; k < 2000; ++k) {
+      if (!gain(model)) return false;
+      set_product(step, F, P);
+      next = W;
+      add_product(next, step, F.transpose());
+      noise_of_gain(model, next);
+      symmetrise(next);
+      if (!next.allFinite()) return false;
+      const bool done = close(P, next, 1e-9, noise_size());
+      P = next;
+      if (done) return true;
+    }
+    return false;
+  }
+
+  Columns K_Sigma_, K_R_;
+  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, channels, 1> row_;
+};
+
+}  // namespace identikal

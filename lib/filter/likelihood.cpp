@@ -1,0 +1,249 @@
+#include "lib/filter/likelihood.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "lib/filter/internal/recursion.h"
+#include "lib/filter/internal/segment.h"
+#include "lib/filter/internal/steady_filter.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Shorter stretches are left to the recursion.
+constexpr Index kShortest = 32;
+// Beyond, computing the sums costs as much as ten evaluations with constant gain.
+constexpr Index kMostLags = 1024;
+// The sums are computed for this many lags, then for twice as many, ...
+constexpr Index kFirstLags = 64;
+// A mean this many standard deviations from zero is taken out before products are summed.
+constexpr double kFarFromZero = 2.0;
+
+Stretch make_stretch(const MatrixXd& y, const MatrixXd& u, Index begin, Index length) {
+  const Index ny = y.rows(), nu = u.rows();
+  MatrixXd z(ny + nu, length);
+  z.topRows(ny) = y.middleCols(begin, length);
+  if (nu > 0) z.bottomRows(nu) = u.middleCols(begin, length);
+  const VectorXd mean = z.rowwise().mean();
+  bool far = false;
+  for (Index i = 0; i < z.rows(); ++i) {
+    const double variance = (z.row(i).array() - mean[i]).square().mean();
+    far = far || mean[i] * mean[i] > kFarFromZero * kFarFromZero * variance;
+  }
+  if (!far) return {begin, VectorXd(), LagSums(z), {}};
+  z.colwise() -= mean;
+  z.conservativeResize(z.rows() + 1, Eigen::NoChange);
+  z.bottomRows(1).setOnes();
+  return {begin, mean, LagSums(z), {}};
+}
+
+struct Recording {
+  const MatrixXd* y;
+  const MatrixXd* u;
+  std::vector<Stretch> stretches;
+  Index samples = 0;
+
+  bool gapless() const { return stretches.size() == 1 && stretches[0].sums.samples() == y->cols(); }
+};
+
+Recording prepare(const MatrixXd& y, const MatrixXd& u) {
+  Recording out{&y, &u, {}, 0};
+  Index begin = 0;
+  for (Index t = 0; t <= y.cols(); ++t) {
+    bool complete = false;
+    if (t < y.cols()) {
+      const Index missing = static_cast<Index>(y.col(t).array().isNaN().count());
+      out.samples += y.rows() - missing;
+      complete = missing == 0 && (u.rows() == 0 || u.col(t).allFinite());
+    }
+    if (complete) continue;
+    if (t - begin >= kShortest && y.rows() + u.rows() < kMaxChannels) {
+      out.stretches.push_back(make_stretch(y, u, begin, t - begin));
+    }
+    begin = t + 1;
+  }
+  return out;
+}
+
+}  // namespace
+
+struct LikelihoodEngine::Recordings {
+  std::vector<Recording> all;
+  std::unique_ptr<StretchKernel> kernel;
+  Index kernel_states = -1;
+  Likelihood result;
+  PathTaken taken;
+};
+
+const char* to_string(Path path) {
+  switch (path) {
+    case Path::automatic:
+      return "automatic";
+    case Path::direct:
+      return "direct";
+    case Path::steady:
+      return "steady";
+    case Path::compressed:
+      return "compressed";
+  }
+  return "";
+}
+
+const char* describe(Detour detour) {
+  switch (detour) {
+    case Detour::none:
+      return "";
+    case Detour::not_asked:
+      return "another path was asked for";
+    case Detour::short_stretch:
+      return "gapless stretches are shorter than the filter's memory";
+    case Detour::long_memory:
+      return "the filter forgets so slowly that lag sums would cost more than they save";
+    case Detour::no_steady_state:
+      return "the gain does not converge to a stable filter";
+    case Detour::cancellation:
+      return "the innovations are so much smaller than the signal that lag sums lose digits";
+    case Detour::too_many_channels:
+      return "more than 15 outputs and inputs";
+    case Detour::unknown_start:
+      return "the start of the state is estimated";
+    case Detour::known_start:
+      return "the start of the state is known too well, or not at the first sample";
+  }
+  return "";
+}
+
+LikelihoodEngine::LikelihoodEngine() : recordings_(std::make_unique<Recordings>()) {}
+LikelihoodEngine::~LikelihoodEngine() = default;
+LikelihoodEngine::LikelihoodEngine(LikelihoodEngine&&) noexcept = default;
+LikelihoodEngine& LikelihoodEngine::operator=(LikelihoodEngine&&) noexcept = default;
+
+void LikelihoodEngine::add_recording(const MatrixXd& y, const MatrixXd& u) {
+  const std::vector<Recording>& all = recordings_->all;
+  if (u.rows() > 0 && u.cols() != y.cols()) {
+    throw std::invalid_argument("likelihood: y and u differ in length");
+  }
+  if (!all.empty() && (all[0].y->rows() != y.rows() || all[0].u->rows() != u.rows())) {
+    throw std::invalid_argument("likelihood: recordings differ in their channels");
+  }
+  recordings_->all.push_back(prepare(y, u));
+}
+
+MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState initial,
+                                          const std::vector<StateSpace>& derivatives) const {
+  const auto k = static_cast<Index>(derivatives.size());
+  MatrixXd sum = MatrixXd::Zero(k, k);
+  for (const Recording& recording : recordings_->all) {
+    const MatrixXd one =
+        identikal::score_products(model, initial, *recording.y, *recording.u, derivatives);
+    if (one.size() == 0) return {};
+    sum += one;
+  }
+  return sum;
+}
+
+const PathTaken& LikelihoodEngine::path_taken() const { return recordings_->taken; }
+
+const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialState initial,
+                                             const std::vector<StateSpace>& derivatives,
+                                             Path path) {
+  Recordings& r = *recordings_;
+  if (r.all.empty()) throw std::invalid_argument("likelihood: there is no recording");
+  check_shapes(model, initial, derivatives);
+  if (r.all[0].y->rows() != model.outputs() || r.all[0].u->rows() != model.inputs()) {
+    throw std::invalid_argument("likelihood: recording and model differ in their channels");
+  }
+  const auto k = static_cast<Index>(derivatives.size());
+  Likelihood& out = r.result;
+  out.status = FilterStatus::ok;
+  out.value = 0.0;
+  out.gradient.setZero(k);
+  out.information.setZero(k, k);
+  r.taken = PathTaken{};
+
+  Detour why = Detour::none;
+  Index memory = 0;
+  if (path == Path::direct || path == Path::steady) {
+    why = Detour::not_asked;
+  } else if (model.outputs() + model.inputs() >= kMaxChannels) {
+    why = Detour::too_many_channels;
+  } else if (initial == InitialState::given &&
+             std::any_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
+               return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
+             })) {
+    why = Detour::unknown_start;
+  } else {
+    if (r.kernel_states != model.states()) {
+      r.kernel = make_stretch_kernel(model.states());
+      r.kernel_states = model.states();
+    }
+    if (!r.kernel->prepare(model, derivatives)) {
+      why = Detour::no_steady_state;
+    } else {
+      memory = r.kernel->memory();
+      r.taken.pole = r.kernel->pole();
+      if (memory > kMostLags) why = Detour::long_memory;
+    }
+  }
+
+  Index total = 0, compressed = 0;
+  for (Recording& recording : r.all) {
+    total += recording.y->cols();
+    if (why == Detour::none) {
+      for (Stretch& stretch : recording.stretches) {
+        if (stretch.sums.samples() <= memory) continue;
+        Index lags = kFirstLags;
+        while (lags < memory) lags *= 2;
+        stretch.sums.extend_to(lags);
+      }
+      if (recording.gapless() && recording.stretches[0].sums.samples() > memory) {
+        if (r.kernel->add_from_model(recording.stretches[0], initial, out)) {
+          const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
+          out.value -= 0.5 * std::log(2.0 * std::numbers::pi) *
+                       static_cast<double>(recording.samples - diffuse);
+          compressed += recording.y->cols();
+          continue;
+        }
+      }
+    }
+    Shortcuts shortcuts;
+    shortcuts.constant_gain = path != Path::direct;
+    shortcuts.stretches = &recording.stretches;
+    if (why == Detour::none) shortcuts.kernel = r.kernel.get();
+    const Likelihood one =
+        run_recursion(model, initial, *recording.y, *recording.u, derivatives, shortcuts);
+    if (one.status != FilterStatus::ok) {
+      out.status = one.status;
+      return out;
+    }
+    out.value += one.value;
+    out.gradient += one.gradient;
+    out.information += one.information;
+    compressed += shortcuts.jumped;
+    if (why == Detour::none && shortcuts.jumped < recording.y->cols()) {
+      const bool known =
+          shortcuts.late || (shortcuts.cancelled && r.kernel->refusal() == Refusal::known_start);
+      r.taken.detour = known                 ? Detour::known_start
+                       : shortcuts.cancelled ? Detour::cancellation
+                                             : Detour::short_stretch;
+    }
+  }
+  if (why != Detour::none) r.taken.detour = why;
+  if (2 * compressed > total) {
+    r.taken.path = Path::compressed;
+  } else {
+    r.taken.path = path == Path::direct ? Path::direct : Path::steady;
+  }
+  if (!(std::isfinite(out.value) && out.gradient.allFinite() && out.information.allFinite())) {
+    out.status = FilterStatus::not_finite;
+  }
+  return out;
+}
+
+}  // namespace identikal

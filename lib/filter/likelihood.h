@@ -1,0 +1,93 @@
+// How likely are these recordings under this model? The same exact answer by three paths of very
+// different cost; every estimator evaluates through here.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/filter/kalman.h"
+
+namespace identikal {
+
+/// Ways to the same log-likelihood.
+enum class Path {
+  automatic,   ///< the cheapest that is exact for the model and the recording
+  direct,      ///< the full recursion at every sample
+  steady,      ///< constant gain once covariance and derivatives have settled to rounding
+  compressed,  ///< gapless stretches from their lag sums, at a cost independent of their length
+};
+const char* to_string(Path path);
+
+/// Why a part of the recordings did not take the compressed path.
+enum class Detour {
+  none,
+  not_asked,        ///< another path was asked for
+  short_stretch,    ///< a gapless stretch is shorter than the filter's memory
+  long_memory,      ///< the filter's pole is so close to 1 that the sums would cost more than they
+                    ///< save
+  no_steady_state,  ///< the gain does not converge to a stable filter
+  cancellation,     ///< innovations so much smaller than the signal that sums lose digits
+  too_many_channels,  ///< more than 15 outputs and inputs
+  unknown_start,      ///< x0 or P0 is differentiated by: its information is that of few samples
+  known_start,        ///< x0 is known so much better than a steady filter knows it that its first
+                      ///< samples count for more than the others; or it is diffuse and the first
+                      ///< sample of the stretch has gone by
+};
+/// A sentence for people.
+const char* describe(Detour detour);
+
+struct PathTaken {
+  Path path = Path::direct;  ///< the one that most samples took
+  Detour detour = Detour::none;
+  double pole = 0.0;  ///< largest absolute eigenvalue of A - K C; 0 when not computed
+};
+
+/// Recordings prepared for many evaluations. Holds workspace: one engine per thread. It keeps
+/// references to the recordings, which must outlive it. After a move the source may only be
+/// assigned to or destroyed.
+class LikelihoodEngine {
+ public:
+  LikelihoodEngine();
+  ~LikelihoodEngine();
+  LikelihoodEngine(LikelihoodEngine&&) noexcept;
+  LikelihoodEngine& operator=(LikelihoodEngine&&) noexcept;
+
+  /// @param y  ny x N, NaN = missing     @param u  nu x N
+  /// @throws std::invalid_argument when the shapes differ from those of earlier recordings.
+  void add_recording(const Eigen::MatrixXd& y, const Eigen::MatrixXd& u);
+  // Temporaries would not outlive it.
+  void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd& u) = delete;
+  void add_recording(const Eigen::MatrixXd& y, const Eigen::MatrixXd&& u) = delete;
+  void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd&& u) = delete;
+
+  /// The sum over all recordings of log_likelihood() in lib/filter/kalman.h, to 1e-9 of itself,
+  /// whatever the path; every recording starts from `initial`. Derivatives have the model's shapes,
+  /// x0 and P0 included where the start is given. On the compressed path the information is the
+  /// Fisher information of a stationary filter: the expectation
+  ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
+  /// when all parameters are of the noise, else with the sums that the recording supplied for x, z
+  /// from its own start on, less what is not known of that start
+  /// (lib/filter/internal/compressed_kernel.h). No memory is allocated from the second evaluation
+  /// of a model of up to 6 states on, when all parameters are of the noise and the compressed path
+  /// serves it.
+  /// @throws std::invalid_argument when shapes disagree or there is no recording.
+  const Likelihood& evaluate(const StateSpace& model, InitialState initial,
+                             const std::vector<StateSpace>& derivatives = {},
+                             Path path = Path::automatic);
+
+  /// The sum over all recordings of score_products() in lib/filter/kalman.h; empty when a filter
+  /// does not run.
+  Eigen::MatrixXd score_products(const StateSpace& model, InitialState initial,
+                                 const std::vector<StateSpace>& derivatives) const;
+
+  const PathTaken& path_taken() const;  ///< of the last evaluation
+
+ private:
+  struct Recordings;
+  std::unique_ptr<Recordings> recordings_;
+};
+
+}  // namespace identikal

@@ -1,0 +1,47 @@
+// Which discrete-time model has the same samples as a continuous-time one?
+#pragma once
+
+#include "lib/model/state_space.h"
+
+namespace identikal {
+
+/// What the process noise covariance of a continuous-time model means.
+enum class ProcessNoise {
+  per_sample,  ///< covariance of the w that enters at each sample; as in a discrete-time model
+  density,     ///< E w(t) w(s)' = Q delta(t - s)
+};
+
+/// What the inputs do between samples.
+enum class InputHold {
+  constant,  ///< u(t) until the next sample: zero-order hold
+  linear,    ///< straight from u(t) to u(t+1): first-order hold
+};
+
+/// dx/dt = A x + B u + G w sampled every `step` seconds, with inputs held constant:
+///
+///   Phi = e^(A h),  Gamma = int_0^h e^(A s) ds B,  Qd = int_0^h e^(A s) G Q G' e^(A' s) ds
+///
+/// With InputHold::linear the result has twice the inputs, [u(t); u(t+1)] (with_next_sample() makes
+/// them), B = [Gamma - Gamma1, Gamma1], D = [D, 0] and
+///
+///   Gamma1 = 1/h int_0^h e^(A (h - s)) s ds B
+///
+/// so that x keeps its meaning. C, R, x0 and P0 stay. With density the result has G = I and Q = Qd;
+/// with per_sample G and Q stay.
+/// @throws std::invalid_argument when shapes disagree, step <= 0, or S is not zero with density.
+/// The noise integral is computed over a short step and doubled: fast poles keep their digits.
+/// Source: van Loan (1978), "Computing integrals involving the matrix exponential".
+StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double step,
+                      InputHold hold = InputHold::constant);
+
+/// d(discretise(model)) in the direction `by` (derivatives of the continuous-time matrices), exact:
+/// the derivative of a matrix exponential is a block of one twice the size. Step in s.
+StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace& by,
+                                 ProcessNoise noise, double step,
+                                 InputHold hold = InputHold::constant);
+
+/// [u(t); u(t+1)], 2 nu x N, of u, nu x N. The last sample is its own next: no measurement comes
+/// after it.
+Eigen::MatrixXd with_next_sample(const Eigen::MatrixXd& u);
+
+}  // namespace identikal

@@ -1,0 +1,95 @@
+// Which state-space model does a set of parameters stand for? x(t+1) = A x + B u + G w, y = C x + D
+// u + v with entries that are numbers, multiples of named parameters or formulas of them.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/formula/tape.h"
+#include "lib/model/discretise.h"
+#include "lib/model/parameter.h"
+#include "lib/model/state_space.h"
+
+namespace identikal {
+
+/// constant + sum over entries of factor * parameter at (row, col) + formulas there, or one whole
+/// matrix-valued parameter.
+struct ParametrisedMatrix {
+  struct Entry {
+    int row, col;
+    int parameter;  ///< index into the ParameterSet; a scalar
+    double factor;
+  };
+  /// Value number `value` of LinearModel::formulas[tape]; of scalar parameters.
+  struct Formula {
+    int row, col;
+    int tape, value;
+    std::vector<int> parameters;  ///< that occur in it: indices into the ParameterSet
+  };
+  Eigen::MatrixXd constant;
+  std::vector<Entry> entries;
+  std::vector<Formula> formulas;
+  int block = -1;  ///< index of the matrix-valued parameter that is this matrix; -1 = none
+};
+
+/// Numbers, nothing free.
+ParametrisedMatrix constant_matrix(Eigen::MatrixXd value);
+
+/// Formulas of the parameters, compiled together with their derivatives by all parameters that may
+/// occur in them: the first `tape.columns` of the ParameterSet, scalars.
+struct EntryFormulas {
+  Tape tape;
+  int first = 0;  ///< symbol that stands for parameter 0
+};
+
+/// How the state before the first measurement is distributed.
+enum class InitialState {
+  given,       ///< N(x0, P0)
+  stationary,  ///< mean 0, covariance the solution of P = A P A' + G Q G'; needs a stable A
+  diffuse,     ///< no knowledge of any state: exact diffuse (Durbin & Koopman 2012, chapter 5)
+};
+
+struct LinearModel {
+  ParametrisedMatrix A, B, C, D, G, Q, R, S, x0, P0;
+  InitialState initial = InitialState::stationary;
+  double dt = 1.0;          ///< sampling period [s]
+  bool continuous = false;  ///< A, B and G are those of dx/dt; sampled every dt
+  ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is, in continuous time
+  InputHold hold = InputHold::constant;           ///< in continuous time
+  std::vector<EntryFormulas> formulas;            ///< that matrices refer to
+  bool offset = false;  ///< the last column of B and D belongs to an input that is always 1
+};
+
+/// The parameters that a matrix depends on, in rising order.
+std::vector<int> parameters_in(const ParametrisedMatrix& matrix);
+
+/// Are the matrices linear in the free parameters, so that model_derivatives() are constant?
+bool is_linear_in_parameters(const LinearModel& model, const ParameterSet& parameters);
+
+/// The model with numbers in the place of formulas that hold no free parameter.
+LinearModel with_known_formulas_as_numbers(LinearModel model, const ParameterSet& parameters);
+
+/// All matrices of a discrete-time model as numbers, nothing free.
+LinearModel constant_model(const StateSpace& system, InitialState initial);
+
+/// The matrices as the model has them, at these parameter values: dx/dt = ... in continuous time.
+/// x0 and P0 are filled for InitialState::given only.
+StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters);
+
+/// The discrete-time model at these parameter values. Its inputs are [u(t); u(t+1)] where they are
+/// held linearly (lib/model/discretise.h).
+/// @throws std::invalid_argument for an entry outside of its matrix or of the parameters
+StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
+/// The same into `out`, whose memory is used again.
+void instantiate(const LinearModel& model, const ParameterSet& parameters, StateSpace& out);
+
+/// The inputs that instantiate()'s model takes, of the model file's, nu x N: with an offset and
+/// the next sample as the model needs them.
+Eigen::MatrixXd model_inputs(const LinearModel& model, const Eigen::MatrixXd& u);
+
+/// d(instantiate) / d(entry), one per free entry (lib/model/parameter.h), exact. Constant in
+/// discrete time where is_linear_in_parameters(). Shapes as instantiate() gives them.
+std::vector<StateSpace> model_derivatives(const LinearModel& model, const ParameterSet& parameters);
+
+}  // namespace identikal

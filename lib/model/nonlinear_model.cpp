@@ -1,0 +1,495 @@
+#include "lib/model/nonlinear_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+
+#include "lib/base/constants.h"
+#include "lib/base/interpolation.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Id = FormulaGraph::Id;
+
+std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
+                                         const std::vector<int>& by) {
+  std::vector<std::vector<Id>> out;
+  for (const Id value : values) out.push_back(graph.gradient(value, by));
+  return out;
+}
+
+// Values, their derivatives row by row, and the derivatives of the first nx columns of those,
+// column by column.
+Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
+                    const std::vector<std::vector<Id>>& slopes, std::size_t nx,
+                    const std::vector<int>& by) {
+  std::vector<Id> all = values;
+  for (const std::vector<Id>& row : slopes) all.insert(all.end(), row.begin(), row.end());
+  for (std::size_t j = 0; j < nx; ++j) {
+    for (const std::vector<Id>& row : slopes) {
+      const std::vector<Id> second = graph.gradient(row[j], by);
+      all.insert(all.end(), second.begin(), second.end());
+    }
+  }
+  return make_tape(graph, all);
+}
+
+void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
+  if (inputs.u.rows() == model.inputs && k >= 0 && k + 1 < inputs.time.size()) return;
+  std::ostringstream text;
+  text << "step: from sample " << k << " of " << inputs.time.size() << " with " << inputs.u.rows()
+       << " inputs; the model has " << model.inputs;
+  throw std::invalid_argument(text.str());
+}
+
+void write_point(const NonlinearModel& model, TapeMemory& memory, const double* x, const double* u,
+                 double time) {
+  double* at = memory.data();
+  for (Index i = 0; i < model.states; ++i) *at++ = x[i];
+  for (Index i = 0; i < model.inputs; ++i) *at++ = u[i];
+  at[model.parameters] = time;
+}
+
+std::span<double> span_of(Eigen::VectorXd& v) {
+  return {v.data(), static_cast<std::size_t>(v.size())};
+}
+std::span<double> span_of(ModelMemory::Rows& M) {
+  return {M.data(), static_cast<std::size_t>(M.size())};
+}
+
+void check_order(const NonlinearModel& model, Derivatives order) {
+  if (order == Derivatives::second && model.order == Derivatives::first) {
+    throw std::invalid_argument("the model was made without second derivatives");
+  }
+}
+
+// The classical method's stages: how far into the step, and their weights.
+struct Stage {
+  double reach, weight;
+  Index node;
+};
+constexpr Stage kStages[] = {
+    {0.0, 1.0 / 6.0, 0}, {0.5, 1.0 / 3.0, 1}, {0.5, 1.0 / 3.0, 1}, {1.0, 1.0 / 6.0, 2}};
+
+// What moves with the state, and where it stands in a vector of ModelMemory. Derivatives are taken
+// by [x; p] at the step's begin, in nx + model.columns columns; curvature row i + nx j is that of
+// d x_i / d x_j, row i + nx j of what belongs to Gramians that of entry (i, j).
+class MotionParts {
+ public:
+  MotionParts(const NonlinearModel& model, Derivatives order, Index gramians)
+      : nx_(model.states),
+        columns_(nx_ + model.columns),
+        gramians_(gramians),
+        curvatures_(order == Derivatives::second ? nx_ * nx_ : 0) {}
+  using Rows = Eigen::Map<ModelMemory::Rows>;
+  Rows slopes(Eigen::VectorXd& motion) const { return {motion.data() + nx_, nx_, columns_}; }
+  Rows curvature(Eigen::VectorXd& motion) const {
+    return {motion.data() + nx_ + nx_ * columns_, curvatures_, columns_};
+  }
+  Rows gramians(Eigen::VectorXd& motion) const {
+    return {motion.data() + nx_ + (nx_ + curvatures_) * columns_, nx_ * nx_, gramians_};
+  }
+  Rows gramian_slopes(Eigen::VectorXd& motion) const {
+    const Index before = nx_ + (nx_ + curvatures_) * columns_ + nx_ * nx_ * gramians_;
+    return {motion.data() + before, gramians_ > 0 ? curvatures_ : 0, columns_};
+  }
+  Index size() const {
+    const Index of_gramians = nx_ * nx_ * gramians_ + (gramians_ > 0 ? curvatures_ * columns_ : 0);
+    return nx_ + (nx_ + curvatures_) * columns_ + of_gramians;
+  }
+
+ private:
+  Index nx_, columns_, gramians_, curvatures_;
+};
+
+// f at the stage, into the rate of x, J and, second order, H.
+void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
+                    const double* u, double time) {
+  const Index nx = model.states;
+  const std::span<double> rate(m.rate.data(), static_cast<std::size_t>(nx));
+  if (order == Derivatives::first) {
+    write_point(model, m.rate_slopes, x, u, time);
+    evaluate_jacobian(model.rate_slopes, m.rate_slopes, rate, span_of(m.J));
+    return;
+  }
+  write_point(model, m.rate_curvature, x, u, time);
+  evaluate_values(model.rate_curvature, m.rate_curvature, span_of(m.values));
+  std::copy_n(m.values.data(), nx, m.rate.data());
+  std::copy_n(m.values.data() + nx, m.J.size(), m.J.data());
+  std::copy_n(m.values.data() + nx + m.J.size(), m.H.size(), m.H.data());
+}
+
+// out = by [inner; 0 I]: derivatives by the step's begin of what has derivatives `by` at a state
+// that itself has the derivatives `inner`. Plain loops over two states at a time: Eigen's are slow
+// on a few columns.
+template <class Inner, class Out>
+void chain(const ModelMemory::Rows& by, const Inner& inner, Out&& out) {
+  const Index nx = inner.rows(), columns = by.cols();
+  for (Index i = 0; i < by.rows(); ++i) {
+    const double* const slope = by.data() + columns * i;
+    double* __restrict const row = out.data() + columns * i;
+    const double* from = inner.data();
+    Index j = nx % 2;
+    for (Index c = 0; c < columns; ++c) row[c] = j == 0 ? 0.0 : slope[0] * from[c];
+    for (from += columns * j; j < nx; j += 2, from += 2 * columns) {
+      const double a = slope[j], b = slope[j + 1];
+      const double* const next = from + columns;
+      for (Index c = 0; c < columns; ++c) row[c] += a * from[c] + b * next[c];
+    }
+    for (Index c = nx; c < columns; ++c) row[c] += slope[c];
+  }
+}
+
+// Derivatives of the rates by the step's begin, from those of the stage's state.
+void chain_slopes(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+  const auto S = parts.slopes(m.stage);
+  chain(m.J, S, parts.slopes(m.rate));
+  if (order == Derivatives::first) return;
+  // d/dtheta (f_x S_x) = f_x dS_x + df_x S_x
+  chain(m.H, S, m.turned);
+  const Index nx = S.rows();
+  const auto V = parts.curvature(m.stage);
+  auto rate = parts.curvature(m.rate);
+  rate.setZero();
+  for (Index j = 0; j < nx; ++j) {
+    for (Index l = 0; l < nx; ++l) {
+      for (Index i = 0; i < nx; ++i) {
+        rate.row(i + nx * j) += m.J(i, l) * V.row(l + nx * j) + S(l, j) * m.turned.row(i + nx * l);
+      }
+    }
+  }
+}
+
+// W' = f_x W + W f_x' + Q, and its derivatives by the step's begin.
+void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+  const auto W = parts.gramians(m.stage);
+  const Index nx = m.J.rows();
+  auto rate = parts.gramians(m.rate);
+  rate = m.densities;
+  for (Index j = 0; j < nx; ++j) {
+    for (Index i = 0; i < nx; ++i) {
+      for (Index l = 0; l < nx; ++l) {
+        rate.row(i + nx * j) += m.J(i, l) * W.row(l + nx * j) + m.J(j, l) * W.row(i + nx * l);
+      }
+    }
+  }
+  if (order == Derivatives::first) return;
+  const auto V = parts.gramian_slopes(m.stage);
+  auto slopes = parts.gramian_slopes(m.rate);
+  slopes.setZero();
+  for (Index j = 0; j < nx; ++j) {
+    for (Index i = 0; i <= j; ++i) {
+      auto&& row = slopes.row(i + nx * j);
+      for (Index l = 0; l < nx; ++l) {
+        row += m.J(i, l) * V.row(l + nx * j) + m.J(j, l) * V.row(i + nx * l) +
+               W(l + nx * j, 0) * m.turned.row(i + nx * l) +
+               W(l + nx * i, 0) * m.turned.row(j + nx * l);
+      }
+      if (i != j) slopes.row(j + nx * i) = row;
+    }
+  }
+}
+
+}  // namespace
+
+FormulaNodes insert_formulas(const ModelFormulas& formulas) {
+  const int first = formulas.states + formulas.inputs, time = first + formulas.parameters;
+  std::vector<bool> held(static_cast<std::size_t>(time) + 1, false);
+  for (int i = first; i < time; ++i) held[static_cast<std::size_t>(i)] = true;
+  FormulaNodes out{
+      FormulaGraph(held), {}, {}, formulas.states, formulas.inputs, formulas.parameters,
+      formulas.continuous};
+  std::vector<Id> symbols;
+  for (int i = 0; i <= time; ++i) symbols.push_back(out.graph.symbol(i));
+  for (const Expression& definition : formulas.definitions) {
+    symbols.push_back(out.graph.insert(definition, symbols));
+  }
+  for (const Expression& f : formulas.dynamics) {
+    out.dynamics.push_back(out.graph.insert(f, symbols));
+  }
+  for (const Expression& h : formulas.outputs) out.outputs.push_back(out.graph.insert(h, symbols));
+  return out;
+}
+
+NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
+                                    const std::vector<bool>& known) {
+  if (nodes.dynamics.size() != static_cast<std::size_t>(nodes.states)) {
+    std::ostringstream text;
+    text << "make_nonlinear_model: " << nodes.states << " states and " << nodes.dynamics.size()
+         << " formulas for them";
+    throw std::invalid_argument(text.str());
+  }
+  if (!known.empty() && known.size() != static_cast<std::size_t>(nodes.parameters)) {
+    std::ostringstream text;
+    text << "make_nonlinear_model: " << nodes.parameters << " parameters, " << known.size()
+         << " of them said to be known or not";
+    throw std::invalid_argument(text.str());
+  }
+  FormulaGraph& graph = nodes.graph;
+  const std::vector<Id>&f = nodes.dynamics, &h = nodes.outputs;
+  NonlinearModel out;
+  std::vector<int> by = symbol_range(0, nodes.states);
+  const auto occurs = [&](int symbol) {
+    const auto holds = [&](Id root) { return !graph.is_free_of(root, {&symbol, 1}); };
+    return std::any_of(f.begin(), f.end(), holds) || std::any_of(h.begin(), h.end(), holds);
+  };
+  for (int i = 0; i < nodes.parameters; ++i) {
+    const int symbol = nodes.states + nodes.inputs + i;
+    Index column = NonlinearModel::kInNoFormula;
+    if (!known.empty() && known[static_cast<std::size_t>(i)]) {
+      column = NonlinearModel::kKnown;
+    } else if (occurs(symbol)) {
+      column = out.columns++;
+      by.push_back(symbol);
+    }
+    out.column.push_back(column);
+  }
+  out.states = nodes.states;
+  out.inputs = nodes.inputs;
+  out.parameters = nodes.parameters;
+  out.outputs = static_cast<Index>(h.size());
+  out.continuous = nodes.continuous;
+  out.order = order;
+  out.rates = make_tape(graph, f);
+  const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
+                                     by_h = jacobian_of(graph, h, by);
+  out.rate_slopes = make_tape(graph, f, by_f);
+  out.output_slopes = make_tape(graph, h, by_h);
+  if (order == Derivatives::second) {
+    const auto nx = static_cast<std::size_t>(nodes.states);
+    out.rate_curvature = curvature_tape(graph, f, by_f, nx, by);
+    out.output_curvature = curvature_tape(graph, h, by_h, nx, by);
+  }
+  return out;
+}
+
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       double longest_step) {
+  if (!(longest_step > 0.0)) {
+    std::ostringstream text;
+    text << "input_nodes: longest step " << longest_step;
+    throw std::invalid_argument(text.str());
+  }
+  std::vector<int> counts;
+  for (Index k = 0; k + 1 < time.size(); ++k) {
+    const double h = time[k + 1] - time[k];
+    // A sampling period that is the longest step up to rounding takes one step.
+    const double steps = std::max(1.0, std::ceil(h / longest_step * (1.0 - 1e-9)));
+    if (!(h > 0.0) || !(steps <= kMostSteps)) {
+      std::ostringstream text;
+      text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in steps of "
+           << longest_step << " s";
+      throw std::invalid_argument(text.str());
+    }
+    counts.push_back(static_cast<int>(steps));
+  }
+  return input_nodes(time, u, path, counts);
+}
+
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       const std::vector<int>& steps) {
+  const Index N = time.size();
+  if (u.cols() != N || static_cast<Index>(steps.size()) != std::max<Index>(N - 1, 0)) {
+    std::ostringstream text;
+    text << "input_nodes: " << N << " times, " << u.cols() << " samples, steps for " << steps.size()
+         << " intervals";
+    throw std::invalid_argument(text.str());
+  }
+  InputNodes out;
+  out.time = time;
+  out.at_sample = u;
+  out.steps = steps;
+  Index columns = 0;
+  for (Index k = 0; k + 1 < N; ++k) {
+    const int count = steps[static_cast<std::size_t>(k)];
+    if (!(time[k + 1] > time[k]) || count < 1 || count > kMostSteps) {
+      std::ostringstream text;
+      text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in " << count
+           << " steps";
+      throw std::invalid_argument(text.str());
+    }
+    out.first.push_back(columns);
+    columns += 2 * count + 1;
+  }
+  out.u.resize(u.rows(), columns);
+  for (Index i = 0; i < u.rows(); ++i) {
+    std::optional<Pchip> curve;
+    if (path == InputPath::pchip) curve.emplace(time, u.row(i).transpose());
+    for (Index k = 0; k + 1 < N; ++k) {
+      const auto interval = static_cast<std::size_t>(k);
+      const Index last = 2 * out.steps[interval];
+      for (Index j = 0; j <= last; ++j) {
+        const double share = static_cast<double>(j) / static_cast<double>(last);
+        double value = u(i, k);
+        if (path == InputPath::linear) value += share * (u(i, k + 1) - u(i, k));
+        if (curve) {
+          value = curve->in_interval(k, time[k] + share * (time[k + 1] - time[k]));
+        }
+        out.u(i, out.first[interval] + j) = value;
+      }
+    }
+  }
+  return out;
+}
+
+ModelMemory make_memory(const NonlinearModel& model) {
+  const Index nx = model.states, columns = nx + model.columns;
+  const Index second = model.order == Derivatives::second ? nx * nx : 0;
+  ModelMemory out;
+  out.rates = make_memory(model.rates);
+  out.rate_slopes = make_memory(model.rate_slopes);
+  out.output_slopes = make_memory(model.output_slopes);
+  out.rate_curvature = make_memory(model.rate_curvature);
+  out.output_curvature = make_memory(model.output_curvature);
+  for (Eigen::VectorXd* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
+    motion->setZero(MotionParts(model, model.order, 0).size());
+  }
+  out.J.setZero(nx, columns);
+  out.H.setZero(second, columns);
+  out.turned.setZero(second, columns);
+  out.values.setZero(
+      static_cast<Index>(std::max(model.rate_curvature.values, model.output_curvature.values)));
+  out.y.setZero(model.outputs);
+  out.y_slopes.setZero(model.outputs, columns);
+  return out;
+}
+
+void set_parameters(const NonlinearModel& model, ModelMemory& memory,
+                    const Eigen::Ref<const Eigen::VectorXd>& p) {
+  const auto write = [&](const Tape& tape, TapeMemory& slots) {
+    std::copy(p.begin(), p.end(), slots.begin() + (model.states + model.inputs));
+    evaluate_held(tape, slots);
+  };
+  write(model.rates, memory.rates);
+  write(model.rate_slopes, memory.rate_slopes);
+  write(model.output_slopes, memory.output_slopes);
+  if (model.order == Derivatives::first) return;
+  write(model.rate_curvature, memory.rate_curvature);
+  write(model.output_curvature, memory.output_curvature);
+}
+
+void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+          Eigen::Ref<Eigen::VectorXd> x) {
+  check_step_arguments(model, inputs, k);
+  const auto interval = static_cast<std::size_t>(k);
+  const Index first = inputs.first[interval];
+  const Index nx = model.states;
+  auto rate = m.rate.head(nx), at_stage = m.stage.head(nx), sum = m.sum.head(nx);
+  const std::span<double> values(m.rate.data(), static_cast<std::size_t>(nx));
+  if (!model.continuous) {
+    write_point(model, m.rates, x.data(), inputs.u.col(first).data(), inputs.time[k]);
+    evaluate_values(model.rates, m.rates, values);
+    x = rate;
+    return;
+  }
+  const int steps = inputs.steps[interval];
+  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+  for (int i = 0; i < steps; ++i) {
+    sum = x;
+    at_stage = x;
+    for (const Stage& stage : kStages) {
+      if (stage.reach > 0.0) at_stage = x + (stage.reach * h) * rate;
+      write_point(model, m.rates, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+                  inputs.time[k] + (i + stage.reach) * h);
+      evaluate_values(model.rates, m.rates, values);
+      sum += (stage.weight * h) * rate;
+    }
+    x = sum;
+  }
+}
+
+void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+          Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order, Gramians* gramians) {
+  check_step_arguments(model, inputs, k);
+  check_order(model, order);
+  const Index nx = model.states, np = model.columns;
+  const bool noisy = gramians != nullptr;
+  if (noisy && (!model.continuous || gramians->densities.rows() != nx * nx ||
+                gramians->densities.cols() == 0)) {
+    std::ostringstream text;
+    text << "step: " << gramians->densities.cols() << " densities of " << gramians->densities.rows()
+         << " numbers for a model " << (model.continuous ? "" : "in discrete time ") << "with "
+         << nx << " states";
+    throw std::invalid_argument(text.str());
+  }
+  const auto interval = static_cast<std::size_t>(k);
+  const Index first = inputs.first[interval];
+  const MotionParts parts(model, order, noisy ? gramians->densities.cols() : 0);
+  if (!model.continuous) {
+    evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
+    x = m.rate.head(nx);
+    slopes.by_x = m.J.leftCols(nx);
+    slopes.by_p = m.J.rightCols(np);
+    if (order == Derivatives::second) slopes.by_x_slopes = m.H;
+    return;
+  }
+  // Larger ones stay: another call may need less, and the next one more.
+  const Index size = parts.size();
+  for (Eigen::VectorXd* motion : {&m.begin, &m.stage, &m.rate, &m.sum}) {
+    if (motion->size() < size) motion->resize(size);
+  }
+  const int steps = inputs.steps[interval];
+  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+  m.begin.setZero();
+  m.begin.head(nx) = x;
+  parts.slopes(m.begin).leftCols(nx).diagonal().setOnes();
+  if (noisy) m.densities = gramians->densities;
+  for (int i = 0; i < steps; ++i) {
+    auto at_stage = m.stage.head(size), sum = m.sum.head(size);
+    const auto begin = m.begin.head(size), rate = m.rate.head(size);
+    sum = begin;
+    at_stage = begin;
+    for (const Stage& stage : kStages) {
+      if (stage.reach > 0.0) at_stage = begin + (stage.reach * h) * rate;
+      evaluate_rates(model, m, order, m.stage.data(),
+                     inputs.u.col(first + 2 * i + stage.node).data(),
+                     inputs.time[k] + (i + stage.reach) * h);
+      chain_slopes(parts, m, order);
+      if (noisy) add_gramian_rates(parts, m, order);
+      sum += (stage.weight * h) * rate;
+    }
+    m.begin.swap(m.sum);
+  }
+  x = m.begin.head(nx);
+  slopes.by_x = parts.slopes(m.begin).leftCols(nx);
+  slopes.by_p = parts.slopes(m.begin).rightCols(np);
+  if (order == Derivatives::second) slopes.by_x_slopes = parts.curvature(m.begin);
+  if (!noisy) return;
+  gramians->values = parts.gramians(m.begin);
+  if (order == Derivatives::second) gramians->slopes = parts.gramian_slopes(m.begin);
+}
+
+void observe(const NonlinearModel& model, ModelMemory& m,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes, Derivatives order) {
+  check_order(model, order);
+  const Index nx = model.states, np = model.columns, ny = model.outputs;
+  if (order == Derivatives::first) {
+    write_point(model, m.output_slopes, x.data(), u.data(), time);
+    evaluate_jacobian(model.output_slopes, m.output_slopes, span_of(m.y), span_of(m.y_slopes));
+  } else {
+    write_point(model, m.output_curvature, x.data(), u.data(), time);
+    evaluate_values(model.output_curvature, m.output_curvature, span_of(m.values));
+    m.y = m.values.head(ny);
+    std::copy_n(m.values.data() + ny, m.y_slopes.size(), m.y_slopes.data());
+    slopes.by_x_slopes = Eigen::Map<const ModelMemory::Rows>(
+        m.values.data() + ny + m.y_slopes.size(), ny * nx, nx + np);
+  }
+  y = m.y;
+  slopes.by_x = m.y_slopes.leftCols(nx);
+  slopes.by_p = m.y_slopes.rightCols(np);
+}
+
+void observe(const NonlinearModel& model, ModelMemory& m,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y) {
+  write_point(model, m.output_slopes, x.data(), u.data(), time);
+  evaluate_values(model.output_slopes, m.output_slopes, span_of(m.y));
+  y = m.y;
+}
+
+}  // namespace identikal

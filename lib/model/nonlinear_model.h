@@ -1,0 +1,172 @@
+// How does a state move that formulas describe?
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/formula/expression.h"
+#include "lib/formula/formula_graph.h"
+#include "lib/formula/tape.h"
+
+namespace identikal {
+
+/// What was written. The formulas' symbols are numbered: states, inputs, parameters, the time, then
+/// the definitions, each of which may use those before it.
+struct ModelFormulas {
+  int states = 0, inputs = 0, parameters = 0;
+  std::vector<Expression> definitions;
+  std::vector<Expression> dynamics;  ///< per state: x' = f(x, u, p, t) or x(t+1) = f(x, u, p, t)
+  std::vector<Expression> outputs;   ///< y = h(x, u, p, t)
+  bool continuous = true;
+};
+
+/// How often f and h are derived. A filter's covariance needs the first derivatives; the exact
+/// gradient of what it computes from them needs the second.
+enum class Derivatives { first, second };
+
+/// The formulas as nodes of one graph, with the definitions put in. Symbols are states, inputs,
+/// parameters, which are held, and the time.
+struct FormulaNodes {
+  FormulaGraph graph;
+  std::vector<FormulaGraph::Id> dynamics, outputs;
+  int states = 0, inputs = 0, parameters = 0;
+  bool continuous = true;
+};
+FormulaNodes insert_formulas(const ModelFormulas& formulas);
+
+/// The same, ready to be evaluated.
+struct NonlinearModel {
+  Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
+  Eigen::Index columns = 0;  ///< parameters that f and h are derived by
+  /// Per parameter p_i: its place among those, 0-based, or one of the two below.
+  std::vector<Eigen::Index> column;
+  static constexpr Eigen::Index kInNoFormula = -1, kKnown = -2;
+  bool continuous = true;
+  Derivatives order = Derivatives::first;  ///< that the tapes below can give
+  Tape rates;                              ///< f
+  Tape rate_slopes, output_slopes;         ///< f, h and their derivatives by [x; p derived by]
+  /// Derivatives::second: as values of one tape f, its derivatives by those row by row, and the
+  /// derivatives by those of its derivatives by x; and the same of h.
+  Tape rate_curvature, output_curvature;
+};
+
+/// @param known  per parameter: nothing is derived by it, which costs time; empty: none
+/// @throws std::invalid_argument unless there is a formula per state, and when the length of known
+/// differs; FormulaError when the derivatives are too large
+NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order = Derivatives::first,
+                                    const std::vector<bool>& known = {});
+inline NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,
+                                           Derivatives order = Derivatives::first,
+                                           const std::vector<bool>& known = {}) {
+  return make_nonlinear_model(insert_formulas(formulas), order, known);
+}
+
+/// What inputs do between samples.
+enum class InputPath {
+  constant,  ///< u(t) until the next sample: zero-order hold
+  linear,    ///< straight to the next sample: first-order hold
+  pchip,     ///< a smooth curve that keeps the shape of the data (lib/base/interpolation.h)
+};
+
+/// The inputs where a Runge-Kutta method needs them: for every interval between two samples, at the
+/// begin, middle and end of each of its steps.
+struct InputNodes {
+  Eigen::VectorXd time;             ///< N samples [s]
+  std::vector<int> steps;           ///< N - 1
+  std::vector<Eigen::Index> first;  ///< column of an interval's begin
+  Eigen::MatrixXd u;                ///< nu x sum(2 steps + 1)
+  /// nu x N, as given: what the outputs at a sample see, and f in discrete time. An input held
+  /// constant takes its last value at the last sample only, where no interval begins.
+  Eigen::MatrixXd at_sample;
+};
+
+/// Steps of the Runge-Kutta method between two samples, at most.
+inline constexpr int kMostSteps = 1'000'000;
+
+/// @param time          N strictly increasing time stamps [s], any spacing
+/// @param u             nu x N, no NaN
+/// @param longest_step  of the Runge-Kutta method [s]; infinite: one step from sample to sample
+/// @throws std::invalid_argument when shapes disagree, time does not increase, longest_step <= 0 or
+///   an interval needs more than kMostSteps
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       double longest_step);
+/// The same with a number of steps for every interval (lib/nonlinear/integration_steps.h).
+/// @param steps  N - 1, each 1 to kMostSteps
+InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                       const std::vector<int>& steps);
+
+/// Memory of an evaluation, one per thread; parameters are those last set.
+struct ModelMemory {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  TapeMemory rates, rate_slopes, output_slopes, rate_curvature, output_curvature;
+  /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
+  /// are asked for, its derivatives, one after the other.
+  Eigen::VectorXd begin, stage, rate, sum;
+  Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
+  Rows densities;          ///< of Gramians
+  Eigen::VectorXd values;  ///< of a curvature tape
+  Eigen::VectorXd y;       ///< ny
+  Rows y_slopes;           ///< ny x (nx + columns)
+};
+ModelMemory make_memory(const NonlinearModel& model);
+
+/// @param p  parameters, SI
+void set_parameters(const NonlinearModel& model, ModelMemory& memory,
+                    const Eigen::Ref<const Eigen::VectorXd>& p);
+
+/// Derivatives of a vector v, of n numbers, that follows from x and p. Those by p_i are in the
+/// column model.column[i].
+struct Slopes {
+  Eigen::MatrixXd by_x;  ///< n x nx
+  Eigen::MatrixXd by_p;  ///< n x model.columns
+  /// n nx x (nx + columns), with Derivatives::second: column l is d by_x / d [x; p]_l, column by
+  /// column (reshaped(n, nx)).
+  Eigen::MatrixXd by_x_slopes;
+};
+
+/// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
+/// Runge-Kutta method, in discrete time by f with the inputs at sample k. What overflows or leaves
+/// a function's domain becomes infinite or NaN; the caller looks.
+/// @param x  nx
+/// @throws std::invalid_argument when there is no such sample or the number of inputs differs
+void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x);
+
+/// What white noise of density Q does to the state from one sample to the next, in continuous time:
+///
+///   W = int Phi(t(k+1), s) Q Phi(t(k+1), s)' ds   from   W' = f_x W + W f_x' + Q,  W = 0
+///
+/// along the trajectory without noise, which goes through the Runge-Kutta steps with the state and
+/// so has their order. Source: Jazwinski (1970), section 4.9. Symmetric matrices, column by column.
+struct Gramians {
+  Eigen::MatrixXd densities;  ///< nx^2 x m: Q_j
+  Eigen::MatrixXd values;     ///< nx^2 x m, written: W_j
+  /// nx^2 x (nx + columns), written with Derivatives::second: d W_1 / d [x; p]
+  Eigen::MatrixXd slopes;
+};
+
+/// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
+/// same Runge-Kutta steps.
+/// @param slopes    written; allocates nothing when it has the right shapes
+/// @param order     @throws std::invalid_argument when it is beyond the model's
+/// @param gramians  null: none; @throws std::invalid_argument in discrete time or without densities
+void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes,
+          Derivatives order = Derivatives::first, Gramians* gramians = nullptr);
+
+/// Outputs at a sample and their exact derivatives.
+/// @param x, u  state and inputs there
+/// @param time  [s]
+/// @param y     ny, written
+/// @param order @throws std::invalid_argument when it is beyond the model's
+void observe(const NonlinearModel& model, ModelMemory& memory,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes,
+             Derivatives order = Derivatives::first);
+/// The outputs alone.
+void observe(const NonlinearModel& model, ModelMemory& memory,
+             const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
+             double time, Eigen::Ref<Eigen::VectorXd> y);
+
+}  // namespace identikal

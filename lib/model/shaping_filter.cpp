@@ -1,0 +1,101 @@
+#include "lib/model/shaping_filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Eigenvalues>
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+ShapingState shaping_state(const ShapingFilter& filter) {
+  const Index n = filter.order();
+  ShapingState out;
+  out.A = MatrixXd::Zero(n, n);
+  out.A.col(0) = -filter.a;
+  for (Index i = 0; i + 1 < n; ++i) out.A(i, i + 1) = 1.0;
+  out.g = -filter.a;
+  out.g.head(filter.b.size()) += filter.b;
+  out.c = Eigen::RowVectorXd::Unit(n, 0);
+  return out;
+}
+
+VectorXd stable_polynomial(const VectorXd& zeta, MatrixXd* jacobian) {
+  const Index n = zeta.size();
+  VectorXd p(0);
+  MatrixXd J(0, n);
+  // Levinson's step up: p_i <- p_i + k p_(m-i), p_m = k.
+  for (Index m = 1; m <= n; ++m) {
+    const double k = std::tanh(zeta[m - 1]);
+    VectorXd next(m);
+    MatrixXd dnext = MatrixXd::Zero(m, n);
+    for (Index i = 0; i + 1 < m; ++i) {
+      next[i] = p[i] + k * p[m - 2 - i];
+      dnext.row(i) = J.row(i) + k * J.row(m - 2 - i);
+      dnext(i, m - 1) += p[m - 2 - i] * (1.0 - k * k);
+    }
+    next[m - 1] = k;
+    dnext(m - 1, m - 1) = 1.0 - k * k;
+    p = next;
+    J = dnext;
+  }
+  if (jacobian != nullptr) *jacobian = J;
+  return p;
+}
+
+VectorXd stable_coordinates(const VectorXd& p) {
+  VectorXd rest = p, zeta(p.size());
+  for (Index m = p.size(); m >= 1; --m) {
+    const double k = rest[m - 1];
+    if (!(std::abs(k) < 1.0)) {
+      return VectorXd::Constant(p.size(), std::numeric_limits<double>::quiet_NaN());
+    }
+    zeta[m - 1] = std::atanh(k);
+    VectorXd next(m - 1);
+    for (Index i = 0; i + 1 < m; ++i) next[i] = (rest[i] - k * rest[m - 2 - i]) / (1.0 - k * k);
+    rest = next;
+  }
+  return zeta;
+}
+
+std::complex<double> response(const ShapingFilter& filter, double omega,
+                              Eigen::VectorXcd* derivatives) {
+  const Index n = filter.a.size(), m = filter.b.size();
+  const std::complex<double> step = std::polar(1.0, -omega);
+  std::complex<double> numerator = 1.0, denominator = 1.0, power = 1.0;
+  for (Index i = 0; i < n; ++i) {
+    power *= step;
+    denominator += filter.a[i] * power;
+    if (i < m) numerator += filter.b[i] * power;
+  }
+  const std::complex<double> H = numerator / denominator;
+  if (derivatives != nullptr) {
+    derivatives->resize(n + m);
+    power = 1.0;
+    for (Index i = 0; i < n; ++i) {
+      power *= step;
+      (*derivatives)[i] = -H * power / denominator;
+      if (i < m) (*derivatives)[n + i] = power / denominator;
+    }
+  }
+  return H;
+}
+
+std::vector<Mode> modes(const VectorXd& p) {
+  std::vector<Mode> out;
+  if (p.size() == 0) return out;
+  const Eigen::VectorXcd poles = shaping_state({p, VectorXd(0)}).A.eigenvalues();
+  for (const std::complex<double>& pole : poles) {
+    if (pole.imag() < 0.0) continue;
+    out.push_back({std::abs(std::arg(pole)), std::abs(pole)});
+  }
+  std::sort(out.begin(), out.end(),
+            [](const Mode& x, const Mode& y) { return x.radius > y.radius; });
+  return out;
+}
+
+}  // namespace identikal

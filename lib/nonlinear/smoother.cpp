@@ -1,0 +1,171 @@
+#include "lib/nonlinear/smoother.h"
+
+#include <vector>
+
+#include "lib/nonlinear/internal/sigma_points.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// f(x) = slopes x + offset + what has the covariance `rest`.
+struct StraightLine {
+  MatrixXd slopes;
+  VectorXd offset;
+  MatrixXd rest;
+};
+
+// The line that has the moments of x and f(x) as sigma points give them, x of covariance P about
+// `middle`.
+template <typename Function>
+StraightLine line_of_points(const VectorXd& middle, const MatrixXd& P,
+                            const UnscentedWeights& weights, Index rows, Function&& f) {
+  const Index n = middle.size();
+  const PointWeights w = point_weights(weights, n);
+  Stack none(n * n, 0), no_slopes(n, 0);
+  MatrixXd L = MatrixXd::Zero(n, n);
+  set_covariance_factor(P, none, L, none);
+  SigmaPoints points = make_sigma_points(rows, n, 0);
+  VectorXd x(n);
+  for (Index q = 0; q <= 2 * n; ++q) {
+    set_point(q, w, middle, no_slopes, L, none, x, no_slopes);
+    points.values.col(q) = f(x);
+  }
+  set_moments(points, w);
+  // cov(f(x), x) = A L', so that slopes L = A.
+  MatrixXd slopes = MatrixXd::Zero(rows, n);
+  for (Index j = n - 1; j >= 0; --j) {
+    if (L(j, j) == 0.0) continue;
+    slopes.col(j) =
+        (points.A.col(j) - slopes.rightCols(n - 1 - j) * L.col(j).tail(n - 1 - j)) / L(j, j);
+  }
+  return {slopes, points.mean - slopes * middle, points.rest};
+}
+
+// The straight lines that a filter has followed.
+class Followed {
+ public:
+  Followed(const NonlinearModel& model, const Eigen::Ref<const VectorXd>& p,
+           const FilterNoise& noise, const InputNodes& inputs,
+           const NonlinearFilterOptions& options, const FilterResult& filter)
+      : model_(model),
+        memory_(make_memory(model)),
+        noise_(noise),
+        inputs_(inputs),
+        options_(options),
+        filter_(filter),
+        y_(model.outputs) {
+    set_parameters(model, memory_, p);
+    gramians_.densities = noise.Q.reshaped(model.states * model.states, 1);
+  }
+
+  struct Lines {
+    StraightLine seen, moved;  // y(t) and x(t+1) of x(t)
+  };
+  Lines at(Index t) { return {seen_at(t), moved_from(t)}; }
+
+  // The model of a sample; its inputs are both offsets.
+  void set(const Lines& lines, StateSpace& out) const {
+    const Index nx = model_.states, ny = model_.outputs;
+    const auto& [seen, moved] = lines;
+    out.A = moved.slopes;
+    out.B.setIdentity(nx, nx + ny);
+    out.C = seen.slopes;
+    out.D.setZero(ny, nx + ny);
+    out.D.rightCols(ny).setIdentity();
+    out.G.setIdentity(nx, nx);
+    out.Q = moved.rest;
+    out.R = seen.rest;
+    out.S.setZero(nx, ny);
+    out.x0 = noise_.x0;
+    out.P0 = noise_.P0;
+  }
+
+ private:
+  bool unscented() const { return options_.method == NonlinearMethod::unscented; }
+
+  // h, with R.
+  StraightLine seen_at(Index t) {
+    const auto u = inputs_.at_sample.col(t);
+    const double time = inputs_.time[t];
+    StraightLine out;
+    if (unscented()) {
+      out = line_of_points(filter_.x_pred.col(t), filter_.P_pred[static_cast<std::size_t>(t)],
+                           options_.weights, model_.outputs, [&](const VectorXd& x) {
+                             observe(model_, memory_, x, u, time, y_);
+                             return y_;
+                           });
+      out.rest += noise_.R;
+      return out;
+    }
+    const bool iterated = options_.method == NonlinearMethod::iterated;
+    x_ = (iterated ? filter_.x_filt : filter_.x_pred).col(t);
+    observe(model_, memory_, x_, u, time, y_, slopes_);
+    return {slopes_.by_x, y_ - slopes_.by_x * x_, noise_.R};
+  }
+
+  // The way to the next sample, with W; nothing follows the last.
+  StraightLine moved_from(Index t) {
+    const Index nx = model_.states;
+    if (t + 1 == filter_.x_pred.cols()) {
+      return {MatrixXd::Identity(nx, nx), VectorXd::Zero(nx), MatrixXd::Zero(nx, nx)};
+    }
+    const bool density = model_.continuous && options_.noise == ProcessNoise::density;
+    x_ = filter_.x_filt.col(t);
+    step(model_, memory_, inputs_, t, x_, slopes_, Derivatives::first,
+         density ? &gramians_ : nullptr);
+    const MatrixXd W = density ? MatrixXd(gramians_.values.reshaped(nx, nx)) : noise_.Q;
+    if (!unscented()) return {slopes_.by_x, x_ - slopes_.by_x * filter_.x_filt.col(t), W};
+    StraightLine out =
+        line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
+                       options_.weights, nx, [&](VectorXd x) {
+                         step(model_, memory_, inputs_, t, x);
+                         return x;
+                       });
+    out.rest += W;
+    return out;
+  }
+
+  const NonlinearModel& model_;
+  ModelMemory memory_;
+  const FilterNoise& noise_;
+  const InputNodes& inputs_;
+  const NonlinearFilterOptions& options_;
+  const FilterResult& filter_;
+  Slopes slopes_;
+  Gramians gramians_;
+  VectorXd x_, y_;
+};
+
+}  // namespace
+
+SmootherResult nonlinear_smoother(const NonlinearModel& model, const Eigen::Ref<const VectorXd>& p,
+                                  const FilterNoise& noise, const InputNodes& inputs,
+                                  const Eigen::Ref<const MatrixXd>& y,
+                                  const NonlinearFilterOptions& options, std::optional<Index> lag,
+                                  SmootherKeep keep) {
+  const FilterResult filter = nonlinear_filter(model, p, noise, inputs, y, options);
+  if (filter.status != FilterStatus::ok) {
+    SmootherResult out;
+    out.status = filter.status;
+    return out;
+  }
+  Followed followed(model, p, noise, inputs, options, filter);
+  std::vector<Followed::Lines> lines;
+  lines.reserve(static_cast<std::size_t>(y.cols()));
+  MatrixXd u(model.states + model.outputs, y.cols());
+  for (Index t = 0; t < y.cols(); ++t) {
+    lines.push_back(followed.at(t));
+    u.col(t) << lines.back().moved.offset, lines.back().seen.offset;
+  }
+  const ModelAt at = [&](Index t, StateSpace& out, std::vector<StateSpace>*) {
+    followed.set(lines[static_cast<std::size_t>(t)], out);
+  };
+  return lag ? smooth_with_lag(at, InitialState::given, y, u, *lag, keep)
+             : smooth(at, InitialState::given, y, u, keep);
+}
+
+}  // namespace identikal

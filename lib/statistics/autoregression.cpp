@@ -1,0 +1,98 @@
+#include "lib/statistics/autoregression.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include <Eigen/Cholesky>
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+// Definite beyond rounding, which is relative to the diagonal of `whole`.
+bool definite(const MatrixXd& M, const MatrixXd& whole) {
+  if (!M.allFinite()) return false;
+  const Eigen::LLT<MatrixXd> llt(M);
+  return llt.info() == Eigen::Success &&
+         (llt.matrixLLT().diagonal().array().square() > 1e-12 * whole.diagonal().array()).all();
+}
+
+double log_determinant(const MatrixXd& M) {
+  return 2.0 * Eigen::LLT<MatrixXd>(M).matrixLLT().diagonal().array().log().sum();
+}
+
+double multiple(Penalty penalty, double N) {
+  switch (penalty) {
+    case Penalty::aic:
+      return 2.0;
+    case Penalty::bic:
+      return std::log(N);
+    case Penalty::hq:
+      return 2.0 * std::log(std::log(N));
+    case Penalty::edc:
+      break;
+  }
+  return std::sqrt(N);
+}
+
+}  // namespace
+
+Autoregressions yule_walker(const Autocovariances& Y) {
+  Autoregressions out;
+  if (Y.empty() || !definite(Y[0], Y[0])) return out;
+  // Forwards A and S predict from the past, backwards B and V from the future.
+  MatrixXd S = Y[0], V = Y[0];
+  std::vector<MatrixXd> A, B;
+  out.S.push_back(S);
+  out.A.push_back(A);
+  for (std::size_t m = 1; m < Y.size(); ++m) {
+    MatrixXd gap = Y[m];
+    for (std::size_t k = 0; k < A.size(); ++k) gap -= A[k] * Y[m - 1 - k];
+    const MatrixXd forward = V.llt().solve(gap.transpose()).transpose();
+    const MatrixXd backward = S.llt().solve(gap).transpose();
+    std::vector<MatrixXd> A_next = A, B_next = B;
+    for (std::size_t k = 0; k < A.size(); ++k) {
+      A_next[k] -= forward * B[A.size() - 1 - k];
+      B_next[k] -= backward * A[A.size() - 1 - k];
+    }
+    A_next.push_back(forward);
+    B_next.push_back(backward);
+    A = std::move(A_next);
+    B = std::move(B_next);
+    S -= forward * gap.transpose();
+    V -= backward * gap;
+    S = (0.5 * (S + S.transpose())).eval();
+    V = (0.5 * (V + V.transpose())).eval();
+    if (!definite(S, Y[0]) || !definite(V, Y[0])) break;
+    out.S.push_back(S);
+    out.A.push_back(A);
+  }
+  return out;
+}
+
+OrderChoice autoregressive_order(const Autoregressions& models, Index samples, Penalty penalty) {
+  if (models.S.empty()) {
+    throw std::invalid_argument("autoregressive_order: the covariance is not positive definite");
+  }
+  if (samples < 3) {
+    throw std::invalid_argument("autoregressive_order: " + std::to_string(samples) + " samples");
+  }
+  const auto N = static_cast<double>(samples), l = static_cast<double>(models.S[0].rows());
+  const double start = log_determinant(models.S[0]);
+  OrderChoice out;
+  out.criterion.resize(static_cast<Index>(models.S.size()));
+  out.least = std::numeric_limits<double>::quiet_NaN();
+  for (Index m = 0; m < out.criterion.size(); ++m) {
+    out.criterion[m] = N * (log_determinant(models.S[static_cast<std::size_t>(m)]) - start) +
+                       static_cast<double>(m) * l * l * multiple(penalty, N);
+  }
+  if (out.criterion.size() > 1) out.least = out.criterion.tail(out.criterion.size() - 1).minCoeff();
+  out.criterion.minCoeff(&out.order);
+  return out;
+}
+
+}  // namespace identikal

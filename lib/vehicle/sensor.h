@@ -1,0 +1,56 @@
+// What does a sensor in the car measure?
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include <Eigen/Core>
+
+#include "lib/vehicle/motion.h"
+
+namespace identikal {
+
+/// Yaw rate [rad/s], lateral velocity [m/s], lateral acceleration [m/s^2], sideslip angle [rad].
+enum class VehicleQuantity { r, vy, ay, beta };
+
+/// The quantity of that name: "r", "vy", "ay" or "beta".
+std::optional<VehicleQuantity> vehicle_quantity(std::string_view name);
+
+/// What a sensor at (x, y) from the centre of gravity measures:
+///   r:    r + bias_r
+///   vy:   vy_s cos(angle) - vx_s sin(angle) + bias_vy,  vx_s = vx - r y,  vy_s = vy + r x
+///   ay:   ay_s cos(angle) - ax_s sin(angle) + bias_ay,  ay_s = ay + r' x - r^2 y,
+///         ax_s = vx' - r vy - r^2 x - r' y
+///   beta: atan2(vy_s, vx_s) - angle
+/// A sensor turned to the left by `angle` sees the car's motion turned to the right. The car's
+/// mounting_angle comes on top of it for vy and beta.
+struct VehicleSensor {
+  VehicleQuantity quantity = VehicleQuantity::r;
+  double x = 0.0;      ///< [m]
+  double y = 0.0;      ///< [m]
+  double angle = 0.0;  ///< [rad]
+};
+
+class VehicleReading {
+ public:
+  VehicleReading(const VehicleSensor& sensor, const SingleTrack<>& car);
+
+  /// What is measured at this motion and forward speed [m/s].
+  double value(const Motion& motion, double vx) const;
+
+  /// The lateral velocity of the centre of gravity [m/s] that a reading of a sensor of vy or beta
+  /// means: value() turned round.
+  /// @param r  yaw rate [rad/s]
+  double lateral_velocity(double measured, double vx, double r) const;
+
+  /// Its derivatives, from those of the motion.
+  /// @param out  columns.columns of them
+  void slopes(const Motion& motion, double vx, const SlopeColumns& columns, const MotionSlopes& by,
+              Eigen::Ref<Eigen::RowVectorXd> out) const;
+
+ private:
+  VehicleQuantity quantity_;
+  double x_, y_, angle_, cos_, sin_, bias_;
+};
+
+}  // namespace identikal

@@ -1,0 +1,98 @@
+#include "lib/vehicle/single_track.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace identikal {
+namespace {
+
+constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
+                                                                     "a",
+                                                                     "b",
+                                                                     "Iz",
+                                                                     "Cf",
+                                                                     "Cr",
+                                                                     "steering_ratio",
+                                                                     "steering_gain",
+                                                                     "steering_offset",
+                                                                     "steering_delay",
+                                                                     "bias_r",
+                                                                     "bias_vy",
+                                                                     "bias_ay",
+                                                                     "mounting_angle",
+                                                                     "bank",
+                                                                     "relaxation_length",
+                                                                     "cg_height",
+                                                                     "load_sensitivity",
+                                                                     "Ff_max",
+                                                                     "Fr_max",
+                                                                     "curve_shape",
+                                                                     "curve_curvature"};
+
+}  // namespace
+
+std::string_view name_of(VehicleParameter parameter) {
+  return kNames[static_cast<std::size_t>(parameter)];
+}
+
+std::optional<VehicleParameter> vehicle_parameter(std::string_view name) {
+  const auto found = std::find(kNames.begin(), kNames.end(), name);
+  if (found == kNames.end()) return std::nullopt;
+  return static_cast<VehicleParameter>(found - kNames.begin());
+}
+
+VehicleParameters<double> neutral_vehicle() {
+  VehicleParameters<double> p{};
+  for (const VehicleParameter known : {kMass, kA, kB, kYawInertia, kCf, kCr}) {
+    p[known] = std::numeric_limits<double>::quiet_NaN();
+  }
+  p[kSteeringRatio] = 1.0;
+  p[kSteeringGain] = 1.0;
+  p[kLoadSensitivity] = 1.0;
+  p[kCurveShape] = CurveShape().shape;
+  p[kCurveCurvature] = CurveShape().curvature;
+  return p;
+}
+
+SingleTrackMatrices single_track_matrices(const SingleTrack<>& car, double vx) {
+  const double Cf = car.front.stiffness, Cr = car.rear.stiffness, a = car.a, b = car.b;
+  SingleTrackMatrices out;
+  out.A << -(Cf + Cr) / (car.m * vx), -vx - (a * Cf - b * Cr) / (car.m * vx),
+      -(a * Cf - b * Cr) / (car.Iz * vx), -(a * a * Cf + b * b * Cr) / (car.Iz * vx);
+  out.B << Cf / car.m, a * Cf / car.Iz;
+  return out;
+}
+
+double decay_rate_times_speed(const SingleTrack<>& car) {
+  return (car.front.stiffness + car.rear.stiffness) / car.m +
+         (car.a * car.a * car.front.stiffness + car.b * car.b * car.rear.stiffness) / car.Iz;
+}
+
+SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
+  SingleTrack<> car;
+  car.m = p[kMass];
+  car.a = p[kA];
+  car.b = p[kB];
+  car.Iz = p[kYawInertia];
+  car.front = {p[kCf], p[kSofteningFront], p[kCurveShape], p[kCurveCurvature], curve};
+  car.rear = {p[kCr], p[kSofteningRear], p[kCurveShape], p[kCurveCurvature], curve};
+  car.steering_ratio = p[kSteeringRatio];
+  car.steering_gain = p[kSteeringGain];
+  car.steering_offset = p[kSteeringOffset];
+  car.steering_delay = p[kSteeringDelay];
+  car.bias_r = p[kBiasR];
+  car.bias_vy = p[kBiasVy];
+  car.bias_ay = p[kBiasAy];
+  car.mounting_angle = p[kMountingAngle];
+  car.bank = p[kBank];
+  car.relaxation_length = p[kRelaxationLength];
+  car.cg_height = p[kCgHeight];
+  car.load_sensitivity = p[kLoadSensitivity];
+  return car;
+}
+
+SingleTrack<> linear_car(const VehicleParameters<double>& p) {
+  return car_with(TyreCurve::linear, p);
+}
+
+}  // namespace identikal

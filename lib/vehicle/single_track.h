@@ -1,0 +1,105 @@
+// Which numbers make the single-track ("bicycle") model of a car?
+//
+// Axes and signs: ISO 8855. x forward, y to the left, z up; steering, yaw rate and sideslip are
+// positive to the left. Units: SI, angles in radians.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string_view>
+
+#include <Eigen/Core>
+
+#include "lib/base/constants.h"
+#include "lib/vehicle/axle.h"
+
+namespace identikal {
+
+/// Parameters of the car. The road-wheel angle is delta(t) = steering_gain (angle(t -
+/// steering_delay) + steering_offset) / steering_ratio: the offset is added where the angle is
+/// measured. When that is at the road wheel, the ratio is 1.
+///
+/// `bank` is the slope of the road across the car, a positive turn about x (left side up): gravity
+/// pulls to the right with g sin(bank). Body roll is not part of it.
+/// The scalar may carry derivatives (lib/base/dual.h).
+template <typename T = double>
+struct SingleTrack {
+  T m = T(1.0);   ///< mass [kg]
+  T a = T(1.0);   ///< centre of gravity to front axle [m]
+  T b = T(1.0);   ///< centre of gravity to rear axle [m]
+  T Iz = T(1.0);  ///< yaw moment of inertia [kg m^2]
+  Axle<T> front, rear;
+  T steering_ratio = T(1.0);
+  T steering_gain = T(1.0);
+  T steering_offset = T(0.0);    ///< [rad], at the sensor
+  T steering_delay = T(0.0);     ///< the wheels follow the measured angle by this much later [s]
+  T bias_r = T(0.0);             ///< measured - true [rad/s]
+  T bias_vy = T(0.0);            ///< measured - true [m/s]
+  T bias_ay = T(0.0);            ///< measured - true [m/s^2]
+  T mounting_angle = T(0.0);     ///< turn to the left of the sensor of vy and beta [rad]
+  T bank = T(0.0);               ///< [rad]
+  T relaxation_length = T(0.0);  ///< sigma of both axles [m]; 0: forces follow at once
+  T cg_height = T(0.0);          ///< of the centre of gravity [m]; 0: axle loads are constant
+  T load_sensitivity = T(1.0);   ///< relative change of stiffness over that of the axle's load
+};
+
+/// The scalar parameters in the order in which arrays of them are written here and elsewhere.
+enum VehicleParameter {
+  kMass,
+  kA,
+  kB,
+  kYawInertia,
+  kCf,
+  kCr,
+  kSteeringRatio,
+  kSteeringGain,
+  kSteeringOffset,
+  kSteeringDelay,
+  kBiasR,
+  kBiasVy,
+  kBiasAy,
+  kMountingAngle,
+  kBank,
+  kRelaxationLength,
+  kCgHeight,
+  kLoadSensitivity,
+  kSofteningFront,  ///< 1/(largest force)^2; to its user the largest force, "Ff_max"
+  kSofteningRear,
+  kCurveShape,      ///< "curve_shape"
+  kCurveCurvature,  ///< "curve_curvature"
+  kVehicleParameters
+};
+
+/// Name in model files.
+std::string_view name_of(VehicleParameter parameter);
+/// The parameter of that name, if there is one.
+std::optional<VehicleParameter> vehicle_parameter(std::string_view name);
+
+template <typename T>
+using VehicleParameters = std::array<T, kVehicleParameters>;
+
+/// Neutral values: gain, ratio and load sensitivity 1, no delay, offsets, biases, bank, relaxation,
+/// load transfer or softening, CurveShape's defaults; NaN where there is no neutral value (m, a, b,
+/// Iz, Cf, Cr).
+VehicleParameters<double> neutral_vehicle();
+
+/// The car of these parameters; a curve does not read what it does not have.
+SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p);
+
+/// The car with linear axles.
+SingleTrack<> linear_car(const VehicleParameters<double>& p);
+
+/// x' = A x + B delta with x = (vy, r) and delta the road-wheel angle, at constant vx > 0.
+/// Sladká (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz
+/// vx); the source prints -(a Cf + b Cr). Without bank.
+struct SingleTrackMatrices {
+  Eigen::Matrix2d A;
+  Eigen::Vector2d B;
+};
+SingleTrackMatrices single_track_matrices(const SingleTrack<>& car, double vx);
+
+/// Sum of the decay rates of both modes times vx [m/s^2]: (Cf + Cr)/m + (a^2 Cf + b^2 Cr)/Iz.
+/// Divided by vx it bounds the fastest pole, which grows without limit as the car slows down.
+double decay_rate_times_speed(const SingleTrack<>& car);
+
+}  // namespace identikal

@@ -1,0 +1,73 @@
+#include "studies/sladka_lane_change.h"
+
+#include "lib/vehicle/motion.h"
+#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/trajectory.h"
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, double to_speed) {
+  const SingleTrack<> car = linear_car(thesis_car());
+  constexpr int kFine = 100;  // steps of the true car between two samples
+  const Index fine = (kThesisSamples - 1) * kFine + 1;
+  const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kThesisStep * (kThesisSamples - 1));
+  const VectorXd angle = steering(manoeuvre, time);
+  const VectorXd vx = VectorXd::LinSpaced(fine, from_speed, to_speed);
+  MatrixXd states(2, fine);
+  simulate(car, drive(time, angle, vx, {decay_rate_times_speed(car)}), 0.0, 0.0,
+           [&](Index t, const Motion& motion, double) { states.col(t) << motion.vy, motion.r; });
+  const auto samples = Eigen::seqN(0, kThesisSamples, kFine);
+  TrueDrive out;
+  out.time = time(samples);
+  out.steering = angle(samples);
+  out.vx = vx(samples);
+  out.states = states(Eigen::all, samples);
+  out.track = track(time, vx, states.row(0), states.row(1))(Eigen::all, samples);
+  return out;
+}
+
+ModelFile thesis_model(const std::vector<std::string>& outputs) {
+  const VehicleParameters<double> car = thesis_car();
+  const auto parameter = [](const char* name, const char* unit, double value) {
+    Parameter p;
+    p.name = name;
+    p.unit = unit;
+    p.value = MatrixXd::Constant(1, 1, value);
+    p.fixed = true;
+    return p;
+  };
+  const auto sought = [&](const char* name, const char* unit, double start, double min,
+                          double max) {
+    Parameter p = parameter(name, unit, start);
+    p.fixed = false;
+    p.min = min;
+    p.max = max;
+    return p;
+  };
+  ModelFile model;
+  model.path = "car.yaml";
+  model.name = "lane change";
+  model.form = ModelFile::Form::single_track;
+  model.parameters = {parameter("m", "kg", car[kMass]),
+                      parameter("a", "m", car[kA]),
+                      parameter("b", "m", car[kB]),
+                      parameter("steering_ratio", "", car[kSteeringRatio]),
+                      sought("Iz", "kg m^2", car[kYawInertia], 800.0, 6000.0),
+                      sought("Cf", "N/rad", 8e4, 1e4, 4e5),
+                      sought("Cr", "N/rad", 8e4, 1e4, 4e5)};
+  model.inputs.resize(2);
+  model.inputs[0].name = "steering_wheel_angle";
+  model.inputs[1].name = "vx";
+  for (const std::string& name : outputs) {
+    ChannelSource source;
+    source.name = name;
+    model.outputs.push_back(source);
+  }
+  return model;
+}
+
+}  // namespace identikal

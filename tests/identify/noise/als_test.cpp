@@ -1,0 +1,267 @@
+// Autocovariance least squares: the full-matrix form against its Kronecker formulas written out,
+// the number of noise sources, and what errors of the noise cost the filter.
+#include "identify/noise/als.h"
+
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <gtest/gtest.h>
+
+#include "identify/optimality/bound.h"
+#include "lib/base/error.h"
+#include "lib/filter/steady_state.h"
+#include "lib/statistics/autocovariance.h"
+#include "tests/support/few_sources.h"
+#include "tests/support/matisko_systems.h"
+#include "tests/support/scalar_case.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+MatrixXd kronecker(const MatrixXd& a, const MatrixXd& b) {
+  MatrixXd out(a.rows() * b.rows(), a.cols() * b.cols());
+  for (Index i = 0; i < a.rows(); ++i) {
+    for (Index j = 0; j < a.cols(); ++j) {
+      out.block(i * b.rows(), j * b.cols(), b.rows(), b.cols()) = a(i, j) * b;
+    }
+  }
+  return out;
+}
+
+// vec of N equal blocks on a diagonal, from vec of the block.
+MatrixXd repeated_on_diagonal(Index size, Index N) {
+  MatrixXd out = MatrixXd::Zero(size * N * size * N, size * size);
+  for (Index b = 0; b < N; ++b) {
+    for (Index j = 0; j < size; ++j) {
+      for (Index i = 0; i < size; ++i) {
+        out((b * size + j) * size * N + b * size + i, j * size + i) = 1.0;
+      }
+    }
+  }
+  return out;
+}
+
+// Odelson, Rajamani & Rawlings (2006), eq. (13): vec of the matrix of autocovariances, N x N
+// blocks, of vec Q and vec R.
+struct KroneckerForm {
+  MatrixXd of_Q, of_R;
+};
+KroneckerForm kronecker_form(const StateSpace& m, const MatrixXd& L, Index N) {
+  const Index n = m.states(), ny = m.outputs();
+  const MatrixXd F = m.A - L * m.C;
+  MatrixXd O(N * ny, n), Gamma = MatrixXd::Zero(N * ny, N * n),
+                         Psi = MatrixXd::Zero(N * ny, N * ny);
+  MatrixXd power = MatrixXd::Identity(n, n);
+  for (Index i = 0; i < N; ++i) {
+    O.middleRows(i * ny, ny) = m.C * power;
+    for (Index j = 0; i + j + 1 < N; ++j) {
+      Gamma.block((i + j + 1) * ny, j * n, ny, n) = m.C * power;
+      Psi.block((i + j + 1) * ny, j * ny, ny, ny) = -m.C * power * L;
+    }
+    power = (F * power).eval();
+  }
+  const MatrixXd steady =
+      (MatrixXd::Identity(n * n, n * n) - kronecker(F, F)).inverse();  // vec P of vec drive
+  const MatrixXd I = MatrixXd::Identity(N * ny, N * ny);
+  KroneckerForm out;
+  const MatrixXd of_drive =
+      kronecker(O, O) * steady + kronecker(Gamma, Gamma) * repeated_on_diagonal(n, N);
+  out.of_Q = of_drive * kronecker(m.G, m.G);
+  out.of_R = of_drive * kronecker(L, L) +
+             (kronecker(Psi, I) + kronecker(I, Psi) + MatrixXd::Identity(I.size(), I.size())) *
+                 repeated_on_diagonal(ny, N);
+  return out;
+}
+
+// Sample autocovariances as tune_als() takes them: x(0) from the first innovations, which are then
+// dropped until an initial error has fallen to a thousandth.
+Autocovariances samples_of(const StateSpace& m, const MatrixXd& L, const MatrixXd& y, Index lags) {
+  const Index n = m.states(), ny = m.outputs();
+  const MatrixXd F = m.A - L * m.C, none(0, y.cols());
+  Index first = 0;
+  MatrixXd power = MatrixXd::Identity(n, n);
+  for (; power.norm() > 1e-3; ++first) power = (F * power).eval();
+  const Index window = first + n;
+  const MatrixXd e = constant_gain_innovations(m, L, VectorXd::Zero(n), y, none);
+  MatrixXd response(window * ny, n);
+  power.setIdentity();
+  for (Index t = 0; t < window; ++t) {
+    response.middleRows(t * ny, ny) = m.C * power;
+    power = (F * power).eval();
+  }
+  const VectorXd x0 = response.colPivHouseholderQr().solve(VectorXd(e.leftCols(window).reshaped()));
+  return sample_autocovariances(
+             constant_gain_innovations(m, L, x0, y, none).rightCols(y.cols() - first), lags)
+      .value;
+}
+
+TEST(TuneAls, FullMatrixEqualsTheKroneckerForm) {
+  double worst = 0.0;
+  int compared = 0;
+  for (const int number : {1, 6, 7}) {
+    const MatiskoSystem system = matisko_system(number);
+    Random random(static_cast<std::uint64_t>(number));
+    const MatrixXd y = simulate_matisko(system, random);
+    const StateSpace m = instantiate(system.model.linear, system.model.parameters);
+    const Index lags = 6, ny = m.outputs(), nw = m.Q.rows();
+    NoiseAlsOptions options;
+    options.weighted = false;
+    options.full_matrix = true;
+    options.lags = lags;
+    const Estimate estimate = tune_als(system.model, {dataset_of(y)}, options);
+
+    const MatrixXd L = steady_state(m)->K;
+    const KroneckerForm form = kronecker_form(m, L, lags);
+    MatrixXd design(form.of_Q.rows(), nw + ny);
+    for (Index i = 0; i < nw; ++i) design.col(i) = form.of_Q.col(i * nw + i);
+    for (Index i = 0; i < ny; ++i) design.col(nw + i) = form.of_R.col(i * ny + i);
+    const Autocovariances sample = samples_of(m, L, y, lags);
+    MatrixXd matrix(lags * ny, lags * ny);
+    for (Index i = 0; i < lags; ++i) {
+      for (Index j = 0; j < lags; ++j) {
+        const MatrixXd& Y = sample[static_cast<std::size_t>(std::abs(i - j))];
+        matrix.block(i * ny, j * ny, ny, ny) = i >= j ? Y : MatrixXd(Y.transpose());
+      }
+    }
+    const VectorXd theta = design.colPivHouseholderQr().solve(VectorXd(matrix.reshaped()));
+    ASSERT_GT(theta.minCoeff(), 0.0) << number;
+    for (Index i = 0; i < theta.size(); ++i) {
+      const double value = estimate.parameters[static_cast<std::size_t>(i)].value;
+      worst = std::max(worst, std::abs(value / theta[i] - 1.0));
+      ++compared;
+    }
+  }
+  std::printf("full matrix: %d parameters within %.1e of the Kronecker form\n", compared, worst);
+  EXPECT_LT(worst, 1e-7);
+}
+
+TEST(TuneAls, TooManyAutocovariancesAreRefused) {
+  const MatiskoSystem system = matisko_system(6);
+  Random random(1);
+  const std::vector<Dataset> data = {dataset_of(simulate_matisko(system, random))};
+  NoiseAlsOptions options;
+  options.lags = 1501;
+  EXPECT_THROW(tune_als(system.model, data, options), InputError);
+}
+
+TEST(TuneAls, AnswersWithWhatItsErrorsCost) {
+  const MatiskoSystem system = matisko_system(6);
+  Random random(1);
+  const Estimate estimate = tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
+  ASSERT_TRUE(estimate.loss.has_value());
+  EXPECT_EQ(estimate.loss->reason, "");
+  ModelFile truth = system.model;
+  truth.parameters = with_entries(truth.parameters, system.truth);
+  BoundOptions options;
+  options.samples = system.samples;
+  const Estimate bound = bound_of(truth, options, nullptr);
+  ASSERT_TRUE(bound.loss.has_value());
+  EXPECT_GT(bound.loss->relative, 0.0);
+  EXPECT_LT(estimate.loss->relative, 3.0 * bound.loss->relative);
+  EXPECT_GT(estimate.loss->relative, bound.loss->relative / 3.0);
+}
+
+// One output of two states cannot tell two full covariances apart; a free A is not noise.
+TEST(FilterLoss, IsNotKnownWhereItHasNoGround) {
+  MatiskoSystem system = matisko_system(6);
+  system.model.parameters[0].domain = Domain::positive_definite;
+  LinearModel& linear = system.model.linear;
+  linear.C.constant = Eigen::RowVector2d(1.0, 0.0);
+  linear.D.constant.resize(1, 0);
+  linear.S.constant = MatrixXd::Zero(2, 1);
+  system.model.parameters[1].value = MatrixXd::Identity(1, 1);
+  BoundOptions options;
+  options.samples = 1000;
+  const Estimate flat = bound_of(system.model, options, nullptr);
+  ASSERT_TRUE(flat.loss.has_value());
+  EXPECT_TRUE(std::isnan(flat.loss->relative));
+  EXPECT_NE(flat.loss->reason.find("do not determine"), std::string::npos) << flat.loss->reason;
+
+  ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  Parameter a = model.parameters[0];
+  a.name = "a";
+  a.value(0, 0) = 0.5;
+  model.parameters.push_back(a);
+  model.linear.A.constant.setZero();
+  model.linear.A.entries = {{0, 0, 2, 1.0}};
+  const Estimate free = bound_of(model, options, nullptr);
+  ASSERT_TRUE(free.loss.has_value());
+  EXPECT_TRUE(std::isnan(free.loss->relative));
+  EXPECT_NE(free.loss->reason.find("other than noise"), std::string::npos) << free.loss->reason;
+}
+
+// R of System 5 ends at zero on this recording: its error is left out by name.
+TEST(FilterLoss, LeavesOutWhatLiesAtTheBoundary) {
+  const MatiskoSystem system = matisko_system(5);
+  for (std::uint64_t seed = 1; seed < 20; ++seed) {
+    Random random(seed);
+    const Estimate estimate =
+        tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
+    if (estimate.parameters[1].verdict != Verdict::at_bound) continue;
+    ASSERT_TRUE(estimate.loss.has_value());
+    EXPECT_EQ(estimate.loss->without, std::vector<std::string>{estimate.parameters[1].name});
+    EXPECT_GE(estimate.loss->relative, 0.0);
+    return;
+  }
+  FAIL() << "no recording with R at zero";
+}
+
+TEST(FewestSources, FollowsThePenaltyToFewerSources) {
+  const MatiskoSystem system = few_sources(3, 1, 3);
+  Random random(7);
+  const std::vector<Dataset> data = {dataset_of(simulate_matisko(system, random))};
+  for (const bool weighted : {true, false}) {
+    NoiseAlsOptions options;
+    options.weighted = weighted;
+    options.sources = true;
+    const Estimate estimate = tune_als(system.model, data, options);
+    ASSERT_TRUE(estimate.sources.has_value());
+    const Sources& s = *estimate.sources;
+    EXPECT_EQ(s.of, 3);
+    EXPECT_EQ(s.picked, 1);
+    EXPECT_EQ(s.curve.front().sources, 0);
+    EXPECT_EQ(s.curve.back().penalty, 0.0);
+    for (std::size_t i = 1; i < s.curve.size(); ++i) {
+      // Convex: as the penalty falls, so does the misfit, and the trace grows.
+      EXPECT_LE(s.curve[i].penalty, s.curve[i - 1].penalty);
+      EXPECT_LE(s.curve[i].objective, s.curve[i - 1].objective * (1.0 + 1e-6));
+      EXPECT_GE(s.curve[i].trace, s.curve[i - 1].trace * (1.0 - 1e-6) - 1e-6);
+    }
+    const VectorXd eigenvalues =
+        Eigen::SelfAdjointEigenSolver<MatrixXd>(estimate.noise.Q, Eigen::EigenvaluesOnly)
+            .eigenvalues();
+    EXPECT_LT(std::abs(eigenvalues[1]), 1e-8 * eigenvalues[2]);
+    EXPECT_TRUE(std::isnan(estimate.loss->relative));  // the errors of a singular Q are not known
+    EXPECT_NE(estimate.loss->reason.find("boundary"), std::string::npos) << estimate.loss->reason;
+    // Without the penalty's bias.
+    EXPECT_NEAR(eigenvalues[2] / 4.0, 1.0, 0.2);
+  }
+}
+
+// Of a diagonal Q the penalty drops variances: they are zero exactly.
+TEST(FewestSources, DropsVariancesOfADiagonalQ) {
+  MatiskoSystem system = few_sources(3, 1, 3);
+  system.model.parameters[0].domain = Domain::diagonal;
+  system.truth = VectorXd::Ones(6);
+  system.truth.head(3) = Eigen::Vector3d(0.0, 4.0, 0.0);
+  Random random(7);
+  NoiseAlsOptions options;
+  options.sources = true;
+  const Estimate estimate =
+      tune_als(system.model, {dataset_of(simulate_matisko(system, random))}, options);
+  EXPECT_EQ(estimate.sources->picked, 1);
+  EXPECT_EQ(estimate.noise.Q(0, 0), 0.0);
+  EXPECT_EQ(estimate.noise.Q(2, 2), 0.0);
+  EXPECT_NEAR(estimate.noise.Q(1, 1), 4.0, 1.0);
+}
+
+}  // namespace
+}  // namespace identikal

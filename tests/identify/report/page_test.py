@@ -1,0 +1,328 @@
+"""The report page in a browser: everything drawn, nothing asked of the network, no complaint, readable on a telephone.
+
+Drives headless Chromium through chromedriver (Debian: chromium, chromium-driver). With --screenshots FOLDER it also
+writes pictures of both pages, light and dark, wide and narrow, for a person to look at."""
+import base64
+import json
+import math
+import os
+import pathlib
+import re
+import resource
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import urllib.request
+
+PROGRAM = sys.argv.pop(1)
+SCREENSHOTS = None
+if "--screenshots" in sys.argv:
+    at = sys.argv.index("--screenshots")
+    SCREENSHOTS = pathlib.Path(sys.argv[at + 1])
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    del sys.argv[at:at + 2]
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+MEGABYTE = 1_000_000
+
+
+class Browser:
+    """Just enough of the WebDriver protocol."""
+
+    def __init__(self):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.base = f"http://127.0.0.1:{port}"
+        self.driver = subprocess.Popen(["chromedriver", f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for _ in range(100):
+            try:
+                if self.call("GET", "/status")["ready"]:
+                    break
+            except OSError:
+                time.sleep(0.1)
+        flags = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars", "--window-size=1200,900"]
+        self.session = "/session/" + self.call("POST", "/session", {"capabilities": {"alwaysMatch": {
+            "browserName": "chrome", "goog:chromeOptions": {"args": flags, "binary": shutil.which("chromium")},
+            "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}}})["sessionId"]
+
+    def call(self, method, path, body=None):
+        request = urllib.request.Request(self.base + path, method=method, headers={"Content-Type": "application/json"},
+                                         data=None if body is None else json.dumps(body).encode())
+        with urllib.request.urlopen(request, timeout=120) as answer:
+            return json.load(answer)["value"]
+
+    def post(self, path, **body):
+        return self.call("POST", self.session + path, body)
+
+    def run(self, script, *arguments):
+        return self.post("/execute/sync", script=script, args=list(arguments))
+
+    def devtools(self, command, **parameters):
+        return self.post("/goog/cdp/execute", cmd=command, params=parameters)
+
+    def log(self, kind):
+        return self.post("/se/log", type=kind)
+
+    def open(self, path):
+        self.log("browser"), self.log("performance")
+        self.post("/url", url=path.as_uri())
+
+    def screen(self, width, height, scheme="light"):
+        self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
+    def close(self):
+        try:
+            self.call("DELETE", self.session)
+        finally:
+            self.driver.terminate()
+            self.driver.wait()
+
+
+# A canvas or drawing counts when something is on it.
+DRAWN = """
+const drawn = [];
+for (const plot of document.querySelectorAll(".plot")) {
+  const canvas = plot.querySelector("canvas");
+  let marks = plot.querySelectorAll("svg path[d], svg circle, svg rect:not(.frame), svg line.accent").length;
+  if (canvas) {
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    const colours = new Set();
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 200) colours.add(pixels[i] << 16 | pixels[i + 1] << 8 | pixels[i + 2]);
+    marks = colours.size;
+  }
+  drawn.push([plot.textContent.slice(0, 40), marks]);
+}
+return drawn;
+"""
+
+
+class Page(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        if not shutil.which("chromedriver") or not shutil.which("chromium"):
+            if os.environ.get("CI") == "true":
+                raise AssertionError("chromium or chromium-driver is missing, and CI=true")
+            raise unittest.SkipTest("no chromium and chromium-driver here")
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.path = pathlib.Path(cls.folder.name)
+        cls.browser = Browser()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.close()
+        cls.folder.cleanup()
+
+    def made(self, name, *arguments, code=0):
+        page = self.path / f"{name}.html"
+        done = subprocess.run([PROGRAM, *arguments, "--report", page], cwd=ROOT, capture_output=True, text=True, timeout=300)
+        self.assertEqual(code, done.returncode, done.stdout + done.stderr)
+        self.assertLess(page.stat().st_size, MEGABYTE)
+        # Only links that a person would have to follow, as text, and the namespace of SVG.
+        links = set(re.findall(r"(?:src|href)\s*=\s*[\"'](?!#|data:)[^\"']*", page.read_text()))
+        self.assertEqual(set(), links)
+        return page
+
+    def looked_at(self, name, page, least):
+        browser = self.browser
+        browser.screen(1200, 900)
+        browser.open(page)
+        self.assertTrue(browser.run("return 'ready' in document.documentElement.dataset"), browser.log("browser"))
+        drawn = browser.run(DRAWN)
+        self.assertGreaterEqual(len(drawn), least)
+        self.assertEqual([], [title for title, marks in drawn if marks < 2])
+        for scheme in ("light", "dark"):
+            for width in (360, 1200):
+                browser.screen(width, 900, scheme)
+                time.sleep(0.3)
+                overflow = browser.run("return document.documentElement.scrollWidth - innerWidth")
+                self.assertLessEqual(overflow, 0, f"{name} at {width} px")
+                if SCREENSHOTS:
+                    height = browser.run("return Math.ceil(document.documentElement.scrollHeight)")
+                    browser.screen(width, min(height, 9000), scheme)
+                    time.sleep(0.5)
+                    picture = browser.call("GET", browser.session + "/screenshot")
+                    (SCREENSHOTS / f"{name}-{scheme}-{width}.png").write_bytes(base64.b64decode(picture))
+        if SCREENSHOTS:
+            pdf = browser.call("POST", browser.session + "/print", {"background": True})
+            (SCREENSHOTS / f"{name}.pdf").write_bytes(base64.b64decode(pdf))
+        self.assertEqual([], [entry["message"] for entry in browser.log("browser")])
+        events = [json.loads(entry["message"])["message"] for entry in browser.log("performance")]
+        asked = [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
+        self.assertEqual([], [url for url in asked if url != page.as_uri() and not url.startswith("data:")])
+        print(f"{name}: {len(drawn)} plots, {page.stat().st_size / 1000:.0f} kB")
+
+    def test_nile(self):
+        self.looked_at("nile", self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv"), 12)
+
+    def test_lane_change(self):
+        self.looked_at("lane_change", self.made("lane_change", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv"), 12)
+
+    def test_held_out(self):
+        data = self.path / ("a_long_name_" * 8) / "recording.csv"
+        data.parent.mkdir()
+        shutil.copy(ROOT / "data/severe_lane_change.csv", data)
+        page = self.made("held_out", "fit", "examples/severe_lane_change.yaml", data, "--hold-out", "30%")
+        self.looked_at("held_out", page, 12)
+
+    def drawn_by(self, page):
+        return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S)[1])
+
+    def laid_end_to_end(self, data, recordings):
+        self.assertTrue(all(a < b for a, b in zip(data["time"], data["time"][1:])), "time goes back")
+        self.assertEqual(2 * recordings - 1, len(data["joints"]))
+        self.assertEqual(data["held_from"], data["joints"][recordings - 1])
+
+    def test_held_out_rows_have_all_that_the_others_have(self):
+        page = self.made("driven", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv", "--hold-out", "30%")
+        data = self.drawn_by(page)
+        lines = [u["line"] for u in data["inputs"]] + [c["after"] for c in data["channels"]]
+        self.assertEqual(4, len(lines))
+        for line in lines:
+            self.assertNotIn(None, line["y"])
+        recording = [line.split(",") for line in (ROOT / "data/severe_lane_change.csv").read_text().splitlines() if line[0].isdigit()]
+        for row, angle in zip(recording, lines[0]["y"]):
+            self.assertAlmostEqual(float(row[1]), angle, delta=0.02)
+        self.assertEqual([(49, False), (21, True)], [(r["rows"], r["held"]) for r in data["recordings"]])
+        for c in data["channels"]:  # the scale of the fitted rows: the noise is the same
+            squares = [e * e for e in c["after"]["y"][49:]]
+            self.assertTrue(0.5 < (sum(squares) / len(squares)) ** 0.5 < 2.0)
+        self.browser.open(page)
+        self.assertEqual([["fitted", "49"], ["held out", "21"]], self.browser.run(
+            "return [...document.querySelectorAll('#data table')[0].querySelectorAll('tbody tr')].map((r) => [r.cells[1].textContent, r.cells[2].textContent])"))
+        page = self.made("niles_end", "tune", "examples/nile.yaml", "data/nile.csv", "--hold-out", "30%")
+        self.assertTrue(all(e is not None for e in self.drawn_by(page)["channels"][0]["after"]["y"][70:]))
+
+    def test_several_recordings_are_held_out(self):
+        severe = (ROOT / "data/severe_lane_change.csv").read_text()
+        model = (ROOT / "examples/severe_lane_change.yaml").read_text()
+        files = [self.path / f"drive{i}.csv" for i in (1, 2)]
+        for file in files:
+            file.write_text(severe)
+        page = self.made("two", "fit", "examples/severe_lane_change.yaml", *files, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+        one_file, restarting = self.path / "runs.csv", self.path / "runs.yaml"
+        one_file.write_text(severe + "".join(row for row in severe.splitlines(True) if row[0].isdigit()))
+        restarting.write_text(model.replace("unit: s}", "unit: s, runs: restart}"))
+        page = self.made("two_runs", "fit", restarting, one_file, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+        years = ROOT / "data/nile.csv"
+        page = self.made("two_niles", "tune", "examples/nile.yaml", years, years, "--hold-out", "30%")
+        self.laid_end_to_end(self.drawn_by(page), 2)
+
+    def test_climbs_are_shown_from_their_starts(self):
+        page = self.made("climbs", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+        searches = self.drawn_by(page)["searches"]
+        result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
+        self.assertEqual(result["objective"]["iterations"], sum(len(path) - 1 for path in searches))
+        # The file's own values are among the starts here.
+        self.assertTrue(any(abs(path[0] - result["objective"]["log_likelihood_start"]) < 1e-6 for path in searches))
+        for path in searches:
+            self.assertTrue(all(a <= b for a, b in zip(path, path[1:])))
+        self.browser.open(page)
+        self.assertIn(f"{len(searches)} climbs", self.browser.run("return document.querySelector('#likelihood').textContent"))
+
+    def test_spectra_keep_what_is_small(self):
+        model, noise = self.path / "off.yaml", ("--set", "r=0.1")
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        subprocess.run([PROGRAM, "simulate", model, "-n", "3000", "-o", self.path / "off", "--seed", "3", *noise], check=True, capture_output=True)
+        # A filter that holds the level for constant: what it leaves wanders as the level does.
+        page = self.made("spectrum", "tune", model, self.path / "off/simulated.csv", *noise, "--set", "q=1e-6", "--starts", "1")
+        level = self.drawn_by(page)["channels"][0]["innovations_before"]["level"]
+        self.assertGreater(max(level), 1e4 * min(level))
+        self.assertGreater(len(set(level)), 400)  # of 511
+
+    def test_nothing_is_cut_on_paper(self):
+        page = self.made("paper", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+        browser = self.browser
+        browser.screen(700, 900)
+        browser.open(page)
+        browser.run("for (const d of document.querySelectorAll('details')) d.open = true")
+        browser.devtools("Emulation.setEmulatedMedia", media="print")
+        try:
+            self.assertEqual([], browser.run("""return [...document.querySelectorAll(".code pre, .code, .scroll, code")]
+                .filter((e) => e.clientWidth > 0 && e.scrollWidth > e.clientWidth).map((e) => e.textContent.slice(0, 60))"""))
+            self.assertEqual(["11px"], browser.run("""const sizes = ["p.note", "table td", ".code pre", "footer", "body"].map((s) =>
+                getComputedStyle(document.querySelector(s)).fontSize); return [...new Set(sizes)]"""))
+        finally:
+            browser.devtools("Emulation.setEmulatedMedia", media="")
+
+    def test_check(self):
+        page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
+        self.looked_at("check", page, 6)
+        self.assertTrue(self.drawn_by(page)["forecasts"])
+        self.assertIn("Shaded: free run", self.browser.run("return document.querySelector('main').textContent"))
+        self.assertNotIn("the fit did see", self.browser.run("return document.querySelector('main').textContent"))
+
+    def test_a_verdict_does_not_hide_failing_tests(self):
+        model = self.path / "off.yaml"
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        swing, rows = 0.0, ["t,level"]
+        for t in range(400):
+            swing = 0.5 * swing + (t * 7919 % 101 - 50) + 80 * math.sin(0.9 * t)
+            rows.append(f"{t},{swing:.6f}")
+        recording = self.path / "swinging.csv"
+        recording.write_text("\n".join(rows) + "\n")
+        page = self.made("swinging", "tune", model, recording)
+        result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
+        failed = sum(not t["pass"] for t in result["tests"])
+        self.assertEqual("ok", result["status"]["code"])
+        self.assertGreater(failed, 0)
+        self.browser.open(page)
+        self.assertEqual(f"! Usable, but {failed} of {len(result['tests'])} tests fail", self.browser.run("return document.querySelector('#verdict strong').textContent"))
+
+    def test_zoom_is_shared(self):
+        page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")
+        self.browser.screen(1200, 900)
+        self.browser.open(page)
+        plots = self.browser.run("return document.querySelectorAll('.uplot').length")
+        self.assertGreaterEqual(plots, 4)
+        over = "document.querySelectorAll('.u-over')[0]"
+        self.browser.run(f"{over}.scrollIntoView()")
+        box = self.browser.run(f"const b = {over}.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]")
+        shown = lambda: self.browser.run("return [...document.querySelectorAll('.uplot canvas')].map((c) => c.toDataURL().length)")
+        before = shown()
+        x, y = box[0] + 0.3 * box[2], box[1] + 0.5 * box[3]
+        for kind, dx, buttons in (("mousePressed", 0, 1), ("mouseMoved", 0.15, 1), ("mouseMoved", 0.3, 1), ("mouseReleased", 0.3, 0)):
+            self.browser.devtools("Input.dispatchMouseEvent", type=kind, x=x + dx * box[2], y=y, button="left", buttons=buttons, clickCount=1)
+        time.sleep(0.3)
+        self.assertTrue(all(a != b for a, b in zip(before, shown())))
+        self.assertTrue(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
+        self.browser.run("document.querySelector('.reset').click()")
+        time.sleep(0.3)
+        self.assertEqual(before[0], shown()[0])
+        self.assertFalse(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
+
+    def test_names_cannot_break_out(self):
+        model = self.path / "spiteful.yaml"
+        text = (ROOT / "examples/nile.yaml").read_text()
+        spite = "</script><img src=x onerror=document.title='broken'>"
+        model.write_text(text.replace("name: Nile", f'name: "{spite}"').replace("name: level", f'name: "{spite}"'))
+        page = self.path / "spiteful.html"
+        subprocess.run([PROGRAM, "tune", model, ROOT / "data/nile.csv", "--report", page], check=True, capture_output=True)
+        self.browser.open(page)
+        self.assertEqual(spite, self.browser.run("return document.querySelector('h1').textContent"))
+        self.assertEqual(0, self.browser.run("return document.querySelectorAll('img').length"))
+        self.assertEqual([], self.browser.log("browser"))
+
+    def test_a_long_recording(self):
+        data = self.path / "long.csv"
+        model = self.path / "long.yaml"
+        model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
+        subprocess.run([PROGRAM, "simulate", model, "-n", "1000000", "-o", self.path / "long", "--seed", "3"], check=True, capture_output=True)
+        data = self.path / "long" / "simulated.csv"
+        used = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        begin, before = time.monotonic(), used()
+        page = self.made("long", "tune", str(model), str(data), "--starts", "1")
+        wall, spent = time.monotonic() - begin, used() - before
+        self.looked_at("long", page, 12)
+        print(f"1e6 samples read, tuned and reported: {page.stat().st_size / 1000:.0f} kB, {spent:.2f} s of one core, {wall:.2f} s in all")
+        self.assertLess(spent, 5.0)  # the processor's time: other tests run beside this one
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,108 @@
+#include "lib/filter/steady_state.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <gtest/gtest.h>
+#include <unsupported/Eigen/KroneckerProduct>
+
+#include "lib/base/random.h"
+#include "tests/support/random_model.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+TEST(DiscreteLyapunov, EqualsTheKroneckerSolution) {
+  Random random(1);
+  for (const double radius : {0.3, 0.9, 0.999}) {
+    for (Index n = 1; n <= 6; ++n) {
+      MatrixXd A = random_matrix(random, n, n);
+      A *= radius / A.eigenvalues().cwiseAbs().maxCoeff();
+      const MatrixXd W = random_matrix(random, n, n);  // not symmetric on purpose
+      const MatrixXd big = MatrixXd::Identity(n * n, n * n) - Eigen::kroneckerProduct(A, A).eval();
+      const Eigen::VectorXd direct = big.fullPivLu().solve(W.reshaped());
+      const auto P = solve_discrete_lyapunov(A, W);
+      ASSERT_TRUE(P.has_value());
+      EXPECT_TRUE(P->reshaped().isApprox(direct, 1e-10)) << radius << " " << n;
+    }
+  }
+}
+
+TEST(DiscreteLyapunov, RefusesWhatIsNotStable) {
+  EXPECT_FALSE(
+      solve_discrete_lyapunov(MatrixXd::Identity(2, 2), MatrixXd::Identity(2, 2)).has_value());
+  EXPECT_FALSE(solve_discrete_lyapunov(1.01 * MatrixXd::Identity(2, 2), MatrixXd::Identity(2, 2))
+                   .has_value());
+}
+
+TEST(DiscreteLyapunov, RefusesShapesThatDisagree) {
+  const MatrixXd square = MatrixXd::Zero(2, 2);
+  EXPECT_THROW(solve_discrete_lyapunov(MatrixXd::Zero(2, 3), square), std::invalid_argument);
+  EXPECT_THROW(solve_discrete_lyapunov(square, MatrixXd::Zero(2, 3)), std::invalid_argument);
+}
+
+TEST(SteadyState, SatisfiesTheRiccatiEquation) {
+  StateSpace m;
+  m.A = (MatrixXd(2, 2) << 1, 1, 0, 1).finished();  // integrators
+  m.C = Eigen::RowVector2d(1, 0);
+  m.G = MatrixXd::Identity(2, 2);
+  m.Q = Eigen::Vector2d(0.1, 0.01).asDiagonal();
+  m.R = MatrixXd::Constant(1, 1, 2.0);
+  m.S = Eigen::Vector2d(0.05, 0.02);
+  const auto s = steady_state(m);
+  ASSERT_TRUE(s.has_value());
+  const MatrixXd Sigma = m.C * s->P * m.C.transpose() + m.R;
+  const MatrixXd K = (m.A * s->P * m.C.transpose() + m.S) / Sigma(0, 0);
+  const MatrixXd next = m.A * s->P * m.A.transpose() + m.Q - K * Sigma * K.transpose();
+  EXPECT_TRUE(next.isApprox(s->P, 1e-11));
+  EXPECT_LT((m.A - s->K * m.C).eigenvalues().cwiseAbs().maxCoeff(), 1.0);
+}
+
+// w and v nearly the same noise: P is then a small part of what cancels in it. With S = (1 - eps)
+// sqrt(Q R) one state, seen as it is, has P = a'^2 P R / (P + R) + q', a' = a - S / R and
+// q' = Q - S^2 / R = Q eps (2 - eps).
+TEST(SteadyState, IsFoundForNoisesThatAreNearlyOne) {
+  const auto one = [](double x) { return MatrixXd::Constant(1, 1, x); };
+  StateSpace m;
+  m.A = one(0.9);
+  m.C = m.G = one(1.0);
+  m.Q = one(1.2);
+  m.R = one(0.13);
+  double worst = 0.0;
+  for (double eps = 0.1; eps > 1e-14; eps /= 10.0) {
+    SCOPED_TRACE(eps);
+    m.S = one((1.0 - eps) * std::sqrt(1.2 * 0.13));
+    const auto s = steady_state(m);
+    ASSERT_TRUE(s.has_value());
+    const double R = 0.13, a = 0.9 - m.S(0, 0) / R, q = 1.2 * eps * (2.0 - eps);
+    const double b = R * (1.0 - a * a) - q;
+    const double P = b > 0.0 ? 2.0 * q * R / (b + std::sqrt(b * b + 4.0 * q * R))
+                             : (-b + std::sqrt(b * b + 4.0 * q * R)) / 2.0;
+    // As far as Q and S tell it.
+    EXPECT_NEAR(s->P(0, 0), P, 1e-11 * P + 1e-14);
+    worst = std::max(worst, std::abs(s->P(0, 0) - P));
+    EXPECT_LT(std::abs(0.9 - s->K(0, 0)), 1.0);
+    StateSpace two;
+    two.A = MatrixXd{{0.9, 0.2}, {-0.1, 0.8}};
+    two.C = MatrixXd{{1.0, 0.0}, {0.3, 1.0}};
+    two.G = Eigen::Vector2d(0.5, 1.0);
+    two.Q = one(1.2);
+    two.R = Eigen::Vector2d(0.13, 1.7).asDiagonal();
+    two.S = Eigen::RowVector2d(m.S(0, 0), 0.0);
+    const auto t = steady_state(two);
+    ASSERT_TRUE(t.has_value());
+    EXPECT_LT((two.A - t->K * two.C).eigenvalues().cwiseAbs().maxCoeff(), 0.9);
+    EXPECT_GT(t->P.eigenvalues().real().minCoeff(), -1e-14);
+  }
+  std::printf("off by %.1e at most, of noise of 1.2\n", worst);
+}
+
+}  // namespace
+}  // namespace identikal

@@ -1,0 +1,94 @@
+#include "lib/model/traced.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "lib/base/constants.h"
+#include "lib/model/linear_formulas.h"
+#include "tests/support/written_model.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The same pendulum as a function and as text.
+struct TracedPendulum {
+  template <typename T>
+  void dynamics(const T* x, const T* u, const T* p, T t, T* f) const {
+    using std::abs;
+    using std::sin;
+    const T friction = p[1] * x[1] * abs(x[1]);
+    f[0] = x[1];
+    f[1] =
+        -kStandardGravity / p[0] * sin(x[0]) - friction + u[0] / p[2] * (1.0 + 0.1 * sin(3.0 * t));
+    f[1] += where(x[0] > 1.0, -p[1], 0.0 * x[0]);
+  }
+  template <typename T>
+  void outputs(const T* x, const T*, const T* p, T, T* y) const {
+    using std::sin;
+    y[0] = p[0] * sin(x[0]);
+  }
+};
+
+const Written kSamePendulum{
+    {"phi", "w"},
+    {"torque"},
+    {"l", "c", "J"},
+    {"w", "-g/l*sin(phi) - c*w*abs(w) + torque/J*(1 + 0.1*sin(3*t)) + if(phi > 1, -c, 0)"},
+    {"l*sin(phi)"},
+    {},
+    true};
+
+TEST(Traced, AFunctionIsTheSameModelAsItsFormulas) {
+  const NonlinearModel function =
+      make_nonlinear_model(trace(TracedPendulum(), {2, 1, 3, 1, true}), Derivatives::second);
+  const NonlinearModel text = make_nonlinear_model(formulas_of(kSamePendulum), Derivatives::second);
+  const VectorXd time = (VectorXd(2) << 0.0, 0.1).finished();
+  const InputNodes inputs =
+      input_nodes(time, (MatrixXd(1, 2) << 0.7, 0.3).finished(), InputPath::linear, 0.02);
+  const VectorXd p = (VectorXd(3) << 0.8, 0.2, 0.5).finished();
+  for (const double phi : {0.4, 1.6}) {
+    const auto moved = [&](const NonlinearModel& model, Slopes& slopes) {
+      ModelMemory memory = make_memory(model);
+      set_parameters(model, memory, p);
+      VectorXd x = (VectorXd(2) << phi, -0.6).finished();
+      step(model, memory, inputs, 0, x, slopes, Derivatives::second);
+      return x;
+    };
+    Slopes a, b;
+    EXPECT_LT((moved(function, a) - moved(text, b)).norm(), 1e-14);
+    EXPECT_LT((a.by_p - b.by_p).norm(), 1e-13);
+    EXPECT_LT((a.by_x_slopes - b.by_x_slopes).norm(), 1e-12);
+  }
+}
+
+struct TracedDecay {
+  template <typename T>
+  void dynamics(const T* x, const T* u, const T* p, T, T* f) const {
+    f[0] = (u[0] - x[0]) / p[0];
+  }
+  template <typename T>
+  void outputs(const T* x, const T*, const T*, T, T* y) const {
+    y[0] = x[0];
+  }
+};
+
+TEST(Traced, ALinearFunctionIsRecognised) {
+  const auto linear = linear_model_of(trace(TracedDecay(), {1, 1, 1, 1, true}));
+  ASSERT_TRUE(linear.has_value());
+  EXPECT_EQ(linear->A.formulas.size(), 1U);
+  EXPECT_FALSE(linear_model_of(trace(TracedPendulum(), {2, 1, 3, 1, true})).has_value());
+}
+
+TEST(Traced, ConstantsFoldAndGraphsDoNotMix) {
+  FormulaNodes one = untraced_nodes({1, 0, 0, 1, true}), other = untraced_nodes({1, 0, 0, 1, true});
+  const Traced x = traced_arguments(one).x[0], y = traced_arguments(other).x[0];
+  EXPECT_TRUE(one.graph.is_number((Traced(2.0) * 3.0 + exp(Traced(0.0))).in(one.graph), 7.0));
+  EXPECT_THROW(x + y, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace identikal
