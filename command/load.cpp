@@ -76,15 +76,15 @@ std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& 
         (model.form == ModelFile::Form::nonlinear && model.formulas.model.continuous);
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;
-      data = on_uniform_raster(data, step);
+      data = on_uniform_grid(data, step);
     }
     if (range.from > 0.0) {
       data.begins = "where --range begins";
     } else if (!out.empty()) {
       data.begins = "where the time stamps start again";
     }
-    for (Dataset& stretch : usable_stretches(model, std::move(data))) {
-      out.push_back(std::move(stretch));
+    for (Dataset& segment : usable_segments(model, std::move(data))) {
+      out.push_back(std::move(segment));
     }
   }
   return out;
@@ -278,7 +278,7 @@ std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
     Dataset& data = recordings.data[i];
     const auto kept =
         static_cast<Eigen::Index>(std::llround((1.0 - share) * static_cast<double>(data.size())));
-    // A stretch of a few rows is fitted whole.
+    // A segment of a few rows is fitted whole.
     if (kept < 1 || kept >= data.size()) continue;
     out.push_back({data, kept});
     data = first_samples(data, kept);

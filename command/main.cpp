@@ -474,8 +474,8 @@ int run_shape(const Arguments& args) {
   ShapeOptions options;
   options.most_order = args.order;
   options.seed = static_cast<std::uint64_t>(args.seed);
-  if (args.place == "process") options.place = NoisePlace::process;
-  if (args.place == "measurement") options.place = NoisePlace::measurement;
+  if (args.place == "process") options.place = NoiseSource::process;
+  if (args.place == "measurement") options.place = NoiseSource::measurement;
   options.hold_out = quantity("--hold-out", args.hold_out.empty() ? "30%" : args.hold_out, "%");
   if (!(options.hold_out >= 0.05 && options.hold_out <= 0.8)) {
     throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),

@@ -58,7 +58,7 @@ int main() {
   data.inputs = {{"torque", ""}};
   data.outputs = {{"angle", ""}};
   Random random(1);
-  data.y = nonlinear_realisation(model, data, random).y;
+  data.y = simulate_nonlinear_outputs(model, data, random).y;
 
   model.parameters[0].value(0, 0) = 1.2;
   model.parameters[1].value(0, 0) = 0.1;

@@ -111,8 +111,8 @@ std::array<ModelFile, 3> configurations() {
   // (5.29) as 1 + (0.552 z - 0.1932) / (z^2 - 0.6 z + 0.86).
   const ShapingFilter whole{Eigen::Vector2d(-0.6, 0.86), Eigen::Vector2d(-0.048, 0.6668)};
   const ShapingFilter coloured{whole.a, VectorXd::Constant(1, -0.35)};
-  const auto with_known_filter = [&](NoisePlace place) {
-    const bool in_process = place == NoisePlace::process;
+  const auto with_known_filter = [&](NoiseSource place) {
+    const bool in_process = place == NoiseSource::process;
     ModelFile out = with_shaping_filters(
         base, place, {{0, in_process ? whole : coloured, 0.05 * 0.552 * 0.552}});
     for (Parameter& p : out.parameters) {
@@ -122,7 +122,8 @@ std::array<ModelFile, 3> configurations() {
     }
     return out;
   };
-  return {with_known_filter(NoisePlace::process), with_known_filter(NoisePlace::measurement), base};
+  return {with_known_filter(NoiseSource::process), with_known_filter(NoiseSource::measurement),
+          base};
 }
 constexpr std::array kConfigurations{"coloured process noise", "coloured measurement noise",
                                      "white noise"};

@@ -38,7 +38,7 @@ Experiment517 experiment(bool coloured, const StudyOptions& options) {
   Experiment517 out;
   out.truth = model_of(out.system, 1.0, 1.0);
   if (coloured) {
-    out.truth = with_shaping_filters(out.truth, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+    out.truth = with_shaping_filters(out.truth, NoiseSource::process, {{0, filter_5_21(), 1.0}});
   }
   Random random(options.seed);
   out.data = recording(out.truth, kRecorded, random);

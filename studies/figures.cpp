@@ -131,7 +131,7 @@ Panel map_of(const VectorXd& q, const VectorXd& r, const MatrixXd& share, const 
 StudyReport figure_4(const StudyOptions& options) {
   const ModelFile truth = scalar_model(kMapA, kMapQ, kMapR);
   const VectorXd q = VectorXd::LinSpaced(80, 0.25, 20.0), r = q;
-  const double stretch = 1.0 / (1.0 - kMapA * kMapA), y = std::sqrt(stretch * kMapQ + kMapR);
+  const double segment = 1.0 / (1.0 - kMapA * kMapA), y = std::sqrt(segment * kMapQ + kMapR);
   Random random(options.seed);
   Dataset data = recording(truth, 1, random);
   data.y(0, 0) = y;  // a typical one, rather than what the seed gives
@@ -158,7 +158,7 @@ StudyReport figure_4(const StudyOptions& options) {
   panel.title = "Likelihood of Q and R, one sample";
   Curve ridge{"Q / (1 − a²) + R = y²", VectorXd::LinSpaced(200, q[0], q[q.size() - 1]), VectorXd(),
               Curve::Form::dashed};
-  ridge.y = y * y - stretch * ridge.x.array();
+  ridge.y = y * y - segment * ridge.x.array();
   for (double& v : ridge.y) v = v < r[0] || v > r[r.size() - 1] ? std::nan("") : v;
   panel.curves = {point("truth", kMapQ, kMapR), ridge};
   out.csv = grid_csv(q, r, {{"likelihood", L.array().exp()}});

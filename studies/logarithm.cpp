@@ -16,7 +16,7 @@
 #include "identify/vehicle/fit.h"
 #include "identify/vehicle/starts.h"
 #include "lib/base/random.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "studies/runs.h"
 #include "studies/sladka_lane_change.h"
 
@@ -69,7 +69,7 @@ DiscreteFit discrete_fit(const SingleTrack<>& car, const MatrixXd& x, const Vect
 
 StudyReport logarithm_study(const StudyOptions& options) {
   constexpr double kSdR = 0.01, kSdVy = 0.03, kSpeed = 60.0 / 3.6;  // [rad/s], [m/s], [m/s]
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
   const ModelFile model = thesis_model();
   enum { kStates, kSteering, kEquationError, kOutputError, kMethods };
@@ -84,10 +84,10 @@ StudyReport logarithm_study(const StudyOptions& options) {
     data.dt = kThesisStep;
     data.inputs = {{"steering_wheel_angle", "rad"}, {"vx", "m/s"}};
     data.outputs = {{"r", "rad/s"}, {"vy", "m/s"}};
-    data.u.resize(2, kThesisSamples);
+    data.u.resize(2, kSladka2010Samples);
     data.u << truth.steering.transpose(), truth.vx.transpose();
-    data.y.resize(2, kThesisSamples);
-    for (Index t = 0; t < kThesisSamples; ++t) {
+    data.y.resize(2, kSladka2010Samples);
+    for (Index t = 0; t < kSladka2010Samples; ++t) {
       data.y(0, t) = truth.states(1, t) + kSdR * random.normal();
       data.y(1, t) = truth.states(0, t) + kSdVy * random.normal();
     }

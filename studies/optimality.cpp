@@ -154,10 +154,10 @@ Stop published_sequential(const VectorXd& e) {
 }
 
 Stop sequential(const MatrixXd& e) {
-  SequentialTestOptions options;
+  SequentialProbabilityRatioOptions options;
   options.false_alarm = kFalseAlarm;
   options.miss = kMiss;
-  SequentialTest test = start_sequential_test(e.rows(), options);
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(e.rows(), options);
   Index t = 0;
   while (t < e.cols() && test.decision == SequentialDecision::undecided) update(test, e.col(t++));
   return {test.decision, t};
@@ -217,7 +217,7 @@ void run(const StateSpace& truth, const Tuning& tuning, Index samples, Random& r
   };
   counts.portmanteau_5.add(accepts(portmanteau(e, 5)));
   counts.portmanteau_20.add(accepts(portmanteau(e, 20)));
-  counts.score.add(accepts(score_test(with_free_noise(model), {data}).statistic));
+  counts.score.add(accepts(score_statistic(with_free_noise(model), {data}).statistic));
   counts.standard.add(test_optimality(model, {data}, {filter}).optimal);
   counts.sequential.add(sequential(e).decision);
 }
@@ -354,7 +354,7 @@ StudyReport figure_of_decisions(int number, const StudyOptions& options) {
         "The past predicts {:.1f} % of the variance of these innovations; ours is asked to miss no "
         "more than b of\ncolours of {:.0f} % and more, and calls smaller ones white.\n",
         100.0 * (1.0 - optimal_power.sum() / power.sum()),
-        100.0 * std::pow(SequentialTestOptions{}.smallest, 2));
+        100.0 * std::pow(SequentialProbabilityRatioOptions{}.smallest, 2));
   }
   out.figure = figure;
   return out;

@@ -119,7 +119,7 @@ Dataset recording(const StateSpace& system, InitialState initial, Index samples,
   out.name = "simulated";
   out.dt = 1.0;
   out.time = VectorXd::LinSpaced(samples, 0.0, static_cast<double>(samples - 1));
-  out.y = realisation(system, initial, {}, samples, random, states);
+  out.y = simulate_outputs(system, initial, {}, samples, random, states);
   out.u.resize(0, samples);
   for (Index i = 0; i < out.y.rows(); ++i) out.outputs.push_back({fmt::format("y{}", i + 1), ""});
   return out;

@@ -1,7 +1,7 @@
 #include "studies/sladka_lane_change.h"
 
 #include "lib/vehicle/motion.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "lib/vehicle/trajectory.h"
 
 namespace identikal {
@@ -11,16 +11,16 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, double to_speed) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   constexpr int kFine = 100;  // steps of the true car between two samples
-  const Index fine = (kThesisSamples - 1) * kFine + 1;
-  const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kThesisStep * (kThesisSamples - 1));
+  const Index fine = (kSladka2010Samples - 1) * kFine + 1;
+  const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kThesisStep * (kSladka2010Samples - 1));
   const VectorXd angle = steering(manoeuvre, time);
   const VectorXd vx = VectorXd::LinSpaced(fine, from_speed, to_speed);
   MatrixXd states(2, fine);
   simulate(car, drive(time, angle, vx, {decay_rate_times_speed(car)}), 0.0, 0.0,
            [&](Index t, const Motion& motion, double) { states.col(t) << motion.vy, motion.r; });
-  const auto samples = Eigen::seqN(0, kThesisSamples, kFine);
+  const auto samples = Eigen::seqN(0, kSladka2010Samples, kFine);
   TrueDrive out;
   out.time = time(samples);
   out.steering = angle(samples);
@@ -31,7 +31,7 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
 }
 
 ModelFile thesis_model(const std::vector<std::string>& outputs) {
-  const VehicleParameters<double> car = thesis_car();
+  const VehicleParameters<double> car = sladka2010_car();
   const auto parameter = [](const char* name, const char* unit, double value) {
     Parameter p;
     p.name = name;

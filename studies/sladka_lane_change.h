@@ -11,8 +11,8 @@
 
 namespace identikal {
 
-inline constexpr Eigen::Index kThesisSamples = 70;  ///< section 8.3: 7 s at 10 Hz
-inline constexpr double kThesisStep = 0.1;          ///< [s]
+inline constexpr Eigen::Index kSladka2010Samples = 70;  ///< section 8.3: 7 s at 10 Hz
+inline constexpr double kThesisStep = 0.1;              ///< [s]
 
 struct TrueDrive {
   Eigen::VectorXd time, steering, vx;  ///< of the samples, SI; angle at the steering wheel

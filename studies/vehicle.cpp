@@ -15,7 +15,7 @@
 #include "lib/regression/recursive_least_squares.h"
 #include "lib/vehicle/manoeuvre.h"
 #include "lib/vehicle/motion.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "lib/vehicle/trajectory.h"
 #include "lib/vehicle/velocity_sensors.h"
 #include "studies/logarithm.h"
@@ -75,7 +75,7 @@ struct ScalarRls {
 ScalarRls scalar_rls(const VectorXd& regressor, const VectorXd& y, double start_p) {
   Forgetting forgetting;
   forgetting.factor = kMemory;
-  const RegressionCourse course =
+  const RegressionHistory course =
       run_recursive_least_squares(regressor.transpose(), y, 1.0 / start_p, forgetting);
   return {y - course.prior_error, course.theta.row(0).transpose()};
 }
@@ -85,7 +85,7 @@ struct SensorExperiment {
   VectorXd steering;     // measured
   MatrixXd speed, slip;  // 2 x N, of both vector sensors
   Matrix3Xd derived;     // vx, vy, r from them
-  MatrixXd free_run;     // 2 x N: states simulated from measured inputs
+  MatrixXd simulation;   // 2 x N: states simulated from measured inputs
   std::array<ScalarRls, 2> rls;
   MatrixXd kalman;          // 2 x N, given the samples up to each
   Eigen::Matrix2Xd marked;  // the measured track
@@ -93,10 +93,10 @@ struct SensorExperiment {
 
 // The regressors that sections 9.1 to 9.3 leave open.
 MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measured_state) {
-  const SingleTrack<> car = linear_car(thesis_car());
-  MatrixXd out(2, kThesisSamples);
+  const SingleTrack<> car = linear_car(sladka2010_car());
+  MatrixXd out(2, kSladka2010Samples);
   Vector2d state = Vector2d::Zero();
-  for (Index t = 0; t < kThesisSamples; ++t) {
+  for (Index t = 0; t < kSladka2010Samples; ++t) {
     if (t > 0) state = source_step(car, moment, state, run.steering[t - 1], run.derived(0, t - 1));
     out(0, t) = state[0];
     out(1, t) = state[1];
@@ -107,11 +107,12 @@ MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measure
 
 MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derived,
                        double steering_sd) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   const VectorXd angle = run.steering / car.steering_ratio;
   // Steering between samples is not the straight line that the model takes it for.
-  const VectorXd bend = angle.tail(kThesisSamples - 2) -
-                        2.0 * angle.segment(1, kThesisSamples - 2) + angle.head(kThesisSamples - 2);
+  const VectorXd bend = angle.tail(kSladka2010Samples - 2) -
+                        2.0 * angle.segment(1, kSladka2010Samples - 2) +
+                        angle.head(kSladka2010Samples - 2);
   const double process_sd = std::hypot(steering_sd / car.steering_ratio, rms(bend) / 8.0);
   const ModelAt model = [&](Index t, StateSpace& at, std::vector<StateSpace>*) {
     const SingleTrackMatrices motion = single_track_matrices(car, derived.value(0, t));
@@ -149,8 +150,8 @@ SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   sensors[0].y = -0.027;
   sensors[1].x = -2.760;
   sensors[1].y = -0.379;
-  out.speed.resize(2, kThesisSamples);
-  out.slip.resize(2, kThesisSamples);
+  out.speed.resize(2, kSladka2010Samples);
+  out.slip.resize(2, kSladka2010Samples);
   Eigen::RowVectorXd angle = truth.steering.transpose();
   const double steering_sd = noisy(angle, kAngleSnr);
   out.steering = angle.transpose();
@@ -169,14 +170,14 @@ SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   }
   const CentreVelocity derived = centre_velocity(sensors, out.speed, out.slip);
   out.derived = derived.value;
-  out.free_run = regressor(out, Moment::balanced, false);
+  out.simulation = regressor(out, Moment::balanced, false);
   for (Index i = 0; i < 2; ++i) {
     out.rls[static_cast<std::size_t>(i)] =
-        scalar_rls(out.free_run.row(i).transpose(), out.derived.row(1 + i).transpose(), kStartP);
+        scalar_rls(out.simulation.row(i).transpose(), out.derived.row(1 + i).transpose(), kStartP);
   }
   out.kalman = kalman_states(out, derived, steering_sd);
   out.marked = Eigen::Rotation2Dd(kTurned).toRotationMatrix() * truth.track.topRows<2>();
-  for (Index t = 0; t < kThesisSamples; ++t) out.marked.col(t) += kTrackSd * random.normal(2);
+  for (Index t = 0; t < kSladka2010Samples; ++t) out.marked.col(t) += kTrackSd * random.normal(2);
   return out;
 }
 
@@ -214,7 +215,7 @@ std::string experiment_csv(const TrueDrive& truth, const SensorExperiment& run) 
       "vx [m/s],vy [m/s],r [rad/s],vx_true [m/s],vy_true [m/s],r_true [rad/s],"
       "vy_rls [m/s],r_rls [rad/s],vy_kalman [m/s],r_kalman [rad/s],"
       "coefficient_vy,coefficient_r,X_marked [m],Y_marked [m]\n";
-  for (Index t = 0; t < kThesisSamples; ++t) {
+  for (Index t = 0; t < kSladka2010Samples; ++t) {
     out += fmt::format("{:g},{:.8g},{:.8g},{:.8g},{:.8g},{:.8g}", truth.time[t],
                        run.steering[t] / kDegree, run.speed(0, t), run.slip(0, t) / kDegree,
                        run.speed(1, t), run.slip(1, t) / kDegree);
@@ -233,7 +234,7 @@ Panel panel_over_time(const std::string& title, const std::string& label,
                       const std::vector<Curve>& curves) {
   Panel panel;
   panel.title = title;
-  panel.x = {"time [s]", 0.0, kThesisStep * (kThesisSamples - 1)};
+  panel.x = {"time [s]", 0.0, kThesisStep * (kSladka2010Samples - 1)};
   panel.y = {label, 0.0, 0.0};
   for (const Curve& curve : curves) {
     panel.y.low = std::min(panel.y.low, curve.y.minCoeff());
@@ -263,7 +264,7 @@ double delay(const VectorXd& estimate, const VectorXd& truth) {
   constexpr Index kFarthest = 10;
   std::array<double, 2 * kFarthest + 1> sum{};
   for (Index lag = -kFarthest; lag <= kFarthest; ++lag) {
-    const Index n = kThesisSamples - std::abs(lag);
+    const Index n = kSladka2010Samples - std::abs(lag);
     sum[static_cast<std::size_t>(lag + kFarthest)] =
         estimate.segment(std::max<Index>(lag, 0), n)
             .dot(truth.segment(std::max<Index>(-lag, 0), n));
@@ -281,16 +282,16 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
   const VectorXd x = truth.states.row(i).transpose();
   enum { kDerived, kFreeRun, kRls, kKalman, kRows };
   Eigen::Vector4d squares = Eigen::Vector4d::Zero(), late = squares, delays = squares;
-  const Index second = kThesisSamples - kFromSample;
+  const Index second = kSladka2010Samples - kFromSample;
   const double share = 1.0 / static_cast<double>(runs.size());
   for (const SensorExperiment& run : runs) {
     const std::array<VectorXd, kRows> estimates{
-        run.derived.row(1 + i).transpose(), run.free_run.row(i).transpose(),
+        run.derived.row(1 + i).transpose(), run.simulation.row(i).transpose(),
         run.rls[static_cast<std::size_t>(i)].estimate, run.kalman.row(i).transpose()};
     for (Index k = 0; k < kRows; ++k) {
       const VectorXd& estimate = estimates[static_cast<std::size_t>(k)];
       const VectorXd e = estimate - x;
-      squares[k] += share * e.squaredNorm() / kThesisSamples;
+      squares[k] += share * e.squaredNorm() / kSladka2010Samples;
       late[k] += share * e.tail(second).squaredNorm() / static_cast<double>(second);
       delays[k] += share * delay(estimate, x);
     }
@@ -358,8 +359,8 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
       const VectorXd y = runs[k].derived.row(1 + i).transpose();
       const MatrixXd phi = of_run(runs[k]);
       const ScalarRls rls = scalar_rls(phi.row(i).transpose(), y, start_p);
-      last[static_cast<Index>(k)] = rls.coefficient[kThesisSamples - 1];
-      const double late = rms((rls.estimate - y).tail(kThesisSamples - kFromSample));
+      last[static_cast<Index>(k)] = rls.coefficient[kSladka2010Samples - 1];
+      const double late = rms((rls.estimate - y).tail(kSladka2010Samples - kFromSample));
       misfit += late * late / static_cast<double>(runs.size());
     }
     const double spread = std::sqrt((last.array() - last.mean()).square().sum() /
@@ -368,9 +369,9 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
                             std::sqrt(misfit));
   };
   line("free run, moment balance (used in the figures)", kStartP,
-       [](const SensorExperiment& run) { return run.free_run; });
+       [](const SensorExperiment& run) { return run.simulation; });
   line("the same, P(0) = 1/delta as in table 6.1", 1.0 / kStartP,
-       [](const SensorExperiment& run) { return run.free_run; });
+       [](const SensorExperiment& run) { return run.simulation; });
   line("one step from the measured state, moment balance", kStartP,
        [](const SensorExperiment& run) { return regressor(run, Moment::balanced, true); });
   line("one step from the measured state, (7.4) as printed", kStartP,
@@ -385,9 +386,9 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
       "{:.2g} {} at the last sample. So the source ran it from measured states, or not as "
       "printed.\n"
       "agrees? {}\n",
-      printed.row(i).cwiseAbs()[kThesisSamples - 1], i == 0 ? "m/s" : "rad/s", agrees);
+      printed.row(i).cwiseAbs()[kSladka2010Samples - 1], i == 0 ? "m/s" : "rad/s", agrees);
   const SensorExperiment& first = runs.front();
-  const VectorXd one = VectorXd::Ones(kThesisSamples);
+  const VectorXd one = VectorXd::Ones(kSladka2010Samples);
   out.csv = experiment_csv(truth, first);
   out.figure = Figure{{panel_over_time(
       "Filter coefficient", "coefficient [-]",
@@ -439,8 +440,8 @@ StudyReport track_figure(const char* name, bool with_kalman, const char* publish
       const Eigen::Matrix2Xd turned = Eigen::Rotation2Dd(kTurned).toRotationMatrix() * derived;
       angle[static_cast<Index>(k)] = fit.angle / kDegree;
       se += share * fit.angle_se / kDegree;
-      before += share * (derived - runs[k].marked).squaredNorm() / kThesisSamples;
-      after += share * (turned - runs[k].marked).squaredNorm() / kThesisSamples;
+      before += share * (derived - runs[k].marked).squaredNorm() / kSladka2010Samples;
+      after += share * (turned - runs[k].marked).squaredNorm() / kSladka2010Samples;
     }
     const double spread =
         std::sqrt((angle.array() - angle.mean()).square().sum() * share / (1.0 - share));

@@ -32,8 +32,8 @@ using Eigen::VectorXd;
 
 using Say = std::function<bool(const std::string& what)>;  // false: stop
 
-const char* place_name(NoisePlace place) {
-  return place == NoisePlace::process ? "process" : "measurement";
+const char* place_name(NoiseSource place) {
+  return place == NoiseSource::process ? "process" : "measurement";
 }
 
 double bic_of(double log_likelihood, Index unknowns, Index samples) {
@@ -51,7 +51,7 @@ struct Candidate {
 
 std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOptions& options) {
   std::vector<ShapingStructure> out;
-  const auto place = [&](NoisePlace where, Index channels) {
+  const auto place = [&](NoiseSource where, Index channels) {
     if (options.place && *options.place != where) return;
     if (!shaping_fault(model, where).empty()) return;
     std::vector<std::vector<Index>> sets;
@@ -62,8 +62,8 @@ std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOpti
     }
     for (const std::vector<Index>& set : sets) out.push_back({where, set, 1});
   };
-  place(NoisePlace::process, model.linear.G.constant.cols());
-  place(NoisePlace::measurement, model.linear.C.constant.rows());
+  place(NoiseSource::process, model.linear.G.constant.cols());
+  place(NoiseSource::measurement, model.linear.C.constant.rows());
   return out;
 }
 
@@ -154,8 +154,9 @@ std::string channel_names(const ModelFile& model, const ShapingStructure& struct
   std::string out;
   for (const Index c : structure.channels) {
     if (!out.empty()) out += ", ";
-    out += structure.place == NoisePlace::process ? fmt::format("w{}", c + 1)
-                                                  : model.outputs[static_cast<std::size_t>(c)].name;
+    out += structure.place == NoiseSource::process
+               ? fmt::format("w{}", c + 1)
+               : model.outputs[static_cast<std::size_t>(c)].name;
   }
   return out;
 }
@@ -164,7 +165,7 @@ std::string channel_names(const ModelFile& model, const ShapingStructure& struct
 const Dataset& longest_recording(const ModelFile& model, const std::vector<Dataset>& recordings,
                                  const ShapeOptions& options) {
   if (structures(model, options).empty()) {
-    const NoisePlace place = options.place.value_or(NoisePlace::process);
+    const NoiseSource place = options.place.value_or(NoiseSource::process);
     throw InputError({model.path, 0, 0},
                      "no shaping filter can be put into this model: " + shaping_fault(model, place),
                      "a discrete-time model, 'initial: stationary' or 'diffuse'");
@@ -231,7 +232,7 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
   constexpr double kHopeless = 15.0;  // BIC behind the best of its place
   const Index samples = samples_present(recordings);
   std::vector<Candidate> out;
-  for (const NoisePlace place : {NoisePlace::process, NoisePlace::measurement}) {
+  for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
     std::size_t taken = 0;
     double first = 0.0;
     for (const SpectralSolution& s : fits) {
@@ -506,7 +507,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   describe_white(first);
   report.spectrum_shaped = innovation_spectra(innovations, first).level;
   report.output_peak = output_peak(*out.model, report.poles, dt);
-  if (best.structure.place == NoisePlace::process) {
+  if (best.structure.place == NoiseSource::process) {
     out.in_measurement = same_outputs(
         *out.model, static_cast<Index>(best.structure.channels.size()) * best.structure.order);
   }

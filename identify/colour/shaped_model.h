@@ -12,7 +12,7 @@ namespace identikal {
 /// Where coloured noise enters. From outputs alone the two cannot be told apart in general: for
 /// every model of one kind there is one of the other with the same spectrum when system and filter
 /// share no pole (Matisko 2013, section 5.6).
-enum class NoisePlace {
+enum class NoiseSource {
   process,      ///< (5.22): G w becomes G H(z) w
   measurement,  ///< (5.23): a coloured part is added to the white v
 };
@@ -24,14 +24,14 @@ struct ShapedChannel {
 };
 
 /// Why the model cannot take such a filter; empty when it can.
-std::string shaping_fault(const ModelFile& model, NoisePlace place);
+std::string shaping_fault(const ModelFile& model, NoiseSource place);
 
 /// The model with states [f; x], f those of the filters (lib/model/shaping_filter.h). The
 /// parameters are the model's own, then of every channel the variance (measurement), a_1 ..., b_1
 /// ..., free. A diagonal Q becomes one parameter per variance where coloured measurement noise is
 /// added.
 /// @throws std::invalid_argument where shaping_fault() is not empty
-ModelFile with_shaping_filters(const ModelFile& model, NoisePlace place,
+ModelFile with_shaping_filters(const ModelFile& model, NoiseSource place,
                                const std::vector<ShapedChannel>& channels);
 
 /// The model as text that read_model_file() reads: matrices, free parameters with their values.

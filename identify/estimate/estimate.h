@@ -206,7 +206,7 @@ struct Posterior {
 };
 
 /// How noise or coefficients were estimated from sample to sample, in the parameters' units.
-struct Course {
+struct TimeHistory {
   std::vector<std::string> names, units;  ///< of the free parameters
   Eigen::MatrixXd mean, sd;               ///< names x N; sd is kNone while nothing is learnt
   Eigen::VectorXd log_alarm;              ///< N: of the test for a change; kNone without test
@@ -349,7 +349,7 @@ struct Estimate {
   Identifiability identifiability;
   std::optional<Bound> bound;           ///< verb bound only
   std::optional<Posterior> posterior;   ///< method bayes and verb track only
-  std::optional<Course> course;         ///< verb track only
+  std::optional<TimeHistory> course;    ///< verb track only
   std::optional<Shaping> shaping;       ///< verb shape only
   std::optional<FilterLoss> loss;       ///< where noise is estimated, and verb bound
   std::optional<Sources> sources;       ///< tune --sources only

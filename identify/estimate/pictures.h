@@ -36,14 +36,15 @@ struct Pictures {
   std::vector<LikelihoodProfile> profiles;
   Eigen::MatrixXd standardised_before;  ///< residuals / standard deviation, at the start's values
   Eigen::MatrixXd one_step;             ///< predicted from everything before
-  Eigen::MatrixXd free_run;             ///< predicted without any later correction
-  Eigen::MatrixXd free_run_sd;          ///< its standard deviation
+  Eigen::MatrixXd simulation;           ///< predicted without any later correction
+  Eigen::MatrixXd simulation_sd;        ///< its standard deviation
   Eigen::VectorXd held_time;            ///< [s]: of M rows that the fit did not see
   std::vector<int> held_recording;      ///< 1, 2, ... of each of them; empty = there is one
-  Eigen::MatrixXd held_measured, held_free_run;  ///< channels x M
+  Eigen::MatrixXd held_measured, held_out_simulation;  ///< channels x M
   Eigen::MatrixXd held_standardised;  ///< channels x M, what Series::standardised is of the others
   std::vector<AxlePicture> axles;
-  bool washed_out = false;  ///< the axles' balances are high-pass filtered: only ay was measured
+  bool high_pass_filtered =
+      false;  ///< the axles' balances are high-pass filtered: only ay was measured
   std::vector<TrackPicture> tracks;
 };
 

@@ -158,8 +158,8 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
   return sum_;
 }
 
-NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
-                                           Random& random) {
+NonlinearRealisation simulate_nonlinear_outputs(const ModelFile& model, const Dataset& recording,
+                                                Random& random) {
   const FilterNoise noise = noise_of(written_matrices(model.linear, model.parameters));
   const IntegrationSteps steps = motion_steps(model, model.parameters, recording, noise.x0);
   if (steps.status == StepStatus::not_finite) {
@@ -169,9 +169,9 @@ NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset
                      "values from which the model can be simulated",
                      "other values, or time: {integration_step: ...}");
   }
-  return nonlinear_realisation(model.formulas.model, formula_parameters(model, model.parameters),
-                               noise, model.linear.noise, nodes_in(model, recording, steps.steps),
-                               random);
+  return simulate_nonlinear_outputs(
+      model.formulas.model, formula_parameters(model, model.parameters), noise, model.linear.noise,
+      nodes_in(model, recording, steps.steps), random);
 }
 
 MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
@@ -184,9 +184,9 @@ MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
     steps.steps.assign(static_cast<std::size_t>(std::max<Index>(recording.size() - 1, 0)), 1);
   }
   Random unused(1);
-  return nonlinear_realisation(model.formulas.model, formula_parameters(model, at), noise,
-                               ProcessNoise::per_sample, nodes_in(model, recording, steps.steps),
-                               unused)
+  return simulate_nonlinear_outputs(model.formulas.model, formula_parameters(model, at), noise,
+                                    ProcessNoise::per_sample,
+                                    nodes_in(model, recording, steps.steps), unused)
       .y;
 }
 

@@ -50,8 +50,8 @@ class NonlinearRecordings {
 
 /// A recording with this one's times and inputs, drawn from the model at its own values.
 /// @throws std::invalid_argument when a covariance is not positive semidefinite
-NonlinearRealisation nonlinear_realisation(const ModelFile& model, const Dataset& recording,
-                                           Random& random);
+NonlinearRealisation simulate_nonlinear_outputs(const ModelFile& model, const Dataset& recording,
+                                                Random& random);
 
 /// What the outputs would be without noise, from the state x at the first sample; SI, ny x N.
 Eigen::MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,

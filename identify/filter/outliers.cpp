@@ -245,9 +245,10 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
   return recordings;
 }
 
-void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
-                          const ParameterSet& parameters, const std::vector<Dataset>& recordings,
-                          const std::vector<FilterResult>& filters) {
+void warn_of_outliers_and_offset(Estimate& estimate, const ModelFile& model,
+                                 const ParameterSet& parameters,
+                                 const std::vector<Dataset>& recordings,
+                                 const std::vector<FilterResult>& filters) {
   warn_of_outliers(estimate, model, parameters, recordings, filters);
   warn_of_offset(estimate, model, parameters, recordings, filters);
 }

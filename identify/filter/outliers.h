@@ -19,7 +19,7 @@ struct Outlier {
 
 /// Samples whose innovation, whitened by its own covariance, lies more than 6 robust standard
 /// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. An outlier disturbs the
-/// filter for a while; so one is looked for at a time in every stretch as long as the filter's
+/// filter for a while; so one is looked for at a time in every segment as long as the filter's
 /// memory, taken out, and the filter run again.
 std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings);
@@ -31,9 +31,10 @@ std::vector<Dataset> without(std::vector<Dataset> recordings, const std::vector<
 /// explain it. Serious, so that the result is not to be trusted, when they make up more than 5 %
 /// of the innovations' power: by that much the noise is overestimated.
 /// @param filters  of each recording, at these parameters (identify/filter/report.h)
-void warn_of_suspect_data(Estimate& estimate, const ModelFile& model,
-                          const ParameterSet& parameters, const std::vector<Dataset>& recordings,
-                          const std::vector<FilterResult>& filters);
+void warn_of_outliers_and_offset(Estimate& estimate, const ModelFile& model,
+                                 const ParameterSet& parameters,
+                                 const std::vector<Dataset>& recordings,
+                                 const std::vector<FilterResult>& filters);
 
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
 /// no more are found. The result's warning "outliers_left_out" names them.

@@ -42,8 +42,8 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
         system.C * filter.P_pred[static_cast<std::size_t>(k)] * system.C.transpose() + system.R;
     for (Index i = 0; i < mean.size(); ++i) {
       const Unit unit = parse_unit(data.outputs[static_cast<std::size_t>(i)].unit).value_or(Unit{});
-      out.free_run(i, at + t) = unit.from_si(mean[i]);
-      out.free_run_sd(i, at + t) = std::sqrt(std::max(0.0, Sigma(i, i))) / unit.scale;
+      out.simulation(i, at + t) = unit.from_si(mean[i]);
+      out.simulation_sd(i, at + t) = std::sqrt(std::max(0.0, Sigma(i, i))) / unit.scale;
     }
   }
 }
@@ -51,11 +51,11 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
 // The model on its own; columns from `at` of the pictures.
 void simulate(const ModelFile& model, const ParameterSet& parameters, const Dataset& data, Index at,
               Pictures& out) {
-  const MatrixXd y = free_run(model, parameters, data);
+  const MatrixXd y = simulated_outputs(model, parameters, data);
   for (Index i = 0; i < y.rows(); ++i) {
     const Unit unit = parse_unit(data.outputs[static_cast<std::size_t>(i)].unit).value_or(Unit{});
     for (Index t = 0; t < y.cols(); ++t) {
-      out.free_run(i, at + t) = std::isfinite(y(i, t)) ? unit.from_si(y(i, t)) : kNone;
+      out.simulation(i, at + t) = std::isfinite(y(i, t)) ? unit.from_si(y(i, t)) : kNone;
     }
   }
 }
@@ -71,8 +71,8 @@ void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordin
   for (const Dataset& data : recordings) rows += data.size();
   if (rows != series.measured.cols()) return;
   const ParameterSet end = parameters_of(estimate, model.parameters);
-  out.free_run = MatrixXd::Constant(series.measured.rows(), rows, kNone);
-  out.free_run_sd = out.free_run;
+  out.simulation = MatrixXd::Constant(series.measured.rows(), rows, kNone);
+  out.simulation_sd = out.simulation;
   Index at = 0;
   for (const Dataset& data : recordings) {
     if (model.form == ModelFile::Form::nonlinear) {

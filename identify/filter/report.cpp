@@ -386,7 +386,7 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
   describe_innovations(estimate, recordings, filters);
   if (model.form == ModelFile::Form::nonlinear) {
     warn_of_integration(estimate, model, parameters, recordings);
-    describe_free_run(estimate, model, parameters, recordings);
+    describe_simulation(estimate, model, parameters, recordings);
   }
   return filters;
 }

@@ -103,8 +103,8 @@ void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
 
 }  // namespace
 
-MatrixXd free_run(const ModelFile& model, const ParameterSet& parameters,
-                  const Dataset& recording) {
+MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& parameters,
+                           const Dataset& recording) {
   const SmootherResult known = run_smoother(model, parameters, recording, std::nullopt);
   const bool runs = known.status == FilterStatus::ok && known.x.col(0).allFinite();
   const VectorXd x =
@@ -113,12 +113,12 @@ MatrixXd free_run(const ModelFile& model, const ParameterSet& parameters,
   return out.array().isFinite().select(out, kInfinity);
 }
 
-void describe_free_run(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                       const std::vector<Dataset>& recordings) {
+void describe_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                         const std::vector<Dataset>& recordings) {
   MatrixXd y, errors;
   for (const Dataset& data : recordings) {
     append(y, data.y);
-    append(errors, data.y - free_run(model, parameters, data));
+    append(errors, data.y - simulated_outputs(model, parameters, data));
   }
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
 }
@@ -155,7 +155,7 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
     append(y, data.y);
     append(innovations, filter.e);
     append(standardised, filter.standardised);
-    append(simulated, free_run(here, end, data));
+    append(simulated, simulated_outputs(here, end, data));
     time.conservativeResize(y.cols());
     time.tail(data.size()) = data.time;
     recording.resize(static_cast<std::size_t>(y.cols()),
@@ -173,7 +173,7 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
   estimate.pictures.held_recording = std::move(recording);
   estimate.pictures.held_standardised = std::move(standardised);
   estimate.pictures.held_measured = in_units(y, outputs);
-  estimate.pictures.held_free_run = in_units(simulated, outputs);
+  estimate.pictures.held_out_simulation = in_units(simulated, outputs);
 }
 
 }  // namespace identikal

@@ -16,12 +16,12 @@ namespace identikal {
 /// model's start): nothing of the recording enters but through that state.
 /// @param model  of the form linear or nonlinear
 /// @return SI, ny x N; infinite where the motion runs away
-Eigen::MatrixXd free_run(const ModelFile& model, const ParameterSet& parameters,
-                         const Dataset& recording);
+Eigen::MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& parameters,
+                                  const Dataset& recording);
 
 /// Fills `simulation` with the fit of the free runs.
-void describe_free_run(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                       const std::vector<Dataset>& recordings);
+void describe_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                         const std::vector<Dataset>& recordings);
 
 /// Rows from `from` on were not fitted to; those before were.
 struct HeldOut {

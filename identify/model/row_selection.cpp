@@ -8,12 +8,12 @@ namespace identikal {
 
 using Eigen::Index;
 
-std::vector<Dataset> usable_stretches(const ModelFile& model, Dataset recording) {
+std::vector<Dataset> usable_segments(const ModelFile& model, Dataset recording) {
   const bool nonlinear = model.form == ModelFile::Form::nonlinear;
   const std::optional<Expression>& use_when = model.formulas.use_when;
   if (!nonlinear && !use_when) return {std::move(recording)};
   std::vector<double> symbols(model.states.size() + model.inputs.size());
-  std::string gap = recording.begins;  // what stands before a stretch
+  std::string gap = recording.begins;  // what stands before a segment
   const auto usable = [&](Index t) {
     for (Index i = 0; i < recording.u.rows(); ++i) {
       symbols[model.states.size() + static_cast<std::size_t>(i)] = recording.u(i, t);
@@ -45,9 +45,9 @@ std::vector<Dataset> usable_stretches(const ModelFile& model, Dataset recording)
                               : "rows where every input is there");
   }
   if (used < recording.size()) {
-    out.front().notes.push_back(fmt::format("{} of {} rows used, in {} stretch{}", used,
+    out.front().notes.push_back(fmt::format("{} of {} rows used, in {} segment{}", used,
                                             recording.size(), out.size(),
-                                            out.size() > 1 ? "es" : ""));
+                                            out.size() > 1 ? "s" : ""));
   }
   return out;
 }

@@ -8,10 +8,10 @@
 
 namespace identikal {
 
-/// The stretches of rows where use_when holds and every input is there, each a recording of its own
-/// that starts from the model's initial state. Without either, the recording itself. Stretches of
+/// The segments of rows where use_when holds and every input is there, each a recording of its own
+/// that starts from the model's initial state. Without either, the recording itself. Segments of
 /// one row are left out. What was left out is said in the notes of the first.
-/// @throws InputError when no stretch is left
-std::vector<Dataset> usable_stretches(const ModelFile& model, Dataset recording);
+/// @throws InputError when no segment is left
+std::vector<Dataset> usable_segments(const ModelFile& model, Dataset recording);
 
 }  // namespace identikal

@@ -345,7 +345,7 @@ void warn_of_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<Matri
 
 void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& model,
            const std::vector<Dataset>& recordings) {
-  const InsideParameters inside = inside_parameters(estimate, at_boundary(fit, als.blocks()));
+  const InteriorParameters inside = interior_parameters(estimate, at_boundary(fit, als.blocks()));
   const Regression& r = fit.regression;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
   warn_of_boundary(estimate, fit, error);
@@ -382,11 +382,11 @@ void reduce_sources(Estimate& estimate, const Als& als, Fit& fit) {
   const VectorXd target = r.sample - r.constant;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
   const auto W = error.matrixL();
-  const FewestSources found = fewest_sources({{fit.weighed(r.design), fit.weighed(target)},
-                                              {W.solve(r.design), W.solve(target)},
-                                              joint_covariance(als.fixed()),
-                                              als.joint_basis(),
-                                              als.fixed().Q.rows()});
+  const MinimumRank found = minimum_rank({{fit.weighed(r.design), fit.weighed(target)},
+                                          {W.solve(r.design), W.solve(target)},
+                                          joint_covariance(als.fixed()),
+                                          als.joint_basis(),
+                                          als.fixed().Q.rows()});
   estimate.sources = found.report;
   fit.solution.x = found.theta;
   for (std::size_t b = 0; b < als.blocks().size(); ++b) {

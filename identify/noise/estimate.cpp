@@ -115,8 +115,8 @@ ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& paramet
   return with_entries(parameters, entries);
 }
 
-InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& at_boundary) {
-  InsideParameters out;
+InteriorParameters interior_parameters(Estimate& estimate, const std::vector<bool>& at_boundary) {
+  InteriorParameters out;
   std::size_t i = 0;
   for (EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;
@@ -238,7 +238,7 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   }
   describe_filter_loss(estimate, model, end);
   const std::vector<FilterResult> filters = describe_filter(estimate, model, end, recordings);
-  warn_of_suspect_data(estimate, model, end, recordings, filters);
+  warn_of_outliers_and_offset(estimate, model, end, recordings, filters);
   distrust_serious_warnings(estimate);
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());

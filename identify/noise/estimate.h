@@ -39,7 +39,7 @@ void list_known_parameters(Estimate& estimate, const ParameterSet& parameters);
 ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters);
 
 /// The free parameters that have errors: those that lie inside their bounds.
-struct InsideParameters {
+struct InteriorParameters {
   std::vector<Eigen::Index> entries;  ///< their positions among the free entries
   std::vector<EstimatedParameter*> reported;
   Eigen::VectorXd unit;  ///< SI values of their units
@@ -47,7 +47,7 @@ struct InsideParameters {
 
 /// The others get the verdict at_bound; where all are, the estimate says that there is no error.
 /// @param at_boundary  of each free entry
-InsideParameters inside_parameters(Estimate& estimate, const std::vector<bool>& at_boundary);
+InteriorParameters interior_parameters(Estimate& estimate, const std::vector<bool>& at_boundary);
 
 /// Status and message: converged or not, and whether the data determine the unknowns. Without
 /// convergence no error is left standing.

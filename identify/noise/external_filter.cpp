@@ -24,7 +24,7 @@ constexpr double kStep = 6e-6;
 
 class Runs {
  public:
-  Runs(const ParameterSet& parameters, const OwnFilter& filter)
+  Runs(const ParameterSet& parameters, const ExternalFilter& filter)
       : parameters_(parameters),
         filter_(filter),
         box_(coordinate_box(parameters)),
@@ -73,17 +73,17 @@ class Runs {
 
  private:
   const ParameterSet& parameters_;
-  const OwnFilter& filter_;
+  const ExternalFilter& filter_;
   Box box_;
   VectorXd size_;
 };
 
 }  // namespace
 
-Estimate fit_own_filter(const ParameterSet& parameters, const OwnFilter& filter,
-                        const OwnFilterOptions& options) {
+Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
+                             const ExternalFilterOptions& options) {
   const VectorXd start = coordinates(parameters);
-  if (start.size() == 0) throw std::invalid_argument("fit_own_filter: nothing is free");
+  if (start.size() == 0) throw std::invalid_argument("fit_external_filter: nothing is free");
   Runs runs(parameters, filter);
   const LikelihoodProblem problem = runs.problem();
   SolverOptions solver;
@@ -92,7 +92,7 @@ Estimate fit_own_filter(const ParameterSet& parameters, const OwnFilter& filter,
   solver.progress = options.progress;
   const Solution found = maximise(problem, start, solver);
   if (found.summary.termination == Termination::start_undefined) {
-    throw std::invalid_argument("fit_own_filter: the filter does not run at the start");
+    throw std::invalid_argument("fit_external_filter: the filter does not run at the start");
   }
   const ParameterSet end = with_coordinates(parameters, found.x);
   Estimate estimate;
@@ -110,7 +110,7 @@ Estimate fit_own_filter(const ParameterSet& parameters, const OwnFilter& filter,
   }
   MatrixXd products;
   const std::optional<Likelihood> there = runs.at(found.x, true, &products);
-  const InsideParameters inside = inside_parameters(estimate, at_bound);
+  const InteriorParameters inside = interior_parameters(estimate, at_bound);
   if (there && !inside.entries.empty()) {
     // By the entries, in the user's units.
     const MatrixXd J = entry_jacobian(parameters, found.x);

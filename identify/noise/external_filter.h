@@ -14,9 +14,9 @@ namespace identikal {
 /// Runs the filter over its recordings with these parameters; nothing where it does not run. It has
 /// to be smooth in the parameters: the same samples used, no random numbers, tolerances of
 /// iterations well below 1e-9.
-using OwnFilter = std::function<std::optional<Innovations>(const ParameterSet& at)>;
+using ExternalFilter = std::function<std::optional<Innovations>(const ParameterSet& at)>;
 
-struct OwnFilterOptions {
+struct ExternalFilterOptions {
   int max_iterations = 100;
   std::function<bool(int iteration, double log_likelihood)> progress;  ///< return false to stop
 };
@@ -26,7 +26,7 @@ struct OwnFilterOptions {
 /// covariances, so an iteration takes two runs of the filter per free number. Standard errors come
 /// from the information at the maximum, beside them those of a sandwich.
 /// @throws std::invalid_argument when nothing is free or the filter does not run at the start
-Estimate fit_own_filter(const ParameterSet& parameters, const OwnFilter& filter,
-                        const OwnFilterOptions& options = {});
+Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
+                             const ExternalFilterOptions& options = {});
 
 }  // namespace identikal

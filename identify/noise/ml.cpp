@@ -168,7 +168,8 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
   if (result == nullptr) return;
   const MatrixXd all = result->information;
   const VectorXd z = free_entries(end);
-  const InsideParameters inside = inside_parameters(estimate, at_boundary(end, problem, best.x));
+  const InteriorParameters inside =
+      interior_parameters(estimate, at_boundary(end, problem, best.x));
   const auto k = static_cast<Index>(inside.entries.size());
   if (k == 0) return;
   const VectorXd& unit = inside.unit;
@@ -369,12 +370,13 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
 // Which path served the evaluation at the maximum, and what a person should know about it.
 void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
   estimate.objective.path = to_string(taken.path);
-  if (taken.detour == Detour::none || taken.detour == Detour::not_asked) return;
-  estimate.objective.path_reason = describe(taken.detour);
-  if (taken.detour == Detour::long_memory) {
+  if (taken.fallback == FallbackReason::none || taken.fallback == FallbackReason::not_asked) return;
+  estimate.objective.path_reason = describe(taken.fallback);
+  if (taken.fallback == FallbackReason::long_memory) {
     estimate.objective.path_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
   }
-  const bool expected = taken.detour == Detour::short_stretch && asked != Path::compressed;
+  const bool expected =
+      taken.fallback == FallbackReason::short_segment && asked != Path::compressed;
   if (expected || taken.path == Path::compressed) return;
   estimate.warnings.push_back(
       {"path",

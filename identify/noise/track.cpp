@@ -363,7 +363,8 @@ namespace {
 
 // What Wald's sequential test says of the innovations along the way, decision after decision.
 void report_whiteness(Estimate& estimate, const FilterResult& filter) {
-  SequentialTest test = start_sequential_test(filter.standardised.rows(), {});
+  SequentialProbabilityRatio test =
+      start_sequential_probability_ratio(filter.standardised.rows(), {});
   int white = 0, coloured = 0;
   for (Index t = filter.first_proper; t < filter.standardised.cols(); ++t) {
     const SequentialDecision decision = update(test, filter.standardised.col(t));
@@ -433,11 +434,11 @@ Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOpt
   warn_of_coloured_innovations(estimate);
   warn_of_size(estimate, options.adaptive);
   if (course.changes.empty()) {
-    warn_of_suspect_data(estimate, model, end, {recording}, {course.filter});
+    warn_of_outliers_and_offset(estimate, model, end, {recording}, {course.filter});
   }
   distrust_serious_warnings(estimate);
 
-  Course& report = estimate.course.emplace();
+  TimeHistory& report = estimate.course.emplace();
   const Index k = course.mean.rows();
   VectorXd unit(k);
   for (const EstimatedParameter& p : estimate.parameters) {

@@ -71,7 +71,7 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
         "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
         better.gain, values));
   }
-  warn_of_suspect_data(estimate, model, model.parameters, recordings, filters);
+  warn_of_outliers_and_offset(estimate, model, model.parameters, recordings, filters);
   estimate.warnings.insert(estimate.warnings.end(), found.warnings.begin(), found.warnings.end());
   if (found.optimal) {
     estimate.message = "no test rejects optimality";

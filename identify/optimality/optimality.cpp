@@ -118,7 +118,7 @@ std::string telling_pair(const MatrixXd& e, int lags, const std::vector<Channel>
 }
 
 // Entries of Q and R: one test each, and in words which to move where.
-void report_entries(const ScoreTest& score, bool rejected, Optimality& out) {
+void report_entries(const ScoreStatistic& score, bool rejected, Optimality& out) {
   const auto k = static_cast<Index>(score.names.size());
   const double limit = normal_quantile(1.0 - 0.5 * kFamilyError / static_cast<double>(k));
   std::vector<Index> order(static_cast<std::size_t>(k));
@@ -234,8 +234,8 @@ void report_order(const MatrixXd& e, Optimality& out) {
 }
 
 void report_sequential(const MatrixXd& e, Optimality& out) {
-  const SequentialTestOptions options;
-  SequentialTest test = start_sequential_test(e.rows(), options);
+  const SequentialProbabilityRatioOptions options;
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(e.rows(), options);
   for (Index t = 0; t < e.cols() && test.decision == SequentialDecision::undecided; ++t) {
     update(test, e.col(t));
   }
@@ -262,7 +262,7 @@ Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& r
   const auto ny = static_cast<double>(e.rows());
   std::vector<Member> family;
 
-  const ScoreTest score = score_test(with_free_noise(model), recordings);
+  const ScoreStatistic score = score_statistic(with_free_noise(model), recordings);
   if (score.status == FilterStatus::ok && score.statistic.dof > 0.0) {
     family.push_back(member("score", "", score.statistic, 0.6));
   }

@@ -28,7 +28,7 @@ struct Optimality {
 /// most (weighted Bonferroni, whatever their dependence); parts that cannot be computed leave their
 /// share to the others.
 ///
-///   score              6/10  against wrong Q and R (score_test)
+///   score              6/10  against wrong Q and R (score_statistic)
 ///   portmanteau        2/10  all channels and their pairs at 5 lags (lib/statistics/whiteness.h)
 ///   nis                1/20  size of the innovations, two-sided
 ///   ljung_box          1/20  every channel, min(20, N/20) lags

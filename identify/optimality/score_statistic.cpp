@@ -66,8 +66,8 @@ ModelFile with_free_noise(const ModelFile& model) {
   return out;
 }
 
-ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordings) {
-  ScoreTest out;
+ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset>& recordings) {
+  ScoreStatistic out;
   const ReportedEntries entries = reported_entries(model.parameters);
   std::vector<double> values;
   for (std::size_t i = 0; i < entries.names.size(); ++i) {
@@ -76,7 +76,7 @@ ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordi
     values.push_back(entries.value[static_cast<Index>(i)]);
   }
   const auto k = static_cast<Index>(values.size());
-  if (k == 0) throw std::invalid_argument("score_test: nothing is free");
+  if (k == 0) throw std::invalid_argument("score_statistic: nothing is free");
   out.value = Eigen::Map<const VectorXd>(values.data(), k);
   RecordingsLikelihood likelihood(model, recordings);
   const Likelihood* at = likelihood.evaluate(model.parameters, true);

@@ -18,7 +18,7 @@ namespace identikal {
 /// free in Q, R and S, or, where it leaves none, all entries of Q and of R.
 ModelFile with_free_noise(const ModelFile& model);
 
-struct ScoreTest {
+struct ScoreStatistic {
   FilterStatus status = FilterStatus::ok;  ///< else the rest is empty
   std::vector<std::string> names;          ///< of the k entries tested
   Eigen::VectorXd value;                   ///< as given, SI
@@ -35,7 +35,7 @@ struct ScoreTest {
 /// It is blind to faults of the model that no noise explains.
 /// @param model  as with_free_noise() returns it
 /// @throws std::invalid_argument when nothing is free
-ScoreTest score_test(const ModelFile& model, const std::vector<Dataset>& recordings);
+ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset>& recordings);
 
 /// Where a few steps of scoring lead from the present noise, and what staying costs.
 struct Retuned {

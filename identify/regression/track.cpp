@@ -65,8 +65,8 @@ double fit_percent(const VectorXd& y, const VectorXd& error) {
 
 // At every sample of the recording; between rows nothing changes.
 void report_course(Estimate& estimate, const Dataset& recording, const LaggedRows& rows,
-                   const Forgetting& forgetting, const RegressionCourse& course) {
-  Course& out = estimate.course.emplace();
+                   const Forgetting& forgetting, const RegressionHistory& course) {
+  TimeHistory& out = estimate.course.emplace();
   for (const EstimatedParameter& p : estimate.parameters) {
     out.names.push_back(p.name);
     out.units.push_back(p.unit);
@@ -128,9 +128,10 @@ ChannelFit one_step_fit(const std::string& channel, const std::string& unit, con
   return fit;
 }
 
-std::vector<Course::Change> reported_changes(const std::vector<RegressionCourse::Change>& changes,
-                                             const VectorXd& time, const MatrixXd& estimates) {
-  std::vector<Course::Change> out;
+std::vector<TimeHistory::Change> reported_changes(
+    const std::vector<RegressionHistory::Change>& changes, const VectorXd& time,
+    const MatrixXd& estimates) {
+  std::vector<TimeHistory::Change> out;
   for (std::size_t c = 0; c < changes.size(); ++c) {
     const Index end = c + 1 < changes.size() ? changes[c + 1].found : estimates.cols();
     out.push_back({time[changes[c].since], time[changes[c].found],
@@ -180,7 +181,7 @@ Forgetting forgetting_of(const RegressionSettings& settings, double lambda) {
   return out;
 }
 
-std::string describe_forgetting(const Forgetting& forgetting, const RegressionCourse& course,
+std::string describe_forgetting(const Forgetting& forgetting, const RegressionHistory& course,
                                 bool chosen) {
   std::string out;
   if (forgetting.memory > 0.0) {
@@ -211,7 +212,7 @@ Estimate track_regression(const ModelFile& model, const Dataset& recording,
       });
   const LaggedRows rows = lagged_rows(u, y, choice.order);
   const Forgetting forgetting = forgetting_of(model.regression, choice.forgetting);
-  const RegressionCourse course =
+  const RegressionHistory course =
       run_recursive_least_squares(rows.phi, rows.y, choice.delta, forgetting);
 
   Estimate estimate;

@@ -15,16 +15,16 @@
 namespace identikal {
 
 /// Recursive least squares of the output on present and past inputs and past outputs
-/// (lib/regression/lagged_regressors.h) over a recording on a uniform raster, in the units of the
-/// model's channels: coefficients, their errors and delta are what they would be of the file's
-/// columns. What the model leaves open is chosen first (identify/regression/order.h). Samples whose
-/// regressors are not complete are left out, and the coefficients stay meanwhile.
+/// (lib/regression/lagged_regressors.h) over a recording on a uniform sampling grid, in the units
+/// of the model's channels: coefficients, their errors and delta are what they would be of the
+/// file's columns. What the model leaves open is chosen first (identify/regression/order.h).
+/// Samples whose regressors are not complete are left out, and the coefficients stay meanwhile.
 /// @throws InputError when there are too few complete samples
 Estimate track_regression(const ModelFile& model, const Dataset& recording,
                           const std::function<bool(const std::string&)>& progress = {});
 
 /// Text for the console on how the past was forgotten, shared by all that track coefficients.
-std::string describe_forgetting(const Forgetting& forgetting, const RegressionCourse& course,
+std::string describe_forgetting(const Forgetting& forgetting, const RegressionHistory& course,
                                 bool chosen);
 
 /// Fit of predictions made before each sample, from their errors.
@@ -35,9 +35,9 @@ ChannelFit one_step_fit(const std::string& channel, const std::string& unit,
 /// @param changes    in the order in which they were found
 /// @param time       n [s], of each row
 /// @param estimates  names x n
-std::vector<Course::Change> reported_changes(const std::vector<RegressionCourse::Change>& changes,
-                                             const Eigen::VectorXd& time,
-                                             const Eigen::MatrixXd& estimates);
+std::vector<TimeHistory::Change> reported_changes(
+    const std::vector<RegressionHistory::Change>& changes, const Eigen::VectorXd& time,
+    const Eigen::MatrixXd& estimates);
 
 /// Warnings where what recursive least squares relies on does not hold: errors that are correlated
 /// from one sample to the next, and a chosen memory that is the shortest allowed.

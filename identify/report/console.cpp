@@ -210,11 +210,11 @@ std::string gain_text(const Estimate& estimate) {
 // When the noise changed, and into what.
 std::string course_text(const Estimate& estimate) {
   if (!estimate.course) return "";
-  const Course& course = *estimate.course;
+  const TimeHistory& course = *estimate.course;
   std::string out;
   constexpr std::size_t kShown = 10;
   for (std::size_t c = 0; c < std::min(kShown, course.changes.size()); ++c) {
-    const Course::Change& change = course.changes[c];
+    const TimeHistory::Change& change = course.changes[c];
     std::string line =
         fmt::format("change at {:.6g} s, found at {:.6g} s:", change.since, change.found);
     for (std::size_t i = 0; i < course.names.size(); ++i) {
@@ -456,7 +456,7 @@ std::string csv_heading(const std::string& name, const std::string& unit) {
 }
 
 std::string course_csv(const Estimate& estimate) {
-  const Course& course = *estimate.course;
+  const TimeHistory& course = *estimate.course;
   std::string out = "time [s]";
   for (std::size_t i = 0; i < course.names.size(); ++i) {
     out += "," + csv_heading(course.names[i], course.units[i]) + "," +

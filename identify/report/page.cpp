@@ -181,7 +181,7 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
                                {"unit", c.unit},
                                {"measured", line(c.measured)},
                                {"one_step", line(c.one_step)},
-                               {"free_run", line(c.free_run)},
+                               {"free_run", line(c.simulation)},
                                {"forecast_low", line(c.forecast_low)},
                                {"forecast_high", line(c.forecast_high)},
                                {"before", line(c.before)},
@@ -203,7 +203,7 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   out["segment"] = data.segment;
   out["segments"] = data.segments;
   out["course"] = PageJson::array();
-  for (const ReportData::CourseLine& c : data.course) {
+  for (const ReportData::HistoryLine& c : data.course) {
     out["course"].push_back({{"name", c.name},
                              {"unit", c.unit},
                              {"mean", line(c.mean)},
@@ -231,7 +231,7 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
                             {"curve_slip", rounded(a.curve_slip)},
                             {"curve_force", rounded(a.curve_force)}});
   }
-  out["washed_out"] = data.washed_out;
+  out["washed_out"] = data.high_pass_filtered;
   out["tracks"] = PageJson::array();
   for (const TrackPicture& t : data.tracks) {
     out["tracks"].push_back({{"name", t.name}, {"X", rounded(t.X)}, {"Y", rounded(t.Y)}});

@@ -430,7 +430,7 @@ void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordi
 
 void add_course(const Estimate& estimate, const Columns& columns, ReportData& out) {
   if (!estimate.course || estimate.course->mean.cols() != columns.rows) return;
-  const Course& course = *estimate.course;
+  const TimeHistory& course = *estimate.course;
   const MatrixXd low = course.mean - 2.0 * course.sd, high = course.mean + 2.0 * course.sd;
   for (std::size_t n = 0; n < course.names.size(); ++n) {
     const auto i = static_cast<Index>(n);
@@ -467,7 +467,7 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
   const Series& series = estimate.series;
   out.searches = pictures.searches;
   out.profiles = pictures.profiles;
-  out.washed_out = pictures.washed_out;
+  out.high_pass_filtered = pictures.high_pass_filtered;
   for (AxlePicture axle : pictures.axles) {
     axle.slip = every(axle.slip, kMostPoints);
     axle.force = every(axle.force, kMostPoints);
@@ -494,13 +494,13 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     const Index from = k * columns.each, to = std::min(columns.rows, from + columns.each) - 1;
     out.time[k] = 0.5 * (axis.time[from] + axis.time[to]);
   }
-  const MatrixXd low = pictures.free_run_sd.size() > 0
-                           ? MatrixXd(pictures.free_run - 2.0 * pictures.free_run_sd)
+  const MatrixXd low = pictures.simulation_sd.size() > 0
+                           ? MatrixXd(pictures.simulation - 2.0 * pictures.simulation_sd)
                            : MatrixXd();
-  const MatrixXd high = pictures.free_run_sd.size() > 0
-                            ? MatrixXd(pictures.free_run + 2.0 * pictures.free_run_sd)
+  const MatrixXd high = pictures.simulation_sd.size() > 0
+                            ? MatrixXd(pictures.simulation + 2.0 * pictures.simulation_sd)
                             : MatrixXd();
-  const MatrixXd& one_step = pictures.one_step.size() == 0 && pictures.free_run.size() == 0
+  const MatrixXd& one_step = pictures.one_step.size() == 0 && pictures.simulation.size() == 0
                                  ? series.predicted
                                  : pictures.one_step;
   const auto with_held = [&](const MatrixXd& X, const MatrixXd& held) {
@@ -510,7 +510,7 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     return both;
   };
   const MatrixXd measured = with_held(series.measured, pictures.held_measured),
-                 free_run = with_held(pictures.free_run, pictures.held_free_run),
+                 simulation = with_held(pictures.simulation, pictures.held_out_simulation),
                  standardised = with_held(series.standardised, pictures.held_standardised);
   for (std::size_t n = 0; n < series.channels.size(); ++n) {
     const auto i = static_cast<Index>(n);
@@ -519,7 +519,7 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     channel.unit = series.units[n];
     channel.measured = row_line(columns, measured, i);
     channel.one_step = row_line(columns, one_step, i);
-    channel.free_run = row_line(columns, free_run, i);
+    channel.simulation = row_line(columns, simulation, i);
     channel.forecast_low = row_line(columns, low, i);
     channel.forecast_high = row_line(columns, high, i);
     channel.before = row_line(columns, pictures.standardised_before, i);

@@ -33,7 +33,7 @@ struct InnovationPicture {
 
 struct ReportChannel {
   std::string name, unit;
-  Line measured, one_step, free_run, forecast_low, forecast_high;
+  Line measured, one_step, simulation, forecast_low, forecast_high;
   Line before, after;  ///< standardised
   InnovationPicture innovations_before, innovations_after;
 };
@@ -89,17 +89,17 @@ struct ReportData {
   Eigen::VectorXd frequency;                       ///< [Hz] of the spectra
   std::array<double, 2> level_band{kNone, kNone};  ///< holds 95 % of a white sequence's
   Eigen::Index segment = 0, segments = 0;          ///< rows of each, that the spectra average
-  struct CourseLine {
+  struct HistoryLine {
     std::string name, unit;
     Line mean, low, high;  ///< low, high: two standard deviations off
   };
-  std::vector<CourseLine> course;  ///< verb track
+  std::vector<HistoryLine> course;  ///< verb track
   Line log_alarm;
   double log_threshold = kNone;
   std::vector<std::vector<double>> searches;
   std::vector<LikelihoodProfile> profiles;
   std::vector<AxlePicture> axles;  ///< clouds thinned to every n-th point
-  bool washed_out = false;
+  bool high_pass_filtered = false;
   std::vector<TrackPicture> tracks;
 };
 

@@ -98,14 +98,14 @@ Json posterior(const Estimate& estimate) {
 
 Json course(const Estimate& estimate) {
   if (!estimate.course) return nullptr;
-  const Course& c = *estimate.course;
+  const TimeHistory& c = *estimate.course;
   const auto values = [](const Eigen::VectorXd& v) {
     Json out = Json::array();
     for (const double x : v) out.push_back(number(x));
     return out;
   };
   Json changes = Json::array();
-  for (const Course::Change& change : c.changes) {
+  for (const TimeHistory::Change& change : c.changes) {
     changes.push_back({{"since", number(change.since)},
                        {"found", number(change.found)},
                        {"before", values(change.before)},

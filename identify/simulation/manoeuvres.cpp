@@ -215,7 +215,7 @@ DrivenRecord drive_inputs(TyreCurve curve, const VehicleParameters<double>& p, c
                           const VectorXd& steering, const VectorXd& vx, bool from_steady_state) {
   DrivenRecord out{time, steering, vx, {}, {}};
   const SingleTrack<> linear = linear_car(p);
-  const DrivenStretch driven =
+  const DrivenSegment driven =
       drive(time, steering, vx, {decay_rate_times_speed(linear), p[kRelaxationLength]},
             p[kSteeringDelay]);
   const Eigen::Vector2d start = from_steady_state ? steady_state(linear, driven.nodes.front())

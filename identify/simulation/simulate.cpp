@@ -164,7 +164,7 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
   const MatrixXd u = model_inputs(model.linear, inputs != nullptr ? inputs->u : MatrixXd(0, N));
   MatrixXd y;
   try {
-    y = realisation(system, model.linear.initial, u, N, random);
+    y = simulate_outputs(system, model.linear.initial, u, N, random);
   } catch (const std::invalid_argument&) {
     throw InputError(
         at, "the model cannot be simulated",
@@ -228,7 +228,7 @@ MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Ran
   const Dataset fine = refined(recording, model.formulas.inputs, pieces);
   NonlinearRealisation found;
   try {
-    found = nonlinear_realisation(model, fine, random);
+    found = simulate_nonlinear_outputs(model, fine, random);
   } catch (const std::invalid_argument&) {
     throw InputError(at, "the model cannot be simulated", "covariances positive semidefinite");
   }

@@ -340,9 +340,8 @@ class Guess {
   VectorXd sampled(const Column& column, std::size_t file) const {
     const VectorXd& t = clocks_[file].time;
     const auto x = raw_values(column);
-    const VectorXd on =
-        interpolate_linearly(t, x, raster_.time, kBridgedPeriods * own_period(t, x));
-    return averaged(on, static_cast<Index>(std::lround(0.15 / raster_.step)));
+    const VectorXd on = interpolate_linearly(t, x, grid_.time, kBridgedPeriods * own_period(t, x));
+    return averaged(on, static_cast<Index>(std::lround(0.15 / grid_.step)));
   }
   VectorXd sampled(const ColumnCandidate& c) const { return sampled(*c.column, c.file); }
   void choose_units();
@@ -379,7 +378,7 @@ class Guess {
   const std::vector<Table>& tables_;
   std::vector<Clock> clocks_;
   std::vector<ColumnCandidate> candidates_;
-  OnRaster raster_;
+  OnRaster grid_;
   std::map<SignalKind, std::string> units_;
   bool at_wheel_ = true;
   VehicleSignals out_;
@@ -625,8 +624,8 @@ VehicleSignals Guess::run() {
     }
     return static_cast<std::size_t>(timed - clocks_.begin());
   };
-  raster_.time = clocks_[base()].time;
-  raster_.step = own_period(raster_.time, raster_.time);
+  grid_.time = clocks_[base()].time;
+  grid_.step = own_period(grid_.time, grid_.time);
   try_unnamed();
   choose_units();
   choose_steering_unit();

@@ -19,7 +19,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
     scene.out.verdicts = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
     return scene.out;
   }
-  const bool raster = make_raster(signals, scene);
+  const bool grid = make_sampling_grid(signals, scene);
   look_at_signals(signals, scene);
   propose(signals, scene);
   if (!scene.first.contains(SignalKind::steering)) {
@@ -42,14 +42,13 @@ VehicleSurvey survey(const VehicleSignals& signals) {
                "name it in the model file");
   }
   const auto driving = speed ? (scene.speed.array() > kSlowestTest).count() : Eigen::Index{0};
-  const bool moved = static_cast<double>(driving) * (raster ? scene.step : 0.0) >= 2.0;
-  if (raster && speed) look_at_speed(scene);
-  if (!raster || (speed && (!moved || driving < 40))) {
+  const bool moved = static_cast<double>(driving) * (grid ? scene.step : 0.0) >= 2.0;
+  if (grid && speed) look_at_speed(scene);
+  if (!grid || (speed && (!moved || driving < 40))) {
     scene.find("too_short", "serious", {},
-               raster
-                   ? fmt::format("{:.1f} s in {} rows above {} m/s",
-                                 static_cast<double>(driving) * scene.step, driving, kSlowestTest)
-                   : std::string("less than two rows"),
+               grid ? fmt::format("{:.1f} s in {} rows above {} m/s",
+                                  static_cast<double>(driving) * scene.step, driving, kSlowestTest)
+                    : std::string("less than two rows"),
                "a manoeuvre takes some seconds, and the model a moving car; is a unit wrong?");
   } else if (speed && scene.has(SignalKind::r)) {
     check_kinematics(scene);

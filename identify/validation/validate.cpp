@@ -176,7 +176,7 @@ Estimate validate_filter(const Estimate& result, const ModelFile& written,
   const std::vector<FilterResult> filters =
       describe_filter(out, model, model.parameters, recordings);
   test_unseen(result, model, recordings, filters, out);
-  warn_of_suspect_data(out, model, model.parameters, recordings, filters);
+  warn_of_outliers_and_offset(out, model, model.parameters, recordings, filters);
   const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };
   double rows = 0.0, own_rows = 0.0;
   for (const Dataset& data : recordings) {

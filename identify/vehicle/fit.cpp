@@ -48,7 +48,8 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
 
 /// At a wrong bound these push the stiffnesses away from their values.
 bool bends_the_others(VehicleParameter p) {
-  return p == kCf || p == kCr || p == kYawInertia || p == kSofteningFront || p == kSofteningRear;
+  return p == kCf || p == kCr || p == kYawInertia || p == kInverseSaturationFront ||
+         p == kInverseSaturationRear;
 }
 
 void report_parameters(const VehicleSearch& found, const VehicleCovariance& covariance,
@@ -295,7 +296,7 @@ void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovar
   pictures.held_time = std::move(held.time);
   pictures.held_recording = std::move(held.recording);
   pictures.held_measured = std::move(held.measured);
-  pictures.held_free_run = std::move(held.predicted);
+  pictures.held_out_simulation = std::move(held.predicted);
 }
 
 /// Goes on from the best simulation with the whole path unknown.
@@ -457,7 +458,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     }
   }
 
-  const std::size_t sought = unknowns.free.size() + 2 * run.stretches.size();
+  const std::size_t sought = unknowns.free.size() + 2 * run.segments.size();
   Eigen::Index samples = 0;
   for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
   if (samples <= static_cast<Eigen::Index>(sought)) {
@@ -523,7 +524,7 @@ Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordi
     check_recordings(model, recordings, estimate);
     check_hold_out_recordings(model, options.hold_out, estimate);
     if (simulation && !unknowns.free.empty() && !misread(estimate)) {
-      check_turned_sideslip(found, options.search, estimate);
+      check_sensor_misalignment(found, options.search, estimate);
     }
   }
   Eigen::VectorXd e;

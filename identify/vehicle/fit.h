@@ -25,7 +25,7 @@ struct VehicleFitOptions {
 /// Fits the free parameters of the single-track vehicle to a recording by output error: minimise
 /// the sum over outputs j and samples t of ((y_j(t) - yhat_j(t; theta)) / sigma_j)^2, with sigma_j
 /// re-estimated until it settles (maximum likelihood for white sensor noise of unknown size). The
-/// speed varies along the run; every stretch of usable rows has an initial state of its own, fitted
+/// speed varies along the run; every segment of usable rows has an initial state of its own, fitted
 /// along. The search begins at several starts (identify/vehicle/starts.h), so that the values in
 /// the model file do not decide the answer.
 ///

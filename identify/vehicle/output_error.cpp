@@ -25,7 +25,9 @@ constexpr double kLongestDelay = 1.0;         // [s]
 constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
 constexpr double kLeastFiala = 1e-6;          // softening in typical sizes
 
-bool is_softening(VehicleParameter p) { return p == kSofteningFront || p == kSofteningRear; }
+bool is_softening(VehicleParameter p) {
+  return p == kInverseSaturationFront || p == kInverseSaturationRear;
+}
 
 double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
   switch (parameter) {
@@ -50,9 +52,9 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
       return 0.5;
     case kCurveCurvature:
       return 1.0;
-    case kSofteningFront:
+    case kInverseSaturationFront:
       return 1.0 / std::pow(axle_loads(p)[0], 2);
-    case kSofteningRear:
+    case kInverseSaturationRear:
       return 1.0 / std::pow(axle_loads(p)[1], 2);
     default:
       return p[parameter] != 0.0 ? std::abs(p[parameter]) : 1.0;
@@ -253,7 +255,7 @@ VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns
   problem.unknowns = unknowns;
   problem.demand = demand;
   std::vector<double> samples;
-  for (const VehicleRun::Stretch& s : run.stretches) {
+  for (const VehicleRun::Segment& s : run.segments) {
     problem.driven.push_back(
         drive(run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
               run.vx.segment(s.first, s.rows), demand, unknowns.value[kSteeringDelay]));
@@ -269,15 +271,15 @@ VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns
   problem.sample =
       Eigen::Map<const Eigen::VectorXd>(samples.data(), static_cast<Eigen::Index>(samples.size()));
   const Eigen::Index k = problem.parameters();
-  const auto states = 2 * static_cast<Eigen::Index>(run.stretches.size());
+  const auto states = 2 * static_cast<Eigen::Index>(run.segments.size());
   problem.lower.resize(k + states);
   problem.upper.resize(k + states);
   problem.lower.head(k) = unknowns.lower.cwiseQuotient(unknowns.scale);
   problem.upper.head(k) = unknowns.upper.cwiseQuotient(unknowns.scale);
-  for (std::size_t s = 0; s < run.stretches.size(); ++s) {
+  for (std::size_t s = 0; s < run.segments.size(); ++s) {
     // Beyond 45 degrees of sideslip or 5 rad/s no single-track model holds.
     const Eigen::Index at = problem.state_of(s);
-    const double fastest = run.vx[run.stretches[s].first];
+    const double fastest = run.vx[run.segments[s].first];
     problem.upper.segment<2>(at) = Eigen::Vector2d(fastest, 5.0).cwiseQuotient(kStateScale);
     problem.lower.segment<2>(at) = -problem.upper.segment<2>(at);
   }
@@ -304,7 +306,7 @@ VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& 
 
 VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve) {
   unknowns.curve = curve;
-  for (const VehicleParameter parameter : {kSofteningFront, kSofteningRear}) {
+  for (const VehicleParameter parameter : {kInverseSaturationFront, kInverseSaturationRear}) {
     const Eigen::Index at = unknowns.find(parameter);
     if (at < 0) {
       if (unknowns.value[parameter] == 0.0 && curve != TyreCurve::linear) {
@@ -343,8 +345,8 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
     const Eigen::Index j = run.find(quantity);
     return j < 0 ? kNone : run.y(j, row);
   };
-  for (std::size_t s = 0; s < run.stretches.size(); ++s) {
-    const Eigen::Index row = run.stretches[s].first;
+  for (std::size_t s = 0; s < run.segments.size(); ++s) {
+    const Eigen::Index row = run.segments[s].first;
     Eigen::Vector2d x = steady_state(car, problem.driven[s].nodes.front());
     const double r = first_sample(VehicleQuantity::r, row);
     if (!std::isnan(r)) x[1] = r - p[kBiasR];
@@ -361,30 +363,30 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
   return z.cwiseMax(problem.lower).cwiseMin(problem.upper);
 }
 
-std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
+std::vector<DrivenSegment> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p) {
   if (problem.unknowns.find(kSteeringDelay) < 0) return {};
-  std::vector<DrivenStretch> moved = problem.driven;
+  std::vector<DrivenSegment> moved = problem.driven;
   const VehicleRun& run = *problem.run;
   for (std::size_t s = 0; s < moved.size(); ++s) {
-    const VehicleRun::Stretch& stretch = run.stretches[s];
-    set_delay(moved[s], run.time.segment(stretch.first, stretch.rows),
-              run.steering.segment(stretch.first, stretch.rows), p[kSteeringDelay]);
+    const VehicleRun::Segment& segment = run.segments[s];
+    set_delay(moved[s], run.time.segment(segment.first, segment.rows),
+              run.steering.segment(segment.first, segment.rows), p[kSteeringDelay]);
   }
   return moved;
 }
 
 namespace {
 
-/// Output error of one stretch: what its simulation, or prediction, gives less the samples.
-class StretchErrors {
+/// Output error of one segment: what its simulation, or prediction, gives less the samples.
+class SegmentErrors {
  public:
-  StretchErrors(const VehicleProblem& problem, const SingleTrack<>& car, const Eigen::VectorXd& z,
+  SegmentErrors(const VehicleProblem& problem, const SingleTrack<>& car, const Eigen::VectorXd& z,
                 std::size_t s, std::size_t& residual, Eigen::VectorXd& e)
       : problem_(problem),
         car_(car),
         readings_(readings(*problem.run, car)),
-        first_(problem.run->stretches[s].first),
+        first_(problem.run->segments[s].first),
         state_(problem.state_of(s)),
         x_(z.segment<2>(state_).cwiseProduct(kStateScale)),
         residual_(residual),
@@ -394,7 +396,7 @@ class StretchErrors {
     }
   }
 
-  void run(const DrivenStretch& driven) {
+  void run(const DrivenSegment& driven) {
     const auto observe = [&](Eigen::Index k, const Motion& motion, double vx) {
       step_.setZero();
       moved_ = false;
@@ -407,9 +409,9 @@ class StretchErrors {
     });
   }
 
-  void run(const DrivenStretch& driven, LeastSquares::RowMatrix& J) {
+  void run(const DrivenSegment& driven, LeastSquares::RowMatrix& J) {
     const Eigen::Index k = problem_.parameters(), gains = problem_.gains(), shared = k + gains;
-    SlopeColumns columns;
+    JacobianColumns columns;
     columns.columns = shared + 2;
     Eigen::RowVectorXd scale(columns.columns), slope(columns.columns);
     for (Eigen::Index i = 0; i < k; ++i) {
@@ -419,34 +421,34 @@ class StretchErrors {
     columns.r = shared + 1;
     scale << problem_.unknowns.scale.transpose(), Eigen::RowVectorXd::Ones(gains),
         kStateScale.transpose();
-    Eigen::Matrix<double, 2, Eigen::Dynamic> step_slopes(2, columns.columns);
-    const auto observe = [&](Eigen::Index row, const Motion& motion, const MotionSlopes& slopes,
+    Eigen::Matrix<double, 2, Eigen::Dynamic> step_jacobian(2, columns.columns);
+    const auto observe = [&](Eigen::Index row, const Motion& motion, const MotionJacobian& jacobian,
                              double vx) {
       step_.setZero();
       moved_ = false;
-      step_slopes.setZero();
+      step_jacobian.setZero();
       for_each_sample(row, motion, vx, [&](std::size_t residual, std::size_t output) {
-        readings_[output].slopes(motion, vx, columns, slopes, slope);
+        readings_[output].jacobian(motion, vx, columns, jacobian, slope);
         const auto n = static_cast<Eigen::Index>(residual);
         J.row(n).head(shared) = slope.head(shared).cwiseProduct(scale.head(shared));
         J.row(n).segment<2>(state_) = slope.tail<2>().cwiseProduct(scale.tail<2>());
         if (gain_.empty()) return;
         for (Eigen::Index i = 0; i < 2; ++i) {
           const Eigen::Index at = 2 * static_cast<Eigen::Index>(output) + i;
-          step_slopes.row(i) -= gain_[static_cast<std::size_t>(at)] * slope;
-          step_slopes(i, k + at) -= gain_scale(at) * e_[n];
+          step_jacobian.row(i) -= gain_[static_cast<std::size_t>(at)] * slope;
+          step_jacobian(i, k + at) -= gain_scale(at) * e_[n];
         }
       });
     };
-    simulate_with_slopes(car_, driven, x_[0], x_[1], columns, observe,
-                         [&](Eigen::Index, double& vy, double& r, MotionSlopes& slopes) {
-                           if (!moved_) return false;
-                           vy += step_[0];
-                           r += step_[1];
-                           slopes.vy += step_slopes.row(0);
-                           slopes.r += step_slopes.row(1);
-                           return true;
-                         });
+    simulate_with_jacobian(car_, driven, x_[0], x_[1], columns, observe,
+                           [&](Eigen::Index, double& vy, double& r, MotionJacobian& jacobian) {
+                             if (!moved_) return false;
+                             vy += step_[0];
+                             r += step_[1];
+                             jacobian.vy += step_jacobian.row(0);
+                             jacobian.r += step_jacobian.row(1);
+                             return true;
+                           });
   }
 
  private:
@@ -454,7 +456,7 @@ class StretchErrors {
     return kStateScale[i % 2] / problem_.output_scale[i / 2];
   }
 
-  /// Writes the errors of row k of the stretch and the correction of the state that follows from
+  /// Writes the errors of row k of the segment and the correction of the state that follows from
   /// them, and calls also(residual, output).
   template <typename Also>
   void for_each_sample(Eigen::Index k, const Motion& motion, double vx, Also&& also) {
@@ -488,18 +490,18 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
                   LeastSquares::RowMatrix* J) {
   const FlushDenormals flush;
   const VehicleParameters<double> p = parameters_at(problem, z);
-  const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
-  const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
+  const std::vector<DrivenSegment> moved = moved_by_delay(problem, p);
+  const std::vector<DrivenSegment>& driven = moved.empty() ? problem.driven : moved;
   const SingleTrack<> car = car_with(problem.unknowns.curve, p);
   e.resize(problem.residuals());
   if (J != nullptr) {
     J->resize(problem.residuals(), problem.coordinates());
-    // Of the initial states a row depends on its own stretch's alone.
+    // Of the initial states a row depends on its own segment's alone.
     if (driven.size() > 1) J->setZero();
   }
   std::size_t residual = 0;
   for (std::size_t s = 0; s < driven.size(); ++s) {
-    StretchErrors errors(problem, car, z, s, residual, e);
+    SegmentErrors errors(problem, car, z, s, residual, e);
     if (J == nullptr) {
       errors.run(driven[s]);
     } else {
@@ -651,11 +653,11 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
   // The noise is at its most likely size for every z, so that its derivative does not matter.
   likelihood.evaluate = [&](const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
                             Eigen::MatrixXd* information) {
-    const bool with_slopes = gradient != nullptr;
-    if (!output_error(problem, z, e, with_slopes ? &J : nullptr)) return false;
+    const bool with_jacobian = gradient != nullptr;
+    if (!output_error(problem, z, e, with_jacobian ? &J : nullptr)) return false;
     const Eigen::VectorXd sd = noise_sd(problem, e);
     L = log_likelihood(problem, z, e, sd);
-    if (!with_slopes) return true;
+    if (!with_jacobian) return true;
     gradient->setZero(z.size());
     information->setZero(z.size(), z.size());
     // By blocks that stay in the processor's first cache.

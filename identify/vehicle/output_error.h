@@ -58,7 +58,7 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model);
 Eigen::Vector2d axle_loads(const VehicleParameters<double>& p);
 
 /// The least squares problem. Its coordinates are the free parameters over their scale, with
-/// `prediction` the gain, then (vy, r) over kStateScale at the begin of every stretch. Residuals
+/// `prediction` the gain, then (vy, r) over kStateScale at the begin of every segment. Residuals
 /// are ordered by row, then output; missing samples have none.
 ///
 /// Output error simulates: noise enters the sensors alone. With `prediction` the residuals are the
@@ -73,7 +73,7 @@ struct VehicleProblem {
   bool robust = false;  ///< noise of Student's distribution, which allows for outliers; else normal
   bool prediction = false;       ///< one-step prediction with a gain of its own; else simulation
   Eigen::VectorXd output_scale;  ///< typical size of every output's error, for the gain
-  std::vector<DrivenStretch> driven;
+  std::vector<DrivenSegment> driven;
   std::vector<Eigen::Index> row, output;  ///< of every residual
   Eigen::VectorXd sample;                 ///< measured value of every residual
   Eigen::VectorXd lower, upper;           ///< of the coordinates
@@ -82,7 +82,7 @@ struct VehicleProblem {
   Eigen::Index parameters() const { return static_cast<Eigen::Index>(unknowns.free.size()); }
   /// Coordinates of the gain, K column by column; they follow the parameters.
   Eigen::Index gains() const { return prediction ? 2 * run->y.rows() : 0; }
-  /// Where the initial state of stretch s stands among the coordinates.
+  /// Where the initial state of segment s stands among the coordinates.
   Eigen::Index state_of(std::size_t s) const {
     return parameters() + gains() + 2 * static_cast<Eigen::Index>(s);
   }
@@ -125,25 +125,25 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J);
 
-/// The stretches with the steering read at these parameters' delay; empty where that is known, and
+/// The segments with the steering read at these parameters' delay; empty where that is known, and
 /// VehicleProblem::driven has it.
-std::vector<DrivenStretch> moved_by_delay(const VehicleProblem& problem,
+std::vector<DrivenSegment> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p);
 
 /// What each output of the run reads off that car.
 std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car);
 
-/// Motion of the simulated car at every row of the stretches, without gain: calls observe(row,
+/// Motion of the simulated car at every row of the segments, without gain: calls observe(row,
 /// motion, vx).
 template <typename Observe>
 void replay(const VehicleProblem& problem, const Eigen::VectorXd& z, Observe&& observe) {
   const VehicleParameters<double> p = parameters_at(problem, z);
-  const std::vector<DrivenStretch> moved = moved_by_delay(problem, p);
-  const std::vector<DrivenStretch>& driven = moved.empty() ? problem.driven : moved;
+  const std::vector<DrivenSegment> moved = moved_by_delay(problem, p);
+  const std::vector<DrivenSegment>& driven = moved.empty() ? problem.driven : moved;
   const SingleTrack<> car = car_with(problem.unknowns.curve, p);
   for (std::size_t s = 0; s < driven.size(); ++s) {
     const Eigen::Index at = problem.state_of(s);
-    const Eigen::Index first = problem.run->stretches[s].first;
+    const Eigen::Index first = problem.run->segments[s].first;
     const auto shifted = [&](Eigen::Index k, const Motion& motion, double vx) {
       observe(first + k, motion, vx);
     };

@@ -14,12 +14,12 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z);
 std::vector<ChannelFit> channel_fits(const Series& series, bool robust);
 
 /// How well the car of these parameters foretells other recordings: it is simulated along them,
-/// with only the state at the begin of every stretch fitted.
+/// with only the state at the begin of every segment fitted.
 /// @return measured and simulated, to be compared by channel_fits()
 /// @param model     says which channels are what; its parameters are not read
 /// @param unknowns  of the fit; its curve and the parameters `p` make the car
 /// @param robust    noise with outliers, as in the fit
-/// @throws InputError when a recording holds no usable stretch
+/// @throws InputError when a recording holds no usable segment
 Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                         const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
                         bool robust);

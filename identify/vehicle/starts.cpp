@@ -81,8 +81,8 @@ struct Mean {
   Signals value = Signals::Zero();
 };
 
-/// Means over about 0.1 s of the signals of one stretch, at the centre of gravity.
-std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& stretch,
+/// Means over about 0.1 s of the signals of one segment, at the centre of gravity.
+std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Segment& segment,
                            const VehicleParameters<double>& p) {
   const Eigen::Index jr = run.find(VehicleQuantity::r), jv = run.find(VehicleQuantity::vy),
                      jb = run.find(VehicleQuantity::beta), ja = run.find(VehicleQuantity::ay);
@@ -92,8 +92,8 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Stretch& str
   Washout washout;
   std::vector<Mean> out;
   Mean sum;
-  double count = 0.0, begin = run.time[stretch.first], previous = begin;
-  for (Eigen::Index t = stretch.first; t < stretch.first + stretch.rows; ++t) {
+  double count = 0.0, begin = run.time[segment.first], previous = begin;
+  for (Eigen::Index t = segment.first; t < segment.first + segment.rows; ++t) {
     const double vx = run.vx[t], r = run.y(jr, t) - p[kBiasR];
     double vy = 0.0;
     if (const Eigen::Index j = jv >= 0 ? jv : jb; j >= 0) {
@@ -144,7 +144,7 @@ bool fit_axle(const Eigen::VectorXd& slip, const Eigen::VectorXd& force, double 
     const AxleCurve curve(at);
     for (Eigen::Index i = 0; i < slip.size(); ++i) {
       // The balances turn slip angles so that they push the way the force does.
-      const AxleForce F = curve.force_and_slopes(-(slip[i] + x[2] * scale[2]));
+      const AxleForce F = curve.force_and_jacobian(-(slip[i] + x[2] * scale[2]));
       r[i] = (F.value - force[i]) / load;
       if (J == nullptr) continue;
       J->row(i) = Eigen::RowVector3d(F.by_stiffness, F.by_softening, -F.by_slip)
@@ -176,8 +176,8 @@ bool curved_axles_by_equation_error(const VehicleBalances& balances,
   }
   p[kCf] = car.front.stiffness;
   p[kCr] = car.rear.stiffness;
-  p[kSofteningFront] = car.front.softening;
-  p[kSofteningRear] = car.rear.softening;
+  p[kInverseSaturationFront] = car.front.softening;
+  p[kInverseSaturationRear] = car.rear.softening;
   return true;
 }
 
@@ -191,10 +191,10 @@ VehicleBalances vehicle_balances(const VehicleRun& run, const VehicleParameters<
   const double ay_lever = ja >= 0 ? run.outputs[static_cast<std::size_t>(ja)].sensor.x : 0.0;
 
   std::vector<double> time, slip_front, slip_rear, acceleration, yaw_acceleration;
-  for (const VehicleRun::Stretch& stretch : run.stretches) {
-    const std::vector<Mean> mean = means_of(run, stretch, p);
-    const double step = (run.time[stretch.first + stretch.rows - 1] - run.time[stretch.first]) /
-                        static_cast<double>(stretch.rows - 1);
+  for (const VehicleRun::Segment& segment : run.segments) {
+    const std::vector<Mean> mean = means_of(run, segment, p);
+    const double step = (run.time[segment.first + segment.rows - 1] - run.time[segment.first]) /
+                        static_cast<double>(segment.rows - 1);
     for (std::size_t i = 1; i + 1 < mean.size(); ++i) {
       const double span = mean[i + 1].time - mean[i - 1].time;
       if (span > kHole * (kMeanOver + step)) continue;
@@ -226,7 +226,8 @@ bool vehicle_by_equation_error(const VehicleRun& run, const VehicleUnknowns& unk
   const Eigen::Index n = balances.time.size();
   if (n < 6) return false;
   const bool curved = is_free(unknowns, kCf) && is_free(unknowns, kCr) &&
-                      is_free(unknowns, kSofteningFront) && is_free(unknowns, kSofteningRear);
+                      is_free(unknowns, kInverseSaturationFront) &&
+                      is_free(unknowns, kInverseSaturationRear);
   VehicleParameters<double> by_axle = p;
   if (unknowns.curve != TyreCurve::linear && curved &&
       curved_axles_by_equation_error(balances, unknowns, by_axle)) {

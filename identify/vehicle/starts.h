@@ -24,7 +24,7 @@ struct VehicleBalances {
   Eigen::VectorXd yaw_acceleration;       ///< [rad/s^2]
 };
 
-/// Derivatives are central differences of the means, within stretches and not across missing
+/// Derivatives are central differences of the means, within segments and not across missing
 /// samples. Needs r and one of vy, beta, ay; from ay alone everything is high-pass filtered (see
 /// vehicle_by_equation_error()).
 /// @param p  all parameters but Cf, Cr and Iz are used

@@ -91,9 +91,9 @@ BalanceRows rows_of(const VehicleBalances& balances, const VehicleUnknowns& unkn
 }
 
 // What the two rows of each point of time leave.
-RegressionCourse after_both(const RegressionCourse& rows) {
+RegressionHistory after_both(const RegressionHistory& rows) {
   const Index n = rows.lambda.size() / 2;
-  RegressionCourse out = rows;
+  RegressionHistory out = rows;
   out.lambda.resize(n);
   out.log_alarm.resize(n);
   out.theta.resize(Eigen::NoChange, n);
@@ -104,7 +104,7 @@ RegressionCourse after_both(const RegressionCourse& rows) {
     out.lambda[t] = rows.lambda[2 * t] * rows.lambda[2 * t + 1];
     out.log_alarm[t] = std::fmax(rows.log_alarm[2 * t], rows.log_alarm[2 * t + 1]);
   }
-  for (RegressionCourse::Change& change : out.changes) {
+  for (RegressionHistory::Change& change : out.changes) {
     change.since /= 2;
     change.found /= 2;
   }
@@ -144,9 +144,9 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   per_row.factor = std::sqrt(forgetting.factor);
   per_row.memory = 2.0 * forgetting.memory;
   per_row.samples_per_false_alarm = 2.0 * forgetting.samples_per_false_alarm;
-  const RegressionCourse by_row =
+  const RegressionHistory by_row =
       run_recursive_least_squares(rows.phi, rows.y, kSoftConstraint, per_row);
-  const RegressionCourse track = after_both(by_row);
+  const RegressionHistory track = after_both(by_row);
 
   Estimate estimate;
   estimate.verb = "track";
@@ -159,7 +159,7 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   list_parameters(estimate, model.parameters, model.parameters);
 
   // In the order of the model file.
-  Course& course = estimate.course.emplace();
+  TimeHistory& course = estimate.course.emplace();
   const auto count = static_cast<Index>(rows.sought.size());
   std::vector<Index> order;
   VectorXd scale(count);  // the parameter's change with its coefficient, in its unit

@@ -16,7 +16,7 @@ namespace {
 constexpr Eigen::Index kFewestRows = 8;
 constexpr double kShortest = 1.0;    // [s]
 constexpr double kLongestGap = 3.0;  // [sampling periods]
-constexpr std::size_t kMostStretches = 60;
+constexpr std::size_t kMostSegments = 60;
 constexpr double kSlowestModel = 0.5;    // [m/s]; the model divides by the speed
 constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
 
@@ -47,22 +47,22 @@ VehicleRun::Output describe_output(const ModelFile& model, const Dataset& data, 
 
 /// Why rows were not used, for the message when none is left.
 struct Losses {
-  Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, stretches = 0;
+  Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, segments = 0;
 
   Losses& operator+=(const Losses& other) {
     no_steering += other.no_steering;
     no_speed += other.no_speed;
     slow += other.slow;
     fragments += other.fragments;
-    stretches += other.stretches;
+    segments += other.segments;
     return *this;
   }
 };
 
 constexpr double kLongestStep = 1.0;  // [s]
 
-std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Losses& lost) {
-  std::vector<VehicleRun::Stretch> out;
+std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Losses& lost) {
+  std::vector<VehicleRun::Segment> out;
   Eigen::Index first = -1;
   double longest_gap = kLongestGap * data.dt;
   const auto close = [&](Eigen::Index end) {
@@ -83,20 +83,20 @@ std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Lo
   }
   close(data.size());
 
-  std::erase_if(out, [&](const VehicleRun::Stretch& s) {
+  std::erase_if(out, [&](const VehicleRun::Segment& s) {
     const double seconds = data.time[s.first + s.rows - 1] - data.time[s.first] + data.dt;
     const bool fragment = s.rows < kFewestRows || seconds < kShortest;
     if (fragment) {
       lost.fragments += s.rows;
-      ++lost.stretches;
+      ++lost.segments;
     }
     return fragment;
   });
-  if (out.size() > kMostStretches) {
+  if (out.size() > kMostSegments) {
     std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.rows > b.rows; });
-    for (std::size_t i = kMostStretches; i < out.size(); ++i) lost.fragments += out[i].rows;
-    lost.stretches += static_cast<Eigen::Index>(out.size() - kMostStretches);
-    out.resize(kMostStretches);
+    for (std::size_t i = kMostSegments; i < out.size(); ++i) lost.fragments += out[i].rows;
+    lost.segments += static_cast<Eigen::Index>(out.size() - kMostSegments);
+    out.resize(kMostSegments);
     std::sort(out.begin(), out.end(),
               [](const auto& a, const auto& b) { return a.first < b.first; });
   }
@@ -121,7 +121,7 @@ std::vector<VehicleRun::Stretch> split(const Dataset& data, double min_speed, Lo
   if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
   if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
   throw InputError(in(data),
-                   fmt::format("{}no usable stretch in {} row{}{}{}", which, N, N == 1 ? "" : "s",
+                   fmt::format("{}no usable segment in {} row{}{}{}", which, N, N == 1 ? "" : "s",
                                why.empty() ? "" : ": ", why),
                    fmt::format("at least {} rows and {:g} s in a row with steering angle and vx",
                                kFewestRows, kShortest),
@@ -141,7 +141,7 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
     VehicleRun::Output output = describe_output(model, data, i);
     Eigen::VectorXd y = Eigen::VectorXd::Constant(all.cols(), kNone);
     double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-    for (const VehicleRun::Stretch& s : run.stretches) {
+    for (const VehicleRun::Segment& s : run.segments) {
       for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
         const double value = all(output.channel, t);
         if (!std::isfinite(value)) continue;
@@ -183,7 +183,7 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
 
 void require_steering(const Dataset& data, VehicleRun& run) {
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-  for (const VehicleRun::Stretch& s : run.stretches) {
+  for (const VehicleRun::Segment& s : run.segments) {
     lowest = std::min(lowest, run.steering.segment(s.first, s.rows).minCoeff());
     highest = std::max(highest, run.steering.segment(s.first, s.rows).maxCoeff());
   }
@@ -273,8 +273,8 @@ VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& record
     require_shape(model, data);
     require_possible(model, data);
     Losses here;
-    std::vector<VehicleRun::Stretch> stretches = split(data, min_speed, here);
-    if (stretches.empty()) {
+    std::vector<VehicleRun::Segment> segments = split(data, min_speed, here);
+    if (segments.empty()) {
       no_usable_row(
           data, min_speed, here,
           recordings.size() > 1
@@ -289,8 +289,8 @@ VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& record
     run.recording.insert(run.recording.end(), static_cast<std::size_t>(data.size()),
                          static_cast<int>(run.used_of.size()));
     run.used_of.push_back(0);
-    for (const VehicleRun::Stretch& s : stretches) {
-      run.stretches.push_back({at + s.first, s.rows});
+    for (const VehicleRun::Segment& s : segments) {
+      run.segments.push_back({at + s.first, s.rows});
       run.used += s.rows;
       run.used_of.back() += s.rows;
       const double* vx = run.vx.data() + at + s.first;
@@ -304,14 +304,14 @@ VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& record
   pick_outputs(model, recordings.front(), y, run);
   require_steering(recordings.front(), run);
 
-  std::string note = fmt::format("{} of {} rows used in {} stretch{}", run.used, N,
-                                 run.stretches.size(), run.stretches.size() == 1 ? "" : "es");
+  std::string note = fmt::format("{} of {} rows used in {} segment{}", run.used, N,
+                                 run.segments.size(), run.segments.size() == 1 ? "" : "s");
   if (recordings.size() > 1) note += fmt::format(" of {} recordings", recordings.size());
   if (lost.slow > 0) note += fmt::format("; {} rows below {:.3g} m/s", lost.slow, min_speed);
   if (lost.no_speed > 0) note += fmt::format("; {} without vx", lost.no_speed);
   if (lost.no_steering > 0) note += fmt::format("; {} without steering angle", lost.no_steering);
   if (lost.fragments > 0) {
-    note += fmt::format("; {} rows dropped in {} short stretches", lost.fragments, lost.stretches);
+    note += fmt::format("; {} rows dropped in {} short segments", lost.fragments, lost.segments);
   }
   run.notes.push_back(note);
   return run;

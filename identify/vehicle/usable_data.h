@@ -24,16 +24,16 @@ struct VehicleRun {
     double given_sd = kNone;   ///< measurement noise given in the model file
     Eigen::Index samples = 0;  ///< present in the usable rows
   };
-  struct Stretch {
+  struct Segment {
     Eigen::Index first, rows;
   };
 
   std::vector<Output> outputs;  ///< those that carry information
   Eigen::VectorXd time, steering, vx;
-  std::vector<int> recording;      ///< 0, 1, ... of each row
-  Eigen::MatrixXd y;               ///< outputs x N; NaN where missing or not usable
-  std::vector<Stretch> stretches;  ///< runs of usable rows, each with an initial state of its own
-  Eigen::Index used = 0;           ///< rows in stretches
+  std::vector<int> recording;     ///< 0, 1, ... of each row
+  Eigen::MatrixXd y;              ///< outputs x N; NaN where missing or not usable
+  std::vector<Segment> segments;  ///< runs of usable rows, each with an initial state of its own
+  Eigen::Index used = 0;          ///< rows in segments
   std::vector<Eigen::Index> used_of;  ///< the same of each recording
   double step = kNone;                ///< median time between rows [s]
   double median_speed = kNone;        ///< [m/s], over the rows used
@@ -45,8 +45,8 @@ struct VehicleRun {
 };
 
 /// Splits the recordings where steering or vx is missing, vx is below the minimum speed or time
-/// jumps by more than three sampling periods; leaves out stretches under 1 s or 8 rows and outputs
-/// that are dead. A stretch never reaches from one recording into the next.
+/// jumps by more than three sampling periods; leaves out segments under 1 s or 8 rows and outputs
+/// that are dead. A segment never reaches from one recording into the next.
 /// @throws InputError, in words, when a recording holds nothing usable or the steering never moves;
 ///   std::invalid_argument without a recording
 VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings);

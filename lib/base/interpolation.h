@@ -45,8 +45,8 @@ Eigen::VectorXd interpolate_linearly(const Eigen::Ref<const Eigen::VectorXd>& t,
                                      const Eigen::Ref<const Eigen::VectorXd>& at, double widest);
 
 /// Median distance in time of neighbouring samples that are there (NaN = missing): the channel's
-/// own sampling period [unit of t], whatever the raster it is written on. NaN for fewer than two
-/// samples. t and x: N each.
+/// own sampling period [unit of t], whatever the sampling grid it is written on. NaN for fewer than
+/// two samples. t and x: N each.
 double own_period(const Eigen::Ref<const Eigen::VectorXd>& t,
                   const Eigen::Ref<const Eigen::VectorXd>& x);
 

@@ -371,9 +371,9 @@ Dataset samples_from(const Dataset& data, Index first) {
   return out;
 }
 
-Dataset on_uniform_raster(const Dataset& data, double step, double tolerance) {
+Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
   if (!(step > 0.0) || !std::isfinite(step)) {
-    throw std::invalid_argument("on_uniform_raster: step is " + number(step) +
+    throw std::invalid_argument("on_uniform_grid: step is " + number(step) +
                                 ", it must be positive and finite");
   }
   const Index n = data.size();

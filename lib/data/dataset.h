@@ -21,10 +21,10 @@ struct Channel {
 };
 
 struct Dataset {
-  std::string name;        ///< of the file, without its folder
-  double dt = 0.0;         ///< sampling period [s]: the step given, else the median step
-  Eigen::VectorXd time;    ///< N [s], strictly increasing
-  Eigen::VectorXd stamps;  ///< N [s]: as recorded, where on_uniform_raster() has moved them
+  std::string name;                  ///< of the file, without its folder
+  double dt = 0.0;                   ///< sampling period [s]: the step given, else the median step
+  Eigen::VectorXd time;              ///< N [s], strictly increasing
+  Eigen::VectorXd stamps;            ///< N [s]: as recorded, where on_uniform_grid() has moved them
   std::vector<Eigen::Index> absent;  ///< rows that it has put in where none was recorded, rising
   Eigen::MatrixXd u;                 ///< nu x N, SI, NaN = missing
   Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
@@ -105,16 +105,17 @@ Dataset first_samples(const Dataset& data, Eigen::Index count);
 /// The rows from number `first` (0-based) on.
 Dataset samples_from(const Dataset& data, Eigen::Index first);
 
-/// Puts a recording onto the uniform raster that a discrete-time model needs: rows whose time
-/// stamps are a whole number of steps apart keep their values, rows that are absent become missing
-/// samples. Each distance between neighbours counts, so a clock that runs slightly fast or slow
-/// stays on the raster; the result's time is exactly first + k step, its stamps are the recorded
-/// ones, and whole steps behind the row before where a row is absent.
+/// Puts a recording onto the uniform sampling grid that a discrete-time model needs: rows whose
+/// time stamps are a whole number of steps apart keep their values, rows that are absent become
+/// missing samples. Each distance between neighbours counts, so a clock that runs slightly fast or
+/// slow stays on the sampling grid; the result's time is exactly first + k step, its stamps are the
+/// recorded ones, and whole steps behind the row before where a row is absent.
 /// @param step       [s], positive
 /// @param tolerance  how far a distance may be from a whole number of steps, in steps
-/// @throws InputError when a time stamp is not on the raster, or the filled record would exceed ten
+/// @throws InputError when a time stamp is not on the sampling grid, or the filled record would
+/// exceed ten
 ///   times the rows.
 /// @throws std::invalid_argument when step is not positive and finite.
-Dataset on_uniform_raster(const Dataset& data, double step, double tolerance = 0.01);
+Dataset on_uniform_grid(const Dataset& data, double step, double tolerance = 0.01);
 
 }  // namespace identikal

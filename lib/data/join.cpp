@@ -84,8 +84,8 @@ Joined join_tables(const std::vector<Table>& tables, const TimeSource& time) {
   if (tables.size() == 1) return out;
 
   const Table& first = tables.front();
-  const TimeSource raster = time_of(first, time, true);
-  const VectorXd at = time_stamps(first, raster);
+  const TimeSource grid = time_of(first, time, true);
+  const VectorXd at = time_stamps(first, grid);
   const auto rate = [](const VectorXd& t) {
     return to_four_digits(1.0 / own_period(t, t)) + " Hz";
   };
@@ -143,7 +143,7 @@ Joined join_tables(const std::vector<Table>& tables, const TimeSource& time) {
 
   std::vector<Column>& columns = out.table.columns;
   const std::vector<std::string> names = out.table.column_names();
-  const std::string stamps = first.find(raster.column)->name;
+  const std::string stamps = first.find(grid.column)->name;
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const bool alone = std::count(names.begin(), names.end(), names[i]) == 1;
     if (alone || (out.file[i] == 0 && names[i] == stamps)) continue;

@@ -14,7 +14,7 @@ namespace identikal {
 /// @throws InputError for a name that is empty
 std::vector<std::string> joined_files(const std::string& argument);
 
-/// Columns of several files on the raster of the first.
+/// Columns of several files on the sampling grid of the first.
 struct Joined {
   Table table;                     ///< rows, path and line numbers are those of the first file
   std::vector<std::size_t> file;   ///< of every column of the table, from 0

@@ -121,7 +121,7 @@ class Recursion {
 
   // Runs over the record, by shortcuts where they are allowed. `store` receives innovations, and
   // states too when `keep` says so, when it is not null.
-  Likelihood run(FilterResult* store, Keep keep, Shortcuts& shortcuts) {
+  Likelihood run(FilterResult* store, Keep keep, RecursionOptions& shortcuts) {
     Likelihood out;
     const bool states = store != nullptr && keep == Keep::everything;
     const auto k = static_cast<Index>(sensitivities_.size());
@@ -129,15 +129,15 @@ class Recursion {
     out.information = MatrixXd::Zero(k, k);
     VectorXd scored = out.gradient;  // up to the last sample
     if (shortcuts.score_products != nullptr) shortcuts.score_products->setZero(k, k);
-    std::size_t stretch = 0;
-    Stretch *here = nullptr, *unrolled = nullptr;  // begun last; the same, once run_unrolled() ran
+    std::size_t segment = 0;
+    Segment *here = nullptr, *unrolled = nullptr;  // begun last; the same, once run_unrolled() ran
     // A model that changes has no shortcuts.
     const bool constant_gain = shortcuts.constant_gain && !change_model_;
     for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok; ++t) {
       if (change_model_ && t > 0) change_model_(t);
-      if (shortcuts.stretches != nullptr && stretch < shortcuts.stretches->size() &&
-          (*shortcuts.stretches)[stretch].begin == t) {
-        here = &(*shortcuts.stretches)[stretch++];
+      if (shortcuts.segments != nullptr && segment < shortcuts.segments->size() &&
+          (*shortcuts.segments)[segment].begin == t) {
+        here = &(*shortcuts.segments)[segment++];
         if (shortcuts.kernel != nullptr && jump(*here, shortcuts, out)) {
           t += here->sums.samples() - 1;
           continue;
@@ -562,21 +562,21 @@ class Recursion {
     return true;
   }
 
-  // A whole gapless stretch at once. false: it is too short, or sums would lose digits.
-  bool jump(const Stretch& stretch, Shortcuts& shortcuts, Likelihood& out) {
-    StretchKernel& kernel = *shortcuts.kernel;
+  // A whole gapless segment at once. false: it is too short, or sums would lose digits.
+  bool jump(const Segment& segment, RecursionOptions& shortcuts, Likelihood& out) {
+    SegmentKernel& kernel = *shortcuts.kernel;
     const std::size_t k = sensitivities_.size();
-    if (stretch.sums.samples() <= kernel.memory()) return false;
+    if (segment.sums.samples() <= kernel.memory()) return false;
     FilterState state;
     state.x_theta.resize(k);
     state.P_theta.resize(k);
     if (diffuse_ > 0) {
       // Only an untouched start is known to the kernel.
-      if (samples_ > 0 || stretch.begin > 0) {
+      if (samples_ > 0 || segment.begin > 0) {
         shortcuts.late = true;
         return false;
       }
-      if (!kernel.add_from_model(stretch, InitialState::diffuse, out)) {
+      if (!kernel.add_from_model(segment, InitialState::diffuse, out)) {
         shortcuts.cancelled = true;
         return false;
       }
@@ -589,12 +589,12 @@ class Recursion {
         state.x_theta[i] = sensitivities_[i].Z.col(0);
         state.P_theta[i] = sensitivities_[i].P;
       }
-      if (!kernel.add_from_state(stretch, state, out)) {
+      if (!kernel.add_from_state(segment, state, out)) {
         shortcuts.cancelled = true;
         return false;
       }
     }
-    kernel.end_of_stretch(stretch, state);
+    kernel.end_of_segment(segment, state);
     Z_ = state.x;
     P_ = state.P;
     for (std::size_t i = 0; i < k; ++i) {
@@ -602,8 +602,8 @@ class Recursion {
       sensitivities_[i].P = state.P_theta[i];
     }
     settled_ = false;
-    samples_ += stretch.sums.samples() * y_.rows();
-    shortcuts.jumped += stretch.sums.samples();
+    samples_ += segment.sums.samples() * y_.rows();
+    shortcuts.jumped += segment.sums.samples();
     return true;
   }
 
@@ -625,12 +625,12 @@ class Recursion {
     return next;
   }
 
-  // From sample t of a stretch on with constant gain, in chunks side by side. Returns the first
+  // From sample t of a segment on with constant gain, in chunks side by side. Returns the first
   // sample it did not process: t itself where it does not pay or the filter forgets too slowly.
-  Index run_in_lanes(Index t, Stretch& stretch, Likelihood& out) {
+  Index run_in_lanes(Index t, Segment& segment, Likelihood& out) {
     const Index n = model_.states(), ny = y_.rows();
     const auto lanes = static_cast<Index>(simd::lanes());
-    const Index length = stretch.sums.samples() / lanes, skip = t - stretch.begin;
+    const Index length = segment.sums.samples() / lanes, skip = t - segment.begin;
     constexpr Index kWorthIt = 64;
     if (n > simd::kMostLaneStates || ny > simd::kMostLaneOutputs || length < kWorthIt ||
         skip >= length) {
@@ -638,13 +638,13 @@ class Recursion {
     }
     Powers<Eigen::Dynamic> powers;
     if (!powers.compute(F_) || powers.memory() > length) return t;
-    if (stretch.lanes.empty()) {
-      stretch.lanes.assign(static_cast<std::size_t>(1 + length * ny * lanes), 0.0);
+    if (segment.lanes.empty()) {
+      segment.lanes.assign(static_cast<std::size_t>(1 + length * ny * lanes), 0.0);
       for (Index c = 0; c < lanes; ++c) {
         for (Index s = 0; s < length; ++s) {
           for (Index j = 0; j < ny; ++j) {
-            stretch.lanes[static_cast<std::size_t>(1 + (s * ny + j) * lanes + c)] =
-                y_(j, stretch.begin + c * length + s);
+            segment.lanes[static_cast<std::size_t>(1 + (s * ny + j) * lanes + c)] =
+                y_(j, segment.begin + c * length + s);
           }
         }
       }
@@ -653,7 +653,7 @@ class Recursion {
     MatrixXd squares(ny, ny);
     const simd::LaneFilter filter{static_cast<int>(n), static_cast<int>(ny), F_.data(), K_.data(),
                                   full_.C.data()};
-    simd::sum_squares_in_lanes(filter, stretch.lanes.data() + 1, static_cast<std::size_t>(length),
+    simd::sum_squares_in_lanes(filter, segment.lanes.data() + 1, static_cast<std::size_t>(length),
                                static_cast<std::size_t>(powers.memory()),
                                static_cast<std::size_t>(skip), x.data(), squares.data());
     const Index count = length * lanes - skip;
@@ -829,7 +829,7 @@ FilterResult filter(Recursion& recursion, Index n, const Eigen::Ref<const Matrix
     out.P_filt.resize(static_cast<std::size_t>(N));
     out.Sigma.resize(static_cast<std::size_t>(N));
   }
-  Shortcuts shortcuts;
+  RecursionOptions shortcuts;
   const Likelihood likelihood = recursion.run(&out, keep, shortcuts);
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
@@ -865,14 +865,14 @@ Likelihood log_likelihood(const ModelAt& model, InitialState initial,
   model(0, now, wanted);
   Recursion recursion(now, initial, y, u, derivatives);
   recursion.set_model_change([&](Index t) { model(t, now, wanted); }, derivatives);
-  Shortcuts shortcuts;
+  RecursionOptions shortcuts;
   return recursion.run(nullptr, Keep::innovations, shortcuts);
 }
 
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives) {
-  Shortcuts shortcuts;
+  RecursionOptions shortcuts;
   return run_recursion(model, initial, y, u, derivatives, shortcuts);
 }
 
@@ -880,7 +880,7 @@ MatrixXd score_products(const StateSpace& model, InitialState initial,
                         const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                         const std::vector<StateSpace>& derivatives) {
   MatrixXd out;
-  Shortcuts shortcuts;
+  RecursionOptions shortcuts;
   shortcuts.score_products = &out;
   const Likelihood l = run_recursion(model, initial, y, u, derivatives, shortcuts);
   return l.status == FilterStatus::ok ? out : MatrixXd();
@@ -909,7 +909,7 @@ void check_shapes(const StateSpace& model, InitialState initial,
 
 Likelihood run_recursion(const StateSpace& model, InitialState initial,
                          const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
-                         const std::vector<StateSpace>& derivatives, Shortcuts& shortcuts) {
+                         const std::vector<StateSpace>& derivatives, RecursionOptions& shortcuts) {
   return Recursion(model, initial, y, u, derivatives).run(nullptr, Keep::innovations, shortcuts);
 }
 

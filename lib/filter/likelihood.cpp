@@ -16,7 +16,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Shorter stretches are left to the recursion.
+// Shorter segments are left to the recursion.
 constexpr Index kShortest = 32;
 // Beyond, computing the sums costs as much as ten evaluations with constant gain.
 constexpr Index kMostLags = 1024;
@@ -25,7 +25,7 @@ constexpr Index kFirstLags = 64;
 // A mean this many standard deviations from zero is taken out before products are summed.
 constexpr double kFarFromZero = 2.0;
 
-Stretch make_stretch(const MatrixXd& y, const MatrixXd& u, Index begin, Index length) {
+Segment make_segment(const MatrixXd& y, const MatrixXd& u, Index begin, Index length) {
   const Index ny = y.rows(), nu = u.rows();
   MatrixXd z(ny + nu, length);
   z.topRows(ny) = y.middleCols(begin, length);
@@ -46,10 +46,10 @@ Stretch make_stretch(const MatrixXd& y, const MatrixXd& u, Index begin, Index le
 struct Recording {
   const MatrixXd* y;
   const MatrixXd* u;
-  std::vector<Stretch> stretches;
+  std::vector<Segment> segments;
   Index samples = 0;
 
-  bool gapless() const { return stretches.size() == 1 && stretches[0].sums.samples() == y->cols(); }
+  bool gapless() const { return segments.size() == 1 && segments[0].sums.samples() == y->cols(); }
 };
 
 Recording prepare(const MatrixXd& y, const MatrixXd& u) {
@@ -64,7 +64,7 @@ Recording prepare(const MatrixXd& y, const MatrixXd& u) {
     }
     if (complete) continue;
     if (t - begin >= kShortest && y.rows() + u.rows() < kMaxChannels) {
-      out.stretches.push_back(make_stretch(y, u, begin, t - begin));
+      out.segments.push_back(make_segment(y, u, begin, t - begin));
     }
     begin = t + 1;
   }
@@ -75,7 +75,7 @@ Recording prepare(const MatrixXd& y, const MatrixXd& u) {
 
 struct LikelihoodEngine::Recordings {
   std::vector<Recording> all;
-  std::unique_ptr<StretchKernel> kernel;
+  std::unique_ptr<SegmentKernel> kernel;
   Index kernel_states = -1;
   Likelihood result;
   PathTaken taken;
@@ -95,25 +95,25 @@ const char* to_string(Path path) {
   return "";
 }
 
-const char* describe(Detour detour) {
-  switch (detour) {
-    case Detour::none:
+const char* describe(FallbackReason fallback) {
+  switch (fallback) {
+    case FallbackReason::none:
       return "";
-    case Detour::not_asked:
+    case FallbackReason::not_asked:
       return "another path was asked for";
-    case Detour::short_stretch:
-      return "gapless stretches are shorter than the filter's memory";
-    case Detour::long_memory:
+    case FallbackReason::short_segment:
+      return "gapless segments are shorter than the filter's memory";
+    case FallbackReason::long_memory:
       return "the filter forgets so slowly that lag sums would cost more than they save";
-    case Detour::no_steady_state:
+    case FallbackReason::no_steady_state:
       return "the gain does not converge to a stable filter";
-    case Detour::cancellation:
+    case FallbackReason::cancellation:
       return "the innovations are so much smaller than the signal that lag sums lose digits";
-    case Detour::too_many_channels:
+    case FallbackReason::too_many_channels:
       return "more than 15 outputs and inputs";
-    case Detour::unknown_start:
+    case FallbackReason::unknown_start:
       return "the start of the state is estimated";
-    case Detour::known_start:
+    case FallbackReason::known_start:
       return "the start of the state is known too well, or not at the first sample";
   }
   return "";
@@ -167,43 +167,43 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   out.information.setZero(k, k);
   r.taken = PathTaken{};
 
-  Detour why = Detour::none;
+  FallbackReason why = FallbackReason::none;
   Index memory = 0;
   if (path == Path::direct || path == Path::steady) {
-    why = Detour::not_asked;
+    why = FallbackReason::not_asked;
   } else if (model.outputs() + model.inputs() >= kMaxChannels) {
-    why = Detour::too_many_channels;
+    why = FallbackReason::too_many_channels;
   } else if (initial == InitialState::given &&
              std::any_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
                return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
              })) {
-    why = Detour::unknown_start;
+    why = FallbackReason::unknown_start;
   } else {
     if (r.kernel_states != model.states()) {
-      r.kernel = make_stretch_kernel(model.states());
+      r.kernel = make_segment_kernel(model.states());
       r.kernel_states = model.states();
     }
     if (!r.kernel->prepare(model, derivatives)) {
-      why = Detour::no_steady_state;
+      why = FallbackReason::no_steady_state;
     } else {
       memory = r.kernel->memory();
       r.taken.pole = r.kernel->pole();
-      if (memory > kMostLags) why = Detour::long_memory;
+      if (memory > kMostLags) why = FallbackReason::long_memory;
     }
   }
 
   Index total = 0, compressed = 0;
   for (Recording& recording : r.all) {
     total += recording.y->cols();
-    if (why == Detour::none) {
-      for (Stretch& stretch : recording.stretches) {
-        if (stretch.sums.samples() <= memory) continue;
+    if (why == FallbackReason::none) {
+      for (Segment& segment : recording.segments) {
+        if (segment.sums.samples() <= memory) continue;
         Index lags = kFirstLags;
         while (lags < memory) lags *= 2;
-        stretch.sums.extend_to(lags);
+        segment.sums.extend_to(lags);
       }
-      if (recording.gapless() && recording.stretches[0].sums.samples() > memory) {
-        if (r.kernel->add_from_model(recording.stretches[0], initial, out)) {
+      if (recording.gapless() && recording.segments[0].sums.samples() > memory) {
+        if (r.kernel->add_from_model(recording.segments[0], initial, out)) {
           const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
           out.value -= 0.5 * std::log(2.0 * std::numbers::pi) *
                        static_cast<double>(recording.samples - diffuse);
@@ -212,10 +212,10 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
         }
       }
     }
-    Shortcuts shortcuts;
+    RecursionOptions shortcuts;
     shortcuts.constant_gain = path != Path::direct;
-    shortcuts.stretches = &recording.stretches;
-    if (why == Detour::none) shortcuts.kernel = r.kernel.get();
+    shortcuts.segments = &recording.segments;
+    if (why == FallbackReason::none) shortcuts.kernel = r.kernel.get();
     const Likelihood one =
         run_recursion(model, initial, *recording.y, *recording.u, derivatives, shortcuts);
     if (one.status != FilterStatus::ok) {
@@ -226,15 +226,15 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     out.gradient += one.gradient;
     out.information += one.information;
     compressed += shortcuts.jumped;
-    if (why == Detour::none && shortcuts.jumped < recording.y->cols()) {
-      const bool known =
-          shortcuts.late || (shortcuts.cancelled && r.kernel->refusal() == Refusal::known_start);
-      r.taken.detour = known                 ? Detour::known_start
-                       : shortcuts.cancelled ? Detour::cancellation
-                                             : Detour::short_stretch;
+    if (why == FallbackReason::none && shortcuts.jumped < recording.y->cols()) {
+      const bool known = shortcuts.late || (shortcuts.cancelled &&
+                                            r.kernel->reject_reason() == RejectReason::known_start);
+      r.taken.fallback = known                 ? FallbackReason::known_start
+                         : shortcuts.cancelled ? FallbackReason::cancellation
+                                               : FallbackReason::short_segment;
     }
   }
-  if (why != Detour::none) r.taken.detour = why;
+  if (why != FallbackReason::none) r.taken.fallback = why;
   if (2 * compressed > total) {
     r.taken.path = Path::compressed;
   } else {

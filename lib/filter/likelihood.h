@@ -17,15 +17,15 @@ enum class Path {
   automatic,   ///< the cheapest that is exact for the model and the recording
   direct,      ///< the full recursion at every sample
   steady,      ///< constant gain once covariance and derivatives have settled to rounding
-  compressed,  ///< gapless stretches from their lag sums, at a cost independent of their length
+  compressed,  ///< gapless segments from their lag sums, at a cost independent of their length
 };
 const char* to_string(Path path);
 
 /// Why a part of the recordings did not take the compressed path.
-enum class Detour {
+enum class FallbackReason {
   none,
   not_asked,        ///< another path was asked for
-  short_stretch,    ///< a gapless stretch is shorter than the filter's memory
+  short_segment,    ///< a gapless segment is shorter than the filter's memory
   long_memory,      ///< the filter's pole is so close to 1 that the sums would cost more than they
                     ///< save
   no_steady_state,  ///< the gain does not converge to a stable filter
@@ -34,14 +34,14 @@ enum class Detour {
   unknown_start,      ///< x0 or P0 is differentiated by: its information is that of few samples
   known_start,        ///< x0 is known so much better than a steady filter knows it that its first
                       ///< samples count for more than the others; or it is diffuse and the first
-                      ///< sample of the stretch has gone by
+                      ///< sample of the segment has gone by
 };
 /// A sentence for people.
-const char* describe(Detour detour);
+const char* describe(FallbackReason fallback);
 
 struct PathTaken {
   Path path = Path::direct;  ///< the one that most samples took
-  Detour detour = Detour::none;
+  FallbackReason fallback = FallbackReason::none;
   double pole = 0.0;  ///< largest absolute eigenvalue of A - K C; 0 when not computed
 };
 

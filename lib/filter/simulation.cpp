@@ -10,8 +10,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-MatrixXd realisation(const StateSpace& model, InitialState initial, const MatrixXd& u,
-                     Index samples, Random& random, MatrixXd* states) {
+MatrixXd simulate_outputs(const StateSpace& model, InitialState initial, const MatrixXd& u,
+                          Index samples, Random& random, MatrixXd* states) {
   check_shapes(model);
   if (u.size() > 0 && (u.rows() != model.inputs() || u.cols() != samples)) {
     throw std::invalid_argument("realisation: u does not fit the model and the samples");

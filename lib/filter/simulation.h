@@ -15,8 +15,8 @@ namespace identikal {
 /// @param states  receives x(1) ... x(samples) as columns, when not nullptr
 /// @throws std::invalid_argument when u does not fit, [Q S; S' R] or P0 is not positive
 ///   semidefinite, or the start is stationary and A is not stable.
-Eigen::MatrixXd realisation(const StateSpace& model, InitialState initial, const Eigen::MatrixXd& u,
-                            Eigen::Index samples, Random& random,
-                            Eigen::MatrixXd* states = nullptr);
+Eigen::MatrixXd simulate_outputs(const StateSpace& model, InitialState initial,
+                                 const Eigen::MatrixXd& u, Eigen::Index samples, Random& random,
+                                 Eigen::MatrixXd* states = nullptr);
 
 }  // namespace identikal

@@ -61,9 +61,9 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
     matrix.formulas.push_back(std::move(formula));
   }
   if (values.empty()) return;
-  std::vector<std::vector<Id>> slopes;
-  for (const Id value : values) slopes.push_back(graph.gradient(value, symbols));
-  model.formulas.push_back({make_tape(graph, values, slopes), first});
+  std::vector<std::vector<Id>> jacobian;
+  for (const Id value : values) jacobian.push_back(graph.gradient(value, symbols));
+  model.formulas.push_back({make_tape(graph, values, jacobian), first});
 }
 
 std::optional<LinearModel> linear_model_of(FormulaNodes nodes) {
@@ -76,16 +76,16 @@ std::optional<LinearModel> linear_model_of(FormulaNodes nodes) {
   out.continuous = nodes.continuous;
   std::vector<PlacedFormula> placed;
   // One row of [A B c] or [C D d].
-  const auto place_row = [&](const std::vector<Id>& rows, ParametrisedMatrix& by_x,
+  const auto place_row = [&](const std::vector<Id>& rows, ParametrisedMatrix& wrt_x,
                              ParametrisedMatrix& by_u) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       if (!graph.is_free_of(rows[i], time) || !graph.is_affine(rows[i], moving)) return false;
-      const auto place = [&](const std::vector<Id>& slopes, ParametrisedMatrix& to) {
-        for (std::size_t j = 0; j < slopes.size(); ++j) {
-          placed.push_back({&to, static_cast<int>(i), static_cast<int>(j), slopes[j]});
+      const auto place = [&](const std::vector<Id>& jacobian, ParametrisedMatrix& to) {
+        for (std::size_t j = 0; j < jacobian.size(); ++j) {
+          placed.push_back({&to, static_cast<int>(i), static_cast<int>(j), jacobian[j]});
         }
       };
-      place(graph.gradient(rows[i], x), by_x);
+      place(graph.gradient(rows[i], x), wrt_x);
       place(graph.gradient(rows[i], u), by_u);
       const Id offset = at_zero(graph, rows[i], moving);
       out.offset = out.offset || !graph.is_number(offset, 0.0);

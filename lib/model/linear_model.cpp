@@ -11,9 +11,9 @@ namespace {
 
 // Values of all formulas of a model and, where asked for, their derivatives by the parameters.
 struct FormulaValues {
-  std::vector<std::vector<double>> value, slope;  // per tape; slopes row by row
+  std::vector<std::vector<double>> value, slope;  // per tape; jacobian row by row
 
-  FormulaValues(const LinearModel& model, const ParameterSet& parameters, bool with_slopes) {
+  FormulaValues(const LinearModel& model, const ParameterSet& parameters, bool with_jacobian) {
     for (const EntryFormulas& formulas : model.formulas) {
       const Tape& tape = formulas.tape;
       TapeMemory memory = make_memory(tape);
@@ -22,7 +22,7 @@ struct FormulaValues {
       }
       evaluate_held(tape, memory);
       value.emplace_back(tape.values);
-      if (with_slopes) {
+      if (with_jacobian) {
         slope.emplace_back(tape.values * tape.columns);
         evaluate_jacobian(tape, memory, value.back(), slope.back());
       } else {

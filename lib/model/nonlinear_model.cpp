@@ -25,12 +25,12 @@ std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<
 // Values, their derivatives row by row, and the derivatives of the first nx columns of those,
 // column by column.
 Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
-                    const std::vector<std::vector<Id>>& slopes, std::size_t nx,
+                    const std::vector<std::vector<Id>>& jacobian, std::size_t nx,
                     const std::vector<int>& by) {
   std::vector<Id> all = values;
-  for (const std::vector<Id>& row : slopes) all.insert(all.end(), row.begin(), row.end());
+  for (const std::vector<Id>& row : jacobian) all.insert(all.end(), row.begin(), row.end());
   for (std::size_t j = 0; j < nx; ++j) {
-    for (const std::vector<Id>& row : slopes) {
+    for (const std::vector<Id>& row : jacobian) {
       const std::vector<Id> second = graph.gradient(row[j], by);
       all.insert(all.end(), second.begin(), second.end());
     }
@@ -86,14 +86,14 @@ class MotionParts {
         gramians_(gramians),
         curvatures_(order == Derivatives::second ? nx_ * nx_ : 0) {}
   using Rows = Eigen::Map<ModelMemory::Rows>;
-  Rows slopes(Eigen::VectorXd& motion) const { return {motion.data() + nx_, nx_, columns_}; }
+  Rows jacobian(Eigen::VectorXd& motion) const { return {motion.data() + nx_, nx_, columns_}; }
   Rows curvature(Eigen::VectorXd& motion) const {
     return {motion.data() + nx_ + nx_ * columns_, curvatures_, columns_};
   }
   Rows gramians(Eigen::VectorXd& motion) const {
     return {motion.data() + nx_ + (nx_ + curvatures_) * columns_, nx_ * nx_, gramians_};
   }
-  Rows gramian_slopes(Eigen::VectorXd& motion) const {
+  Rows gramian_jacobian(Eigen::VectorXd& motion) const {
     const Index before = nx_ + (nx_ + curvatures_) * columns_ + nx_ * nx_ * gramians_;
     return {motion.data() + before, gramians_ > 0 ? curvatures_ : 0, columns_};
   }
@@ -112,8 +112,8 @@ void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives ord
   const Index nx = model.states;
   const std::span<double> rate(m.rate.data(), static_cast<std::size_t>(nx));
   if (order == Derivatives::first) {
-    write_point(model, m.rate_slopes, x, u, time);
-    evaluate_jacobian(model.rate_slopes, m.rate_slopes, rate, span_of(m.J));
+    write_point(model, m.rate_jacobian, x, u, time);
+    evaluate_jacobian(model.rate_jacobian, m.rate_jacobian, rate, span_of(m.J));
     return;
   }
   write_point(model, m.rate_curvature, x, u, time);
@@ -145,9 +145,9 @@ void chain(const ModelMemory::Rows& by, const Inner& inner, Out&& out) {
 }
 
 // Derivatives of the rates by the step's begin, from those of the stage's state.
-void chain_slopes(const MotionParts& parts, ModelMemory& m, Derivatives order) {
-  const auto S = parts.slopes(m.stage);
-  chain(m.J, S, parts.slopes(m.rate));
+void chain_jacobian(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+  const auto S = parts.jacobian(m.stage);
+  chain(m.J, S, parts.jacobian(m.rate));
   if (order == Derivatives::first) return;
   // d/dtheta (f_x S_x) = f_x dS_x + df_x S_x
   chain(m.H, S, m.turned);
@@ -178,18 +178,18 @@ void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives ord
     }
   }
   if (order == Derivatives::first) return;
-  const auto V = parts.gramian_slopes(m.stage);
-  auto slopes = parts.gramian_slopes(m.rate);
-  slopes.setZero();
+  const auto V = parts.gramian_jacobian(m.stage);
+  auto jacobian = parts.gramian_jacobian(m.rate);
+  jacobian.setZero();
   for (Index j = 0; j < nx; ++j) {
     for (Index i = 0; i <= j; ++i) {
-      auto&& row = slopes.row(i + nx * j);
+      auto&& row = jacobian.row(i + nx * j);
       for (Index l = 0; l < nx; ++l) {
         row += m.J(i, l) * V.row(l + nx * j) + m.J(j, l) * V.row(i + nx * l) +
                W(l + nx * j, 0) * m.turned.row(i + nx * l) +
                W(l + nx * i, 0) * m.turned.row(j + nx * l);
       }
-      if (i != j) slopes.row(j + nx * i) = row;
+      if (i != j) jacobian.row(j + nx * i) = row;
     }
   }
 }
@@ -257,8 +257,8 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   out.rates = make_tape(graph, f);
   const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
                                      by_h = jacobian_of(graph, h, by);
-  out.rate_slopes = make_tape(graph, f, by_f);
-  out.output_slopes = make_tape(graph, h, by_h);
+  out.rate_jacobian = make_tape(graph, f, by_f);
+  out.output_jacobian = make_tape(graph, h, by_h);
   if (order == Derivatives::second) {
     const auto nx = static_cast<std::size_t>(nodes.states);
     out.rate_curvature = curvature_tape(graph, f, by_f, nx, by);
@@ -341,8 +341,8 @@ ModelMemory make_memory(const NonlinearModel& model) {
   const Index second = model.order == Derivatives::second ? nx * nx : 0;
   ModelMemory out;
   out.rates = make_memory(model.rates);
-  out.rate_slopes = make_memory(model.rate_slopes);
-  out.output_slopes = make_memory(model.output_slopes);
+  out.rate_jacobian = make_memory(model.rate_jacobian);
+  out.output_jacobian = make_memory(model.output_jacobian);
   out.rate_curvature = make_memory(model.rate_curvature);
   out.output_curvature = make_memory(model.output_curvature);
   for (Eigen::VectorXd* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
@@ -354,7 +354,7 @@ ModelMemory make_memory(const NonlinearModel& model) {
   out.values.setZero(
       static_cast<Index>(std::max(model.rate_curvature.values, model.output_curvature.values)));
   out.y.setZero(model.outputs);
-  out.y_slopes.setZero(model.outputs, columns);
+  out.y_jacobian.setZero(model.outputs, columns);
   return out;
 }
 
@@ -365,8 +365,8 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
     evaluate_held(tape, slots);
   };
   write(model.rates, memory.rates);
-  write(model.rate_slopes, memory.rate_slopes);
-  write(model.output_slopes, memory.output_slopes);
+  write(model.rate_jacobian, memory.rate_jacobian);
+  write(model.output_jacobian, memory.output_jacobian);
   if (model.order == Derivatives::first) return;
   write(model.rate_curvature, memory.rate_curvature);
   write(model.output_curvature, memory.output_curvature);
@@ -403,7 +403,8 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
 }
 
 void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
-          Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes, Derivatives order, Gramians* gramians) {
+          Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian, Derivatives order,
+          Gramians* gramians) {
   check_step_arguments(model, inputs, k);
   check_order(model, order);
   const Index nx = model.states, np = model.columns;
@@ -422,9 +423,9 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   if (!model.continuous) {
     evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
     x = m.rate.head(nx);
-    slopes.by_x = m.J.leftCols(nx);
-    slopes.by_p = m.J.rightCols(np);
-    if (order == Derivatives::second) slopes.by_x_slopes = m.H;
+    jacobian.wrt_x = m.J.leftCols(nx);
+    jacobian.wrt_p = m.J.rightCols(np);
+    if (order == Derivatives::second) jacobian.wrt_x_jacobian = m.H;
     return;
   }
   // Larger ones stay: another call may need less, and the next one more.
@@ -436,7 +437,7 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   m.begin.setZero();
   m.begin.head(nx) = x;
-  parts.slopes(m.begin).leftCols(nx).diagonal().setOnes();
+  parts.jacobian(m.begin).leftCols(nx).diagonal().setOnes();
   if (noisy) m.densities = gramians->densities;
   for (int i = 0; i < steps; ++i) {
     auto at_stage = m.stage.head(size), sum = m.sum.head(size);
@@ -448,47 +449,48 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
       evaluate_rates(model, m, order, m.stage.data(),
                      inputs.u.col(first + 2 * i + stage.node).data(),
                      inputs.time[k] + (i + stage.reach) * h);
-      chain_slopes(parts, m, order);
+      chain_jacobian(parts, m, order);
       if (noisy) add_gramian_rates(parts, m, order);
       sum += (stage.weight * h) * rate;
     }
     m.begin.swap(m.sum);
   }
   x = m.begin.head(nx);
-  slopes.by_x = parts.slopes(m.begin).leftCols(nx);
-  slopes.by_p = parts.slopes(m.begin).rightCols(np);
-  if (order == Derivatives::second) slopes.by_x_slopes = parts.curvature(m.begin);
+  jacobian.wrt_x = parts.jacobian(m.begin).leftCols(nx);
+  jacobian.wrt_p = parts.jacobian(m.begin).rightCols(np);
+  if (order == Derivatives::second) jacobian.wrt_x_jacobian = parts.curvature(m.begin);
   if (!noisy) return;
   gramians->values = parts.gramians(m.begin);
-  if (order == Derivatives::second) gramians->slopes = parts.gramian_slopes(m.begin);
+  if (order == Derivatives::second) gramians->jacobian = parts.gramian_jacobian(m.begin);
 }
 
 void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
-             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes, Derivatives order) {
+             double time, Eigen::Ref<Eigen::VectorXd> y, Jacobian& jacobian, Derivatives order) {
   check_order(model, order);
   const Index nx = model.states, np = model.columns, ny = model.outputs;
   if (order == Derivatives::first) {
-    write_point(model, m.output_slopes, x.data(), u.data(), time);
-    evaluate_jacobian(model.output_slopes, m.output_slopes, span_of(m.y), span_of(m.y_slopes));
+    write_point(model, m.output_jacobian, x.data(), u.data(), time);
+    evaluate_jacobian(model.output_jacobian, m.output_jacobian, span_of(m.y),
+                      span_of(m.y_jacobian));
   } else {
     write_point(model, m.output_curvature, x.data(), u.data(), time);
     evaluate_values(model.output_curvature, m.output_curvature, span_of(m.values));
     m.y = m.values.head(ny);
-    std::copy_n(m.values.data() + ny, m.y_slopes.size(), m.y_slopes.data());
-    slopes.by_x_slopes = Eigen::Map<const ModelMemory::Rows>(
-        m.values.data() + ny + m.y_slopes.size(), ny * nx, nx + np);
+    std::copy_n(m.values.data() + ny, m.y_jacobian.size(), m.y_jacobian.data());
+    jacobian.wrt_x_jacobian = Eigen::Map<const ModelMemory::Rows>(
+        m.values.data() + ny + m.y_jacobian.size(), ny * nx, nx + np);
   }
   y = m.y;
-  slopes.by_x = m.y_slopes.leftCols(nx);
-  slopes.by_p = m.y_slopes.rightCols(np);
+  jacobian.wrt_x = m.y_jacobian.leftCols(nx);
+  jacobian.wrt_p = m.y_jacobian.rightCols(np);
 }
 
 void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
              double time, Eigen::Ref<Eigen::VectorXd> y) {
-  write_point(model, m.output_slopes, x.data(), u.data(), time);
-  evaluate_values(model.output_slopes, m.output_slopes, span_of(m.y));
+  write_point(model, m.output_jacobian, x.data(), u.data(), time);
+  evaluate_values(model.output_jacobian, m.output_jacobian, span_of(m.y));
   y = m.y;
 }
 

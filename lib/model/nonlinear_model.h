@@ -38,20 +38,22 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas);
 /// The same, ready to be evaluated.
 struct NonlinearModel {
   Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
-  Eigen::Index columns = 0;  ///< parameters that f and h are derived by
+  Eigen::Index columns = 0;  ///< parameters that f and h are differentiated with respect to
   /// Per parameter p_i: its place among those, 0-based, or one of the two below.
   std::vector<Eigen::Index> column;
   static constexpr Eigen::Index kInNoFormula = -1, kKnown = -2;
   bool continuous = true;
   Derivatives order = Derivatives::first;  ///< that the tapes below can give
   Tape rates;                              ///< f
-  Tape rate_slopes, output_slopes;         ///< f, h and their derivatives by [x; p derived by]
+  Tape rate_jacobian,
+      output_jacobian;  ///< f, h and their derivatives by [x; p differentiated with respect to]
   /// Derivatives::second: as values of one tape f, its derivatives by those row by row, and the
   /// derivatives by those of its derivatives by x; and the same of h.
   Tape rate_curvature, output_curvature;
 };
 
-/// @param known  per parameter: nothing is derived by it, which costs time; empty: none
+/// @param known  per parameter: nothing is differentiated with respect to it, which costs time;
+/// empty: none
 /// @throws std::invalid_argument unless there is a formula per state, and when the length of known
 /// differs; FormulaError when the derivatives are too large
 NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order = Derivatives::first,
@@ -99,7 +101,7 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
 /// Memory of an evaluation, one per thread; parameters are those last set.
 struct ModelMemory {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  TapeMemory rates, rate_slopes, output_slopes, rate_curvature, output_curvature;
+  TapeMemory rates, rate_jacobian, output_jacobian, rate_curvature, output_curvature;
   /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
   /// are asked for, its derivatives, one after the other.
   Eigen::VectorXd begin, stage, rate, sum;
@@ -107,7 +109,7 @@ struct ModelMemory {
   Rows densities;          ///< of Gramians
   Eigen::VectorXd values;  ///< of a curvature tape
   Eigen::VectorXd y;       ///< ny
-  Rows y_slopes;           ///< ny x (nx + columns)
+  Rows y_jacobian;         ///< ny x (nx + columns)
 };
 ModelMemory make_memory(const NonlinearModel& model);
 
@@ -117,12 +119,12 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
 
 /// Derivatives of a vector v, of n numbers, that follows from x and p. Those by p_i are in the
 /// column model.column[i].
-struct Slopes {
-  Eigen::MatrixXd by_x;  ///< n x nx
-  Eigen::MatrixXd by_p;  ///< n x model.columns
-  /// n nx x (nx + columns), with Derivatives::second: column l is d by_x / d [x; p]_l, column by
+struct Jacobian {
+  Eigen::MatrixXd wrt_x;  ///< n x nx
+  Eigen::MatrixXd wrt_p;  ///< n x model.columns
+  /// n nx x (nx + columns), with Derivatives::second: column l is d wrt_x / d [x; p]_l, column by
   /// column (reshaped(n, nx)).
-  Eigen::MatrixXd by_x_slopes;
+  Eigen::MatrixXd wrt_x_jacobian;
 };
 
 /// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
@@ -143,16 +145,16 @@ struct Gramians {
   Eigen::MatrixXd densities;  ///< nx^2 x m: Q_j
   Eigen::MatrixXd values;     ///< nx^2 x m, written: W_j
   /// nx^2 x (nx + columns), written with Derivatives::second: d W_1 / d [x; p]
-  Eigen::MatrixXd slopes;
+  Eigen::MatrixXd jacobian;
 };
 
 /// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
 /// same Runge-Kutta steps.
-/// @param slopes    written; allocates nothing when it has the right shapes
+/// @param jacobian    written; allocates nothing when it has the right shapes
 /// @param order     @throws std::invalid_argument when it is beyond the model's
 /// @param gramians  null: none; @throws std::invalid_argument in discrete time or without densities
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
-          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Slopes& slopes,
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian,
           Derivatives order = Derivatives::first, Gramians* gramians = nullptr);
 
 /// Outputs at a sample and their exact derivatives.
@@ -162,7 +164,7 @@ void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& in
 /// @param order @throws std::invalid_argument when it is beyond the model's
 void observe(const NonlinearModel& model, ModelMemory& memory,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
-             double time, Eigen::Ref<Eigen::VectorXd> y, Slopes& slopes,
+             double time, Eigen::Ref<Eigen::VectorXd> y, Jacobian& jacobian,
              Derivatives order = Derivatives::first);
 /// The outputs alone.
 void observe(const NonlinearModel& model, ModelMemory& memory,

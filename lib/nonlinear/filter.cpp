@@ -99,12 +99,12 @@ class Chain {
   }
   // out += ...
   template <class ByX, class ByP>
-  void add(const ByX& by_x, const ByP& by_p, const Stack& dx, Stack& out, Index first = 0,
+  void add(const ByX& wrt_x, const ByP& wrt_p, const Stack& dx, Stack& out, Index first = 0,
            double sign = 1.0) const {
-    for (Index r = 0; r < by_x.rows(); ++r) {
-      for (Index l = 0; l < nx_; ++l) add_row(out, first + r, sign * by_x(r, l), dx, l);
+    for (Index r = 0; r < wrt_x.rows(); ++r) {
+      for (Index l = 0; l < nx_; ++l) add_row(out, first + r, sign * wrt_x(r, l), dx, l);
       for (const Moved& each : moved_) {
-        out(first + r, each.direction) += sign * by_p(r, each.column);
+        out(first + r, each.direction) += sign * wrt_p(r, each.column);
       }
     }
   }
@@ -314,7 +314,7 @@ class NonlinearRecursion {
     } else if (unscented_) {
       measure_by_points(t);
     } else {
-      measure_by_slopes(t);
+      measure_by_jacobian(t);
     }
   }
   void predict(Index t) {
@@ -323,7 +323,7 @@ class NonlinearRecursion {
     } else if (unscented_) {
       predict_by_points(t);
     } else {
-      predict_by_slopes(t);
+      predict_by_jacobian(t);
     }
   }
 
@@ -353,7 +353,7 @@ class NonlinearRecursion {
     if (k_ > 0) {
       observe(model_, memory_, now_.x, inputs_at(t), inputs_.time[t], h_, seen_slopes_);
       outputs_.de.setZero();
-      chain_.add(seen_slopes_.by_x, seen_slopes_.by_p, now_.dx, outputs_.de, 0, -1.0);
+      chain_.add(seen_slopes_.wrt_x, seen_slopes_.wrt_p, now_.dx, outputs_.de, 0, -1.0);
     } else {
       observe(model_, memory_, now_.x, inputs_at(t), inputs_.time[t], h_);
     }
@@ -370,17 +370,17 @@ class NonlinearRecursion {
     }
     step(model_, memory_, inputs_, t, now_.x, moved_slopes_);
     next_.dx.setZero();
-    chain_.add(moved_slopes_.by_x, moved_slopes_.by_p, now_.dx, next_.dx);
+    chain_.add(moved_slopes_.wrt_x, moved_slopes_.wrt_p, now_.dx, next_.dx);
     now_.dx.swap(next_.dx);
   }
 
   // Extended and iterated.
 
-  void measure_by_slopes(Index t) {
+  void measure_by_jacobian(Index t) {
     xi_ = now_.x;
     dxi_ = now_.dx;
     const bool iterated = options_.method == NonlinearMethod::iterated && present_count_ > 0;
-    const MatrixXd& H = seen_slopes_.by_x;
+    const MatrixXd& H = seen_slopes_.wrt_x;
     if (iterated) iterations_.begin(noise_.R, update_);
     for (int i = iterated ? options_.iterations : 1; i > 0; --i) {
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], h_, seen_slopes_, order_);
@@ -425,11 +425,11 @@ class NonlinearRecursion {
   }
 
   void linearisation_derivatives() {
-    const MatrixXd& H = seen_slopes_.by_x;
-    chain_.set(seen_slopes_.by_x_slopes, dxi_, dH_);
+    const MatrixXd& H = seen_slopes_.wrt_x;
+    chain_.set(seen_slopes_.wrt_x_jacobian, dxi_, dH_);
     // e = y - h(xi) - H (x - xi): what xi moves by itself cancels in the first order.
     outputs_.de.setZero();
-    chain_.add(H, seen_slopes_.by_p, now_.dx, outputs_.de, 0, -1.0);
+    chain_.add(H, seen_slopes_.wrt_p, now_.dx, outputs_.de, 0, -1.0);
     for (Index l = 0; l < nx_; ++l) {
       const double away = now_.x[l] - xi_[l];
       if (away != 0.0) outputs_.de -= away * dH_.middleRows(ny_ * l, ny_);
@@ -464,22 +464,22 @@ class NonlinearRecursion {
     return true;
   }
 
-  void predict_by_slopes(Index t) {
+  void predict_by_jacobian(Index t) {
     step(model_, memory_, inputs_, t, now_.x, moved_slopes_, order_,
          density_ ? &gramians_ : nullptr);
     take_noise();
-    const MatrixXd& Phi = moved_slopes_.by_x;
+    const MatrixXd& Phi = moved_slopes_.wrt_x;
     set_product(X_, now_.P, Phi.transpose());
     set_symmetric_product(next_.P, Phi, X_);
     next_.P += W_;
     next_.x = now_.x;
     if (k_ > 0) {
-      chain_.set(moved_slopes_.by_x_slopes, now_.dx, dPhi_);
+      chain_.set(moved_slopes_.wrt_x_jacobian, now_.dx, dPhi_);
       set_congruence(Phi, now_.dP, dT_, next_.dP);
       add_turned(dPhi_, X_, next_.dP);
       next_.dP += dW_;
       next_.dx.setZero();
-      chain_.add(Phi, moved_slopes_.by_p, now_.dx, next_.dx);
+      chain_.add(Phi, moved_slopes_.wrt_p, now_.dx, next_.dx);
     }
     std::swap(now_, next_);
   }
@@ -489,7 +489,7 @@ class NonlinearRecursion {
     if (!density_) return;
     W_ = gramians_.values.col(0).reshaped(nx_, nx_);
     if (k_ == 0) return;
-    chain_.set(gramians_.slopes, now_.dx, dW_);
+    chain_.set(gramians_.jacobian, now_.dx, dW_);
     for (std::size_t j = 0; j < moving_densities_.size(); ++j) {
       dW_.col(moving_densities_[j]) += gramians_.values.col(static_cast<Index>(j) + 1);
     }
@@ -508,7 +508,7 @@ class NonlinearRecursion {
       }
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], s.values.col(q), seen_slopes_);
       s.dvalues.middleRows(ny_ * q, ny_).setZero();
-      chain_.add(seen_slopes_.by_x, seen_slopes_.by_p, dxi_, s.dvalues, ny_ * q);
+      chain_.add(seen_slopes_.wrt_x, seen_slopes_.wrt_p, dxi_, s.dvalues, ny_ * q);
     }
     set_moments(s, weights_);
     s.rest += noise_.R;
@@ -582,7 +582,7 @@ class NonlinearRecursion {
       s.values.col(q) = xi_;
       if (k_ == 0) continue;
       s.dvalues.middleRows(nx_ * q, nx_).setZero();
-      chain_.add(moved_slopes_.by_x, moved_slopes_.by_p, dxi_, s.dvalues, nx_ * q);
+      chain_.add(moved_slopes_.wrt_x, moved_slopes_.wrt_p, dxi_, s.dvalues, nx_ * q);
     }
     set_moments(s, weights_);
     now_.x = s.mean;
@@ -618,7 +618,7 @@ class NonlinearRecursion {
   DampedIterations iterations_;
   VectorXd xi_;  // where h is linearised, a sigma point
   Stack dxi_;
-  Slopes moved_slopes_, seen_slopes_;  // of step() and h
+  Jacobian moved_slopes_, seen_slopes_;  // of step() and h
   VectorXd h_;
   Gramians gramians_;
   std::vector<Index> moving_densities_;  // directions with a column of their own there

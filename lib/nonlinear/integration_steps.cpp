@@ -205,7 +205,7 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
   ModelMemory memory = make_memory(model);
   const double usual = median_interval(time);
   const Stack none(nx * nx, 0);
-  Stack no_slopes = none;
+  Stack no_jacobian = none;
   MatrixXd L = MatrixXd::Zero(nx, nx);
   std::vector<int> steps = out.steps;
   for (int round = 0; round < kRounds; ++round) {
@@ -226,7 +226,7 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
       if (!middle.allFinite() || !filter.x_pred.col(k + 1).allFinite()) break;
       // Where the state is certain, noise on the way moves it.
       const MatrixXd P = filter.P_filt[interval] + filter.P_pred[interval + 1];
-      if (set_covariance_factor(P, none, L, no_slopes) != FilterStatus::ok) {
+      if (set_covariance_factor(P, none, L, no_jacobian) != FilterStatus::ok) {
         break;
       }
       OneInterval inputs(time, u, path, k);

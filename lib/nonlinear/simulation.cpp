@@ -8,14 +8,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-NonlinearRealisation nonlinear_realisation(const NonlinearModel& model,
-                                           const Eigen::Ref<const VectorXd>& p,
-                                           const FilterNoise& noise, ProcessNoise kind,
-                                           const InputNodes& inputs, Random& random) {
+NonlinearRealisation simulate_nonlinear_outputs(const NonlinearModel& model,
+                                                const Eigen::Ref<const VectorXd>& p,
+                                                const FilterNoise& noise, ProcessNoise kind,
+                                                const InputNodes& inputs, Random& random) {
   const Index nx = model.states, ny = model.outputs, N = inputs.time.size();
   if (noise.Q.rows() != nx || noise.R.rows() != ny || noise.x0.size() != nx ||
       noise.P0.rows() != nx || inputs.u.rows() != model.inputs || p.size() != model.parameters) {
-    throw std::invalid_argument("nonlinear_realisation: noise, inputs or p do not fit the model");
+    throw std::invalid_argument(
+        "simulate_nonlinear_outputs: noise, inputs or p do not fit the model");
   }
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, p);
@@ -28,14 +29,14 @@ NonlinearRealisation nonlinear_realisation(const NonlinearModel& model,
   out.x.resize(nx, N);
   out.y.resize(ny, N);
   VectorXd x = noise.x0 + semidefinite_factor(noise.P0) * random.normal(nx), y(ny);
-  Slopes slopes;
+  Jacobian jacobian;
   for (Index k = 0; k < N; ++k) {
     out.x.col(k) = x;
-    observe(model, memory, x, inputs.at_sample.col(k), inputs.time[k], y, slopes);
+    observe(model, memory, x, inputs.at_sample.col(k), inputs.time[k], y, jacobian);
     out.y.col(k) = y + measurement * random.normal(ny);
     if (k + 1 == N) break;
     if (density) {
-      step(model, memory, inputs, k, x, slopes, Derivatives::first, &gramians);
+      step(model, memory, inputs, k, x, jacobian, Derivatives::first, &gramians);
       const MatrixXd W = gramians.values.reshaped(nx, nx);
       if (!W.allFinite()) {
         x.setConstant(W.sum());

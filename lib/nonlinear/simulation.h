@@ -19,9 +19,9 @@ struct NonlinearRealisation {
 /// @param p       parameters, SI
 /// @param inputs  N samples
 /// @throws std::invalid_argument when shapes disagree or a covariance is not positive semidefinite
-NonlinearRealisation nonlinear_realisation(const NonlinearModel& model,
-                                           const Eigen::Ref<const Eigen::VectorXd>& p,
-                                           const FilterNoise& noise, ProcessNoise kind,
-                                           const InputNodes& inputs, Random& random);
+NonlinearRealisation simulate_nonlinear_outputs(const NonlinearModel& model,
+                                                const Eigen::Ref<const Eigen::VectorXd>& p,
+                                                const FilterNoise& noise, ProcessNoise kind,
+                                                const InputNodes& inputs, Random& random);
 
 }  // namespace identikal

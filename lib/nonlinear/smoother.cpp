@@ -11,9 +11,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// f(x) = slopes x + offset + what has the covariance `rest`.
+// f(x) = jacobian x + offset + what has the covariance `rest`.
 struct StraightLine {
-  MatrixXd slopes;
+  MatrixXd jacobian;
   VectorXd offset;
   MatrixXd rest;
 };
@@ -25,24 +25,24 @@ StraightLine line_of_points(const VectorXd& middle, const MatrixXd& P,
                             const UnscentedWeights& weights, Index rows, Function&& f) {
   const Index n = middle.size();
   const PointWeights w = point_weights(weights, n);
-  Stack none(n * n, 0), no_slopes(n, 0);
+  Stack none(n * n, 0), no_jacobian(n, 0);
   MatrixXd L = MatrixXd::Zero(n, n);
   set_covariance_factor(P, none, L, none);
   SigmaPoints points = make_sigma_points(rows, n, 0);
   VectorXd x(n);
   for (Index q = 0; q <= 2 * n; ++q) {
-    set_point(q, w, middle, no_slopes, L, none, x, no_slopes);
+    set_point(q, w, middle, no_jacobian, L, none, x, no_jacobian);
     points.values.col(q) = f(x);
   }
   set_moments(points, w);
-  // cov(f(x), x) = A L', so that slopes L = A.
-  MatrixXd slopes = MatrixXd::Zero(rows, n);
+  // cov(f(x), x) = A L', so that jacobian L = A.
+  MatrixXd jacobian = MatrixXd::Zero(rows, n);
   for (Index j = n - 1; j >= 0; --j) {
     if (L(j, j) == 0.0) continue;
-    slopes.col(j) =
-        (points.A.col(j) - slopes.rightCols(n - 1 - j) * L.col(j).tail(n - 1 - j)) / L(j, j);
+    jacobian.col(j) =
+        (points.A.col(j) - jacobian.rightCols(n - 1 - j) * L.col(j).tail(n - 1 - j)) / L(j, j);
   }
-  return {slopes, points.mean - slopes * middle, points.rest};
+  return {jacobian, points.mean - jacobian * middle, points.rest};
 }
 
 // The straight lines that a filter has followed.
@@ -71,9 +71,9 @@ class Followed {
   void set(const Lines& lines, StateSpace& out) const {
     const Index nx = model_.states, ny = model_.outputs;
     const auto& [seen, moved] = lines;
-    out.A = moved.slopes;
+    out.A = moved.jacobian;
     out.B.setIdentity(nx, nx + ny);
-    out.C = seen.slopes;
+    out.C = seen.jacobian;
     out.D.setZero(ny, nx + ny);
     out.D.rightCols(ny).setIdentity();
     out.G.setIdentity(nx, nx);
@@ -103,8 +103,8 @@ class Followed {
     }
     const bool iterated = options_.method == NonlinearMethod::iterated;
     x_ = (iterated ? filter_.x_filt : filter_.x_pred).col(t);
-    observe(model_, memory_, x_, u, time, y_, slopes_);
-    return {slopes_.by_x, y_ - slopes_.by_x * x_, noise_.R};
+    observe(model_, memory_, x_, u, time, y_, jacobian_);
+    return {jacobian_.wrt_x, y_ - jacobian_.wrt_x * x_, noise_.R};
   }
 
   // The way to the next sample, with W; nothing follows the last.
@@ -115,10 +115,10 @@ class Followed {
     }
     const bool density = model_.continuous && options_.noise == ProcessNoise::density;
     x_ = filter_.x_filt.col(t);
-    step(model_, memory_, inputs_, t, x_, slopes_, Derivatives::first,
+    step(model_, memory_, inputs_, t, x_, jacobian_, Derivatives::first,
          density ? &gramians_ : nullptr);
     const MatrixXd W = density ? MatrixXd(gramians_.values.reshaped(nx, nx)) : noise_.Q;
-    if (!unscented()) return {slopes_.by_x, x_ - slopes_.by_x * filter_.x_filt.col(t), W};
+    if (!unscented()) return {jacobian_.wrt_x, x_ - jacobian_.wrt_x * filter_.x_filt.col(t), W};
     StraightLine out =
         line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
                        options_.weights, nx, [&](VectorXd x) {
@@ -135,7 +135,7 @@ class Followed {
   const InputNodes& inputs_;
   const NonlinearFilterOptions& options_;
   const FilterResult& filter_;
-  Slopes slopes_;
+  Jacobian jacobian_;
   Gramians gramians_;
   VectorXd x_, y_;
 };

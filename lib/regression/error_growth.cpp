@@ -13,7 +13,7 @@ using Eigen::Index;
 constexpr Index kScaleErrors = 20;  // that only tell the variance
 constexpr double kNothingYet = -std::numeric_limits<double>::infinity();
 
-void begin_statistic(GrowthTest& test) {
+void begin_statistic(ErrorGrowth& test) {
   test.log_statistic.fill(kNothingYet);
   test.cumulative.fill(0.0);
   test.squares_since.fill(0.0);
@@ -23,11 +23,11 @@ void begin_statistic(GrowthTest& test) {
 
 }  // namespace
 
-GrowthTest start_growth_test(double samples_per_false_alarm, Index settle) {
+ErrorGrowth start_error_growth(double samples_per_false_alarm, Index settle) {
   if (!(samples_per_false_alarm > 1.0) || settle < 0) {
-    throw std::invalid_argument("start_growth_test: option out of range");
+    throw std::invalid_argument("start_error_growth: option out of range");
   }
-  GrowthTest test;
+  ErrorGrowth test;
   test.samples_per_false_alarm = samples_per_false_alarm;
   test.settle = settle;
   test.log_alarm = kNothingYet;
@@ -35,7 +35,7 @@ GrowthTest start_growth_test(double samples_per_false_alarm, Index settle) {
   return test;
 }
 
-bool update(GrowthTest& test, double error) {
+bool update(ErrorGrowth& test, double error) {
   if (test.settling > 0) {
     --test.settling;
     test.log_alarm = kNothingYet;

@@ -11,7 +11,7 @@ namespace identikal {
 inline constexpr std::array<double, 3> kGrowth{2.0, 4.0, 16.0};
 
 /// The test's state. Read log_alarm and age; the rest is its memory.
-struct GrowthTest {
+struct ErrorGrowth {
   double samples_per_false_alarm = 1e4;
   Eigen::Index settle = 0;  ///< errors after a start or an alarm that are not looked at
 
@@ -28,7 +28,7 @@ struct GrowthTest {
 /// @param samples_per_false_alarm  A > 1
 /// @param settle                   >= 0
 /// @throws std::invalid_argument for values out of range
-GrowthTest start_growth_test(double samples_per_false_alarm, Eigen::Index settle);
+ErrorGrowth start_error_growth(double samples_per_false_alarm, Eigen::Index settle);
 
 /// Takes an error, normalised so that all should have one variance, which need not be known.
 /// @return true: they have grown. The test then passes over `settle` errors and begins anew; the
@@ -44,6 +44,6 @@ GrowthTest start_growth_test(double samples_per_false_alarm, Eigen::Index settle
 /// Source: Sladká (2010), 6.1.3, asks for such a detector and names none. Pollak (1985), Ann.
 /// Statist. 13, for the statistic; recursive residuals are such errors: Brown, Durbin & Evans
 /// (1975), J. R. Statist. Soc. B 37.
-bool update(GrowthTest& test, double error);
+bool update(ErrorGrowth& test, double error);
 
 }  // namespace identikal

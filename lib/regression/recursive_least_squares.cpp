@@ -190,9 +190,9 @@ MatrixXd standard_errors(const RecursiveLeastSquares& rls) {
          noise_variance(rls).cwiseSqrt().transpose();
 }
 
-RegressionCourse run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& phi,
-                                             const Eigen::Ref<const VectorXd>& y, double delta,
-                                             const Forgetting& forgetting) {
+RegressionHistory run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& phi,
+                                              const Eigen::Ref<const VectorXd>& y, double delta,
+                                              const Forgetting& forgetting) {
   constexpr double kLeastFactor = 0.1, kNoiseMemories = 10.0;
   const Index d = phi.rows(), n = phi.cols(), settle = 2 * d + 10;
   const bool variable = forgetting.memory > 0.0, test = forgetting.reset || forgetting.watch;
@@ -202,7 +202,7 @@ RegressionCourse run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& p
   if (variable && !(forgetting.memory > 1.0)) {
     throw std::invalid_argument("run_recursive_least_squares: a memory of one sample or less");
   }
-  RegressionCourse out;
+  RegressionHistory out;
   out.theta.resize(d, n);
   out.sd.resize(d, n);
   out.prior_error.resize(n);
@@ -211,7 +211,7 @@ RegressionCourse run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& p
   out.lambda.resize(n);
   out.log_alarm = VectorXd::Constant(n, kMissing);
   RecursiveLeastSquares rls = start_recursive_least_squares(d, 1, delta);
-  GrowthTest growth = start_growth_test(forgetting.samples_per_false_alarm, settle);
+  ErrorGrowth growth = start_error_growth(forgetting.samples_per_false_alarm, settle);
   double noise = 0.0, known = 0.0;
   for (Index t = 0; t < n; ++t) {
     const double zeta = leverage(rls, phi.col(t));

@@ -97,7 +97,7 @@ struct Forgetting {
 };
 
 /// Estimates after every row.
-struct RegressionCourse {
+struct RegressionHistory {
   Eigen::MatrixXd theta, sd;    ///< d x n
   Eigen::VectorXd prior_error;  ///< n: xi
   Eigen::VectorXd posterior_error;
@@ -122,15 +122,15 @@ struct RegressionCourse {
 /// & Ydstie (1981), Automatica 17, who discount after the sample and not before it. Errors the size
 /// of the noise give 1 - 1 / memory in the mean. lambda is 1 for the first 2 d + 10 rows.
 ///
-/// Changes: growth_test.h on xi / sqrt(1 + zeta). With reset lambda is such, at the row that gives
+/// Changes: error_growth.h on xi / sqrt(1 + zeta). With reset lambda is such, at the row that gives
 /// the alarm, that all before counts as much as one row: Sladká (2010), 6.1.3. 2 d + 10 rows at the
 /// start and after an alarm are not tested.
 /// @param phi  d x n, finite
 /// @param y    n, finite
 /// @throws std::invalid_argument when shapes disagree or an option is out of range
-RegressionCourse run_recursive_least_squares(const Eigen::Ref<const Eigen::MatrixXd>& phi,
-                                             const Eigen::Ref<const Eigen::VectorXd>& y,
-                                             double delta, const Forgetting& forgetting);
+RegressionHistory run_recursive_least_squares(const Eigen::Ref<const Eigen::MatrixXd>& phi,
+                                              const Eigen::Ref<const Eigen::VectorXd>& y,
+                                              double delta, const Forgetting& forgetting);
 
 /// sum of xi(t)^2 over the rows from `lead` on, constant lambda: the predictive least squares
 /// criterion of Rissanen (1986), IMA J. Math. Control Inform. 3. Every error is made before its

@@ -14,7 +14,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr Index kCoarseSamples = 6000;  // beyond, a coarser raster is searched first
+constexpr Index kCoarseSamples = 6000;  // beyond, a coarser sampling grid is searched first
 
 // rho at one lag, in samples: y[i + lag] beside x[i].
 struct Correlated {
@@ -42,7 +42,7 @@ Correlated correlate(const VectorXd& x, const VectorXd& y, Index lag) {
   return out;
 }
 
-// Every second sample is the mean of two: a coarser raster without aliases.
+// Every second sample is the mean of two: a coarser sampling grid without aliases.
 VectorXd halved(const VectorXd& x) {
   VectorXd out(x.size() / 2);
   for (Index i = 0; i < out.size(); ++i) out[i] = 0.5 * (x[2 * i] + x[2 * i + 1]);
@@ -113,9 +113,9 @@ ClockOffset clock_offset(const Eigen::Ref<const VectorXd>& t_x, const Eigen::Ref
   const double to = std::max(t_x[t_x.size() - 1], t_y[t_y.size() - 1]);
   if ((to - from) / step > 1e7) return out;
   const auto n = static_cast<Index>((to - from) / step) + 1;
-  const VectorXd raster = VectorXd::LinSpaced(n, from, from + static_cast<double>(n - 1) * step);
-  std::vector<VectorXd> xs{interpolate_linearly(t_x, x, raster, kBridgedPeriods * period_x)};
-  std::vector<VectorXd> ys{interpolate_linearly(t_y, y, raster, kBridgedPeriods * period_y)};
+  const VectorXd grid = VectorXd::LinSpaced(n, from, from + static_cast<double>(n - 1) * step);
+  std::vector<VectorXd> xs{interpolate_linearly(t_x, x, grid, kBridgedPeriods * period_x)};
+  std::vector<VectorXd> ys{interpolate_linearly(t_y, y, grid, kBridgedPeriods * period_y)};
   xs[0].array() -= centred(xs[0]);
   ys[0].array() -= centred(ys[0]);
   const Index present =
@@ -126,7 +126,7 @@ ClockOffset clock_offset(const Eigen::Ref<const VectorXd>& t_x, const Eigen::Ref
     step *= 2.0;
   }
 
-  // All lags on the coarsest raster.
+  // All lags on the coarsest sampling grid.
   const auto reach = static_cast<Index>(std::floor(largest / step));
   const Index least = (present >> (xs.size() - 1)) / 2;
   std::vector<double> rho(static_cast<std::size_t>(2 * reach + 1), kNaN);
@@ -162,7 +162,7 @@ ClockOffset clock_offset(const Eigen::Ref<const VectorXd>& t_x, const Eigen::Ref
     }
   }
 
-  // Down to the finest raster, a few lags around what the coarser one says.
+  // Down to the finest sampling grid, a few lags around what the coarser one says.
   Index lag = static_cast<Index>(best) - reach;
   Index limit = reach;
   for (std::size_t level = xs.size() - 1; level-- > 0;) {

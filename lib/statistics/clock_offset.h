@@ -26,10 +26,10 @@ enum class Relation { either, same_sign, opposite_sign };
 /// Global search for the lag at which the normalised cross-correlation
 ///   rho(l) = sum (x(t) - mx) (y(t+l) - my) / sqrt(sum (x(t) - mx)^2 sum (y(t+l) - my)^2)
 /// is largest (in size, or with the sign asked for), means and sums over the samples that overlap
-/// at l. Both signals are put onto one raster, that of the slower of the two, by linear
+/// at l. Both signals are put onto one sampling grid, that of the slower of the two, by linear
 /// interpolation across gaps of at most kBridgedPeriods of their own periods; every lag of the
-/// raster up to `largest` is tried, on a coarser one first where the record is long, and a parabola
-/// through the highest three refines the best. Lags at which less than half of the samples
+/// sampling grid up to `largest` is tried, on a coarser one first where the record is long, and a
+/// parabola through the highest three refines the best. Lags at which less than half of the samples
 /// overlap do not count.
 ///
 /// The standard error is that of least squares, y(t + l) = c + g x(t) + e: variance of the summed

@@ -35,7 +35,7 @@ FStatistic input_correlation(const Eigen::Ref<const VectorXd>& e,
     inputs.row(j) = (u.row(j).array() - m.mean) * (constant ? 0.0 : 1.0 / std::sqrt(m.variance));
   }
   // Products over a few thousand rows at a time. One column of the inputs holds all channels of a
-  // time, so that a row of regressors is one stretch of it, oldest first.
+  // time, so that a row of regressors is one segment of it, oldest first.
   constexpr Index kRows = 2048;
   MatrixXd rows(size, kRows), G = MatrixXd::Zero(size, size);
   VectorXd values(kRows), c = VectorXd::Zero(size);

@@ -16,7 +16,7 @@ constexpr double kExpectedShare = 0.1;
 // Of the regressions that only measure: as good as no prior.
 constexpr double kNoPrior = 1e4;
 
-Index highest_order(const SequentialTestOptions& options) {
+Index highest_order(const SequentialProbabilityRatioOptions& options) {
   return *std::max_element(options.orders.begin(), options.orders.end());
 }
 
@@ -66,7 +66,7 @@ double log_density(double before, double after, double zeta, double dof) {
 }
 
 // Cholesky factor of the first samples' covariance. False while that is singular.
-bool factorise(SequentialTest& test) {
+bool factorise(SequentialProbabilityRatio& test) {
   const auto n = static_cast<double>(test.samples);
   for (Index j = 0; j < test.outputs; ++j) {
     for (Index i = j; i < test.outputs; ++i) {
@@ -85,7 +85,7 @@ bool factorise(SequentialTest& test) {
 }
 
 // From here on everything is in units of that covariance.
-void begin_run(SequentialTest& test) {
+void begin_run(SequentialProbabilityRatio& test) {
   const Index ny = test.outputs, top = highest_order(test.options);
   const auto n = static_cast<double>(test.samples);
   const auto L = test.scale.triangularView<Eigen::Lower>();
@@ -115,7 +115,7 @@ double log_mean(const VectorXd& log_ratio) {
 }
 
 // How much less likely than white noise the likeliest sequence of the stated colour is.
-double log_white(const SequentialTest& test) {
+double log_white(const SequentialProbabilityRatio& test) {
   double share = 0.0;
   for (std::size_t i = 0; i < test.white_full.size(); ++i) {
     const double white = test.white_null[i].squares;
@@ -128,7 +128,7 @@ double log_white(const SequentialTest& test) {
   return dof > 0.0 && growth > -1.0 ? 0.5 * dof * std::log1p(growth) : 0.0;
 }
 
-void weigh(SequentialTest& test) {
+void weigh(SequentialProbabilityRatio& test) {
   const Index ny = test.outputs, top = highest_order(test.options);
   const double* newest = test.window.data() + ny * top;
   const bool white = test.unbroken >= top;
@@ -161,7 +161,8 @@ void weigh(SequentialTest& test) {
 
 }  // namespace
 
-SequentialTest start_sequential_test(Index outputs, const SequentialTestOptions& options) {
+SequentialProbabilityRatio start_sequential_probability_ratio(
+    Index outputs, const SequentialProbabilityRatioOptions& options) {
   const auto probability = [](double p) { return p > 0.0 && p < 1.0; };
   if (outputs < 1) throw std::invalid_argument("sequential test: no outputs");
   if (options.orders.empty()) throw std::invalid_argument("sequential test: no orders");
@@ -180,7 +181,7 @@ SequentialTest start_sequential_test(Index outputs, const SequentialTestOptions&
                                 std::to_string(options.forgetting));
   }
   const Index top = highest_order(options);
-  SequentialTest out;
+  SequentialProbabilityRatio out;
   out.options = options;
   out.outputs = outputs;
   out.products.resize(outputs, outputs);
@@ -200,7 +201,7 @@ SequentialTest start_sequential_test(Index outputs, const SequentialTestOptions&
   return out;
 }
 
-void restart(SequentialTest& test) {
+void restart(SequentialProbabilityRatio& test) {
   test.decision = SequentialDecision::undecided;
   test.samples = test.unbroken = test.white_samples = 0;
   test.log_coloured = test.log_white = 0.0;
@@ -211,7 +212,8 @@ void restart(SequentialTest& test) {
   test.log_ratio.setZero();
 }
 
-SequentialDecision update(SequentialTest& test, const Eigen::Ref<const VectorXd>& innovation) {
+SequentialDecision update(SequentialProbabilityRatio& test,
+                          const Eigen::Ref<const VectorXd>& innovation) {
   const Index ny = test.outputs;
   if (innovation.size() != ny) {
     throw std::invalid_argument("sequential test: an innovation of " +

@@ -8,7 +8,7 @@
 
 namespace identikal {
 
-struct SequentialTestOptions {
+struct SequentialProbabilityRatioOptions {
   std::vector<Eigen::Index> orders{1, 2, 5};  ///< of the autoregressive models tried, all at once
   double false_alarm = 0.05;                  ///< a: at most so often is white called coloured
   double miss = 0.01;                         ///< b: at most so often is coloured called white
@@ -32,8 +32,8 @@ struct RecursiveRegression {
 };
 
 /// The test's state. Read decision, samples and the two logarithms; the rest is workspace.
-struct SequentialTest {
-  SequentialTestOptions options;
+struct SequentialProbabilityRatio {
+  SequentialProbabilityRatioOptions options;
   Eigen::Index outputs = 0;
 
   SequentialDecision decision = SequentialDecision::undecided;  ///< of the present run
@@ -56,10 +56,11 @@ struct SequentialTest {
 
 /// @param outputs  ny >= 1
 /// @throws std::invalid_argument for options out of range
-SequentialTest start_sequential_test(Eigen::Index outputs, const SequentialTestOptions& options);
+SequentialProbabilityRatio start_sequential_probability_ratio(
+    Eigen::Index outputs, const SequentialProbabilityRatioOptions& options);
 
 /// Forgets all samples, for a filter that has been tuned anew. Allocates nothing.
-void restart(SequentialTest& test);
+void restart(SequentialProbabilityRatio& test);
 
 /// Takes the next innovation and says what is known by now; after a decision the next sample begins
 /// a new run. Nothing is allocated.
@@ -99,7 +100,7 @@ void restart(SequentialTest& test);
 /// the sample until it is known well, and p_m adapts while p_0 does too, so that T has no drift
 /// towards white that b could be kept by: here the alternative is stated. Ville (1939); Robbins
 /// (1970), Ann. Math. Statist. 41; Perez-Ortiz et al. (2024), Ann. Statist. 52, for the group.
-SequentialDecision update(SequentialTest& test,
+SequentialDecision update(SequentialProbabilityRatio& test,
                           const Eigen::Ref<const Eigen::VectorXd>& innovation);
 
 }  // namespace identikal

@@ -74,7 +74,7 @@ class AxleCurve {
   }
 
   /// The same with its derivatives.
-  AxleForce force_and_slopes(double slip) const {
+  AxleForce force_and_jacobian(double slip) const {
     const double L = -axle_.stiffness * slip;
     if (axle_.curve == TyreCurve::linear) return {L, -axle_.stiffness, -slip};
     if (axle_.curve == TyreCurve::tanh) {

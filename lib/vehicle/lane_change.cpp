@@ -165,10 +165,10 @@ Eigen::Matrix3Xd drive_along(
           vx[row] + (vx[row + 1] - vx[row]) * Eigen::Array2d(share, share + 1.0 / looks);
       const double next =
           delta + h * steering_rate(driver, path, believed, poses.back(), u[0], vy, r, delta);
-      const DrivenStretch stretch =
+      const DrivenSegment segment =
           drive(Eigen::Vector2d(0.0, h), Eigen::Vector2d(angle(delta), angle(next)), u, demand);
       const double vy_before = vy, r_before = r;
-      simulate(car, stretch, vy_before, r_before,
+      simulate(car, segment, vy_before, r_before,
                [&](Eigen::Index end, const Motion& motion, double speed) {
                  if (end == 1) {
                    vy = motion.vy;

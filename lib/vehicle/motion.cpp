@@ -22,7 +22,7 @@ constexpr double kStepPerRelaxation = 0.7;
 constexpr double kLeastLoad = 0.1;
 
 /// An axle force and its derivatives by vy, r and the parameters of the car.
-struct ForceSlopes {
+struct ForceJacobian {
   double by_vy = 0.0, by_r = 0.0;
   VehicleParameters<double> by{};
 };
@@ -49,7 +49,7 @@ class Balance {
 
   const SingleTrack<>& car() const { return car_; }
 
-  Motion slips(double vy, double r, const DrivenStretch::Node& at) const {
+  Motion slips(double vy, double r, const DrivenSegment::Node& at) const {
     Motion now;
     now.vy = vy;
     now.r = r;
@@ -81,15 +81,15 @@ class Balance {
 
   /// The forces with their derivatives. What a curve or a car without load transfer does not read
   /// stays zero in `front` and `rear`.
-  Eigen::Vector2d forces_and_slopes(const Motion& now, const DrivenStretch::Node& at,
-                                    ForceSlopes& front, ForceSlopes& rear) const {
+  Eigen::Vector2d forces_and_jacobian(const Motion& now, const DrivenSegment::Node& at,
+                                      ForceJacobian& front, ForceJacobian& rear) const {
     const double change_front = front_change(now), change_rear = rear_change(now);
-    const AxleForce Ff = loaded_
-                             ? under_load(car_.front, change_front).force_and_slopes(now.slip_front)
-                             : front_.force_and_slopes(now.slip_front);
+    const AxleForce Ff =
+        loaded_ ? under_load(car_.front, change_front).force_and_jacobian(now.slip_front)
+                : front_.force_and_jacobian(now.slip_front);
     const AxleForce Fr = loaded_
-                             ? under_load(car_.rear, change_rear).force_and_slopes(now.slip_rear)
-                             : rear_.force_and_slopes(now.slip_rear);
+                             ? under_load(car_.rear, change_rear).force_and_jacobian(now.slip_rear)
+                             : rear_.force_and_jacobian(now.slip_rear);
     front.by_vy = Ff.by_slip * at.inverse_vx;
     front.by_r = front.by_vy * car_.a;
     front.by[kA] = front.by_vy * now.r;
@@ -100,13 +100,13 @@ class Balance {
     rear.by_vy = Fr.by_slip * at.inverse_vx;
     rear.by_r = -rear.by_vy * car_.b;
     rear.by[kB] = -rear.by_vy * now.r;
-    by_tyre(Ff, kCf, kSofteningFront, front.by);
-    by_tyre(Fr, kCr, kSofteningRear, rear.by);
+    by_tyre(Ff, kCf, kInverseSaturationFront, front.by);
+    by_tyre(Fr, kCr, kInverseSaturationRear, rear.by);
     if (loaded_) {
       const double by_change_front =
-          by_load(car_.front, Ff, change_front, kCf, kSofteningFront, front.by);
+          by_load(car_.front, Ff, change_front, kCf, kInverseSaturationFront, front.by);
       const double by_change_rear =
-          by_load(car_.rear, Fr, change_rear, kCr, kSofteningRear, rear.by);
+          by_load(car_.rear, Fr, change_rear, kCr, kInverseSaturationRear, rear.by);
       front.by[kCgHeight] = by_change_front * front_load_ * now.vx_rate;
       front.by[kB] = -by_change_front * change_front / car_.b;
       rear.by[kCgHeight] = by_change_rear * rear_load_ * now.vx_rate;
@@ -116,7 +116,7 @@ class Balance {
   }
 
  private:
-  double angle(const DrivenStretch::Node& at) const {
+  double angle(const DrivenSegment::Node& at) const {
     return at.steering + car_.steering_offset - later_ * at.steering_rate;
   }
   double front_change(const Motion& now) const {
@@ -167,7 +167,7 @@ template <std::size_t states>
 using State = std::array<double, states>;
 
 template <std::size_t states>
-Motion motion_of(const Balance& balance, const State<states>& x, const DrivenStretch::Node& at) {
+Motion motion_of(const Balance& balance, const State<states>& x, const DrivenSegment::Node& at) {
   Motion now = balance.slips(x[0], x[1], at);
   if constexpr (states == 4) {
     now.force_front = x[2];
@@ -182,7 +182,7 @@ Motion motion_of(const Balance& balance, const State<states>& x, const DrivenStr
 }
 
 template <std::size_t states>
-State<states> rates_of(const Balance& balance, const Motion& now, const DrivenStretch::Node& at) {
+State<states> rates_of(const Balance& balance, const Motion& now, const DrivenSegment::Node& at) {
   State<states> out;
   out[0] = balance.lateral_rate(now, at.vx);
   out[1] = now.yaw_acceleration;
@@ -196,13 +196,13 @@ State<states> rates_of(const Balance& balance, const Motion& now, const DrivenSt
 }
 
 constexpr std::size_t kSlopeLanes = 4;
-using SlopeLanes = Eigen::Array<double, kSlopeLanes, 1>;
+using JacobianLanes = Eigen::Array<double, kSlopeLanes, 1>;
 
 /// The linearised equations: derivatives of the rates from those of the state, row by row.
 template <std::size_t states>
 class Linearised {
  public:
-  Linearised(const Balance& balance, const SlopeColumns& columns)
+  Linearised(const Balance& balance, const JacobianColumns& columns)
       : balance_(balance),
         columns_(columns),
         // What has no column is written into a last one. Whole vectors leave no remainder.
@@ -217,11 +217,11 @@ class Linearised {
   }
 
   /// The rates at x, and their derivatives k (states x columns, row after row) from those of x.
-  State<states> rates(const State<states>& x, const DrivenStretch::Node& at, const double* s,
+  State<states> rates(const State<states>& x, const DrivenSegment::Node& at, const double* s,
                       double* k, Motion& now) {
     const SingleTrack<>& car = balance_.car();
     now = balance_.slips(x[0], x[1], at);
-    const Eigen::Vector2d F = balance_.forces_and_slopes(now, at, front_, rear_);
+    const Eigen::Vector2d F = balance_.forces_and_jacobian(now, at, front_, rear_);
     now.force_front = states == 4 ? x[states - 2] : F[0];
     now.force_rear = states == 4 ? x[states - 1] : F[1];
     balance_.accelerate(now);
@@ -273,10 +273,10 @@ class Linearised {
       const double* d = direct_.data() + i * width_;
       double* to = k + i * width_;
       for (std::size_t j = 0; j < width_; j += kSlopeLanes) {
-        SlopeLanes sum = SlopeLanes::Map(d + j);
+        JacobianLanes sum = JacobianLanes::Map(d + j);
         for (std::size_t l = 0; l < states; ++l)
-          sum += A[i][l] * SlopeLanes::Map(s + l * width_ + j);
-        SlopeLanes::Map(to + j) = sum;
+          sum += A[i][l] * JacobianLanes::Map(s + l * width_ + j);
+        JacobianLanes::Map(to + j) = sum;
       }
     }
     return out;
@@ -286,8 +286,8 @@ class Linearised {
   std::size_t width() const { return width_; }
 
   /// Derivatives of the forces at rest, where relaxing ones begin.
-  void begin_forces(const Motion& now, const DrivenStretch::Node& at, double* s) {
-    balance_.forces_and_slopes(now, at, front_, rear_);
+  void begin_forces(const Motion& now, const DrivenSegment::Node& at, double* s) {
+    balance_.forces_and_jacobian(now, at, front_, rear_);
     for (std::size_t j = 0; j < width_; ++j) {
       s[2 * width_ + j] = front_.by_vy * s[j] + front_.by_r * s[width_ + j];
       s[3 * width_ + j] = rear_.by_vy * s[j] + rear_.by_r * s[width_ + j];
@@ -299,7 +299,7 @@ class Linearised {
   }
 
   /// Derivatives of the accelerations, from those of the rates.
-  void accelerations(const double* s, const double* k, double vx, MotionSlopes& out) const {
+  void accelerations(const double* s, const double* k, double vx, MotionJacobian& out) const {
     const Eigen::Index n = columns_.columns;
     using Row = Eigen::Map<const Eigen::RowVectorXd>;
     out.ay = Row(k, n) + vx * Row(s + width_, n);
@@ -314,12 +314,12 @@ class Linearised {
   }
 
   const Balance& balance_;
-  const SlopeColumns& columns_;
+  const JacobianColumns& columns_;
   std::size_t width_;
   std::vector<double> direct_;  // derivatives of the rates at a given state
   std::array<std::size_t, kVehicleParameters> column_;
   std::vector<std::size_t> asked_;
-  ForceSlopes front_, rear_;
+  ForceJacobian front_, rear_;
 };
 
 template <std::size_t states>
@@ -330,22 +330,22 @@ State<states> ahead(const State<states>& from, double h, const State<states>& k)
 }
 
 template <std::size_t states>
-void integrate(const SingleTrack<>& car, const DrivenStretch& stretch, double vy, double r,
+void integrate(const SingleTrack<>& car, const DrivenSegment& segment, double vy, double r,
                const ObserveMotion& observe,
                const std::function<bool(Eigen::Index, double&, double&)>& correct) {
-  const Balance balance(car, stretch.delay);
-  const DrivenStretch::Node* node = stretch.nodes.data();
+  const Balance balance(car, segment.delay);
+  const DrivenSegment::Node* node = segment.nodes.data();
   State<states> x{vy, r};
   if constexpr (states == 4) {
     const Motion begin = motion_of<2>(balance, {vy, r}, *node);
     x[2] = begin.force_front;
     x[3] = begin.force_rear;
   }
-  const auto rates = [&](const State<states>& at, const DrivenStretch::Node& when) {
+  const auto rates = [&](const State<states>& at, const DrivenSegment::Node& when) {
     return rates_of<states>(balance, motion_of<states>(balance, at, when), when);
   };
   Eigen::Index row = 0;
-  for (const DrivenStretch::Interval& interval : stretch.intervals) {
+  for (const DrivenSegment::Interval& interval : segment.intervals) {
     const double h = interval.step, half = 0.5 * h;
     for (int step = 0; step < interval.steps; ++step, node += 2) {
       Motion now = motion_of<states>(balance, x, node[0]);
@@ -367,12 +367,13 @@ void integrate(const SingleTrack<>& car, const DrivenStretch& stretch, double vy
 }
 
 template <std::size_t states>
-void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
-                           double r, const SlopeColumns& columns, const ObserveSlopes& observe,
-                           const CorrectSlopes& correct, const ObserveSlopes& corrected) {
-  const Balance balance(car, stretch.delay, columns.parameter[kCgHeight] >= 0);
+void integrate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segment, double vy,
+                             double r, const JacobianColumns& columns,
+                             const ObserveJacobian& observe, const CorrectJacobian& correct,
+                             const ObserveJacobian& corrected) {
+  const Balance balance(car, segment.delay, columns.parameter[kCgHeight] >= 0);
   Linearised<states> linearised(balance, columns);
-  const DrivenStretch::Node* node = stretch.nodes.data();
+  const DrivenSegment::Node* node = segment.nodes.data();
   const std::size_t width = linearised.width(), size = states * width;
   std::vector<double> s(size, 0.0), between(size), k1(size), k(size), sum(size);
   State<states> x{vy, r};
@@ -386,39 +387,41 @@ void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretc
   }
   const auto step_to = [&](double h, const std::vector<double>& slope) {
     for (std::size_t j = 0; j < size; j += kSlopeLanes) {
-      SlopeLanes::Map(&between[j]) = SlopeLanes::Map(&s[j]) + h * SlopeLanes::Map(&slope[j]);
+      JacobianLanes::Map(&between[j]) =
+          JacobianLanes::Map(&s[j]) + h * JacobianLanes::Map(&slope[j]);
     }
   };
   const auto add = [&](double weight, const std::vector<double>& slope, std::vector<double>& to) {
     for (std::size_t j = 0; j < size; j += kSlopeLanes) {
-      SlopeLanes::Map(&to[j]) += weight * SlopeLanes::Map(&slope[j]);
+      JacobianLanes::Map(&to[j]) += weight * JacobianLanes::Map(&slope[j]);
     }
   };
 
-  MotionSlopes slopes;
-  for (Eigen::RowVectorXd* each : {&slopes.vy, &slopes.r, &slopes.ay, &slopes.yaw_acceleration}) {
+  MotionJacobian jacobian;
+  for (Eigen::RowVectorXd* each :
+       {&jacobian.vy, &jacobian.r, &jacobian.ay, &jacobian.yaw_acceleration}) {
     each->setZero(columns.columns);
   }
   Motion now;
-  const auto look = [&](Eigen::Index row, const ObserveSlopes& at) {
-    slopes.vy = Eigen::Map<const Eigen::RowVectorXd>(s.data(), columns.columns);
-    slopes.r = Eigen::Map<const Eigen::RowVectorXd>(s.data() + width, columns.columns);
-    linearised.accelerations(s.data(), k1.data(), node->vx, slopes);
-    at(row, now, slopes, node->vx);
+  const auto look = [&](Eigen::Index row, const ObserveJacobian& at) {
+    jacobian.vy = Eigen::Map<const Eigen::RowVectorXd>(s.data(), columns.columns);
+    jacobian.r = Eigen::Map<const Eigen::RowVectorXd>(s.data() + width, columns.columns);
+    linearised.accelerations(s.data(), k1.data(), node->vx, jacobian);
+    at(row, now, jacobian, node->vx);
   };
   // The rates at a row, after it was observed and perhaps corrected.
   const auto rates_at_row = [&](Eigen::Index row) {
     const State<states> k1x = linearised.rates(x, *node, s.data(), k1.data(), now);
     look(row, observe);
-    if (!correct || !correct(row, x[0], x[1], slopes)) return k1x;
-    Eigen::Map<Eigen::RowVectorXd>(s.data(), columns.columns) = slopes.vy;
-    Eigen::Map<Eigen::RowVectorXd>(s.data() + width, columns.columns) = slopes.r;
+    if (!correct || !correct(row, x[0], x[1], jacobian)) return k1x;
+    Eigen::Map<Eigen::RowVectorXd>(s.data(), columns.columns) = jacobian.vy;
+    Eigen::Map<Eigen::RowVectorXd>(s.data() + width, columns.columns) = jacobian.r;
     const State<states> moved = linearised.rates(x, *node, s.data(), k1.data(), now);
     if (corrected) look(row, corrected);
     return moved;
   };
   Eigen::Index row = 0;
-  for (const DrivenStretch::Interval& interval : stretch.intervals) {
+  for (const DrivenSegment::Interval& interval : segment.intervals) {
     const double h = interval.step, half = 0.5 * h;
     for (int step = 0; step < interval.steps; ++step, node += 2) {
       const State<states> k1x =
@@ -448,7 +451,7 @@ void integrate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretc
 
 }  // namespace
 
-DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
+DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                     const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay) {
   const Eigen::Index n = time.size();
   if (n < 2 || steering.size() != n || vx.size() != n || !(vx.minCoeff() > 0.0)) {
@@ -459,7 +462,7 @@ DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
     throw std::invalid_argument(text.str());
   }
   const Pchip vx_at(time, vx);
-  DrivenStretch out;
+  DrivenSegment out;
   out.intervals.reserve(static_cast<std::size_t>(n - 1));
   const auto add_node = [&](Eigen::Index k, double t) {
     const double speed = vx_at.in_interval(k, t);
@@ -485,13 +488,13 @@ DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
   return out;
 }
 
-void set_delay(DrivenStretch& stretch, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
+void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                double delay) {
   const Pchip steering_at(time, steering);
   const Eigen::Index n = time.size();
-  stretch.delay = delay;
+  segment.delay = delay;
   Eigen::Index from = 0;  // interval that holds the time to read at
-  const auto read = [&](DrivenStretch::Node& node, double t) {
+  const auto read = [&](DrivenSegment::Node& node, double t) {
     if (t < time[0] || t > time[n - 1]) {
       node.steering = steering[t < time[0] ? 0 : n - 1];
       node.steering_rate = 0.0;
@@ -502,36 +505,37 @@ void set_delay(DrivenStretch& stretch, const Eigen::VectorXd& time, const Eigen:
     node.steering_rate = steering_at.slope_in_interval(from, t);
   };
   std::size_t at = 0;
-  read(stretch.nodes[at++], time[0] - delay);
+  read(segment.nodes[at++], time[0] - delay);
   for (Eigen::Index k = 0; k + 1 < n; ++k) {
-    const DrivenStretch::Interval& interval = stretch.intervals[static_cast<std::size_t>(k)];
+    const DrivenSegment::Interval& interval = segment.intervals[static_cast<std::size_t>(k)];
     for (int half = 1; half < 2 * interval.steps; ++half) {
-      read(stretch.nodes[at++], time[k] + 0.5 * half * interval.step - delay);
+      read(segment.nodes[at++], time[k] + 0.5 * half * interval.step - delay);
     }
-    read(stretch.nodes[at++], time[k + 1] - delay);
+    read(segment.nodes[at++], time[k + 1] - delay);
   }
 }
 
-Motion motion_at(const SingleTrack<>& car, double vy, double r, const DrivenStretch::Node& at) {
+Motion motion_at(const SingleTrack<>& car, double vy, double r, const DrivenSegment::Node& at) {
   return motion_of<2>(Balance(car, car.steering_delay), {vy, r}, at);
 }
 
-void simulate(const SingleTrack<>& car, const DrivenStretch& stretch, double vy, double r,
+void simulate(const SingleTrack<>& car, const DrivenSegment& segment, double vy, double r,
               const ObserveMotion& observe,
               const std::function<bool(Eigen::Index, double&, double&)>& correct) {
   const auto run = car.relaxation_length > 0.0 ? integrate<4> : integrate<2>;
-  run(car, stretch, vy, r, observe, correct);
+  run(car, segment, vy, r, observe, correct);
 }
 
-void simulate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
-                          double r, const SlopeColumns& columns, const ObserveSlopes& observe,
-                          const CorrectSlopes& correct, const ObserveSlopes& corrected) {
+void simulate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segment, double vy,
+                            double r, const JacobianColumns& columns,
+                            const ObserveJacobian& observe, const CorrectJacobian& correct,
+                            const ObserveJacobian& corrected) {
   const auto run =
-      car.relaxation_length > 0.0 ? integrate_with_slopes<4> : integrate_with_slopes<2>;
-  run(car, stretch, vy, r, columns, observe, correct, corrected);
+      car.relaxation_length > 0.0 ? integrate_with_jacobian<4> : integrate_with_jacobian<2>;
+  run(car, segment, vy, r, columns, observe, correct, corrected);
 }
 
-Eigen::Vector2d steady_state(const SingleTrack<>& car, const DrivenStretch::Node& at) {
+Eigen::Vector2d steady_state(const SingleTrack<>& car, const DrivenSegment::Node& at) {
   const SingleTrackMatrices model = single_track_matrices(car, at.vx);
   const double delta = car.steering_gain * (at.steering + car.steering_offset) / car.steering_ratio;
   Eigen::Vector2d forcing = model.B * delta;

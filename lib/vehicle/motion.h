@@ -23,9 +23,9 @@ struct Motion {
   double vx_rate;                  ///< vx' [m/s^2]
 };
 
-/// Inputs of one uninterrupted stretch of a recording, at every point of time that the integrator
+/// Inputs of one uninterrupted segment of a recording, at every point of time that the integrator
 /// visits. They are interpolated once; of the parameters only a steering delay moves them.
-struct DrivenStretch {
+struct DrivenSegment {
   struct Node {
     double steering;  ///< as measured, `delay` earlier [rad]
     double vx;        ///< [m/s]
@@ -50,7 +50,7 @@ struct IntegrationDemand {
   double longest_step = 0.01;      ///< [s], that of Sladká (2010), section 9.1
 };
 
-/// Prepares a stretch: steering and vx between samples by Pchip, Runge-Kutta steps of at most
+/// Prepares a segment: steering and vx between samples by Pchip, Runge-Kutta steps of at most
 /// `longest_step`, 0.35 / (decay_rate / vx) and 0.7 relaxation_length / vx. Before the first and
 /// after the last sample, where a delay may reach, the steering stands still.
 /// @param time      N >= 2 strictly increasing time stamps [s], any spacing
@@ -58,12 +58,12 @@ struct IntegrationDemand {
 /// @param vx        N forward speeds [m/s], > 0
 /// @param delay     by which the steering is read earlier [s]
 /// @throws std::invalid_argument when the shapes disagree, N < 2 or a speed is not positive
-DrivenStretch drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
+DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                     const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay = 0.0);
 
 /// Reads the steering anew with another delay; everything else stays.
-/// @param time, steering  those the stretch was made of
-void set_delay(DrivenStretch& stretch, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
+/// @param time, steering  those the segment was made of
+void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                double delay);
 
 /// Motion under the inputs of a node in the state (vy, r), forces following at once:
@@ -74,52 +74,53 @@ void set_delay(DrivenStretch& stretch, const Eigen::VectorXd& time, const Eigen:
 /// Braking and driving shift load between the axles, Fz_f/Fz_f0 = 1 - h vx'/(g b) and Fz_r/Fz_r0 =
 /// 1 + h vx'/(g a) with h the height of the centre of gravity: the largest force grows with the
 /// load, the stiffness with 1 + load_sensitivity (Fz/Fz0 - 1).
-Motion motion_at(const SingleTrack<>& car, double vy, double r, const DrivenStretch::Node& at);
+Motion motion_at(const SingleTrack<>& car, double vy, double r, const DrivenSegment::Node& at);
 
-/// Looks at the motion at a row of the stretch, 0-based.
+/// Looks at the motion at a row of the segment, 0-based.
 using ObserveMotion = std::function<void(Eigen::Index row, const Motion& motion, double vx)>;
 
-/// Runs the car along a stretch by the classical fourth-order Runge-Kutta method from the state
+/// Runs the car along a segment by the classical fourth-order Runge-Kutta method from the state
 /// (vy, r) and calls observe at every row of it in order. With a relaxation length sigma the axle
 /// forces are states too, F' = vx/sigma (F(alpha) - F), and begin as if they had followed.
 /// @param correct  correct(row, vy, r) may move the state after a row was observed, as a filter
 ///   does, and says whether it did; may be empty
-void simulate(const SingleTrack<>& car, const DrivenStretch& stretch, double vy, double r,
+void simulate(const SingleTrack<>& car, const DrivenSegment& segment, double vy, double r,
               const ObserveMotion& observe,
               const std::function<bool(Eigen::Index row, double& vy, double& r)>& correct = {});
 
 /// Where the derivatives by the parameters and by the initial state stand in a row of `columns`
 /// derivatives; what is not asked for is -1. Columns of nothing are the caller's own.
-struct SlopeColumns {
+struct JacobianColumns {
   Eigen::Index columns = 0;
   std::array<Eigen::Index, kVehicleParameters> parameter;
   Eigen::Index vy = -1, r = -1;
-  SlopeColumns() { parameter.fill(-1); }
+  JacobianColumns() { parameter.fill(-1); }
 };
 
 /// Derivatives of the motion, a row each, SI.
-struct MotionSlopes {
+struct MotionJacobian {
   Eigen::RowVectorXd vy, r, ay, yaw_acceleration;
 };
 
 /// Looks at the motion and its derivatives.
-using ObserveSlopes = std::function<void(Eigen::Index row, const Motion& motion,
-                                         const MotionSlopes& slopes, double vx)>;
-/// Moves the state and its derivatives, slopes.vy and slopes.r; says whether it did.
-using CorrectSlopes =
-    std::function<bool(Eigen::Index row, double& vy, double& r, MotionSlopes& slopes)>;
+using ObserveJacobian = std::function<void(Eigen::Index row, const Motion& motion,
+                                           const MotionJacobian& jacobian, double vx)>;
+/// Moves the state and its derivatives, jacobian.vy and jacobian.r; says whether it did.
+using CorrectJacobian =
+    std::function<bool(Eigen::Index row, double& vy, double& r, MotionJacobian& jacobian)>;
 
 /// simulate() with exact derivatives of the discrete solution: the linearised equations go through
-/// the same Runge-Kutta steps. A steering delay in the columns is derived at the delay the stretch
+/// the same Runge-Kutta steps. A steering delay in the columns is derived at the delay the segment
 /// was read with.
 /// @param correct  called after every row was observed; may be empty
 /// @param corrected  looks again where `correct` moved the state; may be empty
-void simulate_with_slopes(const SingleTrack<>& car, const DrivenStretch& stretch, double vy,
-                          double r, const SlopeColumns& columns, const ObserveSlopes& observe,
-                          const CorrectSlopes& correct = {}, const ObserveSlopes& corrected = {});
+void simulate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segment, double vy,
+                            double r, const JacobianColumns& columns,
+                            const ObserveJacobian& observe, const CorrectJacobian& correct = {},
+                            const ObserveJacobian& corrected = {});
 
 /// State (vy, r) of steady driving of the linear car under constant inputs, for a start when
 /// nothing better is known; zero when there is no steady state (at the critical speed).
-Eigen::Vector2d steady_state(const SingleTrack<>& car, const DrivenStretch::Node& at);
+Eigen::Vector2d steady_state(const SingleTrack<>& car, const DrivenSegment::Node& at);
 
 }  // namespace identikal

@@ -60,8 +60,8 @@ double VehicleReading::lateral_velocity(double measured, double vx, double r) co
   return vy_there - r * x_;
 }
 
-void VehicleReading::slopes(const Motion& motion, double vx, const SlopeColumns& columns,
-                            const MotionSlopes& by, Eigen::Ref<Eigen::RowVectorXd> out) const {
+void VehicleReading::jacobian(const Motion& motion, double vx, const JacobianColumns& columns,
+                              const MotionJacobian& by, Eigen::Ref<Eigen::RowVectorXd> out) const {
   const auto add = [&](VehicleParameter parameter, double slope) {
     const Eigen::Index at = columns.parameter[parameter];
     if (at >= 0) out[at] += slope;

@@ -45,8 +45,8 @@ class VehicleReading {
 
   /// Its derivatives, from those of the motion.
   /// @param out  columns.columns of them
-  void slopes(const Motion& motion, double vx, const SlopeColumns& columns, const MotionSlopes& by,
-              Eigen::Ref<Eigen::RowVectorXd> out) const;
+  void jacobian(const Motion& motion, double vx, const JacobianColumns& columns,
+                const MotionJacobian& by, Eigen::Ref<Eigen::RowVectorXd> out) const;
 
  private:
   VehicleQuantity quantity_;

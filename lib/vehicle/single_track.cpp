@@ -74,8 +74,8 @@ SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
   car.a = p[kA];
   car.b = p[kB];
   car.Iz = p[kYawInertia];
-  car.front = {p[kCf], p[kSofteningFront], p[kCurveShape], p[kCurveCurvature], curve};
-  car.rear = {p[kCr], p[kSofteningRear], p[kCurveShape], p[kCurveCurvature], curve};
+  car.front = {p[kCf], p[kInverseSaturationFront], p[kCurveShape], p[kCurveCurvature], curve};
+  car.rear = {p[kCr], p[kInverseSaturationRear], p[kCurveShape], p[kCurveCurvature], curve};
   car.steering_ratio = p[kSteeringRatio];
   car.steering_gain = p[kSteeringGain];
   car.steering_offset = p[kSteeringOffset];

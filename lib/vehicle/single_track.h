@@ -63,8 +63,8 @@ enum VehicleParameter {
   kRelaxationLength,
   kCgHeight,
   kLoadSensitivity,
-  kSofteningFront,  ///< 1/(largest force)^2; to its user the largest force, "Ff_max"
-  kSofteningRear,
+  kInverseSaturationFront,  ///< 1/(largest force)^2; to its user the largest force, "Ff_max"
+  kInverseSaturationRear,
   kCurveShape,      ///< "curve_shape"
   kCurveCurvature,  ///< "curve_curvature"
   kVehicleParameters

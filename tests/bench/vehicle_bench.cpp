@@ -44,8 +44,9 @@ Fit fit(const VehicleRun& run, const VehicleUnknowns& unknowns) {
 
 std::string listed(const VehicleParameters<double>& p) {
   std::string out;
-  for (const VehicleParameter parameter : {kYawInertia, kCf, kCr, kSofteningFront, kSofteningRear,
-                                           kSteeringOffset, kBiasR, kBiasVy, kMountingAngle}) {
+  for (const VehicleParameter parameter :
+       {kYawInertia, kCf, kCr, kInverseSaturationFront, kInverseSaturationRear, kSteeringOffset,
+        kBiasR, kBiasVy, kMountingAngle}) {
     const double value = in_user_terms(parameter, p[parameter]).value;
     // A straight axle has no largest force, which JSON cannot say.
     out += fmt::format("{}{:.10g}", out.empty() ? "" : ", ", std::min(value, 1e9));

@@ -224,7 +224,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
   }
   EXPECT_NEAR(e.hold_out_one_step[0].rmse, std::sqrt(squares / count), 1e-9);
   EXPECT_EQ(e.pictures.held_time.size(), 150);
-  EXPECT_EQ(e.pictures.held_free_run.cols(), 150);
+  EXPECT_EQ(e.pictures.held_out_simulation.cols(), 150);
 
   Estimate validated[2];
   for (int i = 0; i < 2; ++i) {
@@ -254,10 +254,10 @@ TEST(NonlinearJobs, AFreeRunNeedsNothingButTheFirstState) {
   Dataset data = two_states_recording(60, 7);
   Random random(1);
   data.y = simulated_outputs(model, data, random);
-  const MatrixXd y = free_run(model, model.parameters, data);
+  const MatrixXd y = simulated_outputs(model, model.parameters, data);
   EXPECT_LT((y - data.y).cwiseAbs().maxCoeff(), 1e-4);
   Estimate estimate;
-  describe_free_run(estimate, model, model.parameters, {data});
+  describe_simulation(estimate, model, model.parameters, {data});
   EXPECT_GT(estimate.simulation[0].fit_percent, 99.99);
 }
 

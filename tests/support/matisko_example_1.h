@@ -42,7 +42,7 @@ inline Eigen::MatrixXd matisko_example_1_innovations(int tuning, Eigen::Index sa
                                                      Random& random) {
   const Eigen::MatrixXd u(0, samples);
   const Eigen::MatrixXd y =
-      realisation(matisko_example_1(), InitialState::stationary, {}, samples, random);
+      simulate_outputs(matisko_example_1(), InitialState::stationary, {}, samples, random);
   return kalman_filter(matisko_example_1_tuning(tuning), InitialState::stationary, y, u,
                        Keep::innovations)
       .e;

@@ -34,7 +34,7 @@ inline Dataset recording_of(const StateSpace& truth, Eigen::Index samples, Rando
   out.time = Eigen::VectorXd::LinSpaced(samples, 0.0, static_cast<double>(samples - 1));
   out.u.resize(truth.inputs(), samples);
   for (Eigen::Index t = 0; t < samples; ++t) out.u.col(t) = random.normal(truth.inputs());
-  out.y = realisation(truth, InitialState::stationary, out.u, samples, random);
+  out.y = simulate_outputs(truth, InitialState::stationary, out.u, samples, random);
   for (Eigen::Index i = 0; i < truth.outputs(); ++i) {
     out.outputs.push_back({"y" + std::to_string(i + 1), ""});
   }

@@ -72,7 +72,7 @@ class SpectralFit {
         H[static_cast<Index>(c)] =
             response(filters[c], data_.measured.omega[f], derivatives ? &dHs[c] : nullptr);
       }
-      const bool process = structure_.place == NoisePlace::process;
+      const bool process = structure_.place == NoiseSource::process;
       // Columns: what w and v, each with its filter, do to the innovations.
       MatrixXcd W = data_.T_G[at];
       const MatrixXcd& V = data_.T_V[at];

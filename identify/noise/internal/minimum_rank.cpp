@@ -31,7 +31,7 @@ PsdLeastSquares normal_equations(const Misfit& misfit, std::vector<PsdBlock> blo
           std::move(blocks)};
 }
 
-MatrixXd joint_at(const SourcesProblem& p, const VectorXd& theta) {
+MatrixXd joint_at(const MinimumRankProblem& p, const VectorXd& theta) {
   MatrixXd out = p.constant;
   for (std::size_t e = 0; e < p.basis.size(); ++e) out += theta[static_cast<Index>(e)] * p.basis[e];
   return out;
@@ -46,7 +46,7 @@ struct Confined {
 };
 
 // Nothing when a constant of Q or S leaves the range. range: orthonormal columns.
-std::optional<Confined> confine(const SourcesProblem& p, const MatrixXd& range,
+std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& range,
                                 const MatrixXd& complement) {
   const Index nw = p.process_noises, size = p.constant.rows();
   const auto k = static_cast<Index>(p.basis.size());
@@ -130,7 +130,7 @@ VectorXd refit(const Misfit& misfit, const Confined& to) {
 
 }  // namespace
 
-FewestSources fewest_sources(const SourcesProblem& p) {
+MinimumRank minimum_rank(const MinimumRankProblem& p) {
   const Index nw = p.process_noises;
   const auto k = static_cast<Index>(p.basis.size());
   VectorXd slope(k);  // of tr Q
@@ -169,7 +169,7 @@ FewestSources fewest_sources(const SourcesProblem& p) {
     Confined range;
   };
   std::vector<std::optional<Candidate>> best(static_cast<std::size_t>(nw + 1));
-  FewestSources out;
+  MinimumRank out;
   Sources& report = out.report;
   report.of = nw;
   for (int step = 0; step <= kSteps; ++step) {

@@ -16,7 +16,7 @@ struct Misfit {
   Eigen::VectorXd target;
 };
 
-struct SourcesProblem {
+struct MinimumRankProblem {
   Misfit fit;                          ///< what the method minimises
   Misfit chance;                       ///< the same whitened: its residuals have unit variance
   Eigen::MatrixXd constant;            ///< [Q S; S' R] at theta = 0
@@ -24,7 +24,7 @@ struct SourcesProblem {
   Eigen::Index process_noises = 0;     ///< size of Q
 };
 
-struct FewestSources {
+struct MinimumRank {
   Eigen::VectorXd theta;
   Sources report;
 };
@@ -41,6 +41,6 @@ struct FewestSources {
 /// freedom as unknowns were given up. theta is the method's own re-fit of that range: the penalised
 /// one is biased. Sources: Rajamani & Rawlings (2009), Automatica 45 (the penalty, and a curve to
 /// look at); the re-fit as in Meinshausen (2007), Relaxed Lasso, Comput. Stat. Data Anal. 52.
-FewestSources fewest_sources(const SourcesProblem& problem);
+MinimumRank minimum_rank(const MinimumRankProblem& problem);
 
 }  // namespace identikal

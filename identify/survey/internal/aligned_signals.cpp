@@ -95,7 +95,7 @@ VectorXd smoothed(const VectorXd& x, Index half) {
 
 }  // namespace
 
-bool make_raster(const VehicleSignals& signals, Scene& scene) {
+bool make_sampling_grid(const VehicleSignals& signals, Scene& scene) {
   for (const VehicleSignal& s : signals.signals) scene.first.try_emplace(s.kind, &s);
   const SignalKind bases[] = {SignalKind::r, SignalKind::ay, SignalKind::vx,
                               SignalKind::wheel_speed, SignalKind::steering};

@@ -1,5 +1,5 @@
-// How do all signals of a vehicle's recording look on one raster? What the parts of the survey
-// (identify/survey/survey.h) share.
+// How do all signals of a vehicle's recording look on one sampling grid? What the parts of the
+// survey (identify/survey/survey.h) share.
 #pragma once
 
 #include <map>
@@ -38,13 +38,13 @@ std::string percent(double share);
 /// SI value of 1 of the signal's unit.
 double unit_scale(const VehicleSignal& signal);
 
-/// The recording on one raster, and what was found so far.
+/// The recording on one sampling grid, and what was found so far.
 struct Scene {
   VehicleSurvey out;
   std::map<SignalKind, const VehicleSignal*> first;  ///< of each kind
-  Eigen::VectorXd time;                              ///< [s], of the raster
+  Eigen::VectorXd time;                              ///< [s], of the sampling grid
   double step = kNone;                               ///< [s]
-  std::map<SignalKind, Eigen::VectorXd> on;          ///< on the raster
+  std::map<SignalKind, Eigen::VectorXd> on;          ///< on the sampling grid
   std::map<SignalKind, Eigen::VectorXd> smooth;      ///< the same, averaged
   Eigen::VectorXd speed;                             ///< what stands for vx
   std::string speed_name;
@@ -61,9 +61,9 @@ struct Scene {
   VehicleSurvey::Proposal* proposal(SignalKind kind);
 };
 
-/// Takes the first signal of each kind onto the raster of one of them.
-/// @return false when there is no raster
-bool make_raster(const VehicleSignals& signals, Scene& scene);
+/// Takes the first signal of each kind onto the sampling grid of one of them.
+/// @return false when there is no sampling grid
+bool make_sampling_grid(const VehicleSignals& signals, Scene& scene);
 
 /// x where the car drives faster than `speed`, else missing.
 Eigen::VectorXd while_driving(const Scene& scene, const Eigen::VectorXd& x, double speed);

@@ -182,7 +182,7 @@ void judge_identifiability(Scene& scene) {
     say(which.c_str(), "no",
         speeds +
             (several_speeds ? fmt::format(", but only {} of it above 2 m/s^2", percent(strong))
-                            : ": a ratio above 2, or a slow stretch, is needed") +
+                            : ": a ratio above 2, or a slow segment, is needed") +
             "; a wrong one makes wrong stiffnesses fit as well");
   }
   say("a, b", slip ? "weak" : "no",

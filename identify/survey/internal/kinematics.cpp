@@ -19,7 +19,7 @@ namespace {
 constexpr double kTypicalSpeed = 25.0;  // [m/s]: characteristic speed of a usual car
 constexpr double kFarLag = 5.0;         // [s]
 
-// What a first-order lag makes of x on a uniform raster; starts anew after a gap.
+// What a first-order lag makes of x on a uniform sampling grid; starts anew after a gap.
 VectorXd lagged(const VectorXd& x, double step, double time_constant) {
   if (time_constant <= 0.0) return x;
   VectorXd out(x.size());
@@ -170,7 +170,7 @@ void judge_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
 
-// dvy/dt on the raster, over the length of the smoothing; empty when nothing tells vy.
+// dvy/dt on the sampling grid, over the length of the smoothing; empty when nothing tells vy.
 VectorXd lateral_rate(const Scene& scene) {
   if (!scene.has(SignalKind::vy) && !scene.has(SignalKind::beta)) return {};
   const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;

@@ -50,22 +50,22 @@ void picture_axles(const VehicleProblem& problem, const VehicleParameters<double
                             (p[kB] * force + moment) / L),
                axle_picture("rear", car.rear, largest.rear, balances.slip_rear,
                             (p[kA] * force - moment) / L)};
-  out.washed_out = balances.time.size() > 0 && run.find(VehicleQuantity::vy) < 0 &&
-                   run.find(VehicleQuantity::beta) < 0;
+  out.high_pass_filtered = balances.time.size() > 0 && run.find(VehicleQuantity::vy) < 0 &&
+                           run.find(VehicleQuantity::beta) < 0;
 }
 
 // Lateral velocity of the centre of gravity as measured; nothing where no sensor tells it.
 VectorXd measured_vy(const VehicleRun& run, const VehicleParameters<double>& p, const VectorXd& r,
-                     const VehicleRun::Stretch& stretch) {
+                     const VehicleRun::Segment& segment) {
   const Index jv = run.find(VehicleQuantity::vy), jb = run.find(VehicleQuantity::beta);
   if (jv < 0 && jb < 0) return {};
   const Index j = jv >= 0 ? jv : jb;
   const VehicleSensor& sensor = run.outputs[static_cast<std::size_t>(j)].sensor;
   const double angle = sensor.angle + p[kMountingAngle];
-  VectorXd out(stretch.rows);
-  for (Index k = 0; k < stretch.rows; ++k) {
-    const double vx = run.vx[stretch.first + k] - r[k] * sensor.y;
-    const double y = run.y(j, stretch.first + k);
+  VectorXd out(segment.rows);
+  for (Index k = 0; k < segment.rows; ++k) {
+    const double vx = run.vx[segment.first + k] - r[k] * sensor.y;
+    const double y = run.y(j, segment.first + k);
     const double at_sensor = jv >= 0 ? (y - p[kBiasVy] + vx * std::sin(angle)) / std::cos(angle)
                                      : vx * std::tan(y + angle);
     out[k] = at_sensor - r[k] * sensor.x;
@@ -73,12 +73,12 @@ VectorXd measured_vy(const VehicleRun& run, const VehicleParameters<double>& p, 
   return out;
 }
 
-// Of the longest stretch.
+// Of the longest segment.
 void picture_tracks(const VehicleProblem& problem, const VehicleParameters<double>& p,
                     const VectorXd& vy, const VectorXd& r, Pictures& out) {
   const VehicleRun& run = *problem.run;
   const auto longest =
-      std::max_element(run.stretches.begin(), run.stretches.end(),
+      std::max_element(run.segments.begin(), run.segments.end(),
                        [](const auto& left, const auto& right) { return left.rows < right.rows; });
   const Index first = longest->first, rows = longest->rows;
   const auto add = [&](const std::string& name, const VectorXd& time, const VectorXd& vx,
@@ -161,7 +161,7 @@ void picture_vehicle(const VehicleSearch& found, const VehicleCovariance& covari
   const VehicleProblem& problem = found.problem;
   const VehicleParameters<double> p = parameters_at(problem, found.best.z);
   Pictures& out = estimate.pictures;
-  out.free_run = estimate.series.predicted;
+  out.simulation = estimate.series.predicted;
   Slips largest;
   VectorXd vy = VectorXd::Constant(problem.run->time.size(), kNone), r = vy;
   replay(problem, found.best.z, [&](Index t, const Motion& motion, double) {

@@ -13,7 +13,7 @@ namespace identikal {
 ///
 /// Axles: the forces that balances of force and moment ask for (identify/vehicle/starts.h), beside
 /// the fitted curve over the slips that the car went through. Tracks (lib/vehicle/trajectory.h) of
-/// the longest stretch: simulated, and from measured yaw rate and sideslip where there are both.
+/// the longest segment: simulated, and from measured yaw rate and sideslip where there are both.
 void picture_vehicle(const VehicleSearch& found, const VehicleCovariance& covariance,
                      Estimate& estimate);
 

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kHalfSecond = 0.5;
 constexpr double kSteadyChange = 0.1;
-constexpr double kOneSpeed = 0.1;  // relative spread of one stretch
+constexpr double kOneSpeed = 0.1;  // relative spread of one segment
 constexpr int kParts = 20;
 constexpr double kBothSides = 0.2;  // share of the equations on the rarer side
 constexpr double kTellsApart = 1e-3;
@@ -46,11 +46,11 @@ SteadyMean steady_mean_of(const VehicleRun& run, Eigen::Index yaw, Eigen::Index 
 }
 
 std::vector<SteadyMean> steady_means(const VehicleRun& run, Eigen::Index yaw,
-                                     const VehicleRun::Stretch& stretch, Eigen::Index parts) {
+                                     const VehicleRun::Segment& segment, Eigen::Index parts) {
   std::vector<SteadyMean> out;
   for (Eigen::Index part = 0; part < parts; ++part) {
-    const Eigen::Index begin = part * stretch.rows / parts, end = (part + 1) * stretch.rows / parts;
-    const SteadyMean mean = steady_mean_of(run, yaw, stretch.first + begin, end - begin);
+    const Eigen::Index begin = part * segment.rows / parts, end = (part + 1) * segment.rows / parts;
+    const SteadyMean mean = steady_mean_of(run, yaw, segment.first + begin, end - begin);
     if (mean.complete) out.push_back(mean);
   }
   return out;
@@ -58,12 +58,12 @@ std::vector<SteadyMean> steady_means(const VehicleRun& run, Eigen::Index yaw,
 
 std::vector<SteadyMean> equations(const VehicleRun& run, Eigen::Index yaw) {
   std::vector<SteadyMean> out;
-  for (const VehicleRun::Stretch& stretch : run.stretches) {
-    const auto vx = run.vx.segment(stretch.first, stretch.rows);
+  for (const VehicleRun::Segment& segment : run.segments) {
+    const auto vx = run.vx.segment(segment.first, segment.rows);
     const double mean = vx.mean();
     const double spread = std::sqrt((vx.array() - mean).square().mean());
     const bool one_speed = spread < kOneSpeed * mean;
-    const std::vector<SteadyMean> each = steady_means(run, yaw, stretch, one_speed ? 1 : kParts);
+    const std::vector<SteadyMean> each = steady_means(run, yaw, segment, one_speed ? 1 : kParts);
     out.insert(out.end(), each.begin(), each.end());
   }
   return out;
@@ -75,11 +75,11 @@ bool is_steady(const VehicleRun& run) {
   const Eigen::Index yaw = run.find(VehicleQuantity::r);
   if (yaw < 0) return false;
   double angle = 0.0, angle_change = 0.0, r = 0.0, r_change = 0.0;
-  for (const VehicleRun::Stretch& stretch : run.stretches) {
-    const double seconds = static_cast<double>(stretch.rows) * run.step;
+  for (const VehicleRun::Segment& segment : run.segments) {
+    const double seconds = static_cast<double>(segment.rows) * run.step;
     const auto parts = std::max<Eigen::Index>(1, std::llround(seconds / kHalfSecond));
     const std::vector<SteadyMean> mean =
-        steady_means(run, yaw, stretch, std::min(parts, stretch.rows));
+        steady_means(run, yaw, segment, std::min(parts, segment.rows));
     for (std::size_t i = 0; i < mean.size(); ++i) {
       angle += mean[i].angle * mean[i].angle;
       r += mean[i].r * mean[i].r;

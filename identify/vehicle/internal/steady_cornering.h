@@ -17,7 +17,7 @@ bool is_steady(const VehicleRun& run);
 /// of the steering sensor, by least squares on
 ///   angle + offset = i L r/v + i K v r
 /// (v r for the lateral acceleration, as bank, roll and bias of an accelerometer would enter). One
-/// equation for the means of every stretch driven at one speed; a stretch whose speed changes by
+/// equation for the means of every segment driven at one speed; a segment whose speed changes by
 /// more than a tenth gives one for each of 20 parts. The error is taken as one of the angle, of one
 /// size for all. Nothing more can be told: at rest in the turn neither Iz nor i, L and K apart
 /// leave a trace.

@@ -94,8 +94,8 @@ Freed freed(const Alternative& alternative, VehicleParameter parameter, double w
 
 }  // namespace
 
-void check_turned_sideslip(const VehicleSearch& found, const VehicleSearchOptions& options,
-                           Estimate& estimate) {
+void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
+                               Estimate& estimate) {
   const VehicleRun& run = *found.problem.run;
   for (const VehicleQuantity quantity : {VehicleQuantity::vy, VehicleQuantity::beta}) {
     const Eigen::Index j = run.find(quantity);

@@ -9,8 +9,8 @@ namespace identikal {
 /// Fits the car again with the sign of vy, then of beta, turned, where they fit badly. Kinematics
 /// tell a wrong sign only where ay is measured too; here a residual that another sign makes smaller
 /// by two fifths is one: wrong_sign, serious.
-void check_turned_sideslip(const VehicleSearch& found, const VehicleSearchOptions& options,
-                           Estimate& estimate);
+void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
+                               Estimate& estimate);
 
 /// Fits the car again with one thing changed at a time (the gain of the steering free, its delay
 /// free, another tyre curve) and says how parameters and fit move with it. A steering that fits

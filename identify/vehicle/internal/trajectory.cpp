@@ -37,7 +37,7 @@ class StatePath {
     if (parameters_ > 0) sparse_.block_sizes.push_back(parameters_);
     std::size_t sample = 0;
     for (std::size_t s = 0; s < problem.driven.size(); ++s) {
-      const Eigen::Index rows = problem.driven[s].rows(), first = problem.run->stretches[s].first;
+      const Eigen::Index rows = problem.driven[s].rows(), first = problem.run->segments[s].first;
       for (Eigen::Index t = 0; t < rows; ++t) {
         const auto block = static_cast<Eigen::Index>(sparse_.block_sizes.size());
         sparse_.block_sizes.push_back(2);
@@ -100,8 +100,8 @@ class StatePath {
   std::vector<Eigen::Matrix2Xd> states(const Eigen::VectorXd& x) const {
     std::vector<Eigen::Matrix2Xd> out;
     Eigen::Index at = parameters_;
-    for (const DrivenStretch& stretch : problem_.driven) {
-      const Eigen::Index rows = stretch.rows();
+    for (const DrivenSegment& segment : problem_.driven) {
+      const Eigen::Index rows = segment.rows();
       out.push_back(kStateScale.asDiagonal() *
                     Eigen::Map<const Eigen::Matrix2Xd>(x.data() + at, 2, rows));
       at += 2 * rows;
@@ -112,11 +112,11 @@ class StatePath {
   bool evaluate(const Eigen::VectorXd& x, Eigen::VectorXd& r, std::vector<double>* J) const {
     const Eigen::VectorXd z = coordinates(x);
     const VehicleParameters<double> p = parameters_at(problem_, z);
-    const std::vector<DrivenStretch> moved = moved_by_delay(problem_, p);
-    const std::vector<DrivenStretch>& driven = moved.empty() ? problem_.driven : moved;
+    const std::vector<DrivenSegment> moved = moved_by_delay(problem_, p);
+    const std::vector<DrivenSegment>& driven = moved.empty() ? problem_.driven : moved;
     const SingleTrack<> car = car_with(problem_.unknowns.curve, p);
     const std::vector<VehicleReading> sensors = readings(*problem_.run, car);
-    SlopeColumns columns;
+    JacobianColumns columns;
     Eigen::RowVectorXd scale(parameters_ + 2), slope(parameters_ + 2);
     scale << problem_.unknowns.scale.transpose(), kStateScale.transpose();
     if (J != nullptr) {
@@ -133,14 +133,14 @@ class StatePath {
     std::size_t derivative = 0, sample = 0;
     const double* state = x.data() + parameters_;
     for (std::size_t s = 0; s < driven.size(); ++s) {
-      const Eigen::Index first = problem_.run->stretches[s].first;
+      const Eigen::Index first = problem_.run->segments[s].first;
       const Eigen::VectorXd& time = problem_.run->time;
       const auto at_row = [&](Eigen::Index t) {
         return Eigen::Vector2d(Eigen::Map<const Eigen::Vector2d>(state + 2 * t))
             .cwiseProduct(kStateScale)
             .eval();
       };
-      const auto arrive = [&](Eigen::Index t, const Motion& motion, const MotionSlopes& slopes,
+      const auto arrive = [&](Eigen::Index t, const Motion& motion, const MotionJacobian& jacobian,
                               double) {
         if (t == 0) return;
         const double root = std::sqrt(time[first + t] - time[first + t - 1]);
@@ -150,7 +150,7 @@ class StatePath {
         residual += 2;
         if (J == nullptr) return;
         double* to = J->data() + derivative;
-        const Eigen::RowVectorXd* rows[] = {&slopes.vy, &slopes.r};
+        const Eigen::RowVectorXd* rows[] = {&jacobian.vy, &jacobian.r};
         for (Eigen::Index i = 0; i < 2; ++i) {
           const Eigen::RowVectorXd by = -weight[i] * rows[i]->cwiseProduct(scale);
           Eigen::Map<Eigen::RowVectorXd>(to + i * parameters_, parameters_) = by.head(parameters_);
@@ -160,16 +160,16 @@ class StatePath {
         }
         derivative += static_cast<std::size_t>(2 * parameters_ + 8);
       };
-      const auto place = [&](Eigen::Index t, double& vy, double& yaw, MotionSlopes& slopes) {
+      const auto place = [&](Eigen::Index t, double& vy, double& yaw, MotionJacobian& jacobian) {
         const Eigen::Vector2d at = at_row(t);
         vy = at[0];
         yaw = at[1];
-        slopes.vy.setZero();
-        slopes.r.setZero();
-        if (J != nullptr) slopes.vy[parameters_] = slopes.r[parameters_ + 1] = 1.0;
+        jacobian.vy.setZero();
+        jacobian.r.setZero();
+        if (J != nullptr) jacobian.vy[parameters_] = jacobian.r[parameters_ + 1] = 1.0;
         return true;
       };
-      const auto measure = [&](Eigen::Index t, const Motion& motion, const MotionSlopes& slopes,
+      const auto measure = [&](Eigen::Index t, const Motion& motion, const MotionJacobian& jacobian,
                                double vx) {
         for (; sample < problem_.row.size() && problem_.row[sample] == first + t; ++sample) {
           const auto n = static_cast<Eigen::Index>(sample);
@@ -178,14 +178,14 @@ class StatePath {
           const double weight = std::sqrt(weight_[n]) / noise_[j];
           r[residual++] = (sensor.value(motion, vx) - problem_.sample[n]) * weight;
           if (J == nullptr) continue;
-          sensor.slopes(motion, vx, columns, slopes, slope);
+          sensor.jacobian(motion, vx, columns, jacobian, slope);
           Eigen::Map<Eigen::RowVectorXd>(J->data() + derivative, parameters_ + 2) =
               slope.cwiseProduct(scale) * weight;
           derivative += static_cast<std::size_t>(parameters_ + 2);
         }
       };
       const Eigen::Vector2d begin = at_row(0);
-      simulate_with_slopes(car, driven[s], begin[0], begin[1], columns, arrive, place, measure);
+      simulate_with_jacobian(car, driven[s], begin[0], begin[1], columns, arrive, place, measure);
       state += 2 * driven[s].rows();
     }
     for (Eigen::Index i = 0; i < parameters_; ++i) {
@@ -348,12 +348,12 @@ StatePath::Marginal StatePath::marginal(const Linearisation& about, const NoiseS
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);
   double L = 0.0;
 
-  std::vector<std::vector<Block>> stretches;
+  std::vector<std::vector<Block>> segments;
   Eigen::Index residual = 0;
   std::size_t derivative = 0, sample = 0;
   for (std::size_t s = 0; s < problem_.driven.size(); ++s) {
-    const Eigen::Index rows = problem_.driven[s].rows(), first = problem_.run->stretches[s].first;
-    std::vector<Block>& blocks = stretches.emplace_back(static_cast<std::size_t>(rows));
+    const Eigen::Index rows = problem_.driven[s].rows(), first = problem_.run->segments[s].first;
+    std::vector<Block>& blocks = segments.emplace_back(static_cast<std::size_t>(rows));
     for (Eigen::Index t = 0; t < rows; ++t) {
       Block& now = blocks[static_cast<std::size_t>(t)];
       now.G.setZero(2, n);
@@ -417,9 +417,9 @@ StatePath::Marginal StatePath::marginal(const Linearisation& about, const NoiseS
     L -= 0.5 * std::pow(about.r[priors + i] + by.dot(p), 2);
   }
   sample = problem_.row.size();
-  for (std::size_t s = stretches.size(); s-- > 0;) {
-    const Eigen::Index first = problem_.run->stretches[s].first;
-    std::vector<Block>& blocks = stretches[s];
+  for (std::size_t s = segments.size(); s-- > 0;) {
+    const Eigen::Index first = problem_.run->segments[s].first;
+    std::vector<Block>& blocks = segments[s];
     Eigen::Matrix2d P = Eigen::Matrix2d::Zero();
     for (std::size_t t = blocks.size(); t-- > 0;) {
       Block& now = blocks[t];

@@ -15,7 +15,7 @@ struct VehicleTrajectory {
   VehicleOptimum best;  ///< of the simulation problem: parameters, first states, sd of the outputs
   Eigen::Vector2d process = Eigen::Vector2d::Zero();  ///< density of the push on vy and r
                                                       ///< [m/s and rad/s, per sqrt(s)]
-  std::vector<Eigen::Matrix2Xd> states;  ///< (vy, r) of every stretch, a column per row, SI
+  std::vector<Eigen::Matrix2Xd> states;  ///< (vy, r) of every segment, a column per row, SI
   Eigen::Index left_out = 0;             ///< samples taken for outliers
   VehicleCovariance covariance;          ///< of the parameters, states eliminated
 };

@@ -94,7 +94,8 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   const VehicleCovariance refit = vehicle_covariance(problem, best);
   for (int axle = 0; axle < 2; ++axle) {
     TyreSaturation::Axle& result = axle == 0 ? out.front : out.rear;
-    const double softening = out.softened[axle == 0 ? kSofteningFront : kSofteningRear];
+    const double softening =
+        out.softened[axle == 0 ? kInverseSaturationFront : kInverseSaturationRear];
     const double stiffness = out.softened[axle == 0 ? kCf : kCr];
     const double linear_force = stiffness * result.slip;
     result.loss =

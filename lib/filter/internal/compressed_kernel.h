@@ -1,7 +1,7 @@
-// Likelihood, gradient and information of a gapless stretch at a cost that does not depend on its
+// Likelihood, gradient and information of a gapless segment at a cost that does not depend on its
 // length. Internal to lib, for a number of states known at compile time (or Dynamic).
 //
-// The whole stretch runs on the constant gain. A start that is not the steady one, x(0) ~ N(m0,
+// The whole segment runs on the constant gain. A start that is not the steady one, x(0) ~ N(m0,
 // P0), is the steady one plus delta ~ N(0, Pi), Pi = P0 - P, which is integrated out exactly: with
 // M = sum_t F'^t C' Sigma^-1 C F^t and s = sum_t F'^t C' Sigma^-1 e(t), its smoothed value is
 // delta = (I + Pi M)^-1 Pi s and
@@ -45,9 +45,9 @@ inline void add_symmetric(Eigen::MatrixXd& to, std::size_t i, std::size_t j, dou
   if (row != col) to(col, row) += term;
 }
 
-/// What is known of the state before the first sample of a stretch.
+/// What is known of the state before the first sample of a segment.
 template <int n>
-struct StretchStart {
+struct SegmentStart {
   using Square = Eigen::Matrix<double, n, n>;
   using State = Eigen::Matrix<double, n, 1>;
   InitialState kind = InitialState::stationary;
@@ -58,7 +58,7 @@ struct StretchStart {
 };
 
 template <int n>
-class CompressedKernel final : public StretchKernel {
+class CompressedKernel final : public SegmentKernel {
  public:
   using Square = Eigen::Matrix<double, n, n>;
   using State = Eigen::Matrix<double, n, 1>;
@@ -76,9 +76,9 @@ class CompressedKernel final : public StretchKernel {
 
   Eigen::Index memory() const override { return filter_.powers.memory(); }
   double pole() const override { return filter_.powers.radius(); }
-  Refusal refusal() const override { return refusal_; }
+  RejectReason reject_reason() const override { return reject_reason_; }
 
-  bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) override {
+  bool add_from_model(const Segment& segment, InitialState initial, Likelihood& out) override {
     const auto states = filter_.A.rows();
     start_.kind = initial;
     start_.mean.setZero(states);
@@ -96,19 +96,19 @@ class CompressedKernel final : public StretchKernel {
         start_.P_theta[i] = (*derivatives_)[i].P0;
       }
     }
-    return add(stretch, start_, out);
+    return add(segment, start_, out);
   }
 
-  bool add_from_state(const Stretch& stretch, const FilterState& state, Likelihood& out) override {
+  bool add_from_state(const Segment& segment, const FilterState& state, Likelihood& out) override {
     start_.kind = InitialState::given;
     start_.mean = state.x;
     start_.P = state.P;
     start_.mean_theta.assign(state.x_theta.begin(), state.x_theta.end());
     start_.P_theta.assign(state.P_theta.begin(), state.P_theta.end());
-    return add(stretch, start_, out);
+    return add(segment, start_, out);
   }
 
-  void end_of_stretch(const Stretch& stretch, FilterState& state) override;
+  void end_of_segment(const Segment& segment, FilterState& state) override;
 
  private:
   struct Direction {
@@ -128,20 +128,20 @@ class CompressedKernel final : public StretchKernel {
   };
 
   bool find_directions();
-  void respond(std::size_t i, const Stretch& stretch, Response& r) const;
-  State last_response(const Stretch& stretch, const Response& r) const;
-  void follow_start(const Stretch& stretch, Response& r);
-  bool add(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
-  void augment(const Stretch& stretch);
+  void respond(std::size_t i, const Segment& segment, Response& r) const;
+  State last_response(const Segment& segment, const Response& r) const;
+  void follow_start(const Segment& segment, Response& r);
+  bool add(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
+  void augment(const Segment& segment);
   bool well_conditioned(const Square& Pi) const;
   template <class Sums>
   double size_of_terms(const Sums& Gamma_0);
   void sum_lags(const LagSums& sums, Eigen::Index lags);
-  void add_gradient(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
+  void add_gradient(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
   void add_noise_information(double samples, Likelihood& out) const;
-  void add_full_information(const Stretch& stretch, const StretchStart<n>& start, Likelihood& out);
+  void add_full_information(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
 
-  Refusal refusal_ = Refusal::none;
+  RejectReason reject_reason_ = RejectReason::none;
   Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> white_C_;
   SmallMatrix white_H_;
   const StateSpace* model_ = nullptr;
@@ -152,12 +152,12 @@ class CompressedKernel final : public StretchKernel {
   Square M_;
   std::vector<Direction> directions_;
   std::vector<Response> responses_;
-  StretchStart<n> start_;
+  SegmentStart<n> start_;
   Eigen::MatrixXd product_;
   Columns work_;
   SmallMatrix small_;
 
-  // Of the stretch at hand.
+  // Of the segment at hand.
   Eigen::Index lags_ = 0, channels_ = 0;
   Columns Kz_, Yt_;  // Yt = sum x z'
   SmallMatrix H_, S_e_, SiSeSi_;
@@ -240,12 +240,12 @@ bool CompressedKernel<n>::find_directions() {
   return true;
 }
 
-/// Filter and output matrices for the stretch's channels; the last one is 1 where the mean is out.
+/// Filter and output matrices for the segment's channels; the last one is 1 where the mean is out.
 template <int n>
-void CompressedKernel<n>::augment(const Stretch& stretch) {
+void CompressedKernel<n>::augment(const Segment& segment) {
   const StateSpace& m = *model_;
   const Eigen::Index ny = m.outputs(), nu = m.inputs();
-  channels_ = stretch.sums.channels();
+  channels_ = segment.sums.channels();
   Kz_.resize(m.states(), channels_);
   H_.setZero(ny, channels_);
   Kz_.leftCols(ny) = filter_.K;
@@ -255,9 +255,9 @@ void CompressedKernel<n>::augment(const Stretch& stretch) {
     add_product(Kz_.middleCols(ny, nu), filter_.K, m.D, -1.0);
     H_.middleCols(ny, nu) = -m.D;
   }
-  if (stretch.mean.size() > 0) {
-    set_product(Kz_.col(channels_ - 1), Kz_.leftCols(ny + nu), stretch.mean);
-    set_product(H_.col(channels_ - 1), H_.leftCols(ny + nu), stretch.mean);
+  if (segment.mean.size() > 0) {
+    set_product(Kz_.col(channels_ - 1), Kz_.leftCols(ny + nu), segment.mean);
+    set_product(H_.col(channels_ - 1), H_.leftCols(ny + nu), segment.mean);
   }
 }
 
@@ -328,14 +328,14 @@ double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
 }
 
 template <int n>
-bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& start,
+bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& start,
                               Likelihood& out) {
   const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = stretch.sums;
+  const LagSums& sums = segment.sums;
   const Eigen::Index states = model_->states(), ny = model_->outputs(), N = sums.samples();
   const Eigen::Index L = memory();
-  augment(stretch);
-  refusal_ = Refusal::cancellation;
+  augment(segment);
+  reject_reason_ = RejectReason::cancellation;
 
   // The first innovations, from the mean of the start, say where it really was.
   head_.resize(states, std::max(L, head_.cols()));
@@ -382,7 +382,7 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
     const double determinant = lu.determinant();
     if (!(determinant > 0.0) || !std::isfinite(determinant)) return false;
     if (start.kind == InitialState::given && !well_conditioned(Pi)) {
-      refusal_ = Refusal::known_start;
+      reject_reason_ = RejectReason::known_start;
       return false;
     }
     log_det = std::log(determinant);
@@ -441,15 +441,15 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
   const double squares = inner_product(S_e_, f.Sigma_inverse);
   if (!(squares > 0.0) || size_of_terms(Gamma_0) > kWorstCancellation * squares) return false;
 
-  refusal_ = Refusal::none;
+  reject_reason_ = RejectReason::none;
   const double log_det_Sigma = 2.0 * f.llt.matrixLLT().diagonal().array().log().sum();
   out.value -= 0.5 * (static_cast<double>(N) * log_det_Sigma + squares + log_det + penalty);
   if (directions_.empty()) return true;
-  add_gradient(stretch, start, out);
+  add_gradient(segment, start, out);
   bool dynamics = false;
   for (const Direction& d : directions_) dynamics = dynamics || d.dynamics;
   if (dynamics) {
-    add_full_information(stretch, start, out);
+    add_full_information(segment, start, out);
   } else {
     add_noise_information(static_cast<double>(N), out);
   }
@@ -457,11 +457,11 @@ bool CompressedKernel<n>::add(const Stretch& stretch, const StretchStart<n>& sta
 }
 
 template <int n>
-void CompressedKernel<n>::add_gradient(const Stretch& stretch, const StretchStart<n>& start,
+void CompressedKernel<n>::add_gradient(const Segment& segment, const SegmentStart<n>& start,
                                        Likelihood& out) {
   const StateSpace& m = *model_;
   const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = stretch.sums;
+  const LagSums& sums = segment.sums;
   const Eigen::Index states = m.states(), ny = m.outputs(), nu = m.inputs(), L = memory();
   const Eigen::Index N = sums.samples();
   const auto Gamma_0 = sums.at(0);
@@ -535,10 +535,10 @@ void CompressedKernel<n>::add_gradient(const Stretch& stretch, const StretchStar
   set_product(bar_Sigma, SiSeSi_, f.Sigma_inverse, -1.0);
   bar_Sigma += static_cast<double>(N) * f.Sigma_inverse;
 
-  if (stretch.mean.size() > 0) {
+  if (segment.mean.size() > 0) {
     const auto last = channels_ - 1;
-    add_product(bar_Kz.leftCols(last), bar_Kz.col(last), stretch.mean.transpose());
-    add_product(bar_H.leftCols(last), bar_H.col(last), stretch.mean.transpose());
+    add_product(bar_Kz.leftCols(last), bar_Kz.col(last), segment.mean.transpose());
+    add_product(bar_H.leftCols(last), bar_H.col(last), segment.mean.transpose());
   }
   // F = A - K C, Kz = [K, B - K D], H = [I, -D].
   Columns bar_K = bar_Kz.leftCols(ny);
@@ -589,7 +589,7 @@ void CompressedKernel<n>::add_gradient(const Stretch& stretch, const StretchStar
 
 /// dx+ = F dx + a x + b z,  de = g z - dC x - C dx
 template <int n>
-void CompressedKernel<n>::respond(std::size_t i, const Stretch& stretch, Response& r) const {
+void CompressedKernel<n>::respond(std::size_t i, const Segment& segment, Response& r) const {
   const StateSpace& m = *model_;
   const StateSpace& by = (*derivatives_)[i];
   const Direction& d = directions_[i];
@@ -607,22 +607,22 @@ void CompressedKernel<n>::respond(std::size_t i, const Stretch& stretch, Respons
     add_product(r.b.middleCols(ny, nu), filter_.K, by.D, -1.0);
     r.g.middleCols(ny, nu) = -by.D;
   }
-  if (stretch.mean.size() > 0) {
-    set_product(r.b.col(channels_ - 1), r.b.leftCols(ny + nu), stretch.mean);
-    set_product(r.g.col(channels_ - 1), r.g.leftCols(ny + nu), stretch.mean);
+  if (segment.mean.size() > 0) {
+    set_product(r.b.col(channels_ - 1), r.b.leftCols(ny + nu), segment.mean);
+    set_product(r.g.col(channels_ - 1), r.g.leftCols(ny + nu), segment.mean);
   }
 }
 
 /// dx behind the last sample.
 template <int n>
-auto CompressedKernel<n>::last_response(const Stretch& stretch, const Response& r) const -> State {
-  const Eigen::Index L = memory(), N = stretch.sums.samples();
+auto CompressedKernel<n>::last_response(const Segment& segment, const Response& r) const -> State {
+  const Eigen::Index L = memory(), N = segment.sums.samples();
   State dx = State::Zero(model_->states()), next;
   for (Eigen::Index t = 0; t < L; ++t) {
     set_product(next, filter_.F, dx);
     add_product(next, r.a, tail_.col(t));
     for (Eigen::Index c = 0; c < channels_; ++c) {
-      next += stretch.sums.sample(c, N - L + t) * r.b.col(c);
+      next += segment.sums.sample(c, N - L + t) * r.b.col(c);
     }
     dx = next;
   }
@@ -632,7 +632,7 @@ auto CompressedKernel<n>::last_response(const Stretch& stretch, const Response& 
 /// What dx owes to the start, dh+ = F dh + a F^t x0, does with z'; and s_i of the first
 /// innovations.
 template <int n>
-void CompressedKernel<n>::follow_start(const Stretch& stretch, Response& r) {
+void CompressedKernel<n>::follow_start(const Segment& segment, Response& r) {
   const SteadyFilter<n>& f = filter_;
   const Eigen::Index L = memory();
   State dh = r.dx0, dx = r.dx0, next;
@@ -643,7 +643,7 @@ void CompressedKernel<n>::follow_start(const Stretch& stretch, Response& r) {
     set_product(next, f.F, dx);
     add_product(next, r.a, first_.col(t));
     for (Eigen::Index c = 0; c < channels_; ++c) {
-      const double z = stretch.sums.sample(c, t);
+      const double z = segment.sums.sample(c, t);
       r.dx_z.col(c) += z * dh;
       de += z * r.g.col(c);
       next += z * r.b.col(c);
@@ -662,13 +662,13 @@ void CompressedKernel<n>::follow_start(const Stretch& stretch, Response& r) {
 }
 
 template <int n>
-void CompressedKernel<n>::end_of_stretch(const Stretch& stretch, FilterState& state) {
+void CompressedKernel<n>::end_of_segment(const Segment& segment, FilterState& state) {
   state.x = xN_;
   state.P = filter_.P;
   for (std::size_t i = 0; i < directions_.size(); ++i) {
     Response r;
-    respond(i, stretch, r);
-    state.x_theta[i] = last_response(stretch, r);
+    respond(i, segment, r);
+    state.x_theta[i] = last_response(segment, r);
     state.P_theta[i] = directions_[i].P;
   }
 }
@@ -692,13 +692,13 @@ void CompressedKernel<n>::add_noise_information(double samples, Likelihood& out)
   }
 }
 
-/// Parameters of the dynamics move the filter by what the states and inputs did in this stretch:
+/// Parameters of the dynamics move the filter by what the states and inputs did in this segment:
 /// sums of products with dx follow like X and Y.
 template <int n>
-void CompressedKernel<n>::add_full_information(const Stretch& stretch, const StretchStart<n>& start,
+void CompressedKernel<n>::add_full_information(const Segment& segment, const SegmentStart<n>& start,
                                                Likelihood& out) {
   const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = stretch.sums;
+  const LagSums& sums = segment.sums;
   const auto samples = static_cast<double>(sums.samples());
   const auto Gamma_0 = sums.at(0);
   const Eigen::Index L = memory();
@@ -715,7 +715,7 @@ void CompressedKernel<n>::add_full_information(const Stretch& stretch, const Str
   Columns next;
   for (std::size_t i = 0; i < directions_.size(); ++i) {
     Response& r = responses_[i];
-    respond(i, stretch, r);
+    respond(i, segment, r);
     r.dx_z.setZero(model_->states(), channels_);
     for (Eigen::Index lag = lags_ - 1; lag > 0; --lag) {
       set_product(next, f.F, r.dx_z);
@@ -725,8 +725,8 @@ void CompressedKernel<n>::add_full_information(const Stretch& stretch, const Str
     }
     r.dx0.setZero(model_->states());
     if (start.kind == InitialState::given) r.dx0 = start.mean_theta[i];
-    follow_start(stretch, r);
-    r.dxN = last_response(stretch, r);
+    follow_start(segment, r);
+    r.dxN = last_response(segment, r);
     // What drives dx, g = a x + b z, times x' and z'.
     set_product(r.g_x, r.a, X_);
     add_product(r.g_x, r.b, Yt_.transpose());

@@ -8,7 +8,7 @@
 
 namespace identikal {
 
-/// Lag sums of one gapless stretch z(0..N-1), continued with zeros on both sides:
+/// Lag sums of one gapless segment z(0..N-1), continued with zeros on both sides:
 ///
 ///   Gamma_m = sum_{t=m}^{N-1} z(t) z(t-m)',   m = 0, 1, ..., lags - 1.
 ///

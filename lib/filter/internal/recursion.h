@@ -10,13 +10,13 @@
 
 namespace identikal {
 
-struct Shortcuts {
+struct RecursionOptions {
   bool constant_gain = true;        ///< once settled
-  StretchKernel* kernel = nullptr;  ///< prepared for this model and its derivatives; or none
-  std::vector<Stretch>* stretches = nullptr;  ///< of this recording, in time order
+  SegmentKernel* kernel = nullptr;  ///< prepared for this model and its derivatives; or none
+  std::vector<Segment>* segments = nullptr;   ///< of this recording, in time order
   Eigen::Index jumped = 0;                    ///< out: samples that the kernel served
   Eigen::MatrixXd* score_products = nullptr;  ///< k x k, or none: receives sum_t s_t s_t'
-  bool cancelled = false;                     ///< out: a stretch was refused by the kernel
+  bool cancelled = false;                     ///< out: a segment was refused by the kernel
   bool late = false;                          ///< out: a diffuse start came after its first sample
 };
 
@@ -24,12 +24,12 @@ struct Shortcuts {
 void check_shapes(const StateSpace& model, InitialState initial,
                   const std::vector<StateSpace>& derivatives);
 
-/// log_likelihood() of lib/filter/kalman.h, handing gapless stretches that are longer than the
+/// log_likelihood() of lib/filter/kalman.h, handing gapless segments that are longer than the
 /// filter's memory to the kernel.
 Likelihood run_recursion(const StateSpace& model, InitialState initial,
                          const Eigen::Ref<const Eigen::MatrixXd>& y,
                          const Eigen::Ref<const Eigen::MatrixXd>& u,
-                         const std::vector<StateSpace>& derivatives, Shortcuts& shortcuts);
+                         const std::vector<StateSpace>& derivatives, RecursionOptions& shortcuts);
 
 /// One sample as the recursion sees it. Under a diffuse start, x(1) = proper part + delta, matrices
 /// of states have 1 + n columns: the value at delta = 0 and the responses to delta; one column

@@ -4,7 +4,7 @@
 
 namespace identikal {
 
-std::unique_ptr<StretchKernel> make_stretch_kernel(Eigen::Index states) {
+std::unique_ptr<SegmentKernel> make_segment_kernel(Eigen::Index states) {
   switch (states) {
     case 1:
       return std::make_unique<CompressedKernel<1>>();

@@ -10,8 +10,8 @@
 
 namespace identikal {
 
-/// A gapless stretch as [y; u], without its mean where that is large: there the last channel is 1.
-struct Stretch {
+/// A gapless segment as [y; u], without its mean where that is large: there the last channel is 1.
+struct Segment {
   Eigen::Index begin = 0;
   Eigen::VectorXd mean;  ///< ny + nu; empty when it was left in
   LagSums sums;
@@ -32,18 +32,18 @@ struct FilterState {
 /// determined: less and the likelihood would lose more than 1e-9 of itself.
 inline constexpr double kDetermined = 1e-8;
 
-/// Why a kernel did not add a stretch.
-enum class Refusal {
+/// Why a kernel did not add a segment.
+enum class RejectReason {
   none,
   cancellation,  ///< it would cost more digits than the result may lose, or the start is undefined
   known_start,   ///< the start is known so much better than a steady filter knows it that the same
                  ///< would happen, and the information would be wrong
 };
 
-/// The constant-gain filter of one model over any number of stretches.
-class StretchKernel {
+/// The constant-gain filter of one model over any number of segments.
+class SegmentKernel {
  public:
-  virtual ~StretchKernel() = default;
+  virtual ~SegmentKernel() = default;
 
   /// Solves for the constant gain and its derivatives; keeps references. false: there is none.
   virtual bool prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) = 0;
@@ -52,18 +52,18 @@ class StretchKernel {
   /// Largest absolute eigenvalue of F = A - K C.
   virtual double pole() const = 0;
 
-  /// Adds value, gradient and information of a stretch, which must be longer than memory() and have
+  /// Adds value, gradient and information of a segment, which must be longer than memory() and have
   /// its lag sums extended to it; without the constant -(samples - diffuse)/2 log 2 pi.
-  /// @return false where refusal() then says why; nothing is added.
-  virtual bool add_from_model(const Stretch& stretch, InitialState initial, Likelihood& out) = 0;
-  virtual bool add_from_state(const Stretch& stretch, const FilterState& state,
+  /// @return false where reject_reason() then says why; nothing is added.
+  virtual bool add_from_model(const Segment& segment, InitialState initial, Likelihood& out) = 0;
+  virtual bool add_from_state(const Segment& segment, const FilterState& state,
                               Likelihood& out) = 0;
-  /// Of the last stretch.
-  virtual Refusal refusal() const = 0;
-  /// The state after the stretch that was added last.
-  virtual void end_of_stretch(const Stretch& stretch, FilterState& state) = 0;
+  /// Of the last segment.
+  virtual RejectReason reject_reason() const = 0;
+  /// The state after the segment that was added last.
+  virtual void end_of_segment(const Segment& segment, FilterState& state) = 0;
 };
 
-std::unique_ptr<StretchKernel> make_stretch_kernel(Eigen::Index states);
+std::unique_ptr<SegmentKernel> make_segment_kernel(Eigen::Index states);
 
 }  // namespace identikal

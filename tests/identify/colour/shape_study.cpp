@@ -44,7 +44,7 @@ TEST(ShapeStudy, WhiteNoiseIsTakenForWhite) {
 TEST(ShapeStudy, ThePublishedColourIsFound) {
   const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   const ModelFile truth =
-      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
   constexpr int kRuns = 500;
   Random random(32);
   int found = 0, close = 0, process = 0;
@@ -121,7 +121,7 @@ TEST(ShapeStudy, PredictsAsWellAsTheTrueModel) {
 TEST(ShapeStudy, ParametersReachTheBound) {
   const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   const ShapingFilter filter{Eigen::Vector2d(-0.6, 0.84), VectorXd(0)};
-  const ModelFile truth = with_shaping_filters(base, NoisePlace::process, {{0, filter, 1.0}});
+  const ModelFile truth = with_shaping_filters(base, NoiseSource::process, {{0, filter, 1.0}});
   constexpr int kRuns = 200;
   Random random(34);
   MatrixXd estimates(2, kRuns);
@@ -149,7 +149,7 @@ TEST(ShapeStudy, ParametersReachTheBound) {
 TEST(ShapeStudy, Speed) {
   const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   const ModelFile truth =
-      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
   Random random(35);
   const Dataset data = recording(truth, 10000, random);
   const std::clock_t begin = std::clock();

@@ -50,14 +50,14 @@ TEST(ShapedModel, HasTheSpectrumOfItsFilters) {
   const ShapingFilter first{Eigen::Vector3d(-0.6, 0.84, 0.1), Eigen::Vector2d(0.5, -0.2)};
   const ShapingFilter second{VectorXd::Constant(1, -0.9), VectorXd(0)};
   const StateSpace plain = instantiate(base.linear, base.parameters);
-  for (const NoisePlace place : {NoisePlace::process, NoisePlace::measurement}) {
+  for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
     const ModelFile shaped = with_shaping_filters(base, place, {{1, first, 2.5}, {0, second, 0.7}});
     const StateSpace m = instantiate(shaped.linear, shaped.parameters);
     ASSERT_EQ(m.states(), 8);
     for (const double omega : {0.1, 0.9, 2.0, 3.0}) {
       const std::complex<double> h1 = response(first, omega), h2 = response(second, omega);
       MatrixXcd expected;
-      if (place == NoisePlace::process) {
+      if (place == NoiseSource::process) {
         // cov of the noise that enters: H Q H*, Q is diagonal.
         StateSpace coloured = plain;
         coloured.Q.diagonal()[1] *= std::norm(h1);
@@ -84,7 +84,7 @@ TEST(ShapedModel, TheFileGivesItBack) {
     base.outputs.push_back(source);
   }
   const ShapingFilter filter{Eigen::Vector2d(-0.6, 0.84), VectorXd::Constant(1, 0.125)};
-  for (const NoisePlace place : {NoisePlace::process, NoisePlace::measurement}) {
+  for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
     const ModelFile shaped = with_shaping_filters(base, place, {{1, filter, 2.5}});
     const std::filesystem::path path =
         std::filesystem::temp_directory_path() / "identikal_shaped_model_test.yaml";
@@ -101,10 +101,10 @@ TEST(ShapedModel, TheFileGivesItBack) {
 
 TEST(ShapedModel, SaysWhatItCannotTake) {
   ModelFile model = model_of(system_5_17(), 1.0, 1.0);
-  EXPECT_EQ(shaping_fault(model, NoisePlace::process), "");
+  EXPECT_EQ(shaping_fault(model, NoiseSource::process), "");
   model.linear.continuous = true;
-  EXPECT_NE(shaping_fault(model, NoisePlace::process), "");
-  EXPECT_THROW(with_shaping_filters(model, NoisePlace::process, {}), std::invalid_argument);
+  EXPECT_NE(shaping_fault(model, NoiseSource::process), "");
+  EXPECT_THROW(with_shaping_filters(model, NoiseSource::process, {}), std::invalid_argument);
 }
 
 TEST(ShapedModel, ItsNamesAreNobodyElses) {
@@ -114,7 +114,7 @@ TEST(ShapedModel, ItsNamesAreNobodyElses) {
   base.outputs[0].name = base.outputs[0].column = "y \"1\": 'a'";
   base.parameters[1].name = "w1_a1";
   const ModelFile shaped =
-      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
   std::set<std::string> names;
   for (const Parameter& p : shaped.parameters) names.insert(p.name);
   EXPECT_EQ(names.size(), shaped.parameters.size());
@@ -166,7 +166,7 @@ TEST(ShapingSpectrum, GradientAndInformationAreExact) {
   Random random(11);
   const Dataset data = recording(white, 600, random);
   InnovationSpectrum spectrum = innovation_spectrum(white, data);
-  for (const NoisePlace place : {NoisePlace::process, NoisePlace::measurement}) {
+  for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
     const LikelihoodProblem problem = spectral_problem(spectrum, {place, {1, 0}, 3, true});
     VectorXd x(problem.lower.size());
     for (Index i = 0; i < x.size(); ++i) x[i] = 0.4 * std::sin(1.7 * static_cast<double>(i) + 0.3);
@@ -219,7 +219,7 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
 TEST(Shape, StopsWhenTold) {
   const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   const ModelFile truth =
-      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
   Random random(4);
   const Dataset data = recording(truth, 1000, random);
   for (const char* const stage :
@@ -247,7 +247,7 @@ TEST(Shape, FindsThePublishedFilter) {
   // (5.17) with process noise through (5.21): a peak at 1.19 rad/s.
   const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
   const ModelFile truth =
-      with_shaping_filters(base, NoisePlace::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
   Random random(4);
   const Dataset data = recording(truth, 4000, random);
   const ShapeResult result = shape(base, {data});

@@ -136,8 +136,8 @@ TEST_F(FormulaForm, System7AsFormulasTakesTheCompressedPath) {
   data.dt = 1.0;
   data.time = Eigen::VectorXd::LinSpaced(3000, 0.0, 2999.0);
   data.u.resize(0, 3000);
-  data.y = realisation(instantiate(model.linear, model.parameters), InitialState::stationary,
-                       MatrixXd(), 3000, random);
+  data.y = simulate_outputs(instantiate(model.linear, model.parameters), InitialState::stationary,
+                            MatrixXd(), 3000, random);
   const std::vector<Dataset> recordings{data};
   RecordingsLikelihood formulas(model, recordings);
   const Likelihood* found = formulas.evaluate(model.parameters, true);
@@ -276,13 +276,13 @@ TEST_F(FormulaForm, RowsThatCannotBeUsedSplitTheRecording) {
   data.y = MatrixXd::Ones(1, 10);
   data.u(0, 4) = 5.0;
   data.u(0, 6) = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<Dataset> parts = usable_stretches(model, data);
+  const std::vector<Dataset> parts = usable_segments(model, data);
   ASSERT_EQ(parts.size(), 2U);
   EXPECT_EQ(parts[0].size(), 4);
   EXPECT_EQ(parts[1].size(), 3);
   EXPECT_DOUBLE_EQ(parts[1].time[0], 0.14);
   ASSERT_EQ(parts[0].notes.size(), 1U);
-  EXPECT_EQ(parts[0].notes[0], "7 of 10 rows used, in 2 stretches");
+  EXPECT_EQ(parts[0].notes[0], "7 of 10 rows used, in 2 segments");
 }
 
 }  // namespace

@@ -214,7 +214,7 @@ TEST(FilterLoss, LeavesOutWhatLiesAtTheBoundary) {
   FAIL() << "no recording with R at zero";
 }
 
-TEST(FewestSources, FollowsThePenaltyToFewerSources) {
+TEST(MinimumRank, FollowsThePenaltyToFewerSources) {
   const MatiskoSystem system = few_sources(3, 1, 3);
   Random random(7);
   const std::vector<Dataset> data = {dataset_of(simulate_matisko(system, random))};
@@ -247,7 +247,7 @@ TEST(FewestSources, FollowsThePenaltyToFewerSources) {
 }
 
 // Of a diagonal Q the penalty drops variances: they are zero exactly.
-TEST(FewestSources, DropsVariancesOfADiagonalQ) {
+TEST(MinimumRank, DropsVariancesOfADiagonalQ) {
   MatiskoSystem system = few_sources(3, 1, 3);
   system.model.parameters[0].domain = Domain::diagonal;
   system.truth = VectorXd::Ones(6);

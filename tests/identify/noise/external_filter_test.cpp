@@ -81,13 +81,13 @@ Dataset tracked(double q, double r, Eigen::Index N) {
   data.dt = kPeriod;
   data.time = VectorXd::LinSpaced(N, 0.0, kPeriod * static_cast<double>(N - 1));
   data.u.resize(0, N);
-  data.y = realisation(instantiate(truth.linear, truth.parameters), InitialState::given, MatrixXd(),
-                       N, random);
+  data.y = simulate_outputs(instantiate(truth.linear, truth.parameters), InitialState::given,
+                            MatrixXd(), N, random);
   data.outputs = {{"position", "m"}};
   return data;
 }
 
-TEST(OwnFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
+TEST(ExternalFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
   Dataset data = tracked(2.0, 0.09, 1500);
   for (Eigen::Index t = 400; t < 420; ++t) data.y(0, t) = kNone;
   const auto run = [&](const ParameterSet& at) -> std::optional<Innovations> {
@@ -107,7 +107,7 @@ TEST(OwnFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
   };
   // A hundred times too calm, fifty times too sure of its sensor.
   const ModelFile start = tracking_model(0.02, 0.0018);
-  const Estimate own = fit_own_filter(start.parameters, run);
+  const Estimate own = fit_external_filter(start.parameters, run);
   NoiseMlOptions direct;  // whose information has the sample's own terms, as the differences have
   direct.path = Path::direct;
   const Estimate built_in = tune_ml(start, {data}, direct);
@@ -128,13 +128,14 @@ TEST(OwnFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
               1e-9 * std::abs(built_in.objective.log_likelihood));
 }
 
-TEST(OwnFilter, AFilterThatDoesNotRunIsRefused) {
+TEST(ExternalFilter, AFilterThatDoesNotRunIsRefused) {
   const ModelFile start = tracking_model(1.0, 1.0);
-  EXPECT_THROW(fit_own_filter(start.parameters, [](const ParameterSet&) { return std::nullopt; }),
-               std::invalid_argument);
+  EXPECT_THROW(
+      fit_external_filter(start.parameters, [](const ParameterSet&) { return std::nullopt; }),
+      std::invalid_argument);
   ParameterSet fixed = start.parameters;
   for (Parameter& p : fixed) p.fixed = true;
-  EXPECT_THROW(fit_own_filter(fixed, [](const ParameterSet&) { return std::nullopt; }),
+  EXPECT_THROW(fit_external_filter(fixed, [](const ParameterSet&) { return std::nullopt; }),
                std::invalid_argument);
 }
 

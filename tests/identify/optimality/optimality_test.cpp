@@ -52,11 +52,11 @@ const TestResult* find(const std::vector<TestResult>& tests, const std::string& 
 
 // The score of a variance is N (s^2 / R - 1) / (2 R), its information N / (2 R^2): one step leads
 // to the mean square exactly.
-TEST(ScoreTest, OfOneVarianceIsExact) {
+TEST(ScoreStatistic, OfOneVarianceIsExact) {
   Random random(1);
   const Dataset data = recording_of(white_system(2.0), 400, random);
   const double s2 = data.y.squaredNorm() / 400.0, R = 3.0;
-  const ScoreTest out = score_test(with_free_noise(free_R(R)), {data});
+  const ScoreStatistic out = score_statistic(with_free_noise(free_R(R)), {data});
   ASSERT_EQ(out.names, std::vector<std::string>{"r"});
   EXPECT_NEAR(R + out.step[0], s2, 1e-10);
   EXPECT_NEAR(out.step_se[0], R * std::sqrt(2.0 / 400.0), 1e-10);
@@ -65,7 +65,7 @@ TEST(ScoreTest, OfOneVarianceIsExact) {
   EXPECT_EQ(out.statistic.dof, 1.0);
 }
 
-TEST(ScoreTest, WhatTheFileLeavesFreeElseAllOfQAndR) {
+TEST(ScoreStatistic, WhatTheFileLeavesFreeElseAllOfQAndR) {
   EXPECT_EQ(coordinates(with_free_noise(free_R(1.0)).parameters).size(), 1);
   const ModelFile all = with_free_noise(fixed_model(matisko_example_1()));
   EXPECT_EQ(reported_entries(all.parameters).names,
@@ -73,12 +73,12 @@ TEST(ScoreTest, WhatTheFileLeavesFreeElseAllOfQAndR) {
 }
 
 // What no recording tells leaves the degrees of freedom: Q and R of y = w + v.
-TEST(ScoreTest, FlatDirectionsAreNotCounted) {
+TEST(ScoreStatistic, FlatDirectionsAreNotCounted) {
   Random random(2);
   StateSpace m = white_system(1.0);
   m.Q = MatrixXd::Ones(1, 1);
   const Dataset data = recording_of(m, 300, random);
-  const ScoreTest out = score_test(with_free_noise(fixed_model(m)), {data});
+  const ScoreStatistic out = score_statistic(with_free_noise(fixed_model(m)), {data});
   EXPECT_EQ(out.statistic.dof, 1.0);
   EXPECT_TRUE(std::isnan(out.step_se[0]));
 }

@@ -223,7 +223,7 @@ TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
   const Estimate estimate = track_vehicle(model, four_lane_changes(0.6, 7));
   EXPECT_EQ(estimate.status, Status::ok);
   ASSERT_TRUE(estimate.course.has_value());
-  const Course& course = *estimate.course;
+  const TimeHistory& course = *estimate.course;
   ASSERT_EQ(course.names, (std::vector<std::string>{"Iz", "Cf", "Cr"}));
   const auto at = [&](double time, Index i) {
     Index k = 0;

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/base/error.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "lib/vehicle/steering_response.h"
 #include "tests/support/vehicle_case.h"
 
@@ -51,7 +51,7 @@ DrivenRecord drive_named(const std::string& name, std::map<std::string, double> 
   ManoeuvreRequest request;
   request.name = name;
   request.settings = std::move(settings);
-  return drive_manoeuvre(request, TyreCurve::linear, thesis_car(), false);
+  return drive_manoeuvre(request, TyreCurve::linear, sladka2010_car(), false);
 }
 
 TEST(Manoeuvres, SteadyAccelerationIsTheStandards) {
@@ -69,8 +69,8 @@ TEST(Manoeuvres, SteadyAccelerationIsTheStandards) {
   EXPECT_NEAR(drive_named("sine-with-dwell").steering.maxCoeff(),
               1.5 *
                   drive_named("step-steer", {{"ay", 0.3 * kStandardGravity}}).steering.maxCoeff() *
-                  steering_response(linear_car(thesis_car()), 100.0 / 3.6).ay_gain /
-                  steering_response(linear_car(thesis_car()), 80.0 / 3.6).ay_gain,
+                  steering_response(linear_car(sladka2010_car()), 100.0 / 3.6).ay_gain /
+                  steering_response(linear_car(sladka2010_car()), 80.0 / 3.6).ay_gain,
               1e-3);
 }
 
@@ -85,7 +85,7 @@ TEST(Manoeuvres, GatesAreJudged) {
   ManoeuvreRequest early;
   early.name = "double-lane-change";
   early.duration = 3.0;
-  const DrivenRecord half = drive_manoeuvre(early, TyreCurve::linear, thesis_car(), false);
+  const DrivenRecord half = drive_manoeuvre(early, TyreCurve::linear, sladka2010_car(), false);
   EXPECT_NE(half.notes[3].find("not reached"), std::string::npos) << half.notes[3];
 }
 

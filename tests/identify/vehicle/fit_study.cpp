@@ -11,7 +11,7 @@
 
 #include "identify/vehicle/fit.h"
 #include "lib/vehicle/motion.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "tests/support/vehicle_case.h"
 
 namespace identikal {
@@ -96,11 +96,11 @@ TEST(VehicleFitStudy, LaneChangeAtAHundredHertz) {
 // study is what the interpolation between 10 Hz samples costs.
 TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
   Dataset data = lane_change({}, 10.0);
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   const SingleTrack<> car = linear_car(p);
-  const DrivenStretch stretch =
+  const DrivenSegment segment =
       drive(data.time, data.u.row(0), data.u.row(1), {decay_rate_times_speed(car)});
-  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index t, const Motion& motion, double) {
+  simulate(car, segment, 0.0, 0.0, [&](Eigen::Index t, const Motion& motion, double) {
     data.y.col(t) << motion.r, motion.vy;
   });
   expect_at_the_limit(study("10 Hz, own path", data, 500));

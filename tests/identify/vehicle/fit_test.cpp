@@ -209,7 +209,7 @@ TEST(VehicleFit, SpeaksTheUsersUnits) {
   EXPECT_NEAR(derived(fit, "sd(r)")->value, kDegrees * derived(si, "sd(r)")->value, 1e-6);
 }
 
-TEST(VehicleFit, RunsInStretches) {
+TEST(VehicleFit, RunsInSegments) {
   TrueCar car;
   const SevereLaneChange first;
   SevereLaneChange second;
@@ -232,8 +232,8 @@ TEST(VehicleFit, RunsInStretches) {
   data.y.row(0).segment(100, 300).setConstant(kMissing);
   const Estimate fit = fit_vehicle(thesis_model(), data);
   ASSERT_FALSE(fit.notes.empty());
-  EXPECT_THAT(fit.notes[0], HasSubstr("in 4 stretches"));
-  EXPECT_THAT(fit.notes[0], HasSubstr("short stretches"));
+  EXPECT_THAT(fit.notes[0], HasSubstr("in 4 segments"));
+  EXPECT_THAT(fit.notes[0], HasSubstr("short segments"));
   EXPECT_THAT(fit.notes[0], HasSubstr("19 rows below 3 m/s"));
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 4.0 * parameter(fit, name).se) << name;
@@ -519,7 +519,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   ASSERT_TRUE(found.refitted);
   EXPECT_NEAR(found.softened[kCf], 88107.7, 0.03 * 88107.7);
   EXPECT_NEAR(found.softened[kCr], 88107.7, 0.03 * 88107.7);
-  EXPECT_NEAR(1.0 / std::sqrt(found.softened[kSofteningRear]), 4500.0, 0.05 * 4500.0);
+  EXPECT_NEAR(1.0 / std::sqrt(found.softened[kInverseSaturationRear]), 4500.0, 0.05 * 4500.0);
   EXPECT_TRUE(found.rear.significant);
 
   // Where no tyre bends, something else is wrong.
@@ -622,7 +622,7 @@ TEST(VehicleFitRefuses, ReversingAllTheTime) {
     fit_vehicle(thesis_model(), std::vector<Dataset>{lane_change({}, 100.0), data});
     FAIL();
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("recording 2 of 2: no usable stretch"));
+    EXPECT_THAT(error.what(), HasSubstr("recording 2 of 2: no usable segment"));
   }
 }
 
@@ -633,7 +633,7 @@ TEST(VehicleFitRefuses, TooFewRows) {
     part.time = data.time.head(rows);
     part.u = data.u.leftCols(rows);
     part.y = data.y.leftCols(rows);
-    EXPECT_THAT(refusal(thesis_model(), part), HasSubstr("no usable stretch")) << rows;
+    EXPECT_THAT(refusal(thesis_model(), part), HasSubstr("no usable segment")) << rows;
   }
   Dataset sparse = data;
   sparse.y.setConstant(kMissing);

@@ -68,7 +68,7 @@ TEST(FormulaVehicle, EqualsTheBuiltInSingleTrack) {
   std::ofstream(path) << kCarAsFormulas;
   const ModelFile formulas = read_model_file(path);
   std::filesystem::remove(path);
-  const std::vector<Dataset> recording = usable_stretches(
+  const std::vector<Dataset> recording = usable_segments(
       formulas, make_dataset(table, formulas.time, formulas.inputs, formulas.outputs));
 
   const ModelFile built_in = read_model_file(root + "/examples/severe_lane_change.yaml");

@@ -13,7 +13,7 @@
 #include "identify/vehicle/fit.h"
 #include "identify/vehicle/internal/steady_cornering.h"
 #include "lib/data/csv.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/vehicle_case.h"
 
@@ -360,14 +360,14 @@ TEST(VehicleModel, RobustFitIsJudgedWithoutItsOutliers) {
 // The bound that stands beside a robust fit is that of Student's noise of the fitted scale; its
 // information by the midpoint rule over r.
 TEST(VehicleModel, BoundBesideARobustFit) {
-  double density = 0.0, slopes = 0.0, scale = 0.0;
+  double density = 0.0, jacobian = 0.0, scale = 0.0;
   for (double u = -1.0 + 5e-6; u < 1.0; u += 1e-5) {  // r = u / (1 - u^2) from end to end
     const double left = 1.0 - u * u, r = u / left;
     const double p = std::exp(-0.5 * noise_cost(true, r).rho) * (1.0 + u * u) / (left * left);
     density += p;
-    slopes += p * std::pow(noise_cost(true, r).weight * r, 2);
+    jacobian += p * std::pow(noise_cost(true, r).weight * r, 2);
   }
-  EXPECT_NEAR(noise_information(true), slopes / density, 1e-9);
+  EXPECT_NEAR(noise_information(true), jacobian / density, 1e-9);
   EXPECT_EQ(noise_information(false), 1.0);
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options = without_second_opinion();

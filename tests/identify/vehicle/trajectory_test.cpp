@@ -28,11 +28,11 @@ ModelFile known_car(double sd_r, double sd_vy) {
 /// covariance: the restricted likelihood of a linear model, without any recursion.
 double dense_log_likelihood(const VehicleProblem& problem, const Eigen::Vector2d& sd,
                             const Eigen::Vector2d& process) {
-  const DrivenStretch& driven = problem.driven.front();
+  const DrivenSegment& driven = problem.driven.front();
   const SingleTrack<> car = linear_car(problem.unknowns.value);
   const Eigen::Index N = driven.rows();
   const auto step = [&](Eigen::Index t, const Eigen::Vector2d& from) {
-    DrivenStretch one;
+    DrivenSegment one;
     one.intervals = {driven.intervals[static_cast<std::size_t>(t)]};
     std::size_t node = 0;
     for (Eigen::Index i = 0; i < t; ++i) {

@@ -338,7 +338,7 @@ TEST(Runs, BeginWhereTimeDoesNotIncrease) {
 }
 
 TEST(UniformRaster, AbsentRowsBecomeMissingSamples) {
-  const Dataset out = on_uniform_raster(recording({7.0, 7.1, 7.4, 7.5}), 0.1);
+  const Dataset out = on_uniform_grid(recording({7.0, 7.1, 7.4, 7.5}), 0.1);
   ASSERT_EQ(out.size(), 6);
   EXPECT_EQ(out.dt, 0.1);
   EXPECT_EQ(out.name, "run.csv");
@@ -358,44 +358,44 @@ TEST(UniformRaster, AbsentRowsBecomeMissingSamples) {
 
 TEST(UniformRaster, AWholeRecordingIsLeftAsItIs) {
   const Dataset data = recording({0.0, 0.1, 0.2, 0.3});
-  const Dataset out = on_uniform_raster(data, 0.1);
+  const Dataset out = on_uniform_grid(data, 0.1);
   EXPECT_EQ(out.u, data.u);
   EXPECT_EQ(out.y, data.y);
-  EXPECT_EQ(on_uniform_raster(recording({3.0}), 0.1).size(), 1);
+  EXPECT_EQ(on_uniform_grid(recording({3.0}), 0.1).size(), 1);
 }
 
 TEST(UniformRaster, AClockThatRunsSlowStaysOnTheRaster) {
   std::vector<double> time;
   for (int i = 0; i < 1000; ++i) time.push_back(1692117187.0 + 0.0401 * i);
-  const Dataset out = on_uniform_raster(recording(time), 0.04);
+  const Dataset out = on_uniform_grid(recording(time), 0.04);
   EXPECT_EQ(out.size(), 1000);
   EXPECT_DOUBLE_EQ(out.time[999], 1692117187.0 + 0.04 * 999);
 }
 
 TEST(UniformRaster, RefusesOtherTimeStamps) {
   EXPECT_EQ(message_of([] {
-              on_uniform_raster(recording({0.0, 0.1, 0.25}), 0.1);
+              on_uniform_grid(recording({0.0, 0.1, 0.25}), 0.1);
             }),
             "run.csv: time 0.25 s is 1.5 steps after the row before; expected a whole number of "
             "steps of 0.1 s; "
             "resample the recording, or use a continuous-time model");
   EXPECT_THAT(message_of([] {
-                on_uniform_raster(recording({0.0, 0.001}), 0.1);
+                on_uniform_grid(recording({0.0, 0.001}), 0.1);
               }),
               testing::HasSubstr("time 0.001 s is 0.01 steps after the row before"));
-  EXPECT_EQ(on_uniform_raster(recording({0.0, 0.1, 0.26}), 0.1, 0.45).size(), 4);
+  EXPECT_EQ(on_uniform_grid(recording({0.0, 0.1, 0.26}), 0.1, 0.45).size(), 4);
   EXPECT_EQ(message_of([] {
-              on_uniform_raster(recording({0.0, 1.0, 20.0}), 0.5);
+              on_uniform_grid(recording({0.0, 1.0, 20.0}), 0.5);
             }),
             "run.csv: rows with a step of 0.5 s up to time 20 s would be more than ten times the 3 "
             "recorded; "
             "expected a recording without such gaps; choose a range without the gap");
   EXPECT_THAT(message_of([] {
-                on_uniform_raster(recording({0.0, 1.0, 1e300}), 1.0);
+                on_uniform_grid(recording({0.0, 1.0, 1e300}), 1.0);
               }),
               testing::HasSubstr("more than ten times the 3 recorded"));
   for (const double step : {0.0, -0.1, kNaN, std::numeric_limits<double>::infinity()}) {
-    EXPECT_THROW(on_uniform_raster(recording({0.0, 0.1}), step), std::invalid_argument);
+    EXPECT_THROW(on_uniform_grid(recording({0.0, 0.1}), step), std::invalid_argument);
   }
 }
 
@@ -411,7 +411,7 @@ TEST(Dataset, ReadsARecordingWithUnitsInItsHeader) {
   EXPECT_EQ(data.size(), 4097);
   EXPECT_NEAR(data.dt, 0.01, 1e-12);
   EXPECT_DOUBLE_EQ(data.u(1, 0), 100.0 / 3.6);
-  EXPECT_EQ(on_uniform_raster(data, 0.01).size(), 4097);
+  EXPECT_EQ(on_uniform_grid(data, 0.01).size(), 4097);
 }
 
 TEST(Dataset, ReadsARecordingInEpochTime) {
@@ -424,7 +424,7 @@ TEST(Dataset, ReadsARecordingInEpochTime) {
   EXPECT_EQ(data.dt, 0.04);
   EXPECT_EQ(data.time[0], 1692117187.46380758);
   EXPECT_DOUBLE_EQ(data.y(1, 11899), 79.05504085 / 3.6);
-  EXPECT_EQ(on_uniform_raster(data, 0.04).size(), 11900);
+  EXPECT_EQ(on_uniform_grid(data, 0.04).size(), 11900);
 }
 
 TEST(Dataset, RefusesRunsJoinedInOneFile) {
@@ -460,7 +460,7 @@ TEST(Dataset, ScaleOffsetAndDelayOfAChannel) {
   EXPECT_TRUE(std::isnan(early.y(0, 3))) << "nothing was recorded 0.15 s later";
   EXPECT_THAT(early.notes,
               testing::ElementsAre("ay is column 'ay' 0.15 s earlier, interpolated linearly"));
-  EXPECT_EQ(on_uniform_raster(early, 0.1).notes, early.notes);
+  EXPECT_EQ(on_uniform_grid(early, 0.1).notes, early.notes);
   // Rows outside the range are known all the same.
   TimeRange range;
   range.to = 0.1;

@@ -55,7 +55,7 @@ TEST(Allocation, NoneInAnUpdateOfTheSequentialTest) {
     Random random(static_cast<std::uint64_t>(ny));
     Eigen::MatrixXd e(ny, 5000);
     for (Eigen::Index t = 0; t < e.cols(); ++t) e.col(t) = random.normal(ny);
-    SequentialTest test = start_sequential_test(ny, {});
+    SequentialProbabilityRatio test = start_sequential_probability_ratio(ny, {});
     int decisions = 0;
     allocations = 0;
     counting = true;
@@ -73,7 +73,7 @@ TEST(Allocation, NoneInAnUpdateOfRecursiveLeastSquares) {
     Random random(static_cast<std::uint64_t>(ny));
     const Eigen::MatrixXd phi = random_matrix(random, 7, 1000), y = random_matrix(random, ny, 1000);
     RecursiveLeastSquares rls = start_recursive_least_squares(7, ny, 0.1);
-    GrowthTest growth = start_growth_test(1e4, 10);
+    ErrorGrowth growth = start_error_growth(1e4, 10);
     double sum = 0.0;
     allocations = 0;
     counting = true;

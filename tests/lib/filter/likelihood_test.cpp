@@ -106,7 +106,7 @@ TEST(Likelihood, PathsAgree) {
   }
 }
 
-TEST(Likelihood, GapsSplitTheRecordingIntoStretches) {
+TEST(Likelihood, GapsSplitTheRecordingIntoSegments) {
   Differences worst;
   int compressed = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
@@ -254,7 +254,7 @@ TEST(Likelihood, SlowFiltersFallBackAndSaySo) {
   const Likelihood l = engine.evaluate(m, InitialState::diffuse);
   EXPECT_EQ(l.status, FilterStatus::ok);
   EXPECT_EQ(engine.path_taken().path, Path::steady);
-  EXPECT_EQ(engine.path_taken().detour, Detour::long_memory);
+  EXPECT_EQ(engine.path_taken().fallback, FallbackReason::long_memory);
   EXPECT_NEAR(engine.path_taken().pole, 0.999, 1e-5);
   EXPECT_NEAR(l.value, log_likelihood(m, InitialState::diffuse, y, u).value, 1e-6);
 }

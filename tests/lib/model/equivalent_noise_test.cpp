@@ -46,8 +46,8 @@ TEST(ColourPlace, OutputsAreTheSame) {
     EXPECT_TRUE(measurement->A.bottomLeftCorner(n, 2 * nw).isZero(0.0));
     const MatrixXd u = random_matrix(random, 1, 200);
     Random one(5), same(5);
-    const MatrixXd y = realisation(process, InitialState::diffuse, u, 200, one);
-    const MatrixXd z = realisation(*measurement, InitialState::diffuse, u, 200, same);
+    const MatrixXd y = simulate_outputs(process, InitialState::diffuse, u, 200, one);
+    const MatrixXd z = simulate_outputs(*measurement, InitialState::diffuse, u, 200, same);
     EXPECT_LT((y - z).norm(), 1e-10 * y.norm());
   }
 }

@@ -80,7 +80,7 @@ TEST(LinearFormulas, MatricesOfTheSingleTrack) {
   EXPECT_TRUE(s.B.isApprox(Eigen::Vector2d(Cf / (21 * m), a * Cf / (21 * Iz)), 1e-14));
   EXPECT_EQ(s.C.row(0), Eigen::RowVector2d(0, 1));
   EXPECT_FALSE(is_linear_in_parameters(model, p));
-  // Sampled, and derived by the parameters through the discretisation.
+  // Sampled, and differentiated with respect to the parameters through the discretisation.
   LinearModel sampled = model;
   sampled.dt = 0.05;
   const std::vector<StateSpace> exact = model_derivatives(sampled, p);

@@ -35,19 +35,19 @@ Written pendulum() {
 VectorXd car_parameters() { return (VectorXd(6) << 1446, 0.987, 1.525, 2319, 8e4, 9e4).finished(); }
 
 VectorXd stepped(const NonlinearModel& model, const InputNodes& inputs, Index k, VectorXd x,
-                 const VectorXd& p, Slopes* slopes = nullptr) {
+                 const VectorXd& p, Jacobian* jacobian = nullptr) {
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, p);
-  if (slopes == nullptr) {
+  if (jacobian == nullptr) {
     step(model, memory, inputs, k, x);
   } else {
-    step(model, memory, inputs, k, x, *slopes, model.order);
+    step(model, memory, inputs, k, x, *jacobian, model.order);
   }
   return x;
 }
 
 // Columns of d f / d at by central differences, extrapolated.
-MatrixXd numerical_slopes(const std::function<VectorXd(const VectorXd&)>& f, const VectorXd& at) {
+MatrixXd numerical_jacobian(const std::function<VectorXd(const VectorXd&)>& f, const VectorXd& at) {
   MatrixXd out;
   for (Index i = 0; i < at.size(); ++i) {
     const auto slope = [&](double h) {
@@ -119,17 +119,17 @@ TEST(NonlinearModel, DerivativesOfTheStepAgreeWithDifferences) {
     if (!car) u.conservativeResize(1, 3);
     const InputNodes inputs = input_nodes(time, u, InputPath::linear, 0.01);
     for (Index k = 0; k < 2; ++k) {
-      Slopes exact;
+      Jacobian exact;
       const VectorXd next = stepped(model, inputs, k, x, p, &exact);
       expect_close(next, stepped(model, inputs, k, x, p), 1e-14);
-      expect_close(
-          exact.by_x,
-          numerical_slopes([&](const VectorXd& at) { return stepped(model, inputs, k, at, p); }, x),
-          1e-10);
-      expect_close(
-          exact.by_p,
-          numerical_slopes([&](const VectorXd& at) { return stepped(model, inputs, k, x, at); }, p),
-          1e-10);
+      expect_close(exact.wrt_x,
+                   numerical_jacobian(
+                       [&](const VectorXd& at) { return stepped(model, inputs, k, at, p); }, x),
+                   1e-10);
+      expect_close(exact.wrt_p,
+                   numerical_jacobian(
+                       [&](const VectorXd& at) { return stepped(model, inputs, k, x, at); }, p),
+                   1e-10);
     }
   }
 }
@@ -141,11 +141,11 @@ TEST(NonlinearModel, OutputsAndTheirDerivatives) {
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, p);
   VectorXd y(2);
-  Slopes slopes;
-  observe(model, memory, x, u, 0.0, y, slopes);
+  Jacobian jacobian;
+  observe(model, memory, x, u, 0.0, y, jacobian);
   expect_close(y, (VectorXd(2) << 0.8 * std::sin(0.7), -0.4 + 0.02).finished(), 1e-15);
-  expect_close(slopes.by_x, (MatrixXd(2, 2) << 0.8 * std::cos(0.7), 0, 0, 1).finished(), 1e-15);
-  expect_close(slopes.by_p, (MatrixXd(2, 3) << std::sin(0.7), 0, 0, 0, 0, 0).finished(), 1e-15);
+  expect_close(jacobian.wrt_x, (MatrixXd(2, 2) << 0.8 * std::cos(0.7), 0, 0, 1).finished(), 1e-15);
+  expect_close(jacobian.wrt_p, (MatrixXd(2, 3) << std::sin(0.7), 0, 0, 0, 0, 0).finished(), 1e-15);
 }
 
 TEST(NonlinearModel, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
@@ -169,32 +169,32 @@ TEST(NonlinearModel, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
     MatrixXd u = (MatrixXd(2, 2) << 0.3, 0.4, 20.0, 21.0).finished();
     u.conservativeResize(model.inputs, 2);
     const InputNodes inputs = input_nodes(time, u, InputPath::linear, 0.01);
-    const auto step_by_x = [&](const VectorXd& at) -> VectorXd {
-      Slopes slopes;
-      stepped(model, inputs, 0, at.head(2), at.tail(p.size()), &slopes);
-      return slopes.by_x.reshaped();
+    const auto step_wrt_x = [&](const VectorXd& at) -> VectorXd {
+      Jacobian jacobian;
+      stepped(model, inputs, 0, at.head(2), at.tail(p.size()), &jacobian);
+      return jacobian.wrt_x.reshaped();
     };
-    const auto output_slopes = [&](const VectorXd& at, Derivatives order) {
+    const auto output_jacobian = [&](const VectorXd& at, Derivatives order) {
       ModelMemory memory = make_memory(model);
       set_parameters(model, memory, at.tail(p.size()));
-      Slopes slopes;
+      Jacobian jacobian;
       VectorXd y(2);
-      observe(model, memory, at.head(2), u.col(1), 0.03, y, slopes, order);
-      return slopes;
+      observe(model, memory, at.head(2), u.col(1), 0.03, y, jacobian, order);
+      return jacobian;
     };
-    Slopes exact;
+    Jacobian exact;
     stepped(model, inputs, 0, both.head(2), p, &exact);
-    expect_close(exact.by_x_slopes, numerical_slopes(step_by_x, both), 1e-9);
-    expect_close(output_slopes(both, Derivatives::second).by_x_slopes,
-                 numerical_slopes(
+    expect_close(exact.wrt_x_jacobian, numerical_jacobian(step_wrt_x, both), 1e-9);
+    expect_close(output_jacobian(both, Derivatives::second).wrt_x_jacobian,
+                 numerical_jacobian(
                      [&](const VectorXd& at) -> VectorXd {
-                       return output_slopes(at, Derivatives::first).by_x.reshaped();
+                       return output_jacobian(at, Derivatives::first).wrt_x.reshaped();
                      },
                      both),
                  1e-9);
-    Slopes first;
+    Jacobian first;
     stepped(model_of(written), inputs, 0, both.head(2), p, &first);
-    expect_close(exact.by_p, first.by_p, 1e-14);
+    expect_close(exact.wrt_p, first.wrt_p, 1e-14);
   }
 }
 
@@ -206,13 +206,13 @@ TEST(NonlinearModel, DiscreteTimeTakesTheFormulaAtItsWord) {
   const InputNodes inputs =
       input_nodes((VectorXd(2) << 3.0, 4.0).finished(), MatrixXd::Constant(1, 2, 8.0),
                   InputPath::constant, kInfinity);
-  Slopes slopes;
-  const VectorXd next = stepped(model, inputs, 0, x, p, &slopes);
+  Jacobian jacobian;
+  const VectorXd next = stepped(model, inputs, 0, x, p, &jacobian);
   const double d = 1.0 + 1.7 * 1.7;
   EXPECT_NEAR(next[0], 0.85 + 25.0 * 1.7 / d + 8.0 * std::cos(3.6), 1e-13);
-  EXPECT_NEAR(slopes.by_x(0, 0), 0.5 + 25.0 * (1.0 - 1.7 * 1.7) / (d * d), 1e-13);
-  EXPECT_NEAR(slopes.by_p(0, 0), 1.7, 1e-13);
-  EXPECT_NEAR(slopes.by_p(0, 1), 1.7 / d, 1e-13);
+  EXPECT_NEAR(jacobian.wrt_x(0, 0), 0.5 + 25.0 * (1.0 - 1.7 * 1.7) / (d * d), 1e-13);
+  EXPECT_NEAR(jacobian.wrt_p(0, 0), 1.7, 1e-13);
+  EXPECT_NEAR(jacobian.wrt_p(0, 1), 1.7 / d, 1e-13);
 }
 
 // At constant speed the vehicle is linear: a parameter takes the input's place.
@@ -231,8 +231,9 @@ TEST(NonlinearModel, WrongShapesAreRefused) {
                std::invalid_argument);
   EXPECT_THROW(input_nodes(time, MatrixXd::Zero(1, 2), InputPath::constant, 1e-9),
                std::invalid_argument);
-  Slopes slopes;
-  EXPECT_THROW(step(model, memory, one, 0, x, slopes, Derivatives::second), std::invalid_argument);
+  Jacobian jacobian;
+  EXPECT_THROW(step(model, memory, one, 0, x, jacobian, Derivatives::second),
+               std::invalid_argument);
   EXPECT_THROW(input_nodes(time.reverse(), MatrixXd::Zero(1, 2), InputPath::constant, 0.1),
                std::invalid_argument);
 }

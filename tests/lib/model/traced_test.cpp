@@ -51,17 +51,17 @@ TEST(Traced, AFunctionIsTheSameModelAsItsFormulas) {
       input_nodes(time, (MatrixXd(1, 2) << 0.7, 0.3).finished(), InputPath::linear, 0.02);
   const VectorXd p = (VectorXd(3) << 0.8, 0.2, 0.5).finished();
   for (const double phi : {0.4, 1.6}) {
-    const auto moved = [&](const NonlinearModel& model, Slopes& slopes) {
+    const auto moved = [&](const NonlinearModel& model, Jacobian& jacobian) {
       ModelMemory memory = make_memory(model);
       set_parameters(model, memory, p);
       VectorXd x = (VectorXd(2) << phi, -0.6).finished();
-      step(model, memory, inputs, 0, x, slopes, Derivatives::second);
+      step(model, memory, inputs, 0, x, jacobian, Derivatives::second);
       return x;
     };
-    Slopes a, b;
+    Jacobian a, b;
     EXPECT_LT((moved(function, a) - moved(text, b)).norm(), 1e-14);
-    EXPECT_LT((a.by_p - b.by_p).norm(), 1e-13);
-    EXPECT_LT((a.by_x_slopes - b.by_x_slopes).norm(), 1e-12);
+    EXPECT_LT((a.wrt_p - b.wrt_p).norm(), 1e-13);
+    EXPECT_LT((a.wrt_x_jacobian - b.wrt_x_jacobian).norm(), 1e-12);
   }
 }
 

@@ -329,11 +329,11 @@ TEST(NonlinearFilter, NoiseBetweenSamplesIsTheIntegralAlongTheTrajectory) {
       input_nodes(fine, MatrixXd::Constant(1, parts + 1, 0.4), InputPath::constant, 1.0);
   std::vector<MatrixXd> Phi;
   VectorXd x = Eigen::Vector2d(1.2, -0.5);
-  Slopes slopes;
+  Jacobian jacobian;
   for (Index j = 0; j < parts; ++j) {
-    step(model, memory, nodes, j, x, slopes);
-    for (MatrixXd& earlier : Phi) earlier = (slopes.by_x * earlier).eval();
-    Phi.push_back(slopes.by_x);
+    step(model, memory, nodes, j, x, jacobian);
+    for (MatrixXd& earlier : Phi) earlier = (jacobian.wrt_x * earlier).eval();
+    Phi.push_back(jacobian.wrt_x);
   }
   Phi.emplace_back(MatrixXd::Identity(2, 2));
   MatrixXd expected = MatrixXd::Zero(2, 2);
@@ -349,7 +349,7 @@ TEST(NonlinearFilter, NoiseBetweenSamplesIsTheIntegralAlongTheTrajectory) {
     Gramians gramians;
     gramians.densities = Q.reshaped(4, 1);
     VectorXd end = Eigen::Vector2d(1.2, -0.5);
-    step(model, memory, once, 0, end, slopes, Derivatives::first, &gramians);
+    step(model, memory, once, 0, end, jacobian, Derivatives::first, &gramians);
     const double now = relative_distance(gramians.values.reshaped(2, 2), expected);
     std::printf("integral of the noise in %d steps: %.1e\n", steps, now);
     if (steps == 64) {
@@ -359,7 +359,7 @@ TEST(NonlinearFilter, NoiseBetweenSamplesIsTheIntegralAlongTheTrajectory) {
     before = now;
   }
   Gramians none;
-  EXPECT_THROW(step(model, memory, nodes, 0, x, slopes, Derivatives::first, &none),
+  EXPECT_THROW(step(model, memory, nodes, 0, x, jacobian, Derivatives::first, &none),
                std::invalid_argument);
 }
 

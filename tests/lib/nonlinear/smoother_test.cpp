@@ -110,7 +110,7 @@ struct Swing {
     inputs = input_nodes(VectorXd::LinSpaced(N, 0.0, dt * static_cast<double>(N - 1)),
                          MatrixXd(0, N), InputPath::constant, 0.01);
     Random random(seed);
-    truth = nonlinear_realisation(model, p, noise, ProcessNoise::density, inputs, random);
+    truth = simulate_nonlinear_outputs(model, p, noise, ProcessNoise::density, inputs, random);
   }
 };
 

@@ -138,7 +138,7 @@ TEST(RecursiveLeastSquares, WhatTheRowsDoNotTellYetStaysZero) {
   EXPECT_TRUE(std::isinf(leverage(rls, Eigen::Vector2d(1.0, 0.0))));
 }
 
-TEST(RecursiveLeastSquares, StaysDefiniteOverAMillionSamplesWithAStretchWithoutExcitation) {
+TEST(RecursiveLeastSquares, StaysDefiniteOverAMillionSamplesWithASegmentWithoutExcitation) {
   const Index d = 3;
   const double lambda = 0.98;
   const VectorXd truth = Eigen::Vector3d(1.0, -2.0, 0.5);
@@ -265,11 +265,11 @@ TEST(RecursiveLeastSquares, ResetFindsASuddenChangeSoonAndRarelyElse) {
   Random random(8);
   for (int run = 0; run < runs; ++run) {
     const LaggedRows rows = changing_system(random, N, at, 2.0, 0.2);
-    const RegressionCourse course = run_recursive_least_squares(rows.phi, rows.y, 0.01, reset);
-    const RegressionCourse slow = run_recursive_least_squares(rows.phi, rows.y, 0.01, plain);
+    const RegressionHistory course = run_recursive_least_squares(rows.phi, rows.y, 0.01, reset);
+    const RegressionHistory slow = run_recursive_least_squares(rows.phi, rows.y, 0.01, plain);
     EXPECT_TRUE(slow.changes.empty() && std::isnan(slow.log_alarm[400]));
     bool hit = false;
-    for (const RegressionCourse::Change& change : course.changes) {
+    for (const RegressionHistory::Change& change : course.changes) {
       const Index t = rows.sample[static_cast<std::size_t>(change.found)];
       if (t < at) ++false_alarms;
       if (t >= at && !hit) {
@@ -303,7 +303,7 @@ TEST(RecursiveLeastSquares, VariableForgettingHoldsItsMemoryAndLetsGoAtAChange) 
   variable.watch = true;
   const Index N = 4000, at = 2000;
   const LaggedRows rows = changing_system(random, N, at, 1.5, 0.4);
-  const RegressionCourse course = run_recursive_least_squares(rows.phi, rows.y, 0.01, variable);
+  const RegressionHistory course = run_recursive_least_squares(rows.phi, rows.y, 0.01, variable);
   const double mean = course.lambda.segment(500, 1400).mean();
   EXPECT_NEAR(1.0 / (1.0 - mean), 200.0, 30.0);
   EXPECT_LT(course.lambda.segment(at - 1, 20).minCoeff(), 0.97);
@@ -316,13 +316,13 @@ TEST(RecursiveLeastSquares, VariableForgettingHoldsItsMemoryAndLetsGoAtAChange) 
   EXPECT_NEAR(static_cast<double>(course.changes.front().found), at, 40.0);
 }
 
-TEST(GrowthTest, FalseAlarmsStayBelowTheirBoundWhateverTheVariance) {
+TEST(ErrorGrowth, FalseAlarmsStayBelowTheirBoundWhateverTheVariance) {
   // P(alarm among the first n) <= n / A = .1; 2000 runs: sd .0067.
   const int runs = 2000, n = 100;
   int alarms = 0;
   Random random(10);
   for (int run = 0; run < runs; ++run) {
-    GrowthTest test = start_growth_test(1000.0, 0);
+    ErrorGrowth test = start_error_growth(1000.0, 0);
     const double sd = std::exp(5.0 * random.normal());
     for (int t = 0; t < n; ++t) {
       if (update(test, sd * random.normal())) {
@@ -335,10 +335,10 @@ TEST(GrowthTest, FalseAlarmsStayBelowTheirBoundWhateverTheVariance) {
   EXPECT_GE(alarms, 10);  // and it is not blind
 }
 
-TEST(GrowthTest, StatisticIsTheSumOverAllBeginsOfTheGrowth) {
+TEST(ErrorGrowth, StatisticIsTheSumOverAllBeginsOfTheGrowth) {
   // S = sum over begins k of prod_{s >= k} q_r(s) / q_1(s), by Student's densities.
   Random random(11);
-  GrowthTest test = start_growth_test(1e6, 3);
+  ErrorGrowth test = start_error_growth(1e6, 3);
   const VectorXd e = random.normal(60);
   for (Index t = 0; t < 60; ++t) update(test, e[t]);
   const Index first = 3 + 20;

@@ -24,9 +24,9 @@ struct Rates {
   Index median = 0;  // samples until the decision
 };
 
-Rates rates(const char* what, Index ny, Index N, const SequentialTestOptions& options,
+Rates rates(const char* what, Index ny, Index N, const SequentialProbabilityRatioOptions& options,
             const std::function<MatrixXd(Random&)>& innovations) {
-  SequentialTest test = start_sequential_test(ny, options);
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(ny, options);
   Rates out;
   std::vector<Index> samples;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
@@ -65,7 +65,7 @@ TEST(SequentialTestStudy, FalseAlarmsStayBelowTheirBound) {
   for (const double a : {0.05, 0.01}) {
     for (const Index ny : {1, 3}) {
       for (const double forgetting : {1.0, 0.98}) {
-        SequentialTestOptions options;
+        SequentialProbabilityRatioOptions options;
         options.false_alarm = a;
         options.forgetting = forgetting;
         options.miss = 1e-300;  // never stops at white: the bound holds for all time
@@ -83,7 +83,7 @@ TEST(SequentialTestStudy, FalseAlarmsStayBelowTheirBound) {
 // Sequences of just the stated size, of several shapes.
 TEST(SequentialTestStudy, MissesStayBelowTheirBound) {
   for (const double b : {0.05, 0.01}) {
-    SequentialTestOptions options;
+    SequentialProbabilityRatioOptions options;
     options.miss = b;
     options.false_alarm = 1e-300;
     for (const Index lag : {1, 2, 5}) {

@@ -20,7 +20,7 @@ using Eigen::VectorXd;
 
 const double kMissing = std::numeric_limits<double>::quiet_NaN();
 
-SequentialDecision run(SequentialTest& test, const MatrixXd& e) {
+SequentialDecision run(SequentialProbabilityRatio& test, const MatrixXd& e) {
   for (Index t = 0; t < e.cols(); ++t) {
     if (update(test, e.col(t)) != SequentialDecision::undecided) break;
   }
@@ -28,8 +28,8 @@ SequentialDecision run(SequentialTest& test, const MatrixXd& e) {
 }
 
 // Options under which nothing is ever decided, to look at the two logarithms.
-SequentialTestOptions never(std::vector<Index> orders) {
-  SequentialTestOptions out;
+SequentialProbabilityRatioOptions never(std::vector<Index> orders) {
+  SequentialProbabilityRatioOptions out;
   out.orders = std::move(orders);
   out.false_alarm = out.miss = 1e-300;
   return out;
@@ -49,12 +49,12 @@ double log_marginal(const VectorXd& y, const MatrixXd& X, const VectorXd& prior,
 }
 
 // The ratio as one integral over coefficients and scale, all samples at once.
-TEST(SequentialTest, AgreesWithTheMarginalLikelihoodsOfAllSamplesTogether) {
+TEST(SequentialProbabilityRatio, AgreesWithTheMarginalLikelihoodsOfAllSamplesTogether) {
   Random random(1);
   for (const Index ny : {1, 2, 3}) {
     const Index N = 60, order = 2, first = 5 * (ny + 1);
     const MatrixXd e = random_matrix(random, ny, ny) * random_matrix(random, ny, N);
-    SequentialTest test = start_sequential_test(ny, never({order}));
+    SequentialProbabilityRatio test = start_sequential_probability_ratio(ny, never({order}));
     run(test, e);
     const MatrixXd S =
         e.leftCols(first) * e.leftCols(first).transpose() / static_cast<double>(first);
@@ -79,12 +79,12 @@ TEST(SequentialTest, AgreesWithTheMarginalLikelihoodsOfAllSamplesTogether) {
   }
 }
 
-TEST(SequentialTest, WhiteIsALikelihoodRatioAgainstTheLikeliestColourOfTheStatedSize) {
+TEST(SequentialProbabilityRatio, WhiteIsALikelihoodRatioAgainstTheLikeliestColourOfTheStatedSize) {
   Random random(2);
   const VectorXd e = random.normal(300);
-  SequentialTestOptions options = never({1, 2});
+  SequentialProbabilityRatioOptions options = never({1, 2});
   options.smallest = 0.4;
-  SequentialTest test = start_sequential_test(1, options);
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(1, options);
   run(test, e.transpose());
   const Index first = 10, n = 290;
   MatrixXd X(n, 2);
@@ -102,22 +102,22 @@ TEST(SequentialTest, WhiteIsALikelihoodRatioAgainstTheLikeliestColourOfTheStated
   EXPECT_NEAR(test.log_white, 0.5 * 290.0 * std::log(least / y.squaredNorm()), 1e-3);
 }
 
-TEST(SequentialTest, UnitsAndMixturesOfChannelsThatKeepTheirOrderChangeNothing) {
+TEST(SequentialProbabilityRatio, UnitsAndMixturesOfChannelsThatKeepTheirOrderChangeNothing) {
   Random random(3);
   const MatrixXd e = random_matrix(random, 3, 200);
   MatrixXd T(3, 3);
   T << 1e-3, 0, 0, 2, 50, 0, -7, 1, 1e4;
-  SequentialTest a = start_sequential_test(3, never({1, 3})), b = a;
+  SequentialProbabilityRatio a = start_sequential_probability_ratio(3, never({1, 3})), b = a;
   run(a, e);
   run(b, T * e);
   EXPECT_NEAR(a.log_coloured, b.log_coloured, 1e-9);
   EXPECT_NEAR(a.log_white, b.log_white, 1e-9);
 }
 
-TEST(SequentialTest, MissingSamplesAreLeftOutWithTheirHistory) {
+TEST(SequentialProbabilityRatio, MissingSamplesAreLeftOutWithTheirHistory) {
   Random random(4);
   const VectorXd e = random.normal(200);
-  SequentialTest gaps = start_sequential_test(1, never({1})), plain = gaps;
+  SequentialProbabilityRatio gaps = start_sequential_probability_ratio(1, never({1})), plain = gaps;
   for (Index t = 0; t < 200; ++t) {
     update(gaps, e.segment(t, 1));
     if (t == 100) update(gaps, VectorXd::Constant(1, kMissing));
@@ -130,9 +130,9 @@ TEST(SequentialTest, MissingSamplesAreLeftOutWithTheirHistory) {
   EXPECT_EQ(gaps.white_samples, plain.white_samples - 1);
 }
 
-TEST(SequentialTest, NothingIsDecidedFromNothing) {
+TEST(SequentialProbabilityRatio, NothingIsDecidedFromNothing) {
   for (const double value : {0.0, kMissing, HUGE_VAL}) {
-    SequentialTest test = start_sequential_test(2, {});
+    SequentialProbabilityRatio test = start_sequential_probability_ratio(2, {});
     EXPECT_EQ(run(test, MatrixXd::Constant(2, 3000, value)), SequentialDecision::undecided);
     EXPECT_EQ(test.log_coloured, 0.0);
     EXPECT_EQ(test.log_white, 0.0);
@@ -140,13 +140,13 @@ TEST(SequentialTest, NothingIsDecidedFromNothing) {
   Random random(5);
   MatrixXd one_channel = random_matrix(random, 2, 3000);
   one_channel.row(1) = 2.0 * one_channel.row(0);
-  SequentialTest test = start_sequential_test(2, {});
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(2, {});
   EXPECT_EQ(run(test, one_channel), SequentialDecision::undecided);
 }
 
-TEST(SequentialTest, DecidesAndBeginsAnew) {
+TEST(SequentialProbabilityRatio, DecidesAndBeginsAnew) {
   Random random(6);
-  SequentialTest test = start_sequential_test(1, {});
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(1, {});
   EXPECT_EQ(run(test, random_matrix(random, 1, 3000)), SequentialDecision::white);
   const Index samples = test.samples;
   EXPECT_GT(samples, 100);
@@ -162,31 +162,31 @@ TEST(SequentialTest, DecidesAndBeginsAnew) {
   EXPECT_EQ(test.samples, 0);
 }
 
-TEST(SequentialTest, OptionsOutOfRangeAreRefused) {
-  SequentialTestOptions bad;
+TEST(SequentialProbabilityRatio, OptionsOutOfRangeAreRefused) {
+  SequentialProbabilityRatioOptions bad;
   bad.orders = {};
-  EXPECT_THROW(start_sequential_test(1, bad), std::invalid_argument);
+  EXPECT_THROW(start_sequential_probability_ratio(1, bad), std::invalid_argument);
   bad.orders = {0};
-  EXPECT_THROW(start_sequential_test(1, bad), std::invalid_argument);
+  EXPECT_THROW(start_sequential_probability_ratio(1, bad), std::invalid_argument);
   bad = {};
   bad.false_alarm = 0.0;
-  EXPECT_THROW(start_sequential_test(1, bad), std::invalid_argument);
+  EXPECT_THROW(start_sequential_probability_ratio(1, bad), std::invalid_argument);
   bad = {};
   bad.forgetting = 1.5;
-  EXPECT_THROW(start_sequential_test(1, bad), std::invalid_argument);
-  EXPECT_THROW(start_sequential_test(0, {}), std::invalid_argument);
-  SequentialTest test = start_sequential_test(2, {});
+  EXPECT_THROW(start_sequential_probability_ratio(1, bad), std::invalid_argument);
+  EXPECT_THROW(start_sequential_probability_ratio(0, {}), std::invalid_argument);
+  SequentialProbabilityRatio test = start_sequential_probability_ratio(2, {});
   EXPECT_THROW(update(test, VectorXd::Zero(1)), std::invalid_argument);
 }
 
 // a = 0.05, 500 seeds of 1000 white samples: at most 5 %, 3 standard errors are 2.9 %. All rates
 // with more seeds: sequential_test_study.
-TEST(SequentialTest, FalseAlarmsKeepTheirBound) {
+TEST(SequentialProbabilityRatio, FalseAlarmsKeepTheirBound) {
   for (const double forgetting : {1.0, 0.99}) {
     int alarms = 0, whites = 0;
-    SequentialTestOptions options;
+    SequentialProbabilityRatioOptions options;
     options.forgetting = forgetting;
-    SequentialTest test = start_sequential_test(1, options);
+    SequentialProbabilityRatio test = start_sequential_probability_ratio(1, options);
     for (std::uint64_t seed = 1; seed <= 500; ++seed) {
       Random random(seed);
       restart(test);

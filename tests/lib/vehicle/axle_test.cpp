@@ -55,7 +55,7 @@ TEST(Axle, IsLinearWithoutSoftening) {
   const double slip = 0.02;
   Axle<> stiff = axle(TyreCurve::tanh);
   stiff.softening = 0.0;
-  const AxleForce at_zero = AxleCurve(stiff).force_and_slopes(slip);
+  const AxleForce at_zero = AxleCurve(stiff).force_and_jacobian(slip);
   EXPECT_DOUBLE_EQ(at_zero.by_stiffness, -slip);
   EXPECT_NEAR(at_zero.by_softening / (std::pow(kStiffness * slip, 3) / 3.0), 1.0, 1e-14);
 }
@@ -68,7 +68,7 @@ void expect_derivatives(TyreCurve curve, double tolerance) {
     double x[5];
     std::copy(std::begin(at), std::end(at), x);
     x[0] = slip;
-    const AxleForce force = with(x).force_and_slopes(slip);
+    const AxleForce force = with(x).force_and_jacobian(slip);
     EXPECT_DOUBLE_EQ(force.value, with(x).force(slip));
     const double exact[] = {force.by_slip, force.by_stiffness, force.by_softening, force.by_shape,
                             force.by_curvature};

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 
 namespace identikal {
 namespace {
@@ -37,7 +37,7 @@ Driven driven(const SingleTrack<>& car, const PlannedPath& path, double seconds,
 }
 
 // The standards' tables for a width of 2 m, by hand.
-TEST(Course, HasTheStandardsDimensions) {
+TEST(TimeHistory, HasTheStandardsDimensions) {
   const std::vector<Gate> part1 = double_lane_change_course(2.0);
   ASSERT_EQ(part1.size(), 3U);
   const double begin1[] = {0.0, 45.0, 95.0}, end1[] = {15.0, 70.0, 125.0};
@@ -100,7 +100,7 @@ TEST(GatePassages, AreDistancesOfTheRectangle) {
 }
 
 TEST(DriveAlong, PassesEveryGateAtSixty) {
-  const auto car = linear_car(thesis_car());
+  const auto car = linear_car(sladka2010_car());
   const CarBody body;
   for (const auto& course :
        {double_lane_change_course(body.width), obstacle_avoidance_course(body.width)}) {
@@ -122,8 +122,8 @@ TEST(DriveAlong, PassesEveryGateAtSixty) {
 TEST(DriveAlong, HitsConesWhenItIsTooFast) {
   const CarBody body;
   const auto course = obstacle_avoidance_course(body.width);
-  auto p = thesis_car();
-  p[kSofteningFront] = p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
+  auto p = sladka2010_car();
+  p[kInverseSaturationFront] = p[kInverseSaturationRear] = 1.0 / std::pow(5000.0, 2);
   const Driven drive = driven(car_with(TyreCurve::tanh, p), planned_path(course, body.width), 4.0,
                               100.0, 100.0 / 3.6);
   double worst = 1.0;
@@ -135,7 +135,7 @@ TEST(DriveAlong, HitsConesWhenItIsTooFast) {
 
 // What the driver steers, steered open loop, moves the car the same way.
 TEST(DriveAlong, IsTheCarsAnswerToTheSteering) {
-  auto p = thesis_car();
+  auto p = sladka2010_car();
   p[kSteeringGain] = 1.1;
   p[kSteeringOffset] = 0.05;
   const auto car = linear_car(p);

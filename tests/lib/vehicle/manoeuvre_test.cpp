@@ -8,7 +8,7 @@
 
 #include "lib/base/interpolation.h"
 #include "lib/vehicle/motion.h"
-#include "lib/vehicle/reference_car.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "lib/vehicle/steering_response.h"
 
 namespace identikal {
@@ -40,15 +40,15 @@ TEST(SevereLaneChange, IsSmooth) {
 
 // What ISO 3888-2 asks of the car: about one lane to the side and back, hard but still on the road.
 TEST(SevereLaneChange, MovesThePassengerCarByALane) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   const SingleTrack<> car = linear_car(p);
   constexpr double h = 0.002;
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(3501, 0.0, 7.0);
-  const DrivenStretch stretch =
+  const DrivenSegment segment =
       drive(time, steering(SevereLaneChange{}, time), Eigen::VectorXd::Constant(3501, 60.0 / 3.6),
             {decay_rate_times_speed(car)});
   double heading = 0.0, side = 0.0, farthest = 0.0, hardest = 0.0;
-  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index, const Motion& motion, double vx) {
+  simulate(car, segment, 0.0, 0.0, [&](Eigen::Index, const Motion& motion, double vx) {
     side += h * (vx * std::sin(heading) + motion.vy * std::cos(heading));
     heading += h * motion.r;
     farthest = std::max(farthest, side);
@@ -162,7 +162,7 @@ TEST(SineWithDwell, HoldsTheSecondPeak) {
 }
 
 TEST(SteadyCircle, KeepsItsRadiusWhileTheSpeedRises) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   const SingleTrack<> car = linear_car(p);
   const SteadyCircle circle;
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(4001, 0.0, 40.0);
@@ -170,9 +170,9 @@ TEST(SteadyCircle, KeepsItsRadiusWhileTheSpeedRises) {
   EXPECT_LT((vx[1] - vx[0]) / 0.01, 0.7);  // forward acceleration [m/s^2]
   const Eigen::VectorXd angle =
       vx.unaryExpr([&](double u) { return 21.0 * road_wheel_angle(car, circle.radius, u); });
-  const DrivenStretch stretch = drive(time, angle, vx, {decay_rate_times_speed(car)});
-  const Eigen::Vector2d start = steady_state(car, stretch.nodes.front());
-  simulate(car, stretch, start[0], start[1], [&](Eigen::Index t, const Motion& motion, double u) {
+  const DrivenSegment segment = drive(time, angle, vx, {decay_rate_times_speed(car)});
+  const Eigen::Vector2d start = steady_state(car, segment.nodes.front());
+  simulate(car, segment, start[0], start[1], [&](Eigen::Index t, const Motion& motion, double u) {
     // Behind its steady state by the lag of the car, less than a tenth of a second.
     EXPECT_NEAR(u / motion.r, circle.radius, 0.01 * circle.radius) << time[t];
     const double ay = std::pow(circle.start_speed, 2) / 100.0 + 0.1 * time[t];
@@ -181,7 +181,7 @@ TEST(SteadyCircle, KeepsItsRadiusWhileTheSpeedRises) {
 }
 
 TEST(SteadyCircle, AngleOfALateralAcceleration) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   const double u = 100.0 / 3.6;
   EXPECT_NEAR(4.0 / steering_response(car, u).ay_gain, road_wheel_angle(car, u * u / 4.0, u),
               1e-15);

@@ -7,8 +7,8 @@
 
 #include "lib/base/dual.h"
 #include "lib/vehicle/manoeuvre.h"
-#include "lib/vehicle/reference_car.h"
 #include "lib/vehicle/sensor.h"
+#include "lib/vehicle/sladka2010_car.h"
 #include "lib/vehicle/steering_response.h"
 
 namespace identikal {
@@ -22,7 +22,7 @@ void expect_printed(double value, double printed, int decimals) {
 }
 
 TEST(SingleTrack, CharacteristicValuesOfTheThesisCar) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   expect_printed(understeer_gradient(car), 0.003515, 6);
   // Printed as 1.976 deg/g, which is with g = 9.81 m/s^2; with standard gravity it is 1.975.
   constexpr double kDegrees = 57.295779513082323;
@@ -46,7 +46,7 @@ TEST(SingleTrack, CharacteristicValuesOfTheThesisCar) {
 }
 
 TEST(SingleTrack, ComplianceOfTheAxlesMakesTheGradient) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   p[kCr] = 120000.0;
   const SingleTrack<> car = linear_car(p);
   EXPECT_NEAR(understeer_gradient(car), front_compliance(car) - rear_compliance(car), 1e-15);
@@ -60,7 +60,7 @@ TEST(SingleTrack, ComplianceOfTheAxlesMakesTheGradient) {
 }
 
 TEST(SingleTrack, MatricesHaveTheCharacteristicPolynomial) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   for (const double u : {5.0, 16.7, 40.0}) {
     const SingleTrackMatrices model = single_track_matrices(car, u);
     const SteeringResponse<double> response = steering_response(car, u);
@@ -82,7 +82,7 @@ TEST(SingleTrack, MatricesHaveTheCharacteristicPolynomial) {
 // -(a Cf - b Cr): sideslip to the left makes both axles push to the right, the rear one turns the
 // nose left.
 TEST(SingleTrack, FollowsTheMomentBalanceNotThePrintedMatrix) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   const double u = 60.0 / 3.6;
   const double printed = -(car.a * car.front.stiffness + car.b * car.rear.stiffness) / (car.Iz * u);
   const double element = single_track_matrices(car, u).A(1, 0);
@@ -99,18 +99,18 @@ Final drive_constant(const SingleTrack<>& car, double delta_measured, double vx,
                      double vy = 0.0, double r = 0.0) {
   const VectorXd time =
       VectorXd::LinSpaced(static_cast<Eigen::Index>(seconds * 100.0) + 1, 0.0, seconds);
-  const DrivenStretch stretch =
+  const DrivenSegment segment =
       drive(time, VectorXd::Constant(time.size(), delta_measured),
             VectorXd::Constant(time.size(), vx), {decay_rate_times_speed(car)});
   Final last;
-  simulate(car, stretch, vy, r, [&](Eigen::Index, const Motion& motion, double) {
+  simulate(car, segment, vy, r, [&](Eigen::Index, const Motion& motion, double) {
     last = {motion.vy, motion.r, motion.ay};
   });
   return last;
 }
 
 TEST(SingleTrack, DrivesTheSteadyCircle) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   for (const double u : {4.0, 16.7, 30.0}) {
     const double wheel = 0.3, delta = wheel / 21.0;
     const Final last = drive_constant(car, wheel, u, 10.0);
@@ -126,18 +126,18 @@ TEST(SingleTrack, DrivesTheSteadyCircle) {
 }
 
 TEST(SingleTrack, SteeringGainAndOffsetActOnTheMeasuredAngle) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   p[kSteeringGain] = 1.1;
   p[kSteeringOffset] = 0.05;
   const Final altered = drive_constant(linear_car(p), 0.3, 20.0, 8.0);
-  const Final plain = drive_constant(linear_car(thesis_car()), 1.1 * 0.35, 20.0, 8.0);
+  const Final plain = drive_constant(linear_car(sladka2010_car()), 1.1 * 0.35, 20.0, 8.0);
   EXPECT_NEAR(altered.r, plain.r, 1e-12);
 }
 
 // Left side of the road up: the car slides to the right unless it steers left; standing on the
 // slope an accelerometer feels the road push to the left.
 TEST(SingleTrack, BankPullsDownTheSlope) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   p[kBank] = 0.03;
   const SingleTrack<> car = linear_car(p);
   const double gravity = kStandardGravity * std::sin(0.03);
@@ -157,7 +157,7 @@ double measured(const VehicleSensor& sensor, const SingleTrack<>& car, const Mot
 }
 
 TEST(SingleTrack, SensorsMoveWithTheRigidBody) {
-  SingleTrack<> car = linear_car(thesis_car());
+  SingleTrack<> car = linear_car(sladka2010_car());
   car.bias_r = 0.01;
   car.bias_vy = 0.02;
   car.bias_ay = 0.03;
@@ -194,17 +194,17 @@ TEST(SingleTrack, NamesItsParametersAndQuantities) {
 // Constant inputs: the exact answer is the matrix exponential. At walking pace the fastest pole is
 // at -100 1/s, where steps of 0.01 s would err by percents.
 TEST(Simulation, IsAccurateAtWalkingPace) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   const double u = 1.5, wheel = 2.0;
   const SingleTrackMatrices model = single_track_matrices(car, u);
   const Eigen::EigenSolver<Eigen::Matrix2d> eigen(model.A);
   const Eigen::Vector2d steady = -model.A.inverse() * model.B * (wheel / 21.0);
   const VectorXd time = VectorXd::LinSpaced(51, 0.0, 0.5);
-  const DrivenStretch stretch = drive(time, VectorXd::Constant(51, wheel),
+  const DrivenSegment segment = drive(time, VectorXd::Constant(51, wheel),
                                       VectorXd::Constant(51, u), {decay_rate_times_speed(car)});
-  EXPECT_GT(stretch.intervals.front().steps, 1);
+  EXPECT_GT(segment.intervals.front().steps, 1);
   double worst = 0.0;
-  simulate(car, stretch, 0.0, 0.0, [&](Eigen::Index k, const Motion& motion, double) {
+  simulate(car, segment, 0.0, 0.0, [&](Eigen::Index k, const Motion& motion, double) {
     const Eigen::Matrix2cd V = eigen.eigenvectors();
     const Eigen::Vector2cd decay = (eigen.eigenvalues() * time[k]).array().exp();
     const Eigen::Matrix2d transition = (V * decay.asDiagonal() * V.inverse()).real();
@@ -216,18 +216,18 @@ TEST(Simulation, IsAccurateAtWalkingPace) {
 }
 
 TEST(Simulation, DoesNotDependOnTheSampling) {
-  const SingleTrack<> car = linear_car(thesis_car());
+  const SingleTrack<> car = linear_car(sladka2010_car());
   const auto run = [&](const VectorXd& time) {
     const VectorXd vx = (14.0 + 2.0 * (0.7 * time.array()).sin()).matrix();
-    const DrivenStretch stretch =
+    const DrivenSegment segment =
         drive(time, steering(SevereLaneChange{}, time), vx, {decay_rate_times_speed(car)});
     VectorXd r(time.size());
-    simulate(car, stretch, 0.1, 0.0,
+    simulate(car, segment, 0.1, 0.0,
              [&](Eigen::Index k, const Motion& motion, double) { r[k] = motion.r; });
     return r;
   };
   const VectorXd even = VectorXd::LinSpaced(701, 0.0, 7.0);
-  // Every sample the even raster has from 2 s to 5 s, every third one elsewhere.
+  // Every sample the even sampling grid has from 2 s to 5 s, every third one elsewhere.
   std::vector<double> stamps;
   std::vector<Eigen::Index> same;
   for (Eigen::Index k = 0; k < 701; ++k) {
@@ -246,7 +246,7 @@ TEST(Simulation, DoesNotDependOnTheSampling) {
 // Derivatives by every parameter and by the initial state against central differences of the same
 // simulation, for every curve, with forces that relax and without.
 void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double tolerance) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   p[kCr] = 110000.0;
   p[kSteeringOffset] = 0.01;
   p[kSteeringDelay] = 0.033;
@@ -256,8 +256,8 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
   p[kRelaxationLength] = relaxation_length;
   p[kCgHeight] = 0.5;
   p[kLoadSensitivity] = 0.7;
-  p[kSofteningFront] = 1.0 / std::pow(7000.0, 2);
-  p[kSofteningRear] = 1.0 / std::pow(5000.0, 2);
+  p[kInverseSaturationFront] = 1.0 / std::pow(7000.0, 2);
+  p[kInverseSaturationRear] = 1.0 / std::pow(5000.0, 2);
   const VectorXd time = VectorXd::LinSpaced(141, 0.0, 7.0);
   const VectorXd vx = (15.0 + 4.0 * (0.5 * time.array()).cos()).matrix();
   const VectorXd angle = steering(SevereLaneChange{}, time);
@@ -269,32 +269,32 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
   constexpr int kStates = kVehicleParameters, kVariables = kVehicleParameters + 2;
   const auto outputs = [&](const VehicleParameters<double>& q, double vy, double r) {
     std::vector<double> out;
-    const DrivenStretch stretch = drive(time, angle, vx, demand, q[kSteeringDelay]);
+    const DrivenSegment segment = drive(time, angle, vx, demand, q[kSteeringDelay]);
     const SingleTrack<> car = car_with(curve, q);
-    simulate(car, stretch, vy, r, [&](Eigen::Index, const Motion& motion, double u) {
+    simulate(car, segment, vy, r, [&](Eigen::Index, const Motion& motion, double u) {
       for (const VehicleSensor& sensor : sensors) {
         out.push_back(VehicleReading(sensor, car).value(motion, u));
       }
     });
     return out;
   };
-  const DrivenStretch stretch = drive(time, angle, vx, demand, p[kSteeringDelay]);
+  const DrivenSegment segment = drive(time, angle, vx, demand, p[kSteeringDelay]);
   const SingleTrack<> car = car_with(curve, p);
-  SlopeColumns columns;
+  JacobianColumns columns;
   columns.columns = kVariables;
   for (int i = 0; i < kVehicleParameters; ++i) columns.parameter[static_cast<std::size_t>(i)] = i;
   columns.vy = kStates;
   columns.r = kStates + 1;
   std::vector<double> values;
   std::vector<Eigen::RowVectorXd> exact;
-  simulate_with_slopes(
-      car, stretch, 0.3, 0.1, columns,
-      [&](Eigen::Index, const Motion& motion, const MotionSlopes& slopes, double u) {
+  simulate_with_jacobian(
+      car, segment, 0.3, 0.1, columns,
+      [&](Eigen::Index, const Motion& motion, const MotionJacobian& jacobian, double u) {
         for (const VehicleSensor& sensor : sensors) {
           const VehicleReading reading(sensor, car);
           values.push_back(reading.value(motion, u));
           exact.emplace_back(kVariables);
-          reading.slopes(motion, u, columns, slopes, exact.back());
+          reading.jacobian(motion, u, columns, jacobian, exact.back());
         }
       });
   const std::vector<double> plain = outputs(p, 0.3, 0.1);
@@ -338,7 +338,7 @@ TEST(Simulation, CarriesExactDerivatives) {
 // A force that relaxes follows a step of the steering with the time constant sigma / vx: the first
 // instant has no force, and a car whose forces relax within a hair is the one without relaxation.
 TEST(Simulation, ForcesRelax) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   const VectorXd time = VectorXd::LinSpaced(201, 0.0, 2.0);
   const VectorXd vx = VectorXd::Constant(201, 20.0), angle = steering(SevereLaneChange{}, time);
   const auto yaw_rate = [&](double relaxation_length) {
@@ -358,12 +358,12 @@ TEST(Simulation, ForcesRelax) {
 
 // Braking loads the front axle: with h = 0.5 m and 4 m/s^2 by 0.5 * 4 / (9.80665 * 1.525).
 TEST(Simulation, BrakingShiftsLoad) {
-  VehicleParameters<double> p = thesis_car();
+  VehicleParameters<double> p = sladka2010_car();
   p[kCgHeight] = 0.5;
   p[kLoadSensitivity] = 0.8;
   const SingleTrack<> car = linear_car(p);
-  const DrivenStretch::Node straight{.steering = 0.1, .vx = 20.0, .inverse_vx = 0.05};
-  DrivenStretch::Node braking = straight;
+  const DrivenSegment::Node straight{.steering = 0.1, .vx = 20.0, .inverse_vx = 0.05};
+  DrivenSegment::Node braking = straight;
   braking.vx_rate = -4.0;
   const Motion before = motion_at(car, 0.2, 0.1, straight);
   const Motion after = motion_at(car, 0.2, 0.1, braking);
@@ -372,7 +372,7 @@ TEST(Simulation, BrakingShiftsLoad) {
   EXPECT_NEAR(after.force_rear / before.force_rear, 1.0 - 0.8 * 2.0 / (kStandardGravity * 0.987),
               1e-12);
   // A glitch of the measured speed leaves a tenth of the load on an axle.
-  DrivenStretch::Node glitch = straight;
+  DrivenSegment::Node glitch = straight;
   glitch.vx_rate = 1e4;
   EXPECT_NEAR(motion_at(car, 0.2, 0.1, glitch).force_front / before.force_front, 1.0 - 0.8 * 0.9,
               1e-12);
@@ -381,10 +381,10 @@ TEST(Simulation, BrakingShiftsLoad) {
 // A delay is the same as steering that comes later.
 TEST(Simulation, DelayMovesTheSteering) {
   const VectorXd time = VectorXd::LinSpaced(701, 0.0, 7.0), vx = VectorXd::Constant(701, 16.0);
-  const DrivenStretch late = drive(time, steering(SevereLaneChange{}, time), vx, {300.0}, 0.2);
+  const DrivenSegment late = drive(time, steering(SevereLaneChange{}, time), vx, {300.0}, 0.2);
   SevereLaneChange later;
   later.start += 0.2;
-  const DrivenStretch moved = drive(time, steering(later, time), vx, {300.0});
+  const DrivenSegment moved = drive(time, steering(later, time), vx, {300.0});
   ASSERT_EQ(late.nodes.size(), moved.nodes.size());
   for (std::size_t i = 0; i < late.nodes.size(); ++i) {
     EXPECT_NEAR(late.nodes[i].steering, moved.nodes[i].steering, 1e-9);

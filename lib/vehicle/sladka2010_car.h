@@ -6,7 +6,7 @@
 namespace identikal {
 
 /// The passenger car of Sladká (2010), table 8.1, SI; neutral where the table is silent.
-inline VehicleParameters<double> thesis_car() {
+inline VehicleParameters<double> sladka2010_car() {
   VehicleParameters<double> p = neutral_vehicle();
   p[kMass] = 1446.0;
   p[kA] = 0.987;

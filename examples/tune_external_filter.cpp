@@ -42,7 +42,7 @@ int main(int argc, char** argv) {
       parameters[i].min = 0.0;
     }
     const Estimate estimate =
-        fit_own_filter(parameters, [&](const ParameterSet& at) -> std::optional<Innovations> {
+        fit_external_filter(parameters, [&](const ParameterSet& at) -> std::optional<Innovations> {
           LevelFilter filter{at[0].scalar(), at[1].scalar()};
           Innovations out{data.y, {}};
           for (Eigen::Index t = 0; t < data.size(); ++t) {
