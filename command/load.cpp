@@ -8,8 +8,8 @@
 #include <fmt/format.h>
 
 #include "identify/model/row_selection.h"
-#include "identify/report/console.h"
 #include "identify/result/file.h"
+#include "identify/result/file_digest.h"
 #include "identify/result/values.h"
 #include "lib/base/error.h"
 #include "lib/data/join.h"

@@ -12,7 +12,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/report.h"
 #include "identify/noise/estimate.h"
-#include "identify/report/console.h"
+#include "identify/result/csv.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 #include "lib/model/linear_model.h"

@@ -2,16 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
-#include <memory>
-#include <sstream>
 #include <vector>
 
 #include <fmt/format.h>
-#include <openssl/evp.h>
-
-#include "lib/base/error.h"
 
 namespace identikal {
 namespace {
@@ -342,10 +335,6 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits, int 
   return out;
 }
 
-}  // namespace
-
-namespace {
-
 std::string flat_text(const Estimate& estimate) {
   std::string out;
   for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
@@ -439,127 +428,6 @@ std::string console_report(const Estimate& estimate) {
     if (!w.todo.empty()) out += wrapped("       -> " + w.todo, 10);
   }
   return out + status_text(estimate);
-}
-
-namespace {
-std::string cell_text(double value) {
-  return std::isfinite(value) ? fmt::format("{:.9g}", value) : std::string();
-}
-}  // namespace
-
-std::string csv_heading(const std::string& name, const std::string& unit) {
-  const std::string text = name + (unit.empty() ? "" : " [" + unit + "]");
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string out = "\"";
-  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return out + "\"";
-}
-
-std::string course_csv(const Estimate& estimate) {
-  const TimeHistory& course = *estimate.course;
-  std::string out = "time [s]";
-  for (std::size_t i = 0; i < course.names.size(); ++i) {
-    out += "," + csv_heading(course.names[i], course.units[i]) + "," +
-           csv_heading(course.names[i] + "_sd", course.units[i]);
-  }
-  out += ",log_alarm\n";
-  for (Eigen::Index t = 0; t < course.mean.cols(); ++t) {
-    out += fmt::format("{:.12g}", estimate.series.time[t]);
-    for (Eigen::Index i = 0; i < course.mean.rows(); ++i) {
-      out += "," + cell_text(course.mean(i, t)) + "," + cell_text(course.sd(i, t));
-    }
-    out += "," + cell_text(course.log_alarm[t]) + "\n";
-  }
-  return out;
-}
-
-std::string spectrum_csv(const Estimate& estimate) {
-  const Shaping& s = *estimate.shaping;
-  std::string out = "frequency [rad/s],band_low,band_high";
-  for (const std::string& channel : s.channels) {
-    out += "," + csv_heading(channel + "_white", "");
-    if (s.spectrum_shaped.size() > 0) out += "," + csv_heading(channel + "_shaped", "");
-  }
-  out += "\n";
-  for (Eigen::Index k = 0; k < s.spectrum_white.cols(); ++k) {
-    out += cell_text(s.frequency[k]) + "," + cell_text(s.band[0]) + "," + cell_text(s.band[1]);
-    for (Eigen::Index i = 0; i < s.spectrum_white.rows(); ++i) {
-      out += "," + cell_text(s.spectrum_white(i, k));
-      if (s.spectrum_shaped.size() > 0) out += "," + cell_text(s.spectrum_shaped(i, k));
-    }
-    out += "\n";
-  }
-  return out;
-}
-
-std::string residuals_csv(const Estimate& estimate) {
-  const Series& s = estimate.series;
-  const bool several = !s.recording.empty() && s.recording.back() > 1;
-  std::string out = several ? "recording,time [s]" : "time [s]";
-  for (std::size_t i = 0; i < s.channels.size(); ++i) {
-    for (const char* kind : {"", "_predicted"}) {
-      out += "," + csv_heading(s.channels[i] + kind, s.units[i]);
-    }
-    out += "," + csv_heading(s.channels[i] + "_standardised", "");
-  }
-  out += "\n";
-  for (Eigen::Index t = 0; t < s.time.size(); ++t) {
-    if (several) out += fmt::format("{},", s.recording[static_cast<std::size_t>(t)]);
-    out += fmt::format("{:.12g}", s.time[t]);
-    for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
-      out += "," + cell_text(s.measured(i, t)) + "," + cell_text(s.predicted(i, t)) + ",";
-      if (s.standardised.size() > 0) out += cell_text(s.standardised(i, t));
-    }
-    out += "\n";
-  }
-  return out;
-}
-
-namespace {
-
-using DigestContext = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
-
-DigestContext sha256_begun() {
-  DigestContext context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
-  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
-  return context;
-}
-
-std::string sha256_ended(EVP_MD_CTX* context) {
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  EVP_DigestFinal_ex(context, digest, &size);
-  std::string out;
-  for (unsigned int i = 0; i < size; ++i) out += fmt::format("{:02x}", digest[i]);
-  return out;
-}
-
-}  // namespace
-
-std::string sha256_of_text(std::string_view text) {
-  const DigestContext context = sha256_begun();
-  EVP_DigestUpdate(context.get(), text.data(), text.size());
-  return sha256_ended(context.get());
-}
-
-std::string text_of_file(const std::string& path, const std::string& expected,
-                         const std::string& hint) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text(std::istreambuf_iterator<char>(file), {});
-  if (!file || file.bad()) throw InputError({path, 0, 0}, "cannot be read", expected, hint);
-  return text;
-}
-
-std::string sha256_of_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw InputError({path, 0, 0}, "cannot be read");
-  const DigestContext context = sha256_begun();
-  std::vector<char> buffer(1 << 16);
-  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
-         file.gcount() > 0) {
-    EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(file.gcount()));
-  }
-  return sha256_ended(context.get());
 }
 
 }  // namespace identikal

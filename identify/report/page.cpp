@@ -5,10 +5,10 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "identify/report/console.h"
 #include "identify/report/page_template.h"
 #include "identify/result/export.h"
 #include "identify/result/file.h"
+#include "identify/result/schema.h"
 #include "lib/base/error.h"
 
 namespace identikal {

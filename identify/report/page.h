@@ -7,9 +7,6 @@
 
 namespace identikal {
 
-/// Name of the file beside result.json that holds what the page draws.
-inline constexpr const char* kReportDataFile = "report_data.json";
-
 /// What the page draws beyond the result, as JSON of schema_version 1: lines over time as {y} or
 /// {lo, hi}, numbers rounded to a twenty-thousandth of their line's range (of themselves where the
 /// axis is logarithmic), null for NaN.

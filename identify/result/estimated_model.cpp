@@ -11,7 +11,7 @@
 
 #include "identify/model/model_values.h"
 #include "identify/model/yaml_reader.h"
-#include "identify/report/console.h"
+#include "identify/result/file_digest.h"
 #include "identify/result/values.h"
 #include "lib/data/units.h"
 

@@ -14,7 +14,6 @@
 #include <nlohmann/json.hpp>
 
 #include "identify/model/model_file.h"
-#include "identify/report/console.h"
 #include "identify/result/estimated_model.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"

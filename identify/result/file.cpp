@@ -12,8 +12,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "identify/report/console.h"
-#include "identify/report/page.h"
+#include "identify/result/file_digest.h"
+#include "identify/result/schema.h"
 #include "lib/base/error.h"
 
 namespace identikal {

@@ -1,9 +1,11 @@
+#include "identify/result/json.h"
+
 #include <cmath>
 
 #include <nlohmann/json.hpp>
 
-#include "identify/report/console.h"
-#include "identify/report/page_template.h"
+#include "identify/result/schema.h"
+#include "lib/version.h"
 
 namespace identikal {
 namespace {
@@ -288,14 +290,10 @@ Json model_file(const Estimate& estimate) {
 
 }  // namespace
 
-std::string program_version() {
-  return Json::parse(report_versions()).at("Identikal").get<std::string>();
-}
-
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
   Json out;
   out["schema_version"] = kSchemaVersion;
-  out["version"] = program_version();
+  out["version"] = IDENTIKAL_VERSION;
   out["verb"] = estimate.verb;
   out["model"] = estimate.model_name;
   out["status"] = {{"code", to_string(estimate.status)},

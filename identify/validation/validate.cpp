@@ -12,7 +12,7 @@
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
 #include "identify/noise/estimate.h"
-#include "identify/report/console.h"
+#include "identify/result/file_digest.h"
 #include "identify/validation/internal/vehicle_refit.h"
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/series.h"

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/report/console.h"
+#include "identify/result/json.h"
 #include "lib/base/error.h"
 
 namespace identikal {

@@ -1,0 +1,82 @@
+#include "identify/result/csv.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace identikal {
+namespace {
+std::string cell_text(double value) {
+  return std::isfinite(value) ? fmt::format("{:.9g}", value) : std::string();
+}
+}  // namespace
+
+std::string csv_heading(const std::string& name, const std::string& unit) {
+  const std::string text = name + (unit.empty() ? "" : " [" + unit + "]");
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return out + "\"";
+}
+
+std::string course_csv(const Estimate& estimate) {
+  const TimeHistory& course = *estimate.course;
+  std::string out = "time [s]";
+  for (std::size_t i = 0; i < course.names.size(); ++i) {
+    out += "," + csv_heading(course.names[i], course.units[i]) + "," +
+           csv_heading(course.names[i] + "_sd", course.units[i]);
+  }
+  out += ",log_alarm\n";
+  for (Eigen::Index t = 0; t < course.mean.cols(); ++t) {
+    out += fmt::format("{:.12g}", estimate.series.time[t]);
+    for (Eigen::Index i = 0; i < course.mean.rows(); ++i) {
+      out += "," + cell_text(course.mean(i, t)) + "," + cell_text(course.sd(i, t));
+    }
+    out += "," + cell_text(course.log_alarm[t]) + "\n";
+  }
+  return out;
+}
+
+std::string spectrum_csv(const Estimate& estimate) {
+  const Shaping& s = *estimate.shaping;
+  std::string out = "frequency [rad/s],band_low,band_high";
+  for (const std::string& channel : s.channels) {
+    out += "," + csv_heading(channel + "_white", "");
+    if (s.spectrum_shaped.size() > 0) out += "," + csv_heading(channel + "_shaped", "");
+  }
+  out += "\n";
+  for (Eigen::Index k = 0; k < s.spectrum_white.cols(); ++k) {
+    out += cell_text(s.frequency[k]) + "," + cell_text(s.band[0]) + "," + cell_text(s.band[1]);
+    for (Eigen::Index i = 0; i < s.spectrum_white.rows(); ++i) {
+      out += "," + cell_text(s.spectrum_white(i, k));
+      if (s.spectrum_shaped.size() > 0) out += "," + cell_text(s.spectrum_shaped(i, k));
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+std::string residuals_csv(const Estimate& estimate) {
+  const Series& s = estimate.series;
+  const bool several = !s.recording.empty() && s.recording.back() > 1;
+  std::string out = several ? "recording,time [s]" : "time [s]";
+  for (std::size_t i = 0; i < s.channels.size(); ++i) {
+    for (const char* kind : {"", "_predicted"}) {
+      out += "," + csv_heading(s.channels[i] + kind, s.units[i]);
+    }
+    out += "," + csv_heading(s.channels[i] + "_standardised", "");
+  }
+  out += "\n";
+  for (Eigen::Index t = 0; t < s.time.size(); ++t) {
+    if (several) out += fmt::format("{},", s.recording[static_cast<std::size_t>(t)]);
+    out += fmt::format("{:.12g}", s.time[t]);
+    for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
+      out += "," + cell_text(s.measured(i, t)) + "," + cell_text(s.predicted(i, t)) + ",";
+      if (s.standardised.size() > 0) out += cell_text(s.standardised(i, t));
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+}  // namespace identikal

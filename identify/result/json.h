@@ -1,0 +1,14 @@
+// What does another program read of a result? JSON (identify/result/result.schema.json).
+#pragma once
+
+#include <string>
+
+#include "identify/estimate/estimate.h"
+
+namespace identikal {
+
+/// The result as JSON (identify/result/result.schema.json). NaN and infinity become null.
+/// @param timing_s  wall time of the job [s], the only field that may differ between equal runs
+std::string result_json(const Estimate& estimate, bool strict, double timing_s);
+
+}  // namespace identikal

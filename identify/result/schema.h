@@ -1,0 +1,13 @@
+// Which form do the files of a result have?
+#pragma once
+
+namespace identikal {
+
+/// Of result.json and of what the report page draws; identify/result/result.schema.json states it
+/// too.
+inline constexpr int kSchemaVersion = 1;
+
+/// Name of the file beside result.json that holds what the page draws.
+inline constexpr const char* kReportDataFile = "report_data.json";
+
+}  // namespace identikal
