@@ -2,21 +2,30 @@
 # Installs the Debian packages named on the command line that are missing. Asks dpkg first, so that a prepared machine
 # needs neither root nor network. npm may have come with another nodejs than Debian's.
 set -euo pipefail
+command -v dpkg-query >/dev/null || {
+  echo "prepare.sh: no Debian here; CMake will name what it misses of: $*"
+  exit 0
+}
+installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' "$@" 2>/dev/null || true)
 missing=()
 for package in "$@"; do
   [ "$package" = npm ] && command -v npm >/dev/null && continue
-  dpkg-query -W -f='${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || missing+=("$package")
+  grep -qxF "installed $package" <<<"$installed" || missing+=("$package")
 done
 [ ${#missing[@]} -eq 0 ] && exit 0
-echo "Installing: ${missing[*]}"
+install="apt-get install -y --no-install-recommends ${missing[*]}"
 as_root=()
 if [ "$(id -u)" -ne 0 ]; then
   command -v sudo >/dev/null || {
-    echo "prepare: these packages are missing and only root can install them: ${missing[*]}" >&2
+    printf '%s\n' "prepare.sh: ${#missing[@]} packages are missing, and only root can install them:" \
+      "    apt-get update && $install" >&2
     exit 1
   }
   as_root=(sudo)
 fi
+echo "Installing: ${missing[*]}"
 export DEBIAN_FRONTEND=noninteractive
-"${as_root[@]}" apt-get update -q
-"${as_root[@]}" apt-get install -y -q --no-install-recommends "${missing[@]}"
+{ "${as_root[@]}" apt-get update -q && "${as_root[@]}" $install -q; } || {
+  printf '%s\n' "prepare.sh: that failed; by hand:" "    sudo apt-get update && sudo $install" >&2
+  exit 1
+}

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# Builds the tool and does both jobs on the shipped data: a Kalman filter tuned, a vehicle identified.
+# Builds the tool and does both jobs on the shipped data: a Kalman filter tuned, a vehicle identified. What is built is
+# what `cmake --install build` installs; tests and benches are left to test.sh.
 set -euo pipefail
 cd "$(dirname "$0")"
 ./prepare.sh $(cat packages.txt)
-cmake --preset release >build.log 2>&1 && cmake --build build --target identikal >>build.log 2>&1 || {
-  tail -n 30 build.log >&2
-  echo "run.sh: the build failed; all of it is in build.log" >&2
-  exit 1
-}
+: >build.log
+[ -f build/build.ninja ] ||
+  packaging/with_progress.sh build.log "Configuring" \
+    cmake --preset release -DIDENTIKAL_BUILD_TESTS=OFF -DIDENTIKAL_BUILD_BENCH=OFF
+packaging/with_progress.sh build.log "Building" cmake --build build --target identikal command_reference
 build/identikal tune examples/nile.yaml data/nile.csv -o out/nile --report out/report_noise.html
 echo
 build/identikal fit examples/severe_lane_change.yaml data/severe_lane_change.csv -o out/severe_lane_change \

@@ -9,25 +9,28 @@ case "${1-}" in
   --slow) slow=yes ;;
   *) echo "test.sh: unknown option '$1'; expected nothing or --slow" >&2; exit 2 ;;
 esac
-./prepare.sh $(cat packages.txt) clang clang-format libclang-rt-dev python3 python3-jsonschema python3-numpy chromium chromium-driver \
-  pkg-config dpkg-dev file
+./prepare.sh $(cat packages.txt) libgtest-dev libgmock-dev libbenchmark-dev clang clang-format libclang-rt-dev \
+  python3 python3-jsonschema python3-numpy chromium chromium-driver pkg-config
 
-git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
+find lib solvers identify studies command tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
+  xargs -0 clang-format --dry-run --Werror
 
 # Many files in one go: most of the time is spent on the templates that they share. With --slow
 # every file is compiled on its own, and so has to include what it uses.
 unity=ON
 batch=-DCMAKE_UNITY_BUILD_BATCH_SIZE=16
 [ "$slow" = yes ] && unity=OFF
-cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=$unity $batch
-cmake --build build
-[ "$slow" = yes ] && cmake --build build --target benches
+: >build.log
+build() { packaging/with_progress.sh build.log "$@"; }
+build "Configuring" cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_UNITY_BUILD=$unity $batch
+build "Building" cmake --build build
+[ "$slow" = yes ] && build "Building the benches" cmake --build build --target benches
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()
 ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 
-cmake --preset dev -DCMAKE_UNITY_BUILD=ON $batch
-cmake --build build-dev
+build "Configuring with sanitizers" cmake --preset dev -DCMAKE_UNITY_BUILD=ON $batch
+build "Building with sanitizers" cmake --build build-dev
 # Here a test takes about a hundred times as long: those that took up to 0.05 s above.
 slow_here=$(awk '$1 == "---" { exit } NF == 3 && $1 ~ /^[A-Za-z0-9_\/]+[.]/ && $3 > 0.05 { printf "%s%s", n++ ? "|" : "", $1 }' \
   build/Testing/Temporary/CTestCostData.txt)

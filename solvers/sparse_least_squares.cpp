@@ -10,6 +10,7 @@
 #include <ceres/iteration_callback.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
+#include <ceres/types.h>
 
 namespace identikal {
 namespace {
@@ -136,6 +137,17 @@ Termination termination_of(const ceres::Solver::Summary& summary) {
   }
 }
 
+/// SuiteSparse where Ceres was built with it, else Eigen's sparse Cholesky: slower on many blocks.
+ceres::SparseLinearAlgebraLibraryType sparse_library() {
+#ifdef IDENTIKAL_WITHOUT_SUITESPARSE
+  return ceres::EIGEN_SPARSE;
+#else
+  return ceres::IsSparseLinearAlgebraLibraryTypeAvailable(ceres::SUITE_SPARSE)
+             ? ceres::SUITE_SPARSE
+             : ceres::EIGEN_SPARSE;
+#endif
+}
+
 }  // namespace
 
 Solution solve(const SparseLeastSquares& problem, const Eigen::VectorXd& start,
@@ -181,7 +193,7 @@ Solution solve(const SparseLeastSquares& problem, const Eigen::VectorXd& start,
 
   ceres::Solver::Options how;
   how.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  how.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
+  how.sparse_linear_algebra_library_type = sparse_library();
   how.function_tolerance = options.function_tolerance;
   how.gradient_tolerance = options.gradient_tolerance;
   how.parameter_tolerance = options.parameter_tolerance;

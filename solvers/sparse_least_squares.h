@@ -27,7 +27,8 @@ struct SparseLeastSquares {
   Eigen::VectorXd lower, upper;  ///< +-infinity = free
 };
 
-/// Levenberg-Marquardt on sparse normal equations (Ceres' SPARSE_NORMAL_CHOLESKY on SuiteSparse).
+/// Levenberg-Marquardt on sparse normal equations (Ceres' SPARSE_NORMAL_CHOLESKY on
+/// SuiteSparse, on Eigen's sparse Cholesky where Ceres was built without it).
 /// summary.objective is the sum. Converged when options.function_tolerance or parameter_tolerance
 /// is met.
 /// @throws std::invalid_argument when sizes disagree or the start lies outside the bounds
