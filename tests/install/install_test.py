@@ -1,7 +1,7 @@
 """Can another project use what is installed? install_test.py CMAKE BUILD VERSION
 
-Installs into a folder, builds tests/install/consumer against it by find_package, and by pkg-config with the compiler
-alone, and compares with the published estimates of the Nile's level: Durbin & Koopman (2012), section 2.10, more digits
+Installs into a folder, builds tests/install/consumer (a program, and a shared library) against it by find_package, and by
+pkg-config with the compiler alone, and compares with the published estimates of the Nile's level: Durbin & Koopman (2012), section 2.10, more digits
 by other implementations."""
 import os
 import pathlib
@@ -35,6 +35,9 @@ def build_consumers(cmake, prefix, folder, version):
     run(cmake, "-S", CONSUMER, "-B", folder / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
     run(cmake, "--build", folder / "build")
     check_consumer(folder / "build/consumer", share, version)
+    rows = run(folder / "build/host", share / "data/nile.csv")
+    if rows != "100 rows, -1 without a file\n":
+        sys.exit(f"the shared library that links ours says {rows}")
 
     flags = run("pkg-config", "--cflags", "--libs", "identikal", env=pc_environment(prefix)).split()
     plain = folder / "plain"
