@@ -170,7 +170,7 @@ int finish(const Arguments& args, const Recordings& recordings, Estimate& estima
     std::vector<ResultFile> files{{"result.json", json}};
     if (estimate.series.time.size() > 0)
       files.push_back({"residuals.csv", residuals_csv(estimate)});
-    if (estimate.course) files.push_back({"course.csv", course_csv(estimate)});
+    if (estimate.time_history) files.push_back({"course.csv", course_csv(estimate)});
     if (!page_data.empty()) files.push_back({kReportDataFile, page_data});
     files.insert(files.end(), more_files.begin(), more_files.end());
     const std::vector<OutputFile> of_folder = in_folder(args.output, files);
@@ -502,7 +502,7 @@ int run_shape(const Arguments& args) {
     const Shaping& s = *result.estimate.shaping;
     const std::string text = model_text(
         *result.model, {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
-                                    model.name, s.order, s.place),
+                                    model.name, s.order, s.noise_source),
                         "The first states are the filter's."});
     files.push_back({"shaped.yaml", text});
     result.estimate.model_file = {"shaped.yaml", sha256_of_text(text), text, {}};

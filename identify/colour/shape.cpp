@@ -358,8 +358,8 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
     white_now = white_now && (test.id != "ljung_box" || test.pass);
   }
   estimate.message =
-      fmt::format("coloured {} noise (p {:.2g}): a filter of order {} explains it{}", report.place,
-                  report.colour_p, report.order,
+      fmt::format("coloured {} noise (p {:.2g}): a filter of order {} explains it{}",
+                  report.noise_source, report.whiteness_p, report.order,
                   white_now ? "" : ", but not all: the innovations are still not white");
   if (!white_now) estimate.status = Status::untrusted;
   if (report.held_out_with < report.held_out_without) {
@@ -429,7 +429,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   ModelFile white = model;
   white.parameters = parameters_of(white_estimate, model.parameters);
   const Colour colour = innovation_colour(white_estimate);
-  report.colour_p = colour.p;
+  report.whiteness_p = colour.p;
   report.peak = colour.peak / dt;
   report.peak_p = colour.peak_p;
   const MatrixXd white_innovations = white_estimate.series.standardised;
@@ -487,7 +487,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   const Candidate& best = *winner->candidate;
   if (!say("held-out comparison")) return as_stopped();
   compare_held_out(white, best, recordings, options.hold_out, report);
-  report.place = place_name(best.structure.place);
+  report.noise_source = place_name(best.structure.place);
   report.order = static_cast<int>(best.structure.order);
   report.zeros = static_cast<int>(best.structure.zeros());
   for (const ShapingFilter& filter : winner->filters) {

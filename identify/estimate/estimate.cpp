@@ -75,7 +75,7 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
         }
       }
     }
-    out.flat_directions.push_back(std::move(direction));
+    out.unidentifiable_directions.push_back(std::move(direction));
   }
   out.condition = out.rank == out.of && smallest > 0.0 ? largest / smallest : kNone;
   return sound;

@@ -69,8 +69,8 @@ struct Warning {
   std::string code;      ///< stable, e.g. "tyre_saturation"
   std::string severity;  ///< "note", "warning" or "serious"; serious makes the result untrusted
   std::vector<std::string> about;
-  std::string text;  ///< what was seen, with figures
-  std::string todo;  ///< what to do about it
+  std::string text;    ///< what was seen, with figures
+  std::string remedy;  ///< what to do about it
 };
 
 struct TestResult {
@@ -98,7 +98,7 @@ struct Identifiability {
     std::vector<std::string> names;
     std::vector<double> weights;
   };
-  std::vector<Direction> flat_directions;
+  std::vector<Direction> unidentifiable_directions;
 };
 
 struct Noise {
@@ -145,28 +145,29 @@ struct Objective {
   double held_out = kNone;  ///< log-likelihood per held-out row, of a filter
   int iterations = 0;
   int evaluations = 0;
-  int starts = 0;        ///< optimisations run
-  int starts_agree = 0;  ///< of them, how many ended at the best value
-  std::string path,
-      path_reason;  ///< of the likelihood (lib/filter/likelihood.h), why not a faster one
+  int starts = 0;             ///< optimisations run
+  int starts_at_optimum = 0;  ///< of them, how many ended at the best value
+  /// Of the likelihood (lib/filter/likelihood.h): "time_varying_filter", "steady_state_filter" or
+  /// "sample_autocovariances"; and why not a faster one.
+  std::string evaluation_method, evaluation_reason;
 };
 
 /// What the errors of noise parameters cost the filter made with them.
-struct FilterLoss {
+struct ExcessMeanSquareError {
   double relative = kNone;  ///< expected tr P over the optimal, - 1 (lib/filter/information.h)
   std::vector<std::string> without;  ///< variances that ended at zero: their errors do not count
   std::string reason;                ///< why there is no number
 };
 
 /// How the fit of Q depends on how many independent sources of process noise it has.
-struct Sources {
+struct RankSelection {
   struct Step {
     double penalty = kNone, objective = kNone, trace = kNone;  ///< of tr Q; of the fit; tr Q
-    Eigen::Index sources = 0;                                  ///< rank of Q
-    double excess = kNone, allowed = kNone;  ///< chi-square of the re-fit with as many sources
+    Eigen::Index rank = 0;                   ///< of Q: independent sources of noise
+    double excess = kNone, allowed = kNone;  ///< chi-square of the re-fit with Q of that rank
   };
-  std::vector<Step> curve;  ///< from the largest penalty to none
-  Eigen::Index picked = 0, of = 0;
+  std::vector<Step> curve;        ///< from the largest penalty to none
+  Eigen::Index rank = 0, of = 0;  ///< of Q: the one selected, and the largest possible
 };
 
 /// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
@@ -222,12 +223,12 @@ struct TimeHistory {
 
 /// Coloured noise: what was tried, what won, what it is worth (identify/colour/shape.h).
 struct Shaping {
-  double colour_p = kNone;  ///< that white noise looks like this, all tests together
-  double peak = kNone;      ///< [rad/s]: of the white model's innovations' spectrum
-  double peak_p = kNone;    ///< that white noise has one as high
-  std::string place;        ///< "process" or "measurement"; empty: no filter
-  int order = 0;            ///< of each filter
-  int zeros = 0;            ///< of each filter
+  double whiteness_p = kNone;  ///< that white noise looks like this, all tests together
+  double peak = kNone;         ///< [rad/s]: of the white model's innovations' spectrum
+  double peak_p = kNone;       ///< that white noise has one as high
+  std::string noise_source;    ///< "process" or "measurement"; empty: no filter
+  int order = 0;               ///< of each filter
+  int zeros = 0;               ///< of each filter
   struct Pole {
     double frequency = kNone;  ///< [rad/s]
     double radius = kNone;     ///< in the plane of z
@@ -235,7 +236,7 @@ struct Shaping {
   std::vector<Pole> poles;     ///< of the filters, one of each pair
   double output_peak = kNone;  ///< [rad/s]: of the outputs' spectrum, at the slowest of them
   struct Candidate {
-    std::string place, channels;
+    std::string noise_source, channels;  ///< "white", "process" or "measurement"
     int order = 0, zeros = 0;
     double log_likelihood = kNone, bic = kNone;
   };
@@ -257,9 +258,9 @@ struct VehicleSurvey {
   struct Signal {
     std::string quantity;  ///< "steering", "vx", "wheel_speed", "r", "vy", "ay", "beta", "ax"
     std::string column, unit;
-    std::string source;                      ///< the file, hence the clock, that it comes from
-    double rate = kNone;                     ///< [Hz]
-    double lowest = kNone, highest = kNone;  ///< in `unit`
+    std::string source;               ///< the file, hence the clock, that it comes from
+    double rate = kNone;              ///< [Hz]
+    double min = kNone, max = kNone;  ///< in `unit`
     double held = kNone;      ///< share of samples that repeat the one before while it moves
     double quantum = kNone;   ///< least difference of two values, in `unit`
     double straight = kNone;  ///< median while driving straight on, in `unit`
@@ -347,13 +348,14 @@ struct Estimate {
   std::vector<ChannelFit> hold_out_one_step;  ///< a filter's fit to them
   std::vector<TestResult> tests;
   Identifiability identifiability;
-  std::optional<Bound> bound;           ///< verb bound only
-  std::optional<Posterior> posterior;   ///< method bayes and verb track only
-  std::optional<TimeHistory> course;    ///< verb track only
-  std::optional<Shaping> shaping;       ///< verb shape only
-  std::optional<FilterLoss> loss;       ///< where noise is estimated, and verb bound
-  std::optional<Sources> sources;       ///< tune --sources only
-  std::optional<VehicleSurvey> survey;  ///< info --vehicle only
+  std::optional<Bound> bound;               ///< verb bound only
+  std::optional<Posterior> posterior;       ///< method bayes and verb track only
+  std::optional<TimeHistory> time_history;  ///< verb track only
+  std::optional<Shaping> shaping;           ///< verb shape only
+  std::optional<ExcessMeanSquareError>
+      excess_mean_square_error;               ///< where noise is estimated, and verb bound
+  std::optional<RankSelection> minimum_rank;  ///< tune --min-rank only
+  std::optional<VehicleSurvey> survey;        ///< info --vehicle only
   std::vector<DerivedValue> derived;
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< tables and remarks for people, line by line

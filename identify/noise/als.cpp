@@ -387,7 +387,7 @@ void reduce_sources(Estimate& estimate, const Als& als, Fit& fit) {
                                           joint_covariance(als.fixed()),
                                           als.joint_basis(),
                                           als.fixed().Q.rows()});
-  estimate.sources = found.report;
+  estimate.minimum_rank = found.report;
   fit.solution.x = found.theta;
   for (std::size_t b = 0; b < als.blocks().size(); ++b) {
     constexpr double kZero = 1e-9;

@@ -172,7 +172,7 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
 }
 
 void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
-  FilterLoss& loss = estimate.loss.emplace();
+  ExcessMeanSquareError& loss = estimate.excess_mean_square_error.emplace();
   if (model.form == ModelFile::Form::nonlinear) {
     loss.reason = "a nonlinear model has no steady filter";
     return;

@@ -361,29 +361,43 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
       warning.severity = "warning";
       warning.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
                                  lower ? "lower" : "upper", p.value);
-      warning.todo = "widen the bound in the model file if it is not physical";
+      warning.remedy = "widen the bound in the model file if it is not physical";
     }
     estimate.warnings.push_back(std::move(warning));
   }
 }
 
-// Which path served the evaluation at the maximum, and what a person should know about it.
+std::string evaluation_method(Path path) {
+  switch (path) {
+    case Path::compressed:
+      return "sample_autocovariances";
+    case Path::steady:
+      return "steady_state_filter";
+    case Path::direct:
+    case Path::automatic:
+      break;
+  }
+  return "time_varying_filter";
+}
+
+// How the likelihood at the maximum was evaluated, and what a person should know about it.
 void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
-  estimate.objective.path = to_string(taken.path);
+  estimate.objective.evaluation_method = evaluation_method(taken.path);
   if (taken.fallback == FallbackReason::none || taken.fallback == FallbackReason::not_asked) return;
-  estimate.objective.path_reason = describe(taken.fallback);
+  estimate.objective.evaluation_reason = describe(taken.fallback);
   if (taken.fallback == FallbackReason::long_memory) {
-    estimate.objective.path_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
+    estimate.objective.evaluation_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
   }
   const bool expected =
       taken.fallback == FallbackReason::short_segment && asked != Path::compressed;
   if (expected || taken.path == Path::compressed) return;
   estimate.warnings.push_back(
-      {"path",
+      {"evaluation_method",
        "note",
        {},
-       fmt::format("the likelihood took the {} path, the same value only slower: {}",
-                   estimate.objective.path, estimate.objective.path_reason),
+       fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
+                   taken.path == Path::steady ? "steady-state" : "time-varying",
+                   estimate.objective.evaluation_reason),
        ""});
 }
 
@@ -416,7 +430,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
   objective.starts = found.tried;
-  objective.starts_agree = found.agree;
+  objective.starts_at_optimum = found.agree;
   judge(estimate, likelihood, problem, end, found.best);
   report_path(estimate, likelihood.path_taken(), options.path);
   limit_boundary(estimate, problem, found.best);

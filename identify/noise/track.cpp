@@ -438,7 +438,7 @@ Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOpt
   }
   distrust_serious_warnings(estimate);
 
-  TimeHistory& report = estimate.course.emplace();
+  TimeHistory& report = estimate.time_history.emplace();
   const Index k = course.mean.rows();
   VectorXd unit(k);
   for (const EstimatedParameter& p : estimate.parameters) {

@@ -61,7 +61,8 @@ NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
                        const NoiseTrackOptions& options = {});
 
 /// The same as a result: the noise at the end with its credible intervals, the changes, the
-/// innovations of the filter as it was at each sample, and the whole course (Estimate::course).
+/// innovations of the filter as it was at each sample, and the whole course
+/// (Estimate::time_history).
 /// @throws InputError as check_recordings() and track_noise()
 Estimate track(const ModelFile& model, const Dataset& recording,
                const NoiseTrackOptions& options = {});

@@ -66,7 +66,7 @@ double fit_percent(const VectorXd& y, const VectorXd& error) {
 // At every sample of the recording; between rows nothing changes.
 void report_course(Estimate& estimate, const Dataset& recording, const LaggedRows& rows,
                    const Forgetting& forgetting, const RegressionHistory& course) {
-  TimeHistory& out = estimate.course.emplace();
+  TimeHistory& out = estimate.time_history.emplace();
   for (const EstimatedParameter& p : estimate.parameters) {
     out.names.push_back(p.name);
     out.units.push_back(p.unit);

@@ -202,8 +202,8 @@ std::string gain_text(const Estimate& estimate) {
 
 // When the noise changed, and into what.
 std::string course_text(const Estimate& estimate) {
-  if (!estimate.course) return "";
-  const TimeHistory& course = *estimate.course;
+  if (!estimate.time_history) return "";
+  const TimeHistory& course = *estimate.time_history;
   std::string out;
   constexpr std::size_t kShown = 10;
   for (std::size_t c = 0; c < std::min(kShown, course.changes.size()); ++c) {
@@ -233,15 +233,15 @@ std::string shaping_text(const Estimate& estimate) {
   if (!std::isnan(s.peak)) {
     out += wrapped(fmt::format("colour p {:.2g}; highest peak of the white model's innovations at "
                                "{:.4g} rad/s ({:.4g} Hz), p {:.2g}",
-                               s.colour_p, s.peak, s.peak / kTurn, s.peak_p),
+                               s.whiteness_p, s.peak, s.peak / kTurn, s.peak_p),
                    7);
   }
   if (s.candidates.size() > 1) {
     out += "\nnoise        channels     poles zeros  log-likelihood           BIC\n";
     for (const Shaping::Candidate& c : s.candidates) {
       const auto count = [&c](int n) { return c.order > 0 ? std::to_string(n) : ""; };
-      out += fmt::format("{:<12} {:<12} {:>5} {:>5}  {:>14.3f}  {:>12.2f}\n", c.place, c.channels,
-                         count(c.order), count(c.zeros), c.log_likelihood, c.bic);
+      out += fmt::format("{:<12} {:<12} {:>5} {:>5}  {:>14.3f}  {:>12.2f}\n", c.noise_source,
+                         c.channels, count(c.order), count(c.zeros), c.log_likelihood, c.bic);
     }
   }
   for (const Shaping::Pole& pole : s.poles) {
@@ -272,8 +272,8 @@ std::string shaping_text(const Estimate& estimate) {
 }
 
 std::string loss_text(const Estimate& estimate) {
-  if (!estimate.loss) return "";
-  const FilterLoss& loss = *estimate.loss;
+  if (!estimate.excess_mean_square_error) return "";
+  const ExcessMeanSquareError& loss = *estimate.excess_mean_square_error;
   if (!loss.reason.empty()) return wrapped("loss not known: " + loss.reason, 5);
   std::string without;
   for (const std::string& name : loss.without) without += (without.empty() ? "" : ", ") + name;
@@ -286,19 +286,19 @@ std::string loss_text(const Estimate& estimate) {
 
 // The trade-off between fit and number of noise sources.
 std::string sources_text(const Estimate& estimate) {
-  if (!estimate.sources) return "";
-  const Sources& s = *estimate.sources;
+  if (!estimate.minimum_rank) return "";
+  const RankSelection& s = *estimate.minimum_rank;
   std::string out = fmt::format("\n{:>10} {:>12} {:>12} {:>8} {:>10} {:>10}\n", "penalty",
                                 "objective", "tr Q", "sources", "excess", "allowed");
-  for (const Sources::Step& step : s.curve) {
+  for (const RankSelection::Step& step : s.curve) {
     out += fmt::format("{:>10.3g} {:>12.6g} {:>12.6g} {:>8} {:>10} {:>10}\n", step.penalty,
-                       step.objective, step.trace, step.sources,
+                       step.objective, step.trace, step.rank,
                        std::isnan(step.excess) ? "-" : fmt::format("{:.2f}", step.excess),
                        std::isnan(step.allowed) ? "-" : fmt::format("{:.2f}", step.allowed));
   }
   return out + wrapped(fmt::format("sources {} of {}: the fewest whose fit without penalty is no "
                                    "worse than chance allows (chi-square, 99 %)",
-                                   s.picked, s.of),
+                                   s.rank, s.of),
                        8);
 }
 
@@ -337,7 +337,7 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits, int 
 
 std::string flat_text(const Estimate& estimate) {
   std::string out;
-  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
+  for (const Identifiability::Direction& d : estimate.identifiability.unidentifiable_directions) {
     std::string line = "flat   the data do not determine the combination";
     for (std::size_t i = 0; i < d.names.size(); ++i)
       line += fmt::format(" {:+.2f} {}", d.weights[i], d.names[i]);
@@ -394,10 +394,11 @@ std::string console_report(const Estimate& estimate) {
     out += "\n";
   }
   if (objective.starts > 0) {
-    out += fmt::format("search {} of {} starts agree, {} iterations, {} evaluations{}\n",
-                       objective.starts_agree, objective.starts, objective.iterations,
-                       objective.evaluations,
-                       objective.path.empty() ? "" : ", " + objective.path + " likelihood");
+    out += fmt::format(
+        "search {} of {} starts agree, {} iterations, {} evaluations{}\n",
+        objective.starts_at_optimum, objective.starts, objective.iterations, objective.evaluations,
+        objective.evaluation_method.empty() ? ""
+                                            : ", " + objective.evaluation_method + " likelihood");
   }
   const int width = estimate.hold_out_one_step.empty() ? 12 : 18;
   out += fit_text("one step", estimate.one_step, width) +
@@ -425,7 +426,7 @@ std::string console_report(const Estimate& estimate) {
                                                          : "warn",
                                (w.severity == "serious" ? " " : "") + w.code, w.text),
                    7);
-    if (!w.todo.empty()) out += wrapped("       -> " + w.todo, 10);
+    if (!w.remedy.empty()) out += wrapped("       -> " + w.remedy, 10);
   }
   return out + status_text(estimate);
 }

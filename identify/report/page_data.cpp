@@ -429,8 +429,8 @@ void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordi
 }
 
 void add_course(const Estimate& estimate, const Columns& columns, ReportData& out) {
-  if (!estimate.course || estimate.course->mean.cols() != columns.rows) return;
-  const TimeHistory& course = *estimate.course;
+  if (!estimate.time_history || estimate.time_history->mean.cols() != columns.rows) return;
+  const TimeHistory& course = *estimate.time_history;
   const MatrixXd low = course.mean - 2.0 * course.sd, high = course.mean + 2.0 * course.sd;
   for (std::size_t n = 0; n < course.names.size(); ++n) {
     const auto i = static_cast<Index>(n);
@@ -482,7 +482,8 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
   const std::size_t of_inputs = recordings.empty() ? 0 : recordings[0].inputs.size();
   const double lines =
       7.0 * static_cast<double>(series.channels.size()) + static_cast<double>(of_inputs) +
-      (estimate.course ? 3.0 * static_cast<double>(estimate.course->names.size()) : 0.0);
+      (estimate.time_history ? 3.0 * static_cast<double>(estimate.time_history->names.size())
+                             : 0.0);
   const Columns columns(axis.time.size(), std::clamp(static_cast<Index>(kNumbers / (2.0 * lines)),
                                                      kFewestColumns, kMostColumns));
   out.rows = columns.rows;

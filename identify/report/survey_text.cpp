@@ -89,7 +89,7 @@ std::string survey_text(const VehicleSurvey& survey) {
   }
   for (const VehicleSurvey::Signal& s : survey.signals) {
     out += fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 19),
-                       s.quantity, s.unit, printed(s.rate), printed(s.lowest), printed(s.highest),
+                       s.quantity, s.unit, printed(s.rate), printed(s.min), printed(s.max),
                        std::isfinite(s.held) ? fmt::format("{:.0f}%", 100.0 * s.held) : "-",
                        printed(s.quantum, "{:.2g}"));
   }
@@ -158,7 +158,7 @@ std::string survey_text(const VehicleSurvey& survey) {
                            : w.severity == "serious" ? "SERIOUS"
                                                      : "warn";
     out += in_lines(fmt::format("{:<8}", severity), w.code + ": " + w.text, 8);
-    if (!w.todo.empty()) out += in_lines("        -> ", w.todo, 11);
+    if (!w.remedy.empty()) out += in_lines("        -> ", w.remedy, 11);
   }
   if (survey.findings.empty()) out += "nothing wrong was found\n";
   if (survey.mapping.empty()) return out;

@@ -20,7 +20,7 @@ std::string csv_heading(const std::string& name, const std::string& unit) {
 }
 
 std::string course_csv(const Estimate& estimate) {
-  const TimeHistory& course = *estimate.course;
+  const TimeHistory& course = *estimate.time_history;
   std::string out = "time [s]";
   for (std::size_t i = 0; i < course.names.size(); ++i) {
     out += "," + csv_heading(course.names[i], course.units[i]) + "," +

@@ -13,8 +13,8 @@ std::string csv_heading(const std::string& name, const std::string& unit);
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
 std::string residuals_csv(const Estimate& estimate);
 
-/// Estimate::course as CSV: mean and standard deviation of every parameter, and the statistic of
-/// the test for a change.
+/// Estimate::time_history as CSV: mean and standard deviation of every parameter, and the statistic
+/// of the test for a change.
 std::string course_csv(const Estimate& estimate);
 
 /// The spectra of Estimate::shaping as CSV: of the standardised innovations of the white model and

@@ -99,8 +99,8 @@ Json posterior(const Estimate& estimate) {
 }
 
 Json course(const Estimate& estimate) {
-  if (!estimate.course) return nullptr;
-  const TimeHistory& c = *estimate.course;
+  if (!estimate.time_history) return nullptr;
+  const TimeHistory& c = *estimate.time_history;
   const auto values = [](const Eigen::VectorXd& v) {
     Json out = Json::array();
     for (const double x : v) out.push_back(number(x));
@@ -123,7 +123,7 @@ Json warnings_of(const std::vector<Warning>& warnings) {
                    {"severity", w.severity},
                    {"about", w.about},
                    {"text", w.text},
-                   {"do", w.todo}});
+                   {"do", w.remedy}});
   }
   return out;
 }
@@ -139,8 +139,8 @@ Json survey(const Estimate& estimate) {
                        {"unit", x.unit},
                        {"source", x.source},
                        {"rate", number(x.rate)},
-                       {"min", number(x.lowest)},
-                       {"max", number(x.highest)},
+                       {"min", number(x.min)},
+                       {"max", number(x.max)},
                        {"held", number(x.held)},
                        {"quantum", number(x.quantum)},
                        {"straight", number(x.straight)}});
@@ -195,7 +195,7 @@ Json shaping(const Estimate& estimate) {
   const Shaping& s = *estimate.shaping;
   Json candidates = Json::array(), poles = Json::array(), predictions = Json::array();
   for (const Shaping::Candidate& c : s.candidates) {
-    candidates.push_back({{"place", c.place},
+    candidates.push_back({{"place", c.noise_source},
                           {"channels", c.channels},
                           {"order", c.order},
                           {"zeros", c.zeros},
@@ -215,10 +215,10 @@ Json shaping(const Estimate& estimate) {
                              {"rmse_with", number(s.with(row, column))}});
     }
   }
-  return {{"colour_p", number(s.colour_p)},
+  return {{"whiteness_p", number(s.whiteness_p)},
           {"peak", number(s.peak)},
           {"peak_p", number(s.peak_p)},
-          {"place", s.place},
+          {"place", s.noise_source},
           {"order", s.order},
           {"zeros", s.zeros},
           {"poles", poles},
@@ -230,23 +230,24 @@ Json shaping(const Estimate& estimate) {
 }
 
 Json loss(const Estimate& estimate) {
-  if (!estimate.loss) return nullptr;
-  const FilterLoss& l = *estimate.loss;
+  if (!estimate.excess_mean_square_error) return nullptr;
+  const ExcessMeanSquareError& l = *estimate.excess_mean_square_error;
   return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
 }
 
 Json sources(const Estimate& estimate) {
-  if (!estimate.sources) return nullptr;
+  if (!estimate.minimum_rank) return nullptr;
   Json curve = Json::array();
-  for (const Sources::Step& step : estimate.sources->curve) {
+  for (const RankSelection::Step& step : estimate.minimum_rank->curve) {
     curve.push_back({{"penalty", number(step.penalty)},
                      {"objective", number(step.objective)},
                      {"trace", number(step.trace)},
-                     {"sources", step.sources},
+                     {"sources", step.rank},
                      {"excess", number(step.excess)},
                      {"allowed", number(step.allowed)}});
   }
-  return {{"picked", estimate.sources->picked}, {"of", estimate.sources->of}, {"curve", curve}};
+  return {
+      {"picked", estimate.minimum_rank->rank}, {"of", estimate.minimum_rank->of}, {"curve", curve}};
 }
 
 Json filter(const Estimate& estimate) {
@@ -335,9 +336,9 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                       {"iterations", objective.iterations},
                       {"evaluations", objective.evaluations},
                       {"starts", objective.starts},
-                      {"starts_agree", objective.starts_agree},
-                      {"path", objective.path},
-                      {"path_reason", objective.path_reason}};
+                      {"starts_at_optimum", objective.starts_at_optimum},
+                      {"path", objective.evaluation_method},
+                      {"path_reason", objective.evaluation_reason}};
   out["fit"] = {{"one_step", fits(estimate.one_step)},
                 {"simulation", fits(estimate.simulation)},
                 {"hold_out", fits(estimate.hold_out)},
@@ -353,13 +354,13 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                             {"level", number(test.level)}});
   }
   Json directions = Json::array();
-  for (const Identifiability::Direction& d : estimate.identifiability.flat_directions) {
+  for (const Identifiability::Direction& d : estimate.identifiability.unidentifiable_directions) {
     directions.push_back({{"names", d.names}, {"weights", d.weights}});
   }
   out["identifiability"] = {{"rank", estimate.identifiability.rank},
                             {"of", estimate.identifiability.of},
                             {"cond", number(estimate.identifiability.condition)},
-                            {"flat_directions", directions}};
+                            {"unidentifiable_directions", directions}};
   out["bound"] = bound(estimate);
   out["posterior"] = posterior(estimate);
   out["course"] = course(estimate);

@@ -228,7 +228,8 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
       if (said) continue;
       if (finding.severity == "serious" && leading > kGoodFit) finding.severity = "warning";
       if (finding.code == "reversing") {
-        finding.todo = "these rows are left out; if the car drives forward there, scale: -1 for vx";
+        finding.remedy =
+            "these rows are left out; if the car drives forward there, scale: -1 for vx";
       }
       estimate.warnings.push_back(std::move(finding));
     }

@@ -254,7 +254,7 @@ void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& e
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
   objective.starts = found.starts;
-  objective.starts_agree = found.agree;
+  objective.starts_at_optimum = found.agree;
 }
 
 /// Goes on from the best simulation with a filter gain that starts at none. Where the gain makes

@@ -159,7 +159,7 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   list_parameters(estimate, model.parameters, model.parameters);
 
   // In the order of the model file.
-  TimeHistory& course = estimate.course.emplace();
+  TimeHistory& course = estimate.time_history.emplace();
   const auto count = static_cast<Index>(rows.sought.size());
   std::vector<Index> order;
   VectorXd scale(count);  // the parameter's change with its coefficient, in its unit

@@ -106,8 +106,8 @@ inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
     const double loss = predicted_spread(truth, tuned) / optimal - 1.0;
     out.mean_loss += loss / static_cast<double>(runs);
     squares += loss * loss / static_cast<double>(runs);
-    if (e.loss && std::isfinite(e.loss->relative)) {
-      out.expected_loss += e.loss->relative;
+    if (e.excess_mean_square_error && std::isfinite(e.excess_mean_square_error->relative)) {
+      out.expected_loss += e.excess_mean_square_error->relative;
       saying += 1.0;
     }
     out.worst_loss = std::max(out.worst_loss, loss);

@@ -170,7 +170,7 @@ MinimumRank minimum_rank(const MinimumRankProblem& p) {
   };
   std::vector<std::optional<Candidate>> best(static_cast<std::size_t>(nw + 1));
   MinimumRank out;
-  Sources& report = out.report;
+  RankSelection& report = out.report;
   report.of = nw;
   for (int step = 0; step <= kSteps; ++step) {
     const double penalty =
@@ -194,22 +194,22 @@ MinimumRank minimum_rank(const MinimumRankProblem& p) {
                ? chi_square_quantile(kSourcesLevel, static_cast<double>(c.range.given_up))
                : 0.0;
   };
-  for (Sources::Step& step : report.curve) {
-    const auto& known = best[static_cast<std::size_t>(step.sources)];
+  for (RankSelection::Step& step : report.curve) {
+    const auto& known = best[static_cast<std::size_t>(step.rank)];
     if (!known) continue;
     step.excess = std::max(0.0, known->excess);
     step.allowed = allowed(*known);
   }
   out.theta = free;
-  report.picked = (Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly)
-                       .eigenvalues()
-                       .array() > kVanished * largest)
-                      .count();
-  for (Index rank = 0; rank < report.picked; ++rank) {
+  report.rank = (Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly)
+                     .eigenvalues()
+                     .array() > kVanished * largest)
+                    .count();
+  for (Index rank = 0; rank < report.rank; ++rank) {
     const auto& known = best[static_cast<std::size_t>(rank)];
     if (!known || known->excess > allowed(*known)) continue;
     out.theta = refit(p.fit, known->range);
-    report.picked = rank;
+    report.rank = rank;
     break;
   }
   return out;

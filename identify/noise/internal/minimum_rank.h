@@ -26,7 +26,7 @@ struct MinimumRankProblem {
 
 struct MinimumRank {
   Eigen::VectorXd theta;
-  Sources report;
+  RankSelection report;
 };
 
 /// Follows the minimum of

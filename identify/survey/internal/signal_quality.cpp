@@ -81,10 +81,10 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
     const std::vector<double> values = present(s.value);
     entry.rate = 1.0 / own_period(s.time, s.value);
     if (!values.empty()) {
-      entry.lowest = *std::min_element(values.begin(), values.end()) / scale;
-      entry.highest = *std::max_element(values.begin(), values.end()) / scale;
+      entry.min = *std::min_element(values.begin(), values.end()) / scale;
+      entry.max = *std::max_element(values.begin(), values.end()) / scale;
     }
-    const bool constant = values.empty() || entry.lowest == entry.highest;
+    const bool constant = values.empty() || entry.min == entry.max;
     const Held held = held_share(s);
     entry.held = held.of_all;
     entry.quantum = quantum_of(s.value) / scale;

@@ -55,8 +55,8 @@ TEST(ShapeStudy, ThePublishedColourIsFound) {
     options.most_order = 2;
     const ShapeResult result = shape(base, {data}, options);
     const Shaping& s = *result.estimate.shaping;
-    found += s.colour_p < 0.05 && result.model.has_value();
-    process += s.place == "process";
+    found += s.whiteness_p < 0.05 && result.model.has_value();
+    process += s.noise_source == "process";
     close += std::abs(s.output_peak / 1.2278 - 1.0) < 0.02;
     mean += s.output_peak / kRuns;
   }

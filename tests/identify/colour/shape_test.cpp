@@ -212,7 +212,7 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
   EXPECT_EQ(result.estimate.status, Status::answer_no);
   EXPECT_FALSE(result.model.has_value());
   ASSERT_TRUE(result.estimate.shaping.has_value());
-  EXPECT_GT(result.estimate.shaping->colour_p, 0.05);
+  EXPECT_GT(result.estimate.shaping->whiteness_p, 0.05);
 }
 
 // At whatever stage: no filter then, and the white model is what there is.
@@ -252,15 +252,15 @@ TEST(Shape, FindsThePublishedFilter) {
   const Dataset data = recording(truth, 4000, random);
   const ShapeResult result = shape(base, {data});
   const Shaping& s = *result.estimate.shaping;
-  std::printf("%s noise, order %d, output's peak at %.4f rad/s; %s\n", s.place.c_str(), s.order,
-              s.output_peak, result.estimate.message.c_str());
+  std::printf("%s noise, order %d, output's peak at %.4f rad/s; %s\n", s.noise_source.c_str(),
+              s.order, s.output_peak, result.estimate.message.c_str());
   for (const Shaping::Candidate& c : s.candidates) {
-    std::printf("  %-12s %-4s %d %d  %.2f  %.2f\n", c.place.c_str(), c.channels.c_str(), c.order,
-                c.zeros, c.log_likelihood, c.bic);
+    std::printf("  %-12s %-4s %d %d  %.2f  %.2f\n", c.noise_source.c_str(), c.channels.c_str(),
+                c.order, c.zeros, c.log_likelihood, c.bic);
   }
   EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
   ASSERT_TRUE(result.model.has_value());
-  EXPECT_EQ(s.place, "process");
+  EXPECT_EQ(s.noise_source, "process");
   EXPECT_EQ(s.order, 2);
   EXPECT_NEAR(s.output_peak, 1.194, 0.04);
   // As good a likelihood as the truth's has, or better.
@@ -286,7 +286,7 @@ TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
   const Dataset data = recording(system_5_26(), InitialState::given, 3000, random);
   const ShapeResult result = shape(known_part_of_5_26(), {data});
   const Shaping& s = *result.estimate.shaping;
-  std::printf("%s noise, order %d; %s\n", s.place.c_str(), s.order,
+  std::printf("%s noise, order %d; %s\n", s.noise_source.c_str(), s.order,
               result.estimate.message.c_str());
   for (Index h = 0; h < s.with.cols(); ++h) {
     std::printf("  %2d steps: %.3f white, %.3f shaped\n", s.horizons[static_cast<std::size_t>(h)],
@@ -313,7 +313,7 @@ TEST(Shape, TheOutputsUnitDoesNotMatter) {
   ASSERT_TRUE(metres.model.has_value());
   ASSERT_TRUE(millimetres.model.has_value());
   const Shaping &a = *metres.estimate.shaping, &b = *millimetres.estimate.shaping;
-  EXPECT_EQ(a.place, b.place);
+  EXPECT_EQ(a.noise_source, b.noise_source);
   EXPECT_EQ(a.order, b.order);
   EXPECT_EQ(a.zeros, b.zeros);
   ASSERT_FALSE(a.poles.empty());

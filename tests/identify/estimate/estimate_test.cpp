@@ -36,7 +36,7 @@ TEST(JudgeParameters, NamesTheFlatDirectionAndPrintsNoInterval) {
   judge_parameters(e, information, MatrixXd::Identity(3, 3));
   EXPECT_EQ(e.identifiability.rank, 2);
   EXPECT_EQ(e.identifiability.of, 3);
-  ASSERT_EQ(e.identifiability.flat_directions.size(), 1u);
+  ASSERT_EQ(e.identifiability.unidentifiable_directions.size(), 1u);
   EXPECT_EQ(e.parameters[0].verdict, Verdict::flat);
   EXPECT_EQ(e.parameters[0].with, std::vector<std::string>{"p2"});
   EXPECT_TRUE(std::isnan(e.parameters[1].se));

@@ -161,7 +161,7 @@ TEST(NoiseAlsStudy, ExpectedLossIsWhatTheFiltersLose) {
     truth.parameters = with_entries(truth.parameters, system.truth);
     BoundOptions options;
     options.samples = system.samples;
-    const double least = bound_of(truth, options, nullptr).loss->relative;
+    const double least = bound_of(truth, options, nullptr).excess_mean_square_error->relative;
     const NoiseStudy als = als_study("als-weighted", system, recordings, NoiseAlsOptions());
     NoiseMlOptions one;
     one.starts = 1;
@@ -191,7 +191,7 @@ TEST(NoiseAlsStudy, FindsTheNumberOfSources) {
         std::vector<int> found(static_cast<std::size_t>(n + 1));
         for (const Eigen::MatrixXd& y : recordings) {
           const Estimate e = tune_als(system.model, {dataset_of(y)}, options);
-          ++found[static_cast<std::size_t>(e.sources->picked)];
+          ++found[static_cast<std::size_t>(e.minimum_rank->rank)];
         }
         std::printf("%td states, %td sources, %s: found", n, rank,
                     weighted ? "als-weighted" : "als");

@@ -156,21 +156,23 @@ TEST(TuneAls, AnswersWithWhatItsErrorsCost) {
   const MatiskoSystem system = matisko_system(6);
   Random random(1);
   const Estimate estimate = tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
-  ASSERT_TRUE(estimate.loss.has_value());
-  EXPECT_EQ(estimate.loss->reason, "");
+  ASSERT_TRUE(estimate.excess_mean_square_error.has_value());
+  EXPECT_EQ(estimate.excess_mean_square_error->reason, "");
   ModelFile truth = system.model;
   truth.parameters = with_entries(truth.parameters, system.truth);
   BoundOptions options;
   options.samples = system.samples;
   const Estimate bound = bound_of(truth, options, nullptr);
-  ASSERT_TRUE(bound.loss.has_value());
-  EXPECT_GT(bound.loss->relative, 0.0);
-  EXPECT_LT(estimate.loss->relative, 3.0 * bound.loss->relative);
-  EXPECT_GT(estimate.loss->relative, bound.loss->relative / 3.0);
+  ASSERT_TRUE(bound.excess_mean_square_error.has_value());
+  EXPECT_GT(bound.excess_mean_square_error->relative, 0.0);
+  EXPECT_LT(estimate.excess_mean_square_error->relative,
+            3.0 * bound.excess_mean_square_error->relative);
+  EXPECT_GT(estimate.excess_mean_square_error->relative,
+            bound.excess_mean_square_error->relative / 3.0);
 }
 
 // One output of two states cannot tell two full covariances apart; a free A is not noise.
-TEST(FilterLoss, IsNotKnownWhereItHasNoGround) {
+TEST(ExcessMeanSquareError, IsNotKnownWhereItHasNoGround) {
   MatiskoSystem system = matisko_system(6);
   system.model.parameters[0].domain = Domain::positive_definite;
   LinearModel& linear = system.model.linear;
@@ -181,9 +183,10 @@ TEST(FilterLoss, IsNotKnownWhereItHasNoGround) {
   BoundOptions options;
   options.samples = 1000;
   const Estimate flat = bound_of(system.model, options, nullptr);
-  ASSERT_TRUE(flat.loss.has_value());
-  EXPECT_TRUE(std::isnan(flat.loss->relative));
-  EXPECT_NE(flat.loss->reason.find("do not determine"), std::string::npos) << flat.loss->reason;
+  ASSERT_TRUE(flat.excess_mean_square_error.has_value());
+  EXPECT_TRUE(std::isnan(flat.excess_mean_square_error->relative));
+  EXPECT_NE(flat.excess_mean_square_error->reason.find("do not determine"), std::string::npos)
+      << flat.excess_mean_square_error->reason;
 
   ModelFile model = scalar_model(0.5, 1.0, 1.0);
   Parameter a = model.parameters[0];
@@ -193,22 +196,24 @@ TEST(FilterLoss, IsNotKnownWhereItHasNoGround) {
   model.linear.A.constant.setZero();
   model.linear.A.entries = {{0, 0, 2, 1.0}};
   const Estimate free = bound_of(model, options, nullptr);
-  ASSERT_TRUE(free.loss.has_value());
-  EXPECT_TRUE(std::isnan(free.loss->relative));
-  EXPECT_NE(free.loss->reason.find("other than noise"), std::string::npos) << free.loss->reason;
+  ASSERT_TRUE(free.excess_mean_square_error.has_value());
+  EXPECT_TRUE(std::isnan(free.excess_mean_square_error->relative));
+  EXPECT_NE(free.excess_mean_square_error->reason.find("other than noise"), std::string::npos)
+      << free.excess_mean_square_error->reason;
 }
 
 // R of System 5 ends at zero on this recording: its error is left out by name.
-TEST(FilterLoss, LeavesOutWhatLiesAtTheBoundary) {
+TEST(ExcessMeanSquareError, LeavesOutWhatLiesAtTheBoundary) {
   const MatiskoSystem system = matisko_system(5);
   for (std::uint64_t seed = 1; seed < 20; ++seed) {
     Random random(seed);
     const Estimate estimate =
         tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
     if (estimate.parameters[1].verdict != Verdict::at_bound) continue;
-    ASSERT_TRUE(estimate.loss.has_value());
-    EXPECT_EQ(estimate.loss->without, std::vector<std::string>{estimate.parameters[1].name});
-    EXPECT_GE(estimate.loss->relative, 0.0);
+    ASSERT_TRUE(estimate.excess_mean_square_error.has_value());
+    EXPECT_EQ(estimate.excess_mean_square_error->without,
+              std::vector<std::string>{estimate.parameters[1].name});
+    EXPECT_GE(estimate.excess_mean_square_error->relative, 0.0);
     return;
   }
   FAIL() << "no recording with R at zero";
@@ -223,11 +228,11 @@ TEST(MinimumRank, FollowsThePenaltyToFewerSources) {
     options.weighted = weighted;
     options.sources = true;
     const Estimate estimate = tune_als(system.model, data, options);
-    ASSERT_TRUE(estimate.sources.has_value());
-    const Sources& s = *estimate.sources;
+    ASSERT_TRUE(estimate.minimum_rank.has_value());
+    const RankSelection& s = *estimate.minimum_rank;
     EXPECT_EQ(s.of, 3);
-    EXPECT_EQ(s.picked, 1);
-    EXPECT_EQ(s.curve.front().sources, 0);
+    EXPECT_EQ(s.rank, 1);
+    EXPECT_EQ(s.curve.front().rank, 0);
     EXPECT_EQ(s.curve.back().penalty, 0.0);
     for (std::size_t i = 1; i < s.curve.size(); ++i) {
       // Convex: as the penalty falls, so does the misfit, and the trace grows.
@@ -239,8 +244,10 @@ TEST(MinimumRank, FollowsThePenaltyToFewerSources) {
         Eigen::SelfAdjointEigenSolver<MatrixXd>(estimate.noise.Q, Eigen::EigenvaluesOnly)
             .eigenvalues();
     EXPECT_LT(std::abs(eigenvalues[1]), 1e-8 * eigenvalues[2]);
-    EXPECT_TRUE(std::isnan(estimate.loss->relative));  // the errors of a singular Q are not known
-    EXPECT_NE(estimate.loss->reason.find("boundary"), std::string::npos) << estimate.loss->reason;
+    EXPECT_TRUE(std::isnan(
+        estimate.excess_mean_square_error->relative));  // the errors of a singular Q are not known
+    EXPECT_NE(estimate.excess_mean_square_error->reason.find("boundary"), std::string::npos)
+        << estimate.excess_mean_square_error->reason;
     // Without the penalty's bias.
     EXPECT_NEAR(eigenvalues[2] / 4.0, 1.0, 0.2);
   }
@@ -257,7 +264,7 @@ TEST(MinimumRank, DropsVariancesOfADiagonalQ) {
   options.sources = true;
   const Estimate estimate =
       tune_als(system.model, {dataset_of(simulate_matisko(system, random))}, options);
-  EXPECT_EQ(estimate.sources->picked, 1);
+  EXPECT_EQ(estimate.minimum_rank->rank, 1);
   EXPECT_EQ(estimate.noise.Q(0, 0), 0.0);
   EXPECT_EQ(estimate.noise.Q(2, 2), 0.0);
   EXPECT_NEAR(estimate.noise.Q(1, 1), 4.0, 1.0);

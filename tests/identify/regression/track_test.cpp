@@ -151,10 +151,10 @@ TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
   }
   EXPECT_EQ(estimate.parameters[0].unit, "(km/h)/deg");
   EXPECT_EQ(estimate.parameters[2].unit, "");
-  ASSERT_TRUE(estimate.course.has_value());
-  EXPECT_EQ(estimate.course->mean.cols(), 2000);
-  EXPECT_TRUE(std::isnan(estimate.course->mean(0, 1)));
-  EXPECT_EQ(estimate.course->mean(0, 1999), estimate.parameters[0].value);
+  ASSERT_TRUE(estimate.time_history.has_value());
+  EXPECT_EQ(estimate.time_history->mean.cols(), 2000);
+  EXPECT_TRUE(std::isnan(estimate.time_history->mean(0, 1)));
+  EXPECT_EQ(estimate.time_history->mean(0, 1999), estimate.parameters[0].value);
   EXPECT_NEAR(testing::derived(estimate, "sd of the error")->value, 0.5, 0.03);
 }
 
@@ -172,7 +172,7 @@ TEST(TrackRegression, MissingSamplesAreLeftOutAndSaid) {
   for (const std::string& note : estimate.notes) said |= note.starts_with("4 samples left out");
   EXPECT_TRUE(said);
   EXPECT_TRUE(std::isnan(estimate.series.predicted(0, 101)));
-  EXPECT_EQ(estimate.course->mean.col(101), estimate.course->mean.col(99));
+  EXPECT_EQ(estimate.time_history->mean.col(101), estimate.time_history->mean.col(99));
 }
 
 TEST(TrackRegression, WhatIsNotExcitedIsSaid) {
@@ -222,8 +222,8 @@ TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
   model.regression.reset = true;
   const Estimate estimate = track_vehicle(model, four_lane_changes(0.6, 7));
   EXPECT_EQ(estimate.status, Status::ok);
-  ASSERT_TRUE(estimate.course.has_value());
-  const TimeHistory& course = *estimate.course;
+  ASSERT_TRUE(estimate.time_history.has_value());
+  const TimeHistory& course = *estimate.time_history;
   ASSERT_EQ(course.names, (std::vector<std::string>{"Iz", "Cf", "Cr"}));
   const auto at = [&](double time, Index i) {
     Index k = 0;
@@ -254,7 +254,7 @@ TEST(TrackVehicle, KnowsWhatItCannotTrack) {
   model = testing::thesis_model();
   model.parameters[6] = testing::known("Cr", "N/rad", 88107.7);
   const Estimate estimate = track_vehicle(model, testing::lane_change({}, 100.0));
-  EXPECT_EQ(estimate.course->names, (std::vector<std::string>{"Iz", "Cf"}));
+  EXPECT_EQ(estimate.time_history->names, (std::vector<std::string>{"Iz", "Cf"}));
   EXPECT_NEAR(testing::parameter(estimate, "Cf").value, 88107.7, 2000.0);
   EXPECT_NEAR(testing::parameter(estimate, "Iz").value, 2319.0, 100.0);
 }

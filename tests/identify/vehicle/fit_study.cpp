@@ -42,7 +42,7 @@ Tally study(const char* title, const Dataset& clean, int runs) {
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
     tally.milliseconds += took.count() / runs;
     tally.ok += fit.status == Status::ok ? 1 : 0;
-    tally.agree += fit.objective.starts == fit.objective.starts_agree ? 1 : 0;
+    tally.agree += fit.objective.starts == fit.objective.starts_at_optimum ? 1 : 0;
     tally.coloured += warning(fit, "coloured_residuals") != nullptr ? 1 : 0;
     if (const Warning* w = warning(fit, "tyre_saturation")) {
       ++tally.saturation;

@@ -75,7 +75,7 @@ TEST(VehicleFit, FindsTheThesisCar) {
   }
   EXPECT_EQ(parameter(fit, "m").value, 1446.0);
   EXPECT_TRUE(parameter(fit, "m").fixed);
-  EXPECT_EQ(fit.objective.starts, fit.objective.starts_agree);
+  EXPECT_EQ(fit.objective.starts, fit.objective.starts_at_optimum);
   EXPECT_GT(fit.objective.log_likelihood, fit.objective.log_likelihood_start);
   EXPECT_EQ(fit.identifiability.rank, 3);
 
@@ -315,8 +315,8 @@ TEST(VehicleFit, MassIsNeverFoundFromSteering) {
   EXPECT_EQ(fit.status, Status::answer_no);
   EXPECT_THAT(fit.message, HasSubstr("does not determine m, Iz, Cf, Cr separately"));
   EXPECT_EQ(fit.identifiability.rank, 3);
-  ASSERT_EQ(fit.identifiability.flat_directions.size(), 1u);
-  EXPECT_EQ(fit.identifiability.flat_directions[0].names.size(), 4u);
+  ASSERT_EQ(fit.identifiability.unidentifiable_directions.size(), 1u);
+  EXPECT_EQ(fit.identifiability.unidentifiable_directions[0].names.size(), 4u);
   for (const char* name : {"m", "Iz", "Cf", "Cr"}) {
     EXPECT_EQ(parameter(fit, name).verdict, Verdict::flat) << name;
     EXPECT_TRUE(std::isnan(parameter(fit, name).se)) << name;
@@ -528,7 +528,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   Estimate estimate;
   check_tyres(problem, early, estimate);
   ASSERT_EQ(estimate.warnings.size(), 1u);
-  EXPECT_NE(estimate.warnings[0].todo.find("wrong unit"), std::string::npos);
+  EXPECT_NE(estimate.warnings[0].remedy.find("wrong unit"), std::string::npos);
   EXPECT_NE(saturation->todo.find("milder part"), std::string::npos);
 }
 
