@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Debian packages named on the command line that are missing. Asks dpkg first, so that a prepared machine
-# needs neither root nor network. npm may have come with another nodejs than Debian's.
+# needs neither root nor network.
 set -euo pipefail
 command -v dpkg-query >/dev/null || {
   echo "prepare.sh: no Debian here; CMake will name what it misses of: $*"
@@ -9,7 +9,6 @@ command -v dpkg-query >/dev/null || {
 installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' "$@" 2>/dev/null || true)
 missing=()
 for package in "$@"; do
-  [ "$package" = npm ] && command -v npm >/dev/null && continue
   grep -qxF "installed $package" <<<"$installed" || missing+=("$package")
 done
 [ ${#missing[@]} -eq 0 ] && exit 0

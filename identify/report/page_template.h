@@ -1,4 +1,4 @@
-// What does the report page look like? Made from identify/report/page/ and uPlot by the build.
+// What does the report page look like? Made from identify/report/page/ by the build.
 #pragma once
 
 #include <string_view>

@@ -1,15 +1,15 @@
 # Writes the report page as a C++ string:
-#   cmake -DSOURCE=identify/report/page -DUPLOT=.../uplot -DVERSIONS=JSON -DOUTPUT=report_template.cpp -P embed.cmake
+#   cmake -DSOURCE=identify/report/page -DVERSIONS=JSON -DOUTPUT=report_template.cpp -P embed.cmake
 file(READ ${SOURCE}/page.html page)
 file(READ ${SOURCE}/page.css page_css)
-file(READ ${SOURCE}/page.js page_js)
-file(READ ${UPLOT}/dist/uPlot.min.css uplot_css)
-file(READ ${UPLOT}/dist/uPlot.iife.min.js uplot_js)
-file(READ ${UPLOT}/LICENSE uplot_licence)
-foreach(part uplot.css page.css uplot.licence uplot.js page.js)
-  string(REPLACE "." "_" variable ${part})
-  string(REPLACE "{{${part}}}" "${${variable}}" page "${page}")
+# One script, in this order: what draws, what there is to show, the sections, the page.
+set(page_js "")
+foreach(part text chart time_plot blocks summary parameters signals whiteness vehicle likelihood recordings page)
+  file(READ ${SOURCE}/${part}.js script)
+  string(APPEND page_js "${script}\n")
 endforeach()
+string(REPLACE "{{page.css}}" "${page_css}" page "${page}")
+string(REPLACE "{{page.js}}" "${page_js}" page "${page}")
 file(WRITE ${OUTPUT} "// Written by embed.cmake.
 #include \"identify/report/page_template.h\"
 

@@ -83,22 +83,17 @@ class Browser:
             self.driver.wait()
 
 
-# A canvas or drawing counts when something is on it.
+# A drawing counts when something other than its axes is on it and nothing was computed from nothing.
 DRAWN = """
-const drawn = [];
-for (const plot of document.querySelectorAll(".plot")) {
-  const canvas = plot.querySelector("canvas");
-  let marks = plot.querySelectorAll("svg path[d], svg circle, svg rect:not(.frame), svg line.accent").length;
-  if (canvas) {
-    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
-    const colours = new Set();
-    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 200) colours.add(pixels[i] << 16 | pixels[i + 1] << 8 | pixels[i + 2]);
-    marks = colours.size;
-  }
-  drawn.push([plot.textContent.slice(0, 40), marks]);
-}
-return drawn;
+return [...document.querySelectorAll(".plot")].map((plot) => {
+  const marks = [...plot.querySelectorAll("svg path[d], svg circle, svg rect:not(.frame), svg line.accent")].filter((mark) => !mark.closest("clipPath"));
+  const spoilt = marks.some((mark) => /NaN|Infinity|undefined|null/.test(mark.outerHTML));
+  return [plot.textContent.slice(0, 40), spoilt ? 0 : marks.length];
+});
 """
+# What all plots over time draw of their signals; what their legends say.
+LINES = "return [...document.querySelectorAll('.time-plot')].map((p) => [...p.querySelectorAll('path')].map((e) => e.getAttribute('d')).join())"
+LEGENDS = "return [...document.querySelectorAll('.time-plot + .key')].map((k) => [...k.querySelectorAll('b')].map((b) => b.textContent))"
 
 
 class Page(unittest.TestCase):
@@ -134,7 +129,7 @@ class Page(unittest.TestCase):
         self.assertTrue(browser.run("return 'ready' in document.documentElement.dataset"), browser.log("browser"))
         drawn = browser.run(DRAWN)
         self.assertGreaterEqual(len(drawn), least)
-        self.assertEqual([], [title for title, marks in drawn if marks < 2])
+        self.assertEqual([], [title for title, marks in drawn if marks < 1])
         for scheme in ("light", "dark"):
             for width in (360, 1200):
                 browser.screen(width, 900, scheme)
@@ -214,8 +209,8 @@ class Page(unittest.TestCase):
         page = self.made("two_niles", "tune", "examples/nile.yaml", years, years, "--hold-out", "30%")
         self.laid_end_to_end(self.drawn_by(page), 2)
 
-    def test_climbs_are_shown_from_their_starts(self):
-        page = self.made("climbs", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
+    def test_searches_are_shown_from_their_starts(self):
+        page = self.made("searches", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv")
         searches = self.drawn_by(page)["searches"]
         result = json.loads(re.search(r'<script type="application/json" id="result">(.*?)</script>', page.read_text(), re.S)[1])
         self.assertEqual(result["objective"]["iterations"], sum(len(path) - 1 for path in searches))
@@ -224,7 +219,7 @@ class Page(unittest.TestCase):
         for path in searches:
             self.assertTrue(all(a <= b for a, b in zip(path, path[1:])))
         self.browser.open(page)
-        self.assertIn(f"{len(searches)} climbs", self.browser.run("return document.querySelector('#likelihood').textContent"))
+        self.assertIn(f"{len(searches)} local searches", self.browser.run("return document.querySelector('#likelihood').textContent"))
 
     def test_spectra_keep_what_is_small(self):
         model, noise = self.path / "off.yaml", ("--set", "r=0.1")
@@ -255,7 +250,7 @@ class Page(unittest.TestCase):
         page = self.made("check", "check", "examples/nile.yaml", "data/nile.csv", "--set", "r=1000", code=1)
         self.looked_at("check", page, 6)
         self.assertTrue(self.drawn_by(page)["forecasts"])
-        self.assertIn("Shaded: free run", self.browser.run("return document.querySelector('main').textContent"))
+        self.assertIn("Shaded: simulation", self.browser.run("return document.querySelector('main').textContent"))
         self.assertNotIn("the fit did see", self.browser.run("return document.querySelector('main').textContent"))
 
     def test_a_verdict_does_not_hide_failing_tests(self):
@@ -275,27 +270,95 @@ class Page(unittest.TestCase):
         self.browser.open(page)
         self.assertEqual(f"! Usable, but {failed} of {len(result['tests'])} tests fail", self.browser.run("return document.querySelector('#verdict strong').textContent"))
 
+    def pointer(self, box, *steps):
+        """Moves over a box [left, top, width, height]: (kind, share of its width, buttons) each."""
+        for kind, share, buttons in steps:
+            self.browser.devtools("Input.dispatchMouseEvent", type=kind, x=box[0] + share * box[2], y=box[1] + 0.5 * box[3],
+                                  button="left" if kind != "mouseMoved" else "none", buttons=buttons, clickCount=1)
+        time.sleep(0.2)
+
+    def frame(self, number):
+        """Where the axes of a plot over time are, after scrolling to it."""
+        return self.browser.run("""const frame = document.querySelectorAll('.time-plot')[arguments[0]].querySelector('.frame');
+            frame.scrollIntoView({block: 'center'}); const b = frame.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]""", number)
+
     def test_zoom_is_shared(self):
         page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")
         self.browser.screen(1200, 900)
         self.browser.open(page)
-        plots = self.browser.run("return document.querySelectorAll('.uplot').length")
-        self.assertGreaterEqual(plots, 4)
-        over = "document.querySelectorAll('.u-over')[0]"
-        self.browser.run(f"{over}.scrollIntoView()")
-        box = self.browser.run(f"const b = {over}.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]")
-        shown = lambda: self.browser.run("return [...document.querySelectorAll('.uplot canvas')].map((c) => c.toDataURL().length)")
-        before = shown()
-        x, y = box[0] + 0.3 * box[2], box[1] + 0.5 * box[3]
-        for kind, dx, buttons in (("mousePressed", 0, 1), ("mouseMoved", 0.15, 1), ("mouseMoved", 0.3, 1), ("mouseReleased", 0.3, 0)):
-            self.browser.devtools("Input.dispatchMouseEvent", type=kind, x=x + dx * box[2], y=y, button="left", buttons=buttons, clickCount=1)
-        time.sleep(0.3)
-        self.assertTrue(all(a != b for a, b in zip(before, shown())))
-        self.assertTrue(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
+        before = self.browser.run(LINES)
+        self.assertGreaterEqual(len(before), 4)
+        zoomed = lambda: self.browser.run("return document.documentElement.classList.contains('zoomed')")
+        drag = lambda: self.pointer(self.frame(0), ("mousePressed", 0.3, 1), ("mouseMoved", 0.45, 1), ("mouseMoved", 0.6, 1), ("mouseReleased", 0.6, 0))
+        drag()
+        self.assertTrue(all(a != b for a, b in zip(before, self.browser.run(LINES))))
+        self.assertTrue(zoomed())
+        # The years 29.7 to 59.4 of 99 remain.
+        axis = self.browser.run("return [...document.querySelector('.time-plot').querySelectorAll('text[text-anchor=middle]')].map((t) => t.textContent)")
+        self.assertEqual([str(t) for t in range(30, 60, 2)], axis)
         self.browser.run("document.querySelector('.reset').click()")
-        time.sleep(0.3)
-        self.assertEqual(before[0], shown()[0])
-        self.assertFalse(self.browser.run("return document.documentElement.classList.contains('zoomed')"))
+        self.assertEqual(before, self.browser.run(LINES))
+        self.assertFalse(zoomed())
+        drag()
+        self.assertTrue(zoomed())
+        box = self.frame(1)
+        for clicks in (1, 2):
+            for kind in ("mousePressed", "mouseReleased"):
+                self.browser.devtools("Input.dispatchMouseEvent", type=kind, x=box[0] + 0.5 * box[2], y=box[1] + 0.5 * box[3], button="left", clickCount=clicks)
+        self.assertEqual(before, self.browser.run(LINES))
+        self.assertEqual([], self.browser.log("browser"))
+
+    def test_the_cursor_is_read_off_everywhere(self):
+        page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")
+        data = self.drawn_by(page)
+        self.browser.screen(1200, 900)
+        self.browser.open(page)
+        self.pointer(self.frame(0), ("mouseMoved", 81.8 / 99, 0))
+        legends = self.browser.run(LEGENDS)
+        channel = data["channels"][0]
+        measured, one_step, simulation, band, instant = legends[0]
+        self.assertEqual(("838", "at 82 s"), (measured, instant))
+        self.assertAlmostEqual(channel["one_step"]["y"][82], float(one_step), delta=0.01)
+        self.assertAlmostEqual(channel["free_run"]["y"][82], float(simulation), delta=0.01)
+        for said, limit in zip(band.split(" … "), (channel["forecast_low"], channel["forecast_high"])):
+            self.assertAlmostEqual(limit["y"][82], float(said), delta=0.5)
+        self.assertAlmostEqual(channel["after"]["y"][82], float(legends[1][0]), delta=1e-3)
+        self.assertEqual(["at 82 s"] * 2, [legend[-1] for legend in legends[1:3]])
+        nis = min(data["nis"]["time"], key=lambda t: abs(t - 81.8))
+        self.assertEqual(f"at {nis:g} s", legends[3][-1])
+        self.pointer([0, 0, 10, 10], ("mouseMoved", 0.5, 0))
+        self.assertEqual({""}, {text for legend in self.browser.run(LEGENDS) for text in legend})
+
+    def test_missing_samples_break_a_line(self):
+        rows = (ROOT / "data/nile.csv").read_text().splitlines(True)
+        header = next(i for i, row in enumerate(rows) if row[0].isalpha())
+        gap = self.path / "gap.csv"
+        gap.write_text("".join(re.sub(r",[^,\n]*", ",", row) if i - header in range(41, 51) else row for i, row in enumerate(rows)))
+        page = self.made("gap", "tune", "examples/nile.yaml", gap)
+        after = self.drawn_by(page)["channels"][0]["after"]["y"]
+        self.assertEqual(list(range(40, 50)), [i for i, e in enumerate(after) if e is None and i > 1])
+        self.browser.open(page)
+        line = self.browser.run(LINES)[1]
+        self.assertEqual(2, line.count("M"))
+        self.assertEqual(sum(e is not None for e in after), line.count("M") + line.count("L"))
+        self.assertEqual(90, self.browser.run("return document.querySelector('.time-plot').querySelectorAll('circle').length"))
+
+    def test_paper_is_white_and_as_wide_as_it_is(self):
+        page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")
+        self.browser.screen(1200, 900, "dark")
+        self.browser.open(page)
+        width = "return document.querySelector('.time-plot svg').viewBox.baseVal.width"
+        self.assertGreater(self.browser.run(width), 1000)
+        self.browser.run("dispatchEvent(new Event('beforeprint'))")
+        self.browser.devtools("Emulation.setEmulatedMedia", media="print", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+        try:
+            self.assertEqual(700, self.browser.run(width))
+            self.assertEqual("rgb(255, 255, 255)", self.browser.run("return getComputedStyle(document.body).backgroundColor"))
+            self.assertEqual("rgb(11, 100, 173)", self.browser.run("return getComputedStyle(document.querySelector('.time-plot path.accent')).stroke"))
+        finally:
+            self.browser.devtools("Emulation.setEmulatedMedia", media="")
+        self.browser.run("dispatchEvent(new Event('afterprint'))")
+        self.assertGreater(self.browser.run(width), 1000)
 
     def test_names_cannot_break_out(self):
         model = self.path / "spiteful.yaml"
@@ -320,6 +383,9 @@ class Page(unittest.TestCase):
         page = self.made("long", "tune", str(model), str(data), "--starts", "1")
         wall, spent = time.monotonic() - begin, used() - before
         self.looked_at("long", page, 12)
+        # Thinned signals are areas from the least to the largest of every column.
+        areas = self.browser.run("return [...document.querySelectorAll('.time-plot')].map((p) => p.querySelectorAll('path.hair').length)")
+        self.assertTrue(all(n >= 1 for n in areas[:-1]), areas)
         print(f"1e6 samples read, tuned and reported: {page.stat().st_size / 1000:.0f} kB, {spent:.2f} s of one core, {wall:.2f} s in all")
         self.assertLess(spent, 5.0)  # the processor's time: other tests run beside this one
 
