@@ -32,9 +32,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "lib/filter/filter_result.h"
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/steady_filter.h"
-#include "lib/filter/kalman.h"
 #include "lib/internal/small_product.h"
 
 namespace identikal {

@@ -1,12 +1,13 @@
-// The filter recursion with the shortcuts that it may take, and with a view of every sample.
+// The filter recursion with its shorter ways, and with a view of every sample.
 // Internal to lib.
 #pragma once
 
 #include <functional>
 #include <vector>
 
+#include "lib/filter/filter_result.h"
 #include "lib/filter/internal/segment.h"
-#include "lib/filter/kalman.h"
+#include "lib/model/linear_model.h"
 
 namespace identikal {
 
@@ -29,7 +30,20 @@ void check_shapes(const StateSpace& model, InitialState initial,
 Likelihood run_recursion(const StateSpace& model, InitialState initial,
                          const Eigen::Ref<const Eigen::MatrixXd>& y,
                          const Eigen::Ref<const Eigen::MatrixXd>& u,
-                         const std::vector<StateSpace>& derivatives, RecursionOptions& shortcuts);
+                         const std::vector<StateSpace>& derivatives, RecursionOptions& options);
+
+/// The same for a time-varying model.
+Likelihood run_recursion(const ModelAt& model, InitialState initial,
+                         const Eigen::Ref<const Eigen::MatrixXd>& y,
+                         const Eigen::Ref<const Eigen::MatrixXd>& u, bool with_derivatives);
+
+/// kalman_filter() of lib/filter/kalman.h.
+FilterResult run_filter(const StateSpace& model, InitialState initial,
+                        const Eigen::Ref<const Eigen::MatrixXd>& y,
+                        const Eigen::Ref<const Eigen::MatrixXd>& u, Keep keep);
+FilterResult run_filter(const ModelAt& model, InitialState initial,
+                        const Eigen::Ref<const Eigen::MatrixXd>& y,
+                        const Eigen::Ref<const Eigen::MatrixXd>& u, Keep keep);
 
 /// One sample as the recursion sees it. Under a diffuse start, x(1) = proper part + delta, matrices
 /// of states have 1 + n columns: the value at delta = 0 and the responses to delta; one column

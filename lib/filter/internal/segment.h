@@ -5,8 +5,9 @@
 #include <memory>
 #include <vector>
 
+#include "lib/filter/filter_result.h"
 #include "lib/filter/internal/lag_sums.h"
-#include "lib/filter/kalman.h"
+#include "lib/model/linear_model.h"
 
 namespace identikal {
 

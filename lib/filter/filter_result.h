@@ -1,0 +1,63 @@
+// What does a pass of the filter over a recording leave? Innovations, states and the Gaussian
+// log-likelihood, or the reason why there are none.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/model/state_space.h"
+
+namespace identikal {
+
+/// How an evaluation ended; everything but ok leaves the numbers undefined.
+enum class FilterStatus {
+  ok,
+  unstable,      ///< InitialState::stationary and A is not stable
+  indefinite,    ///< an innovation covariance is not positive definite: y has a part without noise,
+                 ///< or Q or R is indefinite
+  undetermined,  ///< InitialState::diffuse and the recording does not determine the initial state
+  not_finite,    ///< overflow, or an input u is missing
+};
+
+/// A sentence for people.
+const char* describe(FilterStatus status);
+
+struct FilterResult {
+  FilterStatus status = FilterStatus::ok;
+  double log_likelihood = 0.0;
+  Eigen::Index first_proper =
+      0;  ///< first sample with a proper innovation; > 0 with a diffuse start
+  Eigen::MatrixXd x_pred, x_filt;               ///< n x N: E x(t) given y up to t-1, up to t
+  std::vector<Eigen::MatrixXd> P_pred, P_filt;  ///< N of n x n
+  Eigen::MatrixXd e;     ///< ny x N innovations; NaN where missing or before first_proper
+  Eigen::MatrixXd e_sd;  ///< ny x N: sd of the innovations, Sigma_ii^1/2, where missing too; NaN
+                         ///< before first_proper
+  Eigen::MatrixXd
+      standardised;  ///< ny x N: L^-1 e with Sigma = L L' over the channels present; NaN as e
+  std::vector<Eigen::MatrixXd> Sigma;  ///< N of ny x ny innovation covariances
+};
+
+/// What kalman_filter() stores. States and covariances of a long record take much memory.
+enum class Keep { everything, innovations };
+
+/// A model that changes from sample to sample. Sets the model of sample t (what links x(t) to y(t)
+/// and to x(t+1)), and its derivatives unless they are null; called for t = 0, 1, ... in turn. The
+/// sizes must not change.
+using ModelAt =
+    std::function<void(Eigen::Index t, StateSpace& model, std::vector<StateSpace>* derivatives)>;
+
+struct Likelihood {
+  FilterStatus status = FilterStatus::ok;
+  /// -1/2 sum_t [ log|Sigma| + e' Sigma^-1 e ] - 1/2 (samples - diffuse states) log 2 pi, the exact
+  /// diffuse log-likelihood when the start is diffuse.
+  double value = 0.0;
+  Eigen::VectorXd gradient;  ///< k, exact
+  /// k x k: sum_t [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + de_i' Sigma^-1 de_j ], the Fisher
+  /// information with the second expectation replaced by its sample value; terms before
+  /// first_proper are left out.
+  Eigen::MatrixXd information;
+};
+
+}  // namespace identikal
