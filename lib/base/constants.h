@@ -2,11 +2,14 @@
 #pragma once
 
 #include <limits>
+#include <numbers>
 
 namespace identikal {
 
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
-inline constexpr double kStandardGravity = 9.80665;  ///< [m/s^2]
+inline constexpr double kDegree = std::numbers::pi / 180.0;            ///< [rad]
+inline constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;  ///< [deg/rad]
+inline constexpr double kStandardGravity = 9.80665;                    ///< [m/s^2]
 
 }  // namespace identikal

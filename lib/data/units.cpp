@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "lib/base/constants.h"
 #include "lib/base/nearest_name.h"
 
 namespace identikal {
@@ -38,7 +39,6 @@ constexpr std::array<int, 5> kPressure{-1, 1, -2, 0, 0};
 constexpr std::array<int, 5> kInductance{2, 1, -2, -2, 0};
 constexpr std::array<int, 5> kVolume{3, 0, 0, 0, 0};
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMile = 1609.344;
 
 // "g" is standard gravity, never the gram: vehicle files give accelerations in it and masses in kg.
