@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 MatrixXd in_channel_units(const MatrixXd& si, const std::vector<Channel>& channels) {
   MatrixXd out = si;
   for (Index i = 0; i < out.rows(); ++i) {
-    const auto unit = parse_unit(channels[static_cast<std::size_t>(i)].unit).value_or(Unit{});
+    const auto unit = parse_unit(channels[i].unit).value_or(Unit{});
     for (Index t = 0; t < out.cols(); ++t) out(i, t) = unit.from_si(si(i, t));
   }
   return out;
@@ -47,7 +47,7 @@ void list_coefficients(Estimate& estimate, const Dataset& recording, const Regre
     EstimatedParameter p;
     p.name = name;
     p.unit = unit;
-    p.value = theta[static_cast<Index>(estimate.parameters.size())];
+    p.value = theta[estimate.parameters.size()];
     estimate.parameters.push_back(std::move(p));
   };
   for (const Channel& input : recording.inputs) {
@@ -96,7 +96,7 @@ void report_course(Estimate& estimate, const Dataset& recording, const LaggedRow
   }
   VectorXd time(rows.y.size());
   for (Index row = 0; row < time.size(); ++row) {
-    time[row] = recording.time[rows.sample[static_cast<std::size_t>(row)]];
+    time[row] = recording.time[rows.sample[row]];
   }
   out.changes = reported_changes(course.changes, time, course.theta);
   if (forgetting.reset || forgetting.watch) {

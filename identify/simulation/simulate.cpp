@@ -73,8 +73,8 @@ std::string csv_text(const ModelFile& model, std::uint64_t seed,
        const std::string& name : entries.names) {
     const auto i = static_cast<std::size_t>(&name - entries.names.data());
     const Unit unit = parse_unit(entries.units[i]).value_or(Unit{});
-    out += fmt::format("# truth: {} = {:.10g} {}\n", name,
-                       unit.from_si(entries.value[static_cast<Index>(i)]), entries.units[i]);
+    out += fmt::format("# truth: {} = {:.10g} {}\n", name, unit.from_si(entries.value[i]),
+                       entries.units[i]);
   }
   for (std::size_t c = 0; c < columns.size(); ++c) {
     const std::string unit = columns[c].unit.empty() ? "" : " [" + columns[c].unit + "]";
@@ -115,7 +115,7 @@ std::string csv_of(const ModelFile& model, std::uint64_t seed, const MatrixXd& y
                    const Dataset* inputs, const VectorXd& time) {
   std::vector<OutputColumn> columns;
   for (Index i = 0; i < y.rows(); ++i) {
-    const ChannelSource& source = model.outputs[static_cast<std::size_t>(i)];
+    const ChannelSource& source = model.outputs[i];
     columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
   }
   for (std::size_t i = 0; i < model.inputs.size(); ++i) {
@@ -141,7 +141,7 @@ Dataset refined(const Dataset& recording, InputPath path, int pieces) {
       const double share = static_cast<double>(j) / pieces;
       out.time[k * pieces + j] =
           recording.time[k] + share * (recording.time[k + 1] - recording.time[k]);
-      out.u.col(k * pieces + j) = nodes.u.col(nodes.first[static_cast<std::size_t>(k)] + 2 * j);
+      out.u.col(k * pieces + j) = nodes.u.col(nodes.first[k] + 2 * j);
     }
   }
   out.time[M - 1] = recording.time[N - 1];
@@ -238,8 +238,7 @@ MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Ran
     Index t = 0;
     while (y.col(t).allFinite()) ++t;
     throw InputError(
-        at,
-        fmt::format("the motion runs away: at {:.6g} s it is not finite", fine.time[t * pieces]),
+        at, fmt::format("the motion diverges: at {:.6g} s it is not finite", fine.time[t * pieces]),
         "values that can be simulated");
   }
   return y;
@@ -293,7 +292,7 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& reque
     const VehicleReading reading(sensor, car);
     VectorXd clean(N);
     for (Index t = 0; t < N; ++t) {
-      clean[t] = reading.value(driven.motion[static_cast<std::size_t>(t)], driven.vx[t]);
+      clean[t] = reading.value(driven.motion[t], driven.vx[t]);
     }
     if (snr) {
       sd[i] = std::pow(10.0, -*snr / 20.0) * clean.norm() / std::sqrt(static_cast<double>(N));

@@ -35,14 +35,14 @@ Simulated simulate_linear(const ModelFile& model, Eigen::Index rows, const Datas
 
 /// The same of a nonlinear model. In continuous time the process noise enters ten times between two
 /// samples, so that the truth does not share the filter's straight lines.
-/// @throws InputError also when the motion runs away, or no sampling period is known
+/// @throws InputError also when the motion diverges, or no sampling period is known
 Simulated simulate_nonlinear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
                              std::uint64_t seed);
 
 /// Outputs of a nonlinear model at the times and inputs of a recording, as simulate_nonlinear()
 /// draws them; SI, ny x N.
 /// @throws InputError when an input is missing, noise is not positive semidefinite or the motion
-/// runs away
+/// diverges
 Eigen::MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Random& random);
 
 /// Inputs from formulas of the time, "NAME=FORMULA" in SI, at the model's sampling period.

@@ -216,7 +216,7 @@ Clock read_clock(const Table& table) {
     const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
     std::vector<double> sorted = steps;
     std::nth_element(sorted.begin(), sorted.begin() + (middle - steps.begin()), sorted.end());
-    const double median = sorted[static_cast<std::size_t>(middle - steps.begin())];
+    const double median = sorted[middle - steps.begin()];
     const std::optional<Unit> unit = parse_unit(column.unit.empty() ? "s" : column.unit);
     const double scale = unit && same_dimension(*unit, *parse_unit("s")) ? unit->scale : 1.0;
     out.column = column.name;
@@ -230,7 +230,7 @@ Clock read_clock(const Table& table) {
         shift += -steps[i] + std::max(20.0 * median, 6.0 / scale);
         ++out.runs;
       }
-      out.time[static_cast<Index>(i + 1)] = (column.values[i + 1] + shift) * scale;
+      out.time[i + 1] = (column.values[i + 1] + shift) * scale;
     }
     return out;
   }
@@ -312,7 +312,7 @@ double high_quantile(const VectorXd& x) {
   if (values.empty()) return kNaN;
   const auto at = static_cast<std::ptrdiff_t>(0.98 * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+  return values[at];
 }
 
 // How far a number lies outside a range, in factors (logarithm).

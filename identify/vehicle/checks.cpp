@@ -116,8 +116,7 @@ void describe_weakest_direction(const VehicleProblem& problem, const VehicleCova
   std::vector<Eigen::Index> rows;
   std::vector<double> values;
   for (std::size_t i = 0; i < covariance.inner.size(); ++i) {
-    const VehicleParameter parameter =
-        problem.unknowns.free[static_cast<std::size_t>(covariance.inner[i])];
+    const VehicleParameter parameter = problem.unknowns.free[covariance.inner[i]];
     if (!must_be_positive(parameter)) continue;
     names.emplace_back(name_of(parameter));
     rows.push_back(static_cast<Eigen::Index>(i));
@@ -145,7 +144,7 @@ void describe_weakest_direction(const VehicleProblem& problem, const VehicleCova
   for (Eigen::Index i = 0; i < n; ++i) {
     const double share = along[i] / along[lead];
     if (std::abs(share) < kTakesPart) continue;
-    const std::string& name = names[static_cast<std::size_t>(i)];
+    const std::string& name = names[i];
     about.push_back(name);
     text += fmt::format("{}{} by {:+.0f} %", text.empty() ? "" : ", ", name,
                         100.0 * share * std::abs(along[lead]) * size);
@@ -176,7 +175,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
                                    [&](const TestResult& t) { return t.channel == name; });
     const bool white = test != estimate.tests.end() && test->pass;
     // A sensor as noisy as the model file says is no reason for distrust.
-    if (white && rms[static_cast<Eigen::Index>(j)] <= kNoiseFactor * outputs[j].given_sd) continue;
+    if (white && rms[j] <= kNoiseFactor * outputs[j].given_sd) continue;
     const bool noisy = outputs.size() == 1 && white;
     estimate.warnings.push_back(
         {"poor_fit",
@@ -190,7 +189,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
                : "check signs, units, clocks and delays of the channels; plot the residuals"});
   }
   for (std::size_t j = 0; j < outputs.size(); ++j) {
-    const double given = outputs[j].given_sd, seen = rms[static_cast<Eigen::Index>(j)];
+    const double given = outputs[j].given_sd, seen = rms[j];
     if (std::isnan(given)) continue;
     if (seen > kNoiseFactor * given || seen < given / kNoiseFactor) {
       estimate.warnings.push_back(
@@ -362,7 +361,7 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
   for (std::size_t j = 0; j < problem.run->outputs.size(); ++j) {
     const VehicleRun::Output& output = problem.run->outputs[j];
     text += fmt::format("{} {} {:.3g} {}", j == 0 ? "" : ",", output.name,
-                        in_unit(output, saturation.rms[static_cast<Eigen::Index>(j)]), output.unit);
+                        in_unit(output, saturation.rms[j]), output.unit);
   }
   text += fmt::format("; log-likelihood {:+.4g}", saturation.gain);
   const auto too_early = [](const TyreSaturation::Axle& axle) {
@@ -430,7 +429,7 @@ void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& 
                        100.0 * static_cast<double>(rows) / static_cast<double>(present));
     for (Eigen::Index j = 0; j < outputs; ++j) {
       if (count[j] == 0.0) continue;
-      const VehicleRun::Output& output = run.outputs[static_cast<std::size_t>(j)];
+      const VehicleRun::Output& output = run.outputs[j];
       line += fmt::format("  {} {:.3g} {}", output.name,
                           in_unit(output, std::sqrt(sum[j] / count[j])), output.unit);
     }

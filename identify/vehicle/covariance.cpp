@@ -8,6 +8,7 @@
 #include <Eigen/QR>
 
 #include "identify/estimate/distribution.h"
+#include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/random.h"
 #include "lib/statistics/long_run_covariance.h"
 #include "lib/statistics/whiteness.h"
@@ -37,7 +38,7 @@ Eigen::VectorXd on_rows(const VehicleProblem& problem, Eigen::Index output,
   Eigen::VectorXd out = Eigen::VectorXd::Constant(problem.run->time.size(), kNone);
   for (std::size_t i = 0; i < problem.output.size(); ++i) {
     if (problem.output[i] == output) {
-      out[problem.row[i]] = residuals[static_cast<Eigen::Index>(i)];
+      out[problem.row[i]] = residuals[i];
     }
   }
   return out;
@@ -108,156 +109,196 @@ Eigen::MatrixXd summed_by_row(const VehicleProblem& problem, const Eigen::Matrix
 
 namespace {
 
-/// vehicle_covariance() where it is said which parameters are held at their bounds.
+/// The rows of the linearised problem, in the optimiser's coordinates.
+struct WeightedRows {
+  Eigen::MatrixXd X;       ///< (m + priors) x inner: a row per residual, over its sd
+  Eigen::MatrixXd states;  ///< m x initial states: the same
+  Eigen::VectorXd e;       ///< m: residuals over their sd
+};
+
+WeightedRows weigh(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                   const std::vector<Eigen::Index>& inner) {
+  WeightedRows out;
+  LeastSquares::RowMatrix J;
+  output_error(problem, optimum.z, out.e, &J);
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    J.row(i) /= optimum.sd[problem.output[i]];
+    out.e[i] /= optimum.sd[problem.output[i]];
+  }
+  out.X.resize(J.rows(), static_cast<Eigen::Index>(inner.size()));
+  for (std::size_t i = 0; i < inner.size(); ++i) out.X.col(i) = J.col(inner[i]);
+  out.states = J.rightCols(problem.coordinates() - problem.parameters());
+  return out;
+}
+
+/// What the initial states can explain carries no information about the parameters.
+/// @return an orthonormal basis of it
+Eigen::MatrixXd project_out_states(WeightedRows& rows) {
+  Eigen::MatrixXd states = range_of(rows.states);
+  rows.X -= states * (states.transpose() * rows.X);
+  return states;
+}
+
+/// Every free parameter adds one more row: the information of its prior.
+void add_priors(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                const std::vector<Eigen::Index>& inner, Eigen::MatrixXd& X) {
+  const Eigen::Index m = X.rows(), k = problem.parameters();
+  X.conservativeResize(m + k, X.cols());
+  X.bottomRows(k).setZero();
+  for (std::size_t i = 0; i < inner.size(); ++i) {
+    X(m + inner[i], i) = prior_residual(problem, z, inner[i]).slope;
+  }
+}
+
+/// Directions of the coordinates, by the eigenvectors of the information scaled to unit diagonal.
+struct Directions {
+  Eigen::MatrixXd determined;    ///< X determined is orthonormal
+  Eigen::MatrixXd undetermined;  ///< along which no output changes
+
+  Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& information) const {
+    return determined * (determined.transpose() * information * determined).inverse() *
+           determined.transpose();
+  }
+};
+
+Directions directions_of(const Eigen::MatrixXd& X) {
+  const Eigen::Index inner = X.cols();
+  Directions out{Eigen::MatrixXd(inner, 0), Eigen::MatrixXd(inner, 0)};
+  if (inner == 0) return out;
+  Eigen::VectorXd size = X.colwise().norm().transpose();
+  for (double& each : size) {
+    if (!(each > 0.0)) each = 1.0;
+  }
+  const Eigen::MatrixXd unit = X * size.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit.transpose() * unit);
+  const double least = kFlat * eigen.eigenvalues().maxCoeff();
+  const Eigen::Index flat = (eigen.eigenvalues().array() <= least).count();
+  const Eigen::Index determined = inner - flat;
+  out.undetermined = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().leftCols(flat);
+  out.determined = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().rightCols(determined) *
+                   eigen.eigenvalues().tail(determined).cwiseSqrt().cwiseInverse().asDiagonal();
+  return out;
+}
+
+/// An output loses as many degrees of freedom as the fit has leverage on its samples.
+/// @param states, influence  orthonormal bases of what initial states and parameters explain
+Eigen::VectorXd unbiased_sd(const VehicleProblem& problem, const Eigen::VectorXd& sd,
+                            const Eigen::MatrixXd& states, const Eigen::MatrixXd& influence) {
+  Eigen::VectorXd lost = Eigen::VectorXd::Zero(sd.size()), samples = lost, out = sd;
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    lost[problem.output[i]] += states.row(i).squaredNorm() + influence.row(i).squaredNorm();
+    samples[problem.output[i]] += 1.0;
+  }
+  for (Eigen::Index j = 0; j < sd.size(); ++j) {
+    const bool given = !std::isnan(problem.run->outputs[j].given_sd);
+    if (!given) out[j] *= std::sqrt(samples[j] / std::max(samples[j] - lost[j], 1.0));
+  }
+  return out;
+}
+
+void reweigh(const VehicleProblem& problem, const Eigen::VectorXd& from, const Eigen::VectorXd& to,
+             WeightedRows& rows) {
+  for (std::size_t i = 0; i < problem.output.size(); ++i) {
+    const double correction = from[problem.output[i]] / to[problem.output[i]];
+    rows.X.row(i) *= correction;
+    rows.e[i] *= correction;
+  }
+}
+
+/// Rows by the expected information of a sample of robust noise, errors so that rows times errors
+/// are the scores.
+void bound_scores(WeightedRows& rows) {
+  const double root = std::sqrt(noise_information(true));
+  for (Eigen::Index n = 0; n < rows.e.size(); ++n) {
+    const NoiseCost cost = noise_cost(true, rows.e[n]);
+    rows.X.row(n) *= root;
+    rows.e[n] *= cost.weight / root;
+  }
+}
+
+/// Replaces the covariance by (X'X)^-1 S (X'X)^-1, S the long-run covariance of the scores.
+/// @param inverse  (X'X)^-1; @param scale  from optimiser coordinates to SI
+void sandwich(const VehicleProblem& problem, const WeightedRows& rows,
+              const Eigen::MatrixXd& inverse, const Eigen::VectorXd& scale,
+              VehicleCovariance& out) {
+  const Eigen::Index m = rows.e.size(), k = problem.parameters();
+  Eigen::MatrixXd scores = summed_by_row(problem, rows.X.topRows(m) * inverse, rows.e);
+  // At the optimum the scores of the data balance those of the priors: without their mean they
+  // scatter about zero.
+  scores.colwise() -= Eigen::VectorXd(scores.rowwise().mean());
+  const Eigen::MatrixXd spread = out.coloured
+                                     ? widest_long_run_covariance(scores, inverse, out.bandwidth)
+                                     : long_run_covariance(scores, out.bandwidth);
+  const double correction = static_cast<double>(m) / out.freedom;
+  // The error of a prior is independent of those of the data.
+  const Eigen::MatrixXd priors = rows.X.bottomRows(k).transpose() * rows.X.bottomRows(k);
+  out.covariance =
+      scale.asDiagonal() * (correction * spread + inverse * priors * inverse) * scale.asDiagonal();
+  if (out.coloured) {
+    // An estimate below the errors of white residuals is an accident of its own scatter.
+    const Eigen::VectorXd widened =
+        (out.white.diagonal().array() / out.covariance.diagonal().array()).max(1.0).sqrt();
+    out.covariance = widened.asDiagonal() * out.covariance * widened.asDiagonal();
+  }
+  // Rows without a sample have no score.
+  out.memory = static_cast<double>(out.bandwidth) * problem.run->step *
+               static_cast<double>(problem.run->used) / static_cast<double>(scores.cols());
+  // The spread is itself an estimate: with these degrees of freedom Student's t has the critical
+  // values of Kiefer & Vogelsang (2005, table 1) for Bartlett's window at this share of the record,
+  // within 2 %.
+  out.freedom =
+      std::max(1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
+}
+
+/// vehicle_covariance() where it is given which parameters are held at their bounds.
 VehicleCovariance covariance_holding(const VehicleProblem& problem, const VehicleOptimum& optimum,
                                      const std::vector<bool>& at_bound) {
   VehicleCovariance out;
   const Eigen::Index k = problem.parameters(), m = problem.residuals();
-  const auto outputs = static_cast<Eigen::Index>(problem.run->outputs.size());
-  Eigen::VectorXd e;
-  LeastSquares::RowMatrix J;
-  output_error(problem, optimum.z, e, &J);
-
   out.at_bound = at_bound;
   out.open.assign(at_bound.size(), false);
   for (Eigen::Index i = 0; i < k; ++i) {
-    if (!at_bound[static_cast<std::size_t>(i)]) out.inner.push_back(i);
+    if (!at_bound[i]) out.inner.push_back(i);
   }
-  const auto inner = static_cast<Eigen::Index>(out.inner.size());
+  WeightedRows rows = weigh(problem, optimum, out.inner);
+  const Eigen::MatrixXd states = project_out_states(rows);
+  add_priors(problem, optimum.z, out.inner, rows.X);
+  const Directions directions = directions_of(rows.X);
+  out.sd = unbiased_sd(problem, optimum.sd, states, rows.X * directions.determined);
+  reweigh(problem, optimum.sd, out.sd, rows);
+  out.residuals = rows.e;
+  const Eigen::MatrixXd bound = directions.inverse_of(
+      noise_information(problem.robust) * (rows.X.topRows(m).transpose() * rows.X.topRows(m)) +
+      rows.X.bottomRows(k).transpose() * rows.X.bottomRows(k));
+  if (problem.robust) bound_scores(rows);
 
-  // Weigh, and take the initial states out: what they can explain tells nothing about the
-  // parameters.
-  for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    const auto n = static_cast<Eigen::Index>(i);
-    J.row(n) /= optimum.sd[problem.output[i]];
-    e[n] /= optimum.sd[problem.output[i]];
-  }
-  Eigen::MatrixXd X(m, inner);
-  for (Eigen::Index i = 0; i < inner; ++i) {
-    X.col(i) = J.col(out.inner[static_cast<std::size_t>(i)]);
-  }
-  const Eigen::MatrixXd states = range_of(J.rightCols(problem.coordinates() - k));
-  X -= states * (states.transpose() * X);
-
-  // What a prior knows counts as one more row.
-  X.conservativeResize(m + k, inner);
-  X.bottomRows(k).setZero();
-  for (Eigen::Index i = 0; i < inner; ++i) {
-    const Eigen::Index at = out.inner[static_cast<std::size_t>(i)];
-    X(m + at, i) = prior_residual(problem, optimum.z, at).slope;
-  }
-
-  // Eigenvectors of the information scaled to unit diagonal: X basis is orthonormal, `null` is
-  // flat.
-  Eigen::VectorXd size = X.colwise().norm().transpose();
-  for (Eigen::Index i = 0; i < inner; ++i) {
-    if (!(size[i] > 0.0)) size[i] = 1.0;
-  }
-  const Eigen::MatrixXd unit = X * size.cwiseInverse().asDiagonal();
-  Eigen::MatrixXd basis(inner, 0), null(inner, 0);
-  if (inner > 0) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit.transpose() * unit);
-    const double least = kFlat * eigen.eigenvalues().maxCoeff();
-    const Eigen::Index flat = (eigen.eigenvalues().array() <= least).count();
-    null = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().leftCols(flat);
-    const Eigen::Index determined = inner - flat;
-    basis = size.cwiseInverse().asDiagonal() * eigen.eigenvectors().rightCols(determined) *
-            eigen.eigenvalues().tail(determined).cwiseSqrt().cwiseInverse().asDiagonal();
-  }
-  const Eigen::MatrixXd influence = X * basis;
-
-  // An output loses as many degrees of freedom as the fit has leverage on its samples.
-  Eigen::VectorXd lost = Eigen::VectorXd::Zero(outputs), samples = lost;
-  for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    const auto n = static_cast<Eigen::Index>(i);
-    lost[problem.output[i]] += states.row(n).squaredNorm() + influence.row(n).squaredNorm();
-    samples[problem.output[i]] += 1.0;
-  }
-  out.sd = optimum.sd;
-  for (Eigen::Index j = 0; j < outputs; ++j) {
-    const bool given = !std::isnan(problem.run->outputs[static_cast<std::size_t>(j)].given_sd);
-    if (!given) out.sd[j] *= std::sqrt(samples[j] / std::max(samples[j] - lost[j], 1.0));
-  }
-  for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    const auto n = static_cast<Eigen::Index>(i);
-    const double correction = optimum.sd[problem.output[i]] / out.sd[problem.output[i]];
-    X.row(n) *= correction;
-    e[n] *= correction;
-  }
-  out.residuals = e;
-  const auto inverse_of = [&](const Eigen::MatrixXd& information) {
-    return Eigen::MatrixXd(basis * (basis.transpose() * information * basis).inverse() *
-                           basis.transpose());
-  };
-  const Eigen::MatrixXd bound =
-      inverse_of(noise_information(problem.robust) * (X.topRows(m).transpose() * X.topRows(m)) +
-                 X.bottomRows(k).transpose() * X.bottomRows(k));
-  if (problem.robust) {
-    // Rows by the information of a sample, errors so that rows times errors are the scores.
-    const double root = std::sqrt(noise_information(true));
-    for (Eigen::Index n = 0; n < m; ++n) {
-      const NoiseCost cost = noise_cost(true, e[n]);
-      X.row(n) *= root;
-      e[n] *= cost.weight / root;
-    }
-  }
-
-  // From optimiser coordinates to SI.
-  Eigen::VectorXd scale(inner);
-  for (Eigen::Index i = 0; i < inner; ++i) {
-    scale[i] = problem.unknowns.scale[out.inner[static_cast<std::size_t>(i)]];
-  }
-  const Eigen::MatrixXd information = X.transpose() * X;
+  const Eigen::VectorXd scale = problem.unknowns.scale(out.inner);  // to SI
+  const Eigen::MatrixXd information = rows.X.transpose() * rows.X;
+  const Eigen::MatrixXd inverse = directions.inverse_of(information);
+  const Eigen::MatrixXd& null = directions.undetermined;
   out.information =
       scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
   out.null_space = null.cols() == 0
                        ? null
                        : Eigen::MatrixXd(null.householderQr().householderQ() *
-                                         Eigen::MatrixXd::Identity(inner, null.cols()));
-  const Eigen::MatrixXd inverse = inverse_of(information);
+                                         Eigen::MatrixXd::Identity(null.rows(), null.cols()));
   out.white = scale.asDiagonal() * bound * scale.asDiagonal();
-
-  test_whiteness(problem, out);
-  const double used = static_cast<double>(m - states.cols() - basis.cols());
-  out.freedom = std::max(used, 1.0);
   out.covariance = out.white;
-  out.rows = X.topRows(m) * scale.cwiseInverse().asDiagonal();
-  out.scores = e;
-  if ((out.coloured || problem.robust) && basis.cols() > 0) {
-    Eigen::MatrixXd scores = summed_by_row(problem, X.topRows(m) * inverse, e);
-    // At the optimum the scores of the data balance those of the priors: without their mean they
-    // scatter about zero.
-    scores.colwise() -= Eigen::VectorXd(scores.rowwise().mean());
-    const Eigen::MatrixXd spread = out.coloured
-                                       ? widest_long_run_covariance(scores, inverse, out.bandwidth)
-                                       : long_run_covariance(scores, out.bandwidth);
-    const double correction = static_cast<double>(m) / out.freedom;
-    // What a prior knows scatters by itself, once.
-    const Eigen::MatrixXd priors = X.bottomRows(k).transpose() * X.bottomRows(k);
-    out.covariance = scale.asDiagonal() * (correction * spread + inverse * priors * inverse) *
-                     scale.asDiagonal();
-    if (out.coloured) {
-      // An estimate below the errors of white residuals is an accident of its own scatter.
-      const Eigen::VectorXd widened =
-          (out.white.diagonal().array() / out.covariance.diagonal().array()).max(1.0).sqrt();
-      out.covariance = widened.asDiagonal() * out.covariance * widened.asDiagonal();
-    }
-    // Rows without a sample have no score.
-    out.memory = static_cast<double>(out.bandwidth) * problem.run->step *
-                 static_cast<double>(problem.run->used) / static_cast<double>(scores.cols());
-    // The spread is itself an estimate: with these degrees of freedom Student's t has the critical
-    // values of Kiefer & Vogelsang (2005, table 1) for Bartlett's window at this share of the
-    // record, within 2 %.
-    out.freedom = std::max(
-        1.0, 0.9 * static_cast<double>(scores.cols()) / static_cast<double>(out.bandwidth));
+  out.rows = rows.X.topRows(m) * scale.cwiseInverse().asDiagonal();
+  out.scores = rows.e;
+  test_whiteness(problem, out);
+  const Eigen::Index determined = directions.determined.cols();
+  out.freedom = std::max(static_cast<double>(m - states.cols() - determined), 1.0);
+  if ((out.coloured || problem.robust) && determined > 0) {
+    sandwich(problem, rows, inverse, scale, out);
   }
   return out;
 }
 
-/// Whether all that the recording says of a free parameter leaves it anywhere between its bounds.
-bool says_nothing(const VehicleProblem& problem, const Eigen::VectorXd& z,
-                  const VehicleCovariance& covariance, Eigen::Index parameter) {
-  const VehicleParameter which = problem.unknowns.free[static_cast<std::size_t>(parameter)];
+/// Whether the interval of a free parameter reaches from bound to bound.
+bool is_undetermined(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                     const VehicleCovariance& covariance, Eigen::Index parameter) {
+  const VehicleParameter which = problem.unknowns.free[parameter];
   const double si = parameters_at(problem, z)[which];
   Eigen::VectorXd along = Eigen::VectorXd::Zero(problem.parameters());
   along[parameter] = 1.0;
@@ -272,7 +313,7 @@ bool says_nothing(const VehicleProblem& problem, const Eigen::VectorXd& z,
 
 }  // namespace
 
-VehicleCovariance holding_what_is_told(
+VehicleCovariance covariance_at_bounds(
     const VehicleProblem& problem, const Eigen::VectorXd& z, const std::vector<bool>& at_bound,
     const std::function<VehicleCovariance(const std::vector<bool>& held)>& holding) {
   const VehicleParameters<double> p = parameters_at(problem, z);
@@ -286,11 +327,11 @@ VehicleCovariance holding_what_is_told(
   }
   if (any) {
     VehicleCovariance released = holding(held);
-    // What the drive could tell: a misfit widens the other errors, and is another finding.
+    // By the information alone: a misfit widens the other errors, and is another finding.
     released.covariance = released.white;
     for (std::size_t i = 0; i < free.size(); ++i) {
       open[i] = at_bound[i] && !held[i] &&
-                says_nothing(problem, z, released, static_cast<Eigen::Index>(i));
+                is_undetermined(problem, z, released, static_cast<Eigen::Index>(i));
       held[i] = at_bound[i] && !open[i];
     }
   }
@@ -304,7 +345,7 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
   for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
     at_bound.push_back(is_at_bound(problem, optimum.z, i));
   }
-  return holding_what_is_told(problem, optimum.z, at_bound, [&](const std::vector<bool>& held) {
+  return covariance_at_bounds(problem, optimum.z, at_bound, [&](const std::vector<bool>& held) {
     return covariance_holding(problem, optimum, held);
   });
 }
@@ -365,12 +406,12 @@ double standard_error(const VehicleProblem& problem, const VehicleCovariance& co
   const auto inner = static_cast<Eigen::Index>(covariance.inner.size());
   Eigen::VectorXd g(inner), relative(inner);
   for (Eigen::Index i = 0; i < inner; ++i) {
-    const Eigen::Index from = covariance.inner[static_cast<std::size_t>(i)];
+    const Eigen::Index from = covariance.inner[i];
     g[i] = gradient[from];
     relative[i] = g[i] * problem.unknowns.scale[from];
   }
   for (std::size_t i = 0; i < covariance.at_bound.size(); ++i) {
-    if (covariance.at_bound[i] && gradient[static_cast<Eigen::Index>(i)] != 0.0) return kNone;
+    if (covariance.at_bound[i] && gradient[i] != 0.0) return kNone;
   }
   const double along = (covariance.null_space.transpose() * relative).norm();
   if (along > 1e-6 * relative.norm()) return kNone;

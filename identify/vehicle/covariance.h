@@ -16,14 +16,14 @@ struct VehicleCovariance {
   Eigen::VectorXd sd;  ///< noise per output: given, or corrected for the degrees of freedom used
   Eigen::VectorXd residuals;  ///< simulated minus measured over sd, one per residual of the problem
   std::vector<bool> at_bound;  ///< of every free parameter; those are held there
-  /// Of every free parameter: it lies at a bound, but the recording says nothing against any other
-  /// value (its interval, by `white`, reaches the other bound, or zero where it has to be
-  /// positive). It is not held, or the others' errors would take for known what nobody knows.
+  /// Of every free parameter: it lies at a bound, but the recording does not determine it (its
+  /// interval, by `white`, reaches the other bound, or zero where it has to be positive). It is not
+  /// held, or the standard errors of the others would take it as known.
   std::vector<bool> open;
   std::vector<Eigen::Index> inner;  ///< free parameters that are not at a bound
   Eigen::MatrixXd information;      ///< J' J with the initial states eliminated
-  Eigen::MatrixXd rows;    ///< m x inner: what each residual adds to the information is row' row
-  Eigen::VectorXd scores;  ///< m: and scores[i] row_i to the gradient
+  Eigen::MatrixXd rows;        ///< m x inner: each residual adds row' row to the information ...
+  Eigen::VectorXd scores;      ///< m: ... and scores[i] row_i to the gradient
   Eigen::MatrixXd null_space;  ///< orthonormal directions of parameter/scale that change no output
   /// Cramer-Rao bound for white noise of the distribution that was fitted, normal or (robust cost)
   /// Student's, off the null space: (noise_information() J' J)^-1 with the rows of the priors
@@ -41,7 +41,7 @@ struct VehicleCovariance {
 /// The covariance where the parameters at a bound are held, but for those that are `open`.
 /// @param z        coordinates of the optimum
 /// @param holding  makes the covariance with these parameters held
-VehicleCovariance holding_what_is_told(
+VehicleCovariance covariance_at_bounds(
     const VehicleProblem& problem, const Eigen::VectorXd& z, const std::vector<bool>& at_bound,
     const std::function<VehicleCovariance(const std::vector<bool>& held)>& holding);
 
@@ -56,7 +56,7 @@ VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const Vehicl
 /// consecutive rows, each twice as long as the residuals are correlated (8 to 200 of them), as many
 /// are drawn with replacement, and the optimum of every draw is found by one Gauss-Newton step,
 ///   theta* - theta = -(sum w J'J)^-1 sum w J'e    (Davidson & MacKinnon 1999),
-/// with initial states eliminated. Needs no model of the residuals' colour.
+/// with initial states eliminated. Needs no model of the residuals' correlation.
 void bootstrap_errors(const VehicleProblem& problem, int draws, unsigned long long seed,
                       VehicleCovariance& covariance);
 
@@ -72,8 +72,7 @@ Eigen::MatrixXd summed_by_row(const VehicleProblem& problem, const Eigen::Matrix
 /// Standard error of a function of the free parameters (delta method).
 /// @param gradient  by the free parameters, SI
 /// @return NaN when the function changes along a direction that the data do not determine, or
-/// depends on a
-///   parameter at a bound
+/// depends on a parameter at a bound
 double standard_error(const VehicleProblem& problem, const VehicleCovariance& covariance,
                       const Eigen::VectorXd& gradient);
 

@@ -66,7 +66,7 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
   const auto k = static_cast<Eigen::Index>(covariance.inner.size());
   Eigen::VectorXd to_user(k);
   for (Eigen::Index i = 0; i < k; ++i) {
-    const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
+    const auto n = static_cast<std::size_t>(covariance.inner[i]);
     const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
     to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope /
                  parse_unit(unit).value_or(Unit{}).scale;
@@ -116,7 +116,7 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
     estimate.covariance_freedom = covariance.freedom;
   }
   for (Eigen::Index i = 0; i < k; ++i) {
-    const auto n = static_cast<std::size_t>(covariance.inner[static_cast<std::size_t>(i)]);
+    const auto n = static_cast<std::size_t>(covariance.inner[i]);
     EstimatedParameter& result = estimate.parameters[unknowns.position[n]];
     if (!std::isnan(result.se)) {
       result.crb_se = std::sqrt(covariance.white(i, i)) * std::abs(to_user[i]);
@@ -150,9 +150,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
     for (std::size_t i = 0; i < problem.row.size(); ++i) {
       const Eigen::Index j = problem.output[i];
       one_step.predicted(j, problem.row[i]) =
-          one_step.measured(j, problem.row[i]) +
-          in_unit(problem.run->outputs[static_cast<std::size_t>(j)],
-                  e[static_cast<Eigen::Index>(i)]);
+          one_step.measured(j, problem.row[i]) + in_unit(problem.run->outputs[j], e[i]);
     }
     estimate.one_step = channel_fits(one_step, problem.robust);
     estimate.pictures.one_step = std::move(one_step.predicted);
@@ -161,8 +159,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
   standardised = Eigen::MatrixXd::Constant(problem.run->y.rows(), problem.run->time.size(), kNone);
   for (std::size_t i = 0; i < problem.row.size(); ++i) {
     // Residual as the rest of the program has it: measured minus predicted.
-    standardised(problem.output[i], problem.row[i]) =
-        -covariance.residuals[static_cast<Eigen::Index>(i)];
+    standardised(problem.output[i], problem.row[i]) = -covariance.residuals[i];
   }
 }
 
@@ -190,7 +187,7 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
     if (!std::isfinite(value) || !gradient.allFinite()) return;
     Eigen::VectorXd by_free(problem.parameters());
     for (Eigen::Index i = 0; i < by_free.size(); ++i) {
-      const VehicleParameter parameter = problem.unknowns.free[static_cast<std::size_t>(i)];
+      const VehicleParameter parameter = problem.unknowns.free[i];
       by_free[i] = parameter <= kCr ? gradient[parameter] : 0.0;
     }
     double se = kNone;
@@ -226,7 +223,7 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
   }
   for (std::size_t j = 0; j < problem.run->outputs.size(); ++j) {
     const VehicleRun::Output& output = problem.run->outputs[j];
-    const double sd = in_unit(output, covariance.sd[static_cast<Eigen::Index>(j)]);
+    const double sd = in_unit(output, covariance.sd[j]);
     const bool given = !std::isnan(output.given_sd);
     const double se = sd / std::sqrt(2.0 * static_cast<double>(output.samples));
     estimate.derived.push_back({"sd(" + output.name + ")", output.unit, sd, given ? kNone : se});
@@ -289,8 +286,7 @@ void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovar
   if (simulation) {
     pictures.held_standardised = held.measured - held.predicted;
     for (Eigen::Index j = 0; j < held.measured.rows(); ++j) {
-      pictures.held_standardised.row(j) /=
-          in_unit(found.problem.run->outputs[static_cast<std::size_t>(j)], covariance.sd[j]);
+      pictures.held_standardised.row(j) /= in_unit(found.problem.run->outputs[j], covariance.sd[j]);
     }
   }
   pictures.held_time = std::move(held.time);

@@ -2,12 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
-#include <fmt/format.h>
-
-#include "lib/base/error.h"
-#include "lib/base/nearest_name.h"
+#include "identify/vehicle/internal/robust_noise.h"
 #include "solvers/scoring.h"
 
 #if defined(__SSE2__)
@@ -16,50 +12,6 @@
 
 namespace identikal {
 namespace {
-
-// Bounds of positive parameters that have none in the model file, in units of the typical size.
-// What ends here is reported as at its bound: the data want a rigid car.
-constexpr double kSmallest = 1e-3, kLargest = 20.0;
-constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
-constexpr double kLongestDelay = 1.0;         // [s]
-constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
-constexpr double kLeastFiala = 1e-6;          // softening in typical sizes
-
-bool is_softening(VehicleParameter p) {
-  return p == kInverseSaturationFront || p == kInverseSaturationRear;
-}
-
-double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
-  switch (parameter) {
-    case kYawInertia:
-      return p[kMass] * p[kA] * p[kB];
-    case kCf:
-      return 10.0 * axle_loads(p)[0];
-    case kCr:
-      return 10.0 * axle_loads(p)[1];
-    case kSteeringOffset:
-    case kMountingAngle:
-    case kBiasR:
-    case kBank:
-      return 0.02;
-    case kSteeringDelay:
-      return 0.05;
-    case kBiasVy:
-    case kBiasAy:
-      return 0.2;
-    case kRelaxationLength:
-    case kCgHeight:
-      return 0.5;
-    case kCurveCurvature:
-      return 1.0;
-    case kInverseSaturationFront:
-      return 1.0 / std::pow(axle_loads(p)[0], 2);
-    case kInverseSaturationRear:
-      return 1.0 / std::pow(axle_loads(p)[1], 2);
-    default:
-      return p[parameter] != 0.0 ? std::abs(p[parameter]) : 1.0;
-  }
-}
 
 // A long recording forgets its initial state: derivatives by it decay below 1e-308, where the
 // processor is a hundred times slower. In this scope they become zero.
@@ -82,169 +34,9 @@ class FlushDenormals {
 
 }  // namespace
 
-bool must_be_positive(VehicleParameter p) {
-  return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
-         p == kSteeringRatio || is_softening(p) || p == kCurveShape;
-}
-
-UserValue in_user_terms(VehicleParameter parameter, double value) {
-  if (!is_softening(parameter)) return {value, 1.0};
-  const double force = 1.0 / std::sqrt(value);
-  return {force, -0.5 * force / value};
-}
-
-double from_user_terms(VehicleParameter parameter, double value) {
-  return is_softening(parameter) ? 1.0 / (value * value) : value;
-}
-
-Eigen::Index VehicleUnknowns::find(VehicleParameter parameter) const {
-  const auto at = std::find(free.begin(), free.end(), parameter);
-  return at == free.end() ? -1 : at - free.begin();
-}
-
-bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value) {
-  const double least = kLeastFiala * unknowns.scale[static_cast<Eigen::Index>(free)];
-  return is_softening(unknowns.free[free]) && value <= least * (1.0 + 1e-6);
-}
-
-Eigen::Vector2d axle_loads(const VehicleParameters<double>& p) {
-  const double weight = p[kMass] * kStandardGravity / (p[kA] + p[kB]);
-  return {weight * p[kB], weight * p[kA]};
-}
-
 std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car) {
   std::vector<VehicleReading> out;
   for (const VehicleRun::Output& output : run.outputs) out.emplace_back(output.sensor, car);
-  return out;
-}
-
-void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
-  const VehicleParameters<double>& p = unknowns.value;
-  const double scale = typical_size(parameter, p);
-  double lower = -std::numeric_limits<double>::infinity(), upper = -lower;
-  if (must_be_positive(parameter)) {
-    lower = kSmallest * scale;
-    upper = kLargest * scale;
-  }
-  if (is_softening(parameter)) {
-    // Below friction 0.1 nobody drives. Fiala's curve has an infinite slope by the softening at 0.
-    lower = unknowns.curve == TyreCurve::fiala ? kLeastFiala * scale : 0.0;
-    upper = 100.0 * scale;
-  }
-  if (parameter == kSteeringDelay) {
-    lower = -kLongestDelay;
-    upper = kLongestDelay;
-  }
-  if (parameter == kMountingAngle || parameter == kBank) {
-    lower = -kLargestAngle;
-    upper = kLargestAngle;
-  }
-  if (parameter == kRelaxationLength) lower = kShortestRelaxation;
-  if (parameter == kCgHeight || parameter == kLoadSensitivity) lower = 0.0;
-  if (parameter == kCurveShape) {
-    lower = 1.0;
-    upper = 2.0;
-  }
-  if (parameter == kCurveCurvature) upper = 1.0;
-  const auto k = static_cast<Eigen::Index>(unknowns.free.size());
-  unknowns.free.push_back(parameter);
-  unknowns.position.push_back(0);
-  unknowns.prior.emplace_back();
-  for (const auto& [vector, value] :
-       {std::pair{&unknowns.lower, lower}, {&unknowns.upper, upper}, {&unknowns.scale, scale}}) {
-    vector->conservativeResize(k + 1);
-    (*vector)[k] = value;
-  }
-}
-
-VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
-  const Location at{model.path, 0, 0};
-  VehicleUnknowns out;
-  out.value = neutral_vehicle();
-  out.curve = model.vehicle.curve;
-  std::vector<std::string> known;
-  for (int i = 0; i < kVehicleParameters; ++i) {
-    known.emplace_back(name_of(static_cast<VehicleParameter>(i)));
-  }
-  std::vector<std::size_t> sought;
-  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
-    const Parameter& given = model.parameters[i];
-    const auto parameter = vehicle_parameter(given.name);
-    if (!parameter) {
-      throw InputError(at, "parameter '" + given.name + "'", "one of the single-track vehicle's",
-                       did_you_mean(given.name, known));
-    }
-    if (*parameter == kSteeringRatio && model.vehicle.steering_at_road_wheel) {
-      if (given.fixed) continue;
-      throw InputError(at,
-                       "steering_ratio is to be fitted, but the angle is that of the road wheel",
-                       "", "fit steering_gain instead");
-    }
-    if (must_be_positive(*parameter) && !(given.scalar() > 0.0)) {
-      throw InputError(at, fmt::format("parameter '{}' is {:g}", given.name, given.scalar()),
-                       "a positive number");
-    }
-    if (*parameter == kRelaxationLength && given.fixed && given.scalar() != 0.0 &&
-        given.scalar() < kShortestRelaxation) {
-      throw InputError(at, fmt::format("parameter '{}' is {:g} m", given.name, given.scalar()),
-                       fmt::format("0 for none, or at least {:g} m", kShortestRelaxation));
-    }
-    out.value[*parameter] = from_user_terms(*parameter, given.scalar());
-    if (!given.fixed) sought.push_back(i);
-  }
-  for (int i = 0; i < kVehicleParameters; ++i) {
-    const auto parameter = static_cast<VehicleParameter>(i);
-    if (std::isnan(out.value[parameter])) {
-      throw InputError(at, fmt::format("parameter '{}' is missing", name_of(parameter)),
-                       "a value or a start for it");
-    }
-  }
-  for (const std::size_t i : sought) {
-    const Parameter& given = model.parameters[i];
-    const VehicleParameter parameter = *vehicle_parameter(given.name);
-    set_free(out, parameter);
-    out.position.back() = i;
-    out.prior.back() = given.prior;
-    double low = given.min, high = given.max;
-    if (given.prior.kind == Prior::Kind::uniform || given.prior.kind == Prior::Kind::log_uniform) {
-      low = std::max(low, given.prior.a);
-      high = std::min(high, given.prior.b);
-    }
-    if (given.prior.kind == Prior::Kind::log_normal) {
-      if (!(given.scalar() > 0.0)) {
-        throw InputError(at,
-                         fmt::format("parameter '{}' starts at {:g}, where its log-normal prior "
-                                     "does not reach",
-                                     given.name, given.scalar()),
-                         "a start above 0");
-      }
-      low = std::max(low, kSmallest * given.prior.a);
-    }
-    const Eigen::Index k = out.scale.size() - 1;
-    if (is_softening(parameter)) {
-      if (std::isfinite(high)) out.lower[k] = 1.0 / (high * high);
-      if (low > 0.0) out.upper[k] = 1.0 / (low * low);
-      out.upper[k] = std::max(out.upper[k], out.lower[k]);
-    } else {
-      out.lower[k] = std::max(out.lower[k], low);
-      // What the file allows expressly is allowed.
-      if (std::isfinite(high)) out.upper[k] = high;
-      const bool bounded_both_ways =
-          parameter == kSteeringDelay || parameter == kMountingAngle || parameter == kBank;
-      if (bounded_both_ways && std::isfinite(low)) out.lower[k] = low;
-    }
-    double& start = out.value[parameter];
-    start = std::min(std::max(start, out.lower[k]), out.upper[k]);
-  }
-  return out;
-}
-
-IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p) {
-  IntegrationDemand out;
-  out.decay_rate = decay_rate_times_speed(linear_car(p));
-  const Eigen::Index relaxation = unknowns.find(kRelaxationLength);
-  out.relaxation_length =
-      relaxation < 0 ? p[kRelaxationLength] : std::max(unknowns.lower[relaxation], 1e-3);
   return out;
 }
 
@@ -304,22 +96,6 @@ VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& 
   return out;
 }
 
-VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve) {
-  unknowns.curve = curve;
-  for (const VehicleParameter parameter : {kInverseSaturationFront, kInverseSaturationRear}) {
-    const Eigen::Index at = unknowns.find(parameter);
-    if (at < 0) {
-      if (unknowns.value[parameter] == 0.0 && curve != TyreCurve::linear) {
-        unknowns.value[parameter] = typical_size(parameter, unknowns.value);
-        set_free(unknowns, parameter);
-      }
-    } else if (curve == TyreCurve::fiala) {
-      unknowns.lower[at] = std::max(unknowns.lower[at], kLeastFiala * unknowns.scale[at]);
-    }
-  }
-  return unknowns;
-}
-
 bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter) {
   const double at = z[parameter], near = 1e-8 * std::max(1.0, std::abs(at));
   return at - problem.lower[parameter] <= near || problem.upper[parameter] - at <= near;
@@ -328,7 +104,7 @@ bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen:
 VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z) {
   VehicleParameters<double> p = problem.unknowns.value;
   for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
-    p[problem.unknowns.free[static_cast<std::size_t>(i)]] = z[i] * problem.unknowns.scale[i];
+    p[problem.unknowns.free[i]] = z[i] * problem.unknowns.scale[i];
   }
   return p;
 }
@@ -337,7 +113,7 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
   const VehicleRun& run = *problem.run;
   Eigen::VectorXd z = Eigen::VectorXd::Zero(problem.coordinates());
   for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
-    z[i] = p[problem.unknowns.free[static_cast<std::size_t>(i)]] / problem.unknowns.scale[i];
+    z[i] = p[problem.unknowns.free[i]] / problem.unknowns.scale[i];
   }
   const SingleTrack<> car = linear_car(p);
   const std::vector<VehicleReading> sensors = readings(run, car);
@@ -355,8 +131,7 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
     const bool has_vy = !std::isnan(vy);
     if (has_vy || !std::isnan(beta)) {
       const Eigen::Index j = run.find(has_vy ? VehicleQuantity::vy : VehicleQuantity::beta);
-      x[0] = sensors[static_cast<std::size_t>(j)].lateral_velocity(has_vy ? vy : beta, run.vx[row],
-                                                                   x[1]);
+      x[0] = sensors[j].lateral_velocity(has_vy ? vy : beta, run.vx[row], x[1]);
     }
     z.segment<2>(problem.state_of(s)) = x.cwiseQuotient(kStateScale);
   }
@@ -415,7 +190,7 @@ class SegmentErrors {
     columns.columns = shared + 2;
     Eigen::RowVectorXd scale(columns.columns), slope(columns.columns);
     for (Eigen::Index i = 0; i < k; ++i) {
-      columns.parameter[problem_.unknowns.free[static_cast<std::size_t>(i)]] = i;
+      columns.parameter[problem_.unknowns.free[i]] = i;
     }
     columns.vy = shared;
     columns.r = shared + 1;
@@ -435,7 +210,7 @@ class SegmentErrors {
         if (gain_.empty()) return;
         for (Eigen::Index i = 0; i < 2; ++i) {
           const Eigen::Index at = 2 * static_cast<Eigen::Index>(output) + i;
-          step_jacobian.row(i) -= gain_[static_cast<std::size_t>(at)] * slope;
+          step_jacobian.row(i) -= gain_[at] * slope;
           step_jacobian(i, k + at) -= gain_scale(at) * e_[n];
         }
       });
@@ -511,46 +286,13 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
   return e.allFinite();
 }
 
-NoiseCost noise_cost(bool robust, double r) {
-  constexpr double nu = kStudentFreedom;
-  if (!robust) return {r * r, 1.0};
-  return {(nu + 1.0) * std::log1p(r * r / nu), (nu + 1.0) / (nu + r * r)};
-}
-
-double noise_information(bool robust) {
-  return robust ? (kStudentFreedom + 1.0) / (kStudentFreedom + 3.0) : 1.0;
-}
-
-double log_norm_of_noise(bool robust) {
-  constexpr double nu = kStudentFreedom;
-  return robust ? 0.5 * std::log(nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
-                      std::lgamma(0.5 * (nu + 1.0))
-                : 0.5 * std::log(2.0 * std::numbers::pi);
-}
-
-Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e) {
-  Eigen::VectorXd out = Eigen::VectorXd::Ones(e.size());
-  if (!robust || e.size() == 0) return out;
-  // The most likely scale grows with the outliers, the median does not; weights of the cost itself
-  // would make normal noise look a seventh smaller than it is.
-  Eigen::VectorXd size = e.cwiseAbs();
-  const auto middle = size.begin() + size.size() / 2;
-  std::nth_element(size.begin(), middle, size.end());
-  const double most = 3.0 * 1.4826 * *middle;
-  if (!(most > 0.0)) return out;
-  for (Eigen::Index i = 0; i < e.size(); ++i) {
-    if (std::abs(e[i]) > most) out[i] = std::pow(most / e[i], 2);
-  }
-  return out;
-}
-
 namespace {
 
 std::vector<Eigen::VectorXd> errors_per_output(const VehicleProblem& problem,
                                                const Eigen::VectorXd& e) {
   std::vector<std::vector<double>> all(problem.run->outputs.size());
   for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    all[static_cast<std::size_t>(problem.output[i])].push_back(e[static_cast<Eigen::Index>(i)]);
+    all[problem.output[i]].push_back(e[i]);
   }
   std::vector<Eigen::VectorXd> out;
   for (const std::vector<double>& each : all) {
@@ -560,22 +302,6 @@ std::vector<Eigen::VectorXd> errors_per_output(const VehicleProblem& problem,
   return out;
 }
 
-/// The scale that makes these errors the most likely of robust noise: sd^2 = mean of weight(e/sd)
-/// e^2.
-double most_likely_scale(const Eigen::VectorXd& e) {
-  constexpr int kRounds = 200;  // each brings the scale a third nearer at least
-  const auto n = static_cast<double>(e.size());
-  double sd = std::sqrt(e.squaredNorm() / n);
-  for (int round = 0; round < kRounds && sd > 0.0; ++round) {
-    double sum = 0.0;
-    for (const double value : e) sum += noise_cost(true, value / sd).weight * value * value;
-    const double next = std::sqrt(sum / n), change = std::abs(next - sd);
-    sd = next;
-    if (change <= 1e-10 * sd) break;
-  }
-  return sd;
-}
-
 }  // namespace
 
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e) {
@@ -583,7 +309,7 @@ Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::Vecto
   Eigen::VectorXd out(static_cast<Eigen::Index>(errors.size()));
   for (std::size_t j = 0; j < errors.size(); ++j) {
     const Eigen::VectorXd weight = error_weights(problem.robust, errors[j]);
-    out[static_cast<Eigen::Index>(j)] = std::sqrt(weight.dot(errors[j].cwiseAbs2()) / weight.sum());
+    out[j] = std::sqrt(weight.dot(errors[j].cwiseAbs2()) / weight.sum());
   }
   return out;
 }
@@ -601,11 +327,11 @@ Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e
   if (problem.robust) {
     const std::vector<Eigen::VectorXd> errors = errors_per_output(problem, e);
     for (std::size_t j = 0; j < errors.size(); ++j) {
-      sd[static_cast<Eigen::Index>(j)] = most_likely_scale(errors[j]);
+      sd[j] = most_likely_scale(errors[j]);
     }
   }
   for (Eigen::Index j = 0; j < outputs; ++j) {
-    const double given = problem.run->outputs[static_cast<std::size_t>(j)].given_sd;
+    const double given = problem.run->outputs[j].given_sd;
     sd[j] = std::isnan(given) ? std::max(sd[j], 1e-7 * largest[j]) : given;
   }
   return sd;
@@ -617,7 +343,7 @@ double log_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& z,
   double sum = 0.0;
   for (std::size_t i = 0; i < problem.output.size(); ++i) {
     const double scale = sd[problem.output[i]];
-    const double r = e[static_cast<Eigen::Index>(i)] / scale;
+    const double r = e[i] / scale;
     sum -= norm + std::log(scale) + 0.5 * noise_cost(problem.robust, r).rho;
   }
   for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
@@ -664,7 +390,7 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     for (Eigen::Index first = 0; first < e.size(); first += kBlock) {
       const Eigen::Index rows = std::min(kBlock, e.size() - first);
       for (Eigen::Index n = 0; n < rows; ++n) {
-        const double scale = sd[problem.output[static_cast<std::size_t>(first + n)]];
+        const double scale = sd[problem.output[first + n]];
         const double r = e[first + n] / scale;
         const double root = problem.robust ? std::sqrt(noise_cost(true, r).weight) : 1.0;
         weighted_e[n] = root * r;
@@ -696,7 +422,7 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
   out.message = solution.summary.message;
   out.converged = solution.summary.termination == Termination::converged;
   if (solution.summary.termination == Termination::start_undefined) {
-    out.message = "the car runs away at the start";
+    out.message = "the simulation diverges at the start";
     return out;
   }
   out.path.insert(out.path.begin(), solution.summary.initial_objective);

@@ -7,71 +7,29 @@
 
 #include <Eigen/Core>
 
+#include "identify/vehicle/unknowns.h"
 #include "identify/vehicle/usable_data.h"
-#include "lib/model/parameter.h"
 #include "lib/vehicle/motion.h"
 #include "lib/vehicle/sensor.h"
 #include "solvers/problem.h"
 
 namespace identikal {
 
-/// What is unknown about the car, in SI.
-struct VehicleUnknowns {
-  VehicleParameters<double> value;     ///< fixed values; of free ones the file's start
-  std::vector<VehicleParameter> free;  ///< in the order of the model file
-  std::vector<std::size_t> position;   ///< of each free one in the ParameterSet
-  std::vector<Prior> prior;            ///< of each free one, in the user's terms, SI
-  Eigen::VectorXd lower, upper;        ///< bounds of the free ones
-  Eigen::VectorXd scale;               ///< typical size of the free ones, for the optimiser
-  TyreCurve curve = TyreCurve::linear;
-
-  /// Position of the parameter among the free ones, or -1.
-  Eigen::Index find(VehicleParameter parameter) const;
-};
-
-/// Mass, lengths, inertia, stiffnesses, largest forces, steering ratio, shape of the curve.
-bool must_be_positive(VehicleParameter parameter);
-
-/// The user speaks of an axle's largest force where the mathematics has its softening; all other
-/// parameters are the same for both. `slope` is d user / d SI.
-struct UserValue {
-  double value, slope;
-};
-UserValue in_user_terms(VehicleParameter parameter, double value);
-double from_user_terms(VehicleParameter parameter, double value);
-
-/// Whether this value of a free parameter is the least softening that its curve allows (and not
-/// one that the user set): the axle is straight as far as the recording goes.
-bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value);
-
-/// Adds a parameter to the free ones, with the bounds and the scale that a model file without any
-/// gives it; it starts at value[parameter].
-void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter);
-
-/// Reads the parameters of the model file; what it does not name is neutral (neutral_vehicle()).
-/// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a
-/// mass,
-///   length, inertia, stiffness or steering ratio that is not positive
-VehicleUnknowns vehicle_unknowns(const ModelFile& model);
-
-/// Axle loads at standstill [N], front and rear.
-Eigen::Vector2d axle_loads(const VehicleParameters<double>& p);
-
 /// The least squares problem. Its coordinates are the free parameters over their scale, with
 /// `prediction` the gain, then (vy, r) over kStateScale at the begin of every segment. Residuals
 /// are ordered by row, then output; missing samples have none.
 ///
-/// Output error simulates: noise enters the sensors alone. With `prediction` the residuals are the
+/// Output error simulates: there is measurement noise only. With `prediction` the residuals are the
 /// innovations of a filter with a constant gain K (2 x outputs),
 ///   e = y - yhat(x),  x <- x + K e  at every row, then on to the next,
-/// which is how a steady Kalman filter sees a car that is pushed by side wind, road and unmodelled
-/// forces too (Ljung 1999, section 7.3): their likelihood is that of the recording with process
-/// noise whose filter has this gain. Coordinates of the gain are K diag(scale of the outputs).
+/// as of the steady Kalman filter of a car with process noise (side wind, road, unmodelled forces;
+/// Ljung 1999, section 7.3): their likelihood is that of the recording with the process noise whose
+/// filter has this gain. Coordinates of the gain are K diag(scale of the outputs).
 struct VehicleProblem {
   const VehicleRun* run = nullptr;
   VehicleUnknowns unknowns;
   bool robust = false;  ///< noise of Student's distribution, which allows for outliers; else normal
-  bool prediction = false;       ///< one-step prediction with a gain of its own; else simulation
+  bool prediction = false;       ///< one-step prediction with a free filter gain; else simulation
   Eigen::VectorXd output_scale;  ///< typical size of every output's error, for the gain
   std::vector<DrivenSegment> driven;
   std::vector<Eigen::Index> row, output;  ///< of every residual
@@ -92,10 +50,6 @@ struct VehicleProblem {
 
 inline const Eigen::Vector2d kStateScale(1.0, 0.2);  ///< m/s, rad/s
 
-/// What the integration needs for these parameters; a relaxation length that is free is taken at
-/// its lower bound.
-IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p);
-
 /// The simulation of a run as residuals: every output of every usable row, the parameters and
 /// initial states of `unknowns` scaled to coordinates.
 VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns& unknowns,
@@ -107,21 +61,18 @@ VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns
 VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& sd,
                           Eigen::VectorXd& z);
 
-/// The unknowns with tyres of another curve, with largest forces free if it has any.
-VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve);
-
 /// Whether a free parameter lies at one of its bounds.
 bool is_at_bound(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::Index parameter);
 
-/// All parameters at these coordinates, clipped to nothing.
+/// All parameters at these coordinates, which need not lie within the bounds.
 VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eigen::VectorXd& z);
 
-/// Coordinates that stand for these parameters (clipped to the bounds) and for initial states read
-/// off the first samples, or taken as steady where vy or r is not measured.
+/// Coordinates of these parameters, clipped to the bounds, and of initial states: measured by the
+/// first samples, or those of steady driving where vy or r is not measured.
 Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParameters<double>& p);
 
-/// Simulated (predicted) minus measured, SI, and when `J` is not null its derivative by the
-/// coordinates. false when the car runs away.
+/// Simulated (predicted) minus measured, SI, and when `J` is not null its Jacobian with respect to
+/// the coordinates. false when the simulation diverges.
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J);
 
@@ -161,48 +112,27 @@ void replay_outputs(const VehicleProblem& problem, const Eigen::VectorXd& z, Obs
   Eigen::VectorXd values(problem.run->y.rows());
   replay(problem, z, [&](Eigen::Index t, const Motion& motion, double vx) {
     for (Eigen::Index j = 0; j < values.size(); ++j) {
-      values[j] = sensors[static_cast<std::size_t>(j)].value(motion, vx);
+      values[j] = sensors[j].value(motion, vx);
     }
     observe(t, motion, vx, values);
   });
 }
 
-inline constexpr double kStudentFreedom = 4.0;  ///< of robust noise
-
-/// What a residual r of noise with scale 1 costs: rho(s), s = r^2, so that its density is
-/// proportional to exp(-rho/2). Normal: rho = s. Robust: rho = (nu + 1) log(1 + s/nu), Student's t
-/// with nu = 4 (Lange, Little & Taylor 1989): the further off a sample, the less it pulls.
-struct NoiseCost {
-  double rho;     ///< of s
-  double weight;  ///< d rho / d s
-};
-NoiseCost noise_cost(bool robust, double r);
-
-/// Expected information of such a sample about its mean: 1, robust (nu + 1)/(nu + 3).
-double noise_information(bool robust);
-
-/// log of the integral of exp(-rho(r^2)/2) over r.
-double log_norm_of_noise(bool robust);
-
-/// What errors of one output weigh where their size is judged: 1; with the robust cost min(1, (3
-/// s/e)^2), s = 1.483 median |e|: an outlier counts as 3 s, and normal noise keeps its size.
-Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e);
-
 /// Root mean square of the errors of each output, weighted by error_weights().
 Eigen::VectorXd rms_per_output(const VehicleProblem& problem, const Eigen::VectorXd& e);
 
-/// Standard deviations to weigh with: the given ones, else the most likely for these errors (normal
+/// Standard deviations of the noise: the given ones, else the most likely for these errors (normal
 /// noise: their root mean square), but no less than 1e-7 of the output's largest value, below which
 /// only rounding and integration errors are left.
 Eigen::VectorXd noise_sd(const VehicleProblem& problem, const Eigen::VectorXd& e);
 
 /// Log-likelihood with these standard deviations per output, priors included up to a constant.
-/// @param z  where the errors belong to
+/// @param z  coordinates at which the errors were computed
 double log_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& z,
                       const Eigen::VectorXd& e, const Eigen::VectorXd& sd);
 
 /// The prior of a free parameter as a residual of unit variance, r(z), and its derivative; {0, 0}
-/// where there is none. Uniform and log-uniform priors are bounds and nothing else.
+/// where there is none. Uniform and log-uniform priors are bounds only.
 struct PriorResidual {
   double value = 0.0, slope = 0.0;
 };

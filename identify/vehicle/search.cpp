@@ -73,7 +73,7 @@ VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unkno
   }
   const double promising = highest - kPromising * static_cast<double>(std::max<Eigen::Index>(
                                                       1, out.problem.residuals()));
-  out.best.message = "the car runs away from every start";
+  out.best.message = "the simulation diverges from every start";
   for (VehicleOptimum& summit : summits) {
     if (summit.log_likelihood > promising && !summit.converged) {
       std::vector<double> path = std::move(summit.path);

@@ -17,7 +17,7 @@ struct VehicleSearchOptions {
 
 struct VehicleSearch {
   VehicleProblem problem;
-  VehicleOptimum best;  ///< its z is empty when the car runs away from every start
+  VehicleOptimum best;  ///< its z is empty when the simulation diverges from every start
   int starts = 0, agree = 0, iterations = 0, evaluations = 0;
   std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration, one climb each
 };

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "identify/vehicle/internal/robust_noise.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -21,7 +22,7 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z) {
   replay_outputs(problem, z,
                  [&](Eigen::Index t, const Motion&, double, const Eigen::VectorXd& values) {
                    for (Eigen::Index j = 0; j < values.size(); ++j) {
-                     const Unit& unit = units[static_cast<std::size_t>(j)];
+                     const Unit& unit = units[j];
                      series.predicted(j, t) = unit.from_si(values[j]);
                      series.measured(j, t) = unit.from_si(run.y(j, t));
                    }

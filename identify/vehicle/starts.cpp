@@ -97,11 +97,11 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Segment& seg
     const double vx = run.vx[t], r = run.y(jr, t) - p[kBiasR];
     double vy = 0.0;
     if (const Eigen::Index j = jv >= 0 ? jv : jb; j >= 0) {
-      vy = sensors[static_cast<std::size_t>(j)].lateral_velocity(run.y(j, t), vx, r);
+      vy = sensors[j].lateral_velocity(run.y(j, t), vx, r);
     }
     double ay = 0.0;
     if (ja >= 0) {
-      const double y = run.outputs[static_cast<std::size_t>(ja)].sensor.y;
+      const double y = run.outputs[ja].sensor.y;
       ay = run.y(ja, t) - p[kBiasAy] + r * r * y;
     }
     const double delta =
@@ -188,7 +188,7 @@ VehicleBalances vehicle_balances(const VehicleRun& run, const VehicleParameters<
   const Eigen::Index ja = run.find(VehicleQuantity::ay);
   const bool vy_known = run.find(VehicleQuantity::vy) >= 0 || run.find(VehicleQuantity::beta) >= 0;
   if (run.find(VehicleQuantity::r) < 0 || (!vy_known && ja < 0)) return out;
-  const double ay_lever = ja >= 0 ? run.outputs[static_cast<std::size_t>(ja)].sensor.x : 0.0;
+  const double ay_lever = ja >= 0 ? run.outputs[ja].sensor.x : 0.0;
 
   std::vector<double> time, slip_front, slip_rear, acceleration, yaw_acceleration;
   for (const VehicleRun::Segment& segment : run.segments) {

@@ -211,8 +211,7 @@ void require_possible(const ModelFile& model, const Dataset& data) {
     for (Eigen::Index t = 0; t < values.cols(); ++t) {
       for (Eigen::Index i = 0; i < values.rows(); ++i) {
         if (!(std::abs(values(i, t)) > kImpossible)) continue;
-        const ChannelSource& channel =
-            (input ? model.inputs : model.outputs)[static_cast<std::size_t>(i)];
+        const ChannelSource& channel = (input ? model.inputs : model.outputs)[i];
         throw InputError(in(data),
                          fmt::format("{} is {:g} in SI units at {:.6g} s", channel.name,
                                      values(i, t), data.time[t]),

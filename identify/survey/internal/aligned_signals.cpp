@@ -26,7 +26,7 @@ double quantile_of(std::vector<double> values, double p) {
   if (values.empty()) return kNaN;
   const auto at = static_cast<std::ptrdiff_t>(p * static_cast<double>(values.size() - 1) + 0.5);
   std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+  return values[at];
 }
 
 double quantile_of(const VectorXd& x, double p) { return quantile_of(present(x), p); }

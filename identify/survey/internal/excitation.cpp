@@ -68,7 +68,7 @@ void look_at_excitation(Scene& scene) {
   const Spectrum spectrum = multitaper(moving.head(n).transpose(), 3);
   double all = 0.0, half_hertz = 0.0, more = 0.0;
   for (Index k = 0; k < spectrum.omega.size(); ++k) {
-    const double power = spectrum.S[static_cast<std::size_t>(k)](0, 0).real();
+    const double power = spectrum.S[k](0, 0).real();
     const double hertz = spectrum.omega[k] / (2.0 * std::numbers::pi * scene.step);
     all += power;
     half_hertz += hertz > 0.5 ? power : 0.0;
@@ -89,7 +89,7 @@ void look_at_straights(Scene& scene) {
     while (end < r.size() && std::abs(r[end]) < 0.02) ++end;
     if (scene.time[end - 1] - scene.time[i] < 1.0) continue;
     total += scene.time[end - 1] - scene.time[i];
-    for (Index k = i; k < end; ++k) straight[static_cast<std::size_t>(k)] = true;
+    for (Index k = i; k < end; ++k) straight[k] = true;
   }
   if (total < 2.0) return;
   for (VehicleSurvey::Signal& entry : scene.out.signals) {
@@ -98,7 +98,7 @@ void look_at_straights(Scene& scene) {
       std::vector<double> values;
       for (Index i = 0; i < r.size(); ++i) {
         const double x = scene.on[kind][i];
-        if (straight[static_cast<std::size_t>(i)] && !std::isnan(x)) values.push_back(x);
+        if (straight[i] && !std::isnan(x)) values.push_back(x);
       }
       entry.straight = quantile_of(std::move(values), 0.5) / unit_scale(scene.signal(kind));
     }

@@ -60,7 +60,7 @@ VectorXd measured_vy(const VehicleRun& run, const VehicleParameters<double>& p, 
   const Index jv = run.find(VehicleQuantity::vy), jb = run.find(VehicleQuantity::beta);
   if (jv < 0 && jb < 0) return {};
   const Index j = jv >= 0 ? jv : jb;
-  const VehicleSensor& sensor = run.outputs[static_cast<std::size_t>(j)].sensor;
+  const VehicleSensor& sensor = run.outputs[j].sensor;
   const double angle = sensor.angle + p[kMountingAngle];
   VectorXd out(segment.rows);
   for (Index k = 0; k < segment.rows; ++k) {
@@ -114,7 +114,7 @@ void picture_start(const VehicleProblem& problem, const VehicleCovariance& covar
       Eigen::MatrixXd::Constant(problem.run->y.rows(), problem.run->time.size(), kNone);
   for (std::size_t i = 0; i < problem.row.size(); ++i) {
     const Index j = problem.output[i];
-    out.standardised_before(j, problem.row[i]) = -e[static_cast<Index>(i)] / covariance.sd[j];
+    out.standardised_before(j, problem.row[i]) = -e[i] / covariance.sd[j];
   }
 }
 

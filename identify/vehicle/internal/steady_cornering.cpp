@@ -101,7 +101,7 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
   Eigen::VectorXd angle(n);
   Eigen::Index left = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const SteadyMean& mean = all[static_cast<std::size_t>(i)];
+    const SteadyMean& mean = all[i];
     const double r = mean.r - bias_r;
     X.row(i) << r / mean.vx, r * mean.vx, -1.0;
     angle[i] = mean.angle + offset;

@@ -100,15 +100,15 @@ void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOp
   for (const VehicleQuantity quantity : {VehicleQuantity::vy, VehicleQuantity::beta}) {
     const Eigen::Index j = run.find(quantity);
     if (j < 0) continue;
-    const ChannelFit& now = estimate.simulation[static_cast<std::size_t>(j)];
+    const ChannelFit& now = estimate.simulation[j];
     if (now.fit_percent > kFittingWell) continue;
     VehicleRun turned = run;
     turned.y.row(j) *= -1.0;
     const Alternative other =
         fit_alternative(found, turned, found.problem.unknowns, false, options, estimate);
     if (!other.usable || !(other.found.best.log_likelihood > found.best.log_likelihood)) continue;
-    const ChannelFit then = channel_fits(vehicle_series(other.found.problem, other.found.best.z),
-                                         options.robust)[static_cast<std::size_t>(j)];
+    const ChannelFit then =
+        channel_fits(vehicle_series(other.found.problem, other.found.best.z), options.robust)[j];
     if (then.rmse > (1.0 - kTurnedFit) * now.rmse) continue;
     estimate.warnings.push_back(
         {"wrong_sign",

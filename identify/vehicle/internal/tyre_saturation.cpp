@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "identify/estimate/distribution.h"
+#include "identify/vehicle/internal/robust_noise.h"
 
 namespace identikal {
 namespace {
@@ -33,7 +34,7 @@ Eigen::VectorXd with_softening(const VehicleProblem& linear, const Eigen::Vector
 double quantile_95(std::vector<double> values) {
   const auto at = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
+  return values[at];
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "identify/report/console.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/fit.h"
+#include "identify/vehicle/internal/robust_noise.h"
 #include "identify/vehicle/internal/steady_cornering.h"
 #include "lib/data/csv.h"
 #include "lib/vehicle/sladka2010_car.h"

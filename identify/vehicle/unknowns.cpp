@@ -1,0 +1,264 @@
+#include "identify/vehicle/unknowns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "lib/base/constants.h"
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+
+namespace identikal {
+namespace {
+
+// Bounds of positive parameters that have none in the model file, in units of the typical size.
+// What ends here is reported as at its bound: the likelihood rises towards a rigid car.
+constexpr double kSmallest = 1e-3, kLargest = 20.0;
+constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
+constexpr double kLongestDelay = 1.0;         // [s]
+constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
+constexpr double kLeastFiala = 1e-6;          // inverse saturation in typical sizes
+
+bool is_inverse_saturation(VehicleParameter p) {
+  return p == kInverseSaturationFront || p == kInverseSaturationRear;
+}
+
+double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
+  switch (parameter) {
+    case kYawInertia:
+      return p[kMass] * p[kA] * p[kB];
+    case kCf:
+      return 10.0 * axle_loads(p)[0];
+    case kCr:
+      return 10.0 * axle_loads(p)[1];
+    case kSteeringOffset:
+    case kMountingAngle:
+    case kBiasR:
+    case kBank:
+      return 0.02;
+    case kSteeringDelay:
+      return 0.05;
+    case kBiasVy:
+    case kBiasAy:
+      return 0.2;
+    case kRelaxationLength:
+    case kCgHeight:
+      return 0.5;
+    case kCurveCurvature:
+      return 1.0;
+    case kInverseSaturationFront:
+      return 1.0 / std::pow(axle_loads(p)[0], 2);
+    case kInverseSaturationRear:
+      return 1.0 / std::pow(axle_loads(p)[1], 2);
+    default:
+      return p[parameter] != 0.0 ? std::abs(p[parameter]) : 1.0;
+  }
+}
+
+std::vector<std::string> parameter_names() {
+  std::vector<std::string> out;
+  for (int i = 0; i < kVehicleParameters; ++i) {
+    out.emplace_back(name_of(static_cast<VehicleParameter>(i)));
+  }
+  return out;
+}
+
+/// Which parameter this is.
+/// @return nothing for a steering ratio that an angle at the road wheels does not have
+/// @throws InputError when the vehicle does not have it, or it cannot have this value
+std::optional<VehicleParameter> checked_parameter(const ModelFile& model, const Parameter& given) {
+  const Location at{model.path, 0, 0};
+  const auto parameter = vehicle_parameter(given.name);
+  if (!parameter) {
+    throw InputError(at, "parameter '" + given.name + "'", "one of the single-track vehicle's",
+                     did_you_mean(given.name, parameter_names()));
+  }
+  if (*parameter == kSteeringRatio && model.vehicle.steering_at_road_wheel) {
+    if (given.fixed) return std::nullopt;
+    throw InputError(at, "steering_ratio is to be fitted, but the angle is that of the road wheel",
+                     "", "fit steering_gain instead");
+  }
+  if (must_be_positive(*parameter) && !(given.scalar() > 0.0)) {
+    throw InputError(at, fmt::format("parameter '{}' is {:g}", given.name, given.scalar()),
+                     "a positive number");
+  }
+  if (*parameter == kRelaxationLength && given.fixed && given.scalar() != 0.0 &&
+      given.scalar() < kShortestRelaxation) {
+    throw InputError(at, fmt::format("parameter '{}' is {:g} m", given.name, given.scalar()),
+                     fmt::format("0 for none, or at least {:g} m", kShortestRelaxation));
+  }
+  return parameter;
+}
+
+/// The range that the model file allows: bounds, and those of the prior.
+std::pair<double, double> allowed_range(const ModelFile& model, const Parameter& given) {
+  double low = given.min, high = given.max;
+  if (given.prior.kind == Prior::Kind::uniform || given.prior.kind == Prior::Kind::log_uniform) {
+    low = std::max(low, given.prior.a);
+    high = std::min(high, given.prior.b);
+  }
+  if (given.prior.kind == Prior::Kind::log_normal) {
+    if (!(given.scalar() > 0.0)) {
+      throw InputError({model.path, 0, 0},
+                       fmt::format("parameter '{}' starts at {:g}, where its log-normal prior "
+                                   "does not reach",
+                                   given.name, given.scalar()),
+                       "a start above 0");
+    }
+    low = std::max(low, kSmallest * given.prior.a);
+  }
+  return {low, high};
+}
+
+/// Sets the parameter free with what the model file says of it.
+void set_free_as_given(const ModelFile& model, std::size_t position, VehicleUnknowns& out) {
+  const Parameter& given = model.parameters[position];
+  const VehicleParameter parameter = *vehicle_parameter(given.name);
+  set_free(out, parameter);
+  out.position.back() = position;
+  out.prior.back() = given.prior;
+  const auto [low, high] = allowed_range(model, given);
+  const Eigen::Index k = out.scale.size() - 1;
+  if (is_inverse_saturation(parameter)) {
+    if (std::isfinite(high)) out.lower[k] = 1.0 / (high * high);
+    if (low > 0.0) out.upper[k] = 1.0 / (low * low);
+    out.upper[k] = std::max(out.upper[k], out.lower[k]);
+  } else {
+    out.lower[k] = std::max(out.lower[k], low);
+    // What the file allows expressly is allowed.
+    if (std::isfinite(high)) out.upper[k] = high;
+    const bool bounded_both_ways =
+        parameter == kSteeringDelay || parameter == kMountingAngle || parameter == kBank;
+    if (bounded_both_ways && std::isfinite(low)) out.lower[k] = low;
+  }
+  double& start = out.value[parameter];
+  start = std::min(std::max(start, out.lower[k]), out.upper[k]);
+}
+
+}  // namespace
+
+bool must_be_positive(VehicleParameter p) {
+  return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
+         p == kSteeringRatio || is_inverse_saturation(p) || p == kCurveShape;
+}
+
+UserValue in_user_terms(VehicleParameter parameter, double value) {
+  if (!is_inverse_saturation(parameter)) return {value, 1.0};
+  const double force = 1.0 / std::sqrt(value);
+  return {force, -0.5 * force / value};
+}
+
+double from_user_terms(VehicleParameter parameter, double value) {
+  return is_inverse_saturation(parameter) ? 1.0 / (value * value) : value;
+}
+
+Eigen::Index VehicleUnknowns::find(VehicleParameter parameter) const {
+  const auto at = std::find(free.begin(), free.end(), parameter);
+  return at == free.end() ? -1 : at - free.begin();
+}
+
+bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value) {
+  const double least = kLeastFiala * unknowns.scale[free];
+  return is_inverse_saturation(unknowns.free[free]) && value <= least * (1.0 + 1e-6);
+}
+
+Eigen::Vector2d axle_loads(const VehicleParameters<double>& p) {
+  const double weight = p[kMass] * kStandardGravity / (p[kA] + p[kB]);
+  return {weight * p[kB], weight * p[kA]};
+}
+
+void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
+  const VehicleParameters<double>& p = unknowns.value;
+  const double scale = typical_size(parameter, p);
+  double lower = -kInfinity, upper = kInfinity;
+  if (must_be_positive(parameter)) {
+    lower = kSmallest * scale;
+    upper = kLargest * scale;
+  }
+  if (is_inverse_saturation(parameter)) {
+    // Nobody drives at a friction below 0.1. The derivative of Fiala's curve by the inverse
+    // saturation is infinite at 0.
+    lower = unknowns.curve == TyreCurve::fiala ? kLeastFiala * scale : 0.0;
+    upper = 100.0 * scale;
+  }
+  if (parameter == kSteeringDelay) {
+    lower = -kLongestDelay;
+    upper = kLongestDelay;
+  }
+  if (parameter == kMountingAngle || parameter == kBank) {
+    lower = -kLargestAngle;
+    upper = kLargestAngle;
+  }
+  if (parameter == kRelaxationLength) lower = kShortestRelaxation;
+  if (parameter == kCgHeight || parameter == kLoadSensitivity) lower = 0.0;
+  if (parameter == kCurveShape) {
+    lower = 1.0;
+    upper = 2.0;
+  }
+  if (parameter == kCurveCurvature) upper = 1.0;
+  const auto k = static_cast<Eigen::Index>(unknowns.free.size());
+  unknowns.free.push_back(parameter);
+  unknowns.position.push_back(0);
+  unknowns.prior.emplace_back();
+  for (const auto& [vector, value] :
+       {std::pair{&unknowns.lower, lower}, {&unknowns.upper, upper}, {&unknowns.scale, scale}}) {
+    vector->conservativeResize(k + 1);
+    (*vector)[k] = value;
+  }
+}
+
+VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
+  VehicleUnknowns out;
+  out.value = neutral_vehicle();
+  out.curve = model.vehicle.curve;
+  std::vector<std::size_t> sought;
+  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+    const Parameter& given = model.parameters[i];
+    const auto parameter = checked_parameter(model, given);
+    if (!parameter) continue;
+    out.value[*parameter] = from_user_terms(*parameter, given.scalar());
+    if (!given.fixed) sought.push_back(i);
+  }
+  for (int i = 0; i < kVehicleParameters; ++i) {
+    const auto parameter = static_cast<VehicleParameter>(i);
+    if (std::isnan(out.value[parameter])) {
+      throw InputError({model.path, 0, 0},
+                       fmt::format("parameter '{}' is missing", name_of(parameter)),
+                       "a value or a start for it");
+    }
+  }
+  // Typical sizes need the values of all.
+  for (const std::size_t i : sought) set_free_as_given(model, i, out);
+  return out;
+}
+
+VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve) {
+  unknowns.curve = curve;
+  for (const VehicleParameter parameter : {kInverseSaturationFront, kInverseSaturationRear}) {
+    const Eigen::Index at = unknowns.find(parameter);
+    if (at < 0) {
+      if (unknowns.value[parameter] == 0.0 && curve != TyreCurve::linear) {
+        unknowns.value[parameter] = typical_size(parameter, unknowns.value);
+        set_free(unknowns, parameter);
+      }
+    } else if (curve == TyreCurve::fiala) {
+      unknowns.lower[at] = std::max(unknowns.lower[at], kLeastFiala * unknowns.scale[at]);
+    }
+  }
+  return unknowns;
+}
+
+IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p) {
+  IntegrationDemand out;
+  out.decay_rate = decay_rate_times_speed(linear_car(p));
+  const Eigen::Index relaxation = unknowns.find(kRelaxationLength);
+  out.relaxation_length =
+      relaxation < 0 ? p[kRelaxationLength] : std::max(unknowns.lower[relaxation], 1e-3);
+  return out;
+}
+
+}  // namespace identikal
