@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/model/model_file.h"
 #include "identify/model/row_selection.h"
 #include "identify/result/file.h"
 #include "identify/result/file_digest.h"

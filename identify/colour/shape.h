@@ -8,7 +8,7 @@
 
 #include "identify/colour/shaped_model.h"
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
 namespace identikal {

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
 #include "lib/filter/smoother.h"

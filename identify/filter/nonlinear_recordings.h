@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/nonlinear/filter.h"
 #include "lib/nonlinear/integration_steps.h"

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/report.h"
 #include "identify/filter/simulated_fit.h"
-#include "identify/noise/estimate.h"
 #include "lib/data/units.h"
 #include "lib/filter/kalman.h"
 

@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "identify/filter/nonlinear_recordings.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/likelihood.h"
 #include "solvers/scoring.h"

@@ -8,11 +8,12 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/filter/channel_fit.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/matrix_reader.h"
-#include "identify/noise/estimate.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 #include "lib/filter/steady_state.h"
@@ -250,26 +251,6 @@ std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
     out.push_back(input_correlation(e.row(i).transpose(), earlier, before - 1));
   }
   return out;
-}
-
-ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e) {
-  double sum = 0.0, count = 0.0, total = 0.0, squares = 0.0;
-  for (Index t = 0; t < y.size(); ++t) {
-    if (std::isnan(e[t])) continue;
-    sum += y[t];
-    count += 1.0;
-  }
-  for (Index t = 0; t < y.size(); ++t) {
-    if (std::isnan(e[t])) continue;
-    squares += e[t] * e[t];
-    total += std::pow(y[t] - sum / count, 2);
-  }
-  ChannelFit fit{output.name, output.unit, kNone, kNone};
-  if (count > 0.0) {
-    fit.rmse = std::sqrt(squares / count) / parse_unit(output.unit).value_or(Unit{}).scale;
-  }
-  if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
-  return fit;
 }
 
 void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
 #include "lib/statistics/whiteness.h"
@@ -19,10 +19,6 @@ namespace identikal {
 
 /// Q, R, S and the steady state of the filter.
 void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
-
-/// How well predictions follow an output. @param y  SI  @param e  y less what was predicted; NaN =
-/// missing
-ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Eigen::VectorXd& e);
 
 /// One-step fit, tests and series of innovations that one filter per recording has left. The tests
 /// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation

@@ -9,9 +9,10 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/model_filter.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
-#include "identify/noise/estimate.h"
 #include "identify/result/csv.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"

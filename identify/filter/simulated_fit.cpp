@@ -8,10 +8,11 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/parameter_table.h"
+#include "identify/filter/channel_fit.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/report.h"
-#include "identify/noise/estimate.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"

@@ -1,9 +1,7 @@
 #include "identify/model/model_file.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <limits>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -14,12 +12,12 @@
 #include "identify/model/internal/formula_form.h"
 #include "identify/model/internal/linear_form.h"
 #include "identify/model/internal/regression_form.h"
+#include "identify/model/internal/vehicle_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
 #include "identify/model/yaml_reader.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
-#include "lib/vehicle/single_track.h"
 
 namespace identikal {
 namespace {
@@ -31,54 +29,6 @@ const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R",
 const std::vector<std::string> kVehicleKeys = {"sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
 const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics"};
-
-constexpr double kRequired = std::numeric_limits<double>::quiet_NaN();
-constexpr ParameterRule kVehicleRules[] = {
-    {"m", "kg", true, kRequired},
-    {"a", "m", true, kRequired},
-    {"b", "m", true, kRequired},
-    {"Iz", "kg m^2", true, kRequired},
-    {"Cf", "N/rad", true, kRequired},
-    {"Cr", "N/rad", true, kRequired},
-    {"steering_ratio", "", true, 1.0},
-    {"steering_gain", "", false, 1.0, [](double x) { return x != 0.0; }, "a number other than 0"},
-    {"steering_offset", "rad", false, 0.0},
-    {"steering_delay", "s", false, 0.0, [](double x) { return std::abs(x) <= 1.0; },
-     "between -1 s and 1 s"},
-    {"bias_r", "rad/s", false, 0.0},
-    {"bias_vy", "m/s", false, 0.0},
-    {"bias_ay", "m/s^2", false, 0.0},
-    {"mounting_angle", "rad", false, 0.0},
-    {"bank", "rad", false, 0.0},
-    {"relaxation_length", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"},
-    {"cg_height", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"},
-    {"load_sensitivity", "", false, 1.0, [](double x) { return x >= 0.0; }, "0 or above"},
-};
-// Of tyres that saturate: free where the file does not name them, about a friction of 1.
-constexpr ParameterRule kCurveRules[] = {{"Ff_max", "N", true, kRequired},
-                                         {"Fr_max", "N", true, kRequired}};
-constexpr ParameterRule kMagicFormulaRules[] = {
-    {"curve_shape", "", true, CurveShape().shape, [](double x) { return x >= 1.0 && x <= 2.0; },
-     "between 1 and 2"},
-    {"curve_curvature", "", false, CurveShape().curvature, [](double x) { return x < 1.0; },
-     "below 1"}};
-
-constexpr ChannelRule kVehicleInputs[] = {
-    {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
-constexpr ChannelRule kVehicleOutputs[] = {
-    {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
-
-/// The parameters of a car with tyres of this curve.
-std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
-  std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
-  if (curve != TyreCurve::linear) {
-    out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
-  }
-  if (curve == TyreCurve::magic_formula) {
-    out.insert(out.end(), std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules));
-  }
-  return out;
-}
 
 TimeSource read_time(const YamlNode& root, ModelFile::Form form, bool formulas) {
   const YamlNode& node =
@@ -126,174 +76,6 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form, bool formulas) 
   return out;
 }
 
-/// The largest force of an axle that the file does not name: sought, from its load on a road with
-/// a friction of 1.
-Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
-  const auto value = [&](const char* name) {
-    return others[static_cast<std::size_t>(find_parameter(others, name))].scalar();
-  };
-  const double weight = value("m") * kStandardGravity / (value("a") + value("b"));
-  Parameter out;
-  out.name = rule.name;
-  out.unit = rule.si_unit;
-  out.value = Eigen::MatrixXd::Constant(1, 1, weight * value(out.name == "Ff_max" ? "b" : "a"));
-  out.min = 0.0;
-  return out;
-}
-
-/// A prior of a logarithm has nothing at 0 and below, nor may the search go there.
-void require_logarithm(const Parameter& parameter, const YamlNode& node) {
-  const Prior::Kind kind = parameter.prior.kind;
-  if (kind != Prior::Kind::log_uniform && kind != Prior::Kind::log_normal) return;
-  for (const char* key : {"value", "min", "max"}) {
-    const YamlNode* given = find(node, key);
-    if (given == nullptr) continue;
-    const std::string what = fmt::format("{} of parameter '{}'", key, parameter.name);
-    if (read_si(*given, parameter.unit, what) > 0.0) continue;
-    throw InputError(given->at, fmt::format("{} is {}", what, describe(*given)), "above 0",
-                     "its prior is one of the logarithm");
-  }
-}
-
-ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road_wheel,
-                                     TyreCurve curve) {
-  const YamlNode& node =
-      required(root, "parameters", "the model file", "parameters: m a b Iz Cf Cr steering_ratio");
-  const std::vector<ParameterRule> rules = vehicle_rules(curve);
-  for (const YamlNode& key : node.keys) {
-    const auto is = [&key](const ParameterRule& rule) { return key.text == rule.name; };
-    if (curve == TyreCurve::linear &&
-        std::any_of(std::begin(kCurveRules), std::end(kCurveRules), is)) {
-      throw InputError(key.at, in_quotes(key.text) + " belongs to tyres that saturate",
-                       "tyre: {curve: tanh}, fiala or magic-formula");
-    }
-    if (curve != TyreCurve::magic_formula &&
-        std::any_of(std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules), is)) {
-      throw InputError(key.at, in_quotes(key.text) + " belongs to the magic formula",
-                       "tyre: {curve: magic-formula}");
-    }
-  }
-  check_keys(node, "parameters", names_of(rules));
-  if (const YamlNode* ratio = find(node, "steering_ratio"); ratio && steering_at_road_wheel) {
-    throw InputError(ratio->at, "steering_ratio is given with the input road_wheel_angle",
-                     "the input steering_wheel_angle, or no ratio");
-  }
-  if (!steering_at_road_wheel) {
-    required(node, "steering_ratio", "parameters", "steering-wheel angle over road-wheel angle");
-  }
-  ParameterSet out;
-  for (const ParameterRule& rule : rules) {
-    if (const YamlNode* given = find(node, rule.name)) {
-      out.push_back(read_parameter(rule.name, *given, &rule));
-      require_logarithm(out.back(), *given);
-      continue;
-    }
-    if (std::string_view(rule.name).ends_with("_max")) {
-      out.push_back(unknown_peak(rule, out));
-      continue;
-    }
-    if (std::isnan(rule.fallback)) {
-      required(node, rule.name, "parameters",
-               fmt::format("{}: NUMBER {}", rule.name, rule.si_unit));
-    }
-    Parameter known;
-    known.name = rule.name;
-    known.unit = rule.si_unit;
-    known.value = Eigen::MatrixXd::Constant(1, 1, rule.fallback);
-    known.fixed = true;
-    out.push_back(std::move(known));
-  }
-  return out;
-}
-
-double read_min_speed(const YamlNode& node) {
-  std::string_view rest = trimmed(text_of(node, "use_when"));
-  for (const std::string_view sign : {"vx", ">"}) {
-    rest = rest.starts_with(sign) ? trimmed(rest.substr(sign.size())) : "";
-  }
-  const std::optional<Quantity> speed = split_quantity(rest);
-  if (!speed || !parse_unit(speed->unit)) {
-    throw InputError(node.at, "use_when is " + describe(node), "'vx > 5' or 'vx > 18 km/h'",
-                     "other conditions are not available yet");
-  }
-  const double value = si_value(*speed, "m/s", node.at, "use_when");
-  if (!(value > 0.0)) throw InputError(node.at, "use_when is " + describe(node), "a speed above 0");
-  return value;
-}
-
-void read_sensors(const YamlNode& root, ModelFile& out) {
-  const YamlNode* node = find(root, "sensors");
-  if (node == nullptr) return;
-  check_keys(*node, "sensors", names_of(out.outputs));
-  for (std::size_t i = 0; i < node->items.size(); ++i) {
-    const YamlNode& item = node->items[i];
-    check_keys(item, in_quotes(node->keys[i].text), {"x", "y", "angle"});
-    SensorPosition& position = out.vehicle.sensors[node->keys[i].text];
-    if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
-    if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
-    if (const YamlNode* angle = find(item, "angle")) {
-      position.angle = read_si(*angle, "rad", "angle");
-    }
-  }
-}
-
-void read_measurement_noise(const YamlNode& root, ModelFile& out) {
-  std::vector<double>& result = out.vehicle.measurement_sd;
-  result.assign(out.outputs.size(), std::numeric_limits<double>::quiet_NaN());
-  const YamlNode* node = find(root, "noise");
-  if (node == nullptr) return;
-  check_keys(*node, "noise", {"measurement"}, {"process"});
-  const YamlNode& measurement = required(*node, "measurement", "noise", "measurement: {sd: ...}");
-  check_keys(measurement, "measurement", {"kind", "sd"});
-  if (const YamlNode* kind = find(measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
-  const YamlNode& sd = required(measurement, "sd", "measurement", "sd: {r: 0.01 rad/s}");
-  check_keys(sd, "sd", names_of(out.outputs));
-  for (std::size_t i = 0; i < out.outputs.size(); ++i) {
-    const YamlNode* given = find(sd, out.outputs[i].name);
-    if (given == nullptr) continue;
-    const std::string what = "sd of " + out.outputs[i].name;
-    result[i] = read_si(*given, out.outputs[i].si_unit, what);
-    if (!(result[i] > 0.0)) {
-      throw InputError(given->at, fmt::format("{} is {}", what, describe(*given)),
-                       "a value above 0");
-    }
-  }
-}
-
-void read_vehicle(const YamlNode& root, ModelFile& out) {
-  const std::string top = "the model file";
-  const std::string inputs_example =
-      "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
-  const YamlNode& inputs = required(root, "inputs", top, inputs_example);
-  out.inputs = read_channels(inputs, "inputs", kVehicleInputs);
-  std::sort(out.inputs.begin(), out.inputs.end(), [](const auto& one, const auto& other) {
-    return one.name != "vx" && other.name == "vx";
-  });
-  if (out.inputs.size() != 2 || out.inputs[1].name != "vx") {
-    throw InputError(inputs.at, "inputs are not one steering angle and vx",
-                     "one of steering_wheel_angle and road_wheel_angle, and vx");
-  }
-  VehicleSettings& vehicle = out.vehicle;
-  vehicle.steering_at_road_wheel = out.inputs[0].name == "road_wheel_angle";
-  out.outputs =
-      read_channels(required(root, "outputs", top, "outputs: {r: {column: ..., unit: deg/s}}"),
-                    "outputs", kVehicleOutputs);
-  if (const YamlNode* tyre = find(root, "tyre")) {
-    check_keys(*tyre, "tyre", {"curve"});
-    const YamlNode& curve = required(*tyre, "curve", "tyre", "curve: linear");
-    vehicle.curve =
-        *tyre_curve(word_of(curve, "curve", {"linear", "tanh", "fiala", "magic-formula"}));
-  }
-  out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel, vehicle.curve);
-
-  read_sensors(root, out);
-  read_measurement_noise(root, out);
-  if (const YamlNode* use_when = find(root, "use_when")) {
-    vehicle.min_speed = read_min_speed(*use_when);
-  }
-  out.regression = read_regression_settings(root, out.form);
-}
-
 // Throws at the first key that models of this form do not have.
 void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
   const auto refuse = [&root](const std::vector<std::string>& keys, const char* what) {
@@ -324,26 +106,6 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
 }
 
 }  // namespace
-
-const char* to_string(NonlinearMethod method) {
-  switch (method) {
-    case NonlinearMethod::extended:
-      return "extended";
-    case NonlinearMethod::iterated:
-      return "iterated";
-    case NonlinearMethod::unscented:
-      return "unscented";
-  }
-  return "";
-}
-
-NonlinearMethod nonlinear_method(const std::string& name, const Location& at) {
-  for (const NonlinearMethod method :
-       {NonlinearMethod::extended, NonlinearMethod::iterated, NonlinearMethod::unscented}) {
-    if (name == to_string(method)) return method;
-  }
-  throw InputError(at, fmt::format("unknown filter '{}'", name), "extended, iterated or unscented");
-}
 
 ModelFile read_model_file(const std::string& path) {
   return parse_model_file(read_yaml_text(path), path);
@@ -382,13 +144,6 @@ ModelFile parse_model_file(const std::string& text, const std::string& path) {
     read_regression(root, out);
   }
   return out;
-}
-
-std::string vehicle_unit(const std::string& parameter) {
-  for (const ParameterRule& rule : vehicle_rules(TyreCurve::magic_formula)) {
-    if (parameter == rule.name) return rule.si_unit;
-  }
-  return "";
 }
 
 void set_parameter(ModelFile& model, const std::string& assignment) {

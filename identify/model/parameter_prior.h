@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/base/random.h"
 
 namespace identikal {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
 namespace identikal {

@@ -11,6 +11,8 @@
 #include <Eigen/QR>
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/minimum_rank.h"
 #include "lib/filter/information.h"

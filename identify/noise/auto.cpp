@@ -7,9 +7,9 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/noise/als.h"
-#include "identify/noise/estimate.h"
 #include "lib/base/error.h"
 
 namespace identikal {

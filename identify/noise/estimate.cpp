@@ -2,118 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
-#include "lib/data/units.h"
 #include "lib/filter/information.h"
 
 namespace identikal {
 
 using Eigen::Index;
-
-Index samples_present(const std::vector<Dataset>& recordings) {
-  Index samples = 0;
-  for (const Dataset& data : recordings) {
-    samples += static_cast<Index>((data.y.array() == data.y.array()).count());
-  }
-  return samples;
-}
-
-void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings) {
-  const Index unknowns = coordinates(model.parameters).size();
-  if (unknowns == 0) {
-    throw InputError({model.path, 0, 0}, "nothing is free to be estimated",
-                     "at least one parameter with {value: ...} or a structured Q or R",
-                     "use 'check' to test a filter whose noise is given");
-  }
-  if (recordings.empty()) throw std::invalid_argument("there is no recording");
-  const Index samples = samples_present(recordings);
-  if (samples <= unknowns) {
-    throw InputError({recordings[0].name, 0, 0},
-                     fmt::format("{} samples for {} unknowns", samples, unknowns),
-                     "more samples than unknowns", "use a longer recording or fix parameters");
-  }
-  check_channels(recordings);
-}
-
-void check_channels(const std::vector<Dataset>& recordings) {
-  check_inputs(recordings);
-  for (const Dataset& data : recordings) {
-    for (Index i = 0; i < data.y.rows(); ++i) {
-      double low = HUGE_VAL, high = -HUGE_VAL;
-      for (Index t = 0; t < data.y.cols(); ++t) {
-        if (std::isnan(data.y(i, t))) continue;
-        low = std::min(low, data.y(i, t));
-        high = std::max(high, data.y(i, t));
-      }
-      if (low >= high) {
-        throw InputError({data.name, 0, 0},
-                         fmt::format("output '{}' never changes (it is {:.6g} throughout)",
-                                     data.outputs[static_cast<std::size_t>(i)].name, low),
-                         "a channel with noise", "remove it from the model's outputs");
-      }
-    }
-  }
-}
-
-void check_inputs(const std::vector<Dataset>& recordings) {
-  if (recordings.empty()) throw std::invalid_argument("there is no recording");
-  for (const Dataset& data : recordings) {
-    for (Index i = 0; i < data.u.rows(); ++i) {
-      for (Index t = 0; t < data.u.cols(); ++t) {
-        if (std::isfinite(data.u(i, t))) continue;
-        throw InputError({data.name, 0, 0},
-                         fmt::format("input '{}' is missing at {:.6g} s",
-                                     data.inputs[static_cast<std::size_t>(i)].name, data.time[t]),
-                         "a value in every row", "select rows with --range, or fill the gap");
-      }
-    }
-  }
-}
-
-double unit_scale(const std::string& unit) {
-  const auto parsed = parse_unit(unit);
-  return parsed ? parsed->scale : 1.0;
-}
-
-void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end) {
-  const ReportedEntries before = reported_entries(start), after = reported_entries(end);
-  for (std::size_t i = 0; i < after.names.size(); ++i) {
-    const auto at = static_cast<Index>(i);
-    EstimatedParameter p;
-    p.name = after.names[i];
-    p.unit = after.units[i];
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
-    p.value = unit.from_si(after.value[at]);
-    p.start = unit.from_si(before.value[at]);
-    const Parameter& parameter = end[static_cast<std::size_t>(after.parameter[i])];
-    p.fixed = parameter.fixed;
-    if (parameter.domain == Domain::scalar) {
-      p.bounds = {unit.from_si(parameter.min), unit.from_si(parameter.max)};
-    } else if (after.variance[i]) {
-      p.bounds[0] = 0.0;
-    }
-    estimate.parameters.push_back(std::move(p));
-  }
-}
-
-void list_known_parameters(Estimate& estimate, const ParameterSet& parameters) {
-  list_parameters(estimate, parameters, parameters);
-  for (EstimatedParameter& p : estimate.parameters) p.fixed = true;
-}
-
-ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {
-  Eigen::VectorXd entries = free_entries(parameters);
-  Index i = 0;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (!p.fixed) entries[i++] = p.value * unit_scale(p.unit);
-  }
-  return with_entries(parameters, entries);
-}
 
 InteriorParameters interior_parameters(Estimate& estimate, const std::vector<bool>& at_boundary) {
   InteriorParameters out;

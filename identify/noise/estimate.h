@@ -7,36 +7,11 @@
 #include <Eigen/Core>
 
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "solvers/problem.h"
 
 namespace identikal {
-
-/// Measured values in all recordings together.
-Eigen::Index samples_present(const std::vector<Dataset>& recordings);
-
-/// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
-/// changes or an input has gaps; std::invalid_argument without a recording
-void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings);
-
-/// @throws InputError when an input has gaps; std::invalid_argument without a recording
-void check_inputs(const std::vector<Dataset>& recordings);
-
-/// @throws InputError when an output never changes or an input has gaps
-void check_channels(const std::vector<Dataset>& recordings);
-
-/// SI value of one `unit`; 1 for an unknown one.
-double unit_scale(const std::string& unit);
-
-/// Values of all reported entries in the user's units, and where they started.
-void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end);
-
-/// The same of values that are known, as far as this result goes.
-void list_known_parameters(Estimate& estimate, const ParameterSet& parameters);
-
-/// The parameters with the values that a result holds.
-ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters);
 
 /// The free parameters that have errors: those that lie inside their bounds.
 struct InteriorParameters {

@@ -8,6 +8,7 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/noise/estimate.h"
 #include "solvers/covariance.h"
 #include "solvers/scoring.h"

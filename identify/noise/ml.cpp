@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/parameter_table.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
 #include "identify/noise/estimate.h"

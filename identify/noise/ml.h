@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/likelihood.h"
 

@@ -8,7 +8,9 @@
 #include <Eigen/Cholesky>
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"

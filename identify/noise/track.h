@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "identify/noise/bayes.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"

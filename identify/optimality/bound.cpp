@@ -10,6 +10,7 @@
 #include <Eigen/QR>
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/noise/estimate.h"
 #include "identify/simulation/simulate.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
 namespace identikal {

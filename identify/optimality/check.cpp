@@ -4,9 +4,10 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
-#include "identify/noise/estimate.h"
 #include "identify/optimality/optimality.h"
 #include "identify/optimality/score_statistic.h"
 #include "lib/data/units.h"

@@ -7,8 +7,8 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
-#include "identify/noise/estimate.h"
 #include "identify/optimality/optimality.h"
 #include "lib/statistics/autocorrelation.h"
 #include "lib/statistics/autoregression.h"

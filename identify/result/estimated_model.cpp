@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "identify/model/model_file.h"
 #include "identify/model/model_values.h"
 #include "identify/model/yaml_reader.h"
 #include "identify/result/file_digest.h"

@@ -8,10 +8,11 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
-#include "identify/noise/estimate.h"
 #include "identify/result/file_digest.h"
 #include "identify/validation/internal/vehicle_refit.h"
 #include "identify/vehicle/checks.h"

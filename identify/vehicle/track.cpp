@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "identify/noise/estimate.h"
+#include "identify/estimate/parameter_table.h"
 #include "identify/regression/order.h"
 #include "identify/regression/track.h"
 #include "identify/vehicle/output_error.h"

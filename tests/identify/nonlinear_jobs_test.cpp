@@ -16,6 +16,7 @@
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/run.h"
 #include "identify/filter/simulated_fit.h"
+#include "identify/model/model_file.h"
 #include "identify/noise/ml.h"
 #include "identify/optimality/bound.h"
 #include "identify/optimality/check.h"

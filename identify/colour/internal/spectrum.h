@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "identify/colour/shaped_model.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/model/shaping_filter.h"
 #include "lib/statistics/spectrum.h"

@@ -1,7 +1,7 @@
 // The physical form of a model file: states that move by formulas.
 #pragma once
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "identify/model/yaml_reader.h"
 
 namespace identikal {

@@ -1,7 +1,7 @@
 // The linear form of a model file: matrices whose entries are numbers or formulas of parameters.
 #pragma once
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "identify/model/yaml_reader.h"
 
 namespace identikal {

@@ -2,7 +2,7 @@
 // past is forgotten.
 #pragma once
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "identify/model/yaml_reader.h"
 
 namespace identikal {

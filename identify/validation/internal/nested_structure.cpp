@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "identify/result/estimated_model.h"
 #include "identify/result/values.h"
 #include "lib/base/error.h"

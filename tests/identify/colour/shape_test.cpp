@@ -15,6 +15,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/colour/internal/spectrum.h"
+#include "identify/model/model_file.h"
 #include "lib/base/error.h"
 #include "lib/filter/kalman.h"
 #include "lib/model/shaping_filter.h"

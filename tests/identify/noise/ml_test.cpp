@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "identify/model/model_file.h"
 #include "lib/base/random.h"
 #include "lib/data/csv.h"
 #include "lib/filter/kalman.h"

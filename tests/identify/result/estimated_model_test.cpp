@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "identify/model/model_file.h"
 #include "lib/base/error.h"
 
 namespace identikal {

@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "identify/model/model_file.h"
 #include "identify/report/survey_text.h"
 #include "identify/simulation/simulate.h"
 #include "identify/survey/columns.h"

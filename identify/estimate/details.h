@@ -1,0 +1,164 @@
+// What do the jobs answer beyond parameters? One struct for each job that has more to say.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/estimate/none.h"
+#include "identify/estimate/warning.h"
+
+namespace identikal {
+
+/// How the fit of Q depends on how many independent sources of process noise it has.
+struct RankSelection {
+  struct Step {
+    double penalty = kNone, objective = kNone, trace = kNone;  ///< of tr Q; of the fit; tr Q
+    Eigen::Index rank = 0;                   ///< of Q: independent sources of noise
+    double excess = kNone, allowed = kNone;  ///< chi-square of the re-fit with Q of that rank
+  };
+  std::vector<Step> curve;        ///< from the largest penalty to none
+  Eigen::Index rank = 0, of = 0;  ///< of Q: the one selected, and the largest possible
+};
+
+/// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
+/// and hold kNone for those that are fixed.
+struct Bound {
+  Eigen::Index samples = 0;
+  double accuracy = kNone;                   ///< wanted standard deviation / value
+  std::vector<double> complete_se;           ///< if the states were observed too
+  std::vector<double> samples_needed;        ///< for the accuracy
+  std::vector<Eigen::MatrixXd> gain_change;  ///< of the steady gain, for 1 % more of the parameter
+  Eigen::MatrixXd gain_se;                   ///< that the bound leaves to the steady gain
+  /// Nonlinear models: recordings that the information is the mean of, 0 where it is exact.
+  int simulated = 0;
+  std::uint64_t seed = 0;        ///< of their noise
+  double simulation_se = kNone;  ///< of the bound's standard deviations, relative, at most
+  /// Where K and Sigma are the unknowns themselves; all empty without a steady filter.
+  struct InnovationForm {
+    Eigen::MatrixXd Sigma;  ///< steady innovation covariance
+    Eigen::MatrixXd K_se;   ///< NaN where the outputs do not show all states
+    Eigen::MatrixXd Sigma_se;
+    double published_K_se = kNone;  ///< Matisko (2013), (6.45): one state and one output only
+    double published_Sigma_se = kNone;
+    std::vector<double> published_se;  ///< (6.45) carried over to the parameters, where one to one
+  } innovation_form;
+};
+
+/// What stands behind a Bayesian estimate; there `value` is the posterior mean, `se` its standard
+/// deviation and `ci95` the central credible interval. Vectors go with Estimate::parameters and
+/// hold kNone, or nothing, for those that are fixed.
+struct Posterior {
+  std::string method;        ///< "grid" or "sequential Monte Carlo"
+  Eigen::Index points = 0;   ///< grid points or draws
+  double effective = kNone;  ///< of them, as many count: (sum w)^2 / sum w^2, or distinct draws
+  double log_evidence = kNone;
+  std::vector<double> map;         ///< the most probable point, in the coordinates of the prior
+  std::vector<std::string> prior;  ///< in words
+};
+
+/// How noise or coefficients were estimated from sample to sample, in the parameters' units.
+struct TimeHistory {
+  std::vector<std::string> names, units;  ///< of the free parameters
+  Eigen::MatrixXd mean, sd;               ///< names x N; sd is kNone while nothing is learnt
+  Eigen::VectorXd log_alarm;              ///< N: of the test for a change; kNone without test
+  double log_threshold = kNone;
+  struct Change {
+    double since = kNone;  ///< [s]: when it happened, as estimated
+    double found = kNone;  ///< [s]: when the test rejected
+    Eigen::VectorXd before,
+        after;  ///< names: estimates just before, and at the end of what follows
+  };
+  std::vector<Change> changes;
+};
+
+/// Coloured noise: what was tried, what won, what it is worth (identify/colour/shape.h).
+struct Shaping {
+  double whiteness_p = kNone;  ///< that white noise looks like this, all tests together
+  double peak = kNone;         ///< [rad/s]: of the white model's innovations' spectrum
+  double peak_p = kNone;       ///< that white noise has one as high
+  std::string noise_source;    ///< "process" or "measurement"; empty: no filter
+  int order = 0;               ///< of each filter
+  int zeros = 0;               ///< of each filter
+  struct Pole {
+    double frequency = kNone;  ///< [rad/s]
+    double radius = kNone;     ///< in the plane of z
+  };
+  std::vector<Pole> poles;     ///< of the filters, one of each pair
+  double output_peak = kNone;  ///< [rad/s]: of the outputs' spectrum, at the slowest of them
+  struct Candidate {
+    std::string noise_source, channels;  ///< "white", "process" or "measurement"
+    int order = 0, zeros = 0;
+    double log_likelihood = kNone, bic = kNone;
+  };
+  std::vector<Candidate> candidates;  ///< the white model first, then the best first
+  std::vector<std::string> channels, units;
+  std::vector<int> horizons;  ///< samples
+  /// Spectra of the standardised innovations, 1 where they are white: frequencies [rad/s], channels
+  /// x frequencies; 95 % of a white sequence's values lie in the band.
+  Eigen::VectorXd frequency;
+  Eigen::MatrixXd spectrum_white, spectrum_shaped;  ///< shaped: empty without filter
+  std::array<double, 2> band{kNone, kNone};
+  Eigen::MatrixXd without, with;  ///< channels x horizons: rms prediction errors on held-out data
+  double held_out_without = kNone, held_out_with = kNone;  ///< log-likelihoods there
+};
+
+/// What a vehicle's recording holds and what it can tell, before any fit
+/// (identify/survey/survey.h).
+struct VehicleSurvey {
+  struct Signal {
+    std::string quantity;  ///< "steering", "vx", "wheel_speed", "r", "vy", "ay", "beta", "ax"
+    std::string column, unit;
+    std::string source;               ///< the file, hence the clock, that it comes from
+    double rate = kNone;              ///< [Hz]
+    double min = kNone, max = kNone;  ///< in `unit`
+    double held = kNone;      ///< share of samples that repeat the one before while it moves
+    double quantum = kNone;   ///< least difference of two values, in `unit`
+    double straight = kNone;  ///< median while driving straight on, in `unit`
+  };
+  std::vector<Signal> signals;
+  /// Two things that kinematics ties together; lags as in lib/statistics/clock_offset.h.
+  struct Relation {
+    std::string expected, seen;          ///< e.g. "vx r" and "ay"
+    double correlation = kNone;          ///< at the best lag
+    double slope = kNone;                ///< size of what is seen over what is expected
+    double lag = kNone, lag_se = kNone;  ///< [s]: positive, `seen` comes late
+    double other_lag = kNone, other_correlation = kNone;
+    bool clock = false;  ///< the lag is one of clocks: certain and larger than any car's
+  };
+  std::vector<Relation> relations;
+  double duration = kNone;    ///< [s], of the times in which speed and yaw rate are known
+  double standstill = kNone;  ///< share of it
+  double reversing = kNone;
+  double moving = kNone;  ///< above the speed that `mapping` proposes [s]
+  std::array<double, 5> speed{kNone, kNone, kNone, kNone,
+                              kNone};  ///< [m/s]: least, 5 %, median, 95 %, largest while turning
+  std::array<double, 7> lateral{};     ///< share of |ay| [m/s^2] up to 1, 2, 3, 4, 6, 8 and above
+  double above_half_hertz = kNone;     ///< share of the steering's power above 0.5 Hz
+  double above_1_5_hertz = kNone;
+  double left = kNone;    ///< share of turning to the left
+  double steady = kNone;  ///< share of turning at a constant steering angle
+  struct Verdict {
+    std::string of;      ///< "Cf, Cr", "Iz", "steering_ratio", "a, b", "offsets"
+    std::string answer;  ///< "yes", "weak", "combination" or "no"
+    std::string why;
+  };
+  std::vector<Verdict> verdicts;
+  /// A line of `inputs` or `outputs` of a model file.
+  struct Proposal {
+    bool input = false;
+    std::string name, column, unit;
+    double scale = 1.0;
+    double offset = 0.0;  ///< in `unit`: only what the model file says already
+    double delay = 0.0;   ///< [s]
+  };
+  std::vector<Proposal> mapping;
+  std::string time_column, time_unit;  ///< empty: none
+  double least_speed = 3.0;            ///< [m/s] of use_when
+  std::vector<Warning> findings;
+};
+
+}  // namespace identikal

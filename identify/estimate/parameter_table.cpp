@@ -1,0 +1,51 @@
+#include "identify/estimate/parameter_table.h"
+
+#include <utility>
+
+#include "lib/data/units.h"
+
+namespace identikal {
+
+using Eigen::Index;
+
+double unit_scale(const std::string& unit) {
+  const auto parsed = parse_unit(unit);
+  return parsed ? parsed->scale : 1.0;
+}
+
+void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end) {
+  const ReportedEntries before = reported_entries(start), after = reported_entries(end);
+  for (std::size_t i = 0; i < after.names.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    EstimatedParameter p;
+    p.name = after.names[i];
+    p.unit = after.units[i];
+    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    p.value = unit.from_si(after.value[at]);
+    p.start = unit.from_si(before.value[at]);
+    const Parameter& parameter = end[static_cast<std::size_t>(after.parameter[i])];
+    p.fixed = parameter.fixed;
+    if (parameter.domain == Domain::scalar) {
+      p.bounds = {unit.from_si(parameter.min), unit.from_si(parameter.max)};
+    } else if (after.variance[i]) {
+      p.bounds[0] = 0.0;
+    }
+    estimate.parameters.push_back(std::move(p));
+  }
+}
+
+void list_known_parameters(Estimate& estimate, const ParameterSet& parameters) {
+  list_parameters(estimate, parameters, parameters);
+  for (EstimatedParameter& p : estimate.parameters) p.fixed = true;
+}
+
+ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {
+  Eigen::VectorXd entries = free_entries(parameters);
+  Index i = 0;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed) entries[i++] = p.value * unit_scale(p.unit);
+  }
+  return with_entries(parameters, entries);
+}
+
+}  // namespace identikal

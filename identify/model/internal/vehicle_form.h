@@ -1,0 +1,20 @@
+// What does a model file with `model: single-track` say?
+#pragma once
+
+#include <vector>
+
+#include "identify/model/model.h"
+#include "identify/model/model_values.h"
+#include "identify/model/yaml_reader.h"
+#include "lib/vehicle/axle.h"
+
+namespace identikal {
+
+/// The parameters of a car with tyres of this curve.
+std::vector<ParameterRule> vehicle_rules(TyreCurve curve);
+
+/// Fills inputs, outputs, parameters and settings of the vehicle.
+/// @throws InputError at line and column
+void read_vehicle(const YamlNode& root, ModelFile& out);
+
+}  // namespace identikal
