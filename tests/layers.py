@@ -26,7 +26,7 @@ ONLY_IN = {
     r"nlopt": r"solvers/nlopt_backend\.cpp",
     r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel)\.cpp",
     r"CLI/": r"command/.*",
-    r"nlohmann/": r"identify/(result|report)/.*\.cpp",
+    r"nlohmann/": r"identify/(result|report)/(.*\.cpp|internal/.*\.h)",
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",
     r"boost/": r"identify/estimate/distribution\.cpp",
     r"openssl/": r"identify/result/file_digest\.cpp",

@@ -88,7 +88,7 @@ std::string to_string(Status status) {
     case Status::ok:
       return "ok";
     case Status::answer_no:
-      return "answer_no";
+      return "rejected";
     case Status::not_converged:
       return "not_converged";
     case Status::untrusted:
@@ -102,7 +102,7 @@ std::string to_string(Verdict verdict) {
     case Verdict::ok:
       return "ok";
     case Verdict::weak:
-      return "weak";
+      return "poorly_determined";
     case Verdict::correlated:
       return "correlated";
     case Verdict::at_bound:
@@ -110,7 +110,7 @@ std::string to_string(Verdict verdict) {
     case Verdict::unexcited:
       return "unexcited";
     case Verdict::flat:
-      return "flat";
+      return "not_identifiable";
     case Verdict::unfitted:
       return "unfitted";
   }

@@ -181,7 +181,7 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
                                {"unit", c.unit},
                                {"measured", line(c.measured)},
                                {"one_step", line(c.one_step)},
-                               {"free_run", line(c.simulation)},
+                               {"simulation", line(c.simulation)},
                                {"forecast_low", line(c.forecast_low)},
                                {"forecast_high", line(c.forecast_high)},
                                {"before", line(c.before)},
@@ -202,13 +202,13 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   out["level_band"] = {finite(data.level_band[0]), finite(data.level_band[1])};
   out["segment"] = data.segment;
   out["segments"] = data.segments;
-  out["course"] = PageJson::array();
+  out["time_history"] = PageJson::array();
   for (const ReportData::HistoryLine& c : data.course) {
-    out["course"].push_back({{"name", c.name},
-                             {"unit", c.unit},
-                             {"mean", line(c.mean)},
-                             {"low", line(c.low)},
-                             {"high", line(c.high)}});
+    out["time_history"].push_back({{"name", c.name},
+                                   {"unit", c.unit},
+                                   {"mean", line(c.mean)},
+                                   {"low", line(c.low)},
+                                   {"high", line(c.high)}});
   }
   out["log_alarm"] = line(data.log_alarm);
   out["log_threshold"] = finite(data.log_threshold);
@@ -231,7 +231,7 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
                             {"curve_slip", rounded(a.curve_slip)},
                             {"curve_force", rounded(a.curve_force)}});
   }
-  out["washed_out"] = data.high_pass_filtered;
+  out["high_pass_filtered"] = data.high_pass_filtered;
   out["tracks"] = PageJson::array();
   for (const TrackPicture& t : data.tracks) {
     out["tracks"].push_back({{"name", t.name}, {"X", rounded(t.X)}, {"Y", rounded(t.Y)}});
@@ -244,8 +244,8 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
 
 std::string report_page(const std::string& result, const std::string& data) {
   const std::pair<std::string_view, std::string> parts[] = {
-      {"{{result}}", inside_script(result)},
-      {"{{data}}", inside_script(data)},
+      {"{{result}}", inside_script(result_in_this_version(result))},
+      {"{{data}}", inside_script(page_data_in_this_version(data))},
       {"{{paste}}", inside_script(paste_json(result, data))},
       {"{{versions}}", inside_script(std::string(report_versions()))}};
   std::string out;

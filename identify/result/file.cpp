@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "identify/result/file_digest.h"
+#include "identify/result/internal/version_1.h"
 #include "identify/result/schema.h"
 #include "lib/base/error.h"
 
@@ -56,16 +57,20 @@ void check_version(const std::string& path, const StoredJson& file) {
     throw InputError({path, 0, 0}, "no result of this program", "a result.json as -o writes it");
   }
   const StoredJson& version = file["schema_version"];
-  if (version != kSchemaVersion) {
+  if (version != 1 && version != kSchemaVersion) {
     throw InputError({path, 0, 0}, "schema_version " + shown(version),
-                     fmt::format("{}", kSchemaVersion),
+                     fmt::format("1 or {}", kSchemaVersion),
                      "run the job again with -o, or use the version that wrote it");
   }
 }
 
+std::string printed(const StoredJson& file) {
+  return file.dump(-1, ' ', false, StoredJson::error_handler_t::replace);
+}
+
 std::string fingerprint_without(StoredJson file, const char* key) {
   file[key] = nullptr;
-  return sha256_of_text(file.dump(-1, ' ', false, StoredJson::error_handler_t::replace));
+  return sha256_of_text(printed(file));
 }
 
 // A value of the file with the way to it, for messages.
@@ -283,7 +288,7 @@ Estimate estimate_of(const Field& root) {
   }
   for (const Field& w : root["warnings"].items()) {
     out.warnings.push_back({w["code"].text(), w["severity"].text(), w["about"].names(),
-                            w["text"].text(), w["do"].text()});
+                            w["text"].text(), w["remedy"].text()});
   }
   out.notes = root["notes"].names();
   return out;
@@ -299,8 +304,22 @@ std::string report_data_fingerprint(const std::string& text) {
   return fingerprint_without(StoredJson::parse(text), "sha256");
 }
 
+std::string result_in_this_version(const std::string& text) {
+  StoredJson file = StoredJson::parse(text);
+  if (file["schema_version"] != 1) return text;
+  upgrade_result(file);
+  return printed(file);
+}
+
+std::string page_data_in_this_version(const std::string& text) {
+  StoredJson file = StoredJson::parse(text);
+  if (file["schema_version"] != 1) return text;
+  upgrade_page_data(file);
+  return printed(file);
+}
+
 StoredResult parse_stored_result(StoredResult result) {
-  const StoredJson file = parsed_json(result.path, result.text);
+  StoredJson file = parsed_json(result.path, result.text);
   check_version(result.path, file);
   if (!result.data.empty()) {
     const StoredJson data = parsed_json(result.data_path, result.data);
@@ -316,6 +335,7 @@ StoredResult parse_stored_result(StoredResult result) {
     }
     result.command = fields["provenance"]["command"].text();
   }
+  if (file["schema_version"] == 1) upgrade_result(file);
   const Field root(file, "", result.path);
   result.version = root["version"].text();
   result.estimate = estimate_of(root);

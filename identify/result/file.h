@@ -23,12 +23,18 @@ struct StoredResult {
 enum class PageData { not_read, if_there, required };
 
 /// @param path  result.json, or the folder that holds it
-/// @throws InputError when a file is missing, is not whole, is of another schema version, lacks a
-///   key or holds something of another kind, was changed, or the two do not belong together
+/// @throws InputError when a file is missing, is not whole, is of another schema version than 1 and
+///   kSchemaVersion, lacks a key or holds something of another kind, was changed, or the two do not
+///   belong together
 StoredResult read_stored_result(const std::string& path, PageData data = PageData::not_read);
 
 /// The same from the files' texts. @param result  its paths, text and data are read
 StoredResult parse_stored_result(StoredResult result);
+
+/// A result's text, and that of what its page draws, as this program writes them: of schema version
+/// 1 the keys and values are renamed, all else comes back as it is. Both were read before.
+std::string result_in_this_version(const std::string& text);
+std::string page_data_in_this_version(const std::string& text);
 
 /// SHA-256 of a result's text without the one field that differs between equal runs.
 std::string result_fingerprint(const std::string& text);

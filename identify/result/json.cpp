@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "identify/result/internal/version_1.h"
 #include "identify/result/schema.h"
 #include "lib/version.h"
 
@@ -98,7 +99,7 @@ Json posterior(const Estimate& estimate) {
           {"parameters", rows}};
 }
 
-Json course(const Estimate& estimate) {
+Json time_history(const Estimate& estimate) {
   if (!estimate.time_history) return nullptr;
   const TimeHistory& c = *estimate.time_history;
   const auto values = [](const Eigen::VectorXd& v) {
@@ -123,7 +124,54 @@ Json warnings_of(const std::vector<Warning>& warnings) {
                    {"severity", w.severity},
                    {"about", w.about},
                    {"text", w.text},
-                   {"do", w.remedy}});
+                   {"remedy", w.remedy}});
+  }
+  return out;
+}
+
+Json signals_of(const VehicleSurvey& survey) {
+  Json out = Json::array();
+  for (const VehicleSurvey::Signal& x : survey.signals) {
+    out.push_back({{"quantity", x.quantity},
+                   {"column", x.column},
+                   {"unit", x.unit},
+                   {"source", x.source},
+                   {"rate", number(x.rate)},
+                   {"min", number(x.min)},
+                   {"max", number(x.max)},
+                   {"held", number(x.held)},
+                   {"quantum", number(x.quantum)},
+                   {"straight", number(x.straight)}});
+  }
+  return out;
+}
+
+Json relations_of(const VehicleSurvey& survey) {
+  Json out = Json::array();
+  for (const VehicleSurvey::Relation& x : survey.relations) {
+    out.push_back({{"expected", x.expected},
+                   {"seen", x.seen},
+                   {"correlation", number(x.correlation)},
+                   {"slope", number(x.slope)},
+                   {"lag", number(x.lag)},
+                   {"lag_se", number(x.lag_se)},
+                   {"other_lag", number(x.other_lag)},
+                   {"other_correlation", number(x.other_correlation)},
+                   {"clock", x.clock}});
+  }
+  return out;
+}
+
+Json mapping_of(const VehicleSurvey& survey) {
+  Json out = Json::array();
+  for (const VehicleSurvey::Proposal& p : survey.mapping) {
+    out.push_back({{"list", p.input ? "inputs" : "outputs"},
+                   {"name", p.name},
+                   {"column", p.column},
+                   {"unit", p.unit},
+                   {"scale", number(p.scale)},
+                   {"offset", number(p.offset)},
+                   {"delay", number(p.delay)}});
   }
   return out;
 }
@@ -131,48 +179,14 @@ Json warnings_of(const std::vector<Warning>& warnings) {
 Json survey(const Estimate& estimate) {
   if (!estimate.survey) return nullptr;
   const VehicleSurvey& s = *estimate.survey;
-  Json signals = Json::array(), relations = Json::array(), verdicts = Json::array();
-  Json mapping = Json::array();
-  for (const VehicleSurvey::Signal& x : s.signals) {
-    signals.push_back({{"quantity", x.quantity},
-                       {"column", x.column},
-                       {"unit", x.unit},
-                       {"source", x.source},
-                       {"rate", number(x.rate)},
-                       {"min", number(x.min)},
-                       {"max", number(x.max)},
-                       {"held", number(x.held)},
-                       {"quantum", number(x.quantum)},
-                       {"straight", number(x.straight)}});
-  }
-  for (const VehicleSurvey::Relation& x : s.relations) {
-    relations.push_back({{"expected", x.expected},
-                         {"seen", x.seen},
-                         {"correlation", number(x.correlation)},
-                         {"size", number(x.slope)},
-                         {"lag", number(x.lag)},
-                         {"lag_se", number(x.lag_se)},
-                         {"other_lag", number(x.other_lag)},
-                         {"other_correlation", number(x.other_correlation)},
-                         {"clock", x.clock}});
-  }
+  Json verdicts = Json::array(), speed = Json::array(), lateral = Json::array();
   for (const VehicleSurvey::Verdict& v : s.verdicts) {
     verdicts.push_back({{"of", v.of}, {"answer", v.answer}, {"why", v.why}});
   }
-  for (const VehicleSurvey::Proposal& p : s.mapping) {
-    mapping.push_back({{"list", p.input ? "inputs" : "outputs"},
-                       {"name", p.name},
-                       {"column", p.column},
-                       {"unit", p.unit},
-                       {"scale", number(p.scale)},
-                       {"offset", number(p.offset)},
-                       {"delay", number(p.delay)}});
-  }
-  Json speed = Json::array(), lateral = Json::array();
   for (const double v : s.speed) speed.push_back(number(v));
   for (const double v : s.lateral) lateral.push_back(number(v));
-  return {{"signals", signals},
-          {"relations", relations},
+  return {{"signals", signals_of(s)},
+          {"relations", relations_of(s)},
           {"duration", number(s.duration)},
           {"moving", number(s.moving)},
           {"standstill", number(s.standstill)},
@@ -184,7 +198,7 @@ Json survey(const Estimate& estimate) {
           {"left", number(s.left)},
           {"steady", number(s.steady)},
           {"identifiable", verdicts},
-          {"mapping", mapping},
+          {"mapping", mapping_of(s)},
           {"time", {{"column", s.time_column}, {"unit", s.time_unit}}},
           {"least_speed", number(s.least_speed)},
           {"findings", warnings_of(s.findings)}};
@@ -195,7 +209,7 @@ Json shaping(const Estimate& estimate) {
   const Shaping& s = *estimate.shaping;
   Json candidates = Json::array(), poles = Json::array(), predictions = Json::array();
   for (const Shaping::Candidate& c : s.candidates) {
-    candidates.push_back({{"place", c.noise_source},
+    candidates.push_back({{"noise_source", c.noise_source},
                           {"channels", c.channels},
                           {"order", c.order},
                           {"zeros", c.zeros},
@@ -218,7 +232,7 @@ Json shaping(const Estimate& estimate) {
   return {{"whiteness_p", number(s.whiteness_p)},
           {"peak", number(s.peak)},
           {"peak_p", number(s.peak_p)},
-          {"place", s.noise_source},
+          {"noise_source", s.noise_source},
           {"order", s.order},
           {"zeros", s.zeros},
           {"poles", poles},
@@ -229,25 +243,25 @@ Json shaping(const Estimate& estimate) {
           {"held_out_log_likelihood_with", number(s.held_out_with)}};
 }
 
-Json loss(const Estimate& estimate) {
+Json excess(const Estimate& estimate) {
   if (!estimate.excess_mean_square_error) return nullptr;
   const ExcessMeanSquareError& l = *estimate.excess_mean_square_error;
   return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
 }
 
-Json sources(const Estimate& estimate) {
+Json minimum_rank(const Estimate& estimate) {
   if (!estimate.minimum_rank) return nullptr;
   Json curve = Json::array();
   for (const RankSelection::Step& step : estimate.minimum_rank->curve) {
     curve.push_back({{"penalty", number(step.penalty)},
                      {"objective", number(step.objective)},
                      {"trace", number(step.trace)},
-                     {"sources", step.rank},
+                     {"rank", step.rank},
                      {"excess", number(step.excess)},
                      {"allowed", number(step.allowed)}});
   }
   return {
-      {"picked", estimate.minimum_rank->rank}, {"of", estimate.minimum_rank->of}, {"curve", curve}};
+      {"rank", estimate.minimum_rank->rank}, {"of", estimate.minimum_rank->of}, {"curve", curve}};
 }
 
 Json filter(const Estimate& estimate) {
@@ -289,6 +303,82 @@ Json model_file(const Estimate& estimate) {
   return {{"path", m.path}, {"sha256", m.sha256}, {"text", m.text}, {"included", included}};
 }
 
+Json inputs(const Estimate& estimate) {
+  Json out = Json::array();
+  for (const InputRecord& input : estimate.inputs) {
+    out.push_back({{"path", input.path},
+                   {"sha256", input.sha256},
+                   {"rows", input.rows},
+                   {"used", input.used},
+                   {"range", {number(input.range[0]), number(input.range[1])}}});
+  }
+  return out;
+}
+
+Json noise(const Estimate& estimate) {
+  const Noise& n = estimate.noise;
+  return {{"Q", {{"matrix", matrix(n.Q)}, {"kind", n.Q_kind}}},
+          {"R", {{"matrix", matrix(n.R)}}},
+          {"S", matrix(n.S)},
+          {"K_steady", matrix(n.K_steady)},
+          {"P_steady", matrix(n.P_steady)},
+          {"excess_mean_square_error", excess(estimate)}};
+}
+
+Json objective(const Estimate& estimate) {
+  const Objective& o = estimate.objective;
+  return {{"method", o.method},
+          {"initial", o.initial},
+          {"filter", o.filter},
+          {"log_likelihood", number(o.log_likelihood)},
+          {"log_likelihood_start", number(o.log_likelihood_start)},
+          {"aic", number(o.aic)},
+          {"bic", number(o.bic)},
+          {"samples", o.samples},
+          {"held_out", number(o.held_out)},
+          {"iterations", o.iterations},
+          {"evaluations", o.evaluations},
+          {"starts", o.starts},
+          {"starts_at_optimum", o.starts_at_optimum},
+          {"evaluation_method", o.evaluation_method},
+          {"evaluation_reason", o.evaluation_reason}};
+}
+
+Json tests(const Estimate& estimate) {
+  Json out = Json::array();
+  for (const TestResult& test : estimate.tests) {
+    out.push_back({{"id", test.id},
+                   {"channel", test.channel},
+                   {"value", number(test.value)},
+                   {"interval", {number(test.interval[0]), number(test.interval[1])}},
+                   {"p", number(test.p)},
+                   {"pass", test.pass},
+                   {"level", number(test.level)}});
+  }
+  return out;
+}
+
+Json identifiability(const Estimate& estimate) {
+  const Identifiability& id = estimate.identifiability;
+  Json directions = Json::array();
+  for (const Identifiability::Direction& d : id.unidentifiable_directions) {
+    directions.push_back({{"names", d.names}, {"weights", d.weights}});
+  }
+  return {{"rank", id.rank},
+          {"of", id.of},
+          {"condition", number(id.condition)},
+          {"unidentifiable_directions", directions}};
+}
+
+Json derived(const Estimate& estimate) {
+  Json out = Json::array();
+  for (const DerivedValue& d : estimate.derived) {
+    out.push_back(
+        {{"name", d.name}, {"unit", d.unit}, {"value", number(d.value)}, {"se", number(d.se)}});
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
@@ -300,80 +390,33 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   out["status"] = {{"code", to_string(estimate.status)},
                    {"exit", exit_code(estimate, strict)},
                    {"message", estimate.message}};
-  out["inputs"] = Json::array();
-  for (const InputRecord& input : estimate.inputs) {
-    out["inputs"].push_back({{"path", input.path},
-                             {"sha256", input.sha256},
-                             {"rows", input.rows},
-                             {"used", input.used},
-                             {"range", {number(input.range[0]), number(input.range[1])}}});
-  }
+  out["inputs"] = inputs(estimate);
   out["model_file"] = model_file(estimate);
   out["parameters"] = parameters(estimate);
   out["covariance_kind"] = estimate.covariance_kind;
   out["covariance_freedom"] = number(estimate.covariance_freedom);
   out["correlation"] = {{"names", estimate.correlation_names},
                         {"matrix", matrix(estimate.correlation)}};
-  const Noise& noise = estimate.noise;
-  out["noise"] = {{"Q", {{"matrix", matrix(noise.Q)}, {"kind", noise.Q_kind}}},
-                  {"R", {{"matrix", matrix(noise.R)}}},
-                  {"S", matrix(noise.S)},
-                  {"K_steady", matrix(noise.K_steady)},
-                  {"P_steady", matrix(noise.P_steady)},
-                  {"expected_loss", loss(estimate)}};
+  out["noise"] = noise(estimate);
   out["filter"] = filter(estimate);
   out["tyre_curve"] = estimate.tyre_curve.empty() ? Json(nullptr) : Json(estimate.tyre_curve);
-  const Objective& objective = estimate.objective;
-  out["objective"] = {{"method", objective.method},
-                      {"initial", objective.initial},
-                      {"filter", objective.filter},
-                      {"log_likelihood", number(objective.log_likelihood)},
-                      {"log_likelihood_start", number(objective.log_likelihood_start)},
-                      {"aic", number(objective.aic)},
-                      {"bic", number(objective.bic)},
-                      {"samples", objective.samples},
-                      {"held_out", number(objective.held_out)},
-                      {"iterations", objective.iterations},
-                      {"evaluations", objective.evaluations},
-                      {"starts", objective.starts},
-                      {"starts_at_optimum", objective.starts_at_optimum},
-                      {"path", objective.evaluation_method},
-                      {"path_reason", objective.evaluation_reason}};
+  out["objective"] = objective(estimate);
   out["fit"] = {{"one_step", fits(estimate.one_step)},
                 {"simulation", fits(estimate.simulation)},
                 {"hold_out", fits(estimate.hold_out)},
                 {"hold_out_one_step", fits(estimate.hold_out_one_step)}};
-  out["tests"] = Json::array();
-  for (const TestResult& test : estimate.tests) {
-    out["tests"].push_back({{"id", test.id},
-                            {"channel", test.channel},
-                            {"value", number(test.value)},
-                            {"interval", {number(test.interval[0]), number(test.interval[1])}},
-                            {"p", number(test.p)},
-                            {"pass", test.pass},
-                            {"level", number(test.level)}});
-  }
-  Json directions = Json::array();
-  for (const Identifiability::Direction& d : estimate.identifiability.unidentifiable_directions) {
-    directions.push_back({{"names", d.names}, {"weights", d.weights}});
-  }
-  out["identifiability"] = {{"rank", estimate.identifiability.rank},
-                            {"of", estimate.identifiability.of},
-                            {"cond", number(estimate.identifiability.condition)},
-                            {"unidentifiable_directions", directions}};
+  out["tests"] = tests(estimate);
+  out["identifiability"] = identifiability(estimate);
   out["bound"] = bound(estimate);
   out["posterior"] = posterior(estimate);
-  out["course"] = course(estimate);
+  out["time_history"] = time_history(estimate);
   out["shaping"] = shaping(estimate);
-  out["sources"] = sources(estimate);
+  out["minimum_rank"] = minimum_rank(estimate);
   out["survey"] = survey(estimate);
-  out["derived"] = Json::array();
-  for (const DerivedValue& d : estimate.derived) {
-    out["derived"].push_back(
-        {{"name", d.name}, {"unit", d.unit}, {"value", number(d.value)}, {"se", number(d.se)}});
-  }
+  out["derived"] = derived(estimate);
   out["warnings"] = warnings_of(estimate.warnings);
   out["notes"] = estimate.notes;
+  add_old_keys(out);
   out["timing_s"] = number(timing_s);
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -5,7 +5,7 @@ namespace identikal {
 
 /// Of result.json and of what the report page draws; identify/result/result.schema.json states it
 /// too.
-inline constexpr int kSchemaVersion = 1;
+inline constexpr int kSchemaVersion = 2;
 
 /// Name of the file beside result.json that holds what the page draws.
 inline constexpr const char* kReportDataFile = "report_data.json";

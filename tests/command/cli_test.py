@@ -120,7 +120,7 @@ class BadData(unittest.TestCase):
                 text = warnings["offset"]["text"]
                 self.assertNotIn("would explain", text)
                 self.assertIn("takes" if name == "slow" else "no offset of a sensor", text)
-                self.assertIn("add a drift", warnings["offset"]["do"])
+                self.assertIn("add a drift", warnings["offset"]["remedy"])
 
     def test_a_short_recording(self):
         for method in ("ml", "als-weighted"):
@@ -165,7 +165,7 @@ class Tune(unittest.TestCase):
         for value, published in zip(values, (9.216211, 2.878235, 7.179994, 1.514810, 3.719302), strict=True):
             self.assertAlmostEqual(value / published, 1, delta=1e-4)
         self.assertAlmostEqual(out["objective"]["log_likelihood"], -17811.7503130, delta=1e-6)
-        self.assertEqual(out["objective"]["starts_agree"], out["objective"]["starts"])
+        self.assertEqual(out["objective"]["starts_at_optimum"], out["objective"]["starts"])
 
     def test_als_of_system_7(self):
         data = shared("likelihood/sys7.csv")
@@ -194,9 +194,9 @@ class Tune(unittest.TestCase):
         # The noise of System 7 has three sources, all of them seen.
         data = shared("likelihood/sys7.csv")
         out = result("tune", ROOT / "examples/system7.yaml", data, "--method", "als-weighted", "--sources")
-        self.assertEqual((out["sources"]["picked"], out["sources"]["of"]), (3, 3))
-        self.assertEqual(out["sources"]["curve"][0]["sources"], 0)
-        self.assertEqual(out["sources"]["curve"][-1]["penalty"], 0)
+        self.assertEqual((out["minimum_rank"]["rank"], out["minimum_rank"]["of"]), (3, 3))
+        self.assertEqual(out["minimum_rank"]["curve"][0]["rank"], 0)
+        self.assertEqual(out["minimum_rank"]["curve"][-1]["penalty"], 0)
         text = run("tune", ROOT / "examples/system7.yaml", data, "--method", "als", "--sources", code=0).stdout
         self.assertIn("sources 3 of 3", text)
         self.assertTrue(all(len(line) <= 80 for line in text.splitlines()))
@@ -206,13 +206,13 @@ class Tune(unittest.TestCase):
         data = shared("likelihood/sys7.csv")
         for method in ("ml", "als", "als-weighted", "auto", "bayes"):
             out = result("tune", ROOT / "examples/system7.yaml", data, "--method", method, "--draws", 500)
-            loss = out["noise"]["expected_loss"]
+            loss = out["noise"]["excess_mean_square_error"]
             print(f"{method} of System 7: expected loss {100 * loss['relative']:.3f} %")
             self.assertTrue(1e-4 < loss["relative"] < 3e-3, loss)
             self.assertEqual((loss["without"], loss["reason"]), ([], ""))
         bound = result("bound", ROOT / "examples/system7.yaml", "-n", 3000)
-        self.assertGreater(bound["noise"]["expected_loss"]["relative"], 0)
-        self.assertIsNone(result("check", *NILE, code=1)["noise"]["expected_loss"])
+        self.assertGreater(bound["noise"]["excess_mean_square_error"]["relative"], 0)
+        self.assertIsNone(result("check", *NILE, code=1)["noise"]["excess_mean_square_error"])
 
     def test_auto_is_ml_with_a_second_opinion(self):
         data = shared("likelihood/sys7.csv")
@@ -304,9 +304,9 @@ class Tune(unittest.TestCase):
             self.assertNotIn("hi", data["channels"][0]["measured"])
             volume = [float(row["volume"]) for row in csv.DictReader((ROOT / "data/nile.csv").read_text().splitlines())]
             self.assertEqual(volume, data["channels"][0]["measured"]["y"])
-            self.assertEqual([None] * 70, data["channels"][0]["free_run"]["y"][:70])
+            self.assertEqual([None] * 70, data["channels"][0]["simulation"]["y"][:70])
             # A local level stays where the last filtered one was.
-            self.assertEqual(1, len(set(data["channels"][0]["free_run"]["y"][70:])))
+            self.assertEqual(1, len(set(data["channels"][0]["simulation"]["y"][70:])))
             self.assertEqual(5, len(data["searches"]))
             self.assertEqual(["q", "r"], [p["name"] for p in data["profiles"]])
             for profile, limits in zip(data["profiles"], ((252.47, 5984.9), (9618.8, 22123))):
@@ -353,7 +353,7 @@ class Tune(unittest.TestCase):
                 self.assertIn(run(verb, *files, "--report", folder.path / "page.html").returncode, (0, 1, 3))
                 page = (folder.path / "page.html").read_text()
                 data = json.loads(page.split('id="data">')[1].split("</script>")[0])
-                self.assertEqual(verb == "track", len(data["course"]) > 0)
+                self.assertEqual(verb == "track", len(data["time_history"]) > 0)
 
     def test_same_bytes_but_for_the_time(self):
         first, second = (result("tune", *NILE) for _ in range(2))
@@ -367,7 +367,7 @@ class Tune(unittest.TestCase):
                                  "outputs: [{name: y, column: 1}]\n")
             data = folder.write("d.csv", "\n".join(str(random.Random(1).gauss(0, 1) + i % 3) for i in range(300)))
             out = result("tune", model, data, code=1)
-            flat = [p for p in out["parameters"] if p["verdict"] == "flat"]
+            flat = [p for p in out["parameters"] if p["verdict"] == "not_identifiable"]
             self.assertEqual([p["name"] for p in flat], ["Q(1,1)", "Q(2,2)"])
             self.assertTrue(all(p["se"] is None and p["ci95"] == [None, None] for p in flat))
             self.assertIn("Q(1,1)", run("tune", model, data, code=1).stdout)
@@ -394,8 +394,8 @@ class Track(unittest.TestCase):
     def test_a_change_is_found_and_written(self):
         folder = pathlib.Path(self.folder.name) / "out"
         out = result("track", self.model, self.data, "--adaptive", "-o", folder)
-        self.assertEqual(len(out["course"]["changes"]), 1)
-        change = out["course"]["changes"][0]
+        self.assertEqual(len(out["time_history"]["changes"]), 1)
+        change = out["time_history"]["changes"][0]
         self.assertLess(abs(change["since"] - 300), 30)
         self.assertLess(change["found"], 400)
         self.assertLess(abs(out["parameters"][0]["value"] - 10), 4 * out["parameters"][0]["se"])
@@ -479,8 +479,8 @@ class TrackRegression(unittest.TestCase):
         for text in (REGRESSION.replace("0.01", "0.01, reset: true"),
                      REGRESSION.replace("0.999", "variable, memory: 200")):
             out = result("track", *self.write(text))
-            self.assertLess(abs(out["course"]["changes"][0]["since"] - 60), 2)
-            self.assertLess(abs(out["course"]["changes"][0]["found"] - 60), 3)
+            self.assertLess(abs(out["time_history"]["changes"][0]["since"] - 60), 2)
+            self.assertLess(abs(out["time_history"]["changes"][0]["found"] - 60), 3)
             self.assertLess(abs(out["parameters"][0]["value"] - 0.1), 0.005)
         self.assertIn("change at", run("track", *self.write(text), code=0).stdout)
 
@@ -530,7 +530,7 @@ class TrackRegression(unittest.TestCase):
         self.assertIn("identikal fit", out)
         out = result("track", *LANE_CHANGE)
         tracked = [p for p in out["parameters"] if not p["fixed"]]
-        self.assertEqual([p["name"] for p in tracked], out["course"]["names"])
+        self.assertEqual([p["name"] for p in tracked], out["time_history"]["names"])
         for p in tracked:
             truth = 88107.7 if p["name"] != "Iz" else 2319
             self.assertLess(abs(p["value"] / truth - 1), 0.1)
@@ -565,7 +565,7 @@ class Shape(unittest.TestCase):
     def test_the_filter_is_found_and_its_file_works(self):
         out = result("shape", self.model, self.data, "-o", self.path / "out")
         self.assertEqual(out["shaping"]["order"], 2)
-        self.assertLess(out["shaping"]["colour_p"], 1e-6)
+        self.assertLess(out["shaping"]["whiteness_p"], 1e-6)
         pole = out["shaping"]["poles"][0]
         self.assertLess(abs(pole["radius"] - 0.86**0.5), 0.02)
         shaped = self.path / "out" / "shaped.yaml"
@@ -580,7 +580,7 @@ class Shape(unittest.TestCase):
 
     def test_white_noise_is_exit_1_and_no_file(self):
         out = result("shape", self.model, self.white, "-o", self.path / "out", code=1)
-        self.assertEqual(out["shaping"]["place"], "")
+        self.assertEqual(out["shaping"]["noise_source"], "")
         self.assertFalse((self.path / "out" / "shaped.yaml").exists())
 
     def test_what_it_cannot_do(self):
@@ -618,8 +618,8 @@ class Fit(unittest.TestCase):
                 out = result("fit", LANE_CHANGE[0], folder.path / "simulated.csv", "--method", method, code=1)
                 Iz = next(p for p in out["parameters"] if p["name"] == "Iz")
                 ends.add(Iz["value"] in Iz["bounds"])
-                self.assertEqual(("answer_no", "this recording does not determine Iz separately"), (out["status"]["code"], out["status"]["message"]))
-                self.assertEqual("weak", Iz["verdict"])
+                self.assertEqual(("rejected", "this recording does not determine Iz separately"), (out["status"]["code"], out["status"]["message"]))
+                self.assertEqual("poorly_determined", Iz["verdict"])
                 self.assertLess(Iz["ci95"][0], 0)
                 self.assertEqual([], [w["code"] for w in out["warnings"] if w["severity"] == "serious" or w["code"] == "implausible_Iz"])
             self.assertEqual({True, False}, ends)
@@ -747,7 +747,7 @@ class Export(unittest.TestCase):
         self.assertAlmostEqual(P / (P + R), f["L"][0][0], delta=1e-12)
         text = self.exported("python")
         for words in ("# status ok", "data/nile.csv, 100 of 100 rows used, sha256 ", "nile.yaml, sha256 ", "command: identikal tune",
-                      "q = 1469.18, se 1.28e+03, weak", "r = 15098.5, se 3.15e+03, ok", "K = (A P C' + G S) Sigma^-1",
+                      "q = 1469.18, se 1.28e+03, poorly determined", "r = 15098.5, se 3.15e+03, ok", "K = (A P C' + G S) Sigma^-1",
                       "L = P C' Sigma^-1", "per sample", "version 0.1.0"):
             self.assertIn(words, text)
         # The estimates, pasted as a model file, are where the search ends at once.
@@ -1048,7 +1048,7 @@ class Validate(unittest.TestCase):
         self.assertEqual(0, run("validate", self.out, other, "--fit", f"{fit - 0.1}%").returncode)
         # Noise four times as large is not what it was tuned to.
         loud = self.folder.write("loud.csv", "volume\n" + "".join(f"{4 * y}\n" for y in rows))
-        self.assertEqual("answer_no", result("validate", self.out, loud, code=1)["status"]["code"])
+        self.assertEqual("rejected", result("validate", self.out, loud, code=1)["status"]["code"])
         text = run("validate", self.out, other, code=0).stdout
         self.assertTrue(all(len(line) <= 80 for line in text.splitlines() if str(self.folder.path) not in line), text)
         self.assertIn("own_data", [w["code"] for w in result("validate", self.out, own)["warnings"]])
@@ -1167,7 +1167,7 @@ class Validate(unittest.TestCase):
         text = (self.out / "result.json").read_text()
         for spoilt, words in ((text[:500], "no whole JSON"), (text.replace('"filter"', '"filtr"'), "'filter' is missing"),
                               (text.replace('"name": "q"', '"name": "p"'), "no parameter 'p'"),
-                              (text.replace('"schema_version": 1', '"schema_version": 7'), "schema_version 7"),
+                              (text.replace('"schema_version": 2', '"schema_version": 7'), "schema_version 7"),
                               (text.replace('"fixed": false', '"fixed": 3', 1), "parameters[0].fixed")):
             path = self.folder.write("spoilt.json", spoilt)
             self.assertNotEqual(text, spoilt)
@@ -1197,7 +1197,7 @@ class Check(unittest.TestCase):
             self.assertTrue(all(t["pass"] for t in out["tests"] if t["level"] is not None))
             self.assertAlmostEqual(sum(t["level"] or 0 for t in out["tests"]), 0.05)
             out = result("check", NILE[0], data, "--set", "r=10", code=1)
-            self.assertEqual(out["status"]["code"], "answer_no")
+            self.assertEqual(out["status"]["code"], "rejected")
             self.assertIn("not optimal", out["status"]["message"])
             self.assertIn("r should be larger", out["status"]["message"])
             self.assertGreater([d["value"] for d in out["derived"] if d["name"] == "predicted loss in tr P"][0], 5)
@@ -1524,7 +1524,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
                  for path, more in (("compressed", ()), ("steady", ("--path", "steady")), ("direct", ("--path", "direct")))}
         # The compressed path counts all 500 samples as those of a steady filter, so that errors agree to one of them.
         for path, of_errors in (("steady", 1e-5), ("compressed", 1 / 500)):
-            self.assertEqual(path, tuned[path]["objective"]["path"])
+            self.assertEqual({"steady": "steady_state_filter", "compressed": "sample_autocovariances"}[path], tuned[path]["objective"]["evaluation_method"])
             for a, b in zip(tuned[path]["parameters"], tuned["direct"]["parameters"]):
                 self.assertAlmostEqual(a["value"] / b["value"], 1, delta=1e-5, msg=(path, a["name"]))
                 for number in ("se", "crb_se"):
@@ -1560,7 +1560,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
         self.assertEqual((400, 280), (fitted["inputs"][0]["rows"], fitted["inputs"][0]["used"]))
         page = json.loads((self.out / "report_data.json").read_text())
         angle = page["channels"][0]
-        self.assertTrue(all(angle[line] for line in ("measured", "one_step", "free_run")))
+        self.assertTrue(all(angle[line] for line in ("measured", "one_step", "simulation")))
         self.assertIsNotNone(page["held_from"])
 
         head, filtered = table(run("filter", self.model, data, "--from", self.out, code=0).stdout)
@@ -1579,7 +1579,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
         held = result("validate", self.out, other)
         self.assertGreater(held["fit"]["simulation"]["angle"]["fit_percent"], 80)
         self.assertEqual({"score", "nis", "ljung_box", "input_correlation"}, {t["id"] for t in held["tests"]})
-        self.assertEqual("answer_no", result("validate", self.out, self.spoilt(other), code=1)["status"]["code"])
+        self.assertEqual("rejected", result("validate", self.out, self.spoilt(other), code=1)["status"]["code"])
 
     def test_starts_within_a_recording_are_said(self):
         lines = self.simulated(1, 100).read_text().splitlines()
@@ -1611,7 +1611,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
         text = pathlib.Path(self.model).read_text()
         still = self.folder.write("still.yaml", text.replace("sin(phi)", "sin(phi)/20").replace("l: {value: 0.8 m, min: 0.1, max: 5}", "l: 0.8 m"))
         out = json.loads(run("fit", still, self.simulated(3), "--starts", 1, "--json").stdout)
-        said = [w["do"] for w in out["warnings"] if w["code"] == "coloured_innovations"]
+        said = [w["remedy"] for w in out["warnings"] if w["code"] == "coloured_innovations"]
         self.assertTrue(said)
         self.assertNotIn("shape", " ".join(said))
 
@@ -1839,7 +1839,7 @@ class Compare(unittest.TestCase):
         refused(["maximises no likelihood", "check"], other, self.a)
         text = (self.a / "result.json").read_text()
         for spoilt, words in ((text[:700], ["no whole JSON", "byte"]), ("[1, 2]", ["no result of this program"]),
-                              (text.replace('"schema_version": 1', '"schema_version": 7'), ["schema_version 7"]),
+                              (text.replace('"schema_version": 2', '"schema_version": 7'), ["schema_version 7"]),
                               (text.replace('"objective"', '"purpose"'), ["'objective' is missing"]),
                               (text.replace('"aic": ', '"aic": "no", "x": '), ["'objective.aic' is no number"])):
             (other / "result.json").write_text(spoilt)
@@ -2028,6 +2028,44 @@ class Folder:
         return str(target)
 
 
+class TestResultsOfVersion1(unittest.TestCase):
+    """Results that version 1 of the schema holds, as the program wrote them then, are read."""
+
+    def setUp(self):
+        self.folder = Folder().__enter__()
+        self.old = self.folder.path / "old"
+        shutil.copytree(ROOT / "tests/golden/result_v1", self.old)
+
+    def tearDown(self):
+        self.folder.__exit__()
+
+    def test_report_has_the_new_names_and_the_old_keys(self):
+        for name, code, verdict in (("nile", "ok", "poorly_determined"), ("check", "rejected", "ok"), ("lane_change", "ok", "ok")):
+            run("report", self.old / name, code=0)
+            page = (self.old / name / "report.html").read_text()
+            read = lambda block: json.loads(page.split(f'id="{block}">')[1].split("</script>")[0])
+            out, data = read("result"), read("data")
+            jsonschema.validate(out, SCHEMA)
+            self.assertEqual((2, code, verdict), (out["schema_version"], out["status"]["code"], out["parameters"][0]["verdict"]))
+            self.assertEqual(out["objective"]["starts_agree"], out["objective"]["starts_at_optimum"])
+            self.assertEqual(out["noise"]["expected_loss"], out["noise"]["excess_mean_square_error"])
+            self.assertIn("simulation", data["channels"][0])
+            self.assertNotIn("free_run", data["channels"][0])
+            before = json.loads((self.old / name / "result.json").read_text())
+            self.assertEqual([p["value"] for p in before["parameters"]], [p["value"] for p in out["parameters"]])
+
+    def test_other_verbs(self):
+        now = self.folder.path / "now"
+        run("tune", *NILE, "-o", now, code=0)
+        self.assertIn("q = 1469.18, se 1.28e+03, poorly determined", run("export", self.old / "nile", "--to", "python", code=0).stdout)
+        self.assertIn("REJECTED: not optimal", run("export", self.old / "check", "--to", "c", code=0).stdout)
+        self.assertEqual("rejected", json.loads(run("export", self.old / "check", "--to", "json", code=0).stdout)["status"]["code"])
+        old, new = (json.loads(run("validate", r, NILE[1], "--json").stdout) for r in (self.old / "nile", now))
+        self.assertEqual(old["tests"], new["tests"])
+        self.assertIn("1469", run("compare", self.old / "nile", now, code=0).stdout)
+        self.assertIn("Cf", run("validate", self.old / "lane_change", LANE_CHANGE[1]).stdout)
+
+
 class BadInput(unittest.TestCase):
     """Each mistake: exit 2 (5 for the output folder), one line on stderr that holds the given words, nothing on stdout, no file made."""
 
@@ -2056,10 +2094,10 @@ class BadInput(unittest.TestCase):
         cases = [
             ("result.json", result_text[:1000], ["result.json", "no whole JSON", "byte"]),
             ("result.json", "[1, 2]", ["no result of this program"]),
-            ("result.json", result_text.replace('"schema_version": 1', '"schema_version": 2'), ["schema_version 2", "expected 1"]),
+            ("result.json", result_text.replace('"schema_version": 2', '"schema_version": 3'), ["schema_version 3", "expected 1 or 2"]),
             ("result.json", result_text.replace("1469", "1470"), ["report_data.json", "belongs to another result"]),
             ("report_data.json", data_text[:-100], ["report_data.json", "no whole JSON"]),
-            ("report_data.json", data_text.replace('"schema_version":1', '"schema_version":9'), ["report_data.json", "schema_version 9"]),
+            ("report_data.json", data_text.replace('"schema_version":2', '"schema_version":9'), ["report_data.json", "schema_version 9"]),
             ("report_data.json", None, ["report_data.json", "cannot be read"]),
             ("report_data.json", data_text.replace('"channels":[{"name":"level"', '"chanels":[{"name":"level"'), ["report_data.json", "has been changed"]),
             ("report_data.json", re.sub('"time":\\[[^]]*\\]', '"time":"abc"', data_text), ["report_data.json", "has been changed"]),
@@ -2133,7 +2171,7 @@ class BadInput(unittest.TestCase):
         self.refused(["nowhere", "cannot be read"], "export", self.folder.path / "nowhere", "--to", "c")
         self.refused(["-o"], "export", out, "--to", "c", "-o", "/proc/none/filter.h", code=5)
         for spoilt, words in ((text[:1000], ["no whole JSON", "byte"]), ("[1, 2]", ["no result of this program"]),
-                              (text.replace('"schema_version": 1', '"schema_version": 2'), ["schema_version 2", "expected 1"]),
+                              (text.replace('"schema_version": 2', '"schema_version": 3'), ["schema_version 3", "expected 1 or 2"]),
                               (text.replace("1469", "1470"), ["report_data.json", "belongs to another result"])):
             (out / "result.json").write_text(spoilt)
             self.refused(words, "export", out, "--to", "python")

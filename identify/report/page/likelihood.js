@@ -38,8 +38,8 @@ function correlationMatrix({ names, matrix }) {
 
 // What is to be said of the starts, a line each.
 function startTexts(searches) {
-  const { log_likelihood_start: start, starts, starts_agree, method } = result.objective, out = [];
-  if (starts) out.push(`${starts_agree} of ${starts} starts reached the same optimum.`);
+  const { log_likelihood_start: start, starts, starts_at_optimum, method } = result.objective, out = [];
+  if (starts) out.push(`${starts_at_optimum} of ${starts} starts reached the same optimum.`);
   if (result.tyre_curve && known(start) && Math.abs(start - searches[0][0]) > 1e-3) {
     out.push(`Local searches run from the best of the starts tried; the first begins at ${num(searches[0][0], 7)}, where the values of the model file have ${num(start, 7)}.`);
   }

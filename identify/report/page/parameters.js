@@ -1,10 +1,10 @@
 // What are the values, and how sure are they?
 
 const kIdentifiability = {
-  ok: "✓ ok", weak: "! poorly determined", correlated: "! correlated", at_bound: "| at bound",
-  unexcited: "✗ unexcited", flat: "✗ not identifiable",
+  ok: "✓ ok", poorly_determined: "! poorly determined", correlated: "! correlated", at_bound: "| at bound",
+  unexcited: "✗ unexcited", not_identifiable: "✗ not identifiable",
 };
-const kUndetermined = ["flat", "unexcited"];
+const kUndetermined = ["not_identifiable", "unexcited"];
 
 // A vehicle has many that are known to be nothing.
 const matters = (p) => known(p.value) && !(p.fixed && p.value === 0);
@@ -61,13 +61,13 @@ function flatDirection({ names, weights }) {
 
 function showParameters() {
   const free = result.parameters.filter((p) => !p.fixed), fixed = result.parameters.filter((p) => p.fixed && matters(p));
-  const loss = result.noise.expected_loss, { posterior } = result;
+  const loss = result.noise.excess_mean_square_error, { posterior } = result;
   section("parameters", "Parameters",
     free.length ? parameterTable(free) : null,
     result.covariance_kind ? note(`Standard errors from ${result.covariance_kind}. No unbiased estimator has a standard error below the Cramér-Rao bound, here at the estimate and for white noise.`) : null,
     fixed.length ? note(`Fixed: ${fixed.map((p) => `${p.name} = ${num(p.value, 6)}${p.unit ? " " + p.unit : ""}`).join(", ")}.`) : null,
     loss ? el("p", {}, lossText(loss)) : null,
-    result.identifiability.flat_directions.map(flatDirection),
+    result.identifiability.unidentifiable_directions.map(flatDirection),
     posterior ? [table(["parameter", "#most probable", "prior"], posterior.parameters.filter((p) => known(p.map)).map((p) => [p.name, num(p.map, 5), p.prior])),
       note(`Posterior by ${posterior.method}, ${posterior.points} points; log evidence ${num(posterior.log_evidence, 7)}.`)] : null);
 }

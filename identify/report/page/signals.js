@@ -31,7 +31,7 @@ function showPredictions() {
     data.channels.map((c) => over.timePlot(c.name, overTime(c.unit && `[${c.unit}]`, fitText(c.name)), {
       times: data.time, height: 220,
       lines: [{ label: "measured", line: c.measured, kind: "quiet", points: true }, { label: "one step", line: c.one_step, kind: "accent" },
-        { label: "simulation", line: c.free_run, kind: "contrast" }],
+        { label: "simulation", line: c.simulation, kind: "contrast" }],
       extent: { low: c.forecast_low, high: c.forecast_high, label: "±2 sd" } })),
     data.inputs.length ? el("h3", {}, "Inputs") : null,
     data.inputs.map((u) => over.timePlot(u.name, overTime(u.unit && `[${u.unit}]`), {
@@ -44,14 +44,14 @@ function changesTable({ names, changes }) {
 }
 
 function showTimeHistory() {
-  if (!data.course.length) return;
+  if (!data.time_history.length) return;
   section("course", "Estimates over time", note("Mean and two standard deviations either way." + thinning),
-    data.course.map((c) => over.timePlot(c.name, overTime(c.unit && `[${c.unit}]`), {
+    data.time_history.map((c) => over.timePlot(c.name, overTime(c.unit && `[${c.unit}]`), {
       times: data.time, height: 170, lines: [{ label: c.name, line: c.mean, kind: "accent" }], extent: { low: c.low, high: c.high, label: "±2 sd" } })),
     data.log_alarm ? over.timePlot("test for a change", overTime("log statistic"), {
       times: data.time, height: 140, lines: [{ label: "statistic", line: data.log_alarm, kind: "contrast" }],
       levels: known(data.log_threshold) ? [data.log_threshold] : [] }) : null,
-    result.course && result.course.changes.length ? changesTable(result.course) : null);
+    result.time_history && result.time_history.changes.length ? changesTable(result.time_history) : null);
 }
 
 function showInnovations() {

@@ -5,7 +5,7 @@ const kVerbs = {
   shape: "Coloured noise", track: "Recursive estimation",
 };
 const kStatus = {
-  ok: ["good", "✓ Usable"], answer_no: ["bad", "✗ Rejected"], untrusted: ["bad", "✗ Not to be trusted"],
+  ok: ["good", "✓ Usable"], rejected: ["bad", "✗ Rejected"], untrusted: ["bad", "✗ Not to be trusted"],
   not_converged: ["doubt", "! Not converged"],
 };
 const kSeverity = { serious: "bad", warning: "doubt", note: "good" };
@@ -25,12 +25,12 @@ function objectiveFacts(failed) {
   const o = result.objective, tests = result.tests.length, out = [];
   if (known(o.log_likelihood)) out.push(`log-likelihood ${num(o.log_likelihood, 9)}` + (known(o.log_likelihood_start) ? ` (start ${num(o.log_likelihood_start, 9)})` : ""));
   if (known(o.aic)) out.push(`AIC ${num(o.aic, 7)}, BIC ${num(o.bic, 7)}`);
-  if (o.starts > 0) out.push(`${o.starts_agree} of ${o.starts} starts reached the same optimum`);
+  if (o.starts > 0) out.push(`${o.starts_at_optimum} of ${o.starts} starts reached the same optimum`);
   if (tests) out.push(failed ? `${failed} of ${tests} tests fail` : `${tests} of ${tests} tests pass`);
   return out;
 }
 
-function warningItem({ severity, code, text, do: remedy }) {
+function warningItem({ severity, code, text, remedy }) {
   const level = severity in kSeverity ? severity : "note";
   return el("li", { class: `tone-${kSeverity[level]}` }, el("span", { class: "mark" }, `${level}: ${spaced(code)}. `), text,
     remedy ? el("span", { class: "note" }, ` → ${remedy}`) : null);

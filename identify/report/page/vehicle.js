@@ -10,7 +10,7 @@ function axleForce({ name, slip, force, curve_slip, curve_force }) {
     g.upright(0, "quiet thin");
     g.dots(degrees(slip), kilo(force), "fill-quiet", 1.8, slip.length > kManyDots ? 0.35 : 0.7);
     g.path(xs, ys, "accent line");
-  }), key(["k-accent", "fitted"], slip.length && ["k-quiet k-dots", `from the recording, means of 0.1 s${data.washed_out ? ", high-pass filtered (only ay was measured)" : ""}`]));
+  }), key(["k-accent", "fitted"], slip.length && ["k-quiet k-dots", `from the recording, means of 0.1 s${data.high_pass_filtered ? ", high-pass filtered (only ay was measured)" : ""}`]));
 }
 
 // As driven, and where that is nearly a straight line also with the sides stretched.

@@ -85,7 +85,7 @@ function showShaping() {
   if (!shaping || shaping.candidates.length < 2) return;
   section("shaping", "Shaping filters",
     table(["noise", "channels", "#poles", "#zeros", "#log-likelihood", "#BIC"], shaping.candidates.map((c) =>
-      [c.place, c.channels, c.order || "", c.order ? c.zeros : "", num(c.log_likelihood, 8), num(c.bic, 8)])),
+      [c.noise_source, c.channels, c.order || "", c.order ? c.zeros : "", num(c.log_likelihood, 8), num(c.bic, 8)])),
     shaping.predictions.length ? [el("h3", {}, "Held out: rms error of predictions"),
       table(["channel", "#steps", "#white", "#shaped"], shaping.predictions.map((p) => [p.channel + unitText(p.unit), p.steps, num(p.rmse_without, 4), num(p.rmse_with, 4)]))] : null);
 }

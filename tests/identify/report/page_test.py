@@ -319,7 +319,7 @@ class Page(unittest.TestCase):
         measured, one_step, simulation, band, instant = legends[0]
         self.assertEqual(("838", "at 82 s"), (measured, instant))
         self.assertAlmostEqual(channel["one_step"]["y"][82], float(one_step), delta=0.01)
-        self.assertAlmostEqual(channel["free_run"]["y"][82], float(simulation), delta=0.01)
+        self.assertAlmostEqual(channel["simulation"]["y"][82], float(simulation), delta=0.01)
         for said, limit in zip(band.split(" … "), (channel["forecast_low"], channel["forecast_high"])):
             self.assertAlmostEqual(limit["y"][82], float(said), delta=0.5)
         self.assertAlmostEqual(channel["after"]["y"][82], float(legends[1][0]), delta=1e-3)

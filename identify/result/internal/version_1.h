@@ -1,0 +1,20 @@
+// How does a result of schema version 1 read in version 2? Which keys and values were renamed;
+// docs/file-formats.md has the same table for people.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+namespace identikal {
+
+/// A result of version 1 as one of version 2: keys and values under their new names, and the old
+/// keys beside them. What is not as a result should be stays as it is.
+void upgrade_result(nlohmann::ordered_json& result);
+
+/// The same for what the page of a result draws; no old keys are kept there.
+void upgrade_page_data(nlohmann::ordered_json& data);
+
+/// Puts the keys of version 1 beside those that replace them, with the same values: programs
+/// written for version 1 find them as long as version 2 lasts.
+void add_old_keys(nlohmann::ordered_json& result);
+
+}  // namespace identikal
