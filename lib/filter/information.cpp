@@ -8,8 +8,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "lib/filter/internal/steady_filter.h"
 #include "lib/filter/steady_state.h"
+#include "lib/internal/powers.h"
 
 namespace identikal {
 namespace {

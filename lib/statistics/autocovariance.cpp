@@ -5,9 +5,9 @@
 #include <limits>
 #include <stdexcept>
 
-#include "lib/filter/internal/steady_filter.h"
 #include "lib/filter/lag_products.h"
 #include "lib/filter/steady_state.h"
+#include "lib/internal/powers.h"
 
 namespace identikal {
 namespace {
