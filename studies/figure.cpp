@@ -3,337 +3,429 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
-#include <mutex>
+#include <iterator>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
-#include <plplot/plplot.h>
 
-#include "lib/base/error.h"
+#include "studies/axis_ticks.h"
+#include "studies/contours.h"
 
 namespace identikal {
 namespace {
 
 using Eigen::Index;
-using Eigen::MatrixXd;
+using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-// Page, in points.
-constexpr double kPanelWidth = 500.0, kPanelHeight = 400.0;  // of a panel
+// Page, in points; y goes down.
+constexpr double kPanelWidth = 500.0, kPanelHeight = 400.0;
 constexpr double kLeft = 70.0, kRight = 20.0, kBarRight = 105.0, kTop = 40.0, kBottom = 55.0;
-constexpr double kLetterHeight = 3.3;  // in PLplot's millimetres: letters of 12 points
+constexpr double kLetter = 12.0, kLetterWidth = 6.9;
+constexpr double kTick = 6.0, kMinorTick = 3.0;
+constexpr double kLineWidth = 1.6;
+constexpr int kMostTicksX = 8, kMostTicksY = 8;
 
-// Colours 1 to 6 of PLplot's table 0 here, told apart by the colour-blind too (Okabe & Ito).
-constexpr int kWhite = 0, kInk = 15, kColours = 6;
-constexpr std::array<std::array<int, 3>, kColours> kPalette = {
-    {{0, 114, 178}, {213, 94, 0}, {0, 158, 115}, {0, 0, 0}, {204, 121, 167}, {150, 110, 0}}};
+// Told apart by the colour-blind too (Okabe & Ito).
+constexpr std::array kPalette = {"#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#966E00"};
 
-// A panel's rectangle on the page and what it shows.
-class Plot {
- public:
-  Plot(const Panel& panel, double left, double pages)
-      : p_(panel),
-        left_(left + kLeft),
-        right_(left + kPanelWidth - (panel.map ? kBarRight : kRight)),
-        pages_(pages),
-        x_(range(panel.x)),
-        y_(range(panel.y)) {}
+const char* colour_of(std::size_t at) { return kPalette[at % kPalette.size()]; }
 
-  void draw() const {
-    viewport(left_, right_, kBottom, kPanelHeight - kTop);
-    plwind(x_.low, x_.high, y_.low, y_.high);
-    if (p_.map) shade(*p_.map);
-    int colour = 0;
-    for (const Bars& bars : p_.bars) draw(bars, 1 + colour++ % kColours);
-    for (const Curve& curve : p_.curves) draw(curve, colour++);
-    plcol0(kInk);
-    plwidth(1.0);
-    plbox(p_.x.logarithmic ? "bclnst" : "bcnst", 0.0, 0, p_.y.logarithmic ? "bclnstv" : "bcnstv",
-          0.0, 0);
-    plmtex("b", 3.0, 0.5, 0.5, text(p_.x.label).c_str());
-    plmtex("l", 4.2, 0.5, 0.5, text(p_.y.label).c_str());
-    plmtex("t", 1.2, 0.5, 0.5, text(p_.title).c_str());
-    legend();
-    if (p_.map) colour_bar(*p_.map);
-  }
-
- private:
-  struct Range {
-    double low, high;
-  };
-  static double scaled(const Axis& axis, double v) { return axis.logarithmic ? std::log10(v) : v; }
-  static Range range(const Axis& axis) {
-    const Range out{scaled(axis, axis.low), scaled(axis, axis.high)};
-    if (!(out.low < out.high) || !std::isfinite(out.low) || !std::isfinite(out.high)) {
-      throw std::invalid_argument(
-          fmt::format("figure: axis '{}' from {} to {}", axis.label, axis.low, axis.high));
-    }
-    return out;
-  }
-  // PLplot's escape character.
-  static std::string text(const std::string& label) {
-    std::string out;
-    for (const char c : label) out += c == '#' ? std::string("##") : std::string(1, c);
-    return out;
-  }
-  void viewport(double left, double right, double bottom, double top) const {
-    plvpor(left / (pages_ * kPanelWidth), right / (pages_ * kPanelWidth), bottom / kPanelHeight,
-           top / kPanelHeight);
-  }
-
-  // PLplot fills cell by cell, and a viewer lets the page shine through between two that touch.
-  static void fill_to_the_rim(int n, const double* x, const double* y) {
-    plfill(n, x, y);
-    std::vector<double> xs(x, x + n), ys(y, y + n);
-    xs.push_back(x[0]), ys.push_back(y[0]);
-    plwidth(0.5);
-    plline(n + 1, xs.data(), ys.data());
-  }
-
-  void shade(const Map& map) const {
-    const Index nx = map.x.size(), ny = map.y.size();
-    if (nx < 2 || ny < 2 || map.value.rows() != nx || map.value.cols() != ny ||
-        map.levels.size() < 2) {
-      throw std::invalid_argument("figure: sizes of a map disagree");
-    }
-    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    RowMajor value = map.value;
-    std::vector<const double*> rows;
-    for (Index i = 0; i < nx; ++i) rows.push_back(value.data() + i * ny);
-    const double left = scaled(p_.x, map.x[0]), right = scaled(p_.x, map.x[nx - 1]);
-    const double bottom = scaled(p_.y, map.y[0]), top = scaled(p_.y, map.y[ny - 1]);
-    plshades(rows.data(), static_cast<PLINT>(nx), static_cast<PLINT>(ny), nullptr, left, right,
-             bottom, top, map.levels.data(), static_cast<PLINT>(map.levels.size()), 0.0, 0, 0.0,
-             fill_to_the_rim, 1, nullptr, nullptr);
-    VectorXd xs = VectorXd::LinSpaced(nx, left, right), ys = VectorXd::LinSpaced(ny, bottom, top);
-    PLcGrid grid{xs.data(), ys.data(), nullptr, static_cast<PLINT>(nx), static_cast<PLINT>(ny), 0};
-    plcol0(kInk);
-    plwidth(0.4);
-    plcont(rows.data(), static_cast<PLINT>(nx), static_cast<PLINT>(ny), 1, static_cast<PLINT>(nx),
-           1, static_cast<PLINT>(ny), map.levels.data(), static_cast<PLINT>(map.levels.size()),
-           pltr1, &grid);
-  }
-
-  // Boxes of the shades, the levels at their edges.
-  void colour_bar(const Map& map) const {
-    const auto shades = static_cast<int>(map.levels.size()) - 1;
-    viewport(right_ + 12.0, right_ + 26.0, kBottom, kPanelHeight - kTop);
-    plwind(0.0, 1.0, 0.0, shades);
-    for (int s = 0; s < shades; ++s) {
-      const std::array<double, 4> x{0.0, 1.0, 1.0, 0.0};
-      const std::array<double, 4> y{1.0 * s, 1.0 * s, s + 1.0, s + 1.0};
-      plcol1(shades == 1 ? 0.5 : s / (shades - 1.0));
-      plfill(4, x.data(), y.data());
-    }
-    plcol0(kInk);
-    plwidth(1.0);
-    plbox("bc", 0.0, 0, "bc", 0.0, 0);
-    const int every = 1 + shades / 12;
-    for (int s = 0; s <= shades; s += every) {
-      plmtex("rv", 0.5, s / static_cast<double>(shades), 0.0,
-             fmt::format("{:.3g}", map.levels[static_cast<std::size_t>(s)]).c_str());
-    }
-    plmtex("r", 5.2, 0.5, 0.5, text(map.label).c_str());
-  }
-
-  void draw(const Bars& bars, int colour) const {
-    if (bars.edges.size() != bars.height.size() + 1) {
-      throw std::invalid_argument("figure: n bars need n + 1 edges");
-    }
-    for (Index i = 0; i < bars.height.size(); ++i) {
-      const double a = scaled(p_.x, bars.edges[i]), b = scaled(p_.x, bars.edges[i + 1]);
-      const double top = scaled(p_.y, bars.height[i]);
-      if (!(top > y_.low) || !std::isfinite(a) || !std::isfinite(b)) continue;
-      box(a, b, y_.low, top, colour);
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&') {
+      out += "&amp;";
+    } else if (c == '<') {
+      out += "&lt;";
+    } else if (c == '>') {
+      out += "&gt;";
+    } else {
+      out += c;
     }
   }
+  return out;
+}
 
-  void box(double left, double right, double bottom, double top, int colour) const {
-    const std::array<double, 5> x{left, right, right, left, left};
-    const std::array<double, 5> y{bottom, bottom, top, top, bottom};
-    plcol0(colour);
-    plfill(4, x.data(), y.data());
-    plcol0(kInk);
-    plwidth(0.6);
-    plline(5, x.data(), y.data());
+// Letters of UTF-8, whose other bytes begin with the bits 10.
+double width_of(const std::string& text) {
+  return kLetterWidth * static_cast<double>(std::count_if(
+                            text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+}
+
+// An axis on the page: low of the axis is at `from`, high at `to`.
+struct Scale {
+  bool logarithmic;
+  double low, high, from, to;  // low and high of the logarithm where it is logarithmic
+
+  double operator()(double v) const {
+    const double scaled = logarithmic ? std::log10(v) : v;
+    return from + (scaled - low) / (high - low) * (to - from);
   }
-
-  void draw(const Curve& curve, int at) const {
-    if (curve.x.size() != curve.y.size()) {
-      throw std::invalid_argument("figure: a curve needs as many x as y");
-    }
-    std::vector<double> x, y;  // of a piece without gaps
-    const auto flush = [&] {
-      stroke(x, y, curve.form, at);
-      x.clear(), y.clear();
-    };
-    for (Index i = 0; i < curve.x.size(); ++i) {
-      const double a = scaled(p_.x, curve.x[i]), b = scaled(p_.y, curve.y[i]);
-      if (std::isfinite(a) && std::isfinite(b)) {
-        x.push_back(a), y.push_back(b);
-      } else {
-        flush();
-      }
-    }
-    flush();
-  }
-
-  void stroke(const std::vector<double>& x, const std::vector<double>& y, Curve::Form form,
-              int at) const {
-    plcol0(1 + at % kColours);
-    plwidth(1.6);
-    if (form != Curve::Form::points && x.size() > 1) {
-      pllsty(form == Curve::Form::dashed ? 2 : 1);
-      plline(static_cast<PLINT>(x.size()), x.data(), y.data());
-      pllsty(1);
-    }
-    if (form != Curve::Form::points && form != Curve::Form::marked) return;
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      if (x[i] < x_.low || x[i] > x_.high || y[i] < y_.low || y[i] > y_.high) continue;
-      marker(x[i], y[i], at);
-    }
-  }
-
-  // Circle, square, diamond, triangle of 7 points, then smaller and filled, so that markers on one
-  // another all show; letters of a font would not sit centred.
-  void marker(double x, double y, int at) const {
-    constexpr std::array<int, 4> kCorners = {16, 4, 4, 3};
-    constexpr std::array<double, 4> kTurn = {0.0, 0.25, 0.0, 0.5};  // of pi
-    const auto kind = static_cast<std::size_t>(at % 4);
-    const bool filled = at % 8 >= 4;
-    const double radius = (filled ? 0.5 : 1.0) * (kind == 0 ? 3.4 : 4.2);
-    std::vector<double> xs, ys;
-    for (int c = 0; c <= kCorners[kind]; ++c) {
-      const double angle = (kTurn[kind] + 2.0 * c / kCorners[kind]) * std::numbers::pi;
-      xs.push_back(x + radius * std::cos(angle) * (x_.high - x_.low) / (right_ - left_));
-      ys.push_back(y +
-                   radius * std::sin(angle) * (y_.high - y_.low) / (kPanelHeight - kTop - kBottom));
-    }
-    plcol0(p_.map ? kWhite : 1 + at % kColours);  // white shows on every shade
-    if (filled || p_.map) plfill(static_cast<PLINT>(xs.size()) - 1, xs.data(), ys.data());
-    plcol0(1 + at % kColours);
-    plwidth(1.2);
-    plline(static_cast<PLINT>(xs.size()), xs.data(), ys.data());
-    plwidth(1.6);
-  }
-
-  // Top right, on white.
-  void legend() const {
-    constexpr double kLine = 16.0, kSample = 30.0, kLetter = 6.6, kMargin = 8.0;  // points
-    std::size_t longest = 0, lines = 0;
-    const auto count = [&](const std::string& name) {
-      if (name.empty()) return;
-      ++lines;
-      longest = std::max(longest, name.size());
-    };
-    for (const Bars& b : p_.bars) count(b.name);
-    for (const Curve& c : p_.curves) count(c.name);
-    if (lines == 0) return;
-    const double per_x = (x_.high - x_.low) / (right_ - left_);
-    const double per_y = (y_.high - y_.low) / (kPanelHeight - kTop - kBottom);
-    const double width = kSample + 3.0 * kMargin + kLetter * static_cast<double>(longest);
-    const double right = x_.high - kMargin * per_x, left = right - width * per_x;
-    const double top = y_.high - kMargin * per_y;
-    box(left, right, top - (static_cast<double>(lines) * kLine + kMargin) * per_y, top, kWhite);
-    double y = top - 0.5 * (kLine + kMargin) * per_y;
-    const double from = left + kMargin * per_x, to = from + kSample * per_x;
-    const auto name = [&](const std::string& what) {
-      plcol0(kInk);
-      plptex(to + kMargin * per_x, y, 1.0, 0.0, 0.0, text(what).c_str());
-      y -= kLine * per_y;
-    };
-    int at = 0;
-    for (const Bars& b : p_.bars) {
-      const int colour = 1 + at++ % kColours;
-      if (b.name.empty()) continue;
-      box(from, to, y - 4.0 * per_y, y + 4.0 * per_y, colour);
-      name(b.name);
-    }
-    for (const Curve& c : p_.curves) {
-      const int own = at++;
-      if (c.name.empty()) continue;
-      if (c.form != Curve::Form::points) {
-        stroke({from, to}, {y, y}, c.form == Curve::Form::dashed ? c.form : Curve::Form::solid,
-               own);
-      }
-      if (c.form == Curve::Form::marked || c.form == Curve::Form::points) {
-        marker(0.5 * (from + to), y, own);
-      }
-      name(c.name);
-    }
-  }
-
-  const Panel& p_;
-  double left_, right_, pages_;
-  Range x_, y_;
 };
 
-// Asks before PLplot does, which would ask the terminal.
-void check_driver() {
-  std::array<const char*, 256> menu{}, names{};  // PLplot fills in
-  const char** menu_at = menu.data();
-  const char** names_at = names.data();
-  int count = static_cast<int>(names.size());  // room, then devices
-  plgDevs(&menu_at, &names_at, &count);
-  for (int i = 0; i < count; ++i) {
-    if (std::strcmp(names[static_cast<std::size_t>(i)], "svg") == 0) return;
+Scale scale_of(const Axis& axis, double from, double to) {
+  const double low = axis.logarithmic ? std::log10(axis.low) : axis.low;
+  const double high = axis.logarithmic ? std::log10(axis.high) : axis.high;
+  if (!(low < high) || !std::isfinite(low) || !std::isfinite(high)) {
+    throw std::invalid_argument(
+        fmt::format("figure: axis '{}' from {} to {}", axis.label, axis.low, axis.high));
   }
-  throw OutputError(
-      "PLplot has no svg driver here (PLPLOT_DRV_DIR is unset, or names its folder): cannot draw "
-      "the figure");
+  return {axis.logarithmic, low, high, from, to};
+}
+
+AxisTicks ticks_of(const Axis& axis, int most) {
+  return axis.logarithmic ? logarithmic_ticks(axis.low, axis.high, most)
+                          : linear_ticks(axis.low, axis.high, most);
+}
+
+// A panel's rectangle on the page, and the SVG that is drawn so far.
+struct Plot {
+  Plot(const Panel& panel, std::size_t at, std::string& svg)
+      : number(at),
+        left(kPanelWidth * static_cast<double>(at) + kLeft),
+        right(kPanelWidth * static_cast<double>(at + 1) - (panel.map ? kBarRight : kRight)),
+        x(scale_of(panel.x, left, right)),
+        y(scale_of(panel.y, bottom, top)),
+        out(svg) {}
+
+  template <typename... Arguments>
+  void add(fmt::format_string<Arguments...> element, Arguments&&... arguments) const {
+    fmt::format_to(std::back_inserter(out), element, std::forward<Arguments>(arguments)...);
+    out += '\n';
+  }
+  void line(double x0, double y0, double x1, double y1, double width = 1.0) const {
+    add("<line x1='{:.2f}' y1='{:.2f}' x2='{:.2f}' y2='{:.2f}' stroke='#000000' "
+        "stroke-width='{:g}'/>",
+        x0, y0, x1, y1, width);
+  }
+  void rect(double x0, double y0, double x1, double y1, const char* fill, double stroke) const {
+    add("<rect x='{:.2f}' y='{:.2f}' width='{:.2f}' height='{:.2f}' fill='{}' stroke='#000000' "
+        "stroke-width='{:g}'/>",
+        x0, y0, x1 - x0, y1 - y0, fill, stroke);
+  }
+  void text(double x0, double y0, const char* anchor, const std::string& words) const {
+    add("<text x='{:.2f}' y='{:.2f}' text-anchor='{}'>{}</text>", x0, y0, anchor, escaped(words));
+  }
+  void upright_text(double x0, double y0, const std::string& words) const {
+    add("<text transform='translate({:.2f} {:.2f}) rotate(-90)' text-anchor='middle'>{}</text>", x0,
+        y0, escaped(words));
+  }
+  bool shows(double x0, double y0) const {
+    return x0 >= left - 0.01 && x0 <= right + 0.01 && y0 >= top - 0.01 && y0 <= bottom + 0.01;
+  }
+
+  std::size_t number;
+  double left, right;
+  double top = kTop, bottom = kPanelHeight - kBottom;
+  Scale x, y;
+  std::string& out;
+};
+
+void draw_axes(const Plot& plot, const Panel& panel) {
+  plot.rect(plot.left, plot.top, plot.right, plot.bottom, "none", 1.0);
+  const auto upright = [&](double v, double length) {
+    plot.line(plot.x(v), plot.bottom, plot.x(v), plot.bottom - length);
+    plot.line(plot.x(v), plot.top, plot.x(v), plot.top + length);
+  };
+  const auto level = [&](double v, double length) {
+    plot.line(plot.left, plot.y(v), plot.left + length, plot.y(v));
+    plot.line(plot.right, plot.y(v), plot.right - length, plot.y(v));
+  };
+  const AxisTicks x = ticks_of(panel.x, kMostTicksX), y = ticks_of(panel.y, kMostTicksY);
+  for (const double v : x.minor) upright(v, kMinorTick);
+  for (const double v : y.minor) level(v, kMinorTick);
+  for (const auto& [v, label] : x.major) {
+    upright(v, kTick);
+    plot.text(plot.x(v), plot.bottom + 1.3 * kLetter, "middle", label);
+  }
+  double widest = 0.0;
+  for (const auto& [v, label] : y.major) {
+    widest = std::max(widest, width_of(label));
+    level(v, kTick);
+    plot.text(plot.left - 5.0, plot.y(v) + 0.35 * kLetter, "end", label);
+  }
+  const double middle = 0.5 * (plot.left + plot.right);
+  plot.text(middle, plot.bottom + 3.0 * kLetter, "middle", panel.x.label);
+  plot.text(middle, plot.top - kLetter, "middle", panel.title);
+  plot.upright_text(plot.left - widest - 1.2 * kLetter, 0.5 * (plot.top + plot.bottom),
+                    panel.y.label);
+}
+
+// White to dark blue: grows darker all the way, also in print.
+std::string shade(double share) {
+  constexpr std::array<double, 4> kAt{0.0, 0.35, 0.7, 1.0};
+  constexpr std::array<std::array<double, 4>, 3> kColour{
+      {{1.0, 0.62, 0.19, 0.03}, {1.0, 0.79, 0.51, 0.19}, {1.0, 0.88, 0.74, 0.42}}};
+  std::size_t k = 0;
+  while (k < 2 && share > kAt[k + 1]) ++k;
+  const double between = (share - kAt[k]) / (kAt[k + 1] - kAt[k]);
+  std::string out = "#";
+  for (const auto& c : kColour) {
+    out += fmt::format("{:02X}", std::lround(255.0 * std::lerp(c[k], c[k + 1], between)));
+  }
+  return out;
+}
+
+std::string shade_of(const Map& map, std::size_t level) {
+  const std::size_t shades = map.levels.size() - 1;
+  return shade(shades == 1 ? 0.5
+                           : static_cast<double>(level) / (static_cast<double>(shades) - 1.0));
+}
+
+VectorXd on_page(const Scale& scale, const VectorXd& values) {
+  VectorXd out(values.size());
+  for (Index i = 0; i < values.size(); ++i) out[i] = scale(values[i]);
+  return out;
+}
+
+// Every level's region lies on that of the one before; above the last one it is white again. A
+// viewer shows no seams inside one path.
+void draw_map(const Plot& plot, const Map& map) {
+  if (map.levels.size() < 2) throw std::invalid_argument("figure: a map needs two levels");
+  const VectorXd x = on_page(plot.x, map.x), y = on_page(plot.y, map.y);
+  std::string lines;
+  for (std::size_t k = 0; k < map.levels.size(); ++k) {
+    const Contour level = contour(x, y, map.value, map.levels[k]);
+    std::string path;
+    for (const std::vector<Vector2d>& polygon : level.above) {
+      const char* command = "M";
+      for (const Vector2d& p : polygon) {
+        path += fmt::format("{}{:.2f} {:.2f}", command, p.x(), p.y());
+        command = "L";
+      }
+      path += "Z";
+    }
+    const bool last = k + 1 == map.levels.size();
+    if (!path.empty()) {
+      plot.add("<path fill='{}' d='{}'/>", last ? "#FFFFFF" : shade_of(map, k), path);
+    }
+    for (const auto& [a, b] : level.line) {
+      lines += fmt::format("M{:.2f} {:.2f}L{:.2f} {:.2f}", a.x(), a.y(), b.x(), b.y());
+    }
+  }
+  plot.add("<path fill='none' stroke='#000000' stroke-width='0.4' stroke-linecap='round' d='{}'/>",
+           lines);
+}
+
+// Boxes of the shades, the levels at their edges.
+void draw_colour_bar(const Plot& plot, const Map& map) {
+  const std::size_t shades = map.levels.size() - 1, every = 1 + shades / 12;
+  const double from = plot.right + 12.0, to = plot.right + 26.0;
+  const auto edge = [&](std::size_t level) {
+    return std::lerp(plot.bottom, plot.top,
+                     static_cast<double>(level) / static_cast<double>(shades));
+  };
+  for (std::size_t k = 0; k < shades; ++k) {
+    plot.rect(from, edge(k + 1), to, edge(k), shade_of(map, k).c_str(), 0.5);
+  }
+  for (std::size_t k = 0; k <= shades; k += every) {
+    plot.text(to + 5.0, edge(k) + 0.35 * kLetter, "start", fmt::format("{:.3g}", map.levels[k]));
+  }
+  plot.upright_text(plot.right + kBarRight - kLetter, 0.5 * (plot.top + plot.bottom), map.label);
+}
+
+void draw_bars(const Plot& plot, const Bars& bars, std::size_t at) {
+  if (bars.edges.size() != bars.height.size() + 1) {
+    throw std::invalid_argument("figure: n bars need n + 1 edges");
+  }
+  for (Index i = 0; i < bars.height.size(); ++i) {
+    const double from = plot.x(bars.edges[i]), to = plot.x(bars.edges[i + 1]);
+    const double top = plot.y(bars.height[i]);
+    if (!(top < plot.bottom) || !std::isfinite(from) || !std::isfinite(to)) continue;
+    plot.rect(from, std::max(top, plot.top - 1.0), to, plot.bottom, colour_of(at), 0.6);
+  }
+}
+
+// Circle, square, diamond, triangle of 7 points, then smaller and filled, so that markers on one
+// another all show.
+void draw_marker(const Plot& plot, double x, double y, std::size_t at, bool on_map) {
+  constexpr std::array<int, 4> kCorners = {0, 4, 4, 3};
+  constexpr std::array<double, 4> kTurn = {0.0, 0.25, 0.0, 0.5};  // of pi
+  const std::size_t kind = at % 4;
+  const bool filled = at % 8 >= 4;
+  const double radius = (filled ? 0.5 : 1.0) * (kind == 0 ? 3.4 : 4.2);
+  const char* colour = colour_of(at);
+  // White shows on every shade.
+  const char* fill = on_map ? "#FFFFFF" : filled ? colour : "none";
+  if (kind == 0) {
+    plot.add("<circle cx='{:.2f}' cy='{:.2f}' r='{:g}' fill='{}' stroke='{}' stroke-width='1.2'/>",
+             x, y, radius, fill, colour);
+    return;
+  }
+  std::string corners;
+  for (int c = 0; c < kCorners[kind]; ++c) {
+    const double angle = (kTurn[kind] + 2.0 * c / kCorners[kind]) * std::numbers::pi;
+    corners += fmt::format("{}{:.2f},{:.2f}", c == 0 ? "" : " ", x + radius * std::cos(angle),
+                           y - radius * std::sin(angle));
+  }
+  plot.add("<polygon points='{}' fill='{}' stroke='{}' stroke-width='1.2'/>", corners, fill,
+           colour);
+}
+
+void draw_line(const Plot& plot, const std::vector<Vector2d>& points, bool dashed, std::size_t at) {
+  if (points.size() < 2) return;
+  std::string list;
+  for (const Vector2d& p : points) {
+    list += fmt::format("{}{:.2f},{:.2f}", list.empty() ? "" : " ", p.x(), p.y());
+  }
+  plot.add(
+      "<polyline fill='none' stroke='{}' stroke-width='{:g}' stroke-linejoin='round'{} "
+      "points='{}'/>",
+      colour_of(at), kLineWidth, dashed ? " stroke-dasharray='6 4'" : "", list);
+}
+
+bool has_line(const Curve& curve) { return curve.form != Curve::Form::points; }
+bool has_markers(const Curve& curve) {
+  return curve.form == Curve::Form::points || curve.form == Curve::Form::marked;
+}
+
+// Where the points of a curve lie, a piece for each stretch without gaps.
+std::vector<std::vector<Vector2d>> pieces_of(const Plot& plot, const Curve& curve) {
+  if (curve.x.size() != curve.y.size()) {
+    throw std::invalid_argument("figure: a curve needs as many x as y");
+  }
+  // Numbers far outside the page are nobody's: some viewers fail at them.
+  constexpr double kFar = 1e5;
+  std::vector<std::vector<Vector2d>> out(1);
+  for (Index i = 0; i < curve.x.size(); ++i) {
+    const Vector2d p(plot.x(curve.x[i]), plot.y(curve.y[i]));
+    if (p.allFinite()) {
+      out.back().push_back(p.cwiseMax(-kFar).cwiseMin(kFar));
+    } else if (!out.back().empty()) {
+      out.emplace_back();
+    }
+  }
+  return out;
+}
+
+void draw_curve(const Plot& plot, const Curve& curve, std::size_t at, bool on_map) {
+  for (const std::vector<Vector2d>& piece : pieces_of(plot, curve)) {
+    if (has_line(curve)) draw_line(plot, piece, curve.form == Curve::Form::dashed, at);
+    if (!has_markers(curve)) continue;
+    for (const Vector2d& p : piece) {
+      if (plot.shows(p.x(), p.y())) draw_marker(plot, p.x(), p.y(), at, on_map);
+    }
+  }
+}
+
+// One line of the legend.
+struct Entry {
+  std::string name;
+  std::size_t at;      // in the order of colours
+  const Curve* curve;  // nullptr: bars
+};
+
+std::vector<Entry> entries_of(const Panel& panel) {
+  std::vector<Entry> out;
+  std::size_t at = 0;
+  for (const Bars& bars : panel.bars) out.push_back({bars.name, at++, nullptr});
+  for (const Curve& curve : panel.curves) out.push_back({curve.name, at++, &curve});
+  std::erase_if(out, [](const Entry& e) { return e.name.empty(); });
+  return out;
+}
+
+struct Box {
+  double left, top, right, bottom;
+};
+
+// The corner that hides the fewest points; of those the top right one first.
+Box free_corner(const Plot& plot, const Panel& panel, double width, double height) {
+  constexpr double kMargin = 8.0;
+  const double right = plot.right - kMargin - width, left = plot.left + kMargin;
+  const double top = plot.top + kMargin, bottom = plot.bottom - kMargin - height;
+  std::vector<Vector2d> points;
+  for (const Curve& curve : panel.curves) {
+    for (const std::vector<Vector2d>& piece : pieces_of(plot, curve)) {
+      points.insert(points.end(), piece.begin(), piece.end());
+    }
+  }
+  for (const Bars& bars : panel.bars) {
+    for (Index i = 0; i < bars.height.size(); ++i) {
+      const double middle = 0.5 * (plot.x(bars.edges[i]) + plot.x(bars.edges[i + 1]));
+      points.emplace_back(middle, plot.y(bars.height[i]));
+    }
+  }
+  Box best{};
+  auto fewest = std::numeric_limits<std::ptrdiff_t>::max();
+  for (const auto& [x, y] : {std::pair{right, top}, {left, top}, {right, bottom}, {left, bottom}}) {
+    const Box box{x, y, x + width, y + height};
+    const auto hidden = std::count_if(points.begin(), points.end(), [&](const Vector2d& p) {
+      return p.x() > box.left && p.x() < box.right && p.y() > box.top && p.y() < box.bottom;
+    });
+    if (hidden < fewest) {
+      fewest = hidden;
+      best = box;
+    }
+  }
+  return best;
+}
+
+void draw_legend(const Plot& plot, const Panel& panel) {
+  constexpr double kLine = 16.0, kSample = 30.0, kMargin = 8.0;
+  const std::vector<Entry> entries = entries_of(panel);
+  if (entries.empty()) return;
+  double longest = 0.0;
+  for (const Entry& entry : entries) longest = std::max(longest, width_of(entry.name));
+  const Box box = free_corner(plot, panel, kSample + 3.0 * kMargin + longest,
+                              kLine * static_cast<double>(entries.size()) + kMargin);
+  plot.rect(box.left, box.top, box.right, box.bottom, "#FFFFFF", 0.6);
+  const double from = box.left + kMargin, to = from + kSample;
+  double y = box.top + 0.5 * (kLine + kMargin);
+  for (const auto& [name, at, curve] : entries) {
+    if (curve == nullptr) {
+      plot.rect(from, y - 4.0, to, y + 4.0, colour_of(at), 0.6);
+    } else {
+      if (has_line(*curve)) {
+        draw_line(plot, {{from, y}, {to, y}}, curve->form == Curve::Form::dashed, at);
+      }
+      if (has_markers(*curve)) {
+        draw_marker(plot, 0.5 * (from + to), y, at, panel.map.has_value());
+      }
+    }
+    plot.text(to + kMargin, y + 0.35 * kLetter, "start", name);
+    y += kLine;
+  }
+}
+
+void draw_panel(const Plot& plot, const Panel& panel) {
+  plot.add(
+      "<clipPath id='panel{}'><rect x='{:g}' y='{:g}' width='{:g}' height='{:g}'/></clipPath>\n"
+      "<g clip-path='url(#panel{})'>",
+      plot.number, plot.left, plot.top, plot.right - plot.left, plot.bottom - plot.top,
+      plot.number);
+  if (panel.map) draw_map(plot, *panel.map);
+  std::size_t at = 0;
+  for (const Bars& bars : panel.bars) draw_bars(plot, bars, at++);
+  for (const Curve& curve : panel.curves) {
+    draw_curve(plot, curve, at++, panel.map.has_value());
+  }
+  plot.add("</g>");
+  draw_axes(plot, panel);
+  draw_legend(plot, panel);
+  if (panel.map) draw_colour_bar(plot, *panel.map);
 }
 
 }  // namespace
 
 std::string svg(const Figure& figure) {
   if (figure.panels.empty()) throw std::invalid_argument("figure: no panel");
-  const auto pages = static_cast<double>(figure.panels.size());
-  std::vector<Plot> plots;
-  for (const Panel& panel : figure.panels) {
-    plots.emplace_back(panel, kPanelWidth * static_cast<double>(plots.size()), pages);
+  const double width = kPanelWidth * static_cast<double>(figure.panels.size());
+  std::string out = fmt::format(
+      "<?xml version='1.0' encoding='UTF-8'?>\n"
+      "<svg xmlns='http://www.w3.org/2000/svg' version='1.1' width='{0:g}pt' height='{1:g}pt' "
+      "viewBox='0 0 {0:g} {1:g}' font-family='DejaVu Sans, Helvetica, Arial, sans-serif' "
+      "font-size='{2:g}'>\n"
+      "<rect width='{0:g}' height='{1:g}' fill='#FFFFFF'/>\n"
+      "",
+      width, kPanelHeight, kLetter);
+  for (std::size_t k = 0; k < figure.panels.size(); ++k) {
+    draw_panel(Plot(figure.panels[k], k, out), figure.panels[k]);
   }
-  // PLplot draws on one page of the whole process.
-  static std::mutex one_at_a_time;
-  const std::lock_guard<std::mutex> lock(one_at_a_time);
-  check_driver();
-  struct Buffer {
-    char* bytes = nullptr;
-    std::size_t size = 0;
-    ~Buffer() { std::free(bytes); }
-  } buffer;
-  std::FILE* file = open_memstream(&buffer.bytes, &buffer.size);
-  if (file == nullptr) throw OutputError("no memory for a figure");
-  // PLplot closes the file, which is when bytes and size are set.
-  plsdev("svg");
-  plsfile(file);
-  plspage(0.0, 0.0, static_cast<PLINT>(pages * kPanelWidth), static_cast<PLINT>(kPanelHeight), 0,
-          0);
-  plscolbg(255, 255, 255);
-  for (int i = 0; i < kColours; ++i) {
-    const auto& c = kPalette[static_cast<std::size_t>(i)];
-    plscol0(1 + i, c[0], c[1], c[2]);
-  }
-  plscol0(kInk, 0, 0, 0);
-  // White to dark blue: grows darker all the way, also in print.
-  const std::array<double, 4> at{0.0, 0.35, 0.7, 1.0}, red{1.0, 0.62, 0.19, 0.03},
-      green{1.0, 0.79, 0.51, 0.19}, blue{1.0, 0.88, 0.74, 0.42};
-  plscmap1n(256);
-  plscmap1l(1, 4, at.data(), red.data(), green.data(), blue.data(), nullptr);
-  {
-    struct End {
-      ~End() { plend(); }
-    } end;  // also where a panel throws
-    plinit();
-    pladv(0);
-    plschr(kLetterHeight, 1.0);
-    for (const Plot& plot : plots) plot.draw();
-  }
-  if (buffer.bytes == nullptr || buffer.size == 0) throw OutputError("PLplot wrote no figure");
-  return {buffer.bytes, buffer.size};
+  return out + "</svg>\n";
 }
 
 }  // namespace identikal
