@@ -10,6 +10,7 @@ the sought physical values 20 % off.
 import json
 import math
 import pathlib
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,7 @@ RUNS = int(sys.argv[2]) if len(sys.argv) > 2 else 100
 def run(name, seed):
     text = subprocess.run([identikal, "init", name], capture_output=True, text=True, check=True).stdout
     with tempfile.TemporaryDirectory() as folder:
-        steps = [step.replace("identikal", identikal, 1) for step in commands(text)]
+        steps = [step.replace("identikal", shlex.quote(identikal), 1) for step in commands(text)]
         quiet = {"shell": True, "cwd": folder, "capture_output": True, "text": True}
         subprocess.run(steps[0], check=True, **quiet)
         subprocess.run(f"{steps[1]} --seed {seed}", check=True, **quiet)

@@ -8,6 +8,7 @@ One parameter in 15 000 lies outside four standard errors by chance; there are s
 import json
 import pathlib
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -50,11 +51,11 @@ def check(identikal, name, folder):
         return [f"three commands expected, found {steps}"]
     began = time.monotonic()
     for step in steps[:2]:
-        step = step.replace("identikal", identikal, 1)
+        step = step.replace("identikal", shlex.quote(identikal), 1)
         made = subprocess.run(step, shell=True, cwd=folder, capture_output=True, text=True)
         if made.returncode != 0:
             return [f"exit {made.returncode}: {made.stderr.strip()}"]
-    run = subprocess.run(steps[2].replace("identikal", identikal, 1) + " -o out --json", shell=True,
+    run = subprocess.run(steps[2].replace("identikal", shlex.quote(identikal), 1) + " -o out --json", shell=True,
                          cwd=folder, capture_output=True, text=True)
     if run.returncode != 0:
         faults.append(f"exit {run.returncode}: {run.stderr or json.loads(run.stdout)['status']}")
