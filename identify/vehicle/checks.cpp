@@ -8,19 +8,19 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/survey/survey.h"
+#include "lib/base/constants.h"
 #include "lib/data/units.h"
 #include "lib/statistics/paired_correlation.h"
 
 namespace identikal {
 namespace {
 
-constexpr double kDegrees = 57.295779513082323;
 constexpr double kFlippedBelow = -0.2;      // correlation; noise alone stays near 0
 constexpr double kGoodFit = 80.0;           // [%]
 constexpr double kSeriousForceLoss = 0.10;  // of the linear axle force
 // Below it a tyre on a dry road is straight to a few %: with stiffness over load of 12 per rad it
 // loses 10 % of its force at 2.7 deg.
-constexpr double kStraightSlip = 1.5 / kDegrees;
+constexpr double kStraightSlip = 1.5 / kDegreesPerRadian;
 constexpr double kWrongGain = 0.02;
 constexpr double kHoldOutFactor = 2.0;  // of what is left unexplained
 constexpr double kNoiseFactor = 1.5;    // between residual and given noise
@@ -108,8 +108,8 @@ void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate) 
   }
 }
 
-void describe_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                                const VehicleParameters<double>& p, Estimate& estimate) {
+void check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                             const VehicleParameters<double>& p, Estimate& estimate) {
   constexpr double kHardlyKnown = 0.25;  // relative standard error
   constexpr double kTakesPart = 0.2;
   std::vector<std::string> names;
@@ -151,7 +151,7 @@ void describe_weakest_direction(const VehicleProblem& problem, const VehicleCova
   }
   estimate.warnings.push_back(
       {"weak_direction", "warning", about,
-       "the recording hardly tells this change from none (one standard error): " + text,
+       "poorly determined in combination (one standard error): " + text,
        "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
        "speeds that differ by 2, sideslip"});
 }
@@ -204,27 +204,27 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
   }
 }
 
-void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
-                      Estimate& estimate) {
-  // The survey knows kinematics only, no lever arms and no car: a fit that follows the recording
-  // speaks against what it suspects.
+void check_by_survey(const ModelFile& model, const std::vector<Dataset>& recordings,
+                     Estimate& estimate) {
+  // The survey compares kinematics only, without lever arms and without a model of the car: a good
+  // fit is evidence against what it suspects.
   double leading = 0.0;
   for (const ChannelFit& fit : estimate.simulation) leading = std::max(leading, fit.fit_percent);
   for (const ChannelFit& fit : estimate.simulation) {
     if (fit.channel == "r") leading = fit.fit_percent;
   }
-  constexpr std::string_view kSaidElsewhere[] = {"too_short",   "no_steering",  "no_speed",
-                                                 "no_yaw_rate", "dead_channel", "sign_steering",
-                                                 "sign_ay",     "standstill",   "one_clock"};
+  constexpr std::string_view kReportedElsewhere[] = {"too_short",   "no_steering",  "no_speed",
+                                                     "no_yaw_rate", "dead_channel", "sign_steering",
+                                                     "sign_ay",     "standstill",   "one_clock"};
   for (const Dataset& data : recordings) {
     for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
-      const bool said =
-          std::find(std::begin(kSaidElsewhere), std::end(kSaidElsewhere), finding.code) !=
-              std::end(kSaidElsewhere) ||
+      const bool reported =
+          std::find(std::begin(kReportedElsewhere), std::end(kReportedElsewhere), finding.code) !=
+              std::end(kReportedElsewhere) ||
           std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [&](const Warning& w) {
             return w.code == finding.code && w.about == finding.about;
           });
-      if (said) continue;
+      if (reported) continue;
       if (finding.severity == "serious" && leading > kGoodFit) finding.severity = "warning";
       if (finding.code == "reversing") {
         finding.remedy =
@@ -235,15 +235,15 @@ void check_recordings(const ModelFile& model, const std::vector<Dataset>& record
   }
 }
 
-void check_hold_out_recordings(const ModelFile& model, const std::vector<Dataset>& hold_out,
-                               Estimate& estimate) {
+void check_hold_out_by_survey(const ModelFile& model, const std::vector<Dataset>& hold_out,
+                              Estimate& estimate) {
   for (const Dataset& data : hold_out) {
     for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
       if (finding.severity != "serious" || finding.code == "too_short") continue;
-      const bool said = std::any_of(
+      const bool reported = std::any_of(
           estimate.warnings.begin(), estimate.warnings.end(),
           [&](const Warning& w) { return w.code == finding.code && w.severity != "note"; });
-      if (said) continue;
+      if (reported) continue;
       finding.severity = "warning";
       finding.text = fmt::format("held-out {}: {}", data.name, finding.text);
       estimate.warnings.push_back(std::move(finding));
@@ -264,7 +264,7 @@ void check_hold_out(Estimate& estimate) {
                "on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what it "
                "was fitted to",
                held.fit_percent, own.channel, own.fit_percent),
-           "the parameters do not carry over: other tyres, load or road, or too many of them "
+           "the parameters do not hold there: other tyres, load or road, or too many of them "
            "free"});
     }
   }
@@ -291,7 +291,7 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   const double quantile = student_t_quantile(0.995, covariance.freedom);
   if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
   const std::string turned =
-      fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as it says", gain, se);
+      fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as it gives", gain, se);
   estimate.warnings.push_back(
       {"steering_ratio",
        "warning",
@@ -319,10 +319,10 @@ void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
   }
   estimate.warnings.push_back(
       {"coloured_residuals", "warning", about,
-       fmt::format("residuals of {} are correlated in time: the model misses something", names) +
+       fmt::format("residuals of {} are correlated in time: the model is incomplete", names) +
            (errors
-                ? fmt::format(". Standard errors allow for it over {:.2g} s; white ones would be "
-                              "up to {:.1f} times smaller",
+                ? fmt::format(". Standard errors allow for it over {:.2g} s; for white residuals "
+                              "they would be up to {:.1f} times smaller",
                               covariance.memory, std::max(widened, 1.0))
                 : ""),
        "plot the residuals; validate on another recording"});
@@ -336,15 +336,15 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
   if (!front.significant && !rear.significant) return;
   const bool serious = (front.significant && front.loss > kSeriousForceLoss) ||
                        (rear.significant && rear.loss > kSeriousForceLoss);
-  std::string text = "the tyre force bends away from the straight line:";
+  std::string text = "the tyre force saturates:";
   std::vector<std::string> about;
   for (const bool is_front : {true, false}) {
     const TyreSaturation::Axle& axle = is_front ? front : rear;
     if (!axle.significant) continue;
     about.emplace_back(is_front ? "Cf" : "Cr");
-    text += fmt::format("{} {} axle {:.0f} % below it at {:.1f} deg of slip",
+    text += fmt::format("{} {} axle {:.0f} % below the linear force at {:.1f} deg of slip",
                         about.size() > 1 ? "," : "", is_front ? "front" : "rear", 100.0 * axle.loss,
-                        kDegrees * axle.slip);
+                        kDegreesPerRadian * axle.slip);
   }
   text += ". With tyres that saturate (tanh):";
   const auto& free = problem.unknowns.free;
@@ -370,20 +370,18 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
   std::string todo = "the linear stiffnesses hold for slip angles of this size";
   if (too_early(front) || too_early(rear)) {
     todo =
-        "at slip angles this small tyres bend on slippery roads only: look for a wrong unit, gain "
-        "or "
-        "offset of steering or speed, and for wrong m, a, b";
+        "at slip angles this small tyres saturate on slippery roads only: look for a wrong unit, "
+        "gain or offset of steering or speed, and for wrong m, a, b";
   } else if (serious) {
     todo =
         "the linear stiffnesses are averages over this recording's slip angles and hold nowhere "
-        "else: "
-        "use a milder part of it (|ay| below about 4 m/s^2)";
+        "else: use a milder part of it (|ay| below about 4 m/s^2)";
   }
   estimate.warnings.push_back({"tyre_saturation", serious ? "serious" : "note", about, text, todo});
 }
 
-void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
-                           Estimate& estimate) {
+void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                                 Estimate& estimate) {
   const VehicleRun& run = *problem.run;
   const Eigen::Index ja = run.find(VehicleQuantity::ay), jr = run.find(VehicleQuantity::r);
   const Eigen::Index N = run.time.size(), outputs = run.y.rows();

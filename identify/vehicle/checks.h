@@ -1,5 +1,5 @@
-// What would an experienced engineer say about this vehicle fit? Warnings and notes; nothing is
-// changed.
+// What would an experienced engineer say about this vehicle fit? Every check_*() adds its findings
+// to the estimate and changes nothing else.
 #pragma once
 
 #include "identify/estimate/estimate.h"
@@ -18,10 +18,10 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
 /// determined values.
 void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate);
 
-/// Which change of the positive parameters, relative to their size, the recording tells least, when
-/// it leaves more than a quarter open: the direction in which a user must look for more knowledge.
-void describe_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                                const VehicleParameters<double>& p, Estimate& estimate);
+/// The change of the positive parameters, relative to their size, that the recording determines
+/// least, when its standard error is above a quarter: where a user has to look for more knowledge.
+void check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                             const VehicleParameters<double>& p, Estimate& estimate);
 
 /// A free run of the leading output that explains less is poor [%].
 inline constexpr double kPoorFit = 50.0;
@@ -32,17 +32,16 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
 
 /// What the survey (identify/survey/survey.h) finds wrong with the recordings as the model file
 /// maps them: units, swapped or stuck channels, clocks, outliers, reversing. What the fit leaves
-/// out by itself, or says in its own words, is not repeated.
-void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
-                      Estimate& estimate);
+/// out by itself, or reports itself, is not repeated.
+void check_by_survey(const ModelFile& model, const std::vector<Dataset>& recordings,
+                     Estimate& estimate);
 
-/// The same for held-out recordings, signs too, with the file named: what the fit was given is not
-/// touched by it, so that it is a warning at most. What the fitted recordings have too is not
-/// repeated.
-void check_hold_out_recordings(const ModelFile& model, const std::vector<Dataset>& hold_out,
-                               Estimate& estimate);
+/// The same for held-out recordings, signs too, with the file named: the fit does not depend on
+/// them, so that it is a warning at most. What the fitted recordings have too is not repeated.
+void check_hold_out_by_survey(const ModelFile& model, const std::vector<Dataset>& hold_out,
+                              Estimate& estimate);
 
-/// Held-out data that the car foretells much worse than what it was fitted to.
+/// Held-out data that the car predicts much worse than what it was fitted to.
 void check_hold_out(Estimate& estimate);
 
 /// A steering gain that was fitted and is not 1: the model file's ratio is then wrong.
@@ -58,7 +57,7 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
                  Estimate& estimate);
 
 /// Notes: how the rows spread over lateral acceleration, and the residuals of each output there.
-void describe_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
-                           Estimate& estimate);
+void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
+                                 Estimate& estimate);
 
 }  // namespace identikal

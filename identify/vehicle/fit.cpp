@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -21,6 +21,7 @@
 #include "identify/vehicle/search.h"
 #include "identify/vehicle/series.h"
 #include "identify/vehicle/usable_data.h"
+#include "lib/base/constants.h"
 #include "lib/base/dual.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
@@ -46,51 +47,46 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
   }
 }
 
-/// At a wrong bound these push the stiffnesses away from their values.
-bool bends_the_others(VehicleParameter p) {
+/// A wrong bound of these biases the stiffnesses.
+bool biases_the_others(VehicleParameter p) {
   return p == kCf || p == kCr || p == kYawInertia || p == kInverseSaturationFront ||
          p == kInverseSaturationRear;
 }
 
-void report_parameters(const VehicleSearch& found, const VehicleCovariance& covariance,
-                       Estimate& estimate) {
-  const VehicleUnknowns& unknowns = found.problem.unknowns;
-  const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
+void report_values(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                   Estimate& estimate) {
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     const UserValue user = in_user_terms(unknowns.free[i], p[unknowns.free[i]]);
     result.value = parse_unit(result.unit).value_or(Unit{}).from_si(user.value);
   }
+}
 
-  // A parameter at a bound has no interval; the others are judged as if it were known.
-  const auto k = static_cast<Eigen::Index>(covariance.inner.size());
-  Eigen::VectorXd to_user(k);
-  for (Eigen::Index i = 0; i < k; ++i) {
-    const auto n = static_cast<std::size_t>(covariance.inner[i]);
-    const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
-    to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope /
-                 parse_unit(unit).value_or(Unit{}).scale;
-  }
+/// A parameter at a bound has no interval; the others are judged as if it were known.
+void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                   const VehicleCovariance& covariance, Estimate& estimate) {
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     if (!covariance.at_bound[i]) continue;
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     result.verdict = Verdict::at_bound;
     if (is_straight(unknowns, i, p[unknowns.free[i]])) {
-      result.value = std::numeric_limits<double>::infinity();
+      result.value = kInfinity;
       estimate.warnings.push_back(
           {"no_saturation",
            "note",
            {result.name},
-           fmt::format("{} is beyond what this recording shows: that axle's force stays straight",
+           fmt::format("{} is larger than this recording can determine: the force of that axle is "
+                       "linear",
                        result.name),
-           "harder cornering would show it; a linear tyre does as well here"});
+           "record harder cornering; a linear tyre fits this recording as well"});
       continue;
     }
     estimate.warnings.push_back(
         {"at_bound",
-         bends_the_others(unknowns.free[i]) ? "serious" : "warning",
+         biases_the_others(unknowns.free[i]) ? "serious" : "warning",
          {result.name},
-         fmt::format("{} ended at its bound {:.6g}; the errors of the others take it as known",
+         fmt::format("{} ended at its bound {:.6g}; the standard errors of the others take it as "
+                     "known",
                      result.name, result.value),
          "widen the bound in the model file if it is not physical"});
   }
@@ -101,38 +97,47 @@ void report_parameters(const VehicleSearch& found, const VehicleCovariance& cova
         {"at_bound",
          "note",
          {result.name},
-         fmt::format("{} ended at its bound {:.6g} by chance: this recording does not tell it",
+         fmt::format("{} ended at its bound {:.6g}, but this recording does not determine it",
                      result.name, result.value),
          ""});
   }
-  if (k > 0) {
-    const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() *
-                                        covariance.information *
-                                        to_user.cwiseInverse().asDiagonal();
-    const Eigen::MatrixXd in_user_units =
-        to_user.asDiagonal() * covariance.covariance * to_user.asDiagonal();
-    judge_parameters(estimate, information, in_user_units,
-                     student_t_quantile(0.975, covariance.freedom));
-    estimate.covariance_freedom = covariance.freedom;
-  }
+}
+
+void report_errors(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                   const VehicleCovariance& covariance, Estimate& estimate) {
+  const auto k = static_cast<Eigen::Index>(covariance.inner.size());
+  if (k == 0) return;
+  Eigen::VectorXd to_user(k);
   for (Eigen::Index i = 0; i < k; ++i) {
-    const auto n = static_cast<std::size_t>(covariance.inner[i]);
-    EstimatedParameter& result = estimate.parameters[unknowns.position[n]];
+    const Eigen::Index n = covariance.inner[i];
+    const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
+    to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope /
+                 parse_unit(unit).value_or(Unit{}).scale;
+  }
+  const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() * covariance.information *
+                                      to_user.cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd in_user_units =
+      to_user.asDiagonal() * covariance.covariance * to_user.asDiagonal();
+  judge_parameters(estimate, information, in_user_units,
+                   student_t_quantile(0.975, covariance.freedom));
+  estimate.covariance_freedom = covariance.freedom;
+  for (Eigen::Index i = 0; i < k; ++i) {
+    EstimatedParameter& result = estimate.parameters[unknowns.position[covariance.inner[i]]];
     if (!std::isnan(result.se)) {
       result.crb_se = std::sqrt(covariance.white(i, i)) * std::abs(to_user[i]);
     }
   }
+}
+
+std::string kind_of(const VehicleCovariance& covariance, bool robust) {
   if (covariance.draws > 0) {
-    estimate.covariance_kind =
-        fmt::format("block bootstrap, {} draws of {} blocks", covariance.draws, covariance.blocks);
-  } else if (covariance.coloured) {
-    estimate.covariance_kind =
-        fmt::format("sandwich, residuals correlated over {:.2g} s", covariance.memory);
-  } else {
-    estimate.covariance_kind = found.problem.robust
-                                   ? "sandwich, robust cost"
-                                   : "inverse information, white residuals (Cramer-Rao)";
+    return fmt::format("block bootstrap, {} draws of {} blocks", covariance.draws,
+                       covariance.blocks);
   }
+  if (covariance.coloured) {
+    return fmt::format("sandwich, residuals correlated over {:.2g} s", covariance.memory);
+  }
+  return robust ? "sandwich, robust cost" : "inverse information, white residuals (Cramer-Rao)";
 }
 
 void report_series(const VehicleSearch& found, const VehicleCovariance& covariance,
@@ -163,7 +168,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
   }
 }
 
-/// Characteristic values that the data determine, whichever single parameters they leave open.
+/// Characteristic values, which the data may determine even where single parameters are not.
 void report_derived(const VehicleSearch& found, const VehicleCovariance& covariance,
                     Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
@@ -198,7 +203,7 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
     estimate.derived.push_back({name, unit, value * per_si, se * per_si});
   };
 
-  constexpr double kDegreePerG = 57.295779513082323 * kStandardGravity;
+  constexpr double kDegreePerG = kDegreesPerRadian * kStandardGravity;
   add("K", "rad/(m/s^2)", 1.0, [](const auto& car) { return understeer_gradient(car); });
   add("K per g", "deg/g", kDegreePerG, [](const auto& car) { return understeer_gradient(car); });
   add("DF", "deg/g", kDegreePerG, [](const auto& car) { return front_compliance(car); });
@@ -216,7 +221,8 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
       [u](const auto& car) { return steering_response(car, u).yaw_lead_time; });
   const auto& free = problem.unknowns.free;
   if (std::find(free.begin(), free.end(), kMass) != free.end()) {
-    // Steering moves the car by these alone, so they may be known where the mass is not.
+    // The response to steering depends on these alone: they may be determined where the mass is
+    // not.
     add("Cf/m", "N/(rad kg)", 1.0, [](const auto& car) { return car.front.stiffness / car.m; });
     add("Cr/m", "N/(rad kg)", 1.0, [](const auto& car) { return car.rear.stiffness / car.m; });
     add("Iz/m", "m^2", 1.0, [](const auto& car) { return car.Iz / car.m; });
@@ -230,7 +236,7 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
   }
 }
 
-/// @param flat  how many directions the data leave open: they count as no parameters
+/// @param flat  how many directions the data do not determine: they count as no parameters
 void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
@@ -251,11 +257,11 @@ void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& e
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
   objective.starts = found.starts;
-  objective.starts_at_optimum = found.agree;
+  objective.starts_at_optimum = found.starts_at_optimum;
 }
 
-/// Goes on from the best simulation with a filter gain that starts at none. Where the gain makes
-/// the recording no likelier than chance would, nothing pushes the car, and the simulation stays.
+/// Goes on from the best simulation with a filter gain that starts at zero. Where the gain raises
+/// the likelihood no more than chance would, there is no process noise, and the simulation stays.
 void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
                      Estimate& estimate) {
   Eigen::VectorXd z = found.best.z;
@@ -269,8 +275,8 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
   const double gain = 2.0 * (best.log_likelihood - found.best.log_likelihood);
   if (gain < chi_square_quantile(0.99, static_cast<double>(problem.gains()))) {
     estimate.notes.push_back(
-        "nothing pushes this car: no filter gain is seen, values are those of "
-        "the simulation");
+        "no process noise detected: the filter gain is not significant, values are those of the "
+        "simulation");
     return;
   }
   found.problem = problem;
@@ -309,15 +315,15 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
   found.best = trajectory.best;
   found.iterations += trajectory.best.iterations;
   found.evaluations += trajectory.best.evaluations;
-  estimate.derived.push_back({"push on vy", "m/s^2 s^0.5", trajectory.process[0], kNone});
-  estimate.derived.push_back({"push on r", "rad/s^2 s^0.5", trajectory.process[1], kNone});
+  estimate.derived.push_back({"process noise of vy", "m/s^2 s^0.5", trajectory.process[0], kNone});
+  estimate.derived.push_back({"process noise of r", "rad/s^2 s^0.5", trajectory.process[1], kNone});
   if (trajectory.left_out > 0) {
     estimate.notes.push_back(fmt::format("{} samples left out as outliers", trajectory.left_out));
   }
   return trajectory.covariance;
 }
 
-/// Whether this finding is a channel so wrong that no other form of the model can mend it.
+/// Whether this finding is a channel so wrong that no other form of the model can correct it.
 bool is_misreading(const Warning& w) {
   return w.severity == "serious" &&
          (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
@@ -328,58 +334,59 @@ bool misread(const Estimate& estimate) {
   return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), is_misreading);
 }
 
-/// What a misread channel entails is no finding of its own: the cause goes first, its consequences
-/// into one note behind it.
-void put_cause_first(Estimate& estimate) {
-  if (!misread(estimate)) return;
-  std::vector<Warning> causes, others;
+/// Whether a misread channel causes this finding too.
+bool is_consequence(const Warning& w) {
+  return w.code == "at_bound" || w.code == "poor_fit" || w.code == "noise_differs" ||
+         w.code == "coloured_residuals" || w.code == "weak_direction" ||
+         w.code == "steering_ratio" || w.code.starts_with("implausible_");
+}
+
+/// One note for all consequences: each code with what it is about.
+Warning summary_of(const std::vector<Warning>& consequences) {
   std::vector<std::string> about;
-  std::vector<std::pair<std::string, std::vector<std::string>>> entailments;  // code, about
-  for (Warning& w : estimate.warnings) {
-    const bool entailed = w.code == "at_bound" || w.code == "poor_fit" ||
-                          w.code == "noise_differs" || w.code == "coloured_residuals" ||
-                          w.code == "weak_direction" || w.code == "steering_ratio" ||
-                          w.code.starts_with("implausible_");
-    if (is_misreading(w)) {
-      causes.push_back(std::move(w));
-    } else if (entailed) {
-      const std::string code = w.code.starts_with("implausible_") ? "implausible" : w.code;
-      auto at = std::find_if(entailments.begin(), entailments.end(),
-                             [&](const auto& each) { return each.first == code; });
-      if (at == entailments.end()) at = entailments.insert(at, {code, {}});
-      at->second.insert(at->second.end(), w.about.begin(), w.about.end());
-      for (const std::string& name : w.about) {
-        if (std::find(about.begin(), about.end(), name) == about.end()) about.push_back(name);
-      }
-    } else {
-      others.push_back(std::move(w));
+  std::vector<std::pair<std::string, std::vector<std::string>>> by_code;
+  for (const Warning& w : consequences) {
+    const std::string code = w.code.starts_with("implausible_") ? "implausible" : w.code;
+    auto at = std::find_if(by_code.begin(), by_code.end(),
+                           [&](const auto& each) { return each.first == code; });
+    if (at == by_code.end()) at = by_code.insert(at, {code, {}});
+    at->second.insert(at->second.end(), w.about.begin(), w.about.end());
+    for (const std::string& name : w.about) {
+      if (std::find(about.begin(), about.end(), name) == about.end()) about.push_back(name);
     }
   }
+  std::string list;
+  for (const auto& [code, names] : by_code) {
+    list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", code, fmt::join(names, ", "));
+  }
+  return {"consequences", "note", about, "also found, as the above causes it: " + list,
+          "fit again when the above is fixed"};
+}
+
+/// The consequences of a misread channel are no findings of their own: the cause goes first, its
+/// consequences into one note behind it.
+void put_cause_first(Estimate& estimate) {
+  if (!misread(estimate)) return;
+  std::vector<Warning> causes, consequences, others;
+  for (Warning& w : estimate.warnings) {
+    (is_misreading(w) ? causes : is_consequence(w) ? consequences : others).push_back(std::move(w));
+  }
   estimate.warnings = std::move(causes);
-  std::string consequences;
-  for (const auto& [code, names] : entailments) {
-    consequences +=
-        fmt::format("{}{} ({})", consequences.empty() ? "" : ", ", code, fmt::join(names, ", "));
-  }
-  if (!consequences.empty()) {
-    estimate.warnings.push_back({"consequences", "note", about,
-                                 "also found, as is to be expected then: " + consequences,
-                                 "fit again when the above is mended"});
-  }
+  if (!consequences.empty()) estimate.warnings.push_back(summary_of(consequences));
   estimate.warnings.insert(estimate.warnings.end(), std::make_move_iterator(others.begin()),
                            std::make_move_iterator(others.end()));
 }
 
-void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, Estimate& estimate) {
-  std::vector<std::string> open, serious;
-  std::size_t free = 0;
+/// The free parameters that the recording does not determine.
+std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
+                                      const VehicleCovariance& covariance,
+                                      const Estimate& estimate) {
+  std::vector<std::string> open;
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;
-    ++free;
     if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) open.push_back(p.name);
   }
   // A stiffness, mass or length whose interval holds zero is not determined either.
-  const VehicleUnknowns& unknowns = found.problem.unknowns;
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
     const bool maybe_zero = must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0;
@@ -387,6 +394,15 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
     const bool anywhere = i < covariance.open.size() && covariance.open[i];
     if ((maybe_zero || anywhere) && !listed_already) open.push_back(p.name);
   }
+  return open;
+}
+
+/// Status and message, from the findings and the verdicts on the parameters.
+void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, Estimate& estimate) {
+  const std::vector<std::string> open = undetermined(found.problem.unknowns, covariance, estimate);
+  const auto free = std::count_if(estimate.parameters.begin(), estimate.parameters.end(),
+                                  [](const EstimatedParameter& p) { return !p.fixed; });
+  std::vector<std::string> serious;
   for (const Warning& warning : estimate.warnings) {
     if (warning.severity != "serious") continue;
     if (std::find(serious.begin(), serious.end(), warning.code) == serious.end()) {
@@ -397,7 +413,7 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
     estimate.status = Status::untrusted;
     estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
   } else if (!open.empty()) {
-    // The search has no end along a valley of equally likely cars: that is an answer.
+    // Along a valley of equally likely parameters no search converges: that is an answer.
     estimate.status = Status::answer_no;
     estimate.message =
         fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
@@ -416,131 +432,188 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
   }
 }
 
+/// A fit with what its reports and checks need.
+struct VehicleFit {
+  const ModelFile& model;
+  const std::vector<Dataset>& recordings;
+  const VehicleFitOptions& options;
+  VehicleSearch found;
+  VehicleCovariance covariance;
+  bool stopped = false;  ///< by the caller: this search, and all that would follow
+
+  bool simulates() const { return options.method == VehicleFitOptions::Method::output_error; }
+  bool second_opinion() const { return options.second_opinion && !stopped; }
+  VehicleParameters<double> parameters() const {
+    return parameters_at(found.problem, found.best.z);
+  }
+};
+
+Estimate begun(const ModelFile& model, const std::vector<Dataset>& recordings,
+               const VehicleRun& run) {
+  Estimate out;
+  out.verb = "fit";
+  out.model_name = model.name;
+  out.tyre_curve = name_of(model.vehicle.curve);
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    out.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
+                          static_cast<long>(run.used_of[i])});
+  }
+  out.warnings = run.warnings;
+  out.notes = run.notes;
+  list_parameters(model, out);
+  return out;
+}
+
+/// Steady-state cornering without sideslip, both stiffnesses free: fills the answer that it has.
+bool is_answered_by_steady_cornering(const ModelFile& model, const VehicleRun& run,
+                                     const VehicleUnknowns& unknowns, Estimate& estimate) {
+  // With sideslip, or one stiffness known, a circle determines the stiffnesses.
+  const bool open = unknowns.find(kCf) >= 0 && unknowns.find(kCr) >= 0 &&
+                    run.find(VehicleQuantity::vy) < 0 && run.find(VehicleQuantity::beta) < 0;
+  if (!open || !is_steady(run)) return false;
+  const auto known = [&](VehicleParameter p) {
+    return unknowns.find(p) < 0 ? unknowns.value[p] : 0.0;
+  };
+  const std::optional<SteadyTurning> turning =
+      steady_turning(run, known(kSteeringOffset), known(kBiasR));
+  if (!turning) return false;
+  check_signs(run, unknowns.value, estimate);
+  report_steady(model, *turning, estimate);
+  return true;
+}
+
+void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& run,
+                     const VehicleUnknowns& unknowns) {
+  const std::size_t sought = unknowns.free.size() + 2 * run.segments.size();
+  Eigen::Index samples = 0;
+  for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
+  if (samples > static_cast<Eigen::Index>(sought)) return;
+  throw InputError(
+      Location{recordings.front().name, 0, 0},
+      fmt::format("{} samples of the outputs for {} unknowns (parameters and initial states)",
+                  samples, sought),
+      "more samples than unknowns");
+}
+
+/// The best simulation, and from there on what the method asks for; then the covariance.
+/// @return false when the simulation diverges from every start
+bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, VehicleFit& fit,
+                  Estimate& estimate) {
+  using Method = VehicleFitOptions::Method;
+  VehicleSearchOptions watched = fit.options.search;
+  watched.progress = [&](int iteration, double L) {
+    const auto& progress = fit.options.search.progress;
+    fit.stopped = fit.stopped || (progress && !progress(iteration, L));
+    return !fit.stopped;
+  };
+  VehicleSearch& found = fit.found = search_vehicle(run, unknowns, watched);
+  if (found.best.z.size() == 0) return false;
+  if (fit.options.method == Method::trajectory) {
+    fit.covariance = follow_trajectory(fit.options, watched, found, estimate);
+  } else {
+    if (fit.options.method == Method::prediction_error) predict_instead(watched, found, estimate);
+    fit.covariance = vehicle_covariance(found.problem, found.best);
+  }
+  estimate.pictures.searches = found.paths;
+  // Whatever one start found, the search was not finished.
+  if (fit.stopped) {
+    found.best.converged = false;
+    found.best.message = "stopped by the caller";
+  }
+  if (fit.options.bootstrap > 0 && !fit.stopped) {
+    bootstrap_errors(found.problem, fit.options.bootstrap, fit.options.search.seed, fit.covariance);
+  }
+  return true;
+}
+
+/// Everything but findings and conclusion.
+void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate& estimate) {
+  using Method = VehicleFitOptions::Method;
+  const VehicleSearch& found = fit.found;
+  const VehicleCovariance& covariance = fit.covariance;
+  const VehicleParameters<double> p = fit.parameters();
+  estimate.tests = covariance.whiteness;
+  estimate.objective.method = fit.options.method == Method::output_error       ? "output_error"
+                              : fit.options.method == Method::prediction_error ? "prediction_error"
+                                                                               : "trajectory";
+  report_objective(found, covariance.null_space.cols(), estimate);
+  report_values(found.problem.unknowns, p, estimate);
+  report_bounds(found.problem.unknowns, p, covariance, estimate);
+  report_errors(found.problem.unknowns, p, covariance, estimate);
+  estimate.covariance_kind =
+      fit.options.method == Method::trajectory
+          ? "inverse information, path eliminated; process and measurement noise taken as white"
+          : kind_of(covariance, found.problem.robust);
+  report_series(found, covariance, estimate);
+  report_derived(found, covariance, estimate);
+  if (fit.options.hold_out.empty()) return;
+  report_hold_out(
+      validate_vehicle(fit.model, fit.options.hold_out, unknowns, p, fit.options.search.robust),
+      found, covariance, fit.simulates(), estimate);
+}
+
+/// The findings. Those on channels come first: where a channel is misread, other forms of the model
+/// and another tyre would only explain the error away.
+void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate& estimate) {
+  const VehicleProblem& problem = fit.found.problem;
+  const VehicleParameters<double> p = fit.parameters();
+  const bool other_forms = fit.second_opinion() && fit.simulates() && !unknowns.free.empty();
+  check_hold_out(estimate);
+  check_signs(*problem.run, p, estimate);
+  if (fit.second_opinion()) {
+    check_by_survey(fit.model, fit.recordings, estimate);
+    check_hold_out_by_survey(fit.model, fit.options.hold_out, estimate);
+  }
+  if (other_forms && !misread(estimate)) {
+    check_sensor_misalignment(fit.found, fit.options.search, estimate);
+  }
+  Eigen::VectorXd e;
+  output_error(problem, fit.found.best.z, e, nullptr);
+  check_fit(problem, rms_per_output(problem, e), estimate);
+  if (unknowns.curve == TyreCurve::linear && fit.simulates() && !misread(estimate)) {
+    check_tyres(problem, test_tyre_saturation(problem, fit.found.best, fit.covariance), estimate);
+  }
+  check_whiteness(fit.covariance, estimate);
+  check_steering_gain(problem, fit.covariance, p, fit.model.vehicle.steering_at_road_wheel,
+                      estimate);
+  if (other_forms && !misread(estimate)) {
+    compare_alternatives(fit.found, fit.options.search, estimate);
+  }
+  check_plausibility(p, estimate);
+  check_weakest_direction(problem, fit.covariance, p, estimate);
+}
+
 }  // namespace
 
+// The order, in which each step reads what those before it filled: the optimum; reports, of which
+// verdicts and fits are what the checks judge by; findings; their order, causes before
+// consequences; the conclusion from the findings that are left; pictures of it all.
 Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options) {
-  using Method = VehicleFitOptions::Method;
-  if (options.search.robust && options.method == Method::prediction_error) {
+  if (options.search.robust && options.method == VehicleFitOptions::Method::prediction_error) {
     throw InputError({}, "--robust with --method prediction-error",
                      "--method trajectory: the gain would carry outliers into the state");
   }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, recordings);
-  Estimate estimate;
-  estimate.verb = "fit";
-  estimate.model_name = model.name;
-  estimate.tyre_curve = name_of(unknowns.curve);
-  for (std::size_t i = 0; i < recordings.size(); ++i) {
-    estimate.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
-                               static_cast<long>(run.used_of[i])});
-  }
-  estimate.warnings = run.warnings;
-  estimate.notes = run.notes;
+  Estimate estimate = begun(model, recordings, run);
+  if (is_answered_by_steady_cornering(model, run, unknowns, estimate)) return estimate;
+  require_samples(recordings, run, unknowns);
 
-  list_parameters(model, estimate);
-  // Sideslip, or one stiffness that is known, lets a circle tell the stiffnesses.
-  const bool open = unknowns.find(kCf) >= 0 && unknowns.find(kCr) >= 0 &&
-                    run.find(VehicleQuantity::vy) < 0 && run.find(VehicleQuantity::beta) < 0;
-  if (open && is_steady(run)) {
-    const auto known = [&](VehicleParameter p) {
-      return unknowns.find(p) < 0 ? unknowns.value[p] : 0.0;
-    };
-    if (const std::optional<SteadyTurning> turning =
-            steady_turning(run, known(kSteeringOffset), known(kBiasR))) {
-      check_signs(run, unknowns.value, estimate);
-      report_steady(model, *turning, estimate);
-      return estimate;
-    }
-  }
-
-  const std::size_t sought = unknowns.free.size() + 2 * run.segments.size();
-  Eigen::Index samples = 0;
-  for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
-  if (samples <= static_cast<Eigen::Index>(sought)) {
-    throw InputError(
-        Location{recordings.front().name, 0, 0},
-        fmt::format("{} samples of the outputs for {} unknowns (parameters and initial states)",
-                    samples, sought),
-        "more samples than unknowns");
-  }
-  VehicleSearchOptions watched = options.search;
-  bool stopped = false;  // by the caller: this search, and all that would follow
-  watched.progress = [&](int iteration, double L) {
-    stopped = stopped || (options.search.progress && !options.search.progress(iteration, L));
-    return !stopped;
-  };
-  VehicleSearch found = search_vehicle(run, unknowns, watched);
-  if (found.best.z.size() == 0) {
+  VehicleFit fit{model, recordings, options, {}, {}};
+  if (!find_optimum(run, unknowns, fit, estimate)) {
     for (EstimatedParameter& each : estimate.parameters) {
       if (!each.fixed) each.verdict = Verdict::unfitted;
     }
-    conclude(found, {}, estimate);
+    conclude(fit.found, {}, estimate);
     return estimate;
   }
-  const bool simulation = options.method == Method::output_error;
-  VehicleCovariance covariance;
-  if (options.method == Method::trajectory) {
-    covariance = follow_trajectory(options, watched, found, estimate);
-  } else {
-    if (options.method == Method::prediction_error) predict_instead(watched, found, estimate);
-    covariance = vehicle_covariance(found.problem, found.best);
-  }
-  estimate.pictures.searches = found.paths;
-  // Whatever one start found, the search was not finished.
-  if (stopped) {
-    found.best.converged = false;
-    found.best.message = "stopped by the caller";
-  }
-  const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
-  if (options.bootstrap > 0 && !stopped) {
-    bootstrap_errors(found.problem, options.bootstrap, options.search.seed, covariance);
-  }
-  estimate.tests = covariance.whiteness;
-  estimate.objective.method = options.method == Method::output_error       ? "output_error"
-                              : options.method == Method::prediction_error ? "prediction_error"
-                                                                           : "trajectory";
-  report_objective(found, covariance.null_space.cols(), estimate);
-  report_parameters(found, covariance, estimate);
-  if (options.method == Method::trajectory) {
-    estimate.covariance_kind =
-        "inverse information, path eliminated; pushes and noise taken as white";
-  }
-  report_series(found, covariance, estimate);
-  report_derived(found, covariance, estimate);
-
-  if (!options.hold_out.empty()) {
-    report_hold_out(validate_vehicle(model, options.hold_out, unknowns, p, options.search.robust),
-                    found, covariance, simulation, estimate);
-    check_hold_out(estimate);
-  }
-  check_signs(run, p, estimate);
-  const bool second_opinion = options.second_opinion && !stopped;
-  if (second_opinion) {
-    check_recordings(model, recordings, estimate);
-    check_hold_out_recordings(model, options.hold_out, estimate);
-    if (simulation && !unknowns.free.empty() && !misread(estimate)) {
-      check_sensor_misalignment(found, options.search, estimate);
-    }
-  }
-  Eigen::VectorXd e;
-  output_error(found.problem, found.best.z, e, nullptr);
-  check_fit(found.problem, rms_per_output(found.problem, e), estimate);
-  if (unknowns.curve == TyreCurve::linear && simulation && !misread(estimate)) {
-    check_tyres(found.problem, test_tyre_saturation(found.problem, found.best, covariance),
-                estimate);
-  }
-  check_whiteness(covariance, estimate);
-  check_steering_gain(found.problem, covariance, p, model.vehicle.steering_at_road_wheel, estimate);
-  if (second_opinion && simulation && !unknowns.free.empty() && !misread(estimate)) {
-    compare_alternatives(found, options.search, estimate);
-  }
-  check_plausibility(p, estimate);
-  describe_weakest_direction(found.problem, covariance, p, estimate);
+  report_fit(fit, unknowns, estimate);
+  check_vehicle_fit(fit, unknowns, estimate);
   put_cause_first(estimate);
-  describe_acceleration(found.problem, found.best, estimate);
-  conclude(found, covariance, estimate);
-  if (options.pictures) picture_vehicle(found, covariance, estimate);
+  note_errors_by_acceleration(fit.found.problem, fit.found.best, estimate);
+  conclude(fit.found, fit.covariance, estimate);
+  if (options.pictures) picture_vehicle(fit.found, fit.covariance, estimate);
   return estimate;
 }
 

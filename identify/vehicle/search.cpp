@@ -8,15 +8,69 @@ namespace identikal {
 namespace {
 
 constexpr std::size_t kOptimised = 3;  // of the starts, those with the best likelihood
-constexpr double kSameVehicle = 0.01;  // in log-likelihood
+constexpr double kSameOptimum = 0.01;  // in log-likelihood
 constexpr int kBriefIterations = 12;
 constexpr double kPromising = 0.01;  // in log-likelihood per sample behind the best
-constexpr double kTooStiffForSteps =
-    1.6;  // decay rate over what the integration steps were made for
+// Decay rate over what the integration steps were made for.
+constexpr double kTooStiffForSteps = 1.6;
 
 VehicleProblem problem_for(const VehicleRun& run, const VehicleUnknowns& unknowns,
                            const VehicleParameters<double>& p) {
   return make_vehicle_problem(run, unknowns, demand_of(unknowns, p));
+}
+
+struct Candidate {
+  Eigen::VectorXd z;
+  double log_likelihood;
+};
+
+/// The starts with the highest likelihood; those from which the simulation diverges are left out.
+std::vector<Candidate> best_candidates(const VehicleProblem& problem,
+                                       const std::vector<VehicleParameters<double>>& starts) {
+  std::vector<Candidate> out;
+  for (const VehicleParameters<double>& p : starts) {
+    const Eigen::VectorXd z = coordinates_of(problem, p);
+    Eigen::VectorXd e;
+    if (!output_error(problem, z, e, nullptr)) continue;
+    out.push_back({z, log_likelihood(problem, z, e, noise_sd(problem, e))});
+  }
+  std::stable_sort(out.begin(), out.end(), [](const auto& a, const auto& b) {
+    return a.log_likelihood > b.log_likelihood;
+  });
+  const std::size_t most = problem.unknowns.free.empty() ? 1 : kOptimised;
+  if (out.size() > most) out.resize(most);
+  return out;
+}
+
+/// A local search of every candidate; a brief one shows which are worth a long one, as the others
+/// may crawl along a valley.
+std::vector<VehicleOptimum> local_optima(const std::vector<Candidate>& candidates,
+                                         const SolverOptions& solver, VehicleSearch& search) {
+  const auto local_search = [&](const Eigen::VectorXd& from, const SolverOptions& how) {
+    VehicleOptimum optimum = maximise_likelihood(search.problem, from, how);
+    search.iterations += optimum.iterations;
+    search.evaluations += optimum.evaluations;
+    return optimum;
+  };
+  SolverOptions brief = solver;
+  brief.max_iterations = kBriefIterations;
+  std::vector<VehicleOptimum> out;
+  double highest = -std::numeric_limits<double>::infinity();
+  for (const Candidate& candidate : candidates) {
+    out.push_back(local_search(candidate.z, brief));
+    highest = std::max(highest, out.back().log_likelihood);
+  }
+  const double promising = highest - kPromising * static_cast<double>(std::max<Eigen::Index>(
+                                                      1, search.problem.residuals()));
+  for (VehicleOptimum& optimum : out) {
+    if (optimum.converged || !(optimum.log_likelihood > promising)) continue;
+    std::vector<double> path = std::move(optimum.path);
+    optimum = local_search(optimum.z, solver);
+    if (!optimum.path.empty())
+      path.insert(path.end(), optimum.path.begin() + 1, optimum.path.end());
+    optimum.path = std::move(path);
+  }
+  return out;
 }
 
 }  // namespace
@@ -37,56 +91,18 @@ VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unkno
   out.problem = problem_for(run, unknowns, *softest);
   out.problem.robust = options.robust;
 
-  struct Candidate {
-    Eigen::VectorXd z;
-    double log_likelihood;
-  };
-  std::vector<Candidate> candidates;
-  for (const VehicleParameters<double>& p : starts) {
-    const Eigen::VectorXd z = coordinates_of(out.problem, p);
-    Eigen::VectorXd e;
-    if (!output_error(out.problem, z, e, nullptr)) continue;
-    candidates.push_back({z, log_likelihood(out.problem, z, e, noise_sd(out.problem, e))});
-  }
-  std::stable_sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
-    return a.log_likelihood > b.log_likelihood;
-  });
-  if (unknowns.free.empty()) candidates.resize(std::min<std::size_t>(candidates.size(), 1));
-  if (candidates.size() > kOptimised) candidates.resize(kOptimised);
-
   SolverOptions solver;
   solver.progress = options.progress;
-  const auto climb = [&](const Eigen::VectorXd& from, const SolverOptions& how) {
-    VehicleOptimum optimum = maximise_likelihood(out.problem, from, how);
-    out.iterations += optimum.iterations;
-    out.evaluations += optimum.evaluations;
-    return optimum;
-  };
-  // A short climb tells which starts are worth a long one: the others may crawl along a valley.
-  SolverOptions brief = solver;
-  brief.max_iterations = kBriefIterations;
-  std::vector<VehicleOptimum> summits;
-  double highest = -std::numeric_limits<double>::infinity();
-  for (const Candidate& candidate : candidates) {
-    summits.push_back(climb(candidate.z, brief));
-    highest = std::max(highest, summits.back().log_likelihood);
-  }
-  const double promising = highest - kPromising * static_cast<double>(std::max<Eigen::Index>(
-                                                      1, out.problem.residuals()));
+  const std::vector<VehicleOptimum> optima =
+      local_optima(best_candidates(out.problem, starts), solver, out);
   out.best.message = "the simulation diverges from every start";
-  for (VehicleOptimum& summit : summits) {
-    if (summit.log_likelihood > promising && !summit.converged) {
-      std::vector<double> path = std::move(summit.path);
-      summit = climb(summit.z, solver);
-      if (!summit.path.empty()) path.insert(path.end(), summit.path.begin() + 1, summit.path.end());
-      summit.path = std::move(path);
-    }
-    if (!summit.path.empty()) out.paths.push_back(summit.path);
-    if (summit.log_likelihood > out.best.log_likelihood) out.best = summit;
+  for (const VehicleOptimum& optimum : optima) {
+    if (!optimum.path.empty()) out.paths.push_back(optimum.path);
+    if (optimum.log_likelihood > out.best.log_likelihood) out.best = optimum;
   }
-  out.starts = static_cast<int>(summits.size());
-  for (const VehicleOptimum& summit : summits) {
-    if (summit.log_likelihood > out.best.log_likelihood - kSameVehicle) ++out.agree;
+  out.starts = static_cast<int>(optima.size());
+  for (const VehicleOptimum& optimum : optima) {
+    if (optimum.log_likelihood > out.best.log_likelihood - kSameOptimum) ++out.starts_at_optimum;
   }
   if (out.best.z.size() == 0) return out;
 

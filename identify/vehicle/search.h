@@ -17,12 +17,15 @@ struct VehicleSearchOptions {
 
 struct VehicleSearch {
   VehicleProblem problem;
-  VehicleOptimum best;  ///< its z is empty when the simulation diverges from every start
-  int starts = 0, agree = 0, iterations = 0, evaluations = 0;
-  std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration, one climb each
+  VehicleOptimum best;        ///< its z is empty when the simulation diverges from every start
+  int starts = 0;             ///< local searches
+  int starts_at_optimum = 0;  ///< of them, how many ended at the best
+  int iterations = 0, evaluations = 0;
+  std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration, one local search each
 };
 
-/// Ranks the starts by likelihood, climbs from the best few and keeps the best summit.
+/// Multi-start: ranks the starts by likelihood, searches locally from the best few and keeps the
+/// best optimum.
 /// @param run    must outlive the result
 /// @param known  a car to begin at besides, e.g. the best one of a model with fewer free
 ///   parameters; may be null

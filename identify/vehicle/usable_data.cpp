@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
@@ -22,7 +23,7 @@ constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
 
 Location in(const Dataset& data) { return Location{data.name, 0, 0}; }
 
-VehicleRun::Output describe_output(const ModelFile& model, const Dataset& data, std::size_t index) {
+VehicleRun::Output output_of(const ModelFile& model, const Dataset& data, std::size_t index) {
   const std::string& name = model.outputs[index].name;
   const auto quantity = vehicle_quantity(name);
   if (!quantity) {
@@ -112,8 +113,7 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
   std::string why;
   const auto add = [&](const std::string& reason) { why += (why.empty() ? "" : ", ") + reason; };
   if (lost.slow > 0) {
-    const double fastest =
-        present.select(data.u.row(1).array(), -std::numeric_limits<double>::infinity()).maxCoeff();
+    const double fastest = present.select(data.u.row(1).array(), -kInfinity).maxCoeff();
     add(fmt::format("{} below {:.3g} m/s (the fastest row has {:.3g} m/s)", lost.slow, min_speed,
                     fastest));
   }
@@ -138,9 +138,9 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
   std::string dead;
   std::vector<Eigen::VectorXd> rows;
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
-    VehicleRun::Output output = describe_output(model, data, i);
+    VehicleRun::Output output = output_of(model, data, i);
     Eigen::VectorXd y = Eigen::VectorXd::Constant(all.cols(), kNone);
-    double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+    double lowest = kInfinity, highest = -lowest;
     for (const VehicleRun::Segment& s : run.segments) {
       for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
         const double value = all(output.channel, t);
@@ -182,15 +182,14 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
 }
 
 void require_steering(const Dataset& data, VehicleRun& run) {
-  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  double lowest = kInfinity, highest = -lowest;
   for (const VehicleRun::Segment& s : run.segments) {
     lowest = std::min(lowest, run.steering.segment(s.first, s.rows).minCoeff());
     highest = std::max(highest, run.steering.segment(s.first, s.rows).maxCoeff());
   }
   if (highest - lowest >= kMovedSteering) return;
-  const double degrees = 57.295779513082323;
   const std::string seen = fmt::format("the steering angle stays between {:.4g} and {:.4g} deg",
-                                       degrees * lowest, degrees * highest);
+                                       kDegreesPerRadian * lowest, kDegreesPerRadian * highest);
   if (std::max(std::abs(lowest), std::abs(highest)) < 100.0 * kMovedSteering) {
     throw InputError(in(data), fmt::format("no steering: {} in the {} rows used", seen, run.used),
                      "a manoeuvre that excites the car",

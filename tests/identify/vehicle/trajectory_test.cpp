@@ -126,8 +126,8 @@ TEST(VehicleTrajectory, PushedCarComesBack) {
     error += p.se / kRuns;
     covered += p.ci95[0] < 88107.7 && 88107.7 < p.ci95[1] ? 1 : 0;
     for (const DerivedValue& value : fit.derived) {
-      if (value.name == "push on vy") process[0] += value.value / kRuns;
-      if (value.name == "push on r") process[1] += value.value / kRuns;
+      if (value.name == "process noise of vy") process[0] += value.value / kRuns;
+      if (value.name == "process noise of r") process[1] += value.value / kRuns;
       if (value.name == "sd(r)") sd[0] += value.value / kRuns;
       if (value.name == "sd(vy)") sd[1] += value.value / kRuns;
     }
