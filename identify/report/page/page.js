@@ -3,7 +3,6 @@
 showHeader();
 showStatus();
 showParameters();
-showExports();
 showPredictions();
 showTimeHistory();
 showInnovations();
@@ -12,6 +11,7 @@ showShaping();
 showVehicle();
 showLikelihood();
 showNotes();
+showExports();
 showRecordings();
 showOrigin();
 

@@ -39,7 +39,7 @@ function parameterTable(free) {
     ["#value", (p) => to(p.value, decimalsOf(p.se))], ["#std. error", (p) => num(p.se, 3)],
     ["#95 % interval", (p) => interval(p.ci95, decimalsOf(p.se))],
     ...(anyProfile ? [["#profile 95 %", (p) => interval(p.profile95, decimalsOf(p.se))]] : []),
-    ["#Cramér-Rao bound", (p) => num(p.crb_se, 3)], ["#start", (p) => num(p.start, 4)],
+    ["#CR bound", (p) => num(p.crb_se, 3)], ["#start", (p) => num(p.start, 4)],
     ["identifiability", verdict], ["value and uncertainty", uncertaintyBar],
   ];
   return [el("figure", { class: "plot" }, table(columns.map(([head]) => head), free.map((p) => columns.map(([, cell]) => cell(p))), { class: "wide" })),
@@ -64,7 +64,7 @@ function showParameters() {
   const loss = result.noise.excess_mean_square_error, { posterior } = result;
   section("parameters", "Parameters",
     free.length ? parameterTable(free) : null,
-    result.covariance_kind ? note(`Standard errors from ${result.covariance_kind}. No unbiased estimator has a standard error below the Cramér-Rao bound, here at the estimate and for white noise.`) : null,
+    result.covariance_kind ? note(`Standard errors from ${result.covariance_kind}. No unbiased estimator has a standard error below the Cramér-Rao (CR) bound, here at the estimate and for white noise.`) : null,
     fixed.length ? note(`Fixed: ${fixed.map((p) => `${p.name} = ${num(p.value, 6)}${p.unit ? " " + p.unit : ""}`).join(", ")}.`) : null,
     loss ? el("p", {}, lossText(loss)) : null,
     result.identifiability.unidentifiable_directions.map(flatDirection),

@@ -62,7 +62,7 @@ function showExports() {
     return el("details", {}, el("summary", {}, language), el("div", { class: "code" }, pre, copy));
   });
   if (!blocks.length) return;
-  section("paste", "To paste", blocks);
+  section("paste", "Export", blocks);
   addEventListener("beforeprint", () => { blocks[0].open = true; });
 }
 

@@ -1,7 +1,8 @@
 """The report page in a browser: everything drawn, nothing asked of the network, no complaint, readable on a telephone.
 
 Drives headless Chromium through chromedriver (Debian: chromium, chromium-driver). With --screenshots FOLDER it also
-writes pictures of both pages, light and dark, wide and narrow, for a person to look at."""
+writes pictures of the pages, light and dark, wide and narrow, for a person to look at; with --pictures docs/pictures
+it tests nothing and writes the pictures of README and docs."""
 import base64
 import json
 import math
@@ -18,13 +19,21 @@ import time
 import unittest
 import urllib.request
 
-PROGRAM = sys.argv.pop(1)
-SCREENSHOTS = None
-if "--screenshots" in sys.argv:
-    at = sys.argv.index("--screenshots")
-    SCREENSHOTS = pathlib.Path(sys.argv[at + 1])
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+PROGRAM = pathlib.Path(sys.argv.pop(1)).resolve()
+
+
+def folder_after(option):
+    """The folder that an option names, made if need be; None without the option."""
+    if option not in sys.argv:
+        return None
+    at = sys.argv.index(option)
+    folder = pathlib.Path(sys.argv[at + 1])
+    folder.mkdir(parents=True, exist_ok=True)
     del sys.argv[at:at + 2]
+    return folder
+
+
+SCREENSHOTS, PICTURES = folder_after("--screenshots"), folder_after("--pictures")
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 MEGABYTE = 1_000_000
 
@@ -74,6 +83,12 @@ class Browser:
     def screen(self, width, height, scheme="light"):
         self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
+    def picture(self, clip=None):
+        """PNG of the window, or of {x, y, width, height} of the page."""
+        if clip is None:
+            return base64.b64decode(self.call("GET", self.session + "/screenshot"))
+        return base64.b64decode(self.devtools("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={**clip, "scale": 1})["data"])
 
     def close(self):
         try:
@@ -140,8 +155,7 @@ class Page(unittest.TestCase):
                     height = browser.run("return Math.ceil(document.documentElement.scrollHeight)")
                     browser.screen(width, min(height, 9000), scheme)
                     time.sleep(0.5)
-                    picture = browser.call("GET", browser.session + "/screenshot")
-                    (SCREENSHOTS / f"{name}-{scheme}-{width}.png").write_bytes(base64.b64decode(picture))
+                    (SCREENSHOTS / f"{name}-{scheme}-{width}.png").write_bytes(browser.picture())
         if SCREENSHOTS:
             pdf = browser.call("POST", browser.session + "/print", {"background": True})
             (SCREENSHOTS / f"{name}.pdf").write_bytes(base64.b64decode(pdf))
@@ -390,5 +404,34 @@ class Page(unittest.TestCase):
         self.assertLess(spent, 5.0)  # the processor's time: other tests run beside this one
 
 
+TUNE = ["tune", "examples/nile.yaml", "data/nile.csv"]
+FIT = ["fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv", "--hold-out", "30%"]
+# Of README and docs: the job, the width, and from which part of its page to which.
+PICTURED = {
+    "tune": (TUNE, 1020, "header", "#predictions"),
+    "whiteness": (TUNE, 960, "#whiteness", "#whiteness .grid"),
+    "vehicle": (FIT, 960, "#predictions", "#predictions figure:nth-of-type(2)"),
+    "axles": (FIT, 960, "#car", "#car .grid"),
+}
+
+
+def write_pictures():
+    browser = Browser()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            for name, (job, width, first, last) in PICTURED.items():
+                page = pathlib.Path(folder) / f"{name}.html"
+                subprocess.run([PROGRAM, *job, "--report", page], cwd=ROOT, check=True, capture_output=True)
+                browser.screen(width, 900)
+                browser.open(page)
+                top, bottom = browser.run("""return [document.querySelector(arguments[0]).getBoundingClientRect().top,
+                    document.querySelector(arguments[1]).getBoundingClientRect().bottom]""", first, last)
+                picture = browser.picture({"x": 0, "y": top, "width": width, "height": bottom - top + 12})
+                (PICTURES / f"{name}.png").write_bytes(picture)
+                print(f"{PICTURES / name}.png: {len(picture) / 1000:.0f} kB")
+    finally:
+        browser.close()
+
+
 if __name__ == "__main__":
-    unittest.main()
+    write_pictures() if PICTURES else unittest.main()
