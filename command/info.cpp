@@ -1,146 +1,125 @@
-#include "command/info.h"
-
+// info: what is in these recordings?
 #include <algorithm>
-#include <cmath>
-#include <vector>
+#include <memory>
+#include <optional>
 
 #include <fmt/format.h>
 
-#include "lib/data/units.h"
+#include "command/quantity.h"
+#include "command/run.h"
+#include "command/table_text.h"
+#include "command/verbs.h"
+#include "identify/report/console.h"
+#include "identify/report/survey_text.h"
+#include "identify/result/json.h"
+#include "identify/survey/columns.h"
+#include "identify/survey/survey.h"
+#include "lib/base/error.h"
+#include "lib/data/join.h"
 
 namespace identikal {
 namespace {
 
-struct Summary {
-  std::size_t present = 0;
-  double min = std::nan(""), max = min, mean = min, sd = min;
-  double held = 0.0;  // share of samples equal to the one before
+struct InfoOptions {
+  std::vector<std::string> files;  // a model among them, or none
+  std::string range;
+  bool vehicle = false, json = false;
 };
 
-template <typename Values>
-Summary summarise(const Values& values) {
-  Summary out;
-  double sum = 0.0, squares = 0.0, held = 0.0, previous = std::nan("");
-  for (const double value : values) {
-    if (std::isnan(value)) continue;
-    if (out.present == 0) out.min = out.max = value;
-    out.min = std::min(out.min, value);
-    out.max = std::max(out.max, value);
-    held += value == previous ? 1.0 : 0.0;
-    previous = value;
-    sum += value;
-    ++out.present;
+Estimate surveyed(const std::vector<Table>& files, const std::optional<ModelFile>& model,
+                  const TimeRange& range) {
+  Estimate estimate;
+  estimate.verb = "info";
+  estimate.status = Status::ok;
+  estimate.message = "surveyed";
+  Recordings records;
+  if (model) {
+    estimate.model_name = model->name;
+    records.add(load_runs(files, *model, range), files, range);
+    estimate.survey = survey(vehicle_signals(*model, records.data));
+  } else {
+    Dataset whole;
+    whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
+    records.add({std::move(whole)}, files, range);
+    estimate.survey = survey(within(guess_vehicle(files), range));
   }
-  if (out.present == 0) return out;
-  const auto n = static_cast<double>(out.present);
-  out.mean = sum / n;
-  for (const double value : values) {
-    if (!std::isnan(value)) squares += (value - out.mean) * (value - out.mean);
-  }
-  out.sd = std::sqrt(squares / n);
-  out.held = held / n;
-  return out;
+  estimate.inputs = records.records;
+  estimate.notes = records.data[0].notes;
+  return estimate;
 }
 
-bool increasing(const Column& column) {
-  if (column.missing > 0 || column.values.size() < 2) return false;
-  return std::is_sorted(column.values.begin(), column.values.end(), std::less_equal<double>());
-}
-
-std::string describe_time(const Table& table) {
-  for (const Column& column : table.columns) {
-    if (!looks_like_time(column) || column.values.size() < 2) continue;
-    if (!increasing(column)) {
-      if (column.text_cells > 0) continue;
-      return fmt::format("time   '{}' does not increase from row to row\n", column.name);
+// A survey of each recording, as a person or a program reads it.
+int survey_vehicles(const InfoOptions& options, const std::optional<ModelFile>& model,
+                    const std::vector<std::string>& recordings) {
+  if (options.json && recordings.size() > 1) {
+    throw InputError({}, fmt::format("{} recordings with --json", recordings.size()), "one");
+  }
+  if (model && model->form != ModelFile::Form::single_track) {
+    throw InputError({model->path, 0, 0}, "--vehicle with a linear model", "model: single-track");
+  }
+  for (const std::string& argument : recordings) {
+    const Run run{"info", "", "", {}, {}};
+    const Estimate estimate = surveyed(read_files(argument), model, parse_range(options.range));
+    if (options.json) {
+      print(result_json(estimate, false, run.seconds()));
+    } else {
+      for (const std::string& note : estimate.notes) print(note + "\n");
+      print(argument + "\n" + survey_text(*estimate.survey));
     }
-    std::vector<double> steps;
-    for (std::size_t i = 1; i < column.values.size(); ++i) {
-      steps.push_back(column.values[i] - column.values[i - 1]);
-    }
-    std::vector<double> sorted = steps;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<long>(sorted.size() / 2),
-                     sorted.end());
-    const double median = sorted[sorted.size() / 2];
-    const auto gaps =
-        std::count_if(steps.begin(), steps.end(), [median](double s) { return s > 1.5 * median; });
-    const auto uneven = std::count_if(steps.begin(), steps.end(), [median](double s) {
-      return std::abs(s - median) > 0.05 * median && s <= 1.5 * median;
-    });
-    const Unit unit = parse_unit(column.unit.empty() ? "s" : column.unit).value_or(Unit{});
-    return fmt::format(
-        "time   '{}': {:.6g} Hz (step {:.6g} s), {:.6g} s long, {} gaps, {} uneven steps\n",
-        column.name, 1.0 / (median * unit.scale), median * unit.scale,
-        (column.values.back() - column.values.front()) * unit.scale, gaps, uneven);
   }
-  return "time   no column looks like time; a model gives the step: time: {kind: discrete, step: "
-         "...}\n";
+  return 0;
 }
 
-std::string remark(const Column& column, const Summary& s) {
-  if (column.text_cells > 0) {
-    return fmt::format("text in {} cells, first in line {}", column.text_cells,
-                       column.first_text.line);
+std::string columns_text(const std::string& argument, const std::optional<ModelFile>& model,
+                         const TimeRange& range) {
+  std::string text;
+  const std::vector<Table> files = read_files(argument);
+  for (const Table& table : files) text += table_text(table);
+  if (model) {
+    const Dataset data = load_data(files, *model, range);
+    for (const auto* notes : {&data.notes, &data.unknown_units}) {
+      for (const std::string& note : *notes) text += note + "\n";
+    }
+    text += channels_text(*model, data);
+  } else if (files.size() > 1) {
+    for (const std::string& note : join_tables(files, {}).notes) text += note + "\n";
   }
-  std::string out;
-  if (s.present > 0 && s.min == s.max)
-    out = "constant";
-  else if (s.held > 0.5)
-    out = fmt::format("{:.0f} % held samples", 100.0 * s.held);
-  if (column.missing > 0)
-    out += fmt::format("{}{} missing", out.empty() ? "" : ", ", column.missing);
-  return out;
+  return text;
+}
+
+int info(const InfoOptions& options) {
+  std::vector<std::string> recordings = options.files;
+  std::optional<ModelFile> model;
+  if (const auto file = std::find_if(recordings.begin(), recordings.end(), is_model);
+      file != recordings.end()) {
+    model = read_model_file(*file);
+    recordings.erase(file);
+  }
+  if (recordings.empty()) {
+    throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
+  }
+  if (options.vehicle) return survey_vehicles(options, model, recordings);
+  if (options.json) throw InputError({}, "--json without --vehicle", "info --vehicle DATA --json");
+  std::string text;
+  for (const std::string& argument : recordings) {
+    text += columns_text(argument, model, parse_range(options.range));
+  }
+  print(text);
+  return 0;
 }
 
 }  // namespace
 
-std::string describe_table(const Table& table) {
-  const char* separator = table.separator == '\t'  ? "tab"
-                          : table.separator == ';' ? "semicolon"
-                                                   : "comma";
-  std::string out = fmt::format("{}\n", table.path);
-  out += fmt::format("rows   {}, columns {}, separated by {}{}{}\n", table.rows,
-                     table.columns.size(), separator, table.decimal_comma ? ", decimal comma" : "",
-                     table.has_header ? "" : ", no header");
-  out += describe_time(table);
-  std::size_t width = 8;
-  for (const Column& column : table.columns)
-    width = std::max(width, std::min<std::size_t>(24, column.name.size()));
-  out += fmt::format("\n{:<{}} {:<7} {:>10} {:>10} {:>10} {:>10}  {}\n", "column", width, "unit",
-                     "min", "max", "mean", "sd", "");
-  for (const Column& column : table.columns) {
-    const Summary s = summarise(column.values);
-    out += fmt::format("{:<{}} {:<7} {:>10.4g} {:>10.4g} {:>10.4g} {:>10.4g}  {}", column.name,
-                       width, column.unit.empty() ? "-" : column.unit, s.min, s.max, s.mean, s.sd,
-                       remark(column, s));
-    while (out.back() == ' ') out.pop_back();
-    out += '\n';
-  }
-  return out;
-}
-
-std::string describe_channels(const ModelFile& model, const Dataset& data) {
-  std::string out =
-      fmt::format("\n{} takes {} rows, step {:.6g} s, from {:.6g} s to {:.6g} s\n", model.name,
-                  data.size(), data.dt, data.time[0], data.time[data.size() - 1]);
-  out += fmt::format("{:<8} {:<22} {:<8} {:>10} {:>10} {:>10} {:>8}\n", "", "channel", "unit",
-                     "min", "max", "sd", "missing");
-  const auto list = [&out](const char* kind, const std::vector<Channel>& channels,
-                           const Eigen::MatrixXd& values) {
-    for (std::size_t i = 0; i < channels.size(); ++i) {
-      const Eigen::VectorXd row = values.row(static_cast<Eigen::Index>(i)).transpose();
-      const Summary s = summarise(row);
-      const Unit unit = parse_unit(channels[i].unit).value_or(Unit{});
-      out += fmt::format("{:<8} {:<22} {:<8} {:>10.4g} {:>10.4g} {:>10.4g} {:>8}{}\n", kind,
-                         channels[i].name, channels[i].unit.empty() ? "-" : channels[i].unit,
-                         unit.from_si(s.min), unit.from_si(s.max), s.sd / unit.scale,
-                         static_cast<std::size_t>(row.size()) - s.present,
-                         s.min == s.max ? "  constant" : "");
-    }
-  };
-  list("input", data.inputs, data.u);
-  list("output", data.outputs, data.y);
-  return out;
+Verb info_verb(CLI::App& app) {
+  const auto options = std::make_shared<InfoOptions>();
+  CLI::App& verb = add_verb(app, "info", "Show the columns, units, rates and gaps of a recording.");
+  add_arguments(verb, "FILES", options->files,
+                "Recordings (CSV), after a model file (YAML) or not.");
+  add_range(verb, options->range);
+  add_flag(verb, "--vehicle", options->vehicle,
+           "Survey a vehicle's recording: signs, units, clocks, what can be identified.");
+  add_flag(verb, "--json", options->json, "With --vehicle: Print the survey as JSON.");
+  return {"info", [options](const std::string&) { return info(*options); }};
 }
 
 }  // namespace identikal

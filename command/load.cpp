@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "command/quantity.h"
 #include "identify/model/model_file.h"
 #include "identify/model/row_selection.h"
 #include "identify/result/file.h"
@@ -17,39 +18,50 @@
 
 namespace identikal {
 
-void require_linear(const Arguments& args, const ModelFile& model) {
+void require_linear(const ModelFile& model, const std::string& job) {
   if (model.form == ModelFile::Form::linear) return;
   const bool vehicle = model.form == ModelFile::Form::single_track;
-  const std::string method = args.method == "ml" ? "" : " --method " + args.method;
   throw InputError({model.path, 0, 0},
-                   fmt::format("'{}{}' takes a linear model, this {}", args.verb, method,
+                   fmt::format("'{}' takes a linear model, this {}", job,
                                vehicle ? "is a vehicle" : "one is not linear in its states"),
                    "a model with A, C, Q, R, or formulas that are linear in states and inputs");
 }
 
-void require_filter(const Arguments& args, const ModelFile& model) {
-  if (model.form != ModelFile::Form::nonlinear) require_linear(args, model);
+void require_filter(const ModelFile& model, const std::string& job) {
+  if (model.form != ModelFile::Form::nonlinear) require_linear(model, job);
 }
 
-ModelFile load_model(const Arguments& args) {
-  ModelFile model = read_model_file(args.model);
-  if (model.form == ModelFile::Form::regression && args.verb != "track") {
-    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", args.verb),
-                     "identikal track MODEL DATA");
-  }
-  if (!args.from.empty()) {
-    const StoredResult result = read_stored_result(args.from);
+namespace {
+
+ModelFile with_options(ModelFile model, const ModelOptions& options) {
+  if (!options.from.empty()) {
+    const StoredResult result = read_stored_result(options.from);
     set_values(model, result.estimate, result.path);
   }
-  for (const std::string& assignment : args.settings) set_parameter(model, assignment);
-  if (!args.filter.empty()) {
+  for (const std::string& assignment : options.settings) set_parameter(model, assignment);
+  if (!options.filter.empty()) {
     if (model.form != ModelFile::Form::nonlinear) {
-      throw InputError({}, "--filter has no meaning here", "a nonlinear model",
+      throw InputError({}, "--filter does not apply to this model", "a nonlinear model",
                        "the Kalman filter of a linear one is exact");
     }
-    model.formulas.filter = nonlinear_method(args.filter, {});
+    model.formulas.filter = nonlinear_method(options.filter, {});
   }
   return model;
+}
+
+}  // namespace
+
+ModelFile load_any_model(const ModelOptions& options) {
+  return with_options(read_model_file(options.file), options);
+}
+
+ModelFile load_model(const ModelOptions& options, const std::string& verb) {
+  ModelFile model = read_model_file(options.file);
+  if (model.form == ModelFile::Form::regression) {
+    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", verb),
+                     "identikal track MODEL DATA");
+  }
+  return with_options(std::move(model), options);
 }
 
 std::vector<Table> read_files(const std::string& argument) {
@@ -58,15 +70,14 @@ std::vector<Table> read_files(const std::string& argument) {
   return out;
 }
 
-std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
-                               const ModelFile& model, bool with_outputs) {
+std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile& model,
+                               const TimeRange& range, bool with_outputs) {
   if (model.time.restarts && files.size() > 1) {
     throw InputError(model.time.at, "runs: restart with files that are joined",
                      "one file, or one run");
   }
   const Joined joined = join_tables(files, model.time);
   const std::vector<ChannelSource> no_outputs;
-  const TimeRange range = parse_range(args.range);
   std::vector<Dataset> out;
   for (const Table& run : split_runs(joined.table, model.time)) {
     Dataset data = make_dataset(run, model.time, model.inputs,
@@ -91,9 +102,9 @@ std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& 
   return out;
 }
 
-Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+Dataset load_data(const std::vector<Table>& files, const ModelFile& model, const TimeRange& range,
                   bool with_outputs) {
-  std::vector<Dataset> runs = load_runs(args, files, model, with_outputs);
+  std::vector<Dataset> runs = load_runs(files, model, range, with_outputs);
   if (runs.size() > 1) {
     throw InputError({files.front().path, 0, 0}, fmt::format("{} runs", runs.size()),
                      "one run here", "'fit', 'tune' and 'check' take several");
@@ -181,32 +192,34 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
   }
 }
 
-// Values of a result may be doubtful, or another model's.
-void warn_of_origin(const Arguments& args, std::vector<Warning>& warnings) {
-  if (args.from.empty()) return;
-  const StoredResult result = read_stored_result(args.from);
+}  // namespace
+
+std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
+  std::vector<Warning> warnings;
+  if (options.from.empty()) return warnings;
+  const StoredResult result = read_stored_result(options.from);
   const Estimate& e = result.estimate;
   if (e.status != Status::ok) {
     warnings.push_back(
         {"doubtful_result",
          "warning",
          {},
-         fmt::format("{} is itself {}: {}", args.from, to_string(e.status), e.message),
+         fmt::format("{} is itself {}: {}", options.from, to_string(e.status), e.message),
          ""});
   }
-  if (e.model_file && e.model_file->sha256 != sha256_of_file(args.model)) {
+  if (e.model_file && e.model_file->sha256 != sha256_of_file(options.file)) {
     warnings.push_back(
         {"model_changed",
          "warning",
-         {args.model},
+         {options.file},
          fmt::format("the values of {} are those of another model file ({}), or it "
                      "has changed since",
-                     args.from, e.model_file->path),
-         fmt::format("'identikal export {} --to yaml' prints the model that it is of", args.from)});
+                     options.from, e.model_file->path),
+         fmt::format("'identikal export {} --to yaml' prints the model that it is of",
+                     options.from)});
   }
+  return warnings;
 }
-
-}  // namespace
 
 void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
                      const TimeRange& range) {
@@ -225,15 +238,18 @@ void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
   for (Dataset& run : runs) data.push_back(std::move(run));
 }
 
-void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
-                  const Dataset& other) {
+void take_period(ModelFile& model, const Dataset& data) {
+  if (model.time.step == 0.0) model.linear.dt = data.dt;
+}
+
+void check_period(const ModelFile& model, const Dataset& first, const Dataset& other) {
   const bool any = model.form != ModelFile::Form::linear || model.time.step > 0.0;
   if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
-  throw InputError({other.name, 0, 0},
-                   fmt::format("sampled every {:.6g} s, {} every {:.6g} s", other.dt,
-                               args.data.front(), first.dt),
-                   "recordings with the same sampling period",
-                   "a discrete-time model belongs to one sampling period");
+  throw InputError(
+      {other.name, 0, 0},
+      fmt::format("sampled every {:.6g} s, {} every {:.6g} s", other.dt, first.name, first.dt),
+      "recordings with the same sampling period",
+      "a discrete-time model belongs to one sampling period");
 }
 
 bool is_model(const std::string& path) {
@@ -241,40 +257,37 @@ bool is_model(const std::string& path) {
   return ending == ".yaml" || ending == ".yml";
 }
 
-Recordings load_recordings(const Arguments& args, const ModelFile& model) {
+Recordings load_recordings(const RecordingOptions& options, const ModelFile& model,
+                           const std::string& verb) {
+  const TimeRange range = parse_range(options.range);
   Recordings out;
-  warn_of_origin(args, out.warnings);
-  for (const std::string& path : args.data) {
+  for (const std::string& path : options.files) {
     if (is_model(path)) {
       throw InputError({path, 0, 0}, "a model file where recordings are expected",
-                       fmt::format("'identikal {} MODEL DATA...'", args.verb),
-                       "'identikal check --compare A.yaml B.yaml DATA' ranks several models");
+                       fmt::format("'identikal {} MODEL DATA...'", verb),
+                       "'identikal compare A.yaml B.yaml DATA' ranks several models");
     }
     const std::vector<Table> files = read_files(path);
-    std::vector<Dataset> runs = load_runs(args, files, model);
+    std::vector<Dataset> runs = load_runs(files, model, range);
     warn_of_starts(model, runs, out.warnings);
     warn_of_step(model, files.front(), out.warnings);
-    out.add(std::move(runs), files, parse_range(args.range));
-    check_period(args, model, out.data.front(), out.data.back());
+    out.add(std::move(runs), files, range);
+    check_period(model, out.data.front(), out.data.back());
   }
   return out;
 }
 
-std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
-                              Recordings& recordings) {
+std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& model,
+                              const TimeRange& range, Recordings& recordings) {
   std::vector<HeldOut> out;
-  if (args.hold_out.empty()) return out;
-  if (!args.hold_out.ends_with('%')) {
-    for (Dataset& run : load_runs(args, read_files(args.hold_out), model)) {
+  if (hold_out.empty()) return out;
+  if (!hold_out.ends_with('%')) {
+    for (Dataset& run : load_runs(read_files(hold_out), model, range)) {
       out.push_back({std::move(run), 0});
     }
     return out;
   }
-  const double share = quantity("--hold-out", args.hold_out, "%");
-  if (!(share >= 0.05 && share <= 0.8)) {
-    throw InputError({}, fmt::format("--hold-out '{}' leaves too little", args.hold_out),
-                     "5% to 80%");
-  }
+  const double share = hold_out_share(hold_out);
   for (std::size_t i = 0; i < recordings.data.size(); ++i) {
     Dataset& data = recordings.data[i];
     const auto kept =
@@ -285,13 +298,13 @@ std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
     data = first_samples(data, kept);
     for (std::size_t file = 0; file < recordings.records.size(); ++file) {
       if (recordings.of_records[file] != std::pair(i, i + 1)) continue;
-      std::array<double, 2>& range = recordings.records[file].range;
-      const double begin = std::isfinite(range[0]) ? range[0] : 0.0;
-      range[1] = begin + data.time[kept - 1] - data.time[0];
+      std::array<double, 2>& used = recordings.records[file].range;
+      const double begin = std::isfinite(used[0]) ? used[0] : 0.0;
+      used[1] = begin + data.time[kept - 1] - data.time[0];
     }
   }
   if (out.empty()) {
-    throw InputError({}, fmt::format("--hold-out '{}' of too few rows", args.hold_out),
+    throw InputError({}, fmt::format("--hold-out '{}' of too few rows", hold_out),
                      "a longer recording");
   }
   return out;

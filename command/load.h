@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "command/arguments.h"
+#include "command/options.h"
 #include "identify/estimate/estimate.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/model_file.h"
@@ -14,13 +14,16 @@
 
 namespace identikal {
 
-/// @throws InputError naming the verb
-void require_linear(const Arguments& args, const ModelFile& model);
+/// @param job  that the model is for, "tune --method als"; named in the message
+/// @throws InputError
+void require_linear(const ModelFile& model, const std::string& job);
 /// A model whose filter is to run: matrices or formulas. @throws InputError
-void require_filter(const Arguments& args, const ModelFile& model);
+void require_filter(const ModelFile& model, const std::string& job);
 
-/// The model file with --from, --set and --filter applied. @throws InputError
-ModelFile load_model(const Arguments& args);
+/// The model file with --from, --set and --filter applied; never a regression. @throws InputError
+ModelFile load_model(const ModelOptions& options, const std::string& verb);
+/// The same, for the verb that takes regressions too.
+ModelFile load_any_model(const ModelOptions& options);
 /// Does this argument look like a model file rather than a recording?
 bool is_model(const std::string& path);
 
@@ -28,10 +31,10 @@ bool is_model(const std::string& path);
 std::vector<Table> read_files(const std::string& argument);
 /// One recording, or several where the model file says that time restarts or rows are left out.
 /// @throws InputError
-std::vector<Dataset> load_runs(const Arguments& args, const std::vector<Table>& files,
-                               const ModelFile& model, bool with_outputs = true);
+std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile& model,
+                               const TimeRange& range, bool with_outputs = true);
 /// The same where there has to be one.
-Dataset load_data(const Arguments& args, const std::vector<Table>& files, const ModelFile& model,
+Dataset load_data(const std::vector<Table>& files, const ModelFile& model, const TimeRange& range,
                   bool with_outputs = true);
 
 struct Recordings {
@@ -46,15 +49,19 @@ struct Recordings {
   void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range);
 };
 /// Those of all DATA arguments. @throws InputError
-Recordings load_recordings(const Arguments& args, const ModelFile& model);
+Recordings load_recordings(const RecordingOptions& options, const ModelFile& model,
+                           const std::string& verb);
+/// A model file that names no sampling period has the recording's.
+void take_period(ModelFile& model, const Dataset& data);
+/// Warnings where the result of --from is doubtful, or one of another model file.
+std::vector<Warning> warnings_of_origin(const ModelOptions& options);
 /// A linear model has one sampling period. @throws InputError when that of `other` is another
-void check_period(const Arguments& args, const ModelFile& model, const Dataset& first,
-                  const Dataset& other);
+void check_period(const ModelFile& model, const Dataset& first, const Dataset& other);
 
 /// --hold-out: the last share of every recording, which is taken from it, or another recording.
 /// The record of a file that is one recording says which range is left.
 /// @throws InputError
-std::vector<HeldOut> hold_out(const Arguments& args, const ModelFile& model,
-                              Recordings& recordings);
+std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& model,
+                              const TimeRange& range, Recordings& recordings);
 
 }  // namespace identikal

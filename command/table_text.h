@@ -11,10 +11,10 @@ namespace identikal {
 /// A table of the columns (unit, rows present, range, mean, standard deviation, remarks such as
 /// constant, text or held samples), the column that looks like time with its rate, jitter and gaps.
 /// Text within 80 columns where names allow.
-std::string describe_table(const Table& table);
+std::string table_text(const Table& table);
 
 /// What the model takes from the recording: channels in SI with range and excitation.
 /// @throws InputError as make_dataset()
-std::string describe_channels(const ModelFile& model, const Dataset& data);
+std::string channels_text(const ModelFile& model, const Dataset& data);
 
 }  // namespace identikal

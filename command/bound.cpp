@@ -1,0 +1,106 @@
+// bound: how precise can any estimator be, before anything is recorded?
+#include "identify/optimality/bound.h"
+
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "command/quantity.h"
+#include "command/run.h"
+#include "command/verbs.h"
+#include "identify/simulation/simulate.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+struct BoundRequest {
+  ModelOptions model;
+  std::string inputs, range;  // a recording of the inputs
+  ResultOptions result;
+  long rows = 0, runs = 0;
+  std::string accuracy;
+  std::vector<std::string> signals;
+  std::int64_t seed = 1;
+};
+
+double wanted_accuracy(const std::string& text) {
+  const double accuracy = percentage("--accuracy", text);
+  if (!(accuracy > 0.0)) {
+    throw InputError({}, fmt::format("--accuracy '{}' is not above 0", text), "10%");
+  }
+  return accuracy;
+}
+
+void check_options(const BoundRequest& request, bool nonlinear) {
+  const bool recorded = !request.inputs.empty();
+  if (recorded == (request.rows > 0)) {
+    throw InputError(
+        {},
+        recorded ? "both -n and a recording of inputs are given" : "the number of rows is missing",
+        "-n ROWS, or a recording that holds the inputs");
+  }
+  if (request.runs > 0 && !nonlinear) {
+    throw InputError({}, "--runs does not apply to this model", "a nonlinear model",
+                     "the bound of a linear one is exact");
+  }
+  if (recorded && !request.signals.empty()) {
+    throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
+  }
+}
+
+int bound(const BoundRequest& request, const std::string& command) {
+  const Run run{"bound", command, request.model.file, {}, request.result};
+  ModelFile model = load_model(request.model, run.verb);
+  require_filter(model, run.verb);
+  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  Recordings recordings;
+  std::optional<Dataset> planned;
+  if (!request.inputs.empty()) {
+    const std::vector<Table> files = read_files(request.inputs);
+    const TimeRange range = parse_range(request.range);
+    planned = load_data(files, model, range, false);
+    recordings.add({*planned}, files, range);
+  }
+  check_options(request, nonlinear);
+  if (!planned && (nonlinear || !request.signals.empty())) {
+    planned = signal_inputs(model, request.signals, request.rows);
+  }
+  if (planned) take_period(model, *planned);
+  BoundOptions options;
+  options.samples = request.inputs.empty() ? request.rows : planned->size();
+  if (request.runs > 0) options.runs = static_cast<int>(request.runs);
+  options.seed = static_cast<std::uint64_t>(request.seed);
+  if (!request.accuracy.empty()) options.accuracy = wanted_accuracy(request.accuracy);
+  Estimate estimate = bound_of(model, options, planned ? &*planned : nullptr);
+  return finish(run, recordings, estimate);
+}
+
+}  // namespace
+
+Verb bound_verb(CLI::App& app) {
+  const auto request = std::make_shared<BoundRequest>();
+  CLI::App& verb = add_verb(
+      app, "bound",
+      "Compute the Cramer-Rao bound: the best that any estimator can do, before any data.");
+  add_model(verb, request->model, "Model file (YAML); its values are taken as the truth.");
+  add_input_recording(verb, request->inputs);
+  add_number(verb, "-n,--rows", request->rows, 1, 1000000000,
+             "Number of rows of the recording that is planned.");
+  add_old_number(verb, "--samples", "--rows", request->rows, 1, 1000000000);
+  add_text(verb, "--accuracy", request->accuracy,
+           "Tell how many rows give this relative standard error, e.g. 10%.");
+  add_signals(verb, request->signals);
+  add_number(verb, "--runs", request->runs, 2, 100000,
+             "Nonlinear model: Number of simulated recordings for the mean information.", "50");
+  add_seed(verb, request->seed, "Nonlinear model: Seed of the simulated noise.");
+  add_settings(verb, request->model);
+  add_range(verb, request->range);
+  add_result(verb, request->result);
+  add_quiet(verb, request->result.quiet);
+  add_filter_choice(verb, request->model);
+  return {"bound", [request](const std::string& command) { return bound(*request, command); }};
+}
+
+}  // namespace identikal

@@ -1,0 +1,150 @@
+#include "command/command_line.h"
+
+#include <algorithm>
+#include <sstream>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "command/manual.h"
+#include "command/run.h"
+#include "command/verbs.h"
+#include "identify/model/templates.h"
+#include "identify/result/export.h"
+#include "identify/simulation/manoeuvres.h"
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+#include "lib/version.h"
+#include "studies/study.h"
+
+namespace identikal {
+namespace {
+
+const char* const kExitStatus =
+    "Exit status:\n"
+    "  0  done and usable\n"
+    "  1  rejected: not optimal, not identifiable, not to be trusted\n"
+    "  2  mistake on the command line, in the model or in the data\n"
+    "  3  not converged; the best so far is printed\n"
+    "  4  --strict and there are warnings\n"
+    "  5  internal error, or a result could not be written";
+
+// As it can be typed again.
+std::string as_typed(int argc, char** argv) {
+  std::string out = "identikal";
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool plain = !word.empty() && word.find_first_not_of(
+                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVW"
+                                            "XYZ0123456789-_./:=+,%@^") == std::string::npos;
+    std::string quoted;
+    for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
+    out += plain ? " " + word : " '" + quoted + "'";
+  }
+  return out;
+}
+
+std::vector<Verb> add_verbs(CLI::App& app) {
+  return {info_verb(app),     init_verb(app),  tune_verb(app),    fit_verb(app),
+          check_verb(app),    track_verb(app), filter_verb(app),  compare_verb(app),
+          shape_verb(app),    bound_verb(app), report_verb(app),  export_verb(app),
+          validate_verb(app), study_verb(app), simulate_verb(app)};
+}
+
+void refuse_unknown_verb(const std::vector<Verb>& verbs, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  std::vector<std::string> names;
+  for (const Verb& verb : verbs) names.push_back(verb.name);
+  if (std::find(names.begin(), names.end(), argv[1]) != names.end()) return;
+  throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
+                   fmt::format("one of {}", fmt::join(names, ", ")), did_you_mean(argv[1], names));
+}
+
+// Those that help shows.
+std::vector<std::string> option_names(const CLI::App& verb) {
+  std::vector<std::string> out;
+  for (const CLI::Option* option : verb.get_options()) {
+    if (option->get_group().empty()) continue;
+    for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
+    for (const std::string& name : option->get_snames()) out.push_back("-" + name);
+  }
+  return out;
+}
+
+// Which other verbs take this option, as a hint.
+std::string verbs_with(const CLI::App& app, const std::string& option) {
+  std::vector<std::string> out;
+  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
+    const std::vector<std::string> names = option_names(*verb);
+    if (std::find(names.begin(), names.end(), option) != names.end()) {
+      out.push_back("'" + verb->get_name() + "'");
+    }
+  }
+  if (out.empty()) return "";
+  return fmt::format("{} {} it", fmt::join(out, ", "), out.size() == 1 ? "has" : "have");
+}
+
+// What the verb does not know, in one line; its other mistakes may only follow from this one.
+void refuse_unknown_option(const CLI::App& app) {
+  for (const CLI::App* verb : app.get_subcommands()) {
+    for (const std::string& word : verb->remaining()) {
+      if (word.size() < 2 || word[0] != '-') continue;
+      const std::string option = word.substr(0, word.find('='));
+      const std::string nearest = did_you_mean(option, option_names(*verb));
+      throw InputError({}, fmt::format("unknown option '{}' of '{}'", option, verb->get_name()), "",
+                       !nearest.empty() ? nearest
+                       : verbs_with(app, option).empty()
+                           ? fmt::format("'identikal {} --help' shows them", verb->get_name())
+                           : verbs_with(app, option));
+    }
+  }
+}
+
+// For the build, which makes the manual page and the completions of shells from the definitions.
+std::string generated(const CLI::App& app, const std::string& kind) {
+  std::vector<std::string> drives, templates;
+  for (const Manoeuvre& m : manoeuvres()) drives.push_back(m.name);
+  for (const ModelTemplate& t : model_templates()) templates.push_back(t.name);
+  return command_reference(app, kind, IDENTIKAL_VERSION,
+                           {{"init", "TEMPLATE", templates},
+                            {"study", "NAME", study_names()},
+                            {"simulate", "--manoeuvre", drives},
+                            {"export", "--to", export_formats()}});
+}
+
+}  // namespace
+
+int run_command_line(int argc, char** argv) {
+  CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data",
+               "identikal"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION "\n" IDENTIKAL_BUILT_WITH);
+  const std::vector<Verb> verbs = add_verbs(app);
+  // Verbs that are added later would have it too.
+  app.footer(kExitStatus);
+  if (argc == 3 && std::string(argv[1]) == "--generate") {
+    print(generated(app, argv[2]));
+    return 0;
+  }
+  refuse_unknown_verb(verbs, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {  // --help, --version
+      std::ostringstream text;
+      app.exit(error, text, text);
+      print(text.str());
+      return 0;
+    }
+    refuse_unknown_option(app);
+    throw InputError({}, error.what(), "",
+                     "'identikal --help' and 'identikal VERB --help' show the options");
+  }
+  const std::string name = app.get_subcommands().front()->get_name();
+  const auto typed =
+      std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
+  return typed->run(as_typed(argc, argv));
+}
+
+}  // namespace identikal

@@ -1,0 +1,90 @@
+// compare: which of several results of one recording, or of several models, is the best?
+#include "command/compare.h"
+
+#include <algorithm>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "command/run.h"
+#include "command/verbs.h"
+#include "identify/optimality/compare_filters.h"
+#include "identify/report/console.h"
+#include "identify/result/file.h"
+#include "identify/result/json.h"
+#include "identify/validation/compare_results.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+int compare_results_of(const CompareOptions& options, const std::string& command) {
+  const Run run{"compare", command, "", {}, options.result};
+  for (const auto& [given, name] : {std::pair{!options.model.settings.empty(), "--set"},
+                                    std::pair{!options.model.filter.empty(), "--filter"},
+                                    std::pair{!options.recordings.range.empty(), "--range"},
+                                    std::pair{!options.result.folder.empty(), "-o"}}) {
+    if (!given) continue;
+    throw InputError({}, fmt::format("{} does not apply to results", name),
+                     "identikal compare A.yaml B.yaml DATA");
+  }
+  std::vector<StoredResult> results;
+  for (const std::string& path : options.recordings.files) {
+    results.push_back(read_stored_result(path));
+  }
+  const Estimate estimate = compare_results(results);
+  print(options.result.json ? result_json(estimate, options.result.strict, run.seconds())
+                            : console_report(estimate));
+  return exit_code(estimate, options.result.strict);
+}
+
+}  // namespace
+
+int compare_models(const CompareOptions& options, const std::string& command) {
+  Run run{"compare", command, "", {}, options.result};
+  RecordingOptions data = options.recordings;
+  const auto first_recording =
+      std::stable_partition(data.files.begin(), data.files.end(), is_model);
+  run.read.assign(data.files.begin(), first_recording);
+  data.files.erase(data.files.begin(), first_recording);
+  if (data.files.empty()) {
+    throw InputError({}, "no recording on the command line",
+                     "identikal compare A.yaml B.yaml DATA");
+  }
+  std::vector<ModelFile> models;
+  std::vector<std::vector<Dataset>> recordings;
+  Recordings loaded;
+  ModelOptions each = options.model;
+  for (const std::string& path : run.read) {
+    each.file = path;
+    models.push_back(load_model(each, run.verb));
+    loaded = load_recordings(data, models.back(), run.verb);
+    take_period(models.back(), loaded.data.front());
+    recordings.push_back(loaded.data);
+  }
+  Estimate estimate = compare_filters(models, recordings);
+  return finish(run, loaded, estimate);
+}
+
+Verb compare_verb(CLI::App& app) {
+  const auto options = std::make_shared<CompareOptions>();
+  CLI::App& verb = add_verb(
+      app, "compare",
+      "Rank results of one recording (AIC, BIC, likelihood ratios of nested models), or models by "
+      "their likelihood on recordings.");
+  add_arguments(verb, "FILES", options->recordings.files,
+                "Two or more results (result.json, or its folder), or models and recordings: "
+                "A.yaml B.yaml DATA.");
+  add_settings(verb, options->model);
+  add_range(verb, options->recordings.range);
+  add_result(verb, options->result);
+  add_filter_choice(verb, options->model);
+  return {"compare", [options](const std::string& command) {
+            const std::vector<std::string>& files = options->recordings.files;
+            return std::any_of(files.begin(), files.end(), is_model)
+                       ? compare_models(*options, command)
+                       : compare_results_of(*options, command);
+          }};
+}
+
+}  // namespace identikal

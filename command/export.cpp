@@ -1,0 +1,69 @@
+// export: a result as code to paste.
+#include "identify/result/export.h"
+
+#include <ctime>
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include "command/output_files.h"
+#include "command/run.h"
+#include "command/verbs.h"
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+
+namespace identikal {
+namespace {
+
+struct ExportOptions {
+  std::string result, format, file;
+};
+
+// UTC day on which a file was written, "2026-03-01".
+std::string day_of_file(const std::string& path) {
+  struct stat status {};
+  std::tm utc{};
+  if (stat(path.c_str(), &status) != 0 || gmtime_r(&status.st_mtime, &utc) == nullptr) return "";
+  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
+}
+
+// What the result rests on, which nothing is written over.
+std::vector<std::string> files_of(const StoredResult& result, const std::string& named) {
+  std::vector<std::string> out{named, result.path};
+  for (const InputRecord& input : result.estimate.inputs) out.push_back(input.path);
+  if (result.estimate.model_file) out.push_back(result.estimate.model_file->path);
+  return out;
+}
+
+int export_result(const ExportOptions& options) {
+  const std::optional<ExportFormat> format = export_format(options.format);
+  if (!format) {
+    throw InputError({}, fmt::format("--to '{}'", options.format), export_format_list(),
+                     did_you_mean(options.format, export_formats()));
+  }
+  const StoredResult result = read_stored_result(options.result, PageData::if_there);
+  const std::string text = export_text(result, *format, day_of_file(result.path));
+  if (options.file.empty()) {
+    print(text);
+  } else {
+    write_files({{options.file, text}}, files_of(result, options.result));
+    print(fmt::format("{} written\n", options.file));
+  }
+  return 0;
+}
+
+}  // namespace
+
+Verb export_verb(CLI::App& app) {
+  const auto options = std::make_shared<ExportOptions>();
+  CLI::App& verb = add_verb(app, "export", "Print a result that -o has written as code to paste.");
+  add_argument(verb, "RESULT", options->result, "Result: result.json, or its folder.");
+  add_required_text(verb, "--to", options->format,
+                    "Choose the format: " + export_format_list() + ".");
+  add_file(verb, "-o,--output", options->file, "Write the text to this file instead.");
+  return {"export", [options](const std::string&) { return export_result(*options); }};
+}
+
+}  // namespace identikal

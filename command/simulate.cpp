@@ -1,0 +1,160 @@
+// simulate: recordings with known truth.
+#include "identify/simulation/simulate.h"
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "command/output_files.h"
+#include "command/quantity.h"
+#include "command/run.h"
+#include "command/verbs.h"
+#include "identify/simulation/manoeuvres.h"
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+
+namespace identikal {
+namespace {
+
+struct SimulateOptions {
+  ModelOptions model;
+  std::string inputs, range;  // a recording of the inputs
+  std::string folder;
+  std::int64_t seed = 1;
+  std::vector<std::string> signals;
+  long rows = 0;
+  std::string manoeuvre, speed, rate = "100 Hz", duration, snr;
+  std::vector<std::string> manoeuvre_settings;
+};
+
+ManoeuvreRequest manoeuvre_request(const SimulateOptions& options) {
+  ManoeuvreRequest request;
+  request.name = options.manoeuvre;
+  const Manoeuvre& manoeuvre = find_manoeuvre(options.manoeuvre);
+  if (!options.speed.empty()) request.speed = quantity("--speed", options.speed, "m/s");
+  if (!options.duration.empty()) request.duration = quantity("--duration", options.duration, "s");
+  request.rate = quantity("--rate", options.rate, "Hz");
+  for (const std::string& assignment : options.manoeuvre_settings) {
+    const std::size_t equals = assignment.find('=');
+    if (equals == std::string::npos) {
+      throw InputError({}, fmt::format("--with '{}' has no '='", assignment), "NAME=VALUE");
+    }
+    const ManoeuvreSetting& setting = find_setting(manoeuvre, assignment.substr(0, equals));
+    request.settings[setting.name] =
+        quantity("--with " + setting.name, assignment.substr(equals + 1), setting.unit);
+  }
+  return request;
+}
+
+std::optional<double> signal_to_noise(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  std::string number = text;
+  if (lower_case(text).ends_with("db")) number.resize(number.size() - 2);
+  return quantity("--snr", number, "");
+}
+
+// Options that do not apply to this model, with or without a recording of inputs.
+void check_options(const SimulateOptions& options, bool vehicle, bool inputs) {
+  if (vehicle && !options.signals.empty()) {
+    throw InputError({}, "--input does not apply to a vehicle", "a model of matrices or formulas",
+                     "--manoeuvre drives the vehicle");
+  }
+  if (!options.signals.empty() && inputs) {
+    throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
+  }
+  if (options.rows > 0 && (inputs || vehicle)) {
+    throw InputError(
+        {},
+        inputs ? "-n does not apply with a recording of inputs" : "-n does not apply to a vehicle",
+        inputs ? "as many rows as the recording has" : "--duration and --rate");
+  }
+  const bool has_manoeuvre = !options.manoeuvre.empty() || !options.manoeuvre_settings.empty();
+  if (has_manoeuvre && (inputs || !vehicle)) {
+    throw InputError({},
+                     fmt::format("--manoeuvre and --with do not apply {}",
+                                 vehicle ? "with a recording of inputs" : "to this model"),
+                     "a vehicle without a recording");
+  }
+  if (!options.snr.empty() && !vehicle) {
+    throw InputError({}, "--snr does not apply to this model", "a vehicle",
+                     "a linear model has Q and R");
+  }
+}
+
+Simulated simulate_filter(const SimulateOptions& options, const ModelFile& model,
+                          std::optional<Dataset> inputs) {
+  if (!inputs && options.rows < 1) {
+    throw InputError({}, "the number of rows is missing", "-n ROWS");
+  }
+  if (!inputs && !model.inputs.empty()) {
+    inputs = signal_inputs(model, options.signals, options.rows);
+  } else if (!options.signals.empty()) {
+    throw InputError({model.path, 0, 0}, "the model has no inputs", "no --input");
+  }
+  const auto seed = static_cast<std::uint64_t>(options.seed);
+  const Dataset* given = inputs ? &*inputs : nullptr;
+  return model.form == ModelFile::Form::nonlinear
+             ? simulate_nonlinear(model, options.rows, given, seed)
+             : simulate_linear(model, options.rows, given, seed);
+}
+
+int simulate(const SimulateOptions& options) {
+  ModelFile model = load_model(options.model, "simulate");
+  std::optional<Dataset> inputs;
+  std::vector<std::string> read{options.model.file};
+  if (!options.inputs.empty()) {
+    const std::vector<Table> files = read_files(options.inputs);
+    inputs = load_data(files, model, parse_range(options.range), false);
+    for (const Table& file : files) read.push_back(file.path);
+    take_period(model, *inputs);
+  }
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  check_options(options, vehicle, inputs.has_value());
+  const Simulated simulated =
+      vehicle
+          ? simulate_vehicle(model, manoeuvre_request(options), inputs ? &*inputs : nullptr,
+                             signal_to_noise(options.snr), static_cast<std::uint64_t>(options.seed))
+          : simulate_filter(options, model, std::move(inputs));
+  if (options.folder.empty()) {
+    print(simulated.csv);
+    return 0;
+  }
+  write_files(in_folder(options.folder, {{"simulated.csv", simulated.csv}}), read);
+  print(fmt::format("{} rows written to {}\n", simulated.rows,
+                    (std::filesystem::path(options.folder) / "simulated.csv").string()));
+  for (const std::string& note : simulated.notes) print(fmt::format("{}\n", note));
+  return 0;
+}
+
+}  // namespace
+
+Verb simulate_verb(CLI::App& app) {
+  const auto options = std::make_shared<SimulateOptions>();
+  CLI::App& verb =
+      add_verb(app, "simulate", "Simulate a recording whose truth is known.", manoeuvre_help());
+  add_model(verb, options->model);
+  add_input_recording(verb, options->inputs);
+  add_output(verb, options->folder);
+  add_settings(verb, options->model);
+  add_range(verb, options->range);
+  add_seed(verb, options->seed, "Seed of the noise.");
+  add_signals(verb, options->signals);
+  add_number(verb, "-n,--rows", options->rows, 1, 100000000,
+             "Number of rows, where no recording gives the inputs.");
+  add_text(verb, "--manoeuvre", options->manoeuvre,
+           "Vehicle: Drive this manoeuvre, one of those below. Without it, the first.");
+  add_repeated(verb, "--with", options->manoeuvre_settings,
+               "Change a setting of the manoeuvre: NAME=VALUE, e.g. ay=3 m/s^2; a number alone is "
+               "in the unit listed below. May be repeated.");
+  add_text(verb, "--speed", options->speed, "Begin the manoeuvre at this speed, in m/s.");
+  add_text(verb, "--rate", options->rate, "Sample the manoeuvre at this rate, in Hz.");
+  add_text(verb, "--duration", options->duration, "Record for this time, in s.");
+  add_text(verb, "--snr", options->snr,
+           "Vehicle: Add noise of this signal-to-noise ratio to every output, e.g. 30dB, instead "
+           "of the model file's noise.");
+  return {"simulate", [options](const std::string&) { return simulate(*options); }};
+}
+
+}  // namespace identikal

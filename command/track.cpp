@@ -1,0 +1,102 @@
+// track: what are the noise, the coefficients or the tyres sample by sample?
+#include "identify/noise/track.h"
+
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "command/run.h"
+#include "command/verbs.h"
+#include "identify/regression/track.h"
+#include "identify/vehicle/track.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+struct TrackOptions {
+  ModelOptions model;
+  RecordingOptions recordings;
+  ResultOptions result;
+  bool adaptive = false;
+  long particles = 0;
+  std::int64_t seed = 1;
+};
+
+void check_options(const TrackOptions& options, const ModelFile& model) {
+  if (model.form == ModelFile::Form::nonlinear) require_linear(model, "track");
+  const bool noise = model.form == ModelFile::Form::linear;
+  if (noise || (!options.adaptive && options.particles == 0)) return;
+  throw InputError({},
+                   fmt::format("{} does not apply to this model",
+                               options.adaptive ? "--adaptive" : "--particles"),
+                   "a model with A, C, Q, R", "the model file says how the past is forgotten");
+}
+
+Estimate track_noise(const TrackOptions& given, const ModelFile& model, const Dataset& recording,
+                     Progress& progress) {
+  NoiseTrackOptions options;
+  options.adaptive = given.adaptive;
+  if (given.particles > 0) options.draws = given.particles;
+  options.seed = static_cast<std::uint64_t>(given.seed);
+  options.progress = [&](Eigen::Index sample, Eigen::Index of) {
+    if (sample % 100 == 0) progress.show(fmt::format("sample {} of {}", sample, of));
+    return true;
+  };
+  return track(model, recording, options);
+}
+
+Estimate track_coefficients(const ModelFile& model, const Dataset& recording, Progress& progress) {
+  return track_regression(model, recording, [&](const std::string& what) {
+    progress.show(what);
+    return true;
+  });
+}
+
+int track_recording(const TrackOptions& options, const std::string& command) {
+  const Run run{"track", command, options.model.file, {}, options.result};
+  ModelFile model = load_any_model(options.model);
+  check_options(options, model);
+  const Recordings recordings = load_recordings(options.recordings, model, run.verb);
+  const Dataset& recording = recordings.data.front();
+  take_period(model, recording);
+  Progress progress(options.result.quiet);
+  Estimate estimate;
+  switch (model.form) {
+    case ModelFile::Form::single_track:
+      estimate = track_vehicle(model, recording);
+      break;
+    case ModelFile::Form::regression:
+      estimate = track_coefficients(model, recording, progress);
+      break;
+    default:
+      estimate = track_noise(options, model, recording, progress);
+  }
+  progress.clear();
+  return finish(run, recordings, estimate);
+}
+
+}  // namespace
+
+Verb track_verb(CLI::App& app) {
+  const auto options = std::make_shared<TrackOptions>();
+  CLI::App& verb = add_verb(
+      app, "track",
+      "Estimate sample by sample: Q and R of a filter, a regression's coefficients, a vehicle.");
+  add_model(verb, options->model);
+  options->recordings.files.resize(1);
+  add_argument(verb, "DATA", options->recordings.files.front(), "Recording (CSV).");
+  add_settings(verb, options->model);
+  add_range(verb, options->recordings.range);
+  add_result_with_page(verb, options->result);
+  add_flag(verb, "--adaptive", options->adaptive,
+           "Start with the noise of the model file and re-estimate it whenever a change is found.");
+  add_number(verb, "--particles", options->particles, 10, 1000000,
+             "Number of filters that run in parallel.", "400");
+  add_old_number(verb, "--draws", "--particles", options->particles, 10, 1000000);
+  add_seed(verb, options->seed, "Seed of the particles.");
+  return {"track",
+          [options](const std::string& command) { return track_recording(*options, command); }};
+}
+
+}  // namespace identikal

@@ -1,0 +1,134 @@
+// tune: which Q and R has the filter that these recordings ask for?
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "command/filter_estimation.h"
+#include "command/verbs.h"
+#include "identify/noise/als.h"
+#include "identify/noise/auto.h"
+#include "identify/noise/bayes.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+struct TuneOptions {
+  ModelOptions model;
+  RecordingOptions recordings;
+  ResultOptions result;
+  SearchOptions search;
+  std::string method = "ml", path = "automatic";
+  bool reject_outliers = false;
+  long lags = 0, draws = 0;
+  bool iterate = false, min_rank = false, full_matrix = false;
+
+  bool is_als() const { return method == "als" || method == "als-weighted"; }
+};
+
+void check_method(const TuneOptions& options, const ModelFile& model) {
+  if (options.is_als() || options.method == "auto") {
+    require_linear(model, options.method == "ml" ? "tune" : "tune --method " + options.method);
+  }
+  for (const auto& [given, option] :
+       {std::pair{options.lags > 0, "--lags"}, std::pair{options.iterate, "--iterate"},
+        std::pair{options.min_rank, "--min-rank"}}) {
+    if (!given || options.is_als()) continue;
+    throw InputError({}, fmt::format("{} does not apply to --method {}", option, options.method),
+                     "--method als or als-weighted");
+  }
+  if (model.form == ModelFile::Form::nonlinear && options.path != TuneOptions{}.path) {
+    throw InputError({}, "--path does not apply to this model", "a linear model",
+                     "the likelihood of a nonlinear one has one path");
+  }
+  if (options.full_matrix && options.method != "als") {
+    throw InputError({}, "--full-matrix does not apply to --method " + options.method,
+                     "--method als: it is a choice of weights, and als-weighted has its own");
+  }
+}
+
+Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
+                            const std::vector<Dataset>& recordings) {
+  NoiseAlsOptions options;
+  options.weighted = given.method == "als-weighted";
+  options.lags = given.lags;
+  options.regain = given.iterate;
+  options.full_matrix = given.full_matrix;
+  options.sources = given.min_rank;
+  return tune_als(model, recordings, options);
+}
+
+Estimate by_posterior(const TuneOptions& given, const ModelFile& model,
+                      const std::vector<Dataset>& recordings, Progress& progress) {
+  NoiseBayesOptions options;
+  if (given.draws > 0) options.draws = given.draws;
+  options.seed = static_cast<std::uint64_t>(given.search.seed);
+  options.progress = [&](double temperature) {
+    progress.show(fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature));
+    return true;
+  };
+  return tune_bayes(model, recordings, options);
+}
+
+Estimate by_likelihood(const TuneOptions& given, const ModelFile& model,
+                       const std::vector<Dataset>& recordings, Progress& progress) {
+  NoiseMlOptions options = likelihood_options(given.search, given.result, progress);
+  for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
+    if (given.path == to_string(path)) options.path = path;
+  }
+  return given.method == "auto" ? tune_auto(model, recordings, options)
+                                : tune_ml(model, recordings, options);
+}
+
+int tune(const TuneOptions& options, const std::string& command) {
+  const Run run{"tune", command, options.model.file, {}, options.result};
+  ModelFile model = load_model(options.model, run.verb);
+  refuse_vehicle(model, run.verb);
+  check_method(options, model);
+  Progress progress(options.result.quiet);
+  const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
+    if (options.is_als()) return by_autocovariances(options, of, recordings);
+    if (options.method == "bayes") return by_posterior(options, of, recordings, progress);
+    return by_likelihood(options, of, recordings, progress);
+  };
+  return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,
+                         options.reject_outliers, progress, estimator);
+}
+
+}  // namespace
+
+Verb tune_verb(CLI::App& app) {
+  const auto options = std::make_shared<TuneOptions>();
+  CLI::App& verb =
+      add_verb(app, "tune", "Estimate the noise covariances Q and R of a Kalman filter.");
+  add_model(verb, options->model);
+  add_recordings(verb, options->recordings);
+  add_settings(verb, options->model);
+  add_range(verb, options->recordings.range);
+  add_result_with_page(verb, options->result);
+  add_filter_choice(verb, options->model);
+  add_search(verb, options->search);
+  add_choice(verb, "--method", options->method, {"ml", "als", "als-weighted", "auto", "bayes"},
+             "Choose the estimator. ml: maximum likelihood; als-weighted, als: autocovariance "
+             "least squares; auto: ml from the start that als-weighted finds, and both compared; "
+             "bayes: posterior.");
+  add_number(verb, "--lags", options->lags, 0, 1000,
+             "als: Use this many autocovariances; 0 stands for as many as are informative.");
+  add_number(verb, "--draws", options->draws, 10, 1000000,
+             "bayes: Number of draws from the posterior.", "2000");
+  add_flag(verb, "--reject-outliers", options->reject_outliers,
+           "Find samples that are outliers and leave them out.");
+  add_old_flag(verb, "--robust", "--reject-outliers", options->reject_outliers);
+  add_flag(verb, "--iterate", options->iterate, "als: Repeat with the gain of the estimate.");
+  add_old_flag(verb, "--regain", "--iterate", options->iterate);
+  add_flag(verb, "--min-rank", options->min_rank,
+           "als: Estimate the Q of minimum rank that the data allow.");
+  add_old_flag(verb, "--sources", "--min-rank", options->min_rank);
+  add_flag(verb, "--full-matrix", options->full_matrix,
+           "als: Fit the whole matrix of autocovariances instead of one column.");
+  add_choice(verb, "--path", options->path, {"automatic", "direct", "steady", "compressed"},
+             "Choose the method that evaluates the likelihood.");
+  return {"tune", [options](const std::string& command) { return tune(*options, command); }};
+}
+
+}  // namespace identikal

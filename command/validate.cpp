@@ -1,0 +1,90 @@
+// validate: does a result hold on other data?
+#include "identify/validation/validate.h"
+
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "command/quantity.h"
+#include "command/run.h"
+#include "command/verbs.h"
+#include "identify/result/estimated_model.h"
+#include "identify/result/file.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+struct ValidationOptions {
+  std::string result_path, least_fit;
+  RecordingOptions recordings;
+  ResultOptions result;
+  bool robust = false;
+};
+
+// In percent.
+double least_fit(const std::string& text) {
+  const double percent = 100.0 * percentage("--fit", text);
+  if (!(percent <= 100.0)) {
+    throw InputError({}, fmt::format("--fit '{}' cannot be reached", text), "at most 100%");
+  }
+  if (!(percent > 0.0)) {
+    throw InputError({}, fmt::format("--fit '{}' has no effect", text), "above 0%");
+  }
+  return percent;
+}
+
+void refuse_what_estimates_nothing(const StoredResult& result, const ModelFile& model) {
+  if (model.form == ModelFile::Form::regression) {
+    throw InputError({result.path, 0, 0}, "a result about a regression",
+                     "a result of tune, check or fit");
+  }
+  if (result.estimate.verb == "bound") {
+    throw InputError({result.path, 0, 0}, "a result of 'bound', which has estimated nothing",
+                     "a result of tune, check or fit");
+  }
+}
+
+int validate_result(const ValidationOptions& given, const std::string& command) {
+  const Run run{"validate", command, given.result_path, {}, given.result};
+  const StoredResult result = read_stored_result(given.result_path);
+  const ModelFile model = estimated_model(result.estimate, result.path);
+  refuse_what_estimates_nothing(result, model);
+  const bool vehicle = model.form == ModelFile::Form::single_track;
+  if (!vehicle) require_filter(model, run.verb);
+  if (given.robust && !vehicle) {
+    throw InputError({}, "--robust does not apply to a filter", "a result about a vehicle");
+  }
+  ValidateOptions options;
+  options.robust = given.robust;
+  if (!given.least_fit.empty()) options.least_fit = least_fit(given.least_fit);
+  const Recordings recordings = load_recordings(given.recordings, model, run.verb);
+  Estimate estimate =
+      validate(result.estimate, model, recordings.data, recordings.records, options);
+  return finish(run, recordings, estimate);
+}
+
+}  // namespace
+
+Verb validate_verb(CLI::App& app) {
+  const auto options = std::make_shared<ValidationOptions>();
+  CLI::App& verb = add_verb(app, "validate",
+                            "Score a result on other data without a refit; exit status 1 when it "
+                            "does not hold.");
+  add_argument(verb, "RESULT", options->result_path,
+               "Result to validate: result.json, or its folder.");
+  add_recordings(verb, options->recordings);
+  add_text(verb, "--fit", options->least_fit,
+           "Require this least fit of every channel, e.g. 70%. Without it, a filter has to pass "
+           "its tests; a vehicle has to explain 50% of the yaw rate and the rest better than its "
+           "mean, and to be the car that a refit finds.");
+  add_flag(verb, "--robust", options->robust,
+           "Vehicle: Take the noise to follow Student's t instead of a normal distribution.");
+  add_range(verb, options->recordings.range);
+  add_result(verb, options->result);
+  return {"validate",
+          [options](const std::string& command) { return validate_result(*options, command); }};
+}
+
+}  // namespace identikal
