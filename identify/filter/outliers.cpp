@@ -163,7 +163,7 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
                                       })
                          ->deviations,
                      here.size() > 1 ? "" : "s", 100.0 * share),
-         "--robust leaves them out; or empty their cells: missing samples are exact"});
+         "--reject-outliers leaves them out; or empty their cells: missing samples are exact"});
   }
 }
 

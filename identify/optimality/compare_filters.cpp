@@ -71,11 +71,11 @@ double difference(const Scored& a, const Scored& best) {
 void check_models(const std::vector<ModelFile>& models) {
   if (models.size() < 2) {
     throw InputError({}, "one filter cannot be compared",
-                     "identikal check --compare A.yaml B.yaml DATA");
+                     "identikal compare A.yaml B.yaml DATA");
   }
   for (const ModelFile& model : models) {
     if (model.form != ModelFile::Form::linear && model.form != ModelFile::Form::nonlinear) {
-      throw InputError({model.path, 0, 0}, "'check' compares Kalman filters, this is a vehicle",
+      throw InputError({model.path, 0, 0}, "'compare' ranks Kalman filters, this is a vehicle",
                        "a model with Q and R");
     }
     const auto same = [](const ChannelSource& a, const ChannelSource& b) {

@@ -76,7 +76,7 @@ void check_comparable(const std::vector<StoredResult>& results) {
              fmt::format("'{}' ({}) maximises no likelihood, so it has no AIC to be ranked by",
                          e.verb, e.objective.method),
              "results of tune --method ml, shape, or fit",
-             "'identikal check --compare A.yaml B.yaml DATA' ranks any filters");
+             "'identikal compare A.yaml B.yaml DATA' ranks any filters");
     }
     if (likelihood_kind(e) != likelihood_kind(f)) {
       refuse(result,
@@ -99,7 +99,7 @@ void check_comparable(const std::vector<StoredResult>& results) {
       refuse(result,
              fmt::format("uses {} measured values, {} uses {}", e.objective.samples, name_of(first),
                          f.objective.samples),
-             "the same values for all", "--robust leaves some out");
+             "the same values for all", "--reject-outliers leaves some out");
     }
     const bool one_diffuse =
         (e.objective.initial == "diffuse") != (f.objective.initial == "diffuse");

@@ -286,7 +286,7 @@ TEST(NoiseAlsStudy, OutliersLeftOutOrClipped) {
     }
     const NoiseStudy plain = study(std::string("als, outliers ") + what, system, recordings, als);
     const NoiseStudy robust = study(
-        std::string("als --robust, outliers ") + what, system, recordings,
+        std::string("als --reject-outliers, outliers ") + what, system, recordings,
         [&](const std::vector<Dataset>& data) { return tune_robust(system.model, data, als); });
     for (const double c : {1.5, 2.5}) {
       Eigen::Matrix2Xd estimates(2, 100);
