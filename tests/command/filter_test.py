@@ -1,0 +1,118 @@
+"""filter: states and innovations."""
+import json
+import os
+import pathlib
+import unittest
+
+import jsonschema
+
+from program import LANE_CHANGE, NILE, ROOT, SCHEMA, SYSTEM_1, Folder, result, run, shared, table
+
+
+class Filter(unittest.TestCase):
+    """The level of the Nile at Durbin and Koopman's values against statsmodels 0.13.5, local level with a diffuse start."""
+
+    VALUES = "--set", "q=1469.1", "--set", "r=15099"
+
+    def test_states_on_standard_output(self):
+        head, rows = table(run("filter", *NILE, *self.VALUES, code=0).stdout)
+        self.assertEqual(["time [s]", "level", "level_sd"], head)
+        self.assertEqual(100, len(rows))
+        for t, level, variance in ((0, 1120.0, 15099.0), (1, 1140.927839934822, 7899.7363793969125), (27, 1133.1262912421244, 4032.158206950185),
+                                   (99, 798.3702926083578, 4032.1579418087836)):
+            self.assertAlmostEqual(rows[t][1], level, delta=1e-5)
+            self.assertAlmostEqual(rows[t][2] ** 2, variance, delta=1e-4)
+        head, rows = table(run("filter", *NILE, *self.VALUES, "--smooth", code=0).stdout)
+        for t, level, variance in ((0, 1111.6683191267957, 4032.1579418084766), (27, 999.585218705269, 2326.756958102708), (98, 804.0495956662394, 3242.9300732249258)):
+            self.assertAlmostEqual(rows[t][1], level, delta=1e-5)
+            self.assertAlmostEqual(rows[t][2] ** 2, variance, delta=1e-4)
+        self.assertEqual(run("filter", *NILE, "--lag", 200).stdout, run("filter", *NILE, "--smooth").stdout)
+        self.assertEqual(run("filter", *NILE, "--lag", 0).stdout, run("filter", *NILE).stdout)
+        # The record up to 5 years later.
+        head, lagged = table(run("filter", *NILE, "--lag", 5).stdout)
+        head, until = table(run("filter", *NILE, "--smooth", "--range", "0:55").stdout)
+        self.assertEqual(lagged[50], until[50])
+
+    def test_files_and_summary(self):
+        with Folder() as folder:
+            out = folder.path / "out"
+            text = run("filter", *NILE, *self.VALUES, "-o", out, code=0).stdout
+            self.assertLessEqual(max(map(len, text.splitlines())), 80)
+            self.assertIn("state  level", text)
+            self.assertIn("798.37 +- 63.5", text)
+            self.assertEqual(["innovations.csv", "result.json", "states.csv"], sorted(os.listdir(out)))
+            jsonschema.validate(json.loads((out / "result.json").read_text()), SCHEMA)
+            head, rows = table((out / "innovations.csv").read_text())
+            self.assertEqual(["time [s]", "level_innovation", "level_sd", "level_standardised"], head)
+            self.assertEqual([0, None, None, None], rows[0])
+            # Second year: 1160 - 1120, variance r + (r + q).
+            self.assertAlmostEqual(rows[1][1], 40)
+            self.assertAlmostEqual(rows[1][2], (15099 + 15099 + 1469.1) ** 0.5, delta=1e-5)
+            self.assertAlmostEqual(rows[1][3], 40 / (15099 + 15099 + 1469.1) ** 0.5, delta=1e-7)
+
+    def test_values_of_a_result(self):
+        with Folder() as folder:
+            tuned = folder.path / "tuned"
+            run("tune", *NILE, "-o", tuned, code=0)
+            values = {p["name"]: p["value"] for p in json.loads((tuned / "result.json").read_text())["parameters"]}
+            typed = run("filter", *NILE, "--set", f"q={values['q']!r}", "--set", f"r={values['r']!r}", code=0).stdout
+            self.assertEqual(typed, run("filter", *NILE, "--from", tuned, code=0).stdout)
+            out = result("filter", *NILE, "--from", tuned / "result.json", "--set", "q=5")
+            self.assertEqual({"q": 5, "r": values["r"]}, {p["name"]: p["value"] for p in out["parameters"]})
+            text = pathlib.Path(NILE[0]).read_text()
+            other = folder.write("other.yaml", text.replace("q:", "q2:").replace("[[q]]", "[[q2]]"))
+            self.assertIn("no parameter 'q'", run("filter", other, NILE[1], "--from", tuned, code=2).stderr)
+
+    def test_matrices_of_a_result(self):
+        with Folder() as folder:
+            data, model = shared("noise/sys1.csv"), folder.write("model.yaml", SYSTEM_1.replace("column: y", "column: 1"))
+            run("tune", model, data, "-o", folder.path / "tuned", code=0)
+            out = result("filter", model, data, "--from", folder.path / "tuned")
+            tuned = json.loads((folder.path / "tuned/result.json").read_text())
+            self.assertEqual(tuned["noise"]["Q"]["matrix"], out["noise"]["Q"]["matrix"])
+            self.assertEqual(tuned["objective"]["log_likelihood"], out["objective"]["log_likelihood"])
+
+    def test_time_stamps_and_missing_rows(self):
+        with Folder() as folder:
+            model = folder.write("model.yaml", SYSTEM_1.replace("step: 1 s", "column: t, unit: ms, step: 0.1 s"))
+            stamps = [5000 + 100.3 * k for k in range(60) if k not in (20, 21)]
+            data = folder.write("data.csv", "t,y\n" + "".join(f"{t},{(7 * k) % 5 - 2}\n" for k, t in enumerate(stamps)))
+            head, rows = table(run("filter", model, data, code=0).stdout)
+            self.assertEqual(60, len(rows))
+            recorded = [row for k, row in enumerate(rows) if k not in (20, 21)]
+            for row, t in zip(recorded, stamps):
+                self.assertAlmostEqual(row[0], t / 1000, delta=1e-9)
+            self.assertAlmostEqual(rows[20][0], rows[19][0] + 0.1, delta=1e-9)
+            self.assertAlmostEqual(rows[20][1], 0.5 * rows[19][1], delta=1e-8)
+            self.assertAlmostEqual(rows[20][2] ** 2, 0.25 * rows[19][2] ** 2 + 1, delta=1e-6)
+
+    def test_several_recordings(self):
+        with Folder() as folder:
+            head, rows = table(run("filter", NILE[0], NILE[1], NILE[1], "--smooth", code=0).stdout)
+            self.assertEqual(["recording", "time [s]", "level", "level_sd"], head)
+            self.assertEqual([1] * 100 + [2] * 100, [row[0] for row in rows])
+            self.assertEqual(rows[17][1:], rows[117][1:])
+
+    def test_a_long_recording(self):
+        with Folder() as folder:
+            run("simulate", ROOT / "examples/system7.yaml", "-n", 20000, "-o", folder.path, code=0)
+            data = folder.path / "simulated.csv"
+            model = ROOT / "examples/system7.yaml"
+            _, interval = table(run("filter", model, data, "--smooth", code=0).stdout)
+            _, lagged = table(run("filter", model, data, "--lag", 400, code=0).stdout)
+            self.assertEqual(20000, len(interval))
+            for t in range(0, 20000, 997):
+                for a, b in zip(interval[t], lagged[t]):
+                    self.assertAlmostEqual(a, b, delta=1e-7 * (1 + abs(a)))
+
+    def test_what_it_cannot_do(self):
+        for words, arguments in ((["takes a linear model"], LANE_CHANGE), (["--smooth and --lag"], (*NILE, "--smooth", "--lag", 3)),
+                                 (["cannot be read"], (*NILE, "--from", "/nowhere"))):
+            done = run("filter", *arguments, code=2)
+            self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))
+            for word in words:
+                self.assertIn(word, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,50 @@
+"""Results that version 1 of the schema has written."""
+import json
+import shutil
+import unittest
+
+import jsonschema
+
+from program import LANE_CHANGE, NILE, ROOT, SCHEMA, Folder, result, run
+
+
+class TestResultsOfVersion1(unittest.TestCase):
+    """Results that version 1 of the schema holds, as the program wrote them then, are read."""
+
+    def setUp(self):
+        self.folder = Folder().__enter__()
+        self.old = self.folder.path / "old"
+        shutil.copytree(ROOT / "tests/golden/result_v1", self.old)
+
+    def tearDown(self):
+        self.folder.__exit__()
+
+    def test_report_has_the_new_names_and_the_old_keys(self):
+        for name, code, verdict in (("nile", "ok", "poorly_determined"), ("check", "rejected", "ok"), ("lane_change", "ok", "ok")):
+            run("report", self.old / name, code=0)
+            page = (self.old / name / "report.html").read_text()
+            read = lambda block: json.loads(page.split(f'id="{block}">')[1].split("</script>")[0])
+            out, data = read("result"), read("data")
+            jsonschema.validate(out, SCHEMA)
+            self.assertEqual((2, code, verdict), (out["schema_version"], out["status"]["code"], out["parameters"][0]["verdict"]))
+            self.assertEqual(out["objective"]["starts_agree"], out["objective"]["starts_at_optimum"])
+            self.assertEqual(out["noise"]["expected_loss"], out["noise"]["excess_mean_square_error"])
+            self.assertIn("simulation", data["channels"][0])
+            self.assertNotIn("free_run", data["channels"][0])
+            before = json.loads((self.old / name / "result.json").read_text())
+            self.assertEqual([p["value"] for p in before["parameters"]], [p["value"] for p in out["parameters"]])
+
+    def test_other_verbs(self):
+        now = self.folder.path / "now"
+        run("tune", *NILE, "-o", now, code=0)
+        self.assertIn("q = 1469.18, se 1.28e+03, poorly determined", run("export", self.old / "nile", "--to", "python", code=0).stdout)
+        self.assertIn("REJECTED: not optimal", run("export", self.old / "check", "--to", "c", code=0).stdout)
+        self.assertEqual("rejected", json.loads(run("export", self.old / "check", "--to", "json", code=0).stdout)["status"]["code"])
+        old, new = (json.loads(run("validate", r, NILE[1], "--json").stdout) for r in (self.old / "nile", now))
+        self.assertEqual(old["tests"], new["tests"])
+        self.assertIn("1469", run("compare", self.old / "nile", now, code=0).stdout)
+        self.assertIn("Cf", run("validate", self.old / "lane_change", LANE_CHANGE[1]).stdout)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

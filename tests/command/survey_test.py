@@ -1,0 +1,46 @@
+"""info --vehicle: surveys."""
+import unittest
+
+from program import LANE_CHANGE, SHARED, Folder, result, run, shared
+
+
+class Vehicle(unittest.TestCase):
+    """info --vehicle: what is wrong with a recording before any fit."""
+
+    def surveyed(self, *arguments):
+        return result("info", "--vehicle", *arguments)["survey"]
+
+    def codes(self, survey):
+        return {w["code"] for w in survey["findings"]}
+
+    def test_clean(self):
+        for arguments in ((LANE_CHANGE[1],), LANE_CHANGE):
+            survey = self.surveyed(*arguments)
+            self.assertEqual(set(), self.codes(survey))
+            self.assertEqual("yes", {v["of"]: v["answer"] for v in survey["identifiable"]}["Iz"])
+            self.assertIn("nothing wrong was found", run("info", "--vehicle", *arguments, code=0).stdout)
+
+    def test_recordings(self):
+        names = ["recordings/comma2k19_rav4_imu.csv", "recordings/comma2k19_rav4_speed.csv",
+                 "recordings/comma2k19_rav4_steer.csv"]
+        survey = self.surveyed("+".join(shared(name) for name in names))
+        self.assertIn("several_clocks", self.codes(survey))
+        self.assertEqual("no", {v["of"]: v["answer"] for v in survey["identifiable"]}["steering_ratio"])
+        survey = self.surveyed(shared("recordings/revsted_obd_sample.csv"))
+        self.assertLessEqual({"sign_ay", "held_samples"}, self.codes(survey))
+        for path in sorted((SHARED / "recordings").glob("*.[ct][sx][vt]")):
+            text = run("info", "--vehicle", path, code=0).stdout
+            self.assertLessEqual(max(map(len, text.splitlines()[1:])), 80, path)
+
+    def test_the_mapping_proposed_is_a_model(self):
+        data = shared("recordings/polaris_human_connor_track3_1.csv")
+        text = run("info", "--vehicle", data, code=0).stdout.split("by itself:\n")[1]
+        with Folder() as folder:
+            model = folder.write("proposed.yaml", "identikal: 1\nparameters: {m: 900 kg, a: 1 m, b: 1 m, "
+                                 "Iz: 700 kg m^2, Cf: 3e4 N/rad, Cr: 3e4 N/rad, steering_ratio: 15}\n" + text)
+            survey = self.surveyed(model, data)
+            self.assertEqual(set(), {w["code"] for w in survey["findings"] if w["severity"] == "serious"})
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
