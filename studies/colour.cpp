@@ -56,8 +56,8 @@ std::string horizons_line(const std::string& what, const VectorXd& values, const
 
 StudyReport table_11(const StudyOptions& options) {
   constexpr Index kTuned = 3000, kFresh = 30000;
-  const StateSpace truth = system_5_26();
-  const ModelFile base = known_part_of_5_26();
+  const StateSpace truth = system_with_damped_sine_noise();
+  const ModelFile base = model_without_noise_filter();
   const auto count = static_cast<Index>(kHorizons.size());
   MatrixXd best(count, options.runs), shaped = best, white = best;
   repeat(options, 0, [&](int run, Random& random) {
@@ -181,11 +181,11 @@ StudyReport table_of_states(bool process, const StudyOptions& options) {
 StudyReport figure_12(const StudyOptions& options) {
   constexpr Index kTuned = 3000, kShown = 300, kAhead = 16, kSettled = 500;
   Random random(options.seed);
-  const StateSpace truth = system_5_26();
+  const StateSpace truth = system_with_damped_sine_noise();
   const Dataset data = recording(truth, InitialState::given, kTuned, random);
   const Dataset fresh = recording(truth, InitialState::given, kSettled + kShown, random);
-  const ModelFile white = tuned(known_part_of_5_26(), data);
-  const ShapeResult found = shape(known_part_of_5_26(), {data});
+  const ModelFile white = tuned(model_without_noise_filter(), data);
+  const ShapeResult found = shape(model_without_noise_filter(), {data});
   const ModelFile& shaped = found.model ? *found.model : white;
   const auto predicted = [&](const ModelFile& model) {
     const StateSpace m = instantiate(model.linear, model.parameters);

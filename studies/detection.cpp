@@ -29,16 +29,17 @@ using Eigen::VectorXd;
 constexpr Index kRecorded = 8200;
 
 // One recording; Q and R, which the source does not give, are 1.
-struct Experiment517 {
-  PublishedSystem system = system_5_17();
+struct DetectionExperiment {
+  PublishedSystem system = oscillating_system();
   ModelFile truth;
   Dataset data;
 };
-Experiment517 experiment(bool coloured, const StudyOptions& options) {
-  Experiment517 out;
+DetectionExperiment experiment(bool coloured, const StudyOptions& options) {
+  DetectionExperiment out;
   out.truth = model_of(out.system, 1.0, 1.0);
   if (coloured) {
-    out.truth = with_shaping_filters(out.truth, NoiseSource::process, {{0, filter_5_21(), 1.0}});
+    out.truth = with_shaping_filters(out.truth, NoiseSource::process,
+                                     {{0, oscillating_noise_filter(), 1.0}});
   }
   Random random(options.seed);
   out.data = recording(out.truth, kRecorded, random);
@@ -64,7 +65,7 @@ MatrixXd innovations(const PublishedSystem& system, const MatrixXd& K, const Mat
 StudyReport autocorrelation_figure(bool coloured, const StudyOptions& options) {
   constexpr Index kLags = 100;
   constexpr int kTestLags = 20;
-  const Experiment517 made = experiment(coloured, options);
+  const DetectionExperiment made = experiment(coloured, options);
   const Autocovariances Y = sample_autocovariances(made.data.y, kLags + 1, Divisor::samples);
   const AutocovarianceFit fit = fit_autocovariances(made.system.A, made.system.C, Y);
   StudyReport out;
@@ -149,7 +150,7 @@ StudyReport spectrum_figure(int number, const StudyOptions& options) {
   constexpr int kTapers = 9;
   constexpr double kSecond = 0.9;  // rad: the system's own peak is below, that of (5.21) above
   const bool coloured = number != 9;
-  const Experiment517 made = experiment(coloured, options);
+  const DetectionExperiment made = experiment(coloured, options);
   const Spectrum measured = multitaper(made.data.y, kTapers);
   const Index count = measured.omega.size();
   VectorXd level(count), expected(count);
@@ -170,7 +171,7 @@ StudyReport spectrum_figure(int number, const StudyOptions& options) {
     smooth[k] = level.segment(k - kAverage, 2 * kAverage + 1).mean();
   }
   const MatrixXd base = base_functions(made.system.A, made.system.C, measured.omega);
-  const ShapingState filter = shaping_state(filter_5_21());
+  const ShapingState filter = shaping_state(oscillating_noise_filter());
   const MatrixXd filter_base = base_functions(filter.A, filter.c, measured.omega);
   const double dof = 2.0 * kTapers;
   const double low = dof / chi_square_quantile(0.975, dof),

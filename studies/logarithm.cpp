@@ -55,7 +55,7 @@ DiscreteFit discrete_fit(const SingleTrack<>& car, const MatrixXd& x, const Vect
   const Vector2d Gamma = solution.row(2).transpose();
   const Eigen::Matrix2cd logarithm = Eigen::Matrix2cd(Phi.cast<std::complex<double>>()).log();
   out.real = logarithm.imag().norm() < 1e-9;
-  const Matrix2d A = logarithm.real() / kThesisStep;
+  const Matrix2d A = logarithm.real() / kSladka2010Step;
   const Vector2d B = A * (Phi - Matrix2d::Identity()).inverse() * Gamma;
   // -(Cf + Cr) = m vx A11, -(a Cf - b Cr) = Iz vx A21, Cf = m B1.
   const double sum = -car.m * vx * A(0, 0), moment = -car.Iz * vx * A(1, 0);
@@ -71,7 +71,7 @@ StudyReport logarithm_study(const StudyOptions& options) {
   constexpr double kSdR = 0.01, kSdVy = 0.03, kSpeed = 60.0 / 3.6;  // [rad/s], [m/s], [m/s]
   const SingleTrack<> car = linear_car(sladka2010_car());
   const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
-  const ModelFile model = thesis_model();
+  const ModelFile model = sladka2010_model();
   enum { kStates, kSteering, kEquationError, kOutputError, kMethods };
   constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
   MatrixXd Cf(options.runs, kMethods), Cr = Cf;
@@ -81,7 +81,7 @@ StudyReport logarithm_study(const StudyOptions& options) {
     Dataset data;
     data.name = "simulated";
     data.time = truth.time;
-    data.dt = kThesisStep;
+    data.dt = kSladka2010Step;
     data.inputs = {{"steering_wheel_angle", "rad"}, {"vx", "m/s"}};
     data.outputs = {{"r", "rad/s"}, {"vy", "m/s"}};
     data.u.resize(2, kSladka2010Samples);

@@ -82,14 +82,16 @@ ModelFile with_variances(ModelFile model, const VectorXd& variances) {
   return model;
 }
 
-PublishedSystem system_5_17() {
+PublishedSystem oscillating_system() {
   return {(MatrixXd(2, 2) << 0.9, -0.8, 0.2, 0.8).finished(), Eigen::Vector2d(0.1, 0.05),
           Eigen::RowVector2d(4.0, 0.1)};
 }
 
-ShapingFilter filter_5_21() { return {Eigen::Vector2d(-0.6, 0.84), VectorXd::Constant(1, 0.125)}; }
+ShapingFilter oscillating_noise_filter() {
+  return {Eigen::Vector2d(-0.6, 0.84), VectorXd::Constant(1, 0.125)};
+}
 
-StateSpace system_5_26() {
+StateSpace system_with_damped_sine_noise() {
   StateSpace m;
   m.A = (MatrixXd(4, 4) << 1.979, 1, 0, 0, -0.998, 0, 0, 0, 0.008, 0, 1.94, 1, -0.0724, 0, -0.94, 0)
             .finished();
@@ -105,7 +107,7 @@ StateSpace system_5_26() {
   return m;
 }
 
-ModelFile known_part_of_5_26() {
+ModelFile model_without_noise_filter() {
   ModelFile out = model_of({(MatrixXd(2, 2) << 1.94, 1, -0.94, 0).finished(),
                             Eigen::Vector2d(0.008, -0.0724), Eigen::RowVector2d(1, 0)},
                            0.05, 0.05);

@@ -27,14 +27,14 @@ ModelFile with_variances(ModelFile model, const Eigen::VectorXd& variances);
 
 /// (5.17), and (5.21) with its zero at -8 moved inside the unit circle, which leaves the spectrum's
 /// shape.
-PublishedSystem system_5_17();
-ShapingFilter filter_5_21();
+PublishedSystem oscillating_system();
+ShapingFilter oscillating_noise_filter();
 
 /// (5.26): w of variance 0.001 through a damped sine of 46 samples, v of variance 0.05; x0 = 0.
-StateSpace system_5_26();
+StateSpace system_with_damped_sine_noise();
 
 /// The part of (5.26) behind its noise filter, poles at 1 and 0.94, Q and R as model_of(), diffuse.
-ModelFile known_part_of_5_26();
+ModelFile model_without_noise_filter();
 
 /// A recording of the system, without inputs.
 /// @param states  receives x(1) ... x(samples) as columns, when not nullptr

@@ -14,7 +14,7 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
   const SingleTrack<> car = linear_car(sladka2010_car());
   constexpr int kFine = 100;  // steps of the true car between two samples
   const Index fine = (kSladka2010Samples - 1) * kFine + 1;
-  const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kThesisStep * (kSladka2010Samples - 1));
+  const VectorXd time = VectorXd::LinSpaced(fine, 0.0, kSladka2010Step * (kSladka2010Samples - 1));
   const VectorXd angle = steering(manoeuvre, time);
   const VectorXd vx = VectorXd::LinSpaced(fine, from_speed, to_speed);
   MatrixXd states(2, fine);
@@ -30,7 +30,7 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
   return out;
 }
 
-ModelFile thesis_model(const std::vector<std::string>& outputs) {
+ModelFile sladka2010_model(const std::vector<std::string>& outputs) {
   const VehicleParameters<double> car = sladka2010_car();
   const auto parameter = [](const char* name, const char* unit, double value) {
     Parameter p;

@@ -12,7 +12,7 @@
 namespace identikal {
 
 inline constexpr Eigen::Index kSladka2010Samples = 70;  ///< section 8.3: 7 s at 10 Hz
-inline constexpr double kThesisStep = 0.1;              ///< [s]
+inline constexpr double kSladka2010Step = 0.1;          ///< [s]
 
 struct TrueDrive {
   Eigen::VectorXd time, steering, vx;  ///< of the samples, SI; angle at the steering wheel
@@ -27,6 +27,6 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
 /// A model file for that car, in SI: mass, lengths and steering ratio known; Iz free from its true
 /// value, Cf and Cr free from 8e4 N/rad; inputs steering_wheel_angle and vx.
 /// @param outputs  of "r", "vy", "ay", "beta"
-ModelFile thesis_model(const std::vector<std::string>& outputs = {"r", "vy"});
+ModelFile sladka2010_model(const std::vector<std::string>& outputs = {"r", "vy"});
 
 }  // namespace identikal

@@ -60,9 +60,9 @@ Vector2d source_step(const SingleTrack<>& car, Moment moment, const Vector2d& x,
   const auto rates = [&](const Vector2d& at) {
     return source_rates(car, moment, at, steering, vx);
   };
-  const Vector2d k1 = rates(x), k2 = rates(x + 0.5 * kThesisStep * k1);
-  const Vector2d k3 = rates(x + 0.5 * kThesisStep * k2), k4 = rates(x + kThesisStep * k3);
-  return x + kThesisStep / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
+  const Vector2d k1 = rates(x), k2 = rates(x + 0.5 * kSladka2010Step * k1);
+  const Vector2d k3 = rates(x + 0.5 * kSladka2010Step * k2), k4 = rates(x + kSladka2010Step * k3);
+  return x + kSladka2010Step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
 }
 
 // What the recursive least squares of 9.2.1 makes of one signal and one regressor.
@@ -127,7 +127,7 @@ MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derive
     continuous.S = Matrix2d::Zero();
     continuous.x0 = Vector2d::Zero();
     continuous.P0 = Vector2d(0.25, 0.04).asDiagonal();
-    at = discretise(continuous, ProcessNoise::per_sample, kThesisStep, InputHold::linear);
+    at = discretise(continuous, ProcessNoise::per_sample, kSladka2010Step, InputHold::linear);
     const Vector2d gain = at.B.rowwise().sum();
     at.Q = process_sd * process_sd * gain * gain.transpose();
   };
@@ -234,7 +234,7 @@ Panel panel_over_time(const std::string& title, const std::string& label,
                       const std::vector<Curve>& curves) {
   Panel panel;
   panel.title = title;
-  panel.x = {"time [s]", 0.0, kThesisStep * (kSladka2010Samples - 1)};
+  panel.x = {"time [s]", 0.0, kSladka2010Step * (kSladka2010Samples - 1)};
   panel.y = {label, 0.0, 0.0};
   for (const Curve& curve : curves) {
     panel.y.low = std::min(panel.y.low, curve.y.minCoeff());

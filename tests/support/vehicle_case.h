@@ -141,7 +141,7 @@ inline Parameter unknown(const std::string& name, const std::string& unit, doubl
   return p;
 }
 
-using identikal::thesis_model;
+using identikal::sladka2010_model;
 
 /// For Monte Carlo: the fit alone, without the survey and the other forms of the model.
 inline VehicleFitOptions without_second_opinion() {

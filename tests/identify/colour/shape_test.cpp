@@ -101,7 +101,7 @@ TEST(ShapedModel, TheFileGivesItBack) {
 }
 
 TEST(ShapedModel, SaysWhatItCannotTake) {
-  ModelFile model = model_of(system_5_17(), 1.0, 1.0);
+  ModelFile model = model_of(oscillating_system(), 1.0, 1.0);
   EXPECT_EQ(shaping_fault(model, NoiseSource::process), "");
   model.linear.continuous = true;
   EXPECT_NE(shaping_fault(model, NoiseSource::process), "");
@@ -109,13 +109,13 @@ TEST(ShapedModel, SaysWhatItCannotTake) {
 }
 
 TEST(ShapedModel, ItsNamesAreNobodyElses) {
-  ModelFile base = model_of(system_5_17(), 1.0, 1.0);
+  ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
   base.name = "it's \"5.17\"";
   base.time.step = 1.0;
   base.outputs[0].name = base.outputs[0].column = "y \"1\": 'a'";
   base.parameters[1].name = "w1_a1";
   const ModelFile shaped =
-      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   std::set<std::string> names;
   for (const Parameter& p : shaped.parameters) names.insert(p.name);
   EXPECT_EQ(names.size(), shaped.parameters.size());
@@ -206,7 +206,7 @@ TEST(ShapingSpectrum, GradientAndInformationAreExact) {
 }
 
 TEST(Shape, WhiteNoiseIsLeftAlone) {
-  ModelFile truth = model_of(system_5_17(), 1.0, 1.0);
+  ModelFile truth = model_of(oscillating_system(), 1.0, 1.0);
   Random random(3);
   const Dataset data = recording(truth, 3000, random);
   const ShapeResult result = shape(truth, {data});
@@ -218,9 +218,9 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
 
 // At whatever stage: no filter then, and the white model is what there is.
 TEST(Shape, StopsWhenTold) {
-  const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
+  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
   const ModelFile truth =
-      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   Random random(4);
   const Dataset data = recording(truth, 1000, random);
   for (const char* const stage :
@@ -246,9 +246,9 @@ TEST(Shape, StopsWhenTold) {
 
 TEST(Shape, FindsThePublishedFilter) {
   // (5.17) with process noise through (5.21): a peak at 1.19 rad/s.
-  const ModelFile base = model_of(system_5_17(), 1.0, 1.0);
+  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
   const ModelFile truth =
-      with_shaping_filters(base, NoiseSource::process, {{0, filter_5_21(), 1.0}});
+      with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   Random random(4);
   const Dataset data = recording(truth, 4000, random);
   const ShapeResult result = shape(base, {data});
@@ -284,8 +284,9 @@ TEST(Shape, FindsThePublishedFilter) {
 TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
   // (5.26): an integrator and a slow pole; a damped sine of 46 s as process noise.
   Random random(5);
-  const Dataset data = recording(system_5_26(), InitialState::given, 3000, random);
-  const ShapeResult result = shape(known_part_of_5_26(), {data});
+  const Dataset data =
+      recording(system_with_damped_sine_noise(), InitialState::given, 3000, random);
+  const ShapeResult result = shape(model_without_noise_filter(), {data});
   const Shaping& s = *result.estimate.shaping;
   std::printf("%s noise, order %d; %s\n", s.noise_source.c_str(), s.order,
               result.estimate.message.c_str());
@@ -303,8 +304,8 @@ TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
 TEST(Shape, TheOutputsUnitDoesNotMatter) {
   // With a diffuse start a likelihood has a unit: the choice must not hang on it.
   Random random(6);
-  Dataset data = recording(system_5_26(), InitialState::given, 1500, random);
-  ModelFile model = known_part_of_5_26();
+  Dataset data = recording(system_with_damped_sine_noise(), InitialState::given, 1500, random);
+  ModelFile model = model_without_noise_filter();
   ShapeOptions options;
   options.most_order = 2;
   const ShapeResult metres = shape(model, {data}, options);

@@ -217,7 +217,7 @@ Dataset four_lane_changes(double factor, std::uint64_t seed) {
 
 TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
   const testing::TrueCar car;
-  ModelFile model = testing::thesis_model();
+  ModelFile model = testing::sladka2010_model();
   model.regression.forgetting = 0.96;
   model.regression.reset = true;
   const Estimate estimate = track_vehicle(model, four_lane_changes(0.6, 7));
@@ -246,12 +246,12 @@ TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
 
 TEST(TrackVehicle, KnowsWhatItCannotTrack) {
   const Dataset data = testing::lane_change({}, 100.0, {"r"});
-  EXPECT_THROW(track_vehicle(testing::thesis_model({"r"}), data), InputError);
-  ModelFile model = testing::thesis_model();
+  EXPECT_THROW(track_vehicle(testing::sladka2010_model({"r"}), data), InputError);
+  ModelFile model = testing::sladka2010_model();
   for (Parameter& p : model.parameters) p.fixed = true;
   EXPECT_THROW(track_vehicle(model, testing::lane_change({}, 100.0)), InputError);
   // A stiffness that is known stays as it is.
-  model = testing::thesis_model();
+  model = testing::sladka2010_model();
   model.parameters[6] = testing::known("Cr", "N/rad", 88107.7);
   const Estimate estimate = track_vehicle(model, testing::lane_change({}, 100.0));
   EXPECT_EQ(estimate.time_history->names, (std::vector<std::string>{"Iz", "Cf"}));

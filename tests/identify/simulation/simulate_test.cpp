@@ -19,7 +19,7 @@ namespace {
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
 ModelFile car_model() {
-  ModelFile model = thesis_model({"r", "vy", "ay"});
+  ModelFile model = sladka2010_model({"r", "vy", "ay"});
   for (Parameter& p : model.parameters) {
     if (p.name == "Cf" || p.name == "Cr") p.value.setConstant(88107.7);
   }

@@ -83,7 +83,7 @@ Dataset drive_around(std::uint64_t seed = 1, const std::vector<std::string>& out
 }
 
 VehicleSurvey surveyed(const Dataset& data, const std::vector<std::string>& outputs = kAll) {
-  return survey(vehicle_signals(testing::thesis_model(outputs), data));
+  return survey(vehicle_signals(testing::sladka2010_model(outputs), data));
 }
 
 VehicleSurvey surveyed_when(const std::function<void(Dataset&)>& spoil) {
@@ -253,7 +253,7 @@ TEST(VehicleSurvey, TheMappingOfTheModelFileIsTheStart) {
   Dataset data = drive_around();
   come_late(data, data.u, 0, 0.4);
   data.y.row(kAy) *= -1.0;
-  ModelFile model = testing::thesis_model(kAll);
+  ModelFile model = testing::sladka2010_model(kAll);
   model.inputs[0].delay = 0.3;
   model.outputs[kAy].scale = -2.0;
   model.outputs[kAy].offset = 0.5;
@@ -264,7 +264,7 @@ TEST(VehicleSurvey, TheMappingOfTheModelFileIsTheStart) {
 }
 
 TEST(VehicleSurvey, OnlyTheRangeCounts) {
-  const VehicleSignals all = vehicle_signals(testing::thesis_model(kAll), drive_around());
+  const VehicleSignals all = vehicle_signals(testing::sladka2010_model(kAll), drive_around());
   TimeRange range;
   range.from = 10.0;
   range.to = 30.0;

@@ -56,15 +56,15 @@ TEST(VehicleFit, StopsWhenToldAndSearchesNoFurther) {
   VehicleFitOptions options;
   int calls = 0;
   options.search.progress = [&](int, double) { return ++calls < 3; };
-  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_EQ(calls, 3);
   EXPECT_EQ(fit.status, Status::not_converged);
   EXPECT_THAT(fit.message, HasSubstr("stopped by the caller"));
 }
 
-TEST(VehicleFit, FindsTheThesisCar) {
+TEST(VehicleFit, FindsTheSladka2010Car) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
     const EstimatedParameter& p = parameter(fit, name);
@@ -112,7 +112,7 @@ TEST(VehicleFit, FindsTheThesisCar) {
 // 2 variances.
 TEST(VehicleFit, ReportsTheLikelihood) {
   const Dataset data = with_noise(lane_change({}, 10.0), {0.01, 0.03}, 2);
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   double log_likelihood = 0.0;
   for (Eigen::Index j = 0; j < 2; ++j) {
     const Eigen::VectorXd e = fit.series.measured.row(j) - fit.series.predicted.row(j);
@@ -126,9 +126,9 @@ TEST(VehicleFit, ReportsTheLikelihood) {
 
 TEST(VehicleFit, StartValueDecidesNothing) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 3);
-  const Estimate reference = fit_vehicle(thesis_model(), data);
+  const Estimate reference = fit_vehicle(sladka2010_model(), data);
   for (const double start : {1.2e4, 3.9e5}) {
-    ModelFile model = thesis_model();
+    ModelFile model = sladka2010_model();
     for (Parameter& p : model.parameters) {
       if (p.name == "Cf") p.value(0, 0) = start;
       if (p.name == "Cr") p.value(0, 0) = 4.1e5 - start;
@@ -150,7 +150,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
       with_noise(lane_change({}, 100.0, {"r", "vy", "ay", "beta"}), {0.01, 0.03, 0.1, 0.003}, 4);
   for (const std::vector<std::string>& outputs :
        {std::vector<std::string>{"r", "vy"}, {"r", "beta"}, {"r", "ay"}, {"r", "vy", "ay"}}) {
-    ModelFile model = thesis_model(outputs);
+    ModelFile model = sladka2010_model(outputs);
     Dataset part = data;
     part.outputs.clear();
     part.y.resize(static_cast<Eigen::Index>(outputs.size()), data.size());
@@ -169,7 +169,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
     EXPECT_NEAR(p[kCr], 88107.7, 0.15 * 88107.7) << outputs.back();
     EXPECT_NEAR(p[kYawInertia], 2319.0, 0.3 * 2319.0) << outputs.back();
   }
-  ModelFile model = thesis_model({"r"});
+  ModelFile model = sladka2010_model({"r"});
   Dataset part = data;
   part.outputs.resize(1);
   part.y.conservativeResize(1, Eigen::NoChange);
@@ -181,7 +181,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
 // Yaw rate alone at one speed: enough for three unknowns when everything else is exact.
 TEST(VehicleFit, YawRateAlone) {
   const Dataset data = with_noise(lane_change({}, 100.0, {"r"}), {0.002}, 5);
-  const Estimate fit = fit_vehicle(thesis_model({"r"}), data);
+  const Estimate fit = fit_vehicle(sladka2010_model({"r"}), data);
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 4.0 * parameter(fit, name).se);
   }
@@ -190,8 +190,8 @@ TEST(VehicleFit, YawRateAlone) {
 
 TEST(VehicleFit, SpeaksTheUsersUnits) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 6);
-  const Estimate si = fit_vehicle(thesis_model(), data);
-  ModelFile model = thesis_model();
+  const Estimate si = fit_vehicle(sladka2010_model(), data);
+  ModelFile model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     if (p.name == "Cf") p.unit = "kN/rad";
   }
@@ -230,7 +230,7 @@ TEST(VehicleFit, RunsInSegments) {
   data.u(1, 1310) = kMissing;
   data.u(0, 1325) = kMissing;  // leaves a fragment behind the stop
   data.y.row(0).segment(100, 300).setConstant(kMissing);
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   ASSERT_FALSE(fit.notes.empty());
   EXPECT_THAT(fit.notes[0], HasSubstr("in 4 segments"));
   EXPECT_THAT(fit.notes[0], HasSubstr("short segments"));
@@ -256,7 +256,7 @@ TEST(VehicleFit, TakesUnevenTimeStamps) {
                      [](double t) { return 18.0 - 0.5 * (t - 3.0); }),
                  {0.005, 0.02}, 8);
   data.dt = 0.011;
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 4.0 * parameter(fit, name).se) << name;
   }
@@ -286,7 +286,7 @@ TEST(VehicleFit, SensorsAndSteering) {
   }
   data.y.row(0).array() += 0.004;  // bias
   data = with_noise(data, {0.003, 0.02, 0.1, 0.002}, 9);
-  ModelFile model = thesis_model({"r", "vy", "ay", "beta"});
+  ModelFile model = sladka2010_model({"r", "vy", "ay", "beta"});
   model.vehicle.sensors["ay"] = ay_at;
   model.vehicle.sensors["beta"] = beta_at;
   model.parameters.push_back(unknown("steering_gain", "", 1.0));
@@ -307,7 +307,7 @@ TEST(VehicleFit, SensorsAndSteering) {
 
 TEST(VehicleFit, MassIsNeverFoundFromSteering) {
   const Dataset data = with_noise(lane_change({}, 100.0, {"r", "vy", "ay"}), {0.01, 0.03, 0.1}, 10);
-  ModelFile model = thesis_model({"r", "vy", "ay"});
+  ModelFile model = sladka2010_model({"r", "vy", "ay"});
   for (Parameter& p : model.parameters) {
     if (p.name == "m") p = unknown("m", "kg", 1300.0, 500.0, 4000.0);
   }
@@ -332,7 +332,7 @@ TEST(VehicleFit, MassIsNeverFoundFromSteering) {
 
 TEST(VehicleFit, SaysWhenSomethingIsNotExcited) {
   const Dataset data = with_noise(lane_change({}, 50.0), {0.01, 0.03}, 11);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.parameters.push_back(unknown("bias_ay", "m/s^2", 0.0));  // no ay is measured
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "bias_ay").verdict, Verdict::unexcited);
@@ -344,7 +344,7 @@ TEST(VehicleFit, SaysWhenSomethingIsNotExcited) {
 
 TEST(VehicleFit, BoundsAreReportedNotDressedUp) {
   const Dataset data = with_noise(lane_change({}, 50.0), {0.01, 0.03}, 12);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     if (p.name == "Cr") p.max = 8.2e4;
   }
@@ -360,7 +360,7 @@ TEST(VehicleFit, BoundsAreReportedNotDressedUp) {
 
 TEST(VehicleFit, GivenNoiseIsUsedAndChecked) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 13);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.vehicle.measurement_sd = {0.01, kMissing};
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(derived(fit, "sd(r)")->value, 0.01);
@@ -380,7 +380,7 @@ TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
     drift = 0.9 * drift + random.normal(2);
     data.y.col(t) += drift.cwiseProduct(Eigen::Vector2d(0.004, 0.012));
   }
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   ASSERT_NE(warning(fit, "coloured_residuals"), nullptr);
   EXPECT_THAT(fit.covariance_kind, HasSubstr("sandwich"));
   EXPECT_GT(parameter(fit, "Cf").se, 1.5 * parameter(fit, "Cf").crb_se);
@@ -392,7 +392,7 @@ TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
 
 TEST(VehicleFit, FlippedSignsAreSeen) {
   Dataset data = with_noise(lane_change({}, 100.0, {"r", "vy", "ay"}), {0.01, 0.03, 0.1}, 15);
-  const ModelFile model = thesis_model({"r", "vy", "ay"});
+  const ModelFile model = sladka2010_model({"r", "vy", "ay"});
   EXPECT_EQ(warning(fit_vehicle(model, data), "sign_ay"), nullptr);
   Dataset flipped = data;
   flipped.y.row(2) *= -1.0;
@@ -418,7 +418,7 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
 // Without an accelerometer no kinematics tell the sign of vy or beta, but the fit does.
 TEST(VehicleFit, WrongSignOfSideslipIsNamed) {
   for (const std::string& name : {std::string("vy"), std::string("beta")}) {
-    const ModelFile model = thesis_model({"r", name});
+    const ModelFile model = sladka2010_model({"r", name});
     const double sd = name == "vy" ? 0.03 : 0.002;
     const Dataset data = with_noise(lane_change({}, 100.0, {"r", name}), {0.01, sd}, 15);
     EXPECT_EQ(warning(fit_vehicle(model, data), "wrong_sign"), nullptr);
@@ -444,7 +444,7 @@ TEST(VehicleFit, SignsOfHeldOutDataAreSeen) {
             [](double t) { return 17.0 + 5.0 * std::sin(0.3 * t); }),
         {0.01, 0.03, 0.1}, seed);
   };
-  const ModelFile model = thesis_model({"r", "vy", "ay"});
+  const ModelFile model = sladka2010_model({"r", "vy", "ay"});
   VehicleFitOptions options;
   options.hold_out = {drive(2)};
   const Estimate clean = fit_vehicle(model, drive(1), options);
@@ -464,7 +464,7 @@ TEST(VehicleFit, ImplausibleValuesAreSaid) {
   odd.Iz = 4500.0;
   odd.Cf = odd.Cr = 300000.0;
   const Dataset data = with_noise(lane_change(odd, 100.0), {0.001, 0.003}, 16);
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   EXPECT_NE(warning(fit, "implausible_Iz"), nullptr);
   EXPECT_NE(warning(fit, "implausible_Cf"), nullptr);
   EXPECT_EQ(fit.status, Status::ok);  // printed, not enforced
@@ -473,7 +473,7 @@ TEST(VehicleFit, ImplausibleValuesAreSaid) {
 // The initial state is read off a sensor that is turned: without noise nothing is left to correct.
 TEST(VehicleFit, InitialSideslipOfATurnedSensor) {
   for (const std::string& name : {std::string("vy"), std::string("beta")}) {
-    ModelFile model = thesis_model({"r", name});
+    ModelFile model = sladka2010_model({"r", name});
     model.vehicle.sensors[name] = {0.4, -0.2, 0.05};
     model.parameters.push_back(known("mounting_angle", "rad", 0.03));
     const Dataset drive = record(
@@ -501,14 +501,14 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   car.softening_f = 1.0 / std::pow(6500.0, 2);
   car.softening_r = 1.0 / std::pow(4500.0, 2);
   const Dataset data = with_noise(lane_change(car, 100.0), {0.01, 0.03}, 17);
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   const Warning* saturation = warning(fit, "tyre_saturation");
   ASSERT_NE(saturation, nullptr);
   EXPECT_EQ(saturation->severity, "serious") << saturation->text;
   EXPECT_EQ(fit.status, Status::untrusted);
   EXPECT_LT(parameter(fit, "Cr").value, 0.9 * 88107.7);
 
-  const ModelFile model = thesis_model();
+  const ModelFile model = sladka2010_model();
   const VehicleRun run = usable_run(model, {data});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleProblem problem = make_vehicle_problem(run, unknowns, {300.0});
@@ -542,7 +542,7 @@ TEST(VehicleFit, OutliersBendNoTyre) {
       // Where the car turns hard, the sensor sometimes reads too little.
       if (std::abs(data.y(0, t)) > 0.15 && random.uniform() < 0.1) data.y(0, t) *= 0.3;
     }
-    const ModelFile model = thesis_model();
+    const ModelFile model = sladka2010_model();
     const VehicleRun run = usable_run(model, {data});
     const VehicleUnknowns unknowns = vehicle_unknowns(model);
     VehicleProblem problem = make_vehicle_problem(run, unknowns, {300.0});
@@ -563,7 +563,7 @@ TEST(VehicleFit, OutliersBendNoTyre) {
 
 TEST(VehicleFit, NothingFreeIsASimulation) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 18);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     p.fixed = true;
     if (p.name == "Cf" || p.name == "Cr") p.value(0, 0) = 88107.7;
@@ -579,7 +579,7 @@ TEST(VehicleFit, NothingFreeIsASimulation) {
 TEST(VehicleFit, RoadWheelAngleNeedsNoRatio) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 19);
   data.u.row(0) /= 21.0;
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.vehicle.steering_at_road_wheel = true;
   std::erase_if(model.parameters, [](const Parameter& p) { return p.name == "steering_ratio"; });
   const Estimate fit = fit_vehicle(model, data);
@@ -594,14 +594,14 @@ TEST(VehicleFit, RoadWheelAngleNeedsNoRatio) {
 TEST(VehicleFitRefuses, NoSteering) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(0).setZero();
-  EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("no steering"));
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("no steering"));
   data.u.row(0).setConstant(
       1.0);  // a circle from the first row to the last is allowed, but not praised
   const Estimate circle = fit_vehicle(
-      thesis_model(), with_noise(record(
-                                     {}, uniform_time(10.0, 50.0), {"r", "vy"},
-                                     [](double) { return 1.0; }, [](double) { return 15.0; }),
-                                 {0.01, 0.03}, 1));
+      sladka2010_model(), with_noise(record(
+                                         {}, uniform_time(10.0, 50.0), {"r", "vy"},
+                                         [](double) { return 1.0; }, [](double) { return 15.0; }),
+                                     {0.01, 0.03}, 1));
   EXPECT_NE(warning(circle, "constant_steering"), nullptr);
   expect_no_pretence(circle);
 }
@@ -609,7 +609,7 @@ TEST(VehicleFitRefuses, NoSteering) {
 TEST(VehicleFitRefuses, Standstill) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(1).setConstant(0.2);
-  const std::string text = refusal(thesis_model(), data);
+  const std::string text = refusal(sladka2010_model(), data);
   EXPECT_THAT(text, HasSubstr("700 below 3 m/s"));
   EXPECT_THAT(text, HasSubstr("is the unit of vx right?"));
 }
@@ -617,9 +617,9 @@ TEST(VehicleFitRefuses, Standstill) {
 TEST(VehicleFitRefuses, ReversingAllTheTime) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(1).setConstant(-2.0);
-  EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("vx is negative: does the car reverse"));
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("vx is negative: does the car reverse"));
   try {
-    fit_vehicle(thesis_model(), std::vector<Dataset>{lane_change({}, 100.0), data});
+    fit_vehicle(sladka2010_model(), std::vector<Dataset>{lane_change({}, 100.0), data});
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), HasSubstr("recording 2 of 2: no usable segment"));
@@ -633,39 +633,39 @@ TEST(VehicleFitRefuses, TooFewRows) {
     part.time = data.time.head(rows);
     part.u = data.u.leftCols(rows);
     part.y = data.y.leftCols(rows);
-    EXPECT_THAT(refusal(thesis_model(), part), HasSubstr("no usable segment")) << rows;
+    EXPECT_THAT(refusal(sladka2010_model(), part), HasSubstr("no usable segment")) << rows;
   }
   Dataset sparse = data;
   sparse.y.setConstant(kMissing);
   sparse.y.leftCols(2).setRandom();
-  EXPECT_THAT(refusal(thesis_model(), sparse), HasSubstr("more samples than unknowns"));
+  EXPECT_THAT(refusal(sladka2010_model(), sparse), HasSubstr("more samples than unknowns"));
 }
 
 TEST(VehicleFitRefuses, MissingInputs) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(1).setConstant(kMissing);
-  EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("700 without vx"));
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("700 without vx"));
   data = lane_change({}, 100.0);
   for (Eigen::Index t = 0; t < 700; ++t) {
     if (t % 5 != 0) data.u(0, t) = kMissing;
   }
-  EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("without steering angle"));
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("without steering angle"));
   data.u.conservativeResize(1, Eigen::NoChange);
-  EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("two: the steering angle, then vx"));
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("two: the steering angle, then vx"));
 }
 
 TEST(VehicleFitRefuses, DeadOutputs) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
   Dataset dead = data;
   dead.y.setConstant(kMissing);
-  EXPECT_THAT(refusal(thesis_model(), dead), HasSubstr("output 'r' has no sample"));
+  EXPECT_THAT(refusal(sladka2010_model(), dead), HasSubstr("output 'r' has no sample"));
   dead = data;
   dead.y.row(0).setConstant(0.1);
   dead.y.row(1).setZero();
-  EXPECT_THAT(refusal(thesis_model(), dead), HasSubstr("output 'r' is constant at 0.1 rad/s"));
+  EXPECT_THAT(refusal(sladka2010_model(), dead), HasSubstr("output 'r' is constant at 0.1 rad/s"));
   dead = data;
   dead.y.row(1).setZero();  // one of two: the other is used
-  const Estimate fit = fit_vehicle(thesis_model(), dead);
+  const Estimate fit = fit_vehicle(sladka2010_model(), dead);
   ASSERT_NE(warning(fit, "dead_output"), nullptr);
   EXPECT_EQ(fit.simulation.size(), 1u);
   EXPECT_EQ(fit.status, Status::untrusted);
@@ -677,17 +677,17 @@ TEST(VehicleFitRefuses, ImpossibleNumbers) {
   for (const double wrong : {1e300, -std::numeric_limits<double>::infinity()}) {
     Dataset data = lane_change({}, 100.0);
     data.u(1, 300) = wrong;
-    EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("vx is "));
+    EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("vx is "));
     data = lane_change({}, 100.0);
     data.y(1, 300) = wrong;
-    EXPECT_THAT(refusal(thesis_model(), data), HasSubstr("in SI units at 3 s"));
+    EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("in SI units at 3 s"));
   }
 }
 
 // A log-normal prior keeps a parameter above 0, wherever the file lets it go.
 TEST(VehicleFit, PriorOfALogarithm) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.parameters.push_back(unknown("steering_gain", "", 1.0));
   model.parameters.back().prior = {Prior::Kind::log_normal, 1.0, 1.02};
   const Estimate fit = fit_vehicle(model, data);
@@ -700,7 +700,7 @@ TEST(VehicleFit, PriorOfALogarithm) {
 TEST(VehicleFit, NothingFittedIsSaid) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(0) *= 1e5;
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.vehicle.curve = TyreCurve::linear;
   for (Parameter& p : model.parameters) {
     if (p.name == "steering_ratio") p.value(0, 0) = 1e-300;
@@ -716,22 +716,22 @@ TEST(VehicleFit, NothingFittedIsSaid) {
 
 TEST(VehicleFitRefuses, ModelsThatDoNotFit) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.parameters.push_back(known("Cq", "N/rad", 1.0));
   EXPECT_THAT(refusal(model, data), HasSubstr("parameter 'Cq'"));
-  model = thesis_model();
+  model = sladka2010_model();
   std::erase_if(model.parameters, [](const Parameter& p) { return p.name == "Iz"; });
   EXPECT_THAT(refusal(model, data), HasSubstr("parameter 'Iz' is missing"));
-  model = thesis_model();
+  model = sladka2010_model();
   model.parameters[0].value(0, 0) = -3.0;
   EXPECT_THAT(refusal(model, data), HasSubstr("parameter 'm' is -3"));
-  model = thesis_model();
+  model = sladka2010_model();
   model.outputs[1].name = "roll";
   EXPECT_THAT(refusal(model, data), HasSubstr("output 'roll'"));
 }
 
 TEST(VehicleFit, NoiselessDataAreNoTrouble) {
-  const Estimate fit = fit_vehicle(thesis_model(), lane_change({}, 100.0));
+  const Estimate fit = fit_vehicle(sladka2010_model(), lane_change({}, 100.0));
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 1e-3 * 88107.7);
   EXPECT_NEAR(parameter(fit, "Iz").value, 2319.0, 1e-3 * 2319.0);
   expect_no_pretence(fit);
@@ -741,7 +741,7 @@ TEST(VehicleFit, PureNoiseIsNotTrusted) {
   Dataset data = lane_change({}, 100.0);
   data.y.setZero();
   data = with_noise(data, {0.01, 0.03}, 3);
-  const Estimate fit = fit_vehicle(thesis_model(), data);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data);
   EXPECT_NE(fit.status, Status::ok);
   expect_no_pretence(fit);
 }
@@ -790,7 +790,7 @@ TEST(VehicleFitRecordings, Chirp) {
   const Dataset data =
       read_recording(shared_file(file), "TIME", {"steering_wheel_angle", "STEER", "deg", kDegree},
                      {"vx", "SPEED", "km/h", 1.0 / 3.6}, {{"r", "YAWVEL", "deg/s", kDegree}});
-  ModelFile model = thesis_model({"r"});
+  ModelFile model = sladka2010_model({"r"});
   constexpr double kWheelbase = 2.745;
   model.parameters = {known("m", "kg", 1600.0),
                       known("a", "m", 600.0 / 1600.0 * kWheelbase),
@@ -823,7 +823,7 @@ TEST(VehicleFitRecordings, RaceCar) {
   const Dataset data = read_recording(
       shared_file(file), "t", {"road_wheel_angle", "delta", "rad", 1.0}, {"vx", "vx", "m/s", 1.0},
       {{"r", "yawRate", "rad/s", 1.0}, {"vy", "vy", "m/s", 1.0}});
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.vehicle.steering_at_road_wheel = true;
   model.parameters = {known("m", "kg", 982.0),     known("a", "m", 1.33),
                       known("b", "m", 1.07),       unknown("Iz", "kg m^2", 1400.0),

@@ -48,7 +48,7 @@ Dataset hard_lane_change() {
 // 40 seeds: every interval at 95 %, so that 5 misses or more of 40 for one parameter happen in 5 %
 // of such tests, and in none of the five at 22 %; the seeds are fixed.
 TEST(VehicleModel, TanhTyreComesBack) {
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.vehicle.curve = TyreCurve::tanh;
   model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
   const Dataset clean = hard_lane_change();
@@ -79,7 +79,7 @@ TEST(VehicleModel, TanhTyreComesBack) {
 
 // A tyre that is linear: its largest force is not there to be found, and nothing is pretended.
 TEST(VehicleModel, NoSaturationIsSaid) {
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.vehicle.curve = TyreCurve::tanh;
   model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
   const Estimate fit = fit_vehicle(model, with_noise(lane_change({}, 100.0), {0.01, 0.03}, 5));
@@ -104,7 +104,7 @@ TEST(VehicleModel, NoSaturationIsSaid) {
 // axles at their bound.
 TEST(VehicleModel, NoSaturationOfAnyCurve) {
   for (const TyreCurve curve : {TyreCurve::tanh, TyreCurve::fiala, TyreCurve::magic_formula}) {
-    ModelFile model = thesis_model();
+    ModelFile model = sladka2010_model();
     model.vehicle.curve = curve;
     model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
     int straight = 0, said = 0;
@@ -138,21 +138,22 @@ Dataset late_steering(double delay) {
 
 TEST(VehicleModel, DelayIsFoundOrSaid) {
   const Estimate fit =
-      fit_vehicle(with_free(thesis_model(), "steering_delay", "s", 0.0), late_steering(0.08));
+      fit_vehicle(with_free(sladka2010_model(), "steering_delay", "s", 0.0), late_steering(0.08));
   const EstimatedParameter& delay = parameter(fit, "steering_delay");
   EXPECT_NEAR(delay.value, 0.08, 3.0 * delay.se);
   EXPECT_LT(delay.se, 0.01);
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 3.0 * parameter(fit, "Cf").se);
 
-  const Estimate without = fit_vehicle(thesis_model(), late_steering(0.08));
+  const Estimate without = fit_vehicle(sladka2010_model(), late_steering(0.08));
   const Warning* said = warning(without, "steering_delay");
   ASSERT_NE(said, nullptr);
   EXPECT_THAT(said->text, HasSubstr("with steering_delay free it is 0.07"));
-  EXPECT_EQ(warning(fit_vehicle(thesis_model(), late_steering(0.0)), "steering_delay"), nullptr);
+  EXPECT_EQ(warning(fit_vehicle(sladka2010_model(), late_steering(0.0)), "steering_delay"),
+            nullptr);
 }
 
 TEST(VehicleModel, DelayIsSaidBesideAFreeRatio) {
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   find(model, "steering_ratio")->fixed = false;
   find(model, "steering_ratio")->prior = {Prior::Kind::normal, 21.0, 0.1};
   EXPECT_NE(warning(fit_vehicle(model, late_steering(0.08)), "steering_delay"), nullptr);
@@ -161,7 +162,7 @@ TEST(VehicleModel, DelayIsSaidBesideAFreeRatio) {
 // What is shown as simulated is what was fitted, wherever the delay began.
 TEST(VehicleModel, ReplayFollowsAFittedDelay) {
   const Dataset data = late_steering(0.08);
-  const ModelFile model = with_free(thesis_model(), "steering_delay", "s", 0.5);
+  const ModelFile model = with_free(sladka2010_model(), "steering_delay", "s", 0.5);
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {data});
   const VehicleProblem problem =
@@ -183,7 +184,7 @@ TEST(VehicleModel, ReplayFollowsAFittedDelay) {
 
 // A parameter that the prior alone knows keeps the prior's error, however errors are taken.
 TEST(VehicleModel, PriorsErrorIsKept) {
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   find(model, "m")->fixed = false;
   find(model, "m")->prior = {Prior::Kind::normal, 1446.0, 50.0};
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
@@ -208,7 +209,7 @@ TEST(VehicleModel, BootstrapCountsSamples) {
   }
   VehicleFitOptions options = without_second_opinion();
   options.bootstrap = 2000;
-  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
     EXPECT_NEAR(parameter(fit, name).se / parameter(fit, name).crb_se, 1.0, 0.35) << name;
   }
@@ -227,13 +228,13 @@ Dataset wrong_ratio() {
 // A speed spread of 2 tells gain from stiffness.
 TEST(VehicleModel, WrongRatioIsSaid) {
   const Dataset data = wrong_ratio();
-  const Estimate fixed = fit_vehicle(thesis_model(), data);
+  const Estimate fixed = fit_vehicle(sladka2010_model(), data);
   const Warning* said = warning(fixed, "steering_gain");
   ASSERT_NE(said, nullptr);
   EXPECT_EQ(said->severity, "serious") << said->text;
   EXPECT_EQ(fixed.status, Status::untrusted);
 
-  const Estimate fit = fit_vehicle(with_free(thesis_model(), "steering_gain", "", 1.0), data);
+  const Estimate fit = fit_vehicle(with_free(sladka2010_model(), "steering_gain", "", 1.0), data);
   EXPECT_NEAR(parameter(fit, "steering_gain").value, 1.12,
               3.0 * parameter(fit, "steering_gain").se);
   const Warning* ratio = warning(fit, "steering_ratio");
@@ -246,9 +247,9 @@ TEST(VehicleModel, WrongRatioIsSaid) {
 TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
   const Dataset data = wrong_ratio();
   const double wrong =
-      parameter(fit_vehicle(thesis_model(), data, without_second_opinion()), "Cf").value;
+      parameter(fit_vehicle(sladka2010_model(), data, without_second_opinion()), "Cf").value;
   ASSERT_GT(std::abs(wrong - 88107.7), 2000.0);
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   Parameter& Cf = *find(model, "Cf");
   (wrong < 88107.7 ? Cf.max : Cf.min) = 0.5 * (wrong + 88107.7);
   Cf.value(0, 0) = wrong;
@@ -261,8 +262,8 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
 TEST(VehicleModel, RecordingsAddUp) {
   const Dataset first = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 11);
   const Dataset second = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 12);
-  const Estimate one = fit_vehicle(thesis_model(), first);
-  const Estimate both = fit_vehicle(thesis_model(), std::vector<Dataset>{first, second});
+  const Estimate one = fit_vehicle(sladka2010_model(), first);
+  const Estimate both = fit_vehicle(sladka2010_model(), std::vector<Dataset>{first, second});
   ASSERT_EQ(both.inputs.size(), 2U);
   EXPECT_EQ(both.inputs[1].used, 700);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
@@ -277,10 +278,10 @@ TEST(VehicleModel, RecordingsAddUp) {
 // both together.
 TEST(VehicleModel, PriorCountsAsAMeasurement) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
-  const Estimate plain = fit_vehicle(thesis_model(), data);
+  const Estimate plain = fit_vehicle(sladka2010_model(), data);
   const double value = parameter(plain, "Iz").value, se = parameter(plain, "Iz").se;
   for (const bool logarithm : {false, true}) {
-    ModelFile model = thesis_model();
+    ModelFile model = sladka2010_model();
     const double away = value + 4.0 * se;
     find(model, "Iz")->prior = logarithm ? Prior{Prior::Kind::log_normal, away, std::exp(se / away)}
                                          : Prior{Prior::Kind::normal, away, se};
@@ -303,10 +304,10 @@ TEST(VehicleModel, RobustCostShrugsOffOutliers) {
       data.y(1, t) += 0.6;
     }
     VehicleFitOptions options = without_second_opinion();
-    plain +=
-        std::pow(parameter(fit_vehicle(thesis_model(), data, options), "Cf").value - 88107.7, 2);
+    plain += std::pow(
+        parameter(fit_vehicle(sladka2010_model(), data, options), "Cf").value - 88107.7, 2);
     options.search.robust = true;
-    const Estimate fit = fit_vehicle(thesis_model(), data, options);
+    const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     robust += std::pow(p.value - 88107.7, 2);
     scale += p.se / kRuns;
@@ -336,18 +337,18 @@ TEST(VehicleModel, RobustFitIsJudgedWithoutItsOutliers) {
   const Dataset data = spoilt(1);
   VehicleFitOptions options;
   options.hold_out = {spoilt(2)};
-  const Estimate plain = fit_vehicle(thesis_model(), data, options);
+  const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_NE(warning(plain, "poor_fit"), nullptr);
   EXPECT_EQ(plain.status, Status::untrusted);
   options.search.robust = true;
-  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_EQ(warning(fit, "poor_fit"), nullptr);
   EXPECT_EQ(warning(fit, "tyre_saturation"), nullptr);
   EXPECT_EQ(warning(fit, "hold_out"), nullptr);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   // As well as the same recording without outliers.
   const Estimate clean =
-      fit_vehicle(thesis_model(), with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1),
+      fit_vehicle(sladka2010_model(), with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1),
                   without_second_opinion());
   for (std::size_t j = 0; j < 2; ++j) {
     const double good = clean.simulation[j].fit_percent;
@@ -372,9 +373,9 @@ TEST(VehicleModel, BoundBesideARobustFit) {
   EXPECT_EQ(noise_information(false), 1.0);
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options = without_second_opinion();
-  const Estimate plain = fit_vehicle(thesis_model(), data, options);
+  const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
   options.search.robust = true;
-  const Estimate robust = fit_vehicle(thesis_model(), data, options);
+  const Estimate robust = fit_vehicle(sladka2010_model(), data, options);
   for (const char* name : {"sd(r)", "sd(vy)"}) {
     scale += derived(robust, name)->value / derived(plain, name)->value / 2.0;
   }
@@ -392,9 +393,9 @@ TEST(VehicleModel, BoundBesideARobustFit) {
 TEST(VehicleModel, RobustCostIsNearlyAsGoodForNormalNoise) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options;
-  const Estimate plain = fit_vehicle(thesis_model(), data, options);
+  const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
   options.search.robust = true;
-  const Estimate robust = fit_vehicle(thesis_model(), data, options);
+  const Estimate robust = fit_vehicle(sladka2010_model(), data, options);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
     EXPECT_NEAR(parameter(robust, name).value, parameter(plain, name).value,
                 parameter(plain, name).se);
@@ -407,7 +408,7 @@ TEST(VehicleModel, BootstrapAgreesWithTheInformation) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options;
   options.bootstrap = 2000;
-  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_THAT(fit.covariance_kind, HasSubstr("block bootstrap, 2000 draws of 200 blocks"));
   for (const char* name : {"Cf", "Cr", "Iz"}) {
     EXPECT_NEAR(parameter(fit, name).se / parameter(fit, name).crb_se, 1.0, 0.2) << name;
@@ -423,11 +424,11 @@ TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
   for (int run = 0; run < kRuns; ++run) {
     const Dataset data = pushed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
-    const Estimate simulation = fit_vehicle(thesis_model(), data, options);
+    const Estimate simulation = fit_vehicle(sladka2010_model(), data, options);
     simulated += std::pow(parameter(simulation, "Cf").value - 88107.7, 2);
     coloured += warning(simulation, "coloured_residuals") != nullptr ? 1 : 0;
     options.method = VehicleFitOptions::Method::prediction_error;
-    const Estimate fit = fit_vehicle(thesis_model(), data, options);
+    const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     predicted += std::pow(p.value - 88107.7, 2);
     error += p.se / kRuns;
@@ -453,7 +454,7 @@ TEST(VehicleModel, HoldOutIsSimulatedWithTheFitsParameters) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
   VehicleFitOptions options;
   options.hold_out = {with_noise(lane_change({}, 100.0), {0.01, 0.03}, 2)};
-  const Estimate fit = fit_vehicle(thesis_model(), data, options);
+  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
   ASSERT_EQ(fit.hold_out.size(), 2U);
   EXPECT_NEAR(fit.hold_out[0].rmse, 0.01, 0.001);
   EXPECT_NEAR(fit.hold_out[1].rmse, 0.03, 0.003);
@@ -461,7 +462,7 @@ TEST(VehicleModel, HoldOutIsSimulatedWithTheFitsParameters) {
   TrueCar other;
   other.Cr = 55000.0;
   options.hold_out = {with_noise(lane_change(other, 100.0), {0.01, 0.03}, 2)};
-  const Estimate carried = fit_vehicle(thesis_model(), data, options);
+  const Estimate carried = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_NE(warning(carried, "hold_out"), nullptr);
 }
 
@@ -493,7 +494,7 @@ std::vector<Dataset> circles(double offset, std::uint64_t seed) {
 
 // i L = 21 * 2.512 = 52.75 m, i K = 21 * 0.0035151 = 0.0738 rad/(m/s^2), offset 0.05 rad.
 TEST(SteadyDriving, CirclesGiveTwoProducts) {
-  const Estimate fit = fit_vehicle(thesis_model({"r"}), circles(0.05, 1));
+  const Estimate fit = fit_vehicle(sladka2010_model({"r"}), circles(0.05, 1));
   EXPECT_EQ(fit.status, Status::answer_no);
   EXPECT_THAT(fit.message, HasSubstr("the products i L and i K alone"));
   const DerivedValue* iL = derived(fit, "i L");
@@ -520,7 +521,7 @@ TEST(SteadyDriving, ErrorsAreHonest) {
   int covered[2] = {}, runs = 400;
   for (int run = 0; run < runs; ++run) {
     const VehicleRun steady =
-        usable_run(thesis_model({"r"}), circles(0.05, static_cast<std::uint64_t>(run) * 8 + 1));
+        usable_run(sladka2010_model({"r"}), circles(0.05, static_cast<std::uint64_t>(run) * 8 + 1));
     const SteadyTurning found = steady_turning(steady).value();
     const double truth[2] = {21.0 * 2.512, 21.0 * 0.00351507};
     for (Eigen::Index i = 0; i < 2; ++i) {
@@ -535,26 +536,26 @@ TEST(SteadyDriving, ErrorsAreHonest) {
 
 // A known offset is no unknown, and as many circles as unknowns have no errors.
 TEST(SteadyDriving, KnownOffsetIsUsed) {
-  const VehicleRun run = usable_run(thesis_model({"r"}), circles(0.05, 1));
+  const VehicleRun run = usable_run(sladka2010_model({"r"}), circles(0.05, 1));
   const SteadyTurning found = steady_turning(run, 0.05).value();
   EXPECT_FALSE(found.with_offset);
   EXPECT_NEAR(found.value[0], 52.752, 4.0 * std::sqrt(found.covariance(0, 0)));
   std::vector<Dataset> two = circles(0.0, 1);
   two.resize(2);
-  const Estimate fit = fit_vehicle(thesis_model({"r"}), two);
+  const Estimate fit = fit_vehicle(sladka2010_model({"r"}), two);
   ASSERT_NE(derived(fit, "i L"), nullptr);
   EXPECT_TRUE(std::isnan(derived(fit, "i L")->se));
 }
 
 TEST(SteadyDriving, ManoeuvresAreNotSteady) {
-  EXPECT_FALSE(is_steady(usable_run(thesis_model(), {lane_change({}, 100.0)})));
-  EXPECT_TRUE(is_steady(usable_run(thesis_model({"r"}), circles(0.0, 1))));
+  EXPECT_FALSE(is_steady(usable_run(sladka2010_model(), {lane_change({}, 100.0)})));
+  EXPECT_TRUE(is_steady(usable_run(sladka2010_model({"r"}), circles(0.0, 1))));
 }
 
 TEST(SteadyDriving, OneCircleIsTooLittle) {
   const std::vector<Dataset> one{circles(0.0, 1).front()};
-  EXPECT_FALSE(steady_turning(usable_run(thesis_model({"r"}), one)));
-  EXPECT_EQ(fit_vehicle(thesis_model({"r"}), one).status, Status::answer_no);
+  EXPECT_FALSE(steady_turning(usable_run(sladka2010_model({"r"}), one)));
+  EXPECT_EQ(fit_vehicle(sladka2010_model({"r"}), one).status, Status::answer_no);
 }
 
 }  // namespace

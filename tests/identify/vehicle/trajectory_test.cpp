@@ -18,7 +18,7 @@ namespace {
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
 ModelFile known_car(double sd_r, double sd_vy) {
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   for (Parameter& p : model.parameters) p.fixed = true;
   model.vehicle.measurement_sd = {sd_r, sd_vy};
   return model;
@@ -116,10 +116,10 @@ TEST(VehicleTrajectory, PushedCarComesBack) {
   for (int run = 0; run < kRuns; ++run) {
     const Dataset data = pushed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
-    simulated +=
-        std::pow(parameter(fit_vehicle(thesis_model(), data, options), "Cf").value - 88107.7, 2);
+    simulated += std::pow(
+        parameter(fit_vehicle(sladka2010_model(), data, options), "Cf").value - 88107.7, 2);
     options.method = VehicleFitOptions::Method::trajectory;
-    const Estimate fit = fit_vehicle(thesis_model(), data, options);
+    const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     mean += p.value / 88107.7 / kRuns;
     squares += std::pow(p.value - 88107.7, 2);
@@ -159,7 +159,7 @@ TEST(VehicleTrajectory, OutliersAndGapsDoNoHarm) {
     VehicleFitOptions options = without_second_opinion();
     options.method = VehicleFitOptions::Method::trajectory;
     const auto error = [&] {
-      const Estimate fit = fit_vehicle(thesis_model(), data, options);
+      const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
       const EstimatedParameter& p = parameter(fit, "Cf");
       if (options.search.robust) {
         covered += p.ci95[0] < 88107.7 && 88107.7 < p.ci95[1] ? 1 : 0;
@@ -193,18 +193,18 @@ TEST(VehicleTrajectory, ExchangedChannelsGiveNoAnswer) {
   options.method = VehicleFitOptions::Method::trajectory;
   for (const bool robust : {false, true}) {
     options.search.robust = robust;
-    EXPECT_NE(fit_vehicle(thesis_model(), data, options).status, Status::ok);
+    EXPECT_NE(fit_vehicle(sladka2010_model(), data, options).status, Status::ok);
   }
 }
 
 TEST(VehicleTrajectory, RefusesForcesThatAreStates) {
-  ModelFile model = thesis_model();
+  ModelFile model = sladka2010_model();
   model.parameters.push_back(unknown("relaxation_length", "m", 0.3));
   VehicleFitOptions options = without_second_opinion();
   options.method = VehicleFitOptions::Method::trajectory;
   EXPECT_THROW(fit_vehicle(model, pushed_car(1), options), InputError);
   options.bootstrap = 100;
-  EXPECT_THROW(fit_vehicle(thesis_model(), pushed_car(1), options), InputError);
+  EXPECT_THROW(fit_vehicle(sladka2010_model(), pushed_car(1), options), InputError);
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ void expect_printed(double value, double printed, int decimals) {
   EXPECT_NEAR(value, printed, 0.5000001 * std::pow(10.0, -decimals));
 }
 
-TEST(SingleTrack, CharacteristicValuesOfTheThesisCar) {
+TEST(SingleTrack, CharacteristicValuesOfTheSladka2010Car) {
   const SingleTrack<> car = linear_car(sladka2010_car());
   expect_printed(understeer_gradient(car), 0.003515, 6);
   // Printed as 1.976 deg/g, which is with g = 9.81 m/s^2; with standard gravity it is 1.975.
