@@ -6,29 +6,11 @@
 
 #include <fmt/format.h>
 
+#include "identify/report/internal/text_layout.h"
+#include "identify/report/internal/verdict_text.h"
+
 namespace identikal {
 namespace {
-
-constexpr std::size_t kSurveyWidth = 80;
-
-// A head as it is, then words wrapped to the width; lines after the first are indented.
-std::string in_lines(const std::string& head, const std::string& text, std::size_t indent) {
-  std::string out, line = head;
-  bool begun = false;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find(' ', at), text.size());
-    const std::string word = text.substr(at, end - at);
-    if (begun && line.size() + 1 + word.size() > kSurveyWidth) {
-      out += line + "\n";
-      line = std::string(indent, ' ') + word;
-    } else {
-      line += (begun ? " " : "") + word;
-    }
-    begun = true;
-    at = end + 1;
-  }
-  return out + line + "\n";
-}
 
 // Names of columns may be of any length.
 std::string fitting(const std::string& name, std::size_t width) {
@@ -81,40 +63,62 @@ std::string mapping_text(const VehicleSurvey& survey) {
   return out + fmt::format("use_when: \"vx > {:g}\"\n", survey.least_speed);
 }
 
-std::string survey_text(const VehicleSurvey& survey) {
-  std::string out;
-  if (!survey.signals.empty()) {
-    out = fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", "column", "taken as",
-                      "unit", "Hz", "min", "max", "held", "step");
-  }
+namespace {
+
+std::string signals_text(const VehicleSurvey& survey) {
+  if (survey.signals.empty()) return "";
+  std::string out = fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", "column",
+                                "taken as", "unit", "Hz", "min", "max", "held", "step");
+  std::string straight;
   for (const VehicleSurvey::Signal& s : survey.signals) {
     out += fmt::format("{:<19} {:<11} {:<7} {:>6} {:>9} {:>9} {:>5} {:>7}\n", fitting(s.column, 19),
                        s.quantity, s.unit, printed(s.rate), printed(s.min), printed(s.max),
                        std::isfinite(s.held) ? fmt::format("{:.0f}%", 100.0 * s.held) : "-",
                        printed(s.quantum, "{:.2g}"));
-  }
-  std::string straight;
-  for (const VehicleSurvey::Signal& s : survey.signals) {
     if (!std::isfinite(s.straight)) continue;
     straight += fmt::format("{}{} {:.3g} {}", straight.empty() ? "straight on: " : ", ", s.column,
                             s.straight, s.unit);
   }
-  if (!straight.empty()) out += in_lines("", straight + " (median)", 2);
-  if (!survey.relations.empty()) {
-    out += fmt::format("\n{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", "expected", "seen",
-                       "correlation", "size", "seen later by", "next peak");
-    for (const VehicleSurvey::Relation& r : survey.relations) {
-      out += fmt::format("{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
-                         printed(r.correlation, "{:.3f}"), printed(r.slope, "{:.3g}"),
-                         std::isfinite(r.lag)
-                             ? fmt::format("{:.3f} +- {} s", r.lag, printed(r.lag_se, "{:.3f}"))
-                             : "-",
-                         std::isfinite(r.other_lag)
-                             ? fmt::format("{:.2f} at {:.2f} s", r.other_correlation, r.other_lag)
-                             : "-");
-    }
+  return straight.empty() ? out : out + wrapped(straight + " (median)", 2);
+}
+
+std::string relations_text(const VehicleSurvey& survey) {
+  if (survey.relations.empty()) return "";
+  std::string out = fmt::format("\n{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", "expected", "seen",
+                                "correlation", "slope", "seen later by", "next peak");
+  for (const VehicleSurvey::Relation& r : survey.relations) {
+    out += fmt::format("{:<11} {:<11} {:>11} {:>8} {:>17} {:>17}\n", r.expected, r.seen,
+                       printed(r.correlation, "{:.3f}"), printed(r.slope, "{:.3g}"),
+                       std::isfinite(r.lag)
+                           ? fmt::format("{:.3f} +- {} s", r.lag, printed(r.lag_se, "{:.3f}"))
+                           : "-",
+                       std::isfinite(r.other_lag)
+                           ? fmt::format("{:.2f} at {:.2f} s", r.other_correlation, r.other_lag)
+                           : "-");
   }
-  out += "\n";
+  return out;
+}
+
+std::string lateral_text(const VehicleSurvey& survey) {
+  if (!(survey.lateral[0] > 0.0)) return "";
+  constexpr const char* kBins[] = {"1", "2", "3", "4", "6", "8", "more"};
+  std::string line = "[m/s^2] up to";
+  double far = 0.0;
+  for (std::size_t k = 0; k < survey.lateral.size(); ++k) {
+    line += fmt::format(" {}: {}", kBins[k], share(survey.lateral[k]));
+    if (k >= 4) far += survey.lateral[k];
+  }
+  const std::string out = in_lines("|ay|    ", line, 8);
+  if (!(far > 0.05)) return out;
+  return out + in_lines("        ",
+                        fmt::format("{} lies above 4 m/s^2, where tyres leave the linear range: a "
+                                    "curve for the tyre, or those rows left out",
+                                    share(far)),
+                        8);
+}
+
+std::string driving_text(const VehicleSurvey& survey) {
+  std::string out;
   if (std::isfinite(survey.duration)) {
     out +=
         fmt::format("time    {:.1f} s, {:.1f} s of it above {:g} m/s; standing {}, reversing {}\n",
@@ -126,44 +130,27 @@ std::string survey_text(const VehicleSurvey& survey) {
         "turning at {:.3g} to {:.3g} m/s, 5 to 95 % {:.3g} to {:.3g}; {} to the left\n",
         survey.speed[0], survey.speed[4], survey.speed[1], survey.speed[3], share(survey.left));
   }
-  if (survey.lateral[0] > 0.0) {
-    constexpr const char* kBins[] = {"1", "2", "3", "4", "6", "8", "more"};
-    std::string line = "[m/s^2] up to";
-    for (std::size_t k = 0; k < survey.lateral.size(); ++k) {
-      line += fmt::format(" {}: {}", kBins[k], share(survey.lateral[k]));
-    }
-    out += in_lines("|ay|    ", line, 8);
-    double far = 0.0;
-    for (std::size_t k = 4; k < survey.lateral.size(); ++k) far += survey.lateral[k];
-    if (far > 0.05) {
-      out += in_lines("        ",
-                      fmt::format("{} lies above 4 m/s^2, where tyres leave the linear range: "
-                                  "a curve for the tyre, or those rows left out",
-                                  share(far)),
-                      8);
-    }
-  }
+  out += lateral_text(survey);
   if (std::isfinite(survey.above_half_hertz)) {
     out += fmt::format(
         "steering power above 0.5 Hz {:.2g} %, above 1.5 Hz {:.2g} %; held {} of turning\n",
         100.0 * survey.above_half_hertz, 100.0 * survey.above_1_5_hertz, share(survey.steady));
   }
-  out += "\nbefore any fit, this recording can tell\n";
+  return out;
+}
+
+}  // namespace
+
+std::string survey_text(const VehicleSurvey& survey) {
+  std::string out = signals_text(survey) + relations_text(survey) + "\n" + driving_text(survey);
+  out += "\nwhat this recording can determine, before any fit\n";
   for (const VehicleSurvey::Verdict& v : survey.verdicts) {
     out += in_lines(fmt::format("  {:<14} {:<11} ", v.of, v.answer), v.why, 29);
   }
-  out += "\n";
-  for (const Warning& w : survey.findings) {
-    const char* severity = w.severity == "note"      ? "note"
-                           : w.severity == "serious" ? "SERIOUS"
-                                                     : "warn";
-    out += in_lines(fmt::format("{:<8}", severity), w.code + ": " + w.text, 8);
-    if (!w.remedy.empty()) out += in_lines("        -> ", w.remedy, 11);
-  }
-  if (survey.findings.empty()) out += "nothing wrong was found\n";
+  out += "\n" + findings_text(survey.findings);
+  if (survey.findings.empty()) out += "no faults found\n";
   if (survey.mapping.empty()) return out;
-  return out + "\nproposed for the model file, nothing is changed by itself:\n" +
-         mapping_text(survey);
+  return out + "\nproposed for the model file (no file is changed):\n" + mapping_text(survey);
 }
 
 }  // namespace identikal

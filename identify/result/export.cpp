@@ -15,6 +15,7 @@
 
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
+#include "identify/result/schema.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 
@@ -117,7 +118,7 @@ std::string remark_of(const EstimatedParameter& p) {
     case Verdict::correlated:
       break;
   }
-  return out + ", " + to_string(p.verdict) + (with.empty() ? "" : " with" + with);
+  return out + ", " + in_words(to_string(p.verdict)) + (with.empty() ? "" : " with" + with);
 }
 
 std::string status_line(const Estimate& e) {
@@ -127,7 +128,7 @@ std::string status_line(const Estimate& e) {
     case Status::not_converged:
       return "NOT CONVERGED, the best so far: " + e.message;
     case Status::answer_no:
-      return "THE ANSWER WAS NO: " + e.message;
+      return "REJECTED: " + e.message;
     case Status::ok:
       break;
   }

@@ -177,7 +177,7 @@ class BadInput(unittest.TestCase):
         data = self.folder.write("runs.csv", "\n".join([*head, *rows, *rows]) + "\n")
         self.assertIn("several_runs", run("info", "--vehicle", data, code=0).stdout)
         model = self.folder.write("runs.yaml", pathlib.Path(LANE_CHANGE[0]).read_text().replace("unit: s}", "unit: s, runs: restart}", 1))
-        self.assertIn("nothing wrong was found", run("info", "--vehicle", model, data, code=0).stdout)
+        self.assertIn("no faults found", run("info", "--vehicle", model, data, code=0).stdout)
         data = self.folder.write("runs.csv", "\n".join([*head, *rows, rows[0]]) + "\n")
         self.refused(["a run of this row alone", "is a stamp written twice"], "fit", model, data)
 

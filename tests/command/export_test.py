@@ -321,7 +321,7 @@ initial: stationary
     def test_doubts_are_said(self):
         run("check", *NILE, "--set", "r=1000", "-o", self.out, code=1)
         text = self.exported("c")
-        self.assertIn("// THE ANSWER WAS NO: not optimal", text)
+        self.assertIn("// REJECTED: not optimal", text)
         self.assertIn("r = 1000, known", text)
         self.assertIn("r: {value: 1000.0" if "1000.0" in self.exported("yaml") else "r: {value: 1000", self.exported("yaml"))
         data = self.folder.write("white.csv", "volume\n" + "".join(f"{random.Random(i).gauss(0, 1):.5f}\n" for i in range(200)))

@@ -18,7 +18,7 @@ class Vehicle(unittest.TestCase):
             survey = self.surveyed(*arguments)
             self.assertEqual(set(), self.codes(survey))
             self.assertEqual("yes", {v["of"]: v["answer"] for v in survey["identifiable"]}["Iz"])
-            self.assertIn("nothing wrong was found", run("info", "--vehicle", *arguments, code=0).stdout)
+            self.assertIn("no faults found", run("info", "--vehicle", *arguments, code=0).stdout)
 
     def test_recordings(self):
         names = ["recordings/comma2k19_rav4_imu.csv", "recordings/comma2k19_rav4_speed.csv",

@@ -61,7 +61,7 @@ class Tune(unittest.TestCase):
         self.assertEqual(out["minimum_rank"]["curve"][0]["rank"], 0)
         self.assertEqual(out["minimum_rank"]["curve"][-1]["penalty"], 0)
         text = run("tune", ROOT / "examples/system7.yaml", data, "--method", "als", "--min-rank", code=0).stdout
-        self.assertIn("sources 3 of 3", text)
+        self.assertIn("rank 3 of 3", text)
         self.assertTrue(all(len(line) <= 80 for line in text.splitlines()))
 
     def test_every_estimate_says_what_its_errors_cost(self):

@@ -1,0 +1,99 @@
+#include "identify/report/internal/bound_text.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "identify/report/internal/text_layout.h"
+#include "identify/report/internal/verdict_text.h"
+
+namespace identikal {
+namespace {
+
+// There are no estimates, and so no standard errors.
+std::string bound_table(const Estimate& estimate) {
+  const Bound& bound = *estimate.bound;
+  const bool wanted = !std::isnan(bound.accuracy);
+  std::vector<TableColumn> columns{{"parameter", true}, {"value"}, {"unit", true},
+                                   {"bound se"},        {"%"},     {"states measured"}};
+  if (wanted) columns.push_back({fmt::format("n for {:.4g} %", 100.0 * bound.accuracy)});
+  columns.push_back({"verdict", true});
+  std::vector<std::vector<std::string>> rows;
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    const EstimatedParameter& p = estimate.parameters[i];
+    if (p.fixed) continue;
+    const double percent = 100.0 * p.crb_se / std::abs(p.value);
+    std::vector<std::string> row{p.name,
+                                 value_text(p.value),
+                                 p.unit.empty() ? "-" : p.unit,
+                                 error_text(p.crb_se),
+                                 std::isfinite(percent) ? fmt::format("{:.4g}", percent) : "-",
+                                 error_text(bound.complete_se[i])};
+    if (wanted) {
+      const double samples = bound.samples_needed[i];
+      row.push_back(std::isnan(samples) ? "-" : fmt::format("{:.0f}", samples));
+    }
+    row.push_back(verdict_text(p));
+    rows.push_back(std::move(row));
+  }
+  return text_table(columns, rows);
+}
+
+std::string meaning_of_columns(const Bound& bound) {
+  const std::string what = "bound se: the Cramer-Rao bound of the standard error from the outputs";
+  if (bound.simulated == 0) {
+    return wrapped(what + "; states measured: the bound if the states were measured as well.", 2);
+  }
+  const std::string error = std::isnan(bound.simulation_se)
+                                ? ""
+                                : fmt::format("; Monte Carlo standard error at most {:.2g} %",
+                                              100.0 * bound.simulation_se);
+  return wrapped(fmt::format("{}, from the mean information of {} recordings simulated with seed "
+                             "{}, with the filter's linearisation{}.",
+                             what, bound.simulated, bound.seed, error),
+                 2);
+}
+
+// What the uncertainty of the noise means for the filter.
+std::string gain_text(const Estimate& estimate) {
+  const Bound& bound = *estimate.bound;
+  if (bound.gain_se.size() == 0) return "";
+  std::string out = "\n" + matrix_text("K", estimate.noise.K_steady) +
+                    matrix_text("standard deviation of K", bound.gain_se);
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    if (bound.gain_change[i].size() == 0) continue;
+    out += matrix_text("change of K for 1 % more of " + estimate.parameters[i].name,
+                       bound.gain_change[i]);
+  }
+  return out;
+}
+
+// The same with the filter's own quantities as the unknowns.
+std::string innovation_form_text(const Estimate& estimate) {
+  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+  if (form.Sigma.size() == 0) return "";
+  std::string out = "\nwith K and Sigma themselves as the unknowns\n" +
+                    matrix_text("Sigma", form.Sigma) +
+                    matrix_text("standard deviation of K", form.K_se) +
+                    matrix_text("standard deviation of Sigma", form.Sigma_se);
+  if (std::isnan(form.published_K_se)) return out;
+  std::string line = fmt::format("(6.45) of Matisko (2013): K {:.4g}, Sigma {:.4g}",
+                                 form.published_K_se, form.published_Sigma_se);
+  for (std::size_t i = 0; i < form.published_se.size(); ++i) {
+    if (std::isnan(form.published_se[i])) continue;
+    line += fmt::format(", {} {:.4g}", estimate.parameters[i].name, form.published_se[i]);
+  }
+  return out + wrapped(line +
+                           "; it takes the state as measured and counts every innovation twice, "
+                           "so that it bounds Sigma only.",
+                       2);
+}
+
+}  // namespace
+
+std::string bound_text(const Estimate& estimate) {
+  return bound_table(estimate) + meaning_of_columns(*estimate.bound) + gain_text(estimate) +
+         innovation_form_text(estimate);
+}
+
+}  // namespace identikal

@@ -1,0 +1,14 @@
+// How does a Cramér-Rao bound read?
+#pragma once
+
+#include <string>
+
+#include "identify/estimate/estimate.h"
+
+namespace identikal {
+
+/// The table of the bounds, what they mean for the steady gain, and those of K and Sigma
+/// themselves.
+std::string bound_text(const Estimate& estimate);
+
+}  // namespace identikal

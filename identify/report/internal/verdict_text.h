@@ -1,0 +1,20 @@
+// How do verdicts and findings read?
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "identify/estimate/estimate.h"
+
+namespace identikal {
+
+/// "poorly determined", "correlated with a b".
+std::string verdict_text(const EstimatedParameter& parameter);
+
+/// The combinations that the data do not determine, a line each.
+std::string unidentifiable_text(const Estimate& estimate);
+
+/// Findings, each with its remedy on a line of its own.
+std::string findings_text(const std::vector<Warning>& findings);
+
+}  // namespace identikal
