@@ -143,7 +143,7 @@ struct VehicleSurvey {
   double steady = kNone;  ///< share of turning at a constant steering angle
   struct Verdict {
     std::string of;      ///< "Cf, Cr", "Iz", "steering_ratio", "a, b", "offsets"
-    std::string answer;  ///< "yes", "weak", "combination" or "no"
+    std::string answer;  ///< "yes", "poorly", "combination" or "no"
     std::string why;
   };
   std::vector<Verdict> verdicts;

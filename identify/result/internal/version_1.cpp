@@ -50,6 +50,7 @@ constexpr RenamedValue kRenamedValues[] = {
     {"objective", "evaluation_method", "direct", "time_varying_filter"},
     {"objective", "evaluation_method", "steady", "steady_state_filter"},
     {"objective", "evaluation_method", "compressed", "sample_autocovariances"},
+    {"survey/identifiable/*", "answer", "weak", "poorly"},
     {"warnings/*", "code", "path", "evaluation_method"},
 };
 

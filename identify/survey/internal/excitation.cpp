@@ -119,7 +119,7 @@ void judge_identifiability(Scene& scene) {
     return;
   }
   if (scene.found("no_yaw_rate")) {
-    say("Cf, Cr", "weak", "no yaw rate: what the others can tell was not looked at");
+    say("Cf, Cr", "poorly", "no yaw rate: what the others can tell was not looked at");
     return;
   }
   const double spread = out.speed[3] / out.speed[1];
@@ -158,14 +158,14 @@ void judge_identifiability(Scene& scene) {
                     slip ? "; with sideslip the rear axle too" : ""));
     say("Iz", "no", "yaw inertia acts only while the yaw rate changes; " + frequencies);
   } else if (slip) {
-    say("Cf, Cr", quick || gain_told || gain_weak ? "yes" : "weak",
+    say("Cf, Cr", quick || gain_told || gain_weak ? "yes" : "poorly",
         fmt::format("over mass, given the {}: sideslip tells the axles apart", ratio));
-    say("Iz", quick ? "yes" : rather_quick ? "weak" : "no", frequencies);
+    say("Iz", quick ? "yes" : rather_quick ? "poorly" : "no", frequencies);
   } else if (very_quick) {
-    say("Cf, Cr", "weak",
+    say("Cf, Cr", "poorly",
         fmt::format("yaw rate without sideslip: only with m, a, b and the {} exact; {}", ratio,
                     frequencies));
-    say("Iz", "weak", "with Cf and Cr only: yaw rate without sideslip");
+    say("Iz", "poorly", "with Cf and Cr only: yaw rate without sideslip");
   } else {
     say("Cf, Cr", "combination",
         fmt::format("yaw rate without sideslip and {}: the understeer gradient, no more",
@@ -177,7 +177,7 @@ void judge_identifiability(Scene& scene) {
     say(which.c_str(), circles ? "combination" : "yes",
         speeds + (circles ? ": times the wheelbase" : ", with some strength"));
   } else if (gain_weak) {
-    say(which.c_str(), "weak", speeds + ": a ratio above 2 tells it better");
+    say(which.c_str(), "poorly", speeds + ": a ratio above 2 tells it better");
   } else {
     say(which.c_str(), "no",
         speeds +
@@ -185,7 +185,7 @@ void judge_identifiability(Scene& scene) {
                             : ": a ratio above 2, or a slow segment, is needed") +
             "; a wrong one makes wrong stiffnesses fit as well");
   }
-  say("a, b", slip ? "weak" : "no",
+  say("a, b", slip ? "poorly" : "no",
       slip ? "needs sideslip at several speeds; axle weights are better"
            : "needs sideslip, or axle weights");
   const double lesser = std::min(out.left, 1.0 - out.left);

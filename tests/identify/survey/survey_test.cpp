@@ -330,7 +330,7 @@ TEST(VehicleSurvey, YawRateAloneAtOneSpeed) {
   };
   EXPECT_EQ(answer(at(2.0), "Iz"), "no");
   EXPECT_EQ(answer(at(2.0), "Cf, Cr"), "combination");
-  EXPECT_EQ(answer(at(12.0), "Iz"), "weak");
+  EXPECT_EQ(answer(at(12.0), "Iz"), "poorly");
   EXPECT_EQ(answer(at(12.0), "steering_ratio"), "no");
 }
 
@@ -439,7 +439,7 @@ TEST(VehicleSurvey, TenRealRecordings) {
        "swa_rad",
        "yaw_rate_rps",
        "ay_mps2",
-       "weak"},
+       "poorly"},
       {"revsted",
        {"revsted_obd_sample.csv"},
        {"sign_ay", "held_samples"},
@@ -480,7 +480,7 @@ TEST(VehicleSurvey, TenRealRecordings) {
        "delta",
        "yawRate",
        "ayCG",
-       "weak"},
+       "poorly"},
       {"stanford",
        {"stanford_me227_ab.csv"},
        {"standstill"},
@@ -488,7 +488,7 @@ TEST(VehicleSurvey, TenRealRecordings) {
        "deltaMeasured_rad",
        "r_radps",
        "ay_mps2",
-       "weak"},
+       "poorly"},
       {"marc2",
        {"cobb_sim_marc2.txt"},
        none,
@@ -496,7 +496,7 @@ TEST(VehicleSurvey, TenRealRecordings) {
        "STEER",
        "YAWVEL",
        "",
-       "weak"},
+       "poorly"},
       {"marc3",
        {"cobb_sim_marc3.txt"},
        {"several_runs"},
