@@ -123,6 +123,55 @@ PageJson recording(const RecordingSheet& r) {
           {"channels", channels}};
 }
 
+PageJson provenance(const Provenance& p) {
+  return {{"command", p.command}, {"model_path", p.model_path}, {"model_sha256", p.model_sha256}};
+}
+
+PageJson channel(const ReportChannel& c) {
+  return {{"name", c.name},
+          {"unit", c.unit},
+          {"measured", line(c.measured)},
+          {"one_step", line(c.one_step)},
+          {"simulation", line(c.simulation)},
+          {"forecast_low", line(c.forecast_low)},
+          {"forecast_high", line(c.forecast_high)},
+          {"before", line(c.before)},
+          {"after", line(c.after)},
+          {"innovations_before", innovations(c.innovations_before)},
+          {"innovations_after", innovations(c.innovations_after)}};
+}
+
+PageJson nis(const ReportData::Nis& n) {
+  return {{"block", n.block},
+          {"time", rounded(n.time, kTimeShare)},
+          {"value", rounded(n.value)},
+          {"low", rounded(n.low)},
+          {"high", rounded(n.high)}};
+}
+
+PageJson history_line(const ReportData::HistoryLine& c) {
+  return {{"name", c.name},
+          {"unit", c.unit},
+          {"mean", line(c.mean)},
+          {"low", line(c.low)},
+          {"high", line(c.high)}};
+}
+
+PageJson axle(const AxlePicture& a) {
+  return {{"name", a.name},
+          {"slip", rounded(a.slip)},
+          {"force", rounded(a.force)},
+          {"curve_slip", rounded(a.curve_slip)},
+          {"curve_force", rounded(a.curve_force)}};
+}
+
+template <typename Item>
+PageJson list(const std::vector<Item>& items, PageJson (*one)(const Item&)) {
+  PageJson out = PageJson::array();
+  for (const Item& item : items) out.push_back(one(item));
+  return out;
+}
+
 // JSON has '<' in strings only, where this is the same character: no text can end the script.
 std::string inside_script(const std::string& json) {
   std::string out;
@@ -163,11 +212,8 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   PageJson out;
   out["schema_version"] = kSchemaVersion;
   out["result_sha256"] = result_fingerprint(result);
-  out["provenance"] = {{"command", data.provenance.command},
-                       {"model_path", data.provenance.model_path},
-                       {"model_sha256", data.provenance.model_sha256}};
-  out["recordings"] = PageJson::array();
-  for (const RecordingSheet& r : data.recordings) out["recordings"].push_back(recording(r));
+  out["provenance"] = provenance(data.provenance);
+  out["recordings"] = list(data.recordings, recording);
   out["rows"] = data.rows;
   out["columns"] = data.columns;
   out["time"] = rounded(data.time, kTimeShare);
@@ -175,67 +221,31 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   out["held_from"] = finite(data.held_from);
   out["forecasts"] = data.forecasts;
   out["used"] = data.used;
-  out["channels"] = PageJson::array();
-  for (const ReportChannel& c : data.channels) {
-    out["channels"].push_back({{"name", c.name},
-                               {"unit", c.unit},
-                               {"measured", line(c.measured)},
-                               {"one_step", line(c.one_step)},
-                               {"simulation", line(c.simulation)},
-                               {"forecast_low", line(c.forecast_low)},
-                               {"forecast_high", line(c.forecast_high)},
-                               {"before", line(c.before)},
-                               {"after", line(c.after)},
-                               {"innovations_before", innovations(c.innovations_before)},
-                               {"innovations_after", innovations(c.innovations_after)}});
-  }
-  out["inputs"] = PageJson::array();
-  for (const ReportData::Input& u : data.inputs) {
-    out["inputs"].push_back({{"name", u.name}, {"unit", u.unit}, {"line", line(u.line)}});
-  }
-  out["nis"] = {{"block", data.nis.block},
-                {"time", rounded(data.nis.time, kTimeShare)},
-                {"value", rounded(data.nis.value)},
-                {"low", rounded(data.nis.low)},
-                {"high", rounded(data.nis.high)}};
+  out["channels"] = list(data.channels, channel);
+  out["inputs"] = list<ReportData::Input>(data.inputs, [](const ReportData::Input& u) {
+    return PageJson{{"name", u.name}, {"unit", u.unit}, {"line", line(u.line)}};
+  });
+  out["nis"] = nis(data.nis);
   out["frequency"] = rounded(data.frequency);
   out["level_band"] = {finite(data.level_band[0]), finite(data.level_band[1])};
   out["segment"] = data.segment;
   out["segments"] = data.segments;
-  out["time_history"] = PageJson::array();
-  for (const ReportData::HistoryLine& c : data.course) {
-    out["time_history"].push_back({{"name", c.name},
-                                   {"unit", c.unit},
-                                   {"mean", line(c.mean)},
-                                   {"low", line(c.low)},
-                                   {"high", line(c.high)}});
-  }
+  out["time_history"] = list(data.time_history, history_line);
   out["log_alarm"] = line(data.log_alarm);
   out["log_threshold"] = finite(data.log_threshold);
-  out["searches"] = PageJson::array();
-  for (const std::vector<double>& search : data.searches) {
+  out["searches"] = list<std::vector<double>>(data.searches, [](const std::vector<double>& search) {
     PageJson values = PageJson::array();
     for (const double L : search) values.push_back(finite(L));
-    out["searches"].push_back(std::move(values));
-  }
-  out["profiles"] = PageJson::array();
-  for (const LikelihoodProfile& p : data.profiles) {
-    out["profiles"].push_back(
-        {{"name", p.name}, {"value", rounded(p.value)}, {"drop", rounded(p.drop)}});
-  }
-  out["axles"] = PageJson::array();
-  for (const AxlePicture& a : data.axles) {
-    out["axles"].push_back({{"name", a.name},
-                            {"slip", rounded(a.slip)},
-                            {"force", rounded(a.force)},
-                            {"curve_slip", rounded(a.curve_slip)},
-                            {"curve_force", rounded(a.curve_force)}});
-  }
+    return values;
+  });
+  out["profiles"] = list<LikelihoodProfile>(data.profiles, [](const LikelihoodProfile& p) {
+    return PageJson{{"name", p.name}, {"value", rounded(p.value)}, {"drop", rounded(p.drop)}};
+  });
+  out["axles"] = list(data.axles, axle);
   out["high_pass_filtered"] = data.high_pass_filtered;
-  out["tracks"] = PageJson::array();
-  for (const TrackPicture& t : data.tracks) {
-    out["tracks"].push_back({{"name", t.name}, {"X", rounded(t.X)}, {"Y", rounded(t.Y)}});
-  }
+  out["tracks"] = list<TrackPicture>(data.tracks, [](const TrackPicture& t) {
+    return PageJson{{"name", t.name}, {"X", rounded(t.X)}, {"Y", rounded(t.Y)}};
+  });
   const auto text = [&] { return out.dump(-1, ' ', false, PageJson::error_handler_t::replace); };
   out["sha256"] = nullptr;
   out["sha256"] = report_data_fingerprint(text());

@@ -79,10 +79,9 @@ RowAxis laid_end_to_end(const Estimate& estimate) {
   // Those of held-out rows are told from the others by their sign.
   const auto recording = [&](Index t) {
     if (t >= out.fitted) {
-      const auto at = static_cast<std::size_t>(t - out.fitted);
-      return held_recording.empty() ? -1 : -held_recording[at];
+      return held_recording.empty() ? -1 : -held_recording[t - out.fitted];
     }
-    return series.recording.empty() ? 0 : series.recording[static_cast<std::size_t>(t)];
+    return series.recording.empty() ? 0 : series.recording[t];
   };
   for (Index t = 1; t < out.time.size(); ++t) {
     const bool joint = recording(t) != recording(t - 1);
@@ -194,8 +193,7 @@ MatrixXd apart(const MatrixXd& X, const std::vector<int>& recording, Index gap) 
   MatrixXd out = MatrixXd::Constant(X.rows(), X.cols() + gap * std::max(0, last - 1), kNone);
   Index shift = 0;
   for (Index t = 0; t < X.cols(); ++t) {
-    const auto at = static_cast<std::size_t>(t);
-    if (t > 0 && recording[at] != recording[at - 1]) shift += gap;
+    if (t > 0 && recording[t] != recording[t - 1]) shift += gap;
     out.col(t + shift) = X.col(t);
   }
   return out;
@@ -256,7 +254,7 @@ Spectra spectra_of(const MatrixXd& standardised) {
       out.level = MatrixXd::Zero(e.rows(), s.omega.size());
     }
     for (Index k = 0; k < s.omega.size(); ++k) {
-      out.level.col(k) += s.S[static_cast<std::size_t>(k)].diagonal().real();
+      out.level.col(k) += s.S[k].diagonal().real();
     }
     ++out.segments;
   }
@@ -312,7 +310,7 @@ InnovationPicture innovation_picture(const VectorXd& e, int lags) {
   for (std::size_t i = 0; i < ranks.size(); ++i) {
     const auto at = static_cast<Index>(i);
     out.normal[at] = normal_quantile((static_cast<double>(ranks[i]) + 0.5) / n);
-    out.seen[at] = x[static_cast<std::size_t>(ranks[i])];
+    out.seen[at] = x[ranks[i]];
   }
   return out;
 }
@@ -340,7 +338,7 @@ ReportData::Nis nis_of(const MatrixXd& standardised, const VectorXd& time) {
   out.low.resize(n);
   out.high.resize(n);
   for (Index k = 0; k < n; ++k) {
-    const auto& p = points[static_cast<std::size_t>(k)];
+    const auto& p = points[k];
     out.time[k] = p[0];
     out.value[k] = p[1];
     out.low[k] = p[2];
@@ -428,43 +426,32 @@ void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordi
   }
 }
 
-void add_course(const Estimate& estimate, const Columns& columns, ReportData& out) {
+void add_history(const Estimate& estimate, const Columns& columns, ReportData& out) {
   if (!estimate.time_history || estimate.time_history->mean.cols() != columns.rows) return;
-  const TimeHistory& course = *estimate.time_history;
-  const MatrixXd low = course.mean - 2.0 * course.sd, high = course.mean + 2.0 * course.sd;
-  for (std::size_t n = 0; n < course.names.size(); ++n) {
+  const TimeHistory& history = *estimate.time_history;
+  const MatrixXd low = history.mean - 2.0 * history.sd, high = history.mean + 2.0 * history.sd;
+  for (std::size_t n = 0; n < history.names.size(); ++n) {
     const auto i = static_cast<Index>(n);
-    out.course.push_back({course.names[n], course.units[n], row_line(columns, course.mean, i),
-                          row_line(columns, low, i), row_line(columns, high, i)});
+    out.time_history.push_back({history.names[n], history.units[n],
+                                row_line(columns, history.mean, i), row_line(columns, low, i),
+                                row_line(columns, high, i)});
   }
-  if (course.log_alarm.size() == columns.rows) {
-    out.log_alarm = row_line(columns, course.log_alarm.transpose(), 0);
-    out.log_threshold = course.log_threshold;
+  if (history.log_alarm.size() == columns.rows) {
+    out.log_alarm = row_line(columns, history.log_alarm.transpose(), 0);
+    out.log_threshold = history.log_threshold;
   }
 }
 
 // Which rows have a number in any of the matrix's channels.
 std::vector<bool> seen_in(const MatrixXd& X, Index rows) {
-  std::vector<bool> out(static_cast<std::size_t>(rows), false);
+  std::vector<bool> out(rows, false);
   for (Index t = 0; t < std::min(rows, X.cols()); ++t) {
-    out[static_cast<std::size_t>(t)] = X.col(t).array().isFinite().any();
+    out[t] = X.col(t).array().isFinite().any();
   }
   return out;
 }
 
-}  // namespace
-
-ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& recordings,
-                       const std::vector<Dataset>& held_out, Provenance provenance) {
-  ReportData out;
-  out.provenance = std::move(provenance);
-  for (const Dataset& data : recordings) out.recordings.push_back(sheet_of(data));
-  for (const Dataset& data : held_out) {
-    out.recordings.push_back(sheet_of(data));
-    out.recordings.back().held = true;
-  }
-  const Pictures& pictures = estimate.pictures;
-  const Series& series = estimate.series;
+void add_pictures(const Pictures& pictures, ReportData& out) {
   out.searches = pictures.searches;
   out.profiles = pictures.profiles;
   out.high_pass_filtered = pictures.high_pass_filtered;
@@ -476,16 +463,20 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
   for (const TrackPicture& track : pictures.tracks) {
     out.tracks.push_back({track.name, every(track.X, kMostPoints), every(track.Y, kMostPoints)});
   }
-  if (series.time.size() == 0) return out;
+}
 
-  const RowAxis axis = laid_end_to_end(estimate);
+// As many as keep the page small, whatever the number of lines that are drawn on them.
+Columns columns_of(const Estimate& estimate, const std::vector<Dataset>& recordings, Index rows) {
   const std::size_t of_inputs = recordings.empty() ? 0 : recordings[0].inputs.size();
   const double lines =
-      7.0 * static_cast<double>(series.channels.size()) + static_cast<double>(of_inputs) +
+      7.0 * static_cast<double>(estimate.series.channels.size()) + static_cast<double>(of_inputs) +
       (estimate.time_history ? 3.0 * static_cast<double>(estimate.time_history->names.size())
                              : 0.0);
-  const Columns columns(axis.time.size(), std::clamp(static_cast<Index>(kNumbers / (2.0 * lines)),
-                                                     kFewestColumns, kMostColumns));
+  return {rows,
+          std::clamp(static_cast<Index>(kNumbers / (2.0 * lines)), kFewestColumns, kMostColumns)};
+}
+
+void add_time(const RowAxis& axis, const Columns& columns, ReportData& out) {
   out.rows = columns.rows;
   out.columns = columns.count;
   out.joints = axis.joints;
@@ -495,24 +486,30 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     const Index from = k * columns.each, to = std::min(columns.rows, from + columns.each) - 1;
     out.time[k] = 0.5 * (axis.time[from] + axis.time[to]);
   }
-  const MatrixXd low = pictures.simulation_sd.size() > 0
-                           ? MatrixXd(pictures.simulation - 2.0 * pictures.simulation_sd)
-                           : MatrixXd();
-  const MatrixXd high = pictures.simulation_sd.size() > 0
-                            ? MatrixXd(pictures.simulation + 2.0 * pictures.simulation_sd)
-                            : MatrixXd();
+}
+
+MatrixXd with_held_out(const MatrixXd& X, const MatrixXd& held) {
+  if (held.size() == 0 || X.size() == 0) return X;
+  MatrixXd both(X.rows(), X.cols() + held.cols());
+  both << X, held;
+  return both;
+}
+
+void add_channels(const Estimate& estimate, const RowAxis& axis, const Columns& columns,
+                  ReportData& out) {
+  const Pictures& pictures = estimate.pictures;
+  const Series& series = estimate.series;
+  MatrixXd low, high;
+  if (pictures.simulation_sd.size() > 0) {
+    low = pictures.simulation - 2.0 * pictures.simulation_sd;
+    high = pictures.simulation + 2.0 * pictures.simulation_sd;
+  }
   const MatrixXd& one_step = pictures.one_step.size() == 0 && pictures.simulation.size() == 0
                                  ? series.predicted
                                  : pictures.one_step;
-  const auto with_held = [&](const MatrixXd& X, const MatrixXd& held) {
-    if (held.size() == 0 || X.size() == 0) return X;
-    MatrixXd both(X.rows(), X.cols() + held.cols());
-    both << X, held;
-    return both;
-  };
-  const MatrixXd measured = with_held(series.measured, pictures.held_measured),
-                 simulation = with_held(pictures.simulation, pictures.held_out_simulation),
-                 standardised = with_held(series.standardised, pictures.held_standardised);
+  const MatrixXd measured = with_held_out(series.measured, pictures.held_measured),
+                 simulation = with_held_out(pictures.simulation, pictures.held_out_simulation),
+                 standardised = with_held_out(series.standardised, pictures.held_standardised);
   for (std::size_t n = 0; n < series.channels.size(); ++n) {
     const auto i = static_cast<Index>(n);
     ReportChannel channel;
@@ -529,9 +526,28 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
   }
   if (low.size() > 0) out.forecasts = runs_of(axis.time, seen_in(low, axis.fitted));
   out.used = runs_of(axis.time, seen_in(series.predicted, axis.fitted));
+}
+
+}  // namespace
+
+ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& recordings,
+                       const std::vector<Dataset>& held_out, Provenance provenance) {
+  ReportData out;
+  out.provenance = std::move(provenance);
+  for (const Dataset& data : recordings) out.recordings.push_back(sheet_of(data));
+  for (const Dataset& data : held_out) {
+    out.recordings.push_back(sheet_of(data));
+    out.recordings.back().held = true;
+  }
+  add_pictures(estimate.pictures, out);
+  if (estimate.series.time.size() == 0) return out;
+  const RowAxis axis = laid_end_to_end(estimate);
+  const Columns columns = columns_of(estimate, recordings, axis.time.size());
+  add_time(axis, columns, out);
+  add_channels(estimate, axis, columns, out);
   add_inputs(recordings, held_out, columns, axis.fitted, out);
   add_whiteness(estimate, recordings, axis.time, out);
-  add_course(estimate, columns, out);
+  add_history(estimate, columns, out);
   return out;
 }
 

@@ -93,7 +93,7 @@ struct ReportData {
     std::string name, unit;
     Line mean, low, high;  ///< low, high: two standard deviations off
   };
-  std::vector<HistoryLine> course;  ///< verb track
+  std::vector<HistoryLine> time_history;  ///< verb track
   Line log_alarm;
   double log_threshold = kNone;
   std::vector<std::vector<double>> searches;

@@ -68,7 +68,7 @@ std::string residuals_csv(const Estimate& estimate) {
   }
   out += "\n";
   for (Eigen::Index t = 0; t < s.time.size(); ++t) {
-    if (several) out += fmt::format("{},", s.recording[static_cast<std::size_t>(t)]);
+    if (several) out += fmt::format("{},", s.recording[t]);
     out += fmt::format("{:.12g}", s.time[t]);
     for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
       out += "," + cell_text(s.measured(i, t)) + "," + cell_text(s.predicted(i, t)) + ",";

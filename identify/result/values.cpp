@@ -43,7 +43,7 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
     given[i] = true;
   }
   for (std::size_t i = 0; i < given.size(); ++i) {
-    const Parameter& p = model.parameters[static_cast<std::size_t>(known.parameter[i])];
+    const Parameter& p = model.parameters[known.parameter[i]];
     if (given[i] || p.fixed) continue;
     throw InputError(
         here, fmt::format("has no value of '{}', which {} seeks", known.names[i], model.path),

@@ -1,0 +1,169 @@
+#include "identify/result/internal/export_contents.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "identify/model/model_file.h"
+#include "identify/result/estimated_model.h"
+#include "identify/result/internal/export_comments.h"
+#include "lib/base/error.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+namespace {
+
+std::vector<NamedMatrix> filter_matrices(const Estimate& e) {
+  const SteadyFilter& f = *e.filter;
+  const bool density = e.noise.Q_kind == "density";
+  std::vector<NamedMatrix> all{
+      {"A", f.model.A, ""},
+      {"B", f.model.B, ""},
+      {"C", f.model.C, ""},
+      {"D", f.model.D, ""},
+      {"G", f.model.G, ""},
+      {"Q", f.model.Q, "process noise, covariance of w per sample"},
+      {"R", f.model.R, "measurement noise, covariance of v per sample"},
+      {"S", f.model.S, "covariance of w and v per sample"},
+      {"K_predictor", f.K, "steady gain of the predictor form, K = (A P C' + G S) Sigma^-1"},
+      {"L_filter", f.L, "steady gain of the filter form, L = P C' Sigma^-1"},
+      {"P", f.P, "steady covariance of x(t) - x_pred(t), before y(t) is known"},
+      {"Sigma", f.Sigma, "steady covariance of e, C P C' + R"}};
+  if (density) {
+    all.insert(all.begin() + 6,
+               {"Q_density", e.noise.Q,
+                "process noise as the model file has it, power per time (density)"});
+  }
+  return all;
+}
+
+// The estimates in SI, one after the other.
+std::vector<StructMember> members_of(const Estimate& e, bool vehicle) {
+  std::vector<StructMember> out;
+  for (const EstimatedParameter& p : e.parameters) {
+    if (is_straight(p)) continue;
+    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    // Only a number that stays the same keeps its last digit.
+    const bool same = unit.scale == 1.0 && unit.offset == 0.0;
+    std::string si = vehicle ? vehicle_unit(p.name) : same ? p.unit : si_unit(unit);
+    if (si.empty()) si = "-";
+    std::string remark = remark_of(p);
+    if (!same) remark += fmt::format("; {:.6g} {}", p.value, p.unit);
+    out.push_back({p.name, si, same ? p.value : unit.to_si(p.value), unit.scale * p.se, remark,
+                   p.fixed ? "known" : to_string(p.verdict)});
+  }
+  return out;
+}
+
+std::vector<SteadyFilter::Channel> channels_of(const std::vector<ChannelSource>& from) {
+  std::vector<SteadyFilter::Channel> out;
+  for (const ChannelSource& c : from) out.push_back({c.name, c.unit});
+  return out;
+}
+
+void add_formulas(ExportContents& to, const StoredResult& result) {
+  const Estimate& e = result.estimate;
+  const ModelFile model = estimated_model(e, result.path);
+  const StateSpace written = written_matrices(model.linear, model.parameters);
+  const bool density = e.noise.Q_kind == "density";
+  for (const StateName& state : model.states) to.states.push_back({state.name, state.unit});
+  to.outputs = channels_of(model.outputs);
+  to.inputs = channels_of(model.inputs);
+  to.Q_kind = e.noise.Q_kind;
+  to.matrices = {{"Q", written.G * written.Q * written.G.transpose(),
+                  density ? "process noise of the states, power per time (density)"
+                          : "process noise of the states, covariance per sample"},
+                 {"R", written.R, "measurement noise, covariance per sample"},
+                 {"x0", written.x0, "state at the first sample: mean"},
+                 {"P0", written.P0, "and its covariance"}};
+  to.lines.push_back(fmt::format("{} filter; numbers in SI; the formulas stand in the model file",
+                                 e.objective.filter));
+  to.lines.push_back("states x: " + channel_list(to.states, ""));
+  to.lines.push_back("outputs y: " + channel_list(to.outputs));
+  if (!to.inputs.empty()) to.lines.push_back("inputs u: " + channel_list(to.inputs));
+}
+
+// A file may have been edited.
+void check_filter(const StoredResult& result) {
+  StateSpace model = result.estimate.filter->model;
+  model.x0.setZero(model.states());
+  model.P0.setZero(model.states(), model.states());
+  try {
+    check_shapes(model);
+  } catch (const std::invalid_argument& error) {
+    throw InputError({result.path, 0, 0}, fmt::format("not a filter ({})", error.what()),
+                     "a result as -o writes it", "run the job again with -o");
+  }
+}
+
+// The first name, as the export has it, behind which a number is missing; empty: all are there.
+std::string missing_number(const ExportContents& c) {
+  for (const StructMember& m : c.members) {
+    if (!std::isfinite(m.value)) return m.name;
+  }
+  if (c.dt && !std::isfinite(*c.dt)) return "dt";
+  for (const char* needed : {"A", "C"}) {
+    const bool there = std::any_of(c.matrices.begin(), c.matrices.end(),
+                                   [&](const NamedMatrix& m) { return m.name == needed; });
+    if (c.dt && !there) return needed;
+  }
+  for (const NamedMatrix& m : c.matrices) {
+    if (!m.value.allFinite()) return m.name;
+  }
+  return "";
+}
+
+}  // namespace
+
+ExportKind export_kind(const Estimate& e) {
+  if (e.verb == "bound") return ExportKind::nothing;
+  if (!e.tyre_curve.empty())
+    return e.parameters.empty() ? ExportKind::nothing : ExportKind::vehicle;
+  if (e.filter) return ExportKind::filter;
+  return e.objective.filter.empty() || !e.model_file ? ExportKind::nothing : ExportKind::formulas;
+}
+
+ExportContents export_contents(const StoredResult& result) {
+  const Estimate& e = result.estimate;
+  ExportContents out;
+  switch (export_kind(e)) {
+    case ExportKind::nothing:
+      throw InputError(
+          {result.path, 0, 0},
+          fmt::format("a result of '{}' that holds no filter, vehicle or model of formulas",
+                      e.verb),
+          "a result of tune, check or fit");
+    case ExportKind::vehicle:
+      out.suffix = out.group = "car";
+      out.members = members_of(e, true);
+      out.tyre_curve = e.tyre_curve;
+      out.lines = vehicle_lines(e);
+      break;
+    case ExportKind::filter:
+      out.suffix = "filter";
+      out.dt = e.filter->model.dt;
+      out.matrices = filter_matrices(e);
+      out.states = e.filter->states;
+      out.outputs = e.filter->outputs;
+      out.inputs = e.filter->inputs;
+      out.lines = parameter_lines(e, true);
+      for (std::string& line : filter_lines(e)) out.lines.push_back(std::move(line));
+      break;
+    case ExportKind::formulas:
+      out.suffix = "model";
+      out.group = "p";
+      out.members = members_of(e, false);
+      add_formulas(out, result);
+      break;
+  }
+  std::erase_if(out.matrices, [](const NamedMatrix& m) { return m.value.size() == 0; });
+  if (const std::string name = missing_number(out); !name.empty()) {
+    throw InputError({result.path, 0, 0}, fmt::format("a number of '{}' is missing", name),
+                     "a result as -o writes it", "run the job again with -o");
+  }
+  if (out.dt) check_filter(result);
+  return out;
+}
+
+}  // namespace identikal
