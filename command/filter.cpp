@@ -27,7 +27,8 @@ int print_states(const ModelFile& model, const Recordings& recordings, FilterRun
   std::vector<Warning>& warnings = run.estimate.warnings;
   warnings.insert(warnings.begin(), recordings.warnings.begin(), recordings.warnings.end());
   for (const Warning& w : warnings) {
-    if (w.severity != "note") std::cerr << "identikal: " << w.severity << ": " << w.text << "\n";
+    if (w.severity != Severity::note)
+      std::cerr << "identikal: " << to_string(w.severity) << ": " << w.text << "\n";
   }
   return exit_code(run.estimate, strict);
 }

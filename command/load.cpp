@@ -144,14 +144,14 @@ void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
   if (at_gaps.count > 0) {
     warnings.push_back(
         {"starts_anew",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("{}: the filter starts anew from 'initial' {}", name, at_gaps.said()),
          "fill the gaps, or give 'initial' variances that hold for the state there too"});
   }
   if (wanted.count > 0) {
     warnings.push_back({"starts_within",
-                        "note",
+                        Severity::note,
                         {},
                         fmt::format("{}: the filter starts from 'initial' {}", name, wanted.said()),
                         "'initial' is to hold there too"});
@@ -182,7 +182,7 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
     if (std::abs(*middle - model.time.step) <= 0.01 * model.time.step) continue;
     warnings.push_back(
         {"step_differs",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("the model says {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
                      model.time.step, column.name,
@@ -202,7 +202,7 @@ std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
   if (e.status != Status::ok) {
     warnings.push_back(
         {"doubtful_result",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("{} is itself {}: {}", options.from, to_string(e.status), e.message),
          ""});
@@ -210,7 +210,7 @@ std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
   if (e.model_file && e.model_file->sha256 != sha256_of_file(options.file)) {
     warnings.push_back(
         {"model_changed",
-         "warning",
+         Severity::warning,
          {options.file},
          fmt::format("the values of {} are those of another model file ({}), or it "
                      "has changed since",

@@ -80,9 +80,9 @@ void add_warnings(Estimate& estimate, const Recordings& recordings) {
   };
   for (const Warning& warning : recordings.warnings) add(warning);
   for (const Dataset& data : recordings.data) {
-    for (const std::string& note : data.notes) add({"data_treated", "note", {}, note, ""});
+    for (const std::string& note : data.notes) add({"data_treated", Severity::note, {}, note, ""});
     for (const std::string& doubt : data.unknown_units) {
-      add({"unknown_unit", "warning", {}, doubt, "correct the header"});
+      add({"unknown_unit", Severity::warning, {}, doubt, "correct the header"});
     }
   }
 }

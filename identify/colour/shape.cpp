@@ -371,7 +371,7 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
     if (p.verdict != Verdict::at_bound || p.value != 0.0) continue;
     estimate.warnings.push_back(
         {"noise_vanished",
-         "warning",
+         Severity::warning,
          {p.name},
          fmt::format("{} has become zero: the filter has taken its place", p.name),
          "check the model's dynamics: a wrong A looks like coloured noise too"});
@@ -384,7 +384,7 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
   if (other == candidates.end() || other->bic >= best.bic + kTells) return;
   estimate.warnings.push_back(
       {"noise_place",
-       "note",
+       Severity::note,
        {},
        fmt::format("the outputs do not tell whether process or measurement noise is coloured "
                    "(BIC {:.1f} and {:.1f}); the state estimates differ",

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 
@@ -117,6 +118,12 @@ std::string to_string(Verdict verdict) {
   return "";
 }
 
+void warn(Estimate& estimate, Severity severity, std::string code, std::vector<std::string> about,
+          std::string text, std::string remedy) {
+  warn(estimate.warnings, severity, std::move(code), std::move(about), std::move(text),
+       std::move(remedy));
+}
+
 int exit_code(const Estimate& estimate, bool strict) {
   switch (estimate.status) {
     case Status::answer_no:
@@ -128,7 +135,7 @@ int exit_code(const Estimate& estimate, bool strict) {
       break;
   }
   const bool warned = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                  [](const Warning& w) { return w.severity != "note"; });
+                                  [](const Warning& w) { return w.severity != Severity::note; });
   return strict && warned ? 4 : 0;
 }
 

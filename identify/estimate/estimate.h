@@ -206,6 +206,10 @@ struct Estimate {
   Pictures pictures;  ///< filled where a report is asked for
 };
 
+/// Appends a warning to the estimate.
+void warn(Estimate& estimate, Severity severity, std::string code, std::vector<std::string> about,
+          std::string text, std::string remedy = "");
+
 /// As results print it: "not_converged", "weak".
 std::string to_string(Status status);
 std::string to_string(Verdict verdict);

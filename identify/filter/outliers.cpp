@@ -151,7 +151,7 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
     const double share = of_outliers / power;
     estimate.warnings.push_back(
         {"outliers",
-         share > kSerious ? "serious" : "warning",
+         share > kSerious ? Severity::serious : Severity::warning,
          {recordings[0].outputs[c].name},
          fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
                      "and make{} up {:.2g} % of the innovations' power",
@@ -216,7 +216,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
     const bool known = std::isfinite(offset[i]);
     estimate.warnings.push_back(
         {"offset",
-         share > kSerious ? "serious" : "warning",
+         share > kSerious ? Severity::serious : Severity::warning,
          {source.name},
          fmt::format("the innovations of '{}' have the mean {:.4g}{}, {:.2g} % of their power; the "
                      "model takes it for noise{}",
@@ -281,7 +281,7 @@ Estimate tune_robust(
   if (!left_out.empty()) {
     out.warnings.push_back(
         {"outliers_left_out",
-         "note",
+         Severity::note,
          {},
          fmt::format("{} sample{} left out as outliers ({})", left_out.size(),
                      left_out.size() > 1 ? "s" : "", first_times(recordings, left_out)),

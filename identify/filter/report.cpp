@@ -215,7 +215,7 @@ void warn_of_integration(Estimate& estimate, const ModelFile& model, const Param
   constexpr double kSmall = 1e-3;
   estimate.warnings.push_back(
       {"integration",
-       largest > kSmall ? "warning" : "note",
+       largest > kSmall ? Severity::warning : Severity::note,
        {},
        fmt::format(
            "{} the rates of change jump, or are faster than the integration follows: twice as "

@@ -93,7 +93,7 @@ void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
   if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
   estimate.warnings.push_back(
       {"hold_out",
-       "warning",
+       Severity::warning,
        {},
        fmt::format(
            "on held-out rows the innovations are {:.3g} times as large, beside their standard "
@@ -135,7 +135,7 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
   const auto fail = [&](const HeldOut& held, const std::string& why) {
     estimate.warnings.push_back(
         {"hold_out",
-         "warning",
+         Severity::warning,
          {},
          "the filter does not run on held-out " + held.recording.name + ": " + why,
          ""});

@@ -77,7 +77,7 @@ Estimate tune_auto(const ModelFile& model, const std::vector<Dataset>& recording
   out.notes.push_back("als-weighted: " + near);
   if (!about.empty()) {
     out.warnings.push_back(
-        {"methods_disagree", "warning", about,
+        {"methods_disagree", Severity::warning, about,
          apart + ": further apart than their errors allow, so the model does not describe the data",
          "look at the residuals: outliers, coloured noise and changes of the noise show there"});
   }

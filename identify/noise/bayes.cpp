@@ -204,7 +204,7 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
       p.verdict = Verdict::at_bound;
       estimate.warnings.push_back(
           {"prior_edge",
-           "serious",
+           Severity::serious,
            {p.name},
            fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
                        coordinate.words),

@@ -146,7 +146,7 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   if (static_cast<double>(objective.samples) < 5.0 * k) {  // the likelihood is no parabola yet
     estimate.warnings.push_back(
         {"few_samples",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
                      "here too small",
@@ -160,8 +160,9 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
 }
 
 void distrust_serious_warnings(Estimate& estimate) {
-  const bool serious = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                   [](const Warning& w) { return w.severity == "serious"; });
+  const bool serious =
+      std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
+                  [](const Warning& w) { return w.severity == Severity::serious; });
   if (!serious || estimate.status != Status::ok) return;
   estimate.status = Status::untrusted;
   estimate.message += ", but the data do not fit the model: see the warnings";
@@ -176,7 +177,7 @@ void warn_of_coloured_innovations(Estimate& estimate) {
     if (!test.pass && test.id == "input_correlation") {
       estimate.warnings.push_back(
           {"input_in_innovations",
-           "warning",
+           Severity::warning,
            {test.channel},
            fmt::format(
                "the innovations of '{}' follow earlier inputs (p = {:.2g}): what the inputs "
@@ -188,7 +189,7 @@ void warn_of_coloured_innovations(Estimate& estimate) {
     if (test.pass || test.id != "ljung_box") continue;
     estimate.warnings.push_back(
         {"coloured_innovations",
-         "warning",
+         Severity::warning,
          {test.channel},
          fmt::format(
              "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "

@@ -346,7 +346,7 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
     ++i;
     const bool lower = best.x[i] <= problem.lower[i], upper = best.x[i] >= problem.upper[i];
     if (!lower && !upper) continue;
-    Warning warning{"at_bound", "note", {p.name}, "", ""};
+    Warning warning{"at_bound", Severity::note, {p.name}, "", ""};
     if (lower && problem.lower[i] == 0.0) {
       const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
                                                    : best.x.cwiseAbs().maxCoeff();
@@ -360,7 +360,7 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
             fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
       }
     } else {
-      warning.severity = "warning";
+      warning.severity = Severity::warning;
       warning.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
                                  lower ? "lower" : "upper", p.value);
       warning.remedy = "widen the bound in the model file if it is not physical";
@@ -395,7 +395,7 @@ void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
   if (expected || taken.path == Path::compressed) return;
   estimate.warnings.push_back(
       {"evaluation_method",
-       "note",
+       Severity::note,
        {},
        fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
                    taken.path == Path::steady ? "steady-state" : "time-varying",
@@ -452,7 +452,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
     estimate.warnings.push_back(
         {"several_maxima",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("{} of {} starts ended at the best value", found.agree, found.tried),
          "raise --starts; if they still disagree, the likelihood has several maxima"});

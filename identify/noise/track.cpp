@@ -387,7 +387,7 @@ void warn_of_size(Estimate& estimate, bool adaptive) {
     if (test.id != "nis" || test.pass || estimate.series.time.size() < kEnough) continue;
     estimate.warnings.push_back(
         {"innovation_size",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("the innovations are {:.3g} times as large (in variance) as the filter took "
                      "them for",

@@ -208,7 +208,7 @@ void report_conditions(const MatrixXd& e, int lags, const std::vector<Channel>& 
       const bool normality = std::string(id) == "normality";
       out.warnings.push_back(
           {normality ? "innovations_not_gaussian" : "innovations_change_size",
-           "note",
+           Severity::note,
            {outputs[n].name},
            fmt::format(
                "innovations of '{}' {} (p = {:.2g}): p-values are approximate", outputs[n].name,

@@ -155,7 +155,7 @@ void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool s
   if (std::abs(r) > kCorrelated && std::abs(r) * std::sqrt(static_cast<double>(n)) > kDeviations) {
     estimate.warnings.push_back(
         {"coloured_errors",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("errors are correlated with the ones before ({:.2f}): standard errors, the "
                      "choice of the memory and the rate of false alarms suppose that they are not",
@@ -164,7 +164,7 @@ void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool s
   }
   if (shortest) {
     estimate.warnings.push_back({"short_memory",
-                                 "warning",
+                                 Severity::warning,
                                  {},
                                  "of all memories tried the shortest predicts best: there is no "
                                  "telling coefficients that change from errors that are followed",

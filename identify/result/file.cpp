@@ -287,8 +287,10 @@ Estimate estimate_of(const Field& root) {
         {d["name"].text(), d["unit"].text(), d["value"].number(), d["se"].number()});
   }
   for (const Field& w : root["warnings"].items()) {
-    out.warnings.push_back({w["code"].text(), w["severity"].text(), w["about"].names(),
-                            w["text"].text(), w["remedy"].text()});
+    out.warnings.push_back(
+        {w["code"].text(),
+         w["severity"].word({Severity::note, Severity::warning, Severity::serious}),
+         w["about"].names(), w["text"].text(), w["remedy"].text()});
   }
   out.notes = root["notes"].names();
   return out;

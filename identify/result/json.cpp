@@ -121,7 +121,7 @@ Json warnings_of(const std::vector<Warning>& warnings) {
   Json out = Json::array();
   for (const Warning& w : warnings) {
     out.push_back({{"code", w.code},
-                   {"severity", w.severity},
+                   {"severity", to_string(w.severity)},
                    {"about", w.about},
                    {"text", w.text},
                    {"remedy", w.remedy}});

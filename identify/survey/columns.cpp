@@ -522,7 +522,7 @@ void Guess::try_unnamed() {
     }
     out_.findings.push_back(
         {"guessed_by_physics",
-         "note",
+         Severity::note,
          {c.column->name},
          fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), how),
          "check it: its name does not say so"});
@@ -600,14 +600,14 @@ VehicleSignals Guess::run() {
     const std::string file = std::filesystem::path(tables_[f].path).filename().string();
     if (clocks_[f].time.size() == 0) {
       out_.findings.push_back({"no_time",
-                               "serious",
+                               Severity::serious,
                                {file},
                                fmt::format("no column of {} is an increasing time", file),
                                "name it 'time' or 't'; time: {step: ...} in a model file"});
     }
     if (clocks_[f].runs > 1) {
       out_.findings.push_back({"several_runs",
-                               "serious",
+                               Severity::serious,
                                {file},
                                fmt::format("time runs back {} times: {} runs in one file",
                                            clocks_[f].runs - 1, clocks_[f].runs),
@@ -653,7 +653,7 @@ VehicleSignals Guess::run() {
   }
   if (!unclear.empty()) {
     signals.findings.push_back({"unit_unclear",
-                                "note",
+                                Severity::note,
                                 {},
                                 "the file gives no unit of some columns; these make the kinematics "
                                 "of a car: " +

@@ -23,29 +23,30 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   look_at_signals(signals, scene);
   propose(signals, scene);
   if (!scene.first.contains(SignalKind::steering)) {
-    scene.find("no_steering", "serious", {}, "no column looks like a steering angle",
+    scene.find("no_steering", Severity::serious, {}, "no column looks like a steering angle",
                "name it in the model file; without it nothing can be identified");
   } else if (const Eigen::VectorXd& x = scene.first.at(SignalKind::steering)->value;
              !(quantile_of(x, 0.0) < quantile_of(x, 1.0))) {
-    scene.find("no_steering", "serious", {scene.signal(SignalKind::steering).column},
+    scene.find("no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
                fmt::format("the steering angle {} never changes", scene.name(SignalKind::steering)),
                "is it the right column? Else record a manoeuvre");
   }
   if (!scene.first.contains(SignalKind::r)) {
     const bool ay = scene.first.contains(SignalKind::ay);
-    scene.find("no_yaw_rate", ay ? "warning" : "serious", {}, "no column looks like a yaw rate",
+    scene.find("no_yaw_rate", ay ? Severity::warning : Severity::serious, {},
+               "no column looks like a yaw rate",
                "name it in the model file; without it signs, units and clocks are not compared");
   }
   const bool speed = scene.speed.size() > 0;
   if (!speed) {
-    scene.find("no_speed", "serious", {}, "no column looks like a speed",
+    scene.find("no_speed", Severity::serious, {}, "no column looks like a speed",
                "name it in the model file");
   }
   const auto driving = speed ? (scene.speed.array() > kSlowestTest).count() : Eigen::Index{0};
   const bool moved = static_cast<double>(driving) * (grid ? scene.step : 0.0) >= 2.0;
   if (grid && speed) look_at_speed(scene);
   if (!grid || (speed && (!moved || driving < 40))) {
-    scene.find("too_short", "serious", {},
+    scene.find("too_short", Severity::serious, {},
                grid ? fmt::format("{:.1f} s in {} rows above {} m/s",
                                   static_cast<double>(driving) * scene.step, driving, kSlowestTest)
                     : std::string("less than two rows"),
@@ -60,7 +61,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   }
   judge_identifiability(scene);
   const auto rank = [](const Warning& w) {
-    return w.severity == "serious" ? 0 : w.severity == "warning" ? 1 : 2;
+    return w.severity == Severity::serious ? 0 : w.severity == Severity::warning ? 1 : 2;
   };
   std::stable_sort(scene.out.findings.begin(), scene.out.findings.end(),
                    [&](const Warning& a, const Warning& b) { return rank(a) < rank(b); });

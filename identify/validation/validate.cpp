@@ -123,7 +123,7 @@ void test_unseen(const Estimate& result, const ModelFile& model,
     if (seen > kBlind) {
       estimate.warnings.push_back(
           {"blind",
-           "warning",
+           Severity::warning,
            {},
            fmt::format("these data would not show innovations {:.2g} times as large as the filter "
                        "says",
@@ -281,7 +281,7 @@ std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& esti
       100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
   if (!blind.empty()) {
     estimate.warnings.push_back(
-        {"blind", "warning", about,
+        {"blind", Severity::warning, about,
          fmt::format("these data would not show an error of {} of 20 %", blind),
          "validate on a recording that tells it: 'identikal info --vehicle' says what one can "
          "tell"});
@@ -326,7 +326,7 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
         });
     if (!own) continue;
     estimate.warnings.push_back({"own_data",
-                                 "warning",
+                                 Severity::warning,
                                  {input.path},
                                  input.path + " is what the result was made from: this proves "
                                               "nothing",
@@ -337,7 +337,7 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
   if (result.status != Status::ok) {
     estimate.warnings.push_back(
         {"doubtful_result",
-         "warning",
+         Severity::warning,
          {},
          fmt::format("the result itself is {}: {}", to_string(result.status), result.message),
          ""});
@@ -347,7 +347,7 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
   if (std::filesystem::is_regular_file(model.path, none) &&
       sha256_of_file(model.path) != model.sha256) {
     estimate.warnings.push_back({"model_changed",
-                                 "warning",
+                                 Severity::warning,
                                  {model.path},
                                  model.path + " has changed since; what is validated is the model "
                                               "as it was, which the result holds",

@@ -61,7 +61,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
     if (c < kFlippedBelow) {
       estimate.warnings.push_back(
           {"sign_steering",
-           "serious",
+           Severity::serious,
            {"r", "steering"},
            fmt::format("yaw rate turns against the steering: correlation of vx * angle with r is "
                        "{:.2f}",
@@ -74,7 +74,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
     if (c < kFlippedBelow) {
       estimate.warnings.push_back(
           {"sign_ay",
-           "serious",
+           Severity::serious,
            {"ay", "r"},
            fmt::format("lateral acceleration points out of the turn: correlation of vx * r with ay "
                        "is {:.2f}",
@@ -87,7 +87,7 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
 void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate) {
   const auto warn = [&](const std::string& name, const std::string& text) {
     estimate.warnings.push_back({"implausible_" + name,
-                                 "warning",
+                                 Severity::warning,
                                  {name},
                                  text,
                                  "check mass, axle distances, steering ratio, units and sensor "
@@ -150,7 +150,7 @@ void check_weakest_direction(const VehicleProblem& problem, const VehicleCovaria
                         100.0 * share * std::abs(along[lead]) * size);
   }
   estimate.warnings.push_back(
-      {"weak_direction", "warning", about,
+      {"weak_direction", Severity::warning, about,
        "poorly determined in combination (one standard error): " + text,
        "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
        "speeds that differ by 2, sideslip"});
@@ -179,7 +179,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
     const bool noisy = outputs.size() == 1 && white;
     estimate.warnings.push_back(
         {"poor_fit",
-         "serious",
+         Severity::serious,
          {name},
          fit < 0.0 ? fmt::format("the simulation of {} is farther off than its mean (fit {:.0f} %)",
                                  name, fit)
@@ -194,7 +194,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
     if (seen > kNoiseFactor * given || seen < given / kNoiseFactor) {
       estimate.warnings.push_back(
           {"noise_differs",
-           "warning",
+           Severity::warning,
            {outputs[j].name},
            fmt::format("residual of {} is {:.3g} {}, the model file gives {:.3g} as its noise",
                        outputs[j].name, in_unit(outputs[j], seen), outputs[j].unit,
@@ -225,7 +225,8 @@ void check_by_survey(const ModelFile& model, const std::vector<Dataset>& recordi
             return w.code == finding.code && w.about == finding.about;
           });
       if (reported) continue;
-      if (finding.severity == "serious" && leading > kGoodFit) finding.severity = "warning";
+      if (finding.severity == Severity::serious && leading > kGoodFit)
+        finding.severity = Severity::warning;
       if (finding.code == "reversing") {
         finding.remedy =
             "these rows are left out; if the car drives forward there, scale: -1 for vx";
@@ -239,12 +240,12 @@ void check_hold_out_by_survey(const ModelFile& model, const std::vector<Dataset>
                               Estimate& estimate) {
   for (const Dataset& data : hold_out) {
     for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
-      if (finding.severity != "serious" || finding.code == "too_short") continue;
+      if (finding.severity != Severity::serious || finding.code == "too_short") continue;
       const bool reported = std::any_of(
           estimate.warnings.begin(), estimate.warnings.end(),
-          [&](const Warning& w) { return w.code == finding.code && w.severity != "note"; });
+          [&](const Warning& w) { return w.code == finding.code && w.severity != Severity::note; });
       if (reported) continue;
-      finding.severity = "warning";
+      finding.severity = Severity::warning;
       finding.text = fmt::format("held-out {}: {}", data.name, finding.text);
       estimate.warnings.push_back(std::move(finding));
     }
@@ -258,7 +259,7 @@ void check_hold_out(Estimate& estimate) {
       if (!(100.0 - held.fit_percent >= kHoldOutFactor * (100.0 - own.fit_percent))) continue;
       estimate.warnings.push_back(
           {"hold_out",
-           "warning",
+           Severity::warning,
            {own.channel},
            fmt::format(
                "on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what it "
@@ -280,7 +281,7 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   if (p[kSteeringGain] < 0.0) {
     estimate.warnings.push_back(
         {"sign_steering",
-         "serious",
+         Severity::serious,
          {"steering_gain"},
          fmt::format("the steering gain is {:.3g}: the wheels turn against the angle",
                      p[kSteeringGain]),
@@ -294,7 +295,7 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
       fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as it gives", gain, se);
   estimate.warnings.push_back(
       {"steering_ratio",
-       "warning",
+       Severity::warning,
        {"steering_gain"},
        fmt::format("the given steering ratio is wrong{}: {}; the ratio is {:.4g}",
                    at_road_wheel ? ", 1 as of an angle at the road wheels" : "", turned,
@@ -318,7 +319,7 @@ void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
     names += (names.empty() ? "" : ", ") + test.channel;
   }
   estimate.warnings.push_back(
-      {"coloured_residuals", "warning", about,
+      {"coloured_residuals", Severity::warning, about,
        fmt::format("residuals of {} are correlated in time: the model is incomplete", names) +
            (errors
                 ? fmt::format(". Standard errors allow for it over {:.2g} s; for white residuals "
@@ -377,7 +378,8 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
         "the linear stiffnesses are averages over this recording's slip angles and hold nowhere "
         "else: use a milder part of it (|ay| below about 4 m/s^2)";
   }
-  estimate.warnings.push_back({"tyre_saturation", serious ? "serious" : "note", about, text, todo});
+  estimate.warnings.push_back(
+      {"tyre_saturation", serious ? Severity::serious : Severity::note, about, text, todo});
 }
 
 void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,

@@ -73,7 +73,7 @@ void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<doub
       result.value = kInfinity;
       estimate.warnings.push_back(
           {"no_saturation",
-           "note",
+           Severity::note,
            {result.name},
            fmt::format("{} is larger than this recording can determine: the force of that axle is "
                        "linear",
@@ -83,7 +83,7 @@ void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<doub
     }
     estimate.warnings.push_back(
         {"at_bound",
-         biases_the_others(unknowns.free[i]) ? "serious" : "warning",
+         biases_the_others(unknowns.free[i]) ? Severity::serious : Severity::warning,
          {result.name},
          fmt::format("{} ended at its bound {:.6g}; the standard errors of the others take it as "
                      "known",
@@ -95,7 +95,7 @@ void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<doub
     const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     estimate.warnings.push_back(
         {"at_bound",
-         "note",
+         Severity::note,
          {result.name},
          fmt::format("{} ended at its bound {:.6g}, but this recording does not determine it",
                      result.name, result.value),
@@ -325,7 +325,7 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
 
 /// Whether this finding is a channel so wrong that no other form of the model can correct it.
 bool is_misreading(const Warning& w) {
-  return w.severity == "serious" &&
+  return w.severity == Severity::serious &&
          (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
           w.code == "clock_offset" || w.code == "swapped_channels");
 }
@@ -359,7 +359,7 @@ Warning summary_of(const std::vector<Warning>& consequences) {
   for (const auto& [code, names] : by_code) {
     list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", code, fmt::join(names, ", "));
   }
-  return {"consequences", "note", about, "also found, as the above causes it: " + list,
+  return {"consequences", Severity::note, about, "also found, as the above causes it: " + list,
           "fit again when the above is fixed"};
 }
 
@@ -404,7 +404,7 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
                                   [](const EstimatedParameter& p) { return !p.fixed; });
   std::vector<std::string> serious;
   for (const Warning& warning : estimate.warnings) {
-    if (warning.severity != "serious") continue;
+    if (warning.severity != Severity::serious) continue;
     if (std::find(serious.begin(), serious.end(), warning.code) == serious.end()) {
       serious.push_back(warning.code);
     }

@@ -227,7 +227,7 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   }
   estimate.warnings.push_back(
       {"tracked_only",
-       "note",
+       Severity::note,
        {},
        "recursive least squares follows changes; noise in its regressors biases the values, and no "
        "standard error here knows of that",

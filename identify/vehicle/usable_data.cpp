@@ -166,7 +166,7 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
     }
     dead += (dead.empty() ? "" : "; ") + trouble;
     run.warnings.push_back({"dead_output",
-                            "serious",
+                            Severity::serious,
                             {output.name},
                             trouble + "; it is left out",
                             "check the channel, or take it out of the model file"});
@@ -196,7 +196,7 @@ void require_steering(const Dataset& data, VehicleRun& run) {
                      "is it the right column, and is its unit right?");
   }
   run.warnings.push_back({"constant_steering",
-                          "warning",
+                          Severity::warning,
                           {},
                           seen + ": the car is hardly excited",
                           "record a manoeuvre: lane change, step, sine or sweep"});

@@ -29,9 +29,9 @@ std::string unidentifiable_text(const Estimate& estimate) {
 std::string findings_text(const std::vector<Warning>& findings) {
   std::string out;
   for (const Warning& w : findings) {
-    const std::string severity = w.severity == "note"      ? "note "
-                                 : w.severity == "serious" ? "SERIOUS "
-                                                           : "warn ";
+    const std::string severity = w.severity == Severity::note      ? "note "
+                                 : w.severity == Severity::serious ? "SERIOUS "
+                                                                   : "warn ";
     out += wrapped(severity + w.code + ": " + w.text, 7);
     if (!w.remedy.empty()) out += wrapped("       -> " + w.remedy, 10);
   }

@@ -62,8 +62,8 @@ std::vector<std::string> origin_lines(const StoredResult& result, const std::str
   out.push_back(status_line(e));
   for (const Warning& w : e.warnings) {
     if (w.code == "data_treated") out.push_back("recorded: " + w.text);
-    if (w.severity == "note") continue;
-    out.push_back((w.severity == "serious" ? "SERIOUS: " : "warning: ") + w.text);
+    if (w.severity == Severity::note) continue;
+    out.push_back((w.severity == Severity::serious ? "SERIOUS: " : "warning: ") + w.text);
   }
   if (e.model_file) {
     out.push_back(fmt::format("model {}, sha256 {}", e.model_file->path, e.model_file->sha256));

@@ -17,7 +17,7 @@ ExportJson identity(const StoredResult& result, const std::string& date) {
   const Estimate& e = result.estimate;
   ExportJson warnings = ExportJson::array(), data = ExportJson::array();
   for (const Warning& w : e.warnings) {
-    warnings.push_back({{"code", w.code}, {"severity", w.severity}, {"text", w.text}});
+    warnings.push_back({{"code", w.code}, {"severity", to_string(w.severity)}, {"text", w.text}});
   }
   for (const InputRecord& input : e.inputs) {
     data.push_back({{"path", input.path},

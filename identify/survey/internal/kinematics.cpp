@@ -60,7 +60,7 @@ void check_swapped(Scene& scene) {
     const double vy = quantile_of(scene.on[SignalKind::vy].cwiseAbs(), 0.9);
     if (vy > vx && vy > 1.0) {
       scene.find(
-          "swapped_channels", "serious",
+          "swapped_channels", Severity::serious,
           {scene.signal(SignalKind::vx).column, scene.signal(SignalKind::vy).column},
           fmt::format("{} as vx is mostly smaller than {} as vy ({} against {} m/s): a car "
                       "drives forward, not sideways",
@@ -85,7 +85,8 @@ void check_swapped(Scene& scene) {
       const bool better = std::abs(crossed.correlation) > 0.9 &&
                           !(std::abs(straight.correlation) > std::abs(crossed.correlation) - 0.05);
       if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
-      scene.find("swapped_channels", "serious", {scene.signal(SignalKind::r).column, vy.column},
+      scene.find("swapped_channels", Severity::serious,
+                 {scene.signal(SignalKind::r).column, vy.column},
                  fmt::format("{} behaves like r, and {} does not: {} = vx {} then holds within {}",
                              scene.name(SignalKind::vy), scene.name(SignalKind::r),
                              scene.name(SignalKind::ay), scene.name(SignalKind::vy),
@@ -107,7 +108,7 @@ void check_swapped(Scene& scene) {
       const bool better = std::abs(crossed.correlation) > 0.8 &&
                           std::abs(crossed.correlation) >= std::abs(straight.correlation) - 0.02;
       if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
-      scene.find("swapped_channels", "serious",
+      scene.find("swapped_channels", Severity::serious,
                  {scene.signal(SignalKind::r).column, scene.signal(SignalKind::ay).column},
                  fmt::format("{} behaves like ay and {} like r: vx {} = {} then holds within {}",
                              scene.name(SignalKind::r), scene.name(SignalKind::ay),
@@ -161,12 +162,12 @@ void judge_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
               : "");
   if (unclear) {
     relation.clock = false;
-    scene.find("clock_unclear", "note", {scene.signal(late).column}, where,
+    scene.find("clock_unclear", Severity::note, {scene.signal(late).column}, where,
                "something that swings regularly looks alike a period later: compare by eye");
     return;
   }
   scene.find(
-      "clock_offset", "serious", {scene.signal(late).column}, where,
+      "clock_offset", Severity::serious, {scene.signal(late).column}, where,
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
 
@@ -211,7 +212,7 @@ void check_acceleration(Scene& scene) {
         if (std::abs(std::log(ratio / unit.off)) > std::log(1.3)) continue;
         guess += (guess.empty() ? "" : ", or ") + std::string(unit.words);
       }
-      scene.find("units_ay", "serious",
+      scene.find("units_ay", Severity::serious,
                  {scene.signal(SignalKind::ay).column, scene.signal(SignalKind::r).column},
                  fmt::format("{} is {} times {} times {}, and should be about once that",
                              scene.name(SignalKind::ay), shown(relation.slope), scene.speed_name,
@@ -279,7 +280,7 @@ void check_steering(Scene& scene) {
   const double low = quantile_of(steering, 0.0), high = quantile_of(steering, 1.0);
   const bool at_wheel = scene.signal(SignalKind::steering).at_wheel;
   if (!(high - low > (at_wheel ? 0.02 : 0.001))) {
-    scene.find("no_steering", "serious", {scene.signal(SignalKind::steering).column},
+    scene.find("no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
                fmt::format("the steering angle stays within {} rad while the car drives",
                            std::isnan(high - low) ? "0" : shown(high - low)),
                "is it the right column, and its unit right? Else record a manoeuvre");
@@ -319,7 +320,7 @@ void check_steering(Scene& scene) {
         continue;
       guess += (guess.empty() ? "is it " : ", or ") + std::string(reading.words);
     }
-    scene.find("units_steering", "serious", {scene.signal(SignalKind::steering).column},
+    scene.find("units_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
                fmt::format("vx delta / r is {} m; wheelbase times steering ratio of a car is 20 to "
                            "90 m, its wheelbase 1.2 to 6 m",
                            shown(steered.length)),
@@ -347,7 +348,7 @@ void check_sideslip(Scene& scene) {
     VehicleSurvey::Relation relation = relate(scene.time, angle, beta, "vy / vx", "beta");
     judge_clock(scene, relation, 0.08, SignalKind::beta);
     if (relation.correlation < -0.7) {
-      scene.find("sign_vy", "serious",
+      scene.find("sign_vy", Severity::serious,
                  {scene.signal(SignalKind::vy).column, scene.signal(SignalKind::beta).column},
                  fmt::format("{} and {} have opposite signs", scene.name(SignalKind::vy),
                              scene.name(SignalKind::beta)),
@@ -395,7 +396,7 @@ void check_signs_of(Scene& scene) {
   bool turned = false;  // r and ay are positive to the right
   if (steering_off && ay_off) {
     scene.find(
-        "sign_r", "serious", {scene.signal(SignalKind::r).column},
+        "sign_r", Severity::serious, {scene.signal(SignalKind::r).column},
         fmt::format("{} has the opposite sign to the steering angle (correlation {:.2f}) and "
                     "to ay (vx r with ay {:.2f})",
                     scene.name(SignalKind::r), with_r, with_ay),
@@ -403,7 +404,7 @@ void check_signs_of(Scene& scene) {
     flip(scene, SignalKind::r);
   } else if (ay_off) {
     const bool r_down = axis(SignalKind::r) && !axis(SignalKind::ay) && !(with_r > 0.5);
-    scene.find("sign_ay", "serious", {scene.signal(SignalKind::ay).column},
+    scene.find("sign_ay", Severity::serious, {scene.signal(SignalKind::ay).column},
                fmt::format("{} has the opposite sign to vx r (correlation {:.2f})",
                            scene.name(SignalKind::ay), with_ay),
                fmt::format("ISO 8855: everything positive to the left; scale: -1 for {}",
@@ -416,7 +417,7 @@ void check_signs_of(Scene& scene) {
     std::string why;
     if (axis(SignalKind::r)) why = "; its name says that the axis points down";
     scene.find(
-        "sign_steering", "serious",
+        "sign_steering", Severity::serious,
         {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::r).column},
         fmt::format("{} has the opposite sign to the steering angle {} (correlation "
                     "{:.2f}){}",
@@ -437,7 +438,7 @@ void check_signs_of(Scene& scene) {
   if (vy_after < -0.5 && !ay_off) {
     const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
     scene.find(
-        "sign_vy", "serious", {scene.signal(kind).column},
+        "sign_vy", Severity::serious, {scene.signal(kind).column},
         fmt::format("{} goes against ay - vx r (correlation {:.2f})", scene.name(kind), vy_after),
         "ISO 8855: vy to the left is positive; scale: -1");
     flip(scene, kind);

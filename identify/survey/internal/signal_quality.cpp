@@ -95,7 +95,7 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
     if (constant) {
       const std::string what = values.empty() ? "holds no number" : "never changes";
       if (s.kind != SignalKind::steering) {
-        scene.find("dead_channel", used ? "serious" : "note", {s.column},
+        scene.find("dead_channel", used ? Severity::serious : Severity::note, {s.column},
                    fmt::format("'{}' ({}) {}", s.column, to_string(s.kind), what),
                    "leave it out, or find out why the sensor is silent");
       }
@@ -105,7 +105,7 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
     const double spread = (quantile_of(values, 0.95) - quantile_of(values, 0.05)) / 3.3 / scale;
     if (held.of_moving > 0.4) {
       scene.find(
-          "held_samples", "warning", {s.column},
+          "held_samples", Severity::warning, {s.column},
           fmt::format(
               "'{}' repeats the sample before in {} of its samples ({} while it moves), in "
               "steps of {} {}{}",
@@ -122,7 +122,8 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
       for (std::size_t i = 0; i < std::min<std::size_t>(3, odd.size()); ++i) {
         where += fmt::format("{}{:.6g} s", i > 0 ? ", " : "", s.time[odd[i]]);
       }
-      scene.find("outliers", odd.size() > 3 || s.kind != SignalKind::ay ? "warning" : "note",
+      scene.find("outliers",
+                 odd.size() > 3 || s.kind != SignalKind::ay ? Severity::warning : Severity::note,
                  {s.column},
                  fmt::format("{} sample{} of '{}' leap{} away from both neighbours, at {}{}",
                              odd.size(), odd.size() == 1 ? "" : "s", s.column,
@@ -148,13 +149,13 @@ void look_at_speed(Scene& scene) {
   out.moving = moving * scene.step;
   if (out.standstill > 0.02) {
     scene.find(
-        "standstill", "note",
+        "standstill", Severity::note,
         {scene.signal(scene.has(SignalKind::vx) ? SignalKind::vx : SignalKind::wheel_speed).column},
         fmt::format("the car stands for {} of the time", percent(out.standstill)),
         "use_when: \"vx > 3\" leaves these rows out");
   }
   if (reversing * scene.step > 0.5) {
-    scene.find("reversing", "warning", {},
+    scene.find("reversing", Severity::warning, {},
                fmt::format("{} is negative for {:.1f} s: the car reverses, or its axis points "
                            "backwards",
                            scene.speed_name, reversing * scene.step),
@@ -163,7 +164,7 @@ void look_at_speed(Scene& scene) {
   }
   if (known > 0 && quantile_of(scene.speed, 0.99) > 120.0) {
     scene.find(
-        "units_speed", "serious", {},
+        "units_speed", Severity::serious, {},
         fmt::format("{} reaches {:.0f} m/s", scene.speed_name, quantile_of(scene.speed, 0.99)),
         "is it in km/h? Its unit belongs into the mapping");
   }
@@ -201,7 +202,7 @@ void check_stuck(Scene& scene) {
     }
     if (std::isnan(begin)) continue;
     named.insert(p.kind);
-    scene.find("stuck_channel", "serious", {scene.signal(p.kind).column},
+    scene.find("stuck_channel", Severity::serious, {scene.signal(p.kind).column},
                fmt::format("{} stands still for {:.1f} s in all, from {:.6g} s, while {} moves",
                            scene.name(p.kind), frozen, begin, scene.name(p.with)),
                "leave these rows out with --range: the sensor or its bus was silent");

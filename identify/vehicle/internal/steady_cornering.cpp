@@ -151,7 +151,7 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
       std::abs(found.value[0] - given) > student_t_quantile(0.995, found.freedom) * se(0)) {
     estimate.warnings.push_back(
         {"steering_ratio",
-         "warning",
+         Severity::warning,
          {"steering_ratio"},
          fmt::format(
              "i L is {:.4g} +- {:.2g} m, but the model file's ratio and axle distances make "

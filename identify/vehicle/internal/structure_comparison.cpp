@@ -112,7 +112,7 @@ void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOp
     if (then.rmse > (1.0 - kTurnedFit) * now.rmse) continue;
     estimate.warnings.push_back(
         {"wrong_sign",
-         "serious",
+         Severity::serious,
          {now.channel},
          fmt::format("{} has the wrong sign: with it turned{}", now.channel, other.text.substr(1)),
          fmt::format("ISO 8855: {} to the left is positive; {}: {{..., "
@@ -149,7 +149,7 @@ void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions
     }
     estimate.warnings.push_back(
         {name,
-         other.better > kBetterFit ? "serious" : "warning",
+         other.better > kBetterFit ? Severity::serious : Severity::warning,
          {name},
          text,
          gain ? "the recording speaks against the given steering ratio: free steering_gain, or "

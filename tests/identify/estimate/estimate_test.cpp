@@ -70,9 +70,9 @@ TEST(ExitCode, FollowsTheContract) {
   EXPECT_EQ(exit_code(e, false), 3);
   e.status = Status::ok;
   EXPECT_EQ(exit_code(e, true), 0);
-  e.warnings.push_back({"x", "note", {}, "", ""});
+  e.warnings.push_back({"x", Severity::note, {}, "", ""});
   EXPECT_EQ(exit_code(e, true), 0);
-  e.warnings.push_back({"y", "warning", {}, "", ""});
+  e.warnings.push_back({"y", Severity::warning, {}, "", ""});
   EXPECT_EQ(exit_code(e, true), 4);
   EXPECT_EQ(exit_code(e, false), 0);
   e.status = Status::untrusted;
@@ -83,7 +83,7 @@ TEST(Report, LinesStayOnThePage) {
   Estimate e = with_parameters({1234567.0, -0.00012345});
   e.warnings.push_back(
       {"some_code",
-       "serious",
+       Severity::serious,
        {"p1"},
        std::string(300, 'x') + " y " + std::string(70, 'z'),
        "do this and that until all of it is mended and then look at the result once more"});

@@ -37,7 +37,7 @@ const Warning* finding(const VehicleSurvey& survey, const std::string& code) {
 Codes alarms(const VehicleSurvey& survey) {
   Codes out;
   for (const Warning& w : survey.findings) {
-    if (w.severity != "note") out.insert(w.code);
+    if (w.severity != Severity::note) out.insert(w.code);
   }
   return out;
 }
@@ -131,18 +131,18 @@ TEST(VehicleSurvey, WrongSigns) {
 TEST(VehicleSurvey, WrongUnits) {
   const VehicleSurvey g = surveyed_when([](Dataset& d) { d.y.row(kAy) /= 9.80665; });
   EXPECT_EQ(alarms(g), Codes{"units_ay"});
-  EXPECT_THAT(finding(g, "units_ay")->todo, HasSubstr("ay is in g, taken as m/s^2"));
+  EXPECT_THAT(finding(g, "units_ay")->remedy, HasSubstr("ay is in g, taken as m/s^2"));
   const VehicleSurvey deg = surveyed_when([](Dataset& d) { d.y.row(kRowR) *= 57.29578; });
   EXPECT_TRUE(alarms(deg).contains("units_ay"));
-  EXPECT_THAT(finding(deg, "units_ay")->todo, HasSubstr("r is in deg/s, taken as rad/s"));
+  EXPECT_THAT(finding(deg, "units_ay")->remedy, HasSubstr("r is in deg/s, taken as rad/s"));
   const VehicleSurvey kmh = surveyed_when([](Dataset& d) { d.u.row(1) *= 3.6; });
-  EXPECT_THAT(finding(kmh, "units_ay")->todo, HasSubstr("vx is in km/h, taken as m/s"));
+  EXPECT_THAT(finding(kmh, "units_ay")->remedy, HasSubstr("vx is in km/h, taken as m/s"));
   const VehicleSurvey steering = surveyed_when([](Dataset& d) { d.u.row(0) *= 57.29578; });
   EXPECT_EQ(alarms(steering), Codes{"units_steering"});
-  EXPECT_THAT(finding(steering, "units_steering")->todo,
+  EXPECT_THAT(finding(steering, "units_steering")->remedy,
               HasSubstr("a steering-wheel angle in deg, taken as rad"));
   const VehicleSurvey road = surveyed_when([](Dataset& d) { d.u.row(0) /= 21.0; });
-  EXPECT_THAT(finding(road, "units_steering")->todo, HasSubstr("an angle of the road wheels"));
+  EXPECT_THAT(finding(road, "units_steering")->remedy, HasSubstr("an angle of the road wheels"));
 }
 
 TEST(VehicleSurvey, SwappedChannels) {

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include <gtest/gtest.h>
 
@@ -46,7 +47,7 @@ Tally study(const char* title, const Dataset& clean, int runs) {
     tally.coloured += warning(fit, "coloured_residuals") != nullptr ? 1 : 0;
     if (const Warning* w = warning(fit, "tyre_saturation")) {
       ++tally.saturation;
-      tally.serious += w->severity == "serious" ? 1 : 0;
+      tally.serious += w->severity == Severity::serious ? 1 : 0;
     }
     for (int i = 0; i < kNames; ++i) {
       const EstimatedParameter& p = parameter(fit, kName[i]);
@@ -119,14 +120,14 @@ TEST(VehicleFitStudy, TyreSaturationAlarm) {
   const auto severity = [&](const Dataset& data) {
     const Estimate fit = fit_vehicle(model, data, without_second_opinion());
     const Warning* w = warning(fit, "tyre_saturation");
-    return w == nullptr ? std::string() : w->severity;
+    return w == nullptr ? std::optional<Severity>() : w->severity;
   };
   for (int run = 0; run < kRuns; ++run) {
     const auto seed = static_cast<std::uint64_t>(run) + 5001;
-    const std::string on_linear = severity(with_noise(linear, {0.01, 0.03}, seed));
-    false_notes += on_linear.empty() ? 0 : 1;
-    false_alarms += on_linear == "serious" ? 1 : 0;
-    alarms += severity(with_noise(saturating, {0.01, 0.03}, seed)) == "serious" ? 1 : 0;
+    const std::optional<Severity> on_linear = severity(with_noise(linear, {0.01, 0.03}, seed));
+    false_notes += on_linear ? 1 : 0;
+    false_alarms += on_linear == Severity::serious ? 1 : 0;
+    alarms += severity(with_noise(saturating, {0.01, 0.03}, seed)) == Severity::serious ? 1 : 0;
     // Noise with a memory of 0.2 s instead of white noise.
     Dataset drifting = linear;
     Random random(seed);
@@ -136,7 +137,7 @@ TEST(VehicleFitStudy, TyreSaturationAlarm) {
       drifting.y.col(t) += drift.cwiseProduct(Eigen::Vector2d(0.01, 0.03));
       drift = memory * drift + std::sqrt(1.0 - memory * memory) * random.normal(2);
     }
-    coloured_alarms += severity(drifting) == "serious" ? 1 : 0;
+    coloured_alarms += severity(drifting) == Severity::serious ? 1 : 0;
   }
   std::printf(
       "tyre saturation, %d runs: linear car noted %d, serious %d; with coloured noise serious %d; "

@@ -404,7 +404,7 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
   flipped.u.row(0) *= -1.0;
   const Estimate wrong_steering = fit_vehicle(model, flipped);
   ASSERT_NE(warning(wrong_steering, "sign_steering"), nullptr);
-  EXPECT_EQ(warning(wrong_steering, "sign_steering")->severity, "serious");
+  EXPECT_EQ(warning(wrong_steering, "sign_steering")->severity, Severity::serious);
   // The cause goes first; what it entails is no finding of its own.
   EXPECT_EQ(wrong_steering.warnings[0].code, "sign_steering");
   EXPECT_EQ(warning(wrong_steering, "poor_fit"), nullptr);
@@ -427,9 +427,9 @@ TEST(VehicleFit, WrongSignOfSideslipIsNamed) {
     const Estimate fit = fit_vehicle(model, flipped);
     const Warning* said = warning(fit, "wrong_sign");
     ASSERT_NE(said, nullptr) << name;
-    EXPECT_EQ(said->severity, "serious");
+    EXPECT_EQ(said->severity, Severity::serious);
     EXPECT_THAT(said->about, ::testing::ElementsAre(name));
-    EXPECT_THAT(said->todo, HasSubstr("scale: -1"));
+    EXPECT_THAT(said->remedy, HasSubstr("scale: -1"));
     EXPECT_EQ(fit.status, Status::untrusted);
   }
 }
@@ -454,7 +454,7 @@ TEST(VehicleFit, SignsOfHeldOutDataAreSeen) {
   options.hold_out[0].y.row(2) *= -1.0;
   const Estimate fit = fit_vehicle(model, drive(1), options);
   ASSERT_NE(warning(fit, "sign_ay"), nullptr);
-  EXPECT_EQ(warning(fit, "sign_ay")->severity, "warning");
+  EXPECT_EQ(warning(fit, "sign_ay")->severity, Severity::warning);
   EXPECT_THAT(warning(fit, "sign_ay")->text, HasSubstr("held-out monday.csv: "));
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
 }
@@ -504,7 +504,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   const Estimate fit = fit_vehicle(sladka2010_model(), data);
   const Warning* saturation = warning(fit, "tyre_saturation");
   ASSERT_NE(saturation, nullptr);
-  EXPECT_EQ(saturation->severity, "serious") << saturation->text;
+  EXPECT_EQ(saturation->severity, Severity::serious) << saturation->text;
   EXPECT_EQ(fit.status, Status::untrusted);
   EXPECT_LT(parameter(fit, "Cr").value, 0.9 * 88107.7);
 
@@ -529,7 +529,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   check_tyres(problem, early, estimate);
   ASSERT_EQ(estimate.warnings.size(), 1u);
   EXPECT_NE(estimate.warnings[0].remedy.find("wrong unit"), std::string::npos);
-  EXPECT_NE(saturation->todo.find("milder part"), std::string::npos);
+  EXPECT_NE(saturation->remedy.find("milder part"), std::string::npos);
 }
 
 // The score of outliers is bounded: straight tyres are not taken for bent ones.
@@ -841,7 +841,7 @@ TEST(VehicleFitRecordings, RaceCar) {
   const Warning* saturation = warning(fit, "tyre_saturation");
   ASSERT_NE(saturation, nullptr);
   std::printf("%s\n", saturation->text.c_str());
-  EXPECT_EQ(saturation->severity, "serious");
+  EXPECT_EQ(saturation->severity, Severity::serious);
   EXPECT_EQ(fit.status, Status::untrusted);
   EXPECT_NE(warning(fit, "coloured_residuals"), nullptr);
   EXPECT_GT(parameter(fit, "Cf").se, 6.0 * parameter(fit, "Cf").crb_se);

@@ -231,7 +231,7 @@ TEST(VehicleModel, WrongRatioIsSaid) {
   const Estimate fixed = fit_vehicle(sladka2010_model(), data);
   const Warning* said = warning(fixed, "steering_gain");
   ASSERT_NE(said, nullptr);
-  EXPECT_EQ(said->severity, "serious") << said->text;
+  EXPECT_EQ(said->severity, Severity::serious) << said->text;
   EXPECT_EQ(fixed.status, Status::untrusted);
 
   const Estimate fit = fit_vehicle(with_free(sladka2010_model(), "steering_gain", "", 1.0), data);
