@@ -306,14 +306,15 @@ const std::vector<Estimator>& estimators() {
   return all;
 }
 
-// @param unknown  0: Q, figure 14; 1: R, figure 15
-StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
-  const ModelFile truth = scalar_model(kBoundA, kBoundQ, kBoundR);
-  const double true_value = unknown == 0 ? kBoundQ : kBoundR;
-  const char name = unknown == 0 ? 'Q' : 'R';
+// Figures 14 and 15. Of each length a column; of each method two rows, Q and R.
+struct EstimateMoments {
+  MatrixXd mean, variance;
+  Eigen::RowVectorXd at_edge;  // runs whose Q, on the grid to 10, is that
+};
+
+EstimateMoments moments_of_estimates(const ModelFile& truth, const StudyOptions& options) {
   const auto methods = static_cast<Index>(estimators().size());
   const auto lengths = static_cast<Index>(kLengths.size());
-  // Of each run and length, of each method both estimates.
   std::vector<MatrixXd> runs(static_cast<std::size_t>(options.runs));
   repeat(options, 0, [&](int run, Random& random) {
     const Dataset whole = recording(truth, kLengths.back(), random);
@@ -327,26 +328,45 @@ StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
     }
   });
   const auto count = static_cast<double>(options.runs);
-  MatrixXd mean = MatrixXd::Zero(2 * methods, lengths), variance = mean;
-  Eigen::RowVectorXd at_edge = Eigen::RowVectorXd::Zero(lengths);
+  EstimateMoments out{MatrixXd::Zero(2 * methods, lengths), MatrixXd::Zero(2 * methods, lengths),
+                      Eigen::RowVectorXd::Zero(lengths)};
   for (const MatrixXd& run : runs) {
-    mean += run / count;
-    at_edge += (run.row(4).array() > 0.999 * kBoundQ).cast<double>().matrix();
+    out.mean += run / count;
+    out.at_edge += (run.row(4).array() > 0.999 * kBoundQ).cast<double>().matrix();
   }
-  for (const MatrixXd& run : runs) variance += (run - mean).cwiseAbs2() / (count - 1.0);
+  for (const MatrixXd& run : runs) out.variance += (run - out.mean).cwiseAbs2() / (count - 1.0);
+  return out;
+}
 
-  VectorXd k(lengths), bound(lengths), complete(lengths);
+// What a variance is compared with, at every length.
+struct Bounds {
+  VectorXd k;         // samples
+  VectorXd bound;     // Cramer-Rao
+  VectorXd complete;  // of who sees the noise itself
+};
+
+// @param unknown  0: Q, figure 14; 1: R, figure 15; so below
+Bounds bounds_of(const ModelFile& truth, int unknown) {
+  const auto lengths = static_cast<Index>(kLengths.size());
+  const double true_value = unknown == 0 ? kBoundQ : kBoundR;
+  Bounds out{VectorXd(lengths), VectorXd(lengths), VectorXd(lengths)};
   for (Index l = 0; l < lengths; ++l) {
     const Index samples = kLengths[static_cast<std::size_t>(l)];
-    k[l] = static_cast<double>(samples);
-    bound[l] = information_of(truth, samples).inverse()(unknown, unknown);
-    complete[l] = 2.0 * true_value * true_value / k[l];
+    out.k[l] = static_cast<double>(samples);
+    out.bound[l] = information_of(truth, samples).inverse()(unknown, unknown);
+    out.complete[l] = 2.0 * true_value * true_value / out.k[l];
   }
-  StudyReport out;
-  out.text = fmt::format(
+  return out;
+}
+
+char name_of(int unknown) { return unknown == 0 ? 'Q' : 'R'; }
+
+std::string text_of_bounds(int unknown, int runs, const EstimateMoments& moments,
+                           const Bounds& bounds) {
+  std::string out = fmt::format(
       "matisko-figure-{}: variance of estimates of {}, a = {:g}, Q = {:g}, R = {:g}, {} runs\n"
       "published: curves without numbers. {}\n\nvariance\n",
-      14 + unknown, name, kBoundA, kBoundQ, kBoundR, options.runs,
+      14 + unknown, name_of(unknown), kBoundA, kBoundQ, kBoundR, runs,
       unknown == 0 ? "\"Bayesian algorithm gives better estimates in case of covariance Q than\n"
                      "ALS even with very small sets of data (around 50 samples)\"; it \"converges "
                      "faster to the CR bound\"."
@@ -354,46 +374,50 @@ StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
                      "CR bound might\nbe reachable\": that of complete data, 2 R^2 / k.");
   const auto row = [&out](const std::string& what, const Eigen::Ref<const VectorXd>& values,
                           const char* form) {
-    out.text += fmt::format("  {:<27}", what);
+    out += fmt::format("  {:<27}", what);
     for (const double v : values) {
-      out.text += fmt::format(" {:>8}", fmt::format(fmt::runtime(form), v));
+      out += fmt::format(" {:>8}", fmt::format(fmt::runtime(form), v));
     }
-    out.text += "\n";
+    out += "\n";
   };
+  row("samples", bounds.k, "{:.0f}");
+  row(fmt::format("complete data, 2 {}^2 / k", name_of(unknown)), bounds.complete, "{:.4g}");
+  row("Cramer-Rao bound", bounds.bound, "{:.4g}");
+  Index at = unknown;
+  for (const Estimator& e : estimators()) {
+    row(e.name, moments.variance.row(at).transpose(), "{:.4g}");
+    at += 2;
+  }
+  out += "mean\n";
+  at = unknown;
+  for (const Estimator& e : estimators()) {
+    row(e.name, moments.mean.row(at).transpose(), "{:.3f}");
+    at += 2;
+  }
+  row("runs at the edge Q = 10", moments.at_edge.transpose(), "{:.0f}");
+  return out +
+         "\nThe true Q = 10 is the edge of the published grid, 0.1 to 10: what lies above counts "
+         "as 10, which cuts the\n"
+         "spread of Q (and, as R makes up for Q, of R) below the bound that an unbiased method "
+         "has, and makes the mean\n"
+         "of Q too low, that of R too high. The grid to 100 has no such help. ALS here keeps Q "
+         "and R from being negative.\n";
+}
+
+Panel panel_of_bounds(int unknown, int runs, const EstimateMoments& moments, const Bounds& bounds) {
   Panel panel;
-  panel.title = fmt::format("Variance of estimates of {}, {} runs", name, options.runs);
+  panel.title = fmt::format("Variance of estimates of {}, {} runs", name_of(unknown), runs);
   panel.x = {"samples k", 40.0, 6000.0, true};
-  panel.y = {fmt::format("variance of the estimate of {}", name), 1.0, 1.0, true};
-  out.csv = "samples,bound,complete_data_bound";
-  row("samples", k, "{:.0f}");
-  row(fmt::format("complete data, 2 {}^2 / k", name), complete, "{:.4g}");
-  row("Cramer-Rao bound", bound, "{:.4g}");
-  for (Index m = 0; m < methods; ++m) {
-    const Estimator& e = estimators()[static_cast<std::size_t>(m)];
-    const VectorXd of_method = variance.row(2 * m + unknown);
-    row(e.name, of_method, "{:.4g}");
-    panel.curves.push_back({e.name, k, of_method, Curve::Form::marked});
-    std::string column = e.name;
-    std::replace(column.begin(), column.end(), ',', ' ');
-    out.csv += fmt::format(",mean: {},variance: {}", column, column);
+  panel.y = {fmt::format("variance of the estimate of {}", name_of(unknown)), 1.0, 1.0, true};
+  Index at = unknown;
+  for (const Estimator& e : estimators()) {
+    panel.curves.push_back({e.name, bounds.k, moments.variance.row(at), Curve::Form::marked});
+    at += 2;
   }
-  out.text += "mean\n";
-  for (Index m = 0; m < methods; ++m) {
-    row(estimators()[static_cast<std::size_t>(m)].name, mean.row(2 * m + unknown).transpose(),
-        "{:.3f}");
-  }
-  row("runs at the edge Q = 10", at_edge.transpose(), "{:.0f}");
-  out.text +=
-      "\nThe true Q = 10 is the edge of the published grid, 0.1 to 10: what lies above counts as "
-      "10, which cuts the\n"
-      "spread of Q (and, as R makes up for Q, of R) below the bound that an unbiased method has, "
-      "and makes the mean\n"
-      "of Q too low, that of R too high. The grid to 100 has no such help. ALS here keeps Q and R "
-      "from being negative.\n";
-  panel.curves.push_back({"Cramér-Rao bound", k, bound, Curve::Form::solid});
-  panel.curves.push_back(
-      {fmt::format("complete data, 2 {}²/k", name), k, complete, Curve::Form::dashed});
-  double lowest = complete.minCoeff(), highest = bound.maxCoeff();
+  panel.curves.push_back({"Cramér-Rao bound", bounds.k, bounds.bound, Curve::Form::solid});
+  panel.curves.push_back({fmt::format("complete data, 2 {}²/k", name_of(unknown)), bounds.k,
+                          bounds.complete, Curve::Form::dashed});
+  double lowest = bounds.complete.minCoeff(), highest = bounds.bound.maxCoeff();
   for (const Curve& curve : panel.curves) {
     for (const double v : curve.y) {
       if (v > 0.0) lowest = std::min(lowest, v);
@@ -402,16 +426,35 @@ StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
   }
   panel.y.low = 0.7 * lowest;
   panel.y.high = highest * std::sqrt(highest / lowest);  // room for the legend
-  out.csv += "\n";
-  for (Index l = 0; l < lengths; ++l) {
-    out.csv += fmt::format("{:.0f},{:.6g},{:.6g}", k[l], bound[l], complete[l]);
-    for (Index m = 0; m < methods; ++m) {
-      out.csv +=
-          fmt::format(",{:.6g},{:.6g}", mean(2 * m + unknown, l), variance(2 * m + unknown, l));
-    }
-    out.csv += "\n";
+  return panel;
+}
+
+std::string csv_of_bounds(int unknown, const EstimateMoments& moments, const Bounds& bounds) {
+  std::string out = "samples,bound,complete_data_bound";
+  for (const Estimator& e : estimators()) {
+    std::string column = e.name;
+    std::replace(column.begin(), column.end(), ',', ' ');
+    out += fmt::format(",mean: {},variance: {}", column, column);
   }
-  out.figure = Figure{{panel}};
+  out += "\n";
+  for (Index l = 0; l < bounds.k.size(); ++l) {
+    out += fmt::format("{:.0f},{:.6g},{:.6g}", bounds.k[l], bounds.bound[l], bounds.complete[l]);
+    for (Index at = unknown; at < moments.mean.rows(); at += 2) {
+      out += fmt::format(",{:.6g},{:.6g}", moments.mean(at, l), moments.variance(at, l));
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
+  const ModelFile truth = scalar_model(kBoundA, kBoundQ, kBoundR);
+  const EstimateMoments moments = moments_of_estimates(truth, options);
+  const Bounds bounds = bounds_of(truth, unknown);
+  StudyReport out;
+  out.text = text_of_bounds(unknown, options.runs, moments, bounds);
+  out.csv = csv_of_bounds(unknown, moments, bounds);
+  out.figure = Figure{{panel_of_bounds(unknown, options.runs, moments, bounds)}};
   return out;
 }
 
