@@ -460,7 +460,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   constexpr double kLevel = 0.05;  // of all tests of colour together
   if (!(colour.p < kLevel)) {
     return without_filter(
-        Status::answer_no,
+        Status::rejected,
         fmt::format("the noise is white as far as the recording tells (p {:.2g}): no filter needed",
                     colour.p));
   }

@@ -62,7 +62,7 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
       if (std::abs(weight) < kPartOf || p.verdict == Verdict::unexcited) continue;
       direction.names.push_back(p.name);
       direction.weights.push_back(weight);
-      p.verdict = Verdict::flat;
+      p.verdict = Verdict::not_identifiable;
       sound[static_cast<std::size_t>(i)] = false;
     }
     if (direction.names.empty()) continue;
@@ -88,7 +88,7 @@ std::string to_string(Status status) {
   switch (status) {
     case Status::ok:
       return "ok";
-    case Status::answer_no:
+    case Status::rejected:
       return "rejected";
     case Status::not_converged:
       return "not_converged";
@@ -102,7 +102,7 @@ std::string to_string(Verdict verdict) {
   switch (verdict) {
     case Verdict::ok:
       return "ok";
-    case Verdict::weak:
+    case Verdict::poorly_determined:
       return "poorly_determined";
     case Verdict::correlated:
       return "correlated";
@@ -110,7 +110,7 @@ std::string to_string(Verdict verdict) {
       return "at_bound";
     case Verdict::unexcited:
       return "unexcited";
-    case Verdict::flat:
+    case Verdict::not_identifiable:
       return "not_identifiable";
     case Verdict::unfitted:
       return "unfitted";
@@ -126,7 +126,7 @@ void warn(Estimate& estimate, Severity severity, std::string code, std::vector<s
 
 int exit_code(const Estimate& estimate, bool strict) {
   switch (estimate.status) {
-    case Status::answer_no:
+    case Status::rejected:
     case Status::untrusted:
       return 1;
     case Status::not_converged:
@@ -164,7 +164,7 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
     estimate.correlation_names.push_back(p.name);
     if (std::isnan(se[i])) continue;
     const double relative = p.value != 0.0 ? se[i] / std::abs(p.value) : 0.0;
-    p.verdict = relative > 0.25 ? Verdict::weak : Verdict::ok;
+    p.verdict = relative > 0.25 ? Verdict::poorly_determined : Verdict::ok;
     for (Index j = 0; j < k; ++j) {
       if (std::isnan(se[j])) continue;
       const double rho = covariance(i, j) / (se[i] * se[j]);

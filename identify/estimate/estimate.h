@@ -23,17 +23,22 @@ namespace identikal {
 inline constexpr double kFlat = 1e-9;
 
 /// What a person may do with the result; the codes of the JSON result.
-enum class Status { ok, answer_no, not_converged, untrusted };
+enum class Status {
+  ok,
+  rejected,  ///< the answer is no: a test rejects, or the data do not determine the unknowns
+  not_converged,
+  untrusted,
+};
 
 /// What the data say about one parameter.
 enum class Verdict {
   ok,
-  weak,        ///< standard error above a quarter of the value
-  correlated,  ///< cannot be told from the parameters named in `with`
-  at_bound,    ///< the estimate lies on a bound; no interval
-  unexcited,   ///< the recording never moved it
-  flat,        ///< lies in a direction along which the fit does not change
-  unfitted,    ///< nothing was fitted: the value is the start
+  poorly_determined,  ///< standard error above a quarter of the value
+  correlated,         ///< cannot be told from the parameters named in `with`
+  at_bound,           ///< the estimate lies on a bound; no interval
+  unexcited,          ///< the recording never moved it
+  not_identifiable,   ///< lies in a direction along which the fit does not change
+  unfitted,           ///< nothing was fitted: the value is the start
 };
 
 struct EstimatedParameter {
@@ -210,11 +215,11 @@ struct Estimate {
 void warn(Estimate& estimate, Severity severity, std::string code, std::vector<std::string> about,
           std::string text, std::string remedy = "");
 
-/// As results print it: "not_converged", "weak".
+/// As results print it: "not_converged", "poorly_determined".
 std::string to_string(Status status);
 std::string to_string(Verdict verdict);
 
-/// Exit code of the contract: ok 0, answer_no and untrusted 1, not_converged 3; `strict` turns
+/// Exit code of the contract: ok 0, rejected and untrusted 1, not_converged 3; `strict` turns
 /// warnings into 4.
 int exit_code(const Estimate& estimate, bool strict);
 

@@ -191,9 +191,9 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
     const double width = std::sqrt((spread.square() * points.weight.array()).sum());
     const auto at = static_cast<std::size_t>(i);
     if (width > kAsWide * prior.coordinates[at].deviation()) {
-      p.verdict = Verdict::flat;
+      p.verdict = Verdict::not_identifiable;
     } else if (p.se > 0.25 * std::abs(p.value)) {
-      p.verdict = Verdict::weak;
+      p.verdict = Verdict::poorly_determined;
     }
     const PriorCoordinate& coordinate = prior.coordinates[at];
     const double range = coordinate.high - coordinate.low;
@@ -210,7 +210,7 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
                        coordinate.words),
            "widen the prior, or check the units of the recording"});
     }
-    id.rank += p.verdict != Verdict::flat;
+    id.rank += p.verdict != Verdict::not_identifiable;
     report.map.back() = points.entries(i, most_probable) / unit;
     report.prior.back() = prior.coordinates[at].words;
     estimate.correlation_names.push_back(p.name);

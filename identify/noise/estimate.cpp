@@ -46,15 +46,15 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
       if (p.fixed) continue;
       p.se = p.se_sandwich = p.crb_se = kNone;
       p.ci95 = {kNone, kNone};
-      if (p.verdict == Verdict::ok) p.verdict = Verdict::weak;
+      if (p.verdict == Verdict::ok) p.verdict = Verdict::poorly_determined;
     }
     estimate.covariance_kind = "none: the search did not converge";
   }
   if (id.rank < id.of) {
-    estimate.status = Status::answer_no;
+    estimate.status = Status::rejected;
     std::string names;
     for (const EstimatedParameter& p : estimate.parameters) {
-      if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
+      if (p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited) continue;
       names += (names.empty() ? "" : ", ") + p.name;
     }
     estimate.message = fmt::format("the data determine {} of {} unknowns; not determined: {}",
@@ -95,7 +95,7 @@ void describe_filter_loss(Estimate& estimate, const ModelFile& model, const Para
     } else if (p.verdict == Verdict::at_bound) {
       loss.reason = fmt::format("{} lies at a boundary, and its error is not known", p.name);
       return;
-    } else if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) {
+    } else if (p.verdict == Verdict::not_identifiable || p.verdict == Verdict::unexcited) {
       loss.reason = fmt::format("the data do not determine {}", p.name);
       return;
     } else if (!has_row || !std::isfinite(p.se)) {

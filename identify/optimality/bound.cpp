@@ -100,10 +100,10 @@ void conclude(Estimate& estimate) {
   }
   std::string names;
   for (const EstimatedParameter& p : estimate.parameters) {
-    if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
+    if (p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited) continue;
     names += (names.empty() ? "" : ", ") + p.name;
   }
-  estimate.status = Status::answer_no;
+  estimate.status = Status::rejected;
   estimate.message = fmt::format("outputs alone determine {} of {} unknowns; not determined: {}",
                                  id.rank, id.of, names);
 }

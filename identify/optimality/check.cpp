@@ -78,7 +78,7 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
     estimate.message = "no test rejects optimality";
     return estimate;
   }
-  estimate.status = Status::answer_no;
+  estimate.status = Status::rejected;
   estimate.message = "not optimal";
   for (std::size_t i = 0; i < found.faults.size(); ++i) {
     estimate.message += (i == 0 ? ": " : "; ") + found.faults[i];

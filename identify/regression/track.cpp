@@ -107,10 +107,10 @@ void report_course(Estimate& estimate, const Dataset& recording, const LaggedRow
 void conclude_regression(Estimate& estimate, Index rows) {
   std::string open;
   for (const EstimatedParameter& p : estimate.parameters) {
-    if (p.verdict != Verdict::flat && p.verdict != Verdict::unexcited) continue;
+    if (p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited) continue;
     open += (open.empty() ? "" : ", ") + p.name;
   }
-  estimate.status = open.empty() ? Status::ok : Status::answer_no;
+  estimate.status = open.empty() ? Status::ok : Status::rejected;
   estimate.message = open.empty() ? fmt::format("{} coefficients tracked over {} samples",
                                                 estimate.parameters.size(), rows)
                                   : "this recording does not determine " + open + " separately";

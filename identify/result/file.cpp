@@ -190,9 +190,9 @@ EstimatedParameter parameter_of(const Field& field) {
   p.start = field["start"].number();
   p.bounds = field["bounds"].bounds();
   p.fixed = field["fixed"].yes();
-  p.verdict =
-      field["verdict"].word({Verdict::ok, Verdict::weak, Verdict::correlated, Verdict::at_bound,
-                             Verdict::unexcited, Verdict::flat, Verdict::unfitted});
+  p.verdict = field["verdict"].word({Verdict::ok, Verdict::poorly_determined, Verdict::correlated,
+                                     Verdict::at_bound, Verdict::unexcited,
+                                     Verdict::not_identifiable, Verdict::unfitted});
   p.with = field["with"].names();
   return p;
 }
@@ -228,7 +228,7 @@ Estimate estimate_of(const Field& root) {
   out.verb = root["verb"].text();
   out.model_name = root["model"].text();
   out.status = root["status"]["code"].word(
-      {Status::ok, Status::answer_no, Status::not_converged, Status::untrusted});
+      {Status::ok, Status::rejected, Status::not_converged, Status::untrusted});
   out.message = root["status"]["message"].text();
   for (const Field& input : root["inputs"].items()) {
     out.inputs.push_back({input["path"].text(), input["sha256"].text(), input["rows"].count(),

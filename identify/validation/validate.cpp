@@ -159,7 +159,7 @@ void test_unseen(const Estimate& result, const ModelFile& model,
     failed += (failed.empty() ? "" : ", ") + test.id +
               (test.channel.empty() ? "" : " of " + test.channel);
   }
-  estimate.status = failed.empty() ? Status::ok : Status::answer_no;
+  estimate.status = failed.empty() ? Status::ok : Status::rejected;
   estimate.message = failed.empty() ? "it holds on these data: no test rejects it"
                                     : "it does not hold on these data: rejected by " + failed;
 }
@@ -311,7 +311,7 @@ void judge_fits(const std::vector<ChannelFit>& fits, const std::vector<double>& 
     below += fmt::format("{}{} {:.1f} %, {:.4g} % wanted", below.empty() ? "" : "; ",
                          fits[i].channel, fits[i].fit_percent, limits[i]);
   }
-  estimate.status = below.empty() ? Status::ok : Status::answer_no;
+  estimate.status = below.empty() ? Status::ok : Status::rejected;
   estimate.message =
       below.empty() ? "it holds on these data: every fit is high enough" : "fit too low: " + below;
 }
@@ -383,7 +383,7 @@ Estimate validate(const Estimate& result, const ModelFile& model,
     judge_fits(fits, limits, out);
     if (another_car) {
       out.message = (out.status == Status::ok ? "" : out.message + "; ") + *another_car;
-      out.status = Status::answer_no;
+      out.status = Status::rejected;
     } else if (out.status == Status::ok) {
       out.message = refitted
                         ? "it holds on these data: every fit is high enough, and a refit would "

@@ -35,7 +35,8 @@ double correlation(const Eigen::VectorXd& x, const Eigen::VectorXd& output) {
 bool usable(const Estimate& estimate, const std::string& name) {
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.name != name) continue;
-    return p.verdict != Verdict::flat && p.verdict != Verdict::unexcited && !(p.ci95[0] <= 0.0);
+    return p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited &&
+           !(p.ci95[0] <= 0.0);
   }
   return false;
 }

@@ -384,7 +384,8 @@ std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
   std::vector<std::string> open;
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;
-    if (p.verdict == Verdict::flat || p.verdict == Verdict::unexcited) open.push_back(p.name);
+    if (p.verdict == Verdict::not_identifiable || p.verdict == Verdict::unexcited)
+      open.push_back(p.name);
   }
   // A stiffness, mass or length whose interval holds zero is not determined either.
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
@@ -414,7 +415,7 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
     estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
   } else if (!open.empty()) {
     // Along a valley of equally likely parameters no search converges: that is an answer.
-    estimate.status = Status::answer_no;
+    estimate.status = Status::rejected;
     estimate.message =
         fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
   } else if (!found.best.converged) {

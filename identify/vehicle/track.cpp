@@ -237,11 +237,12 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
       chosen && forgetting.factor < 1.0 && forgetting.factor <= kLeastForgetting * (1.0 + 1e-6));
   std::string open;
   for (const EstimatedParameter& each : estimate.parameters) {
-    const bool shown = each.verdict != Verdict::flat && each.verdict != Verdict::unexcited;
+    const bool shown =
+        each.verdict != Verdict::not_identifiable && each.verdict != Verdict::unexcited;
     if (each.fixed || (shown && each.value > 0.0)) continue;
     open += (open.empty() ? "" : ", ") + each.name;
   }
-  estimate.status = open.empty() ? Status::ok : Status::answer_no;
+  estimate.status = open.empty() ? Status::ok : Status::rejected;
   estimate.message = open.empty() ? fmt::format("{} parameter{} tracked over {} means of 0.1 s",
                                                 count, count == 1 ? "" : "s", n)
                                   : "the end of this recording does not determine " + open;

@@ -17,7 +17,7 @@ std::string status_line(const Estimate& e) {
       return "NOT TO BE TRUSTED: " + e.message;
     case Status::not_converged:
       return "NOT CONVERGED, the best so far: " + e.message;
-    case Status::answer_no:
+    case Status::rejected:
       return "REJECTED: " + e.message;
     case Status::ok:
       break;
@@ -39,13 +39,13 @@ std::string remark_of(const EstimatedParameter& p) {
     case Verdict::at_bound:
       return is_straight(p) ? "beyond what the recording showed: this axle stays straight"
                             : "AT ITS BOUND, no standard error";
-    case Verdict::flat:
+    case Verdict::not_identifiable:
     case Verdict::unexcited:
       return "NOT DETERMINED by the data" + (with.empty() ? "" : ", only with" + with);
     case Verdict::unfitted:
       return "NOT FITTED: where the search would have started";
     case Verdict::ok:
-    case Verdict::weak:
+    case Verdict::poorly_determined:
     case Verdict::correlated:
       break;
   }

@@ -167,7 +167,7 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
   estimate.notes.push_back(note);
   estimate.objective.method = "steady_driving";
   estimate.covariance_kind = "scatter of the circles about the line";
-  estimate.status = Status::answer_no;
+  estimate.status = Status::rejected;
   estimate.message =
       "steady driving determines the products i L and i K alone, no stiffness and no inertia";
 }

@@ -33,7 +33,7 @@ TEST(ShapeStudy, WhiteNoiseIsTakenForWhite) {
     const Dataset data = recording(model, 1000, random);
     ShapeOptions options;
     options.most_order = 1;
-    coloured += shape(model, {data}, options).estimate.status != Status::answer_no;
+    coloured += shape(model, {data}, options).estimate.status != Status::rejected;
   }
   std::printf("(5.17), white noise, N = 1000: taken for coloured in %d of %d\n", coloured, kRuns);
   EXPECT_LE(coloured, 71);

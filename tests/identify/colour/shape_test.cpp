@@ -210,7 +210,7 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
   Random random(3);
   const Dataset data = recording(truth, 3000, random);
   const ShapeResult result = shape(truth, {data});
-  EXPECT_EQ(result.estimate.status, Status::answer_no);
+  EXPECT_EQ(result.estimate.status, Status::rejected);
   EXPECT_FALSE(result.model.has_value());
   ASSERT_TRUE(result.estimate.shaping.has_value());
   EXPECT_GT(result.estimate.shaping->whiteness_p, 0.05);

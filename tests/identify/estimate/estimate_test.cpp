@@ -37,7 +37,7 @@ TEST(JudgeParameters, NamesTheFlatDirectionAndPrintsNoInterval) {
   EXPECT_EQ(e.identifiability.rank, 2);
   EXPECT_EQ(e.identifiability.of, 3);
   ASSERT_EQ(e.identifiability.unidentifiable_directions.size(), 1u);
-  EXPECT_EQ(e.parameters[0].verdict, Verdict::flat);
+  EXPECT_EQ(e.parameters[0].verdict, Verdict::not_identifiable);
   EXPECT_EQ(e.parameters[0].with, std::vector<std::string>{"p2"});
   EXPECT_TRUE(std::isnan(e.parameters[1].se));
   EXPECT_EQ(e.parameters[2].verdict, Verdict::ok);

@@ -99,8 +99,8 @@ TEST(NoiseBayes, SaysWhatOnlyThePriorKnows) {
   m.R.entries = {{0, 0, 1, 1.0}};
   Random random(3);
   const Estimate e = tune_bayes(system.model, {dataset_of(simulate_matisko(truth, random))});
-  EXPECT_EQ(e.status, Status::answer_no);
-  EXPECT_EQ(e.parameters[2].verdict, Verdict::flat);
+  EXPECT_EQ(e.status, Status::rejected);
+  EXPECT_EQ(e.parameters[2].verdict, Verdict::not_identifiable);
   EXPECT_EQ(e.identifiability.rank, 2);
   // A number that is no variance needs a prior or bounds.
   system.model.parameters[2].min = -1.0;

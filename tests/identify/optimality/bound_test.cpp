@@ -210,7 +210,7 @@ TEST(BoundOf, WhatNoRecordingDetermines) {
   BoundOptions options;
   options.samples = 1000;
   const Estimate estimate = bound_of(system.model, options, nullptr);
-  EXPECT_EQ(estimate.status, Status::answer_no);
+  EXPECT_EQ(estimate.status, Status::rejected);
   EXPECT_EQ(estimate.identifiability.rank, 2);
   EXPECT_TRUE(std::isnan(named(estimate, "Q(1,1)").crb_se));
   EXPECT_FALSE(std::isnan(named(estimate, "R(1,1)").crb_se));

@@ -106,7 +106,7 @@ TEST(Optimality, SaysWhichEntryAndWhichWay) {
   StateSpace wrong = truth;
   wrong.Q(0, 0) = 1.0;
   const Estimate out = check_filter(fixed_model(wrong), {recording_of(truth, 500, random)});
-  EXPECT_EQ(out.status, Status::answer_no);
+  EXPECT_EQ(out.status, Status::rejected);
   EXPECT_THAT(out.message, HasSubstr("Q(1,1) should be larger"));
   EXPECT_THAT(out.message, HasSubstr("times as large (in variance)"));
   ASSERT_EQ(out.derived.size(), 1u);
@@ -134,7 +134,7 @@ TEST(Optimality, SaysWhichChannelFollowsWhichInput) {
   wrong.D(0, 0) = 0.5;
   const Dataset data = recording_of(truth, 400, random);
   const Estimate out = check_filter(fixed_model(wrong), {data});
-  EXPECT_EQ(out.status, Status::answer_no);
+  EXPECT_EQ(out.status, Status::rejected);
   EXPECT_THAT(out.message, HasSubstr("innovations of 'y1' follow the inputs"));
   Dataset offset = data;
   offset.y.array() += 1.0;

@@ -182,7 +182,7 @@ TEST(TrackRegression, WhatIsNotExcitedIsSaid) {
   ModelFile model = regression_model();
   model.regression.inputs = model.regression.feedback = 1;
   const Estimate estimate = track_regression(model, data);
-  EXPECT_EQ(estimate.status, Status::answer_no);
+  EXPECT_EQ(estimate.status, Status::rejected);
   EXPECT_EQ(estimate.parameters[0].verdict, Verdict::unexcited);
   EXPECT_EQ(estimate.parameters[1].verdict, Verdict::ok);
 }

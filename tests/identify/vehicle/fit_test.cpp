@@ -33,7 +33,7 @@ void expect_no_pretence(const Estimate& estimate) {
       EXPECT_LT(p.ci95[0], p.value);
       EXPECT_GT(p.ci95[1], p.value);
     } else if (!p.fixed) {
-      EXPECT_TRUE(p.verdict == Verdict::flat || p.verdict == Verdict::at_bound ||
+      EXPECT_TRUE(p.verdict == Verdict::not_identifiable || p.verdict == Verdict::at_bound ||
                   p.verdict == Verdict::unexcited)
           << p.name;
     }
@@ -312,13 +312,13 @@ TEST(VehicleFit, MassIsNeverFoundFromSteering) {
     if (p.name == "m") p = unknown("m", "kg", 1300.0, 500.0, 4000.0);
   }
   const Estimate fit = fit_vehicle(model, data);
-  EXPECT_EQ(fit.status, Status::answer_no);
+  EXPECT_EQ(fit.status, Status::rejected);
   EXPECT_THAT(fit.message, HasSubstr("does not determine m, Iz, Cf, Cr separately"));
   EXPECT_EQ(fit.identifiability.rank, 3);
   ASSERT_EQ(fit.identifiability.unidentifiable_directions.size(), 1u);
   EXPECT_EQ(fit.identifiability.unidentifiable_directions[0].names.size(), 4u);
   for (const char* name : {"m", "Iz", "Cf", "Cr"}) {
-    EXPECT_EQ(parameter(fit, name).verdict, Verdict::flat) << name;
+    EXPECT_EQ(parameter(fit, name).verdict, Verdict::not_identifiable) << name;
     EXPECT_TRUE(std::isnan(parameter(fit, name).se)) << name;
     EXPECT_TRUE(std::isnan(parameter(fit, name).crb_se)) << name;
   }
@@ -336,7 +336,7 @@ TEST(VehicleFit, SaysWhenSomethingIsNotExcited) {
   model.parameters.push_back(unknown("bias_ay", "m/s^2", 0.0));  // no ay is measured
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "bias_ay").verdict, Verdict::unexcited);
-  EXPECT_EQ(fit.status, Status::answer_no);
+  EXPECT_EQ(fit.status, Status::rejected);
   EXPECT_THAT(fit.message, HasSubstr("bias_ay"));
   EXPECT_EQ(parameter(fit, "Cf").verdict, Verdict::ok);
   expect_no_pretence(fit);

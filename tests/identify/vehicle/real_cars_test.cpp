@@ -495,7 +495,7 @@ std::vector<Dataset> circles(double offset, std::uint64_t seed) {
 // i L = 21 * 2.512 = 52.75 m, i K = 21 * 0.0035151 = 0.0738 rad/(m/s^2), offset 0.05 rad.
 TEST(SteadyDriving, CirclesGiveTwoProducts) {
   const Estimate fit = fit_vehicle(sladka2010_model({"r"}), circles(0.05, 1));
-  EXPECT_EQ(fit.status, Status::answer_no);
+  EXPECT_EQ(fit.status, Status::rejected);
   EXPECT_THAT(fit.message, HasSubstr("the products i L and i K alone"));
   const DerivedValue* iL = derived(fit, "i L");
   const DerivedValue* iK = derived(fit, "i K");
@@ -555,7 +555,7 @@ TEST(SteadyDriving, ManoeuvresAreNotSteady) {
 TEST(SteadyDriving, OneCircleIsTooLittle) {
   const std::vector<Dataset> one{circles(0.0, 1).front()};
   EXPECT_FALSE(steady_turning(usable_run(sladka2010_model({"r"}), one)));
-  EXPECT_EQ(fit_vehicle(sladka2010_model({"r"}), one).status, Status::answer_no);
+  EXPECT_EQ(fit_vehicle(sladka2010_model({"r"}), one).status, Status::rejected);
 }
 
 }  // namespace
