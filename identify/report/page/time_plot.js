@@ -117,6 +117,7 @@ function timePlots({ whole, shades, joints }) {
       host.setPointerCapture(event.pointerId);
       const { top, bottom } = plot.g;
       drag = { from: under(event), box: svgEl("rect", { class: "fill-band", y: top, height: bottom - top }) };
+      readAll(drag.from.t);
     });
     host.addEventListener("pointermove", (event) => {
       const at = under(event);
@@ -133,7 +134,8 @@ function timePlots({ whole, shades, joints }) {
       if (Math.abs(b.x - a.x) > kLeastDrag) zoom(Math.min(a.t, b.t), Math.max(a.t, b.t));
     });
     host.addEventListener("pointercancel", end);
-    host.addEventListener("pointerleave", () => readAll(null));
+    // A finger leaves as it is lifted, which is when one reads.
+    host.addEventListener("pointerleave", ({ pointerType }) => { if (pointerType !== "touch") readAll(null); });
     host.addEventListener("dblclick", zoomOut);
   }
 

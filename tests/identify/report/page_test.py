@@ -343,6 +343,27 @@ class Page(unittest.TestCase):
         self.pointer([0, 0, 10, 10], ("mouseMoved", 0.5, 0))
         self.assertEqual({""}, {text for legend in self.browser.run(LEGENDS) for text in legend})
 
+    def test_a_finger_reads_and_zooms(self):
+        page = self.made("nile", "tune", "examples/nile.yaml", "data/nile.csv")
+        browser = self.browser
+        browser.screen(360, 800)
+        browser.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+        try:
+            browser.open(page)
+            x, y, width, height = self.frame(0)
+            touch = lambda kind, *shares: browser.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x + share * width, "y": y + 0.5 * height} for share in shares])
+            touch("touchStart", 0.4), touch("touchEnd")
+            time.sleep(0.2)
+            self.assertEqual(["at 40 s"], list({legend[-1] for legend in browser.run(LEGENDS)[:3]}))
+            touch("touchStart", 0.2)
+            for share in (0.25, 0.35, 0.5, 0.6):
+                touch("touchMove", share)
+            touch("touchEnd")
+            time.sleep(0.2)
+            self.assertTrue(browser.run("return document.documentElement.classList.contains('zoomed')"))
+        finally:
+            browser.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
+
     def test_missing_samples_break_a_line(self):
         rows = (ROOT / "data/nile.csv").read_text().splitlines(True)
         header = next(i for i, row in enumerate(rows) if row[0].isalpha())
