@@ -145,97 +145,134 @@ double peak_above(const VectorXd& omega, const VectorXd& level, double from) {
   return best < 0 ? std::nan("") : omega[best];
 }
 
-// Figures 9, 10 and 11.
-StudyReport spectrum_figure(int number, const StudyOptions& options) {
-  constexpr int kTapers = 9;
-  constexpr double kSecond = 0.9;  // rad: the system's own peak is below, that of (5.21) above
-  const bool coloured = number != 9;
-  const DetectionExperiment made = experiment(coloured, options);
-  const Spectrum measured = multitaper(made.data.y, kTapers);
-  const Index count = measured.omega.size();
-  VectorXd level(count), expected(count);
-  const StateSpace m = instantiate(made.truth.linear, made.truth.parameters);
+// The output's spectrum as measured, as the true model has it, and what it may be composed of.
+struct SpectrumOfOutput {
+  VectorXd omega, level, expected;  // [rad]; measured and true power
+  MatrixXd base, filter_base;       // base functions of the system and of (5.21)
+  double low = 0.0, high = 0.0;     // 95 % band of the measured one, as factors
+};
+
+constexpr int kTapers = 9;
+
+VectorXd true_spectrum(const StateSpace& m, const VectorXd& omega) {
   const Index n = m.states();
-  for (Index k = 0; k < count; ++k) {
-    level[k] = measured.S[static_cast<std::size_t>(k)](0, 0).real();
-    const MatrixXcd T = (std::polar(1.0, measured.omega[k]) * MatrixXcd::Identity(n, n) -
-                         m.A.cast<std::complex<double>>())
-                            .inverse() *
-                        m.G.cast<std::complex<double>>();
-    expected[k] = std::norm((m.C.cast<std::complex<double>>() * T)(0, 0)) * m.Q(0, 0) + m.R(0, 0);
+  VectorXd out(omega.size());
+  for (Index k = 0; k < omega.size(); ++k) {
+    const MatrixXcd T =
+        (std::polar(1.0, omega[k]) * MatrixXcd::Identity(n, n) - m.A.cast<std::complex<double>>())
+            .inverse() *
+        m.G.cast<std::complex<double>>();
+    out[k] = std::norm((m.C.cast<std::complex<double>>() * T)(0, 0)) * m.Q(0, 0) + m.R(0, 0);
   }
-  // Neighbours share tapers: a narrow mean tells the peak better than one frequency.
-  constexpr Index kAverage = 20;
-  VectorXd smooth = level;
-  for (Index k = kAverage; k + kAverage < count; ++k) {
-    smooth[k] = level.segment(k - kAverage, 2 * kAverage + 1).mean();
+  return out;
+}
+
+SpectrumOfOutput spectrum_of_output(const DetectionExperiment& made) {
+  const Spectrum measured = multitaper(made.data.y, kTapers);
+  SpectrumOfOutput out;
+  out.omega = measured.omega;
+  out.level.resize(out.omega.size());
+  for (Index k = 0; k < out.omega.size(); ++k) {
+    out.level[k] = measured.S[static_cast<std::size_t>(k)](0, 0).real();
   }
-  const MatrixXd base = base_functions(made.system.A, made.system.C, measured.omega);
+  out.expected = true_spectrum(instantiate(made.truth.linear, made.truth.parameters), out.omega);
+  out.base = base_functions(made.system.A, made.system.C, out.omega);
   const ShapingState filter = shaping_state(oscillating_noise_filter());
-  const MatrixXd filter_base = base_functions(filter.A, filter.c, measured.omega);
+  out.filter_base = base_functions(filter.A, filter.c, out.omega);
   const double dof = 2.0 * kTapers;
-  const double low = dof / chi_square_quantile(0.975, dof),
-               high = dof / chi_square_quantile(0.025, dof);
-  StudyReport out;
-  out.text = fmt::format(
+  out.low = dof / chi_square_quantile(0.975, dof);
+  out.high = dof / chi_square_quantile(0.025, dof);
+  return out;
+}
+
+// Neighbours share tapers: a narrow mean tells the peak better than one frequency.
+VectorXd smoothed(const VectorXd& level) {
+  constexpr Index kAverage = 20;
+  VectorXd out = level;
+  for (Index k = kAverage; k + kAverage < level.size(); ++k) {
+    out[k] = level.segment(k - kAverage, 2 * kAverage + 1).mean();
+  }
+  return out;
+}
+
+std::string line_of_peaks(const std::string& what, const VectorXd& omega, const VectorXd& values) {
+  constexpr double kSecond = 0.9;  // rad: the system's own peak is below, that of (5.21) above
+  const double first = peak_above(omega, values, 0.0), second = peak_above(omega, values, kSecond);
+  const std::string out = fmt::format("  {:<40} {:>7.3f} rad/s", what, first);
+  if (std::isnan(second) || second == first) return out + "\n";
+  return out +
+         fmt::format(", {:.3f} rad/s ({:.3f} Hz)\n", second, second / (2.0 * std::numbers::pi));
+}
+
+std::string text_of_spectrum(int number, bool coloured, const SpectrumOfOutput& s) {
+  std::string out = fmt::format(
       "matisko-figure-{}: (5.17) with {}, {} samples: spectrum of the output ({} tapers) and base "
       "functions\n",
       number, noise_name(coloured), kRecorded, kTapers);
-  const auto peaks = [&](const std::string& what, const VectorXd& values) {
-    const double first = peak_above(measured.omega, values, 0.0),
-                 second = peak_above(measured.omega, values, kSecond);
-    out.text += fmt::format("  {:<40} {:>7.3f} rad/s", what, first);
-    out.text += std::isnan(second) || second == first
-                    ? "\n"
-                    : fmt::format(", {:.3f} rad/s ({:.3f} Hz)\n", second,
-                                  second / (2.0 * std::numbers::pi));
+  out += coloured ? "published: an additional mode around 1.19 rad/s (0.19 Hz)\n"
+                  : "published: the spectrum can be formed by combining the base functions\n";
+  out += "ours, highest peaks:\n";
+  const auto peaks = [&](const char* what, const VectorXd& values) {
+    out += line_of_peaks(what, s.omega, values);
   };
-  out.text += coloured ? "published: an additional mode around 1.19 rad/s (0.19 Hz)\n"
-                       : "published: the spectrum can be formed by combining the base functions\n";
-  out.text += "ours, highest peaks:\n";
-  if (coloured) peaks("measured", smooth);
-  peaks("of the true model", expected);
-  peaks("base function F1", base.row(0).transpose());
-  peaks("base function F2", base.row(1).transpose());
+  if (coloured) peaks("measured", smoothed(s.level));
+  peaks("of the true model", s.expected);
+  peaks("base function F1", s.base.row(0).transpose());
+  peaks("base function F2", s.base.row(1).transpose());
   if (number == 11) {
-    peaks("filter's base function F3", filter_base.row(0).transpose());
-    peaks("filter's base function F4", filter_base.row(1).transpose());
+    peaks("filter's base function F3", s.filter_base.row(0).transpose());
+    peaks("filter's base function F4", s.filter_base.row(1).transpose());
   }
-  const double inside =
-      ((expected.array() > low * level.array()) && (expected.array() < high * level.array()))
-          .cast<double>()
-          .mean();
-  out.text += fmt::format(
-      "the true spectrum lies within the 95 % band of the measured one at {:.1f} % of "
-      "frequencies\n",
-      100.0 * inside);
-  out.csv = "omega_rad_s,measured,band_low,band_high,true,F1,F2,F3,F4\n";
-  for (Index k = 0; k < count; ++k) {
-    out.csv +=
-        fmt::format("{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n",
-                    measured.omega[k], level[k], low * level[k], high * level[k], expected[k],
-                    base(0, k), base(1, k), filter_base(0, k), filter_base(1, k));
+  const double inside = ((s.expected.array() > s.low * s.level.array()) &&
+                         (s.expected.array() < s.high * s.level.array()))
+                            .cast<double>()
+                            .mean();
+  return out + fmt::format(
+                   "the true spectrum lies within the 95 % band of the measured one at {:.1f} % of "
+                   "frequencies\n",
+                   100.0 * inside);
+}
+
+std::string csv_of_spectrum(const SpectrumOfOutput& s) {
+  std::string out = "omega_rad_s,measured,band_low,band_high,true,F1,F2,F3,F4\n";
+  for (Index k = 0; k < s.omega.size(); ++k) {
+    out +=
+        fmt::format("{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n", s.omega[k],
+                    s.level[k], s.low * s.level[k], s.high * s.level[k], s.expected[k],
+                    s.base(0, k), s.base(1, k), s.filter_base(0, k), s.filter_base(1, k));
   }
-  Figure figure;
+  return out;
+}
+
+Figure figure_of_spectrum(int number, bool coloured, const SpectrumOfOutput& s) {
   Panel a;
   a.title = std::string("Spectrum of the output, ") + noise_name(coloured);
   a.x = {"rad/s", 0.0, 3.15, false};
-  a.y = {"power", 0.3 * level.minCoeff(), 3.0 * level.maxCoeff(), true};
-  a.curves = {{"measured", measured.omega, level, Curve::Form::solid},
-              {"true", measured.omega, expected, Curve::Form::dashed}};
+  a.y = {"power", 0.3 * s.level.minCoeff(), 3.0 * s.level.maxCoeff(), true};
+  a.curves = {{"measured", s.omega, s.level, Curve::Form::solid},
+              {"true", s.omega, s.expected, Curve::Form::dashed}};
   Panel b;
   b.title = "Base functions";
   b.x = a.x;
-  const double highest = std::max(base.maxCoeff(), number == 11 ? filter_base.maxCoeff() : 0.0);
+  const double highest = std::max(s.base.maxCoeff(), number == 11 ? s.filter_base.maxCoeff() : 0.0);
   b.y = {"squared magnitude", 1e-4 * highest, 3.0 * highest, true};
-  b.curves = {{"F1", measured.omega, base.row(0).transpose(), Curve::Form::solid},
-              {"F2", measured.omega, base.row(1).transpose(), Curve::Form::dashed}};
+  b.curves = {{"F1", s.omega, s.base.row(0).transpose(), Curve::Form::solid},
+              {"F2", s.omega, s.base.row(1).transpose(), Curve::Form::dashed}};
   if (number == 11) {
-    b.curves.push_back({"F3", measured.omega, filter_base.row(0).transpose(), Curve::Form::solid});
-    b.curves.push_back({"F4", measured.omega, filter_base.row(1).transpose(), Curve::Form::dashed});
+    b.curves.push_back({"F3", s.omega, s.filter_base.row(0).transpose(), Curve::Form::solid});
+    b.curves.push_back({"F4", s.omega, s.filter_base.row(1).transpose(), Curve::Form::dashed});
   }
-  figure.panels = {a, b};
-  out.figure = figure;
+  return {{a, b}};
+}
+
+// Figures 9, 10 and 11.
+StudyReport spectrum_figure(int number, const StudyOptions& options) {
+  const bool coloured = number != 9;
+  const SpectrumOfOutput spectrum = spectrum_of_output(experiment(coloured, options));
+  StudyReport out;
+  out.text = text_of_spectrum(number, coloured, spectrum);
+  out.csv = csv_of_spectrum(spectrum);
+  out.figure = figure_of_spectrum(number, coloured, spectrum);
   return out;
 }
 

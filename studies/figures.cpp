@@ -489,7 +489,7 @@ StudyReport figure_3(const StudyOptions& options) {
       "matisko-figure-3: an adaptive filter that starts with Q = 0.01 I, R = 100; the truth is\n"
       "Q = diag(10, 3, 4, 2), R = 1. Distance |K - K_opt| (Frobenius) of the gain in use\n"
       "published: a curve without numbers that \"is decreasing\"\n"
-      "ours: {} runs; learnt anew {:.2f} times a run (once is the start itself)\n"
+      "ours: {} runs; re-estimated {:.2f} times a run (once is the start itself)\n"
       "{:>10} {:>12} {:>12}\n",
       options.runs,
       static_cast<double>(std::accumulate(changes.begin(), changes.end(), Index{0})) / options.runs,

@@ -65,93 +65,78 @@ DiscreteFit discrete_fit(const SingleTrack<>& car, const MatrixXd& x, const Vect
   return out;
 }
 
-}  // namespace
+constexpr double kSdR = 0.01, kSdVy = 0.03, kSpeed = 60.0 / 3.6;  // [rad/s], [m/s], [m/s]
 
-StudyReport logarithm_study(const StudyOptions& options) {
-  constexpr double kSdR = 0.01, kSdVy = 0.03, kSpeed = 60.0 / 3.6;  // [rad/s], [m/s], [m/s]
-  const SingleTrack<> car = linear_car(sladka2010_car());
-  const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
-  const ModelFile model = sladka2010_model();
-  enum { kStates, kSteering, kEquationError, kOutputError, kMethods };
-  constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
-  MatrixXd Cf(options.runs, kMethods), Cr = Cf;
-  MatrixXd one_step(options.runs, 2), bound(options.runs, 2);
-  VectorXd real(options.runs);
-  repeat(options, 0, [&](int run, Random& random) {
-    Dataset data;
-    data.name = "simulated";
-    data.time = truth.time;
-    data.dt = kSladka2010Step;
-    data.inputs = {{"steering_wheel_angle", "rad"}, {"vx", "m/s"}};
-    data.outputs = {{"r", "rad/s"}, {"vy", "m/s"}};
-    data.u.resize(2, kSladka2010Samples);
-    data.u << truth.steering.transpose(), truth.vx.transpose();
-    data.y.resize(2, kSladka2010Samples);
-    for (Index t = 0; t < kSladka2010Samples; ++t) {
-      data.y(0, t) = truth.states(1, t) + kSdR * random.normal();
-      data.y(1, t) = truth.states(0, t) + kSdVy * random.normal();
-    }
-    const DiscreteFit discrete =
-        discrete_fit(car, data.y.colwise().reverse(), truth.steering, kSpeed);
-    Cf(run, kStates) = discrete.from_states[0];
-    Cr(run, kStates) = discrete.from_states[1];
-    Cf(run, kSteering) = discrete.from_steering[0];
-    Cr(run, kSteering) = discrete.from_steering[1];
-    real[run] = discrete.real ? 1.0 : 0.0;
-    one_step.row(run) = discrete.one_step.transpose();
+enum { kStates, kSteering, kEquationError, kOutputError, kMethods };
+constexpr std::array<const char*, kMethods> kWhat{"discrete least squares, logarithm: from A",
+                                                  "the same, Cf from B, Cr from A",
+                                                  "continuous equation error", "output error"};
 
-    const VehicleUnknowns unknowns = vehicle_unknowns(model);
-    VehicleParameters<double> p = unknowns.value;
-    const bool found = vehicle_by_equation_error(usable_run(model, {data}), unknowns, p);
-    Cf(run, kEquationError) = found ? p[kCf] : kMissing;
-    Cr(run, kEquationError) = found ? p[kCr] : kMissing;
-
-    VehicleFitOptions fit_alone;
-    fit_alone.second_opinion = false;
-    const Estimate fit = fit_vehicle(model, data, fit_alone);
-    for (const EstimatedParameter& each : fit.parameters) {
-      if (each.name == "Cf") {
-        Cf(run, kOutputError) = each.value;
-        bound(run, 0) = each.crb_se;
-      } else if (each.name == "Cr") {
-        Cr(run, kOutputError) = each.value;
-        bound(run, 1) = each.crb_se;
-      }
-    }
-  });
-  const double C = car.front.stiffness;
-  StudyReport out;
-  out.text = fmt::format(
-      "sladka-logarithm: cornering stiffnesses of the car of table 8.1 from a severe lane change, "
-      "{} runs\n"
-      "70 samples at 10 Hz, 60 km/h, sd(vy) {:g} m/s, sd(r) {:g} rad/s; true Cf = Cr = {:g} N/rad\n"
-      "published: nothing of the kind; a warning to who would go on from (9.1) to the car.\n"
-      "Bias and standard deviation in % of the truth\n"
-      "  {:<48} {:>8} {:>8} {:>8} {:>8}\n",
-      options.runs, kSdVy, kSdR, C, "", "Cf bias", "sd", "Cr bias", "sd");
-  constexpr std::array<const char*, kMethods> kWhat{"discrete least squares, logarithm: from A",
-                                                    "the same, Cf from B, Cr from A",
-                                                    "continuous equation error", "output error"};
-  // Mean and standard deviation over the runs that gave a number.
-  const auto spread = [&](const VectorXd& values) {
-    std::vector<double> ok;
-    for (const double v : values) {
-      if (std::isfinite(v)) ok.push_back(100.0 * (v / C - 1.0));
-    }
-    const Eigen::Map<const VectorXd> kept(ok.data(), static_cast<Index>(ok.size()));
-    return Vector2d(kept.mean(), std::sqrt((kept.array() - kept.mean()).square().sum() /
-                                           static_cast<double>(ok.size() - 1)));
-  };
-  for (Index m = 0; m < kMethods; ++m) {
-    const Vector2d f = spread(Cf.col(m)), r = spread(Cr.col(m));
-    out.text += fmt::format("  {:<48} {:>8.1f} {:>8.2f} {:>8.1f} {:>8.2f}\n",
-                            kWhat[static_cast<std::size_t>(m)], f[0], f[1], r[0], r[1]);
+Dataset noisy_recording(const TrueDrive& truth, Random& random) {
+  Dataset data;
+  data.name = "simulated";
+  data.time = truth.time;
+  data.dt = kSladka2010Step;
+  data.inputs = {{"steering_wheel_angle", "rad"}, {"vx", "m/s"}};
+  data.outputs = {{"r", "rad/s"}, {"vy", "m/s"}};
+  data.u.resize(2, kSladka2010Samples);
+  data.u << truth.steering.transpose(), truth.vx.transpose();
+  data.y.resize(2, kSladka2010Samples);
+  for (Index t = 0; t < kSladka2010Samples; ++t) {
+    data.y(0, t) = truth.states(1, t) + kSdR * random.normal();
+    data.y(1, t) = truth.states(0, t) + kSdVy * random.normal();
   }
-  const Eigen::RowVector2d mean_bound = 100.0 / C * bound.colwise().mean();
+  return data;
+}
+
+// What every method makes of one recording.
+struct Stiffnesses {
+  Eigen::Matrix<double, 2, kMethods> by_method;  // Cf and Cr; NaN where there is none
+  Eigen::RowVector2d bound;                      // standard errors of Cf and Cr by the bound
+  DiscreteFit discrete;
+};
+
+Stiffnesses stiffnesses(const SingleTrack<>& car, const ModelFile& model, const TrueDrive& truth,
+                        const Dataset& data) {
+  Stiffnesses out;
+  out.by_method.setConstant(std::numeric_limits<double>::quiet_NaN());
+  out.discrete = discrete_fit(car, data.y.colwise().reverse(), truth.steering, kSpeed);
+  out.by_method.col(kStates) = out.discrete.from_states;
+  out.by_method.col(kSteering) = out.discrete.from_steering;
+
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  VehicleParameters<double> p = unknowns.value;
+  if (vehicle_by_equation_error(usable_run(model, {data}), unknowns, p)) {
+    out.by_method.col(kEquationError) << p[kCf], p[kCr];
+  }
+
+  VehicleFitOptions fit_alone;
+  fit_alone.second_opinion = false;
+  for (const EstimatedParameter& each : fit_vehicle(model, data, fit_alone).parameters) {
+    const Index row = each.name == "Cf" ? 0 : each.name == "Cr" ? 1 : -1;
+    if (row < 0) continue;
+    out.by_method(row, kOutputError) = each.value;
+    out.bound[row] = each.crb_se;
+  }
+  return out;
+}
+
+// Mean and standard deviation of the error in % of the truth, over the runs that gave a number.
+Vector2d error_spread(const VectorXd& values, double truth) {
+  std::vector<double> ok;
+  for (const double v : values) {
+    if (std::isfinite(v)) ok.push_back(100.0 * (v / truth - 1.0));
+  }
+  const Eigen::Map<const VectorXd> kept(ok.data(), static_cast<Index>(ok.size()));
+  return {kept.mean(), std::sqrt((kept.array() - kept.mean()).square().sum() /
+                                 static_cast<double>(ok.size() - 1))};
+}
+
+// What is left without noise, and why the discrete fit is no car.
+std::string explanation(const DiscreteFit& clean, double C, const MatrixXd& one_step,
+                        const VectorXd& real) {
   const Eigen::RowVector2d mean_fit = one_step.colwise().mean();
-  const DiscreteFit clean = discrete_fit(car, truth.states, truth.steering, kSpeed);
-  out.text += fmt::format(
-      "  {:<48} {:>8} {:>8.2f} {:>8} {:>8.2f}\n"
+  return fmt::format(
       "without noise\n"
       "  {:<48} {:>8.1f} {:>8} {:>8.1f}\n"
       "  {:<48} {:>8.1f} {:>8} {:>8.1f}\n"
@@ -163,11 +148,49 @@ StudyReport logarithm_study(const StudyOptions& options) {
       "is used then). This is\n"
       "where recursive least squares with lambda = 1 ends. Equation error and output error seek Iz "
       "too.\n",
-      "Cramer-Rao bound", "", mean_bound[0], "", mean_bound[1], kWhat[kStates],
-      100.0 * (clean.from_states[0] / C - 1.0), "", 100.0 * (clean.from_states[1] / C - 1.0),
-      kWhat[kSteering], 100.0 * (clean.from_steering[0] / C - 1.0), "",
-      100.0 * (clean.from_steering[1] / C - 1.0), mean_fit[1], mean_fit[0], clean.one_step[1],
-      clean.one_step[0], 100.0 * (1.0 - real.mean()));
+      kWhat[kStates], 100.0 * (clean.from_states[0] / C - 1.0), "",
+      100.0 * (clean.from_states[1] / C - 1.0), kWhat[kSteering],
+      100.0 * (clean.from_steering[0] / C - 1.0), "", 100.0 * (clean.from_steering[1] / C - 1.0),
+      mean_fit[1], mean_fit[0], clean.one_step[1], clean.one_step[0], 100.0 * (1.0 - real.mean()));
+}
+
+}  // namespace
+
+StudyReport logarithm_study(const StudyOptions& options) {
+  const SingleTrack<> car = linear_car(sladka2010_car());
+  const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
+  const ModelFile model = sladka2010_model();
+  MatrixXd Cf(options.runs, kMethods), Cr = Cf;
+  MatrixXd one_step(options.runs, 2), bound(options.runs, 2);
+  VectorXd real(options.runs);
+  repeat(options, 0, [&](int run, Random& random) {
+    const Stiffnesses s = stiffnesses(car, model, truth, noisy_recording(truth, random));
+    Cf.row(run) = s.by_method.row(0);
+    Cr.row(run) = s.by_method.row(1);
+    bound.row(run) = s.bound;
+    real[run] = s.discrete.real ? 1.0 : 0.0;
+    one_step.row(run) = s.discrete.one_step.transpose();
+  });
+  const double C = car.front.stiffness;
+  StudyReport out;
+  out.text = fmt::format(
+      "sladka-logarithm: cornering stiffnesses of the car of table 8.1 from a severe lane change, "
+      "{} runs\n"
+      "70 samples at 10 Hz, 60 km/h, sd(vy) {:g} m/s, sd(r) {:g} rad/s; true Cf = Cr = {:g} N/rad\n"
+      "published: nothing of the kind; a warning to who would go on from (9.1) to the car.\n"
+      "Bias and standard deviation in % of the truth\n"
+      "  {:<48} {:>8} {:>8} {:>8} {:>8}\n",
+      options.runs, kSdVy, kSdR, C, "", "Cf bias", "sd", "Cr bias", "sd");
+  for (Index m = 0; m < kMethods; ++m) {
+    const Vector2d f = error_spread(Cf.col(m), C), r = error_spread(Cr.col(m), C);
+    out.text += fmt::format("  {:<48} {:>8.1f} {:>8.2f} {:>8.1f} {:>8.2f}\n",
+                            kWhat[static_cast<std::size_t>(m)], f[0], f[1], r[0], r[1]);
+  }
+  const Eigen::RowVector2d mean_bound = 100.0 / C * bound.colwise().mean();
+  out.text += fmt::format("  {:<48} {:>8} {:>8.2f} {:>8} {:>8.2f}\n", "Cramer-Rao bound", "",
+                          mean_bound[0], "", mean_bound[1]);
+  out.text +=
+      explanation(discrete_fit(car, truth.states, truth.steering, kSpeed), C, one_step, real);
   return out;
 }
 

@@ -1,6 +1,7 @@
 #include "studies/optimality.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -275,88 +276,120 @@ StudyReport run_table(const TuningExperiment& experiment, const StudyOptions& op
 }
 
 // Figures 1 and 2: after how many samples a sequential test decides.
+constexpr Index kDecisionSamples = 1000, kBars = 40;
+
+// What the runs gave.
+struct Decisions {
+  std::array<std::vector<Stop>, 2> stops;  // as published; ours
+  VectorXd optimal_power, power;           // of the innovations, optimal and this filter's
+};
+
+Decisions decide(const StateSpace& truth, const Tuning& tuning, std::uint64_t stream,
+                 const StudyOptions& options) {
+  const ModelFile model = model_of(truth, tuning);
+  Decisions out;
+  out.optimal_power.resize(options.runs);
+  out.power.resize(options.runs);
+  for (std::vector<Stop>& each : out.stops) each.resize(static_cast<std::size_t>(options.runs));
+  repeat(options, stream, [&](int run, Random& random) {
+    const Dataset data = recording(truth, InitialState::stationary, kDecisionSamples, random);
+    const FilterResult filter = kalman_filter(instantiate(model.linear, {}), model.linear.initial,
+                                              data.y, data.u, Keep::innovations);
+    const MatrixXd& e = filter.standardised;
+    out.power[run] = filter.e.squaredNorm();
+    out.optimal_power[run] =
+        kalman_filter(truth, InitialState::stationary, data.y, data.u, Keep::innovations)
+            .e.squaredNorm();
+    out.stops[0][static_cast<std::size_t>(run)] = published_sequential(e.row(0).transpose());
+    out.stops[1][static_cast<std::size_t>(run)] = sequential(e);
+  });
+  return out;
+}
+
+// When one test decided: bars over the samples, and all samples of right decisions in order.
+struct DecisionTimes {
+  VectorXd right = VectorXd::Zero(kBars), wrong = right;
+  std::vector<Index> right_after;
+  int undecided = 0;
+
+  std::string after(double share) const {
+    if (right_after.empty()) return "-";
+    const auto at = static_cast<std::size_t>(share * static_cast<double>(right_after.size() - 1));
+    return fmt::format("{}", right_after[at]);
+  }
+};
+
+DecisionTimes decision_times(const std::vector<Stop>& stops, SequentialDecision right) {
+  DecisionTimes out;
+  for (const Stop& stop : stops) {
+    if (stop.decision == SequentialDecision::undecided) {
+      ++out.undecided;
+      continue;
+    }
+    const Index bar = std::min(kBars - 1, (stop.samples - 1) * kBars / kDecisionSamples);
+    (stop.decision == right ? out.right : out.wrong)[bar] += 1.0;
+    if (stop.decision == right) out.right_after.push_back(stop.samples);
+  }
+  std::sort(out.right_after.begin(), out.right_after.end());
+  return out;
+}
+
+// Adds one test to the report.
+void add_decisions(const std::string& name, const char* csv_name, const DecisionTimes& times,
+                   int runs, StudyReport& out) {
+  const auto percent = [&](double count) { return 100.0 * count / runs; };
+  out.text +=
+      fmt::format("  {:<34} {:>8.1f} {:>8.1f} {:>10.1f} {:>26}\n", name, percent(times.right.sum()),
+                  percent(times.wrong.sum()), percent(times.undecided),
+                  times.after(0.1) + " " + times.after(0.5) + " " + times.after(0.9));
+  const VectorXd edges = VectorXd::LinSpaced(kBars + 1, 0.0, static_cast<double>(kDecisionSamples));
+  for (Index bar = 0; bar < kBars; ++bar) {
+    out.csv += fmt::format("{},{:g},{:g},{:g},{:g}\n", csv_name, edges[bar], edges[bar + 1],
+                           times.right[bar], times.wrong[bar]);
+  }
+  Panel panel;
+  panel.title = name;
+  panel.x = {"samples until the decision", 0.0, static_cast<double>(kDecisionSamples), false};
+  panel.y = {"runs", 0.0,
+             1.1 * std::max(1.0, std::max(times.right.maxCoeff(), times.wrong.maxCoeff())), false};
+  panel.bars = {{"right", edges, times.right}, {"wrong", edges, times.wrong}};
+  out.figure->panels.push_back(panel);
+}
+
 // @param number  1: the optimal filter; 2: Q = Q1 and R = 2
 StudyReport figure_of_decisions(int number, const StudyOptions& options) {
-  constexpr Index kSamples = 1000, kBars = 40;
   const TuningExperiment experiment = table_1();
   const Tuning& tuning = experiment.tunings[number == 1 ? 0 : 2];
   StateSpace truth = experiment.truth;
   truth.Q = experiment.tunings[0].Q;
   truth.R = experiment.tunings[0].R;
-  const ModelFile model = model_of(truth, tuning);
-  const std::vector<std::string> names{"as published", "ours, with a stated alternative"};
-  VectorXd optimal_power(options.runs), power(options.runs);
-  std::vector<std::vector<Stop>> stops(2,
-                                       std::vector<Stop>(static_cast<std::size_t>(options.runs)));
-  repeat(options, static_cast<std::uint64_t>(number - 1), [&](int run, Random& random) {
-    const Dataset data = recording(truth, InitialState::stationary, kSamples, random);
-    const FilterResult filter = kalman_filter(instantiate(model.linear, {}), model.linear.initial,
-                                              data.y, data.u, Keep::innovations);
-    const MatrixXd& e = filter.standardised;
-    power[run] = filter.e.squaredNorm();
-    optimal_power[run] =
-        kalman_filter(truth, InitialState::stationary, data.y, data.u, Keep::innovations)
-            .e.squaredNorm();
-    stops[0][static_cast<std::size_t>(run)] = published_sequential(e.row(0).transpose());
-    stops[1][static_cast<std::size_t>(run)] = sequential(e);
-  });
-  const SequentialDecision right =
-      number == 1 ? SequentialDecision::white : SequentialDecision::coloured;
+  const Decisions decisions =
+      decide(truth, tuning, static_cast<std::uint64_t>(number - 1), options);
   StudyReport out;
   out.text = fmt::format(
       "matisko-figure-{}: Example 1 with {}: samples until a sequential test decides, a = {}, b = "
       "{}; {} runs of {}\n"
       "published: {}\n"
       "  {:<34} {:>8} {:>8} {:>10} {:>26}\n",
-      number, tuning.name, kFalseAlarm, kMiss, options.runs, kSamples,
+      number, tuning.name, kFalseAlarm, kMiss, options.runs, kDecisionSamples,
       number == 1 ? "most right decisions between 150 and 600 samples, 8 % undecided"
                   : "most right decisions between 110 and 150 samples, 4.8 % wrong, none undecided",
       "", "right %", "wrong %", "undecided %", "right after (10 50 90 %)");
   out.csv = "test,samples_from,samples_to,right,wrong\n";
-  Figure figure;
-  const VectorXd edges = VectorXd::LinSpaced(kBars + 1, 0.0, static_cast<double>(kSamples));
-  for (std::size_t test = 0; test < stops.size(); ++test) {
-    VectorXd good = VectorXd::Zero(kBars), bad = good;
-    std::vector<Index> after;
-    int undecided = 0;
-    for (const Stop& stop : stops[test]) {
-      if (stop.decision == SequentialDecision::undecided) {
-        ++undecided;
-        continue;
-      }
-      const Index bar = std::min(kBars - 1, (stop.samples - 1) * kBars / kSamples);
-      (stop.decision == right ? good : bad)[bar] += 1.0;
-      if (stop.decision == right) after.push_back(stop.samples);
-    }
-    std::sort(after.begin(), after.end());
-    const auto at = [&](double share) {
-      return after.empty() ? std::string("-")
-                           : fmt::format("{}", after[static_cast<std::size_t>(
-                                                   share * static_cast<double>(after.size() - 1))]);
-    };
-    const auto percent = [&](double count) { return 100.0 * count / options.runs; };
-    out.text += fmt::format("  {:<34} {:>8.1f} {:>8.1f} {:>10.1f} {:>26}\n", names[test],
-                            percent(good.sum()), percent(bad.sum()), percent(undecided),
-                            at(0.1) + " " + at(0.5) + " " + at(0.9));
-    for (Index bar = 0; bar < kBars; ++bar) {
-      out.csv += fmt::format("{},{:g},{:g},{:g},{:g}\n", test == 0 ? "published" : "ours",
-                             edges[bar], edges[bar + 1], good[bar], bad[bar]);
-    }
-    Panel panel;
-    panel.title = names[test];
-    panel.x = {"samples until the decision", 0.0, static_cast<double>(kSamples), false};
-    panel.y = {"runs", 0.0, 1.1 * std::max(1.0, std::max(good.maxCoeff(), bad.maxCoeff())), false};
-    panel.bars = {{"right", edges, good}, {"wrong", edges, bad}};
-    figure.panels.push_back(panel);
-  }
+  out.figure = Figure{};
+  const SequentialDecision right =
+      number == 1 ? SequentialDecision::white : SequentialDecision::coloured;
+  add_decisions("as published", "published", decision_times(decisions.stops[0], right),
+                options.runs, out);
+  add_decisions("ours, with a stated alternative", "ours",
+                decision_times(decisions.stops[1], right), options.runs, out);
   if (number == 2) {
     out.text += fmt::format(
         "The past predicts {:.1f} % of the variance of these innovations; ours is asked to miss no "
         "more than b of\ncolours of {:.0f} % and more, and calls smaller ones white.\n",
-        100.0 * (1.0 - optimal_power.sum() / power.sum()),
+        100.0 * (1.0 - decisions.optimal_power.sum() / decisions.power.sum()),
         100.0 * std::pow(SequentialProbabilityRatioOptions{}.smallest, 2));
   }
-  out.figure = figure;
   return out;
 }
 
