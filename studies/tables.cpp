@@ -394,7 +394,7 @@ std::vector<Study> table_studies() {
   std::vector<Study> out;
   for (const PublishedTable& table : tables()) {
     out.push_back({table.name, kPublishedRuns,
-                   [&table](const StudyOptions& options) { return run_table(table, options); }});
+                   [table](const StudyOptions& options) { return run_table(table, options); }});
   }
   return out;
 }
