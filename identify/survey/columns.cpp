@@ -4,7 +4,6 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <initializer_list>
 #include <map>
 #include <numbers>
 #include <set>
@@ -44,10 +43,10 @@ std::vector<std::string> words_of(const std::string& name) {
 struct Words {
   std::set<std::string> set;
   std::string all;  // without anything between them
-  bool any(std::initializer_list<const char*> list) const {
+  bool any(const std::vector<const char*>& list) const {
     return std::any_of(list.begin(), list.end(), [&](const char* w) { return set.contains(w); });
   }
-  bool part(std::initializer_list<const char*> list) const {
+  bool part(const std::vector<const char*>& list) const {
     return std::any_of(list.begin(), list.end(),
                        [&](const char* w) { return all.find(w) != std::string::npos; });
   }
@@ -58,88 +57,97 @@ struct NameGuess {
   double score = 0.0;  // 0: not of that kind
 };
 
-std::vector<NameGuess> kinds_of(const Words& w) {
-  std::vector<NameGuess> out;
-  const auto add = [&](SignalKind kind, double score) { out.push_back({kind, score}); };
-  const bool corner = w.any({"fl", "fr", "rl", "rr", "lf", "rf", "lr", "front", "rear"});
-  const bool acceleration = w.part({"acc"}) || w.any({"a"});
-  const bool rate =
-      w.any({"rate", "vel", "velocity", "dot", "spd"}) || w.part({"yawvel", "yawrate"});
-  const bool sideways =
-      w.any({"lat", "lateral", "y", "left", "right"}) || w.part({"latacc", "latvel"});
-  const bool onwards = w.any({"lon", "long", "longitudinal", "x", "fwd", "forward"}) ||
-                       w.part({"longacc", "longvel"});
-  const bool other_angle =
-      w.any({"psi", "yaw", "roll", "pitch", "torque", "trq", "time", "error", "e"});
+// A name is of the class if it has any of the words, or any of the parts in its letters.
+struct WordClass {
+  std::vector<const char*> any, part = {};
+  bool holds(const Words& w) const { return w.any(any) || w.part(part); }
+};
 
-  // Steering.
-  if (!rate && !w.any({"torque", "trq", "speed", "time"})) {
-    if (w.part({"steeringwheel", "steerwheel"}) || w.any({"swa", "hwa", "stw", "delh"}) ||
-        (w.any({"sw"}) && w.any({"pos", "angle", "ang"}))) {
-      add(SignalKind::steering, 10);
-    } else if (w.part({"steer"})) {
-      add(SignalKind::steering, 9);
-    } else if (w.any({"rwa"}) || w.part({"roadwheel"})) {
-      add(SignalKind::steering, 9);
-    } else if (w.any({"delta"}) && !other_angle) {
-      add(SignalKind::steering, corner ? 6 : 8);
-    } else if (w.part({"delta"}) && corner && !other_angle) {
-      add(SignalKind::steering, 6);
-    }
+const WordClass kCorner{{"fl", "fr", "rl", "rr", "lf", "rf", "lr", "front", "rear"}};
+const WordClass kAcceleration{{"a"}, {"acc"}};
+const WordClass kRate{{"rate", "vel", "velocity", "dot", "spd"}, {"yawvel", "yawrate"}};
+const WordClass kSpeed{{"speed", "velocity", "vel", "v", "u", "spd", "speedo"}, {"speed", "veloc"}};
+const WordClass kSideways{{"lat", "lateral", "y", "left", "right"}, {"latacc", "latvel"}};
+const WordClass kOnwards{{"lon", "long", "longitudinal", "x", "fwd", "forward"},
+                         {"longacc", "longvel"}};
+const WordClass kAngular{{}, {"yaw", "ang", "roll", "pitch"}};
+const WordClass kOtherAngle{{"psi", "yaw", "roll", "pitch", "torque", "trq", "time", "error", "e"}};
+
+// A name that is of all these classes, and of none of those, is of that kind.
+struct NameRule {
+  SignalKind kind;
+  double score;
+  std::vector<WordClass> all, none = {};
+};
+
+// Of each group the first rule that applies counts.
+struct NameRules {
+  std::vector<WordClass> none;
+  std::vector<NameRule> rules;
+};
+
+const std::vector<NameRules>& name_rules() {
+  using enum SignalKind;
+  static const std::vector<NameRules> all = {
+      {{kRate, {{"torque", "trq", "speed", "time"}}},
+       {{steering, 10, {{{"swa", "hwa", "stw", "delh"}, {"steeringwheel", "steerwheel"}}}},
+        {steering, 10, {{{"sw"}}, {{"pos", "angle", "ang"}}}},
+        {steering, 9, {{{}, {"steer"}}}},
+        {steering, 9, {{{"rwa"}, {"roadwheel"}}}},
+        {steering, 6, {{{"delta"}}, kCorner}, {kOtherAngle}},
+        {steering, 8, {{{"delta"}}}, {kOtherAngle}},
+        {steering, 6, {{{}, {"delta"}}, kCorner}, {kOtherAngle}}}},
+      {{kAcceleration},
+       {{r, 10, {{{}, {"yawrate", "yawvel", "yawspeed"}}}},
+        {r, 10, {{{"yaw"}}, kRate}},
+        {r, 9, {{{"wz", "r"}, {"psidot", "psip", "dpsi", "gyroz", "gyrz", "omegaz"}}}},
+        {r, 9, {{{}, {"gyro", "angrate", "angvel"}}, {{"z", "down", "up"}}}},
+        {r, 7, {{{"omega"}}}, {{{"x", "y"}}, kCorner}}}},
+      {{kAngular},
+       {{ay, 10, {{{"ay"}, {"accy", "aycg"}}}},
+        {ay, 10, {kAcceleration, kSideways}},
+        {ax, 10, {{{"ax"}, {"accx", "axcg"}}}},
+        {ax, 10, {kAcceleration, kOnwards}}}},
+      {{kAcceleration, kAngular, {{}, {"steer", "gyro", "cmd", "engine"}}},
+       {{wheel_speed, 8, {kCorner, kSpeed}},
+        {wheel_speed, 8, {kCorner, {{"wheel", "w"}}}},
+        {wheel_speed, 9, {{{"wheel"}}, kSpeed}},
+        {vy, 10, {{{"vy", "uy"}}}},
+        {vy, 10, {kSpeed, kSideways}},
+        {vx, 10, {{{"vx", "ux"}}}},
+        {vx, 10, {kSpeed, kOnwards}},
+        {vx, 8, {kSpeed}}}},
+      {{},
+       {{beta, 10, {{{"beta", "ssa"}, {"sideslip", "sidslp", "slipangle"}}}},
+        {beta, 10, {{{"slip"}}, {{"angle", "ang"}}}}}}};
+  return all;
+}
+
+// What was requested, filtered or derived is second to what was measured.
+double penalty_of(const Words& w) {
+  const WordClass requested{{"cmd", "command", "des", "desired", "ref", "target"},
+                            {"cmd", "command"}};
+  double out = 0.0;
+  if (requested.holds(w)) out += 3.0;
+  if (w.part({"filt"})) out += 1.0;
+  if (w.any({"sd", "std", "var", "cov", "min", "max"})) out += 20.0;
+  return out;
+}
+
+std::vector<NameGuess> kinds_of(const Words& w) {
+  const auto holds = [&w](const WordClass& each) { return each.holds(w); };
+  const double penalty = penalty_of(w);
+  std::vector<NameGuess> out;
+  for (const NameRules& group : name_rules()) {
+    if (std::any_of(group.none.begin(), group.none.end(), holds)) continue;
+    const auto rule =
+        std::find_if(group.rules.begin(), group.rules.end(), [&](const NameRule& each) {
+          return std::all_of(each.all.begin(), each.all.end(), holds) &&
+                 std::none_of(each.none.begin(), each.none.end(), holds);
+        });
+    if (rule == group.rules.end() || rule->score <= penalty) continue;
+    out.push_back({rule->kind, rule->score - penalty});
   }
-  // Yaw rate.
-  if (!acceleration) {
-    if (w.part({"yawrate", "yawvel", "yawspeed"}) || (w.any({"yaw"}) && rate)) {
-      add(SignalKind::r, 10);
-    } else if (w.part({"psidot", "psip", "dpsi", "gyroz", "gyrz", "omegaz"}) ||
-               w.any({"wz", "r"})) {
-      add(SignalKind::r, 9);
-    } else if (w.part({"gyro", "angrate", "angvel"}) && w.any({"z", "down", "up"})) {
-      add(SignalKind::r, 9);
-    } else if (w.any({"omega"}) && !w.any({"x", "y"}) && !corner) {
-      add(SignalKind::r, 7);
-    }
-  }
-  // Accelerations.
-  const bool angular = w.part({"yaw", "ang", "roll", "pitch"});
-  if (!angular) {
-    if (w.any({"ay"}) || (acceleration && sideways) || w.part({"accy", "aycg"})) {
-      add(SignalKind::ay, 10);
-    } else if (w.any({"ax"}) || (acceleration && onwards) || w.part({"accx", "axcg"})) {
-      add(SignalKind::ax, 10);
-    }
-  }
-  // Speeds.
-  if (!acceleration && !angular && !w.part({"steer", "gyro", "cmd", "engine"})) {
-    const bool speed = w.any({"speed", "velocity", "vel", "v", "u", "spd", "speedo"}) ||
-                       w.part({"speed", "veloc"});
-    if (corner && (speed || w.any({"wheel", "w"}))) {
-      add(SignalKind::wheel_speed, 8);
-    } else if (w.any({"wheel"}) && speed) {
-      add(SignalKind::wheel_speed, 9);
-    } else if (w.any({"vy", "uy"}) || (speed && sideways)) {
-      add(SignalKind::vy, 10);
-    } else if (w.any({"vx", "ux"}) || (speed && onwards)) {
-      add(SignalKind::vx, 10);
-    } else if (speed) {
-      add(SignalKind::vx, 8);
-    }
-  }
-  // Sideslip.
-  if (w.any({"beta", "ssa"}) || w.part({"sideslip", "sidslp", "slipangle"}) ||
-      (w.any({"slip"}) && w.any({"angle", "ang"}))) {
-    add(SignalKind::beta, 10);
-  }
-  // What was asked for, filtered or derived is second to what was measured.
-  for (NameGuess& guess : out) {
-    if (w.any({"cmd", "command", "des", "desired", "ref", "target"}) ||
-        w.part({"cmd", "command"})) {
-      guess.score -= 3.0;
-    }
-    if (w.part({"filt"})) guess.score -= 1.0;
-    if (w.any({"sd", "std", "var", "cov", "min", "max"})) guess.score -= 20.0;
-  }
-  std::erase_if(out, [](const NameGuess& g) { return g.score <= 0.0; });
   return out;
 }
 
@@ -280,7 +288,7 @@ std::vector<ColumnCandidate> candidates_of(const std::vector<Table>& tables,
 
 // --- Kinematics between columns of different files ---
 
-struct OnRaster {
+struct SamplingGrid {
   VectorXd time;
   double step = 0.01;
 };
@@ -344,9 +352,22 @@ class Guess {
     return averaged(on, static_cast<Index>(std::lround(0.15 / grid_.step)));
   }
   VectorXd sampled(const ColumnCandidate& c) const { return sampled(*c.column, c.file); }
+  const ColumnCandidate* best_speed() const {
+    const ColumnCandidate* c = best(SignalKind::vx);
+    return c != nullptr ? c : best(SignalKind::wheel_speed);
+  }
   void choose_units();
   void choose_steering_unit();
   void try_unnamed();
+  std::string file_name(std::size_t file) const;
+  void check_clocks();
+  std::size_t base_file() const;
+  std::size_t first_timed() const;
+  VehicleSignal signal_of(const ColumnCandidate& c);
+  std::vector<ColumnCandidate> unnamed_columns() const;
+  void take_unnamed(ColumnCandidate c, SignalKind kind, const std::string& why);
+  void guess_speed_with_rates();
+  void guess_by_correlation(SignalKind kind, SignalKind with, bool times_speed, double least);
   // Of a second column of the same kind: the unit in which it is as large as the first.
   std::string unit_like(const ColumnCandidate& c, const ColumnCandidate& first) const {
     const double like = high_quantile(sampled(first)) * parse_unit(units_.at(c.kind))->scale;
@@ -377,8 +398,8 @@ class Guess {
 
   const std::vector<Table>& tables_;
   std::vector<Clock> clocks_;
-  std::vector<ColumnCandidate> candidates_;
-  OnRaster grid_;
+  std::vector<ColumnCandidate> candidates_, unnamed_;
+  SamplingGrid grid_;
   std::map<SignalKind, std::string> units_;
   bool at_wheel_ = true;
   VehicleSignals out_;
@@ -386,8 +407,7 @@ class Guess {
 
 // Units that nobody gives: those that make a car's kinematics.
 void Guess::choose_units() {
-  const ColumnCandidate* speed = best(SignalKind::vx);
-  if (speed == nullptr) speed = best(SignalKind::wheel_speed);
+  const ColumnCandidate* speed = best_speed();
   const ColumnCandidate* r = best(SignalKind::r);
   const ColumnCandidate* ay = best(SignalKind::ay);
   const auto choices = [](const ColumnCandidate* c) {
@@ -466,8 +486,7 @@ void Guess::choose_steering_unit() {
   const bool says_wheel = !says_road && (w.any({"swa", "sw", "hwa", "stw"}) || w.part({"wheel"}));
   at_wheel_ = !says_road;
   units_[SignalKind::steering] = c->unit.empty() ? "rad" : c->unit;
-  const ColumnCandidate* speed = best(SignalKind::vx);
-  if (speed == nullptr) speed = best(SignalKind::wheel_speed);
+  const ColumnCandidate* speed = best_speed();
   const ColumnCandidate* r = best(SignalKind::r);
   const VectorXd delta = sampled(*c);
   double length = kNaN;  // in units of the angle
@@ -497,108 +516,110 @@ void Guess::choose_steering_unit() {
   }
 }
 
-// Columns whose names say nothing, for quantities that no name gives.
-void Guess::try_unnamed() {
-  std::vector<ColumnCandidate> free;
+// Columns whose names say nothing.
+std::vector<ColumnCandidate> Guess::unnamed_columns() const {
+  std::vector<ColumnCandidate> out;
   for (std::size_t f = 0; f < tables_.size(); ++f) {
     if (clocks_[f].time.size() == 0) continue;
     for (const Column& column : tables_[f].columns) {
       const bool taken = column.text_cells > 0 || column.name == clocks_[f].column ||
                          std::any_of(candidates_.begin(), candidates_.end(),
                                      [&](const ColumnCandidate& c) { return c.column == &column; });
-      const auto x = raw_values(column);
       if (taken || column.missing > column.values.size() / 2) continue;
-      free.push_back({&column, f, SignalKind::r, 1.0, column.unit, false, {}});
-      (void)x;
+      out.push_back({&column, f, SignalKind::r, 1.0, column.unit, false, {}});
     }
   }
-  if (free.empty() || free.size() > 16) return;
-  const auto use = [&](const ColumnCandidate& c, SignalKind kind, const std::string& how) {
-    ColumnCandidate out = c;
-    out.kind = kind;
-    const std::optional<Unit> unit = parse_unit(c.unit);
-    if (c.unit.empty() || !unit || !same_dimension(*unit, *parse_unit(si_unit(kind)))) {
-      out.unit.clear();
-    }
-    out_.findings.push_back(
-        {"guessed_by_physics",
-         Severity::note,
-         {c.column->name},
-         fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), how),
-         "check it: its name does not say so"});
-    candidates_.push_back(out);
-    std::erase_if(free, [&](const ColumnCandidate& f) { return f.column == c.column; });
-  };
-  const auto speed_of = [&]() {
-    const ColumnCandidate* c = best(SignalKind::vx);
-    return c != nullptr ? c : best(SignalKind::wheel_speed);
-  };
-  std::vector<VectorXd> x;
-  for (const ColumnCandidate& c : free) x.push_back(sampled(c));
-  if (speed_of() == nullptr && best(SignalKind::r) == nullptr) {
-    // All three at once: v r goes with ay, better than r alone does, and v is never negative.
-    double top = 0.9;
-    const ColumnCandidate *v = nullptr, *r = nullptr, *ay = nullptr;
-    for (std::size_t i = 0; i < free.size(); ++i) {
-      if (!(x[i].array().isNaN() || x[i].array() > -0.3).all() || high_quantile(x[i]) < 1.0)
-        continue;
-      for (std::size_t j = 0; j < free.size(); ++j) {
-        for (std::size_t k = 0; k < free.size(); ++k) {
-          if (i == j || i == k || j == k) continue;
-          const double with = std::abs(likeness(x[i].cwiseProduct(x[j]), x[k]).correlation);
-          const double without = std::abs(likeness(x[j], x[k]).correlation);
-          if (with <= top || with < without + 1e-4) continue;
-          top = with;
-          v = &free[i];
-          r = &free[j];
-          ay = &free[k];
-        }
-      }
-    }
-    if (v != nullptr) {
-      const ColumnCandidate one = *v, two = *r, three = *ay;
-      const std::string how =
-          fmt::format("'{}' times '{}' goes with '{}' (correlation {:.3f})", one.column->name,
-                      two.column->name, three.column->name, top);
-      use(one, SignalKind::vx, how);
-      use(two, SignalKind::r, how);
-      use(three, SignalKind::ay, how);
-    }
-  }
-  if (speed_of() == nullptr) return;
-  const VectorXd v = sampled(*speed_of());
-  const auto follow = [&](SignalKind kind, SignalKind with, bool times_speed, double least) {
-    if (best(kind) != nullptr || best(with) == nullptr) return;
-    const VectorXd y = sampled(*best(with));
-    const ColumnCandidate* found = nullptr;
-    double top = least;
-    for (const ColumnCandidate& c : free) {
-      const VectorXd one = sampled(c);
-      const double here = std::abs(times_speed ? likeness(v.cwiseProduct(one), y).correlation
-                                               : likeness(one, v.cwiseProduct(y)).correlation);
-      if (here <= top) continue;
-      top = here;
-      found = &c;
-    }
-    if (found == nullptr) return;
-    const ColumnCandidate copy = *found;
-    use(copy, kind,
-        fmt::format("{} goes with {} (correlation {:.3f})", times_speed ? "speed times it" : "it",
-                    times_speed ? to_string(with) : "speed times " + to_string(with), top));
-  };
-  follow(SignalKind::r, SignalKind::ay, true, 0.9);
-  follow(SignalKind::ay, SignalKind::r, false, 0.9);
-  follow(SignalKind::steering, SignalKind::r, true, 0.8);
+  return out;
 }
 
-VehicleSignals Guess::run() {
-  VehicleSignals& signals = out_;
-  signals.name = tables_.empty() ? "" : std::filesystem::path(tables_[0].path).filename().string();
-  const auto timed = std::find_if(clocks_.begin(), clocks_.end(),
-                                  [](const Clock& c) { return c.time.size() > 0; });
+// @param c  a copy: what it is taken from loses it
+void Guess::take_unnamed(ColumnCandidate c, SignalKind kind, const std::string& why) {
+  out_.findings.push_back(
+      {"guessed_by_physics",
+       Severity::note,
+       {c.column->name},
+       fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), why),
+       "check it: its name does not say so"});
+  std::erase_if(unnamed_, [&](const ColumnCandidate& each) { return each.column == c.column; });
+  c.kind = kind;
+  const std::optional<Unit> unit = parse_unit(c.unit);
+  if (c.unit.empty() || !unit || !same_dimension(*unit, *parse_unit(si_unit(kind)))) {
+    c.unit.clear();
+  }
+  candidates_.push_back(std::move(c));
+}
+
+// Speed, yaw rate and lateral acceleration at once: v r goes with ay, better than r alone does, and
+// v is never negative.
+void Guess::guess_speed_with_rates() {
+  double top = 0.9;
+  const ColumnCandidate *v = nullptr, *r = nullptr, *ay = nullptr;
+  std::vector<VectorXd> x;
+  for (const ColumnCandidate& c : unnamed_) x.push_back(sampled(c));
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    if (!(x[i].array().isNaN() || x[i].array() > -0.3).all() || high_quantile(x[i]) < 1.0) continue;
+    for (std::size_t j = 0; j < x.size(); ++j) {
+      for (std::size_t k = 0; k < x.size(); ++k) {
+        if (i == j || i == k || j == k) continue;
+        const double with = std::abs(likeness(x[i].cwiseProduct(x[j]), x[k]).correlation);
+        const double without = std::abs(likeness(x[j], x[k]).correlation);
+        if (with <= top || with < without + 1e-4) continue;
+        top = with;
+        v = &unnamed_[i];
+        r = &unnamed_[j];
+        ay = &unnamed_[k];
+      }
+    }
+  }
+  if (v == nullptr) return;
+  const ColumnCandidate one = *v, two = *r, three = *ay;
+  const std::string why = fmt::format("'{}' times '{}' goes with '{}' (correlation {:.3f})",
+                                      one.column->name, two.column->name, three.column->name, top);
+  take_unnamed(one, SignalKind::vx, why);
+  take_unnamed(two, SignalKind::r, why);
+  take_unnamed(three, SignalKind::ay, why);
+}
+
+// The unnamed column that goes best with a quantity that is there, one of the two times the speed.
+void Guess::guess_by_correlation(SignalKind kind, SignalKind with, bool times_speed, double least) {
+  if (best(kind) != nullptr || best(with) == nullptr) return;
+  const VectorXd v = sampled(*best_speed()), y = sampled(*best(with));
+  const ColumnCandidate* found = nullptr;
+  double top = least;
+  for (const ColumnCandidate& c : unnamed_) {
+    const VectorXd one = sampled(c);
+    const double here = std::abs(times_speed ? likeness(v.cwiseProduct(one), y).correlation
+                                             : likeness(one, v.cwiseProduct(y)).correlation);
+    if (here <= top) continue;
+    top = here;
+    found = &c;
+  }
+  if (found == nullptr) return;
+  take_unnamed(
+      *found, kind,
+      fmt::format("{} goes with {} (correlation {:.3f})", times_speed ? "speed times it" : "it",
+                  times_speed ? to_string(with) : "speed times " + to_string(with), top));
+}
+
+// Quantities that no name gives.
+void Guess::try_unnamed() {
+  unnamed_ = unnamed_columns();
+  if (unnamed_.empty() || unnamed_.size() > 16) return;
+  if (best_speed() == nullptr && best(SignalKind::r) == nullptr) guess_speed_with_rates();
+  if (best_speed() == nullptr) return;
+  guess_by_correlation(SignalKind::r, SignalKind::ay, true, 0.9);
+  guess_by_correlation(SignalKind::ay, SignalKind::r, false, 0.9);
+  guess_by_correlation(SignalKind::steering, SignalKind::r, true, 0.8);
+}
+
+std::string Guess::file_name(std::size_t file) const {
+  return std::filesystem::path(tables_[file].path).filename().string();
+}
+
+void Guess::check_clocks() {
   for (std::size_t f = 0; f < tables_.size(); ++f) {
-    const std::string file = std::filesystem::path(tables_[f].path).filename().string();
     if (clocks_[f].time.size() == 0) {
+      const std::string file = file_name(f);
       out_.findings.push_back({"no_time",
                                Severity::serious,
                                {file},
@@ -606,6 +627,7 @@ VehicleSignals Guess::run() {
                                "name it 'time' or 't'; time: {step: ...} in a model file"});
     }
     if (clocks_[f].runs > 1) {
+      const std::string file = file_name(f);
       out_.findings.push_back({"several_runs",
                                Severity::serious,
                                {file},
@@ -615,50 +637,67 @@ VehicleSignals Guess::run() {
                                "them one after the other"});
     }
   }
+}
+
+// The file on whose clock columns of all files are compared.
+std::size_t Guess::base_file() const {
+  for (const SignalKind kind : {SignalKind::r, SignalKind::ay, SignalKind::vx}) {
+    if (const ColumnCandidate* c = best(kind)) return c->file;
+  }
+  return first_timed();
+}
+
+std::size_t Guess::first_timed() const {
+  const auto timed = std::find_if(clocks_.begin(), clocks_.end(),
+                                  [](const Clock& c) { return c.time.size() > 0; });
+  return static_cast<std::size_t>(timed - clocks_.begin());
+}
+
+VehicleSignal Guess::signal_of(const ColumnCandidate& c) {
+  const ColumnCandidate* first = best(c.kind);
+  VehicleSignal s;
+  s.kind = c.kind;
+  s.column = called(c);
+  s.unit = first == &c ? units_[c.kind] : c.unit;
+  if (s.unit.empty()) s.unit = unit_like(c, *first);
+  s.source = file_name(c.file);
+  s.at_wheel = at_wheel_;
+  s.axis = c.words.any({"down", "right"}) ? -1.0 : 1.0;
+  s.time = clocks_[c.file].time;
+  s.value = raw_values(*c.column) * parse_unit(s.unit).value_or(Unit{}).scale;
+  return s;
+}
+
+VehicleSignals Guess::run() {
+  out_.name = tables_.empty() ? "" : file_name(0);
+  check_clocks();
   std::erase_if(candidates_,
                 [&](const ColumnCandidate& c) { return clocks_[c.file].time.size() == 0; });
-  if (timed == clocks_.end()) return std::move(out_);
-  const auto base = [&]() -> std::size_t {
-    for (const SignalKind kind : {SignalKind::r, SignalKind::ay, SignalKind::vx}) {
-      if (const ColumnCandidate* c = best(kind)) return c->file;
-    }
-    return static_cast<std::size_t>(timed - clocks_.begin());
-  };
-  grid_.time = clocks_[base()].time;
+  if (first_timed() == clocks_.size()) return std::move(out_);
+  grid_.time = clocks_[base_file()].time;
   grid_.step = own_period(grid_.time, grid_.time);
   try_unnamed();
   choose_units();
   choose_steering_unit();
 
-  signals.time_column = timed->column;
-  signals.time_unit = timed->unit;
+  out_.time_column = clocks_[first_timed()].column;
+  out_.time_unit = clocks_[first_timed()].unit;
   std::set<const Column*> used;
   std::string unclear;
   for (const ColumnCandidate& c : candidates_) {
     if (!used.insert(c.column).second) continue;
-    VehicleSignal s;
-    s.kind = c.kind;
-    s.column = called(c);
-    const ColumnCandidate* first = best(c.kind);
-    s.unit = first == &c ? units_[c.kind] : c.unit;
-    if (s.unit.empty()) s.unit = unit_like(c, *first);
-    s.source = std::filesystem::path(tables_[c.file].path).filename().string();
-    s.at_wheel = at_wheel_;
-    s.axis = c.words.any({"down", "right"}) ? -1.0 : 1.0;
-    s.time = clocks_[c.file].time;
-    s.value = raw_values(*c.column) * parse_unit(s.unit).value_or(Unit{}).scale;
-    if (c.unit.empty())
-      unclear += fmt::format("{}{} {}", unclear.empty() ? "" : ", ", s.column, s.unit);
-    signals.signals.push_back(std::move(s));
+    const VehicleSignal& s = out_.signals.emplace_back(signal_of(c));
+    if (!c.unit.empty()) continue;
+    unclear += fmt::format("{}{} {}", unclear.empty() ? "" : ", ", s.column, s.unit);
   }
   if (!unclear.empty()) {
-    signals.findings.push_back({"unit_unclear",
-                                Severity::note,
-                                {},
-                                "the file gives no unit of some columns; these make the kinematics "
-                                "of a car: " +
-                                    unclear,
-                                "check them"});
+    out_.findings.push_back({"unit_unclear",
+                             Severity::note,
+                             {},
+                             "the file gives no unit of some columns; these make the kinematics "
+                             "of a car: " +
+                                 unclear,
+                             "check them"});
   }
   return std::move(out_);
 }
