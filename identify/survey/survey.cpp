@@ -54,12 +54,12 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   } else if (speed && scene.has(SignalKind::r)) {
     check_kinematics(scene);
     check_stuck(scene);
-    look_at_excitation(scene);
-    look_at_straights(scene);
+    measure_excitation(scene);
+    measure_straight_running(scene);
     propose_delays(scene);
     name_clocks(scene);
   }
-  judge_identifiability(scene);
+  assess_identifiability(scene);
   const auto rank = [](const Warning& w) {
     return w.severity == Severity::serious ? 0 : w.severity == Severity::warning ? 1 : 2;
   };

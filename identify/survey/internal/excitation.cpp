@@ -18,9 +18,8 @@ namespace {
 
 constexpr double kTurning = 0.05;  // [rad/s]
 
-}  // namespace
-
-void look_at_excitation(Scene& scene) {
+// Speeds, lateral accelerations and sides of the drive.
+void measure_turning(Scene& scene) {
   VehicleSurvey& out = scene.out;
   const VectorXd r = while_driving(scene, scene.smooth[SignalKind::r], kSlowestTest);
   const VectorXd& v = scene.speed;
@@ -60,7 +59,11 @@ void look_at_excitation(Scene& scene) {
     constexpr double kAt[] = {0.0, 0.05, 0.5, 0.95, 1.0};
     out.speed[k] = quantile_of(speeds, kAt[k]);
   }
-  if (!steered) return;
+}
+
+// How fast the steering moves.
+void measure_frequencies(Scene& scene) {
+  if (!scene.has(SignalKind::steering)) return;
   const VectorXd moving = while_driving(scene, scene.on[SignalKind::steering], kSlowestTest);
   const Index n = moving.size() - (moving.size() > 512 ? moving.size() % 256 : 0);
   const std::vector<double> known = present(moving.head(n));
@@ -74,11 +77,18 @@ void look_at_excitation(Scene& scene) {
     half_hertz += hertz > 0.5 ? power : 0.0;
     more += hertz > 1.5 ? power : 0.0;
   }
-  out.above_half_hertz = half_hertz / all;
-  out.above_1_5_hertz = more / all;
+  scene.out.above_half_hertz = half_hertz / all;
+  scene.out.above_1_5_hertz = more / all;
 }
 
-void look_at_straights(Scene& scene) {
+}  // namespace
+
+void measure_excitation(Scene& scene) {
+  measure_turning(scene);
+  measure_frequencies(scene);
+}
+
+void measure_straight_running(Scene& scene) {
   if (!scene.has(SignalKind::r)) return;
   const VectorXd r = while_driving(scene, scene.smooth[SignalKind::r], 5.0);
   std::vector<bool> straight(static_cast<std::size_t>(r.size()), false);
@@ -105,95 +115,137 @@ void look_at_straights(Scene& scene) {
   }
 }
 
-void judge_identifiability(Scene& scene) {
-  VehicleSurvey& out = scene.out;
-  const bool slip = scene.has(SignalKind::vy) || scene.has(SignalKind::beta);
-  const bool wheel = scene.has(SignalKind::steering) && scene.signal(SignalKind::steering).at_wheel;
-  const auto say = [&](const char* of, const char* answer, std::string why) {
-    out.verdicts.push_back({of, answer, std::move(why)});
-  };
+namespace {
+
+/// What the verdicts depend on.
+struct Excitation {
+  bool sideslip = false;     ///< measured
+  bool at_wheel = false;     ///< the angle is that of the steering wheel
+  double speed_ratio = 0.0;  ///< 95 % over 5 % quantile while turning
+  double strong = 0.0;       ///< share of |ay| above 2 m/s^2
+  bool loaded = false;       ///< the tyres, |ay| above 1 m/s^2
+  // Dynamics show where the steering moves faster than the yaw motion settles.
+  bool quick = false, rather_quick = false, very_quick = false;
+  bool circles = false;  ///< steady-state cornering
+  std::string frequencies, speeds;
+
+  bool several_speeds() const { return speed_ratio > 2.0; }
+  // Strong steady-state cornering at several speeds separates steering gain and understeer.
+  bool gain_determined() const { return several_speeds() && strong > 0.05; }
+  bool gain_weak() const { return speed_ratio > 1.5 && strong > 0.05; }
+  const char* ratio() const { return at_wheel ? "steering ratio" : "steering gain"; }
+};
+
+Excitation excitation_of(const Scene& scene) {
+  const VehicleSurvey& survey = scene.out;
+  Excitation out;
+  out.sideslip = scene.has(SignalKind::vy) || scene.has(SignalKind::beta);
+  out.at_wheel = scene.has(SignalKind::steering) && scene.signal(SignalKind::steering).at_wheel;
+  out.speed_ratio = survey.speed[3] / survey.speed[1];
+  out.strong = survey.lateral[2] + survey.lateral[3] + survey.lateral[4] + survey.lateral[5] +
+               survey.lateral[6];
+  out.loaded = survey.lateral[0] < 0.98;
+  out.quick = survey.above_half_hertz > 0.05;
+  out.rather_quick = survey.above_half_hertz > 0.005;
+  out.very_quick = survey.above_1_5_hertz > 0.02;
+  out.circles = survey.steady > 0.8 && survey.above_half_hertz < 0.05;
+  out.frequencies =
+      std::isnan(survey.above_half_hertz)
+          ? "too few samples for a spectrum of the steering angle"
+          : fmt::format("{:.2g} % of the steering's power lies above 0.5 Hz, {:.2g} % above 1.5 Hz",
+                        100.0 * survey.above_half_hertz, 100.0 * survey.above_1_5_hertz);
+  out.speeds = std::isnan(survey.speed[1])
+                   ? "the car never turns"
+                   : fmt::format("turning at {:.0f} to {:.0f} m/s (5 to 95 %)", survey.speed[1],
+                                 survey.speed[3]);
+  return out;
+}
+
+using Verdicts = std::vector<VehicleSurvey::Verdict>;
+
+void assess_stiffness_and_inertia(const Excitation& seen, double below_1, Verdicts& out) {
+  if (!seen.loaded) {
+    const std::string why = fmt::format(
+        "the tyres are hardly loaded: |ay| stays below 1 m/s^2 {} of the time", percent(below_1));
+    out.push_back({"Cf, Cr", "no", why});
+    out.push_back({"Iz", "no", why});
+  } else if (seen.circles) {
+    out.push_back(
+        {"Cf, Cr", "combination",
+         fmt::format("steady-state circles determine only the products i L and i K, K = m "
+                     "(b Cr - a Cf)/(L Cf Cr){}",
+                     seen.sideslip ? "; with sideslip the rear axle too" : "")});
+    out.push_back(
+        {"Iz", "no", "yaw inertia acts only while the yaw rate changes; " + seen.frequencies});
+  } else if (seen.sideslip) {
+    out.push_back(
+        {"Cf, Cr", seen.quick || seen.gain_determined() || seen.gain_weak() ? "yes" : "poorly",
+         fmt::format("over mass, given the {}: sideslip separates front and rear", seen.ratio())});
+    out.push_back({"Iz", seen.quick ? "yes" : seen.rather_quick ? "poorly" : "no", seen.frequencies});
+  } else if (seen.very_quick) {
+    out.push_back({"Cf, Cr", "poorly",
+                   fmt::format("yaw rate without sideslip: only with m, a, b and the {} exact; {}",
+                               seen.ratio(), seen.frequencies)});
+    out.push_back({"Iz", "poorly", "with Cf and Cr only: yaw rate without sideslip"});
+  } else {
+    out.push_back({"Cf, Cr", "combination",
+                   fmt::format("yaw rate without sideslip and {}: the understeer gradient, no more",
+                               seen.frequencies)});
+    out.push_back(
+        {"Iz", "no", seen.frequencies + "; without sideslip some above 1.5 Hz is needed"});
+  }
+}
+
+void assess_steering_gain(const Excitation& seen, Verdicts& out) {
+  const char* which = seen.at_wheel ? "steering_ratio" : "steering_gain";
+  if (seen.gain_determined()) {
+    out.push_back(
+        {which, seen.circles ? "combination" : "yes",
+         seen.speeds + (seen.circles ? ": times the wheelbase" : ", with some strength")});
+  } else if (seen.gain_weak()) {
+    out.push_back({which, "poorly", seen.speeds + ": a ratio above 2 determines it better"});
+  } else {
+    out.push_back({which, "no",
+                   seen.speeds +
+                       (seen.several_speeds()
+                            ? fmt::format(", but only {} of it above 2 m/s^2", percent(seen.strong))
+                            : ": a ratio above 2, or a slow segment, is needed") +
+                       "; with a wrong one wrong stiffnesses fit as well"});
+  }
+}
+
+void assess_lengths_and_offsets(const Excitation& seen, double left, Verdicts& out) {
+  out.push_back({"a, b", seen.sideslip ? "poorly" : "no",
+                 seen.sideslip ? "needs sideslip at several speeds; axle weights are better"
+                               : "needs sideslip, or axle weights"});
+  const double lesser = std::min(left, 1.0 - left);
+  out.push_back(
+      {"offsets", lesser > 0.2 || seen.several_speeds() ? "yes" : "no",
+       std::isnan(left)
+           ? std::string("steering offset, yaw bias, ay bias: the car never turns")
+           : fmt::format("steering offset, yaw bias, ay bias: {} of turning is to the left{}",
+                         percent(left), seen.several_speeds() ? ", several speeds" : "")});
+}
+
+}  // namespace
+
+void assess_identifiability(Scene& scene) {
+  Verdicts& out = scene.out.verdicts;
   if (scene.found("too_short") || scene.found("no_steering") || scene.found("no_speed") ||
       (scene.found("no_yaw_rate") && !scene.has(SignalKind::ay))) {
-    say("Cf, Cr", "no",
-        "steering angle, speed and yaw rate of a driven manoeuvre are not all there");
+    out.push_back({"Cf, Cr", "no",
+                   "steering angle, speed and yaw rate of a driven manoeuvre are not all there"});
     return;
   }
   if (scene.found("no_yaw_rate")) {
-    say("Cf, Cr", "poorly", "no yaw rate: what the others can tell was not looked at");
+    out.push_back(
+        {"Cf, Cr", "poorly", "no yaw rate: what the other signals determine was not examined"});
     return;
   }
-  const double spread = out.speed[3] / out.speed[1];
-  const bool several_speeds = spread > 2.0;
-  // Dynamics show where the steering moves faster than the yaw motion settles.
-  const bool quick = out.above_half_hertz > 0.05;
-  const bool rather_quick = out.above_half_hertz > 0.005;
-  const bool very_quick = out.above_1_5_hertz > 0.02;
-  const bool circles = out.steady > 0.8 && out.above_half_hertz < 0.05;
-  const std::string frequencies =
-      std::isnan(out.above_half_hertz)
-          ? "how fast the steering moves cannot be told from so few samples"
-          : fmt::format("{:.2g} % of the steering's power lies above 0.5 Hz, {:.2g} % above 1.5 Hz",
-                        100.0 * out.above_half_hertz, 100.0 * out.above_1_5_hertz);
-  const std::string speeds =
-      std::isnan(out.speed[1])
-          ? "the car never turns"
-          : fmt::format("turning at {:.0f} to {:.0f} m/s (5 to 95 %)", out.speed[1], out.speed[3]);
-  const char* ratio = wheel ? "steering ratio" : "steering gain";
-  // Strong steady cornering at several speeds tells gain from understeer.
-  const double strong =
-      out.lateral[2] + out.lateral[3] + out.lateral[4] + out.lateral[5] + out.lateral[6];
-  const bool gain_told = several_speeds && strong > 0.05;
-  const bool gain_weak = spread > 1.5 && strong > 0.05;
-  const bool loaded = out.lateral[0] < 0.98;
-  if (!loaded) {
-    const std::string why = fmt::format(
-        "the tyres are hardly loaded: |ay| stays below 1 m/s^2 {} of "
-        "the time",
-        percent(out.lateral[0]));
-    say("Cf, Cr", "no", why);
-    say("Iz", "no", why);
-  } else if (circles) {
-    say("Cf, Cr", "combination",
-        fmt::format("steady circles tell i L and i K only, K = m (b Cr - a Cf)/(L Cf Cr){}",
-                    slip ? "; with sideslip the rear axle too" : ""));
-    say("Iz", "no", "yaw inertia acts only while the yaw rate changes; " + frequencies);
-  } else if (slip) {
-    say("Cf, Cr", quick || gain_told || gain_weak ? "yes" : "poorly",
-        fmt::format("over mass, given the {}: sideslip tells the axles apart", ratio));
-    say("Iz", quick ? "yes" : rather_quick ? "poorly" : "no", frequencies);
-  } else if (very_quick) {
-    say("Cf, Cr", "poorly",
-        fmt::format("yaw rate without sideslip: only with m, a, b and the {} exact; {}", ratio,
-                    frequencies));
-    say("Iz", "poorly", "with Cf and Cr only: yaw rate without sideslip");
-  } else {
-    say("Cf, Cr", "combination",
-        fmt::format("yaw rate without sideslip and {}: the understeer gradient, no more",
-                    frequencies));
-    say("Iz", "no", frequencies + "; without sideslip some above 1.5 Hz is needed");
-  }
-  const std::string which = wheel ? "steering_ratio" : "steering_gain";
-  if (gain_told) {
-    say(which.c_str(), circles ? "combination" : "yes",
-        speeds + (circles ? ": times the wheelbase" : ", with some strength"));
-  } else if (gain_weak) {
-    say(which.c_str(), "poorly", speeds + ": a ratio above 2 tells it better");
-  } else {
-    say(which.c_str(), "no",
-        speeds +
-            (several_speeds ? fmt::format(", but only {} of it above 2 m/s^2", percent(strong))
-                            : ": a ratio above 2, or a slow segment, is needed") +
-            "; a wrong one makes wrong stiffnesses fit as well");
-  }
-  say("a, b", slip ? "poorly" : "no",
-      slip ? "needs sideslip at several speeds; axle weights are better"
-           : "needs sideslip, or axle weights");
-  const double lesser = std::min(out.left, 1.0 - out.left);
-  say("offsets", lesser > 0.2 || several_speeds ? "yes" : "no",
-      std::isnan(out.left)
-          ? std::string("steering offset, yaw bias, ay bias: the car never turns")
-          : fmt::format("steering offset, yaw bias, ay bias: {} of turning is to the left{}",
-                        percent(out.left), several_speeds ? ", several speeds" : ""));
+  const Excitation seen = excitation_of(scene);
+  assess_stiffness_and_inertia(seen, scene.out.lateral[0], out);
+  assess_steering_gain(seen, out);
+  assess_lengths_and_offsets(seen, scene.out.left, out);
 }
 
 }  // namespace identikal::surveying

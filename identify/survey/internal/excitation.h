@@ -1,4 +1,4 @@
-// How was the car driven, and what could a fit tell from that?
+// How was the car driven, and which parameters does that determine?
 #pragma once
 
 #include "identify/survey/internal/aligned_signals.h"
@@ -6,12 +6,12 @@
 namespace identikal::surveying {
 
 /// Speeds, lateral accelerations, frequencies and sides of the drive.
-void look_at_excitation(Scene& scene);
+void measure_excitation(Scene& scene);
 
-/// What the sensors say in straight driving, for a second and more, is their offset.
-void look_at_straights(Scene& scene);
+/// What the sensors read in straight running, for a second and more, is their offset.
+void measure_straight_running(Scene& scene);
 
 /// The verdicts, by the conditions of identifiability that are known before a fit.
-void judge_identifiability(Scene& scene);
+void assess_identifiability(Scene& scene);
 
 }  // namespace identikal::surveying
