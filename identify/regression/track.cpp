@@ -153,22 +153,17 @@ void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool s
   }
   const double r = squares > 0.0 ? product / squares : 0.0;
   if (std::abs(r) > kCorrelated && std::abs(r) * std::sqrt(static_cast<double>(n)) > kDeviations) {
-    estimate.warnings.push_back(
-        {"coloured_errors",
-         Severity::warning,
-         {},
+    warn(estimate.warnings, Severity::warning, "coloured_errors", {},
          fmt::format("errors are correlated with the ones before ({:.2f}): standard errors, the "
                      "choice of the memory and the rate of false alarms suppose that they are not",
                      r),
-         "the model lacks something: another order or input, an offset, a delay"});
+         "the model lacks something: another order or input, an offset, a delay");
   }
   if (shortest) {
-    estimate.warnings.push_back({"short_memory",
-                                 Severity::warning,
-                                 {},
-                                 "of all memories tried the shortest predicts best: there is no "
-                                 "telling coefficients that change from errors that are followed",
-                                 "give forgetting in the model file"});
+    warn(estimate.warnings, Severity::warning, "short_memory", {},
+         "of all memories tried the shortest predicts best: there is no telling coefficients that "
+         "change from errors that are followed",
+         "give forgetting in the model file");
   }
 }
 
@@ -256,10 +251,10 @@ Estimate track_regression(const ModelFile& model, const Dataset& recording,
   if (choice.order.feedback > 0) {
     // What the output before tells without any model.
     const VectorXd before = rows.phi.row(u.rows() * choice.order.inputs).transpose();
-    estimate.notes.push_back(fmt::format(
-        "the output before, taken as the prediction, fits {:.2f} %: a high one-step fit says "
-        "little of the coefficients",
-        fit_percent(rows.y, rows.y - before)));
+    estimate.notes.push_back(
+        fmt::format("the output before, taken as the prediction, fits {:.2f} %: a high one-step "
+                    "fit says little of the coefficients",
+                    fit_percent(rows.y, rows.y - before)));
   }
   warn_of_regression(estimate, course.standardised,
                      choice.forgetting_chosen && choice.forgetting < 1.0 &&

@@ -144,11 +144,11 @@ std::string described(const Resolved& what) {
 DrivenRecord on_course(const Resolved& what, const std::vector<Gate>& course, TyreCurve curve,
                        const VehicleParameters<double>& p, const VectorXd& time) {
   if (p[kSteeringDelay] != 0.0 || p[kRelaxationLength] != 0.0) {
-    throw InputError({},
-                     fmt::format("{} has a driver, who cannot handle a steering delay or a "
-                                 "relaxation length",
-                                 what.manoeuvre.name),
-                     "a car without them, or an open-loop manoeuvre");
+    throw InputError(
+        {},
+        fmt::format("{} has a driver, who cannot handle a steering delay or a relaxation length",
+                    what.manoeuvre.name),
+        "a car without them, or an open-loop manoeuvre");
   }
   const CarBody body{what["width"], what["front"], what["rear"]};
   DrivenRecord out;

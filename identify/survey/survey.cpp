@@ -20,44 +20,47 @@ VehicleSurvey survey(const VehicleSignals& signals) {
     return scene.out;
   }
   const bool grid = make_sampling_grid(signals, scene);
-  look_at_signals(signals, scene);
-  propose(signals, scene);
+  list_signals(signals, scene);
+  propose_mapping(signals, scene);
   if (!scene.first.contains(SignalKind::steering)) {
-    scene.find("no_steering", Severity::serious, {}, "no column looks like a steering angle",
-               "name it in the model file; without it nothing can be identified");
+    scene.add_finding("no_steering", Severity::serious, {}, "no column looks like a steering angle",
+                      "name it in the model file; without it nothing can be identified");
   } else if (const Eigen::VectorXd& x = scene.first.at(SignalKind::steering)->value;
              !(quantile_of(x, 0.0) < quantile_of(x, 1.0))) {
-    scene.find("no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
-               fmt::format("the steering angle {} never changes", scene.name(SignalKind::steering)),
-               "is it the right column? Else record a manoeuvre");
+    scene.add_finding(
+        "no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
+        fmt::format("the steering angle {} never changes", scene.name(SignalKind::steering)),
+        "is it the right column? Else record a manoeuvre");
   }
   if (!scene.first.contains(SignalKind::r)) {
     const bool ay = scene.first.contains(SignalKind::ay);
-    scene.find("no_yaw_rate", ay ? Severity::warning : Severity::serious, {},
-               "no column looks like a yaw rate",
-               "name it in the model file; without it signs, units and clocks are not compared");
+    scene.add_finding(
+        "no_yaw_rate", ay ? Severity::warning : Severity::serious, {},
+        "no column looks like a yaw rate",
+        "name it in the model file; without it signs, units and clocks are not compared");
   }
   const bool speed = scene.speed.size() > 0;
   if (!speed) {
-    scene.find("no_speed", Severity::serious, {}, "no column looks like a speed",
-               "name it in the model file");
+    scene.add_finding("no_speed", Severity::serious, {}, "no column looks like a speed",
+                      "name it in the model file");
   }
   const auto driving = speed ? (scene.speed.array() > kSlowestTest).count() : Eigen::Index{0};
   const bool moved = static_cast<double>(driving) * (grid ? scene.step : 0.0) >= 2.0;
-  if (grid && speed) look_at_speed(scene);
+  if (grid && speed) measure_speed(scene);
   if (!grid || (speed && (!moved || driving < 40))) {
-    scene.find("too_short", Severity::serious, {},
-               grid ? fmt::format("{:.1f} s in {} rows above {} m/s",
-                                  static_cast<double>(driving) * scene.step, driving, kSlowestTest)
-                    : std::string("less than two rows"),
-               "a manoeuvre takes some seconds, and the model a moving car; is a unit wrong?");
+    scene.add_finding(
+        "too_short", Severity::serious, {},
+        grid ? fmt::format("{:.1f} s in {} rows above {} m/s",
+                           static_cast<double>(driving) * scene.step, driving, kSlowestTest)
+             : std::string("less than two rows"),
+        "a manoeuvre takes some seconds, and the model a moving car; is a unit wrong?");
   } else if (speed && scene.has(SignalKind::r)) {
     check_kinematics(scene);
     check_stuck(scene);
     measure_excitation(scene);
     measure_straight_running(scene);
     propose_delays(scene);
-    name_clocks(scene);
+    report_clocks(scene);
   }
   assess_identifiability(scene);
   const auto rank = [](const Warning& w) {

@@ -60,51 +60,42 @@ void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Esti
     const double turn = p[kSteeringGain] < 0.0 ? -1.0 : 1.0;
     const double c = turn * correlation(vx.cwiseProduct(run.steering), run.y.row(jr));
     if (c < kFlippedBelow) {
-      estimate.warnings.push_back(
-          {"sign_steering",
-           Severity::serious,
-           {"r", "steering"},
-           fmt::format("yaw rate turns against the steering: correlation of vx * angle with r is "
-                       "{:.2f}",
-                       c),
-           "one of the two has the wrong sign: both are positive to the left (ISO 8855)"});
+      warn(
+          estimate.warnings, Severity::serious, "sign_steering", {"r", "steering"},
+          fmt::format(
+              "yaw rate turns against the steering: correlation of vx * angle with r is {:.2f}", c),
+          "one of the two has the wrong sign: both are positive to the left (ISO 8855)");
     }
   }
   if (jr >= 0 && ja >= 0) {
     const double c = correlation(vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
     if (c < kFlippedBelow) {
-      estimate.warnings.push_back(
-          {"sign_ay",
-           Severity::serious,
-           {"ay", "r"},
+      warn(estimate.warnings, Severity::serious, "sign_ay", {"ay", "r"},
            fmt::format("lateral acceleration points out of the turn: correlation of vx * r with ay "
                        "is {:.2f}",
                        c),
-           "one of the two has the wrong sign: both are positive to the left (ISO 8855)"});
+           "one of the two has the wrong sign: both are positive to the left (ISO 8855)");
     }
   }
 }
 
 void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate) {
-  const auto warn = [&](const std::string& name, const std::string& text) {
-    estimate.warnings.push_back({"implausible_" + name,
-                                 Severity::warning,
-                                 {name},
-                                 text,
-                                 "check mass, axle distances, steering ratio, units and sensor "
-                                 "positions"});
+  const auto implausible = [&](const std::string& name, const std::string& text) {
+    warn(estimate.warnings, Severity::warning, "implausible_" + name, {name}, text,
+         "check mass, axle distances, steering ratio, units and sensor positions");
   };
   const double ratio = p[kYawInertia] / (p[kMass] * p[kA] * p[kB]);
   if (is_free(estimate, "Iz") && usable(estimate, "Iz") && (ratio < 0.8 || ratio > 1.3)) {
-    warn("Iz", fmt::format("Iz/(m a b) = {:.2f}; cars lie between 0.8 and 1.3", ratio));
+    implausible("Iz", fmt::format("Iz/(m a b) = {:.2f}; cars lie between 0.8 and 1.3", ratio));
   }
   const Eigen::Vector2d load = axle_loads(p);
   for (int axle = 0; axle < 2; ++axle) {
     const std::string name = axle == 0 ? "Cf" : "Cr";
     const double per_load = p[axle == 0 ? kCf : kCr] / load[axle];
     if (is_free(estimate, name) && usable(estimate, name) && (per_load < 5.0 || per_load > 25.0)) {
-      warn(name, fmt::format("{} is {:.1f} times its axle load per rad; tyres lie between 5 and 25",
-                             name, per_load));
+      implausible(
+          name, fmt::format("{} is {:.1f} times its axle load per rad; tyres lie between 5 and 25",
+                            name, per_load));
     }
   }
 }
@@ -150,11 +141,10 @@ void check_weakest_direction(const VehicleProblem& problem, const VehicleCovaria
     text += fmt::format("{}{} by {:+.0f} %", text.empty() ? "" : ", ", name,
                         100.0 * share * std::abs(along[lead]) * size);
   }
-  estimate.warnings.push_back(
-      {"weak_direction", Severity::warning, about,
+  warn(estimate.warnings, Severity::warning, "weak_direction", about,
        "poorly determined in combination (one standard error): " + text,
        "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
-       "speeds that differ by 2, sideslip"});
+       "speeds that differ by 2, sideslip");
 }
 
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate) {
@@ -178,29 +168,23 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
     // A sensor as noisy as the model file says is no reason for distrust.
     if (white && rms[j] <= kNoiseFactor * outputs[j].given_sd) continue;
     const bool noisy = outputs.size() == 1 && white;
-    estimate.warnings.push_back(
-        {"poor_fit",
-         Severity::serious,
-         {name},
+    warn(estimate.warnings, Severity::serious, "poor_fit", {name},
          fit < 0.0 ? fmt::format("the simulation of {} is farther off than its mean (fit {:.0f} %)",
                                  name, fit)
                    : fmt::format("the simulation explains only {:.0f} % of {}{}", fit, name,
                                  noisy ? "; the rest is white noise" : ""),
          noisy ? "steer more, or use a better sensor"
-               : "check signs, units, clocks and delays of the channels; plot the residuals"});
+               : "check signs, units, clocks and delays of the channels; plot the residuals");
   }
   for (std::size_t j = 0; j < outputs.size(); ++j) {
     const double given = outputs[j].given_sd, seen = rms[j];
     if (std::isnan(given)) continue;
     if (seen > kNoiseFactor * given || seen < given / kNoiseFactor) {
-      estimate.warnings.push_back(
-          {"noise_differs",
-           Severity::warning,
-           {outputs[j].name},
+      warn(estimate.warnings, Severity::warning, "noise_differs", {outputs[j].name},
            fmt::format("residual of {} is {:.3g} {}, the model file gives {:.3g} as its noise",
                        outputs[j].name, in_unit(outputs[j], seen), outputs[j].unit,
                        in_unit(outputs[j], given)),
-           "leave the noise out of the model file to have it estimated"});
+           "leave the noise out of the model file to have it estimated");
     }
   }
 }
@@ -258,16 +242,11 @@ void check_hold_out(Estimate& estimate) {
     for (const ChannelFit& own : estimate.simulation) {
       if (own.channel != held.channel || !(own.fit_percent > kPoorFit)) continue;
       if (!(100.0 - held.fit_percent >= kHoldOutFactor * (100.0 - own.fit_percent))) continue;
-      estimate.warnings.push_back(
-          {"hold_out",
-           Severity::warning,
-           {own.channel},
-           fmt::format(
-               "on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what it "
-               "was fitted to",
-               held.fit_percent, own.channel, own.fit_percent),
-           "the parameters do not hold there: other tyres, load or road, or too many of them "
-           "free"});
+      warn(estimate.warnings, Severity::warning, "hold_out", {own.channel},
+           fmt::format("on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what "
+                       "it was fitted to",
+                       held.fit_percent, own.channel, own.fit_percent),
+           "the parameters do not hold there: other tyres, load or road, or too many of them free");
     }
   }
 }
@@ -280,13 +259,10 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
   gradient[at] = 1.0;
   if (p[kSteeringGain] < 0.0) {
-    estimate.warnings.push_back(
-        {"sign_steering",
-         Severity::serious,
-         {"steering_gain"},
+    warn(estimate.warnings, Severity::serious, "sign_steering", {"steering_gain"},
          fmt::format("the steering gain is {:.3g}: the wheels turn against the angle",
                      p[kSteeringGain]),
-         "the angle has the wrong sign: it is positive to the left (ISO 8855)"});
+         "the angle has the wrong sign: it is positive to the left (ISO 8855)");
     return;
   }
   const double gain = p[kSteeringGain], se = standard_error(problem, covariance, gradient);
@@ -294,14 +270,11 @@ void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance&
   if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
   const std::string turned =
       fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as it gives", gain, se);
-  estimate.warnings.push_back(
-      {"steering_ratio",
-       Severity::warning,
-       {"steering_gain"},
+  warn(estimate.warnings, Severity::warning, "steering_ratio", {"steering_gain"},
        fmt::format("the given steering ratio is wrong{}: {}; the ratio is {:.4g}",
                    at_road_wheel ? ", 1 as of an angle at the road wheels" : "", turned,
                    p[kSteeringRatio] / gain),
-       "correct the ratio, or the calibration of the steering sensor"});
+       "correct the ratio, or the calibration of the steering sensor");
 }
 
 void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
@@ -319,15 +292,13 @@ void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
     about.push_back(test.channel);
     names += (names.empty() ? "" : ", ") + test.channel;
   }
-  estimate.warnings.push_back(
-      {"coloured_residuals", Severity::warning, about,
+  warn(estimate.warnings, Severity::warning, "coloured_residuals", about,
        fmt::format("residuals of {} are correlated in time: the model is incomplete", names) +
-           (errors
-                ? fmt::format(". Standard errors allow for it over {:.2g} s; for white residuals "
-                              "they would be up to {:.1f} times smaller",
-                              covariance.memory, std::max(widened, 1.0))
-                : ""),
-       "plot the residuals; validate on another recording"});
+           (errors ? fmt::format(". Standard errors allow for it over {:.2g} s; for white "
+                                 "residuals they would be up to {:.1f} times smaller",
+                                 covariance.memory, std::max(widened, 1.0))
+                   : ""),
+       "plot the residuals; validate on another recording");
 }
 
 void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
@@ -379,8 +350,8 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
         "the linear stiffnesses are averages over this recording's slip angles and hold nowhere "
         "else: use a milder part of it (|ay| below about 4 m/s^2)";
   }
-  estimate.warnings.push_back(
-      {"tyre_saturation", serious ? Severity::serious : Severity::note, about, text, todo});
+  warn(estimate.warnings, serious ? Severity::serious : Severity::note, "tyre_saturation", about,
+       text, todo);
 }
 
 void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,

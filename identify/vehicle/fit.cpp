@@ -71,35 +71,27 @@ void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<doub
     result.verdict = Verdict::at_bound;
     if (is_straight(unknowns, i, p[unknowns.free[i]])) {
       result.value = kInfinity;
-      estimate.warnings.push_back(
-          {"no_saturation",
-           Severity::note,
-           {result.name},
-           fmt::format("{} is larger than this recording can determine: the force of that axle is "
-                       "linear",
-                       result.name),
-           "record harder cornering; a linear tyre fits this recording as well"});
+      warn(estimate.warnings, Severity::note, "no_saturation", {result.name},
+           fmt::format(
+               "{} is larger than this recording can determine: the force of that axle is linear",
+               result.name),
+           "record harder cornering; a linear tyre fits this recording as well");
       continue;
     }
-    estimate.warnings.push_back(
-        {"at_bound",
-         biases_the_others(unknowns.free[i]) ? Severity::serious : Severity::warning,
+    warn(estimate.warnings,
+         biases_the_others(unknowns.free[i]) ? Severity::serious : Severity::warning, "at_bound",
          {result.name},
-         fmt::format("{} ended at its bound {:.6g}; the standard errors of the others take it as "
-                     "known",
-                     result.name, result.value),
-         "widen the bound in the model file if it is not physical"});
+         fmt::format(
+             "{} ended at its bound {:.6g}; the standard errors of the others take it as known",
+             result.name, result.value),
+         "widen the bound in the model file if it is not physical");
   }
   for (std::size_t i = 0; i < covariance.open.size(); ++i) {
     if (!covariance.open[i]) continue;
     const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
-    estimate.warnings.push_back(
-        {"at_bound",
-         Severity::note,
-         {result.name},
+    warn(estimate.warnings, Severity::note, "at_bound", {result.name},
          fmt::format("{} ended at its bound {:.6g}, but this recording does not determine it",
-                     result.name, result.value),
-         ""});
+                     result.name, result.value));
   }
 }
 

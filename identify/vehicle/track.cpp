@@ -225,13 +225,10 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
     estimate.notes.push_back("held at the file's value, because only Cf, Cr and Iz are tracked: " +
                              held);
   }
-  estimate.warnings.push_back(
-      {"tracked_only",
-       Severity::note,
-       {},
+  warn(estimate.warnings, Severity::note, "tracked_only", {},
        "recursive least squares follows changes; noise in its regressors biases the values, and no "
        "standard error here knows of that",
-       "take values from 'identikal fit'"});
+       "take values from 'identikal fit'");
   warn_of_regression(
       estimate, every_second(by_row.standardised, 0),
       chosen && forgetting.factor < 1.0 && forgetting.factor <= kLeastForgetting * (1.0 + 1e-6));

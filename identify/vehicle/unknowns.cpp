@@ -103,11 +103,11 @@ std::pair<double, double> allowed_range(const ModelFile& model, const Parameter&
   }
   if (given.prior.kind == Prior::Kind::log_normal) {
     if (!(given.scalar() > 0.0)) {
-      throw InputError({model.path, 0, 0},
-                       fmt::format("parameter '{}' starts at {:g}, where its log-normal prior "
-                                   "does not reach",
-                                   given.name, given.scalar()),
-                       "a start above 0");
+      throw InputError(
+          {model.path, 0, 0},
+          fmt::format("parameter '{}' starts at {:g}, where its log-normal prior does not reach",
+                      given.name, given.scalar()),
+          "a start above 0");
     }
     low = std::max(low, kSmallest * given.prior.a);
   }

@@ -120,15 +120,15 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
   if (lost.no_speed > 0) add(fmt::format("{} without vx", lost.no_speed));
   if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
   if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
-  throw InputError(in(data),
-                   fmt::format("{}no usable segment in {} row{}{}{}", which, N, N == 1 ? "" : "s",
-                               why.empty() ? "" : ": ", why),
-                   fmt::format("at least {} rows and {:g} s in a row with steering angle and vx",
-                               kFewestRows, kShortest),
-                   backwards ? "vx is negative: does the car reverse, or its axis point backwards "
-                               "(scale: -1)?"
-                   : lost.slow == N ? "is the unit of vx right?"
-                                    : "");
+  throw InputError(
+      in(data),
+      fmt::format("{}no usable segment in {} row{}{}{}", which, N, N == 1 ? "" : "s",
+                  why.empty() ? "" : ": ", why),
+      fmt::format("at least {} rows and {:g} s in a row with steering angle and vx", kFewestRows,
+                  kShortest),
+      backwards ? "vx is negative: does the car reverse, or its axis point backwards (scale: -1)?"
+      : lost.slow == N ? "is the unit of vx right?"
+                       : "");
 }
 
 /// Takes over the samples of the outputs, leaves out those that are dead.
@@ -165,11 +165,8 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
       continue;
     }
     dead += (dead.empty() ? "" : "; ") + trouble;
-    run.warnings.push_back({"dead_output",
-                            Severity::serious,
-                            {output.name},
-                            trouble + "; it is left out",
-                            "check the channel, or take it out of the model file"});
+    warn(run.warnings, Severity::serious, "dead_output", {output.name},
+         trouble + "; it is left out", "check the channel, or take it out of the model file");
   }
   if (run.outputs.empty()) {
     throw InputError(in(data), dead.empty() ? "the model has no output" : dead,
@@ -195,11 +192,9 @@ void require_steering(const Dataset& data, VehicleRun& run) {
                      "a manoeuvre that excites the car",
                      "is it the right column, and is its unit right?");
   }
-  run.warnings.push_back({"constant_steering",
-                          Severity::warning,
-                          {},
-                          seen + ": the car is hardly excited",
-                          "record a manoeuvre: lane change, step, sine or sweep"});
+  warn(run.warnings, Severity::warning, "constant_steering", {},
+       seen + ": the car is hardly excited",
+       "record a manoeuvre: lane change, step, sine or sweep");
 }
 
 /// What no car does is a mark for a missing value, or a wrong unit; its squares might overflow.

@@ -52,8 +52,8 @@ struct Scene {
   bool has(SignalKind kind) const { return on.contains(kind); }
   const VehicleSignal& signal(SignalKind kind) const { return *first.at(kind); }
   std::string name(SignalKind kind) const { return "'" + signal(kind).column + "'"; }
-  void find(const char* code, Severity severity, std::vector<std::string> about, std::string text,
-            std::string todo) {
+  void add_finding(const char* code, Severity severity, std::vector<std::string> about,
+                   std::string text, std::string todo) {
     out.findings.push_back({code, severity, std::move(about), std::move(text), std::move(todo)});
   }
   bool found(std::string_view code) const;

@@ -170,18 +170,21 @@ void assess_stiffness_and_inertia(const Excitation& seen, double below_1, Verdic
     out.push_back({"Cf, Cr", "no", why});
     out.push_back({"Iz", "no", why});
   } else if (seen.circles) {
-    out.push_back(
-        {"Cf, Cr", "combination",
-         fmt::format("steady-state circles determine only the products i L and i K, K = m "
-                     "(b Cr - a Cf)/(L Cf Cr){}",
-                     seen.sideslip ? "; with sideslip the rear axle too" : "")});
+    out.push_back({"Cf, Cr", "combination",
+                   fmt::format("steady-state circles determine only the products i L and i K, K = "
+                               "m (b Cr - a Cf)/(L Cf Cr){}",
+                               seen.sideslip ? "; with sideslip the rear axle too" : "")});
     out.push_back(
         {"Iz", "no", "yaw inertia acts only while the yaw rate changes; " + seen.frequencies});
   } else if (seen.sideslip) {
     out.push_back(
         {"Cf, Cr", seen.quick || seen.gain_determined() || seen.gain_weak() ? "yes" : "poorly",
          fmt::format("over mass, given the {}: sideslip separates front and rear", seen.ratio())});
-    out.push_back({"Iz", seen.quick ? "yes" : seen.rather_quick ? "poorly" : "no", seen.frequencies});
+    out.push_back({"Iz",
+                   seen.quick          ? "yes"
+                   : seen.rather_quick ? "poorly"
+                                       : "no",
+                   seen.frequencies});
   } else if (seen.very_quick) {
     out.push_back({"Cf, Cr", "poorly",
                    fmt::format("yaw rate without sideslip: only with m, a, b and the {} exact; {}",

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include <fmt/format.h>
 
@@ -37,19 +36,17 @@ struct UnitGuess {
   double off;
   const char* words;
 };
-constexpr double kDeg = std::numbers::pi / 180.0;
-constexpr double kG = 9.80665;
 constexpr UnitGuess kUnitGuesses[] = {
-    {kG, "ay is in g, taken as m/s^2"},
-    {1.0 / kG, "ay is in m/s^2, taken as g"},
-    {1.0 / kDeg, "r is in deg/s, taken as rad/s"},
-    {kDeg, "r is in rad/s, taken as deg/s"},
+    {kStandardGravity, "ay is in g, taken as m/s^2"},
+    {1.0 / kStandardGravity, "ay is in m/s^2, taken as g"},
+    {1.0 / kDegree, "r is in deg/s, taken as rad/s"},
+    {kDegree, "r is in rad/s, taken as deg/s"},
     {3.6, "vx is in km/h, taken as m/s"},
     {1.0 / 3.6, "vx is in m/s, taken as km/h"},
-    {kG / kDeg, "r is in deg/s and ay in g, taken as rad/s and m/s^2"},
-    {3.6 / kDeg, "vx is in km/h and r in deg/s, taken as m/s and rad/s"},
-    {3.6 * kG, "vx is in km/h and ay in g, taken as m/s and m/s^2"},
-    {3.6 * kG / kDeg, "vx is in km/h, r in deg/s and ay in g, taken as SI"},
+    {kStandardGravity / kDegree, "r is in deg/s and ay in g, taken as rad/s and m/s^2"},
+    {3.6 / kDegree, "vx is in km/h and r in deg/s, taken as m/s and rad/s"},
+    {3.6 * kStandardGravity, "vx is in km/h and ay in g, taken as m/s and m/s^2"},
+    {3.6 * kStandardGravity / kDegree, "vx is in km/h, r in deg/s and ay in g, taken as SI"},
 };
 
 bool near_one(double ratio) { return ratio > 0.6 && ratio < 1.6; }
@@ -59,11 +56,11 @@ void check_swapped(Scene& scene) {
     const double vx = quantile_of(scene.on[SignalKind::vx].cwiseAbs(), 0.9);
     const double vy = quantile_of(scene.on[SignalKind::vy].cwiseAbs(), 0.9);
     if (vy > vx && vy > 1.0) {
-      scene.find(
+      scene.add_finding(
           "swapped_channels", Severity::serious,
           {scene.signal(SignalKind::vx).column, scene.signal(SignalKind::vy).column},
-          fmt::format("{} as vx is mostly smaller than {} as vy ({} against {} m/s): a car "
-                      "drives forward, not sideways",
+          fmt::format("{} as vx is mostly smaller than {} as vy ({} against {} m/s): a car drives "
+                      "forward, not sideways",
                       scene.name(SignalKind::vx), scene.name(SignalKind::vy), shown(vx), shown(vy)),
           "exchange the two columns");
     }
@@ -79,19 +76,19 @@ void check_swapped(Scene& scene) {
   const PairedCorrelation straight = fits(r, ay);
   if (scene.has(SignalKind::vy)) {
     const VehicleSignal& vy = scene.signal(SignalKind::vy);
-    for (const double as_r : {1.0, kDeg}) {
+    for (const double as_r : {1.0, kDegree}) {
       const PairedCorrelation crossed =
           fits(scene.smooth[SignalKind::vy] / unit_scale(vy) * as_r, ay);
       const bool better = std::abs(crossed.correlation) > 0.9 &&
                           !(std::abs(straight.correlation) > std::abs(crossed.correlation) - 0.05);
       if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
-      scene.find("swapped_channels", Severity::serious,
-                 {scene.signal(SignalKind::r).column, vy.column},
-                 fmt::format("{} behaves like r, and {} does not: {} = vx {} then holds within {}",
-                             scene.name(SignalKind::vy), scene.name(SignalKind::r),
-                             scene.name(SignalKind::ay), scene.name(SignalKind::vy),
-                             percent(std::abs(crossed.slope - 1.0))),
-                 "exchange the two columns");
+      scene.add_finding(
+          "swapped_channels", Severity::serious, {scene.signal(SignalKind::r).column, vy.column},
+          fmt::format("{} behaves like r, and {} does not: {} = vx {} then holds within {}",
+                      scene.name(SignalKind::vy), scene.name(SignalKind::r),
+                      scene.name(SignalKind::ay), scene.name(SignalKind::vy),
+                      percent(std::abs(crossed.slope - 1.0))),
+          "exchange the two columns");
       return;
     }
   }
@@ -102,19 +99,20 @@ void check_swapped(Scene& scene) {
   }
   const double raw_r = unit_scale(scene.signal(SignalKind::r));
   const double raw_ay = unit_scale(scene.signal(SignalKind::ay));
-  for (const double as_r : {1.0, kDeg}) {
-    for (const double as_ay : {1.0, kG}) {
+  for (const double as_r : {1.0, kDegree}) {
+    for (const double as_ay : {1.0, kStandardGravity}) {
       const PairedCorrelation crossed = fits(ay / raw_ay * as_r, r / raw_r * as_ay);
       const bool better = std::abs(crossed.correlation) > 0.8 &&
                           std::abs(crossed.correlation) >= std::abs(straight.correlation) - 0.02;
       if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
-      scene.find("swapped_channels", Severity::serious,
-                 {scene.signal(SignalKind::r).column, scene.signal(SignalKind::ay).column},
-                 fmt::format("{} behaves like ay and {} like r: vx {} = {} then holds within {}",
-                             scene.name(SignalKind::r), scene.name(SignalKind::ay),
-                             scene.name(SignalKind::ay), scene.name(SignalKind::r),
-                             percent(std::abs(crossed.slope - 1.0))),
-                 "exchange the two columns");
+      scene.add_finding(
+          "swapped_channels", Severity::serious,
+          {scene.signal(SignalKind::r).column, scene.signal(SignalKind::ay).column},
+          fmt::format("{} behaves like ay and {} like r: vx {} = {} then holds within {}",
+                      scene.name(SignalKind::r), scene.name(SignalKind::ay),
+                      scene.name(SignalKind::ay), scene.name(SignalKind::r),
+                      percent(std::abs(crossed.slope - 1.0))),
+          "exchange the two columns");
       return;
     }
   }
@@ -148,7 +146,7 @@ VehicleSurvey::Relation relate(const VectorXd& time, const VectorXd& x, const Ve
 }
 
 // The lag is too large for anything but clocks, and certain.
-void judge_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, SignalKind late) {
+void check_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, SignalKind late) {
   const double height = std::abs(relation.correlation);
   const bool far = std::abs(relation.lag) > least + 3.0 * relation.lag_se;
   relation.clock = relation.clock && far;
@@ -162,11 +160,11 @@ void judge_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
               : "");
   if (unclear) {
     relation.clock = false;
-    scene.find("clock_unclear", Severity::note, {scene.signal(late).column}, where,
-               "something that swings regularly looks alike a period later: compare by eye");
+    scene.add_finding("clock_unclear", Severity::note, {scene.signal(late).column}, where,
+                      "something that swings regularly looks alike a period later: compare by eye");
     return;
   }
-  scene.find(
+  scene.add_finding(
       "clock_offset", Severity::serious, {scene.signal(late).column}, where,
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
@@ -204,7 +202,7 @@ void check_acceleration(Scene& scene) {
     }
   }
   if (!scene.found("swapped_channels")) {
-    judge_clock(scene, relation, least, SignalKind::ay);
+    check_clock(scene, relation, least, SignalKind::ay);
     const double ratio = 1.0 / relation.slope;  // vx r over ay
     if (std::abs(relation.correlation) > 0.7 && !near_one(relation.slope)) {
       std::string guess;
@@ -212,12 +210,12 @@ void check_acceleration(Scene& scene) {
         if (std::abs(std::log(ratio / unit.off)) > std::log(1.3)) continue;
         guess += (guess.empty() ? "" : ", or ") + std::string(unit.words);
       }
-      scene.find("units_ay", Severity::serious,
-                 {scene.signal(SignalKind::ay).column, scene.signal(SignalKind::r).column},
-                 fmt::format("{} is {} times {} times {}, and should be about once that",
-                             scene.name(SignalKind::ay), shown(relation.slope), scene.speed_name,
-                             scene.name(SignalKind::r)),
-                 guess.empty() ? "check the units of the three" : guess + "?");
+      scene.add_finding("units_ay", Severity::serious,
+                        {scene.signal(SignalKind::ay).column, scene.signal(SignalKind::r).column},
+                        fmt::format("{} is {} times {} times {}, and should be about once that",
+                                    scene.name(SignalKind::ay), shown(relation.slope),
+                                    scene.speed_name, scene.name(SignalKind::r)),
+                        guess.empty() ? "check the units of the three" : guess + "?");
     }
   }
   scene.out.relations.push_back(relation);
@@ -280,22 +278,21 @@ void check_steering(Scene& scene) {
   const double low = quantile_of(steering, 0.0), high = quantile_of(steering, 1.0);
   const bool at_wheel = scene.signal(SignalKind::steering).at_wheel;
   if (!(high - low > (at_wheel ? 0.02 : 0.001))) {
-    scene.find("no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
-               fmt::format("the steering angle stays within {} rad while the car drives",
-                           std::isnan(high - low) ? "0" : shown(high - low)),
-               "is it the right column, and its unit right? Else record a manoeuvre");
+    scene.add_finding("no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
+                      fmt::format("the steering angle stays within {} rad while the car drives",
+                                  std::isnan(high - low) ? "0" : shown(high - low)),
+                      "is it the right column, and its unit right? Else record a manoeuvre");
     return;
   }
   Steered steered = compare_steering(scene);
   VehicleSurvey::Relation& relation = steered.relation;
-  judge_clock(scene, relation, 0.15, SignalKind::r);
+  check_clock(scene, relation, 0.15, SignalKind::r);
   if (relation.clock) {
     // The kinematics between yaw rate, ay and speed hold: it is the steering that comes early.
     Warning& w = scene.out.findings.back();
     w.about = {scene.signal(SignalKind::steering).column};
     w.text = fmt::format(
-        "{} is {:.2f} +- {:.2f} s {} than the yaw rate says (correlation {:.2f} "
-        "there)",
+        "{} is {:.2f} +- {:.2f} s {} than the yaw rate indicates (correlation {:.2f} there)",
         scene.name(SignalKind::steering), std::abs(relation.lag), relation.lag_se,
         relation.lag > 0.0 ? "earlier" : "later", relation.correlation);
   }
@@ -307,12 +304,13 @@ void check_steering(Scene& scene) {
       bool wheel;
       const char* words;
     };
-    const Reading readings[] = {{1.0, false, "an angle of the road wheels"},
-                                {1.0, true, "an angle of the steering wheel"},
-                                {kDeg, true, "a steering-wheel angle in deg, taken as rad"},
-                                {kDeg, false, "a road-wheel angle in deg, taken as rad"},
-                                {1.0 / kDeg, true, "a steering-wheel angle in rad, taken as deg"},
-                                {1.0 / kDeg, false, "a road-wheel angle in rad, taken as deg"}};
+    const Reading readings[] = {
+        {1.0, false, "an angle of the road wheels"},
+        {1.0, true, "an angle of the steering wheel"},
+        {kDegree, true, "a steering-wheel angle in deg, taken as rad"},
+        {kDegree, false, "a road-wheel angle in deg, taken as rad"},
+        {1.0 / kDegree, true, "a steering-wheel angle in rad, taken as deg"},
+        {1.0 / kDegree, false, "a road-wheel angle in rad, taken as deg"}};
     std::string guess;
     for (const Reading& reading : readings) {
       const double length = steered.length * reading.factor;
@@ -320,11 +318,12 @@ void check_steering(Scene& scene) {
         continue;
       guess += (guess.empty() ? "is it " : ", or ") + std::string(reading.words);
     }
-    scene.find("units_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
-               fmt::format("vx delta / r is {} m; wheelbase times steering ratio of a car is 20 to "
-                           "90 m, its wheelbase 1.2 to 6 m",
-                           shown(steered.length)),
-               guess.empty() ? "check the units of steering, vx and r" : guess + "?");
+    scene.add_finding("units_steering", Severity::serious,
+                      {scene.signal(SignalKind::steering).column},
+                      fmt::format("vx delta / r is {} m; wheelbase times steering ratio of a car "
+                                  "is 20 to 90 m, its wheelbase 1.2 to 6 m",
+                                  shown(steered.length)),
+                      guess.empty() ? "check the units of steering, vx and r" : guess + "?");
   }
   scene.out.relations.push_back(relation);
 }
@@ -336,7 +335,7 @@ void check_wheels(Scene& scene) {
   VehicleSurvey::Relation relation =
       relate(scene.time, scene.smooth[SignalKind::vx], scene.smooth[SignalKind::wheel_speed], "vx",
              "wheel speed");
-  judge_clock(scene, relation, 0.08, SignalKind::wheel_speed);
+  check_clock(scene, relation, 0.08, SignalKind::wheel_speed);
   scene.out.relations.push_back(relation);
 }
 
@@ -346,13 +345,14 @@ void check_sideslip(Scene& scene) {
         while_driving(scene, scene.smooth[SignalKind::vy].cwiseQuotient(scene.speed), kSlowestUse);
     const VectorXd beta = while_driving(scene, scene.smooth[SignalKind::beta], kSlowestUse);
     VehicleSurvey::Relation relation = relate(scene.time, angle, beta, "vy / vx", "beta");
-    judge_clock(scene, relation, 0.08, SignalKind::beta);
+    check_clock(scene, relation, 0.08, SignalKind::beta);
     if (relation.correlation < -0.7) {
-      scene.find("sign_vy", Severity::serious,
-                 {scene.signal(SignalKind::vy).column, scene.signal(SignalKind::beta).column},
-                 fmt::format("{} and {} have opposite signs", scene.name(SignalKind::vy),
-                             scene.name(SignalKind::beta)),
-                 "ISO 8855: vy to the left is positive, beta = atan(vy/vx)");
+      scene.add_finding(
+          "sign_vy", Severity::serious,
+          {scene.signal(SignalKind::vy).column, scene.signal(SignalKind::beta).column},
+          fmt::format("{} and {} have opposite signs", scene.name(SignalKind::vy),
+                      scene.name(SignalKind::beta)),
+          "ISO 8855: vy to the left is positive, beta = atan(vy/vx)");
     }
     scene.out.relations.push_back(relation);
   }
@@ -395,20 +395,19 @@ void check_signs_of(Scene& scene) {
   };
   bool turned = false;  // r and ay are positive to the right
   if (steering_off && ay_off) {
-    scene.find(
-        "sign_r", Severity::serious, {scene.signal(SignalKind::r).column},
-        fmt::format("{} has the opposite sign to the steering angle (correlation {:.2f}) and "
-                    "to ay (vx r with ay {:.2f})",
-                    scene.name(SignalKind::r), with_r, with_ay),
-        "ISO 8855: everything positive to the left; scale: -1 for r");
+    scene.add_finding("sign_r", Severity::serious, {scene.signal(SignalKind::r).column},
+                      fmt::format("{} has the opposite sign to the steering angle (correlation "
+                                  "{:.2f}) and to ay (vx r with ay {:.2f})",
+                                  scene.name(SignalKind::r), with_r, with_ay),
+                      "ISO 8855: everything positive to the left; scale: -1 for r");
     flip(scene, SignalKind::r);
   } else if (ay_off) {
     const bool r_down = axis(SignalKind::r) && !axis(SignalKind::ay) && !(with_r > 0.5);
-    scene.find("sign_ay", Severity::serious, {scene.signal(SignalKind::ay).column},
-               fmt::format("{} has the opposite sign to vx r (correlation {:.2f})",
-                           scene.name(SignalKind::ay), with_ay),
-               fmt::format("ISO 8855: everything positive to the left; scale: -1 for {}",
-                           r_down ? "r" : "ay"));
+    scene.add_finding("sign_ay", Severity::serious, {scene.signal(SignalKind::ay).column},
+                      fmt::format("{} has the opposite sign to vx r (correlation {:.2f})",
+                                  scene.name(SignalKind::ay), with_ay),
+                      fmt::format("ISO 8855: everything positive to the left; scale: -1 for {}",
+                                  r_down ? "r" : "ay"));
     flip(scene, r_down ? SignalKind::r : SignalKind::ay);
   } else if (steering_off) {
     // One of the two sides is mirrored; the names, or sideslip, may tell which.
@@ -416,15 +415,14 @@ void check_signs_of(Scene& scene) {
     const std::string both = scene.has(SignalKind::ay) ? "r and ay" : "r";
     std::string why;
     if (axis(SignalKind::r)) why = "; its name says that the axis points down";
-    scene.find(
+    scene.add_finding(
         "sign_steering", Severity::serious,
         {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::r).column},
-        fmt::format("{} has the opposite sign to the steering angle {} (correlation "
-                    "{:.2f}){}",
+        fmt::format("{} has the opposite sign to the steering angle {} (correlation {:.2f}){}",
                     scene.name(SignalKind::r), scene.name(SignalKind::steering), with_r, why),
         turned ? "ISO 8855: everything positive to the left; scale: -1 for " + both
-               : "ISO 8855: everything positive to the left; scale: -1 for the steering "
-                 "angle, or for " +
+               : "ISO 8855: everything positive to the left; scale: -1 for the steering angle, or "
+                 "for " +
                      both + " where these are positive to the right");
     if (turned) {
       flip(scene, SignalKind::r);
@@ -437,10 +435,10 @@ void check_signs_of(Scene& scene) {
   const double vy_after = turned ? -with_vy : with_vy;
   if (vy_after < -0.5 && !ay_off) {
     const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
-    scene.find(
-        "sign_vy", Severity::serious, {scene.signal(kind).column},
-        fmt::format("{} goes against ay - vx r (correlation {:.2f})", scene.name(kind), vy_after),
-        "ISO 8855: vy to the left is positive; scale: -1");
+    scene.add_finding("sign_vy", Severity::serious, {scene.signal(kind).column},
+                      fmt::format("{} has the opposite sign to ay - vx r (correlation {:.2f})",
+                                  scene.name(kind), vy_after),
+                      "ISO 8855: vy to the left is positive; scale: -1");
     flip(scene, kind);
   }
 }

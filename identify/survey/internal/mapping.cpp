@@ -8,7 +8,7 @@
 
 namespace identikal::surveying {
 
-void propose(const VehicleSignals& signals, Scene& scene) {
+void propose_mapping(const VehicleSignals& signals, Scene& scene) {
   struct Line {
     SignalKind kind;
     bool input;
@@ -50,7 +50,7 @@ void propose_delays(Scene& scene) {
       const double w = 1.0 / (wheels->lag_se * wheels->lag_se);
       const double s = 1.0 / (steering->lag_se * steering->lag_se);
       late = (w * wheels->lag - s * steering->lag) / (w + s);
-      scene.find(
+      scene.add_finding(
           "one_clock", Severity::note,
           {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::wheel_speed).column},
           fmt::format("{} and {} lag alike: one clock, {:.2f} s {} for both",
@@ -68,7 +68,7 @@ void propose_delays(Scene& scene) {
   }
 }
 
-void name_clocks(Scene& scene) {
+void report_clocks(Scene& scene) {
   std::map<std::string, std::string> of_source;
   for (const auto& [kind, signal] : scene.first) {
     std::string& list = of_source[signal->source];
@@ -86,7 +86,7 @@ void name_clocks(Scene& scene) {
     lags += fmt::format("{}{} after {} by {:.2f} +- {:.2f} s", lags.empty() ? "" : ", ", r.seen,
                         r.expected, r.lag, r.lag_se);
   }
-  scene.find("several_clocks", Severity::note, {}, text, lags);
+  scene.add_finding("several_clocks", Severity::note, {}, text, lags);
 }
 
 }  // namespace identikal::surveying

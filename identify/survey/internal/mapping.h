@@ -6,12 +6,12 @@
 namespace identikal::surveying {
 
 /// The signals as they were taken.
-void propose(const VehicleSignals& signals, Scene& scene);
+void propose_mapping(const VehicleSignals& signals, Scene& scene);
 
 /// Adds what the lags between signals say of their clocks. Finds one_clock.
 void propose_delays(Scene& scene);
 
 /// Files keep their own time, and the lags say how far apart these run: several_clocks.
-void name_clocks(Scene& scene);
+void report_clocks(Scene& scene);
 
 }  // namespace identikal::surveying

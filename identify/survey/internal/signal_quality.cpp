@@ -74,7 +74,7 @@ std::vector<Index> leaps(const VectorXd& t, const VectorXd& x) {
 
 }  // namespace
 
-void look_at_signals(const VehicleSignals& signals, Scene& scene) {
+void list_signals(const VehicleSignals& signals, Scene& scene) {
   for (const VehicleSignal& s : signals.signals) {
     const double scale = unit_scale(s);
     VehicleSurvey::Signal entry{to_string(s.kind), s.column, s.unit, s.source};
@@ -95,26 +95,25 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
     if (constant) {
       const std::string what = values.empty() ? "holds no number" : "never changes";
       if (s.kind != SignalKind::steering) {
-        scene.find("dead_channel", used ? Severity::serious : Severity::note, {s.column},
-                   fmt::format("'{}' ({}) {}", s.column, to_string(s.kind), what),
-                   "leave it out, or find out why the sensor is silent");
+        scene.add_finding("dead_channel", used ? Severity::serious : Severity::note, {s.column},
+                          fmt::format("'{}' ({}) {}", s.column, to_string(s.kind), what),
+                          "leave it out, or find out why the sensor is silent");
       }
       continue;
     }
     if (!used) continue;
     const double spread = (quantile_of(values, 0.95) - quantile_of(values, 0.05)) / 3.3 / scale;
     if (held.of_moving > 0.4) {
-      scene.find(
+      scene.add_finding(
           "held_samples", Severity::warning, {s.column},
           fmt::format(
-              "'{}' repeats the sample before in {} of its samples ({} while it moves), in "
-              "steps of {} {}{}",
+              "'{}' repeats the sample before in {} of its samples ({} while it moves), in steps "
+              "of {} {}{}",
               s.column, percent(held.of_all), percent(held.of_moving), shown(entry.quantum), s.unit,
               spread > 0.0 ? fmt::format(", {} of its spread", percent(entry.quantum / spread))
                            : ""),
           "a slow bus, or coarse steps: its rows are not independent, and standard errors that "
-          "take "
-          "them so are too small");
+          "take them so are too small");
     }
     const std::vector<Index> odd = leaps(s.time, s.value);
     if (!odd.empty()) {
@@ -122,18 +121,19 @@ void look_at_signals(const VehicleSignals& signals, Scene& scene) {
       for (std::size_t i = 0; i < std::min<std::size_t>(3, odd.size()); ++i) {
         where += fmt::format("{}{:.6g} s", i > 0 ? ", " : "", s.time[odd[i]]);
       }
-      scene.find("outliers",
-                 odd.size() > 3 || s.kind != SignalKind::ay ? Severity::warning : Severity::note,
-                 {s.column},
-                 fmt::format("{} sample{} of '{}' leap{} away from both neighbours, at {}{}",
-                             odd.size(), odd.size() == 1 ? "" : "s", s.column,
-                             odd.size() == 1 ? "s" : "", where, odd.size() > 3 ? ", ..." : ""),
-                 "leave them empty in the file, or use a robust loss");
+      scene.add_finding(
+          "outliers",
+          odd.size() > 3 || s.kind != SignalKind::ay ? Severity::warning : Severity::note,
+          {s.column},
+          fmt::format("{} sample{} of '{}' leap{} away from both neighbours, at {}{}", odd.size(),
+                      odd.size() == 1 ? "" : "s", s.column, odd.size() == 1 ? "s" : "", where,
+                      odd.size() > 3 ? ", ..." : ""),
+          "leave them empty in the file, or use a robust loss");
     }
   }
 }
 
-void look_at_speed(Scene& scene) {
+void measure_speed(Scene& scene) {
   double known = 0, standing = 0, reversing = 0, moving = 0;
   for (const double v : scene.speed) {
     if (std::isnan(v)) continue;
@@ -148,22 +148,21 @@ void look_at_speed(Scene& scene) {
   out.reversing = known > 0 ? reversing / known : kNaN;
   out.moving = moving * scene.step;
   if (out.standstill > 0.02) {
-    scene.find(
+    scene.add_finding(
         "standstill", Severity::note,
         {scene.signal(scene.has(SignalKind::vx) ? SignalKind::vx : SignalKind::wheel_speed).column},
         fmt::format("the car stands for {} of the time", percent(out.standstill)),
         "use_when: \"vx > 3\" leaves these rows out");
   }
   if (reversing * scene.step > 0.5) {
-    scene.find("reversing", Severity::warning, {},
-               fmt::format("{} is negative for {:.1f} s: the car reverses, or its axis points "
-                           "backwards",
-                           scene.speed_name, reversing * scene.step),
-               "use_when: \"vx > 3\" leaves reversing out; if the car drives forward there, scale: "
-               "-1");
+    scene.add_finding(
+        "reversing", Severity::warning, {},
+        fmt::format("{} is negative for {:.1f} s: the car reverses, or its axis points backwards",
+                    scene.speed_name, reversing * scene.step),
+        "use_when: \"vx > 3\" leaves reversing out; if the car drives forward there, scale: -1");
   }
   if (known > 0 && quantile_of(scene.speed, 0.99) > 120.0) {
-    scene.find(
+    scene.add_finding(
         "units_speed", Severity::serious, {},
         fmt::format("{} reaches {:.0f} m/s", scene.speed_name, quantile_of(scene.speed, 0.99)),
         "is it in km/h? Its unit belongs into the mapping");
@@ -202,10 +201,11 @@ void check_stuck(Scene& scene) {
     }
     if (std::isnan(begin)) continue;
     named.insert(p.kind);
-    scene.find("stuck_channel", Severity::serious, {scene.signal(p.kind).column},
-               fmt::format("{} stands still for {:.1f} s in all, from {:.6g} s, while {} moves",
-                           scene.name(p.kind), frozen, begin, scene.name(p.with)),
-               "leave these rows out with --range: the sensor or its bus was silent");
+    scene.add_finding(
+        "stuck_channel", Severity::serious, {scene.signal(p.kind).column},
+        fmt::format("{} stands still for {:.1f} s in all, from {:.6g} s, while {} moves",
+                    scene.name(p.kind), frozen, begin, scene.name(p.with)),
+        "leave these rows out with --range: the sensor or its bus was silent");
   }
 }
 

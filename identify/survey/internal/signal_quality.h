@@ -7,10 +7,10 @@
 namespace identikal::surveying {
 
 /// Lists the signals. Finds dead_channel, held_samples, outliers.
-void look_at_signals(const VehicleSignals& signals, Scene& scene);
+void list_signals(const VehicleSignals& signals, Scene& scene);
 
 /// How long, how fast. Finds standstill, reversing, units_speed.
-void look_at_speed(Scene& scene);
+void measure_speed(Scene& scene);
 
 /// Channels that freeze while another one that follows them moves: stuck_channel.
 void check_stuck(Scene& scene);

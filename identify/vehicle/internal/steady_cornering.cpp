@@ -149,15 +149,11 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
                        (unknowns.value[kA] + unknowns.value[kB]);
   if (found.freedom > 0.0 &&
       std::abs(found.value[0] - given) > student_t_quantile(0.995, found.freedom) * se(0)) {
-    estimate.warnings.push_back(
-        {"steering_ratio",
-         Severity::warning,
-         {"steering_ratio"},
-         fmt::format(
-             "i L is {:.4g} +- {:.2g} m, but the model file's ratio and axle distances make "
-             "{:.4g} m",
-             found.value[0], se(0), given),
-         "correct the ratio, the wheelbase, or the units and signs of the channels"});
+    warn(estimate.warnings, Severity::warning, "steering_ratio", {"steering_ratio"},
+         fmt::format("i L is {:.4g} +- {:.2g} m, but the model file's ratio and axle distances "
+                     "make {:.4g} m",
+                     found.value[0], se(0), given),
+         "correct the ratio, the wheelbase, or the units and signs of the channels");
   }
   std::string note =
       fmt::format("angle + offset = i L r/v + i K v r, {} equations", found.equations);

@@ -110,14 +110,11 @@ void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOp
     const ChannelFit then =
         channel_fits(vehicle_series(other.found.problem, other.found.best.z), options.robust)[j];
     if (then.rmse > (1.0 - kTurnedFit) * now.rmse) continue;
-    estimate.warnings.push_back(
-        {"wrong_sign",
-         Severity::serious,
-         {now.channel},
+    warn(estimate.warnings, Severity::serious, "wrong_sign", {now.channel},
          fmt::format("{} has the wrong sign: with it turned{}", now.channel, other.text.substr(1)),
-         fmt::format("ISO 8855: {} to the left is positive; {}: {{..., "
-                     "scale: -1}} in the model file",
-                     now.channel, now.channel)});
+         fmt::format(
+             "ISO 8855: {} to the left is positive; {}: {{..., scale: -1}} in the model file",
+             now.channel, now.channel));
   }
 }
 
@@ -147,14 +144,11 @@ void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions
       estimate.notes.push_back(text);
       continue;
     }
-    estimate.warnings.push_back(
-        {name,
-         other.better > kBetterFit ? Severity::serious : Severity::warning,
-         {name},
-         text,
+    warn(estimate.warnings, other.better > kBetterFit ? Severity::serious : Severity::warning, name,
+         {name}, text,
          gain ? "the recording speaks against the given steering ratio: free steering_gain, or "
                 "correct the ratio"
-              : "the steering channel's clock or the steering itself lags: free steering_delay"});
+              : "the steering channel's clock or the steering itself lags: free steering_delay");
   }
   if (unknowns.curve != TyreCurve::linear && unknowns.find(kCurveShape) < 0 &&
       unknowns.find(kCurveCurvature) < 0) {
