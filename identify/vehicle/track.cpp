@@ -111,14 +111,10 @@ RegressionHistory after_both(const RegressionHistory& rows) {
   return out;
 }
 
-}  // namespace
-
-Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
-  const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const VehicleParameters<double>& p = unknowns.value;
-  const VehicleRun run = usable_run(model, {recording});
-  const VehicleBalances balances = vehicle_balances(run, p);
-  const Index n = balances.time.size();
+VehicleBalances tracked_balances(const ModelFile& model, const Dataset& recording,
+                                 const VehicleRun& run, const VehicleParameters<double>& p) {
+  VehicleBalances out = vehicle_balances(run, p);
+  const Index n = out.time.size();
   if (n == 0 && (run.find(VehicleQuantity::r) < 0 || run.outputs.size() < 2)) {
     throw InputError({model.path, 0, 0}, "the outputs do not show the balances of force and moment",
                      "r and one of vy, beta and ay");
@@ -128,77 +124,99 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
                      fmt::format("{} means of 0.1 s with neighbours on both sides", n),
                      fmt::format("{} or more", kFewestMeans));
   }
-  const BalanceRows rows = rows_of(balances, unknowns);
-  if (rows.sought.empty()) {
-    throw InputError({model.path, 0, 0}, "none of Cf, Cr and Iz is sought",
-                     "one of them as {value: ..., min: ..., max: ...}");
+  return out;
+}
+
+// How the past is forgotten, per point of time.
+struct TrackForgetting {
+  Forgetting forgetting;
+  bool chosen = false;  // by the recording
+
+  // Each row is half a point of time.
+  Forgetting per_row() const {
+    Forgetting out = forgetting;
+    out.factor = std::sqrt(forgetting.factor);
+    out.memory = 2.0 * forgetting.memory;
+    out.samples_per_false_alarm = 2.0 * forgetting.samples_per_false_alarm;
+    return out;
   }
-  const bool chosen = !model.regression.forgetting && model.regression.memory == 0.0;
-  // Settings are per point of time, of which each row is half.
-  const Forgetting forgetting = forgetting_of(
-      model.regression, chosen ? std::pow(choose_forgetting(rows.phi, rows.y, kSoftConstraint,
-                                                            std::sqrt(kLeastForgetting)),
-                                          2)
-                               : 1.0);
-  Forgetting per_row = forgetting;
-  per_row.factor = std::sqrt(forgetting.factor);
-  per_row.memory = 2.0 * forgetting.memory;
-  per_row.samples_per_false_alarm = 2.0 * forgetting.samples_per_false_alarm;
-  const RegressionHistory by_row =
-      run_recursive_least_squares(rows.phi, rows.y, kSoftConstraint, per_row);
-  const RegressionHistory track = after_both(by_row);
+  bool is_shortest() const {
+    return chosen && forgetting.factor < 1.0 &&
+           forgetting.factor <= kLeastForgetting * (1.0 + 1e-6);
+  }
+};
 
-  Estimate estimate;
-  estimate.verb = "track";
-  estimate.model_name = model.name;
-  estimate.objective.method = "recursive least squares on force and moment";
-  estimate.inputs.push_back(
-      {recording.name, "", static_cast<long>(recording.size()), static_cast<long>(run.used)});
-  estimate.warnings = run.warnings;
-  estimate.notes = run.notes;
-  list_parameters(estimate, model.parameters, model.parameters);
+TrackForgetting track_forgetting(const RegressionSettings& settings, const BalanceRows& rows) {
+  TrackForgetting out;
+  out.chosen = !settings.forgetting && settings.memory == 0.0;
+  double factor = 1.0;
+  if (out.chosen) {
+    factor = std::pow(
+        choose_forgetting(rows.phi, rows.y, kSoftConstraint, std::sqrt(kLeastForgetting)), 2);
+  }
+  out.forgetting = forgetting_of(settings, factor);
+  return out;
+}
 
-  // In the order of the model file.
-  TimeHistory& course = estimate.time_history.emplace();
+// The tracked parameters, in the order of the model file.
+struct TrackedParameters {
+  std::vector<Index> order;  // their coefficients
+  VectorXd scale;            // of a parameter with its coefficient, in its unit
+  std::string held;          // names of free ones that are not tracked
+};
+
+TrackedParameters report_time_history(const VehicleUnknowns& unknowns, const BalanceRows& rows,
+                                      const VectorXd& time, const RegressionHistory& track,
+                                      Estimate& estimate) {
   const auto count = static_cast<Index>(rows.sought.size());
-  std::vector<Index> order;
-  VectorXd scale(count);  // the parameter's change with its coefficient, in its unit
-  course.mean.resize(count, n);
-  course.sd.resize(count, n);
-  std::string held;
+  TimeHistory& history = estimate.time_history.emplace();
+  history.mean.resize(count, time.size());
+  history.sd.resize(count, time.size());
+  TrackedParameters out;
+  out.scale.resize(count);
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& reported = estimate.parameters[unknowns.position[i]];
     const auto hit = std::find(rows.sought.begin(), rows.sought.end(), unknowns.free[i]);
     if (hit == rows.sought.end()) {
-      held += (held.empty() ? "" : ", ") + reported.name;
+      out.held += (out.held.empty() ? "" : ", ") + reported.name;
       reported.fixed = true;
       continue;
     }
-    const auto k = static_cast<Index>(order.size());
-    order.push_back(hit - rows.sought.begin());
-    scale[k] = p[unknowns.free[i]] / unit_scale(reported.unit);
-    course.names.push_back(reported.name);
-    course.units.push_back(reported.unit);
-    course.mean.row(k) = scale[k] * (1.0 + track.theta.row(order.back()).array());
-    course.sd.row(k) = scale[k] * track.sd.row(order.back());
-    reported.value = course.mean(k, n - 1);
+    const auto k = static_cast<Index>(out.order.size());
+    const Index coefficient = hit - rows.sought.begin();
+    out.order.push_back(coefficient);
+    out.scale[k] = unknowns.value[unknowns.free[i]] / unit_scale(reported.unit);
+    history.names.push_back(reported.name);
+    history.units.push_back(reported.unit);
+    history.mean.row(k) = out.scale[k] * (1.0 + track.theta.row(coefficient).array());
+    history.sd.row(k) = out.scale[k] * track.sd.row(coefficient);
+    reported.value = history.mean(k, time.size() - 1);
   }
-  const double noise = std::max(1e-30, noise_variance(by_row.end)[0]);
-  const VectorXd per_scale = scale.cwiseInverse();
+  history.changes = reported_changes(track.changes, time, history.mean);
+  history.log_alarm = track.log_alarm;
+  return out;
+}
+
+// What the end of the recording determines.
+void report_end(const RecursiveLeastSquares& end, const TrackedParameters& tracked,
+                Estimate& estimate) {
+  const double noise = std::max(1e-30, noise_variance(end)[0]);
+  const VectorXd per_scale = tracked.scale.cwiseInverse();
+  const std::vector<Index>& order = tracked.order;
   judge_parameters(
       estimate,
-      per_scale.asDiagonal() * (information_of_rows(by_row.end)(order, order) / noise).eval() *
+      per_scale.asDiagonal() * (information_of_rows(end)(order, order) / noise).eval() *
           per_scale.asDiagonal(),
-      scale.asDiagonal() * (inverse_correlation(by_row.end)(order, order) * noise).eval() *
-          scale.asDiagonal());
+      tracked.scale.asDiagonal() * (inverse_correlation(end)(order, order) * noise).eval() *
+          tracked.scale.asDiagonal());
   estimate.covariance_kind =
       "the noise at the end times P; noise in the regressors biases the values on top";
-  course.changes = reported_changes(track.changes, balances.time, course.mean);
-  course.log_alarm = track.log_alarm;
-  if (forgetting.reset || forgetting.watch) {
-    course.log_threshold = std::log(per_row.samples_per_false_alarm);
-  }
+}
 
+// Predictions made before each point of time.
+void report_predictions(const VehicleBalances& balances, const BalanceRows& rows,
+                        const VehicleParameters<double>& p, const RegressionHistory& by_row,
+                        Estimate& estimate) {
   // The moment's error as one of the yaw acceleration, with the file's inertia.
   const VectorXd force_error = every_second(by_row.prior_error, 0);
   const VectorXd moment_error =
@@ -210,7 +228,7 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   series.time = balances.time;
   series.channels = {"ay", "yaw acceleration"};
   series.units = {"m/s^2", "rad/s^2"};
-  series.measured.resize(2, n);
+  series.measured.resize(2, balances.time.size());
   series.predicted = series.standardised = series.measured;
   series.measured << balances.acceleration.transpose(), balances.yaw_acceleration.transpose();
   series.predicted.row(0) = (balances.acceleration - force_error).transpose();
@@ -218,31 +236,67 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
   for (Index k = 0; k < 2; ++k) {
     series.standardised.row(k) = every_second(by_row.standardised, k).transpose();
   }
+}
 
-  estimate.notes.push_back(describe_forgetting(forgetting, track, chosen) +
-                           "; a sample is a mean of 0.1 s");
-  if (!held.empty()) {
-    estimate.notes.push_back("held at the file's value, because only Cf, Cr and Iz are tracked: " +
-                             held);
-  }
-  warn(estimate.warnings, Severity::note, "tracked_only", {},
-       "recursive least squares follows changes; noise in its regressors biases the values, and no "
-       "standard error here knows of that",
-       "take values from 'identikal fit'");
-  warn_of_regression(
-      estimate, every_second(by_row.standardised, 0),
-      chosen && forgetting.factor < 1.0 && forgetting.factor <= kLeastForgetting * (1.0 + 1e-6));
+void conclude_track(Index count, Index means, Estimate& estimate) {
   std::string open;
   for (const EstimatedParameter& each : estimate.parameters) {
-    const bool shown =
+    const bool determined =
         each.verdict != Verdict::not_identifiable && each.verdict != Verdict::unexcited;
-    if (each.fixed || (shown && each.value > 0.0)) continue;
+    if (each.fixed || (determined && each.value > 0.0)) continue;
     open += (open.empty() ? "" : ", ") + each.name;
   }
   estimate.status = open.empty() ? Status::ok : Status::rejected;
   estimate.message = open.empty() ? fmt::format("{} parameter{} tracked over {} means of 0.1 s",
-                                                count, count == 1 ? "" : "s", n)
+                                                count, count == 1 ? "" : "s", means)
                                   : "the end of this recording does not determine " + open;
+}
+
+}  // namespace
+
+Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  const VehicleRun run = usable_run(model, {recording});
+  const VehicleBalances balances = tracked_balances(model, recording, run, unknowns.value);
+  const BalanceRows rows = rows_of(balances, unknowns);
+  if (rows.sought.empty()) {
+    throw InputError({model.path, 0, 0}, "none of Cf, Cr and Iz is free",
+                     "one of them as {value: ..., min: ..., max: ...}");
+  }
+  const TrackForgetting past = track_forgetting(model.regression, rows);
+  const RegressionHistory by_row =
+      run_recursive_least_squares(rows.phi, rows.y, kSoftConstraint, past.per_row());
+  const RegressionHistory track = after_both(by_row);
+
+  Estimate estimate;
+  estimate.verb = "track";
+  estimate.model_name = model.name;
+  estimate.objective.method = "recursive least squares on force and moment";
+  estimate.inputs.push_back(
+      {recording.name, "", static_cast<long>(recording.size()), static_cast<long>(run.used)});
+  estimate.warnings = run.warnings;
+  estimate.notes = run.notes;
+  list_parameters(estimate, model.parameters, model.parameters);
+  const TrackedParameters tracked =
+      report_time_history(unknowns, rows, balances.time, track, estimate);
+  if (past.forgetting.reset || past.forgetting.watch) {
+    estimate.time_history->log_threshold = std::log(past.per_row().samples_per_false_alarm);
+  }
+  report_end(by_row.end, tracked, estimate);
+  report_predictions(balances, rows, unknowns.value, by_row, estimate);
+  estimate.notes.push_back(describe_forgetting(past.forgetting, track, past.chosen) +
+                           "; a sample is a mean of 0.1 s");
+  if (!tracked.held.empty()) {
+    estimate.notes.push_back("fixed at the file's value, because only Cf, Cr and Iz are tracked: " +
+                             tracked.held);
+  }
+  warn(
+      estimate.warnings, Severity::note, "tracked_only", {},
+      "recursive least squares follows changes; noise in its regressors biases the values, and the "
+      "standard errors do not include that bias",
+      "take values from 'identikal fit'");
+  warn_of_regression(estimate, every_second(by_row.standardised, 0), past.is_shortest());
+  conclude_track(static_cast<Index>(rows.sought.size()), balances.time.size(), estimate);
   return estimate;
 }
 
