@@ -51,28 +51,34 @@ Tried best_factor(const MatrixXd& phi, const VectorXd& y, double delta, double l
 struct Refined {
   double lambda, delta, criterion;
 };
-Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, double scale,
-               const Refined& from, bool free_lambda, double least, bool free_delta) {
+/// What is refined, and how far.
+struct Refinement {
+  bool lambda = false, delta = false;
+  double least_lambda = 0.0;
+  double delta_scale = 1.0;  // the mean square
+};
+Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, const Refined& from,
+               const Refinement& free) {
   Refined best = from;
   Minimization problem;
-  const Index n = (free_lambda ? 1 : 0) + (free_delta ? 1 : 0);
+  const Index n = (free.lambda ? 1 : 0) + (free.delta ? 1 : 0);
   problem.lower.resize(n);
   problem.upper.resize(n);
   VectorXd start(n);
-  if (free_lambda) {
+  if (free.lambda) {
     problem.lower[0] = 0.0;
-    problem.upper[0] = std::sqrt(1.0 - least);
+    problem.upper[0] = std::sqrt(1.0 - free.least_lambda);
     start[0] = std::sqrt(1.0 - from.lambda);
   }
-  if (free_delta) {
+  if (free.delta) {
     problem.lower[n - 1] = kDeltaRange[0];
     problem.upper[n - 1] = kDeltaRange[1];
-    start[n - 1] = std::log10(from.delta / scale);
+    start[n - 1] = std::log10(from.delta / free.delta_scale);
   }
   problem.evaluate = [&](const VectorXd& x, double& f, VectorXd*) {
     Refined tried = from;
-    if (free_lambda) tried.lambda = std::max(least, 1.0 - x[0] * x[0]);
-    if (free_delta) tried.delta = scale * std::pow(10.0, x[n - 1]);
+    if (free.lambda) tried.lambda = std::max(free.least_lambda, 1.0 - x[0] * x[0]);
+    if (free.delta) tried.delta = free.delta_scale * std::pow(10.0, x[n - 1]);
     f = tried.criterion = predictive_squares(phi, y, tried.delta, tried.lambda, lead);
     if (f < best.criterion) best = tried;
     return true;
@@ -156,8 +162,8 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
   const LaggedRows rows = lagged_rows(u, y, out.order, out.longest);
   if ((free_lambda || !settings.delta) && !out.stopped) {
     const Refined refined =
-        refine(rows.phi, rows.y, lead, scale, {out.forgetting, out.delta, out.criterion},
-               free_lambda, least_forgetting(rows.phi.rows()), !settings.delta);
+        refine(rows.phi, rows.y, lead, {out.forgetting, out.delta, out.criterion},
+               {free_lambda, !settings.delta, least_forgetting(rows.phi.rows()), scale});
     out.forgetting = refined.lambda;
     out.delta = refined.delta;
     out.criterion = refined.criterion;
@@ -174,7 +180,7 @@ double choose_forgetting(const Eigen::Ref<const MatrixXd>& phi, const Eigen::Ref
                          double delta, double least) {
   const Index lead = lead_of(phi.rows());
   const Tried tried = best_factor(phi, y, delta, least, lead);
-  return refine(phi, y, lead, 1.0, {tried.lambda, delta, tried.criterion}, true, least, false)
+  return refine(phi, y, lead, {tried.lambda, delta, tried.criterion}, {true, false, least, 1.0})
       .lambda;
 }
 
