@@ -267,6 +267,20 @@ class Page(unittest.TestCase):
         self.assertIn("Shaded: simulation", self.browser.run("return document.querySelector('main').textContent"))
         self.assertNotIn("the fit did see", self.browser.run("return document.querySelector('main').textContent"))
 
+    def test_estimates_over_time(self):
+        page = self.made("track", "track", "examples/nile.yaml", "data/nile.csv")
+        history = self.drawn_by(page)["time_history"]
+        self.assertGreater(len(history), 0)
+        self.looked_at("track", page, len(history))
+        titles = self.browser.run("return [...document.querySelectorAll('#course .title')].map((t) => t.firstChild.textContent)")
+        self.assertEqual([h["name"] for h in history], titles[:len(history)])
+        bands = self.browser.run("return [...document.querySelectorAll('#course .time-plot')].map((p) => p.querySelectorAll('path.fill-band').length)")
+        self.assertEqual([1] * len(history), bands[:len(history)])
+
+    def test_shaping_filters(self):
+        page = self.made("shape", "shape", "examples/nile.yaml", "data/nile.csv", code=1)
+        self.looked_at("shape", page, 4)
+
     def test_a_verdict_does_not_hide_failing_tests(self):
         model = self.path / "off.yaml"
         model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
