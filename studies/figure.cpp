@@ -283,7 +283,7 @@ bool has_markers(const Curve& curve) {
   return curve.form == Curve::Form::points || curve.form == Curve::Form::marked;
 }
 
-// Where the points of a curve lie, a piece for each stretch without gaps.
+// Where the points of a curve lie, a piece for every run of them without gaps.
 std::vector<std::vector<Vector2d>> pieces_of(const Plot& plot, const Curve& curve) {
   if (curve.x.size() != curve.y.size()) {
     throw std::invalid_argument("figure: a curve needs as many x as y");
