@@ -46,7 +46,7 @@ RegressionChoice choose_regression(
     const std::function<bool(const RegressionOrder&)>& progress = {});
 
 /// The shortest memory that is tried has 5 samples for each coefficient: below, a regression
-/// follows its own errors, which pays where these are coloured and tells nothing of the
+/// follows its own errors, which pays where these are correlated and is not informative about the
 /// coefficients.
 double least_forgetting(Eigen::Index coefficients);
 

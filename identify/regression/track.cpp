@@ -249,11 +249,11 @@ Estimate track_regression(const ModelFile& model, const Dataset& recording,
         fmt::format("{} samples left out: one of theirs or before is missing", rows.skipped));
   }
   if (choice.order.feedback > 0) {
-    // What the output before tells without any model.
+    // What the output before predicts without any model.
     const VectorXd before = rows.phi.row(u.rows() * choice.order.inputs).transpose();
     estimate.notes.push_back(
         fmt::format("the output before, taken as the prediction, fits {:.2f} %: a high one-step "
-                    "fit says little of the coefficients",
+                    "fit is little evidence for the coefficients",
                     fit_percent(rows.y, rows.y - before)));
   }
   warn_of_regression(estimate, course.standardised,

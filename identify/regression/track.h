@@ -44,7 +44,7 @@ std::vector<TimeHistory::Change> reported_changes(
 /// @param standardised  n: of the predictions' errors
 void warn_of_regression(Estimate& estimate, const Eigen::VectorXd& standardised, bool shortest);
 
-/// As far as the settings say; lambda when they leave it open.
+/// As the settings have it; lambda where they do not.
 Forgetting forgetting_of(const RegressionSettings& settings, double lambda);
 
 }  // namespace identikal

@@ -21,7 +21,7 @@ struct ManoeuvreSetting {
   bool positive = true;  ///< has to be > 0
 };
 
-/// A manoeuvre that the tool knows.
+/// A standard manoeuvre.
 struct Manoeuvre {
   std::string name;
   std::string standard;  ///< that defines it

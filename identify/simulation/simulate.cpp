@@ -33,7 +33,7 @@ struct OutputColumn {
   VectorXd values;
 };
 
-// "3" stands for the third column of a file; a simulated file needs a name that says the same.
+// "3" stands for the third column of a file; a simulated file needs a name for it.
 std::string column_name(const ChannelSource& source) {
   const std::string& name = source.column;
   const bool number =
@@ -174,7 +174,7 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
 }
 
 Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& signals, Index rows) {
-  if (rows < 1) throw InputError({}, "how many rows to simulate is not said", "-n ROWS");
+  if (rows < 1) throw InputError({}, "the number of rows to simulate is missing", "-n ROWS");
   const double step = sampling_period(model);
   Dataset out;
   out.name = model.name;

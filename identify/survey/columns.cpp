@@ -26,7 +26,7 @@ struct ColumnCandidate {
   std::size_t file = 0;
   SignalKind kind = SignalKind::r;
   double score = 0.0;
-  std::string unit;  // empty: nobody says
+  std::string unit;  // empty: not given
   bool constant = false;
   Words words;
 };
@@ -237,7 +237,7 @@ class Guess {
   VehicleSignals out_;
 };
 
-// Units that nobody gives: those that make a car's kinematics.
+// Units that are not given: those in which the kinematics are those of a car.
 void Guess::choose_units() {
   const ColumnCandidate* speed = best_speed();
   const ColumnCandidate* r = best(SignalKind::r);
@@ -263,7 +263,7 @@ void Guess::choose_units() {
         const double sa = parse_unit(ua).value_or(Unit{}).scale;
         double cost = outside(sv * top_v, 1.0, 90.0) + outside(sr * top_r, 0.02, 2.0) +
                       outside(sa * top_ay, 0.2, 25.0);
-        // Without lateral acceleration: what vx and r ask of the tyres.
+        // Without lateral acceleration: the one that vx and r imply.
         if (speed != nullptr && r != nullptr) {
           cost += outside(sv * sr * high_quantile(v.cwiseProduct(yaw)), 0.2, 15.0);
         }
@@ -348,7 +348,7 @@ void Guess::choose_steering_unit() {
   }
 }
 
-// Columns whose names say nothing.
+// Columns whose names are not known.
 std::vector<ColumnCandidate> Guess::unnamed_columns() const {
   std::vector<ColumnCandidate> out;
   for (std::size_t f = 0; f < tables_.size(); ++f) {

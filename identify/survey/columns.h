@@ -1,5 +1,4 @@
-// Which column of a vehicle's recording is what? By name, header and unit, and where these say
-// nothing by kinematics.
+// Which column of a vehicle's recording is what? By name, header and unit, and else by kinematics.
 #pragma once
 
 #include <vector>

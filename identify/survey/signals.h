@@ -14,8 +14,8 @@
 
 namespace identikal {
 
-/// What a signal of a vehicle measures. `steering` is an angle at the wheel the driver holds or at
-/// the road wheel: its gain tells. `wheel_speed` is a speed [m/s] derived from turning wheels.
+/// What a signal of a vehicle measures. `steering` is an angle at the steering wheel or at the
+/// road wheel, as its gain shows. `wheel_speed` is a speed [m/s] derived from turning wheels.
 enum class SignalKind { steering, vx, wheel_speed, r, vy, ay, beta, ax };
 std::string to_string(SignalKind kind);
 /// What a signal of that kind is measured in: "rad", "m/s", "rad/s" or "m/s^2".

@@ -1,4 +1,4 @@
-// What is in this recording of a vehicle, what is wrong with it, and what could a fit tell from it?
+// What is in this recording of a vehicle, what is wrong with it, and what would it determine?
 // Before any fit, by kinematics alone; nothing is changed.
 #pragma once
 
@@ -7,7 +7,7 @@
 
 namespace identikal {
 
-/// Looks at the signals and says what is there, what is wrong and what they can tell. Kinematics
+/// Signals, findings, and which parameters they are informative about. Kinematics
 /// (ISO 8855, small angles): ay = dvy/dt + vx r, beta = vy/vx; at low lateral acceleration r
 /// follows vx delta / L within a few tenths of a second.
 ///

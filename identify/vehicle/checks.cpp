@@ -165,7 +165,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
     const auto test = std::find_if(estimate.tests.begin(), estimate.tests.end(),
                                    [&](const TestResult& t) { return t.channel == name; });
     const bool white = test != estimate.tests.end() && test->pass;
-    // A sensor as noisy as the model file says is no reason for distrust.
+    // A sensor as noisy as the model file gives it is no reason for distrust.
     if (white && rms[j] <= kNoiseFactor * outputs[j].given_sd) continue;
     const bool noisy = outputs.size() == 1 && white;
     warn(estimate.warnings, Severity::serious, "poor_fit", {name},
@@ -326,7 +326,7 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
     for (const EstimatedParameter& p : estimate.parameters) {
       if (p.name != name_of(parameter)) continue;
       const auto unit = parse_unit(p.unit);
-      const double si = saturation.softened[parameter];
+      const double si = saturation.saturating[parameter];
       text += fmt::format(" {} {:.4g} {},", p.name, unit ? unit->from_si(si) : si, p.unit);
     }
   }

@@ -488,7 +488,7 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
       "more samples than unknowns");
 }
 
-/// The best simulation, and from there on what the method asks for; then the covariance.
+/// The best simulation, from there on what the method adds to it, then the covariance.
 /// @return false when the simulation diverges from every start
 bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, VehicleFit& fit,
                   Estimate& estimate) {

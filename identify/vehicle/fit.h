@@ -12,9 +12,9 @@ namespace identikal {
 
 struct VehicleFitOptions {
   VehicleSearchOptions search;
-  /// output_error simulates; for cars that are pushed by more than their steering prediction_error
-  /// goes on from there with a filter gain of its own (identify/vehicle/output_error.h), trajectory
-  /// with the states of all rows as unknowns (identify/vehicle/internal/trajectory.h).
+  /// output_error simulates; with process noise prediction_error goes on from there with a free
+  /// filter gain (identify/vehicle/output_error.h), trajectory with the states of all rows as
+  /// unknowns (identify/vehicle/internal/trajectory.h).
   enum class Method { output_error, prediction_error, trajectory } method = Method::output_error;
   bool second_opinion = true;     ///< survey the recordings and try other forms of the model
   int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
@@ -25,7 +25,7 @@ struct VehicleFitOptions {
 /// Fits the free parameters of the single-track vehicle to a recording by output error: minimise
 /// the sum over outputs j and samples t of ((y_j(t) - yhat_j(t; theta)) / sigma_j)^2, with sigma_j
 /// re-estimated until it settles (maximum likelihood for white sensor noise of unknown size). The
-/// speed varies along the run; every segment of usable rows has an initial state of its own, fitted
+/// speed varies along the run; every segment of usable rows has a separate initial state, fitted
 /// along. The search begins at several starts (identify/vehicle/starts.h), so that the values in
 /// the model file do not decide the answer.
 ///

@@ -13,7 +13,7 @@
 namespace identikal {
 namespace {
 
-// A long recording forgets its initial state: derivatives by it decay below 1e-308, where the
+// A long recording forgets its initial state: derivatives with respect to it decay below 1e-308, where the
 // processor is a hundred times slower. In this scope they become zero.
 class FlushDenormals {
  public:

@@ -13,10 +13,10 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z);
 /// @param robust  samples weigh as error_weights() has it: outliers count little
 std::vector<ChannelFit> channel_fits(const Series& series, bool robust);
 
-/// How well the car of these parameters foretells other recordings: it is simulated along them,
-/// with only the state at the begin of every segment fitted.
+/// How well the car of these parameters predicts other recordings: it is simulated along them, with
+/// only the state at the begin of every segment fitted.
 /// @return measured and simulated, to be compared by channel_fits()
-/// @param model     says which channels are what; its parameters are not read
+/// @param model     its mapping of the channels is used, its parameters are not
 /// @param unknowns  of the fit; its curve and the parameters `p` make the car
 /// @param robust    noise with outliers, as in the fit
 /// @throws InputError when a recording holds no usable segment

@@ -128,7 +128,7 @@ std::vector<Mean> means_of(const VehicleRun& run, const VehicleRun::Segment& seg
   return out;
 }
 
-/// Fits stiffness, softening and an offset of the slip angle to the forces of one axle; the curve's
+/// Fits stiffness, inverse saturation and an offset of the slip angle to the forces of one axle; the curve's
 /// other values stay. false when no minimum is found.
 bool fit_axle(const Eigen::VectorXd& slip, const Eigen::VectorXd& force, double load,
               Axle<>& axle) {
@@ -143,7 +143,7 @@ bool fit_axle(const Eigen::VectorXd& slip, const Eigen::VectorXd& force, double 
     at.softening = x[1] * scale[1];
     const AxleCurve curve(at);
     for (Eigen::Index i = 0; i < slip.size(); ++i) {
-      // The balances turn slip angles so that they push the way the force does.
+      // In the balances slip angles have the sign of the force.
       const AxleForce F = curve.force_and_jacobian(-(slip[i] + x[2] * scale[2]));
       r[i] = (F.value - force[i]) / load;
       if (J == nullptr) continue;

@@ -290,11 +290,10 @@ Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
     estimate.notes.push_back("fixed at the file's value, because only Cf, Cr and Iz are tracked: " +
                              tracked.held);
   }
-  warn(
-      estimate.warnings, Severity::note, "tracked_only", {},
-      "recursive least squares follows changes; noise in its regressors biases the values, and the "
-      "standard errors do not include that bias",
-      "take values from 'identikal fit'");
+  warn(estimate.warnings, Severity::note, "tracked_only", {},
+       "recursive least squares follows changes; noise in its regressors biases the values, and "
+       "the standard errors do not include that bias",
+       "take values from 'identikal fit'");
   warn_of_regression(estimate, every_second(by_row.standardised, 0), past.is_shortest());
   conclude_track(static_cast<Index>(rows.sought.size()), balances.time.size(), estimate);
   return estimate;

@@ -114,7 +114,7 @@ std::pair<double, double> allowed_range(const ModelFile& model, const Parameter&
   return {low, high};
 }
 
-/// Sets the parameter free with what the model file says of it.
+/// Sets the parameter free with prior and bounds of the model file.
 void set_free_as_given(const ModelFile& model, std::size_t position, VehicleUnknowns& out) {
   const Parameter& given = model.parameters[position];
   const VehicleParameter parameter = *vehicle_parameter(given.name);

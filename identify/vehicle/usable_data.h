@@ -30,10 +30,10 @@ struct VehicleRun {
 
   std::vector<Output> outputs;  ///< those that carry information
   Eigen::VectorXd time, steering, vx;
-  std::vector<int> recording;     ///< 0, 1, ... of each row
-  Eigen::MatrixXd y;              ///< outputs x N; NaN where missing or not usable
-  std::vector<Segment> segments;  ///< runs of usable rows, each with an initial state of its own
-  Eigen::Index used = 0;          ///< rows in segments
+  std::vector<int> recording;         ///< 0, 1, ... of each row
+  Eigen::MatrixXd y;                  ///< outputs x N; NaN where missing or not usable
+  std::vector<Segment> segments;      ///< runs of usable rows, each with a separate initial state
+  Eigen::Index used = 0;              ///< rows in segments
   std::vector<Eigen::Index> used_of;  ///< the same of each recording
   double step = kNone;                ///< median time between rows [s]
   double median_speed = kNone;        ///< [m/s], over the rows used

@@ -16,8 +16,9 @@ namespace identikal::surveying {
 
 /// [m/s]: use_when proposed; the single-track model needs it
 inline constexpr double kSlowestUse = 3.0;
-inline constexpr double kSlowestTest = 1.5;  ///< [m/s]: below, v r and v delta say little
-inline constexpr double kSmoothing = 0.3;    ///< [s]: kinematics are compared on means over so long
+inline constexpr double kSlowestTest =
+    1.5;  ///< [m/s]: below, v r and v delta carry little information
+inline constexpr double kSmoothing = 0.3;  ///< [s]: kinematics are compared on means over so long
 
 /// The samples that are there.
 std::vector<double> present(const Eigen::VectorXd& x);
@@ -29,7 +30,7 @@ double quantile_of(const Eigen::VectorXd& x, double p);
 /// The least step between two values; NaN where there is none.
 double quantum_of(const Eigen::VectorXd& x);
 
-/// paired_correlation(), but of fewer than 8 samples nothing is said.
+/// paired_correlation(); empty of fewer than 8 samples.
 PairedCorrelation compare_pair(const Eigen::VectorXd& x, const Eigen::VectorXd& y);
 
 std::string shown(double value);

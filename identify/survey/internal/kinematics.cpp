@@ -18,7 +18,7 @@ namespace {
 constexpr double kTypicalSpeed = 25.0;  // [m/s]: characteristic speed of a usual car
 constexpr double kFarLag = 5.0;         // [s]
 
-// What a first-order lag makes of x on a uniform sampling grid; starts anew after a gap.
+// What a first-order lag makes of x on a uniform sampling grid; restarts after a gap.
 VectorXd lagged(const VectorXd& x, double step, double time_constant) {
   if (time_constant <= 0.0) return x;
   VectorXd out(x.size());
@@ -169,7 +169,7 @@ void check_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
 
-// dvy/dt on the sampling grid, over the length of the smoothing; empty when nothing tells vy.
+// dvy/dt on the sampling grid, over the length of the smoothing; empty when neither vy nor beta is measured.
 VectorXd lateral_rate(const Scene& scene) {
   if (!scene.has(SignalKind::vy) && !scene.has(SignalKind::beta)) return {};
   const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
@@ -410,7 +410,7 @@ void check_signs_of(Scene& scene) {
                                   r_down ? "r" : "ay"));
     flip(scene, r_down ? SignalKind::r : SignalKind::ay);
   } else if (steering_off) {
-    // One of the two sides is mirrored; the names, or sideslip, may tell which.
+    // One of the two sides is mirrored; the names, or sideslip, may show which.
     turned = axis(SignalKind::r) || axis(SignalKind::ay) || with_vy < -0.5;
     const std::string both = scene.has(SignalKind::ay) ? "r and ay" : "r";
     std::string why;

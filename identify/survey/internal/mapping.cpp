@@ -46,7 +46,7 @@ void propose_delays(Scene& scene) {
     double late = -steering->lag;
     if (wheels && std::abs(wheels->lag + steering->lag) <
                       3.0 * std::hypot(wheels->lag_se, steering->lag_se)) {
-      // Both come from one bus; how fast the car answers does not blur what its wheels say.
+      // Both come from one bus; the wheels' lag does not depend on how fast the car responds.
       const double w = 1.0 / (wheels->lag_se * wheels->lag_se);
       const double s = 1.0 / (steering->lag_se * steering->lag_se);
       late = (w * wheels->lag - s * steering->lag) / (w + s);
@@ -76,7 +76,7 @@ void report_clocks(Scene& scene) {
   }
   if (of_source.size() < 2) return;
   std::string text =
-      fmt::format("the signals come from {} files with clocks of their own:", of_source.size());
+      fmt::format("the signals come from {} files with separate clocks:", of_source.size());
   for (const auto& [source, list] : of_source) {
     text += fmt::format("{} {} ({})", text.ends_with(':') ? "" : ";", source, list);
   }

@@ -8,10 +8,10 @@ namespace identikal::surveying {
 /// The signals as they were taken.
 void propose_mapping(const VehicleSignals& signals, Scene& scene);
 
-/// Adds what the lags between signals say of their clocks. Finds one_clock.
+/// Adds delays from the lags between signals. Finds one_clock.
 void propose_delays(Scene& scene);
 
-/// Files keep their own time, and the lags say how far apart these run: several_clocks.
+/// Where files have separate clocks, the lags are the offsets between them: several_clocks.
 void report_clocks(Scene& scene);
 
 }  // namespace identikal::surveying

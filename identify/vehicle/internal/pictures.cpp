@@ -14,7 +14,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Profiles run the search anew some twenty times for every parameter.
+// Profiles repeat the search some twenty times for every parameter.
 constexpr Index kMostResiduals = 20000;
 
 struct Slips {
@@ -31,7 +31,7 @@ AxlePicture axle_picture(const std::string& name, const Axle<>& axle, double lar
   const AxleCurve curve(axle);
   out.curve_slip = VectorXd::LinSpaced(kCurvePoints, -reach, reach);
   out.curve_force.resize(kCurvePoints);
-  // The balances turn slip angles so that they push the way the force does.
+  // In the balances slip angles have the sign of the force.
   for (Index k = 0; k < kCurvePoints; ++k) out.curve_force[k] = curve.force(-out.curve_slip[k]);
   out.slip = std::move(slip);
   out.force = std::move(force);
@@ -54,7 +54,7 @@ void picture_axles(const VehicleProblem& problem, const VehicleParameters<double
                            run.find(VehicleQuantity::beta) < 0;
 }
 
-// Lateral velocity of the centre of gravity as measured; nothing where no sensor tells it.
+// Lateral velocity of the centre of gravity as measured; empty where no sensor measures it.
 VectorXd measured_vy(const VehicleRun& run, const VehicleParameters<double>& p, const VectorXd& r,
                      const VehicleRun::Segment& segment) {
   const Index jv = run.find(VehicleQuantity::vy), jb = run.find(VehicleQuantity::beta);

@@ -98,7 +98,7 @@ std::vector<Eigen::Matrix2Xd> StatePath::states(const Eigen::VectorXd& x) const 
   return out;
 }
 
-/// Residuals, and their derivatives where these are asked for, at one point.
+/// Residuals, and their derivatives where requested, at one point.
 struct StatePath::Evaluation {
   Evaluation(const StatePath& of, const SingleTrack<>& car, Eigen::VectorXd& residuals,
              std::vector<double>* derivatives)

@@ -19,7 +19,7 @@ constexpr double kSteadyChange = 0.1;
 constexpr double kOneSpeed = 0.1;  // relative spread of one segment
 constexpr int kParts = 20;
 constexpr double kBothSides = 0.2;  // share of the equations on the rarer side
-constexpr double kTellsApart = 1e-3;
+constexpr double kSeparates = 1e-3;
 
 /// Means of rows [first, first + rows).
 struct SteadyMean {
@@ -115,7 +115,7 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
   const Eigen::MatrixXd used = X.leftCols(unknowns);
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(used *
                                                  used.colwise().norm().cwiseInverse().asDiagonal());
-  qr.setThreshold(kTellsApart);
+  qr.setThreshold(kSeparates);
   if (n < unknowns || qr.rank() < unknowns) return std::nullopt;
   const Eigen::VectorXd theta = used.colPivHouseholderQr().solve(angle);
   out.value.setZero();
@@ -161,11 +161,12 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
     note += fmt::format(", scatter {:.3g} {}", found.sd / unit.scale, model.inputs[0].unit);
   }
   estimate.notes.push_back(note);
-  estimate.objective.method = "steady_driving";
+  estimate.objective.method = "steady_cornering";
   estimate.covariance_kind = "scatter of the circles about the line";
   estimate.status = Status::rejected;
   estimate.message =
-      "steady driving determines the products i L and i K alone, no stiffness and no inertia";
+      "steady-state circles determine only the products i L and i K (steering ratio times "
+      "wheelbase, times understeer gradient), no stiffness and no inertia";
 }
 
 }  // namespace identikal

@@ -1,4 +1,4 @@
-// Circles and slow ramps: what does steady driving tell of a car?
+// Which combinations of a car's parameters does steady-state cornering determine (ISO 4138)?
 #pragma once
 
 #include <optional>
@@ -19,8 +19,8 @@ bool is_steady(const VehicleRun& run);
 /// (v r for the lateral acceleration, as bank, roll and bias of an accelerometer would enter). One
 /// equation for the means of every segment driven at one speed; a segment whose speed changes by
 /// more than a tenth gives one for each of 20 parts. The error is taken as one of the angle, of one
-/// size for all. Nothing more can be told: at rest in the turn neither Iz nor i, L and K apart
-/// leave a trace.
+/// size for all. Nothing more is identifiable: in a steady state neither Iz nor i, L and K
+/// separately change an output.
 struct SteadyTurning {
   Eigen::Vector3d value;       ///< i L [m], i K [rad/(m/s^2)], offset [rad]
   Eigen::Matrix3d covariance;  ///< NaN where there are no more equations than unknowns
@@ -30,9 +30,9 @@ struct SteadyTurning {
   double freedom = kNone;
 };
 
-/// @param offset  of the steering sensor [rad]; 0: unknown, sought if the car turns to both sides
+/// @param offset  of the steering sensor [rad]; 0: unknown, estimated if the car turns to both sides
 /// @param bias_r  of the yaw rate [rad/s]
-/// @return nothing when the yaw rate is not measured, or speeds and angles are too much alike
+/// @return nothing when the yaw rate is not measured, or speeds and angles differ too little
 std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset = 0.0,
                                             double bias_r = 0.0);
 

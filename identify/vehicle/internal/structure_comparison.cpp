@@ -11,10 +11,10 @@
 namespace identikal {
 namespace {
 
-constexpr double kSignificant = 0.995;  // one-sided, with a sandwich that allows for colour
+constexpr double kSignificant = 0.995;  // one-sided, with a sandwich that allows for correlation
 constexpr double kBetterFit = 0.10;     // of the root mean square residual of an output
 constexpr double kSlightlyBetterFit = 0.03;
-constexpr double kTurnedFit = 0.4;     // of the residual: what another sign of sideslip takes away
+constexpr double kReversedFit = 0.4;  // of the residual: what the other sign of sideslip takes away
 constexpr double kFittingWell = 90.0;  // [%]
 constexpr double kWrongRatio = 0.02;   // relative; steering ratios are known to about 1 %
 
@@ -102,19 +102,20 @@ void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOp
     if (j < 0) continue;
     const ChannelFit& now = estimate.simulation[j];
     if (now.fit_percent > kFittingWell) continue;
-    VehicleRun turned = run;
-    turned.y.row(j) *= -1.0;
+    VehicleRun reversed = run;
+    reversed.y.row(j) *= -1.0;
     const Alternative other =
-        fit_alternative(found, turned, found.problem.unknowns, false, options, estimate);
+        fit_alternative(found, reversed, found.problem.unknowns, false, options, estimate);
     if (!other.usable || !(other.found.best.log_likelihood > found.best.log_likelihood)) continue;
     const ChannelFit then =
         channel_fits(vehicle_series(other.found.problem, other.found.best.z), options.robust)[j];
-    if (then.rmse > (1.0 - kTurnedFit) * now.rmse) continue;
-    warn(estimate.warnings, Severity::serious, "wrong_sign", {now.channel},
-         fmt::format("{} has the wrong sign: with it turned{}", now.channel, other.text.substr(1)),
-         fmt::format(
-             "ISO 8855: {} to the left is positive; {}: {{..., scale: -1}} in the model file",
-             now.channel, now.channel));
+    if (then.rmse > (1.0 - kReversedFit) * now.rmse) continue;
+    warn(
+        estimate.warnings, Severity::serious, "wrong_sign", {now.channel},
+        fmt::format("{} has the wrong sign: with it reversed{}", now.channel, other.text.substr(1)),
+        fmt::format(
+            "ISO 8855: {} to the left is positive; {}: {{..., scale: -1}} in the model file",
+            now.channel, now.channel));
   }
 }
 
@@ -146,7 +147,7 @@ void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions
     }
     warn(estimate.warnings, other.better > kBetterFit ? Severity::serious : Severity::warning, name,
          {name}, text,
-         gain ? "the recording speaks against the given steering ratio: free steering_gain, or "
+         gain ? "the recording contradicts the given steering ratio: free steering_gain, or "
                 "correct the ratio"
               : "the steering channel's clock or the steering itself lags: free steering_delay");
   }

@@ -15,19 +15,19 @@ constexpr double kScoreLevel = 0.01;
 constexpr double kLargestSlip = 0.7;  // [rad]
 constexpr double kAxleLevel = 0.005;  // one-sided, each of two axles
 
-VehicleProblem softening_problem(const VehicleProblem& linear) {
+VehicleProblem saturating_problem(const VehicleProblem& linear) {
   VehicleProblem out = make_vehicle_problem(
       *linear.run, with_curve(linear.unknowns, TyreCurve::tanh), linear.demand);
   out.robust = linear.robust;
   return out;
 }
 
-/// The linear optimum as coordinates of the softening problem.
-Eigen::VectorXd with_softening(const VehicleProblem& linear, const Eigen::VectorXd& z,
-                               const Eigen::Vector2d& softening) {
+/// The linear optimum as coordinates of the saturating problem.
+Eigen::VectorXd with_saturation(const VehicleProblem& linear, const Eigen::VectorXd& z,
+                                const Eigen::Vector2d& inverse_saturation) {
   const Eigen::Index k = linear.parameters();
   Eigen::VectorXd out(z.size() + 2);
-  out << z.head(k), softening, z.tail(z.size() - k);
+  out << z.head(k), inverse_saturation, z.tail(z.size() - k);
   return out;
 }
 
@@ -42,9 +42,9 @@ double quantile_95(std::vector<double> values) {
 TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
                                     const VehicleCovariance& covariance) {
   TyreSaturation out;
-  const VehicleProblem problem = softening_problem(linear);
+  const VehicleProblem problem = saturating_problem(linear);
   const Eigen::Index k = linear.parameters();
-  const Eigen::VectorXd at_linear = with_softening(linear, optimum.z, Eigen::Vector2d::Zero());
+  const Eigen::VectorXd at_linear = with_saturation(linear, optimum.z, Eigen::Vector2d::Zero());
   Eigen::VectorXd e;
   LeastSquares::RowMatrix J;
   if (!output_error(problem, at_linear, e, &J)) return out;
@@ -54,7 +54,7 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     e[n] /= covariance.sd[problem.output[i]];
   }
   if (problem.robust) {
-    // Scores of the robust cost, brought to unit variance: an outlier has a bounded say.
+    // Scores of the robust cost, brought to unit variance: an outlier has a bounded influence.
     for (double& each : e) each *= noise_cost(true, each).weight;
     e /= std::sqrt(e.squaredNorm() / static_cast<double>(e.size()));
   }
@@ -71,11 +71,11 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   out.score_p = chi_square_upper_tail(statistic, 2.0);
   if (out.score_p > kScoreLevel) return out;
 
-  // The score suggests a step; where it says that an axle does not soften, the refit may still find
-  // that it does.
+  // The score suggests a step; where that is none for an axle, the refit may still find that it
+  // saturates.
   const Eigen::Vector2d step = (information.inverse() * score).cwiseMax(0.05).cwiseMin(4.0);
   const VehicleOptimum best =
-      maximise_likelihood(problem, with_softening(linear, optimum.z, step), SolverOptions{});
+      maximise_likelihood(problem, with_saturation(linear, optimum.z, step), SolverOptions{});
   if (!best.converged) return out;
   std::vector<double> slips[2];
   replay(problem, best.z, [&](Eigen::Index, const Motion& motion, double) {
@@ -88,23 +88,23 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
   if (std::max(out.front.slip, out.rear.slip) > kLargestSlip) return out;
   out.refitted = true;
   out.gain = best.log_likelihood - optimum.log_likelihood;
-  out.softened = parameters_at(problem, best.z);
+  out.saturating = parameters_at(problem, best.z);
   output_error(problem, best.z, e, nullptr);
   out.rms = rms_per_output(problem, e);
 
   const VehicleCovariance refit = vehicle_covariance(problem, best);
   for (int axle = 0; axle < 2; ++axle) {
     TyreSaturation::Axle& result = axle == 0 ? out.front : out.rear;
-    const double softening =
-        out.softened[axle == 0 ? kInverseSaturationFront : kInverseSaturationRear];
-    const double stiffness = out.softened[axle == 0 ? kCf : kCr];
+    const double inverse =
+        out.saturating[axle == 0 ? kInverseSaturationFront : kInverseSaturationRear];
+    const double stiffness = out.saturating[axle == 0 ? kCf : kCr];
     const double linear_force = stiffness * result.slip;
     result.loss =
-        1.0 - force_share(TyreCurve::tanh, softening * linear_force * linear_force, {}).value;
+        1.0 - force_share(TyreCurve::tanh, inverse * linear_force * linear_force, {}).value;
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
     gradient[k + axle] = 1.0;
     const double se = standard_error(problem, refit, gradient);
-    result.significant = softening > student_t_quantile(1.0 - kAxleLevel, refit.freedom) * se;
+    result.significant = inverse > student_t_quantile(1.0 - kAxleLevel, refit.freedom) * se;
   }
   return out;
 }

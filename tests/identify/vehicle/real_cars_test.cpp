@@ -1,5 +1,5 @@
 // What the vehicle fit does beyond white noise on linear tyres: other curves, delays, pushed cars,
-// outliers, priors, several runs, held-out data, steady driving. Fixed seeds.
+// outliers, priors, several runs, held-out data, steady-state cornering. Fixed seeds.
 #include <cmath>
 #include <cstdio>
 #include <regex>
