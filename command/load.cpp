@@ -131,7 +131,7 @@ void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
       if (++count > 5) return;
       text += fmt::format("{}at t = {:.6g} s, {}", count > 1 ? "; " : "", run.time[0], run.begins);
     }
-    std::string said() const {
+    std::string in_short() const {
       return count > 5 ? fmt::format("{}; and {} times more", text, count - 5) : text;
     }
   };
@@ -146,19 +146,20 @@ void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
         {"starts_anew",
          Severity::warning,
          {},
-         fmt::format("{}: the filter starts anew from 'initial' {}", name, at_gaps.said()),
+         fmt::format("{}: the filter restarts from 'initial' {}", name, at_gaps.in_short()),
          "fill the gaps, or give 'initial' variances that hold for the state there too"});
   }
   if (wanted.count > 0) {
-    warnings.push_back({"starts_within",
-                        Severity::note,
-                        {},
-                        fmt::format("{}: the filter starts from 'initial' {}", name, wanted.said()),
-                        "'initial' is to hold there too"});
+    warnings.push_back(
+        {"starts_within",
+         Severity::note,
+         {},
+         fmt::format("{}: the filter starts from 'initial' {}", name, wanted.in_short()),
+         "'initial' is to hold there too"});
   }
 }
 
-// Without a column of time stamps rows are a step apart: does the file say another one?
+// Without a column of time stamps rows are a step apart: does the file have another one?
 void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warning>& warnings) {
   if (!model.time.column.empty() || !(model.time.step > 0.0) || table.rows < 2) return;
   const auto read = [&](const Column& column) {
@@ -184,10 +185,11 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
         {"step_differs",
          Severity::warning,
          {},
-         fmt::format("the model says {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
-                     model.time.step, column.name,
-                     std::filesystem::path(table.path).filename().string(), *middle),
-         fmt::format("correct 'step', or say time: {{column: {}}}", column.name)});
+         fmt::format(
+             "the model file gives {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
+             model.time.step, column.name, std::filesystem::path(table.path).filename().string(),
+             *middle),
+         fmt::format("correct 'step', or write time: {{column: {}}}", column.name)});
     return;
   }
 }

@@ -71,7 +71,7 @@ void add_inputs(Estimate& estimate, const Recordings& recordings) {
   }
 }
 
-// What the recordings say of themselves, each text once.
+// Notes and doubts of the recordings, each text once.
 void add_warnings(Estimate& estimate, const Recordings& recordings) {
   const auto add = [&](const Warning& warning) {
     const bool known = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),

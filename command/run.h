@@ -1,4 +1,4 @@
-// What does every verb end with? A progress line on the way, result files, text or JSON, an exit
+// What does every verb end with? A progress line while it works, result files, text or JSON, an exit
 // code.
 #pragma once
 
@@ -36,7 +36,7 @@ struct Run {
   std::string verb;
   std::string command;            ///< as typed, for the page
   std::string model;              ///< the model file; empty where there are several
-  std::vector<std::string> read;  ///< other files beside the recordings, not to be written over
+  std::vector<std::string> read;  ///< other files than the recordings, not to be written over
   ResultOptions options;
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
 
@@ -47,9 +47,9 @@ struct Run {
 /// writes.
 bool wants_pictures(const ResultOptions& options);
 
-/// Completes the estimate by what the recordings say, writes what the options ask for and prints
+/// Completes the estimate by the notes of the recordings, writes what the options ask for and prints
 /// the result.
-/// @param more_files  of the folder, beside those of every result
+/// @param more_files  of the folder, in addition to those of every result
 /// @return the exit code
 /// @throws InputError, OutputError as write_files()
 int finish(const Run& run, const Recordings& recordings, Estimate& estimate,

@@ -163,7 +163,8 @@ StudyReport table_of_states(bool process, const StudyOptions& options) {
                             mean[static_cast<Index>(f)]);
   }
   out.text +=
-      "The source does not say what noise its measurement has beside the coloured one; ours is "
+      "The source does not say what noise its measurement has in addition to the coloured one; "
+      "ours is "
       "white,\n"
       "independent and of variance 0.001, which brings the first figure of table 12 near the "
       "published\n"

@@ -108,8 +108,8 @@ StudyReport autocorrelation_figure(bool coloured, const StudyOptions& options) {
   VectorXd seen(kLags + 1), fitted = seen;
   out.csv = "lag,measured,fitted\n";
   for (Index l = 0; l <= kLags; ++l) {
-    seen[l] = Y[static_cast<std::size_t>(l)](0, 0);
-    fitted[l] = fit.fitted[static_cast<std::size_t>(l)](0, 0);
+    seen[l] = Y[l](0, 0);
+    fitted[l] = fit.fitted[l](0, 0);
     out.csv += fmt::format("{},{:.6g},{:.6g}\n", l, seen[l], fitted[l]);
   }
   Panel panel;
@@ -173,7 +173,7 @@ SpectrumOfOutput spectrum_of_output(const DetectionExperiment& made) {
   out.omega = measured.omega;
   out.level.resize(out.omega.size());
   for (Index k = 0; k < out.omega.size(); ++k) {
-    out.level[k] = measured.S[static_cast<std::size_t>(k)](0, 0).real();
+    out.level[k] = measured.S[k](0, 0).real();
   }
   out.expected = true_spectrum(instantiate(made.truth.linear, made.truth.parameters), out.omega);
   out.base = base_functions(made.system.A, made.system.C, out.omega);

@@ -148,7 +148,8 @@ StudyReport figure_4(const StudyOptions& options) {
       "and the noise\ncovariances\"\n"
       "ours: y = {:.4f}, one standard deviation. From a stationary start it has variance "
       "Q / (1 - a^2) + R and\n"
-      "tells no more: a ridge along Q / (1 - a^2) + R = y^2 = {:.4f}. Highest on the grid at Q = "
+      "determines no more: a ridge along Q / (1 - a^2) + R = y^2 = {:.4f}. Highest on the grid at "
+      "Q = "
       "{:.2f}, R = {:.2f},\n"
       "density {:.5f}.\n"
       "likelihood / its maximum:\n",
@@ -318,12 +319,12 @@ EstimateMoments moments_of_estimates(const ModelFile& truth, const StudyOptions&
   std::vector<MatrixXd> runs(static_cast<std::size_t>(options.runs));
   repeat(options, 0, [&](int run, Random& random) {
     const Dataset whole = recording(truth, kLengths.back(), random);
-    MatrixXd& out = runs[static_cast<std::size_t>(run)];
+    MatrixXd& out = runs[run];
     out.resize(2 * methods, lengths);
     for (Index l = 0; l < lengths; ++l) {
-      const Dataset data = first_samples(whole, kLengths[static_cast<std::size_t>(l)]);
+      const Dataset data = first_samples(whole, kLengths[l]);
       for (Index m = 0; m < methods; ++m) {
-        out.block(2 * m, l, 2, 1) = estimators()[static_cast<std::size_t>(m)].run(truth, data);
+        out.block(2 * m, l, 2, 1) = estimators()[m].run(truth, data);
       }
     }
   });
@@ -351,7 +352,7 @@ Bounds bounds_of(const ModelFile& truth, int unknown) {
   const double true_value = unknown == 0 ? kBoundQ : kBoundR;
   Bounds out{VectorXd(lengths), VectorXd(lengths), VectorXd(lengths)};
   for (Index l = 0; l < lengths; ++l) {
-    const Index samples = kLengths[static_cast<std::size_t>(l)];
+    const Index samples = kLengths[l];
     out.k[l] = static_cast<double>(samples);
     out.bound[l] = information_of(truth, samples).inverse()(unknown, unknown);
     out.complete[l] = 2.0 * true_value * true_value / out.k[l];
@@ -481,7 +482,7 @@ StudyReport figure_3(const StudyOptions& options) {
     for (Index t = 0; t < kSamples; ++t) {
       distance(run, t) = (gain(track.mean.col(t)) - optimal).norm();
     }
-    changes[static_cast<std::size_t>(run)] = static_cast<Index>(track.changes.size());
+    changes[run] = static_cast<Index>(track.changes.size());
   });
   const VectorXd mean = distance.colwise().mean();
   StudyReport out;

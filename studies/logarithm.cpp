@@ -183,8 +183,8 @@ StudyReport logarithm_study(const StudyOptions& options) {
       options.runs, kSdVy, kSdR, C, "", "Cf bias", "sd", "Cr bias", "sd");
   for (Index m = 0; m < kMethods; ++m) {
     const Vector2d f = error_spread(Cf.col(m), C), r = error_spread(Cr.col(m), C);
-    out.text += fmt::format("  {:<48} {:>8.1f} {:>8.2f} {:>8.1f} {:>8.2f}\n",
-                            kWhat[static_cast<std::size_t>(m)], f[0], f[1], r[0], r[1]);
+    out.text += fmt::format("  {:<48} {:>8.1f} {:>8.2f} {:>8.1f} {:>8.2f}\n", kWhat[m], f[0], f[1],
+                            r[0], r[1]);
   }
   const Eigen::RowVector2d mean_bound = 100.0 / C * bound.colwise().mean();
   out.text += fmt::format("  {:<48} {:>8} {:>8.2f} {:>8} {:>8.2f}\n", "Cramer-Rao bound", "",

@@ -117,7 +117,7 @@ ModelFile model_of(StateSpace system, const Tuning& tuning) {
   return out;
 }
 
-// What a sequential test said, and after how many samples.
+// What a sequential test decided, and after how many samples.
 struct Stop {
   SequentialDecision decision = SequentialDecision::undecided;
   Index samples = 0;
@@ -164,7 +164,7 @@ Stop sequential(const MatrixXd& e) {
   return {test.decision, t};
 }
 
-// How often each test called the filter optimal, and how often it said nothing.
+// How often each test called the filter optimal, and how often it did not decide.
 struct Count {
   double white = 0.0, coloured = 0.0;
   Count& operator+=(const Count& other) {
@@ -254,9 +254,8 @@ StudyReport run_table(const TuningExperiment& experiment, const StudyOptions& op
     for (std::size_t n = 0; n < lengths.size(); ++n) {
       std::vector<Counts> runs(static_cast<std::size_t>(options.runs));
       // The same recordings for all tunings.
-      repeat(options, n, [&](int r, Random& random) {
-        run(truth, tuning, lengths[n], random, runs[static_cast<std::size_t>(r)]);
-      });
+      repeat(options, n,
+             [&](int r, Random& random) { run(truth, tuning, lengths[n], random, runs[r]); });
       Counts c;
       for (const Counts& one : runs) c += one;
       const auto text = [&](const Count& count, bool is_sequential = false) {
@@ -300,8 +299,8 @@ Decisions decide(const StateSpace& truth, const Tuning& tuning, std::uint64_t st
     out.optimal_power[run] =
         kalman_filter(truth, InitialState::stationary, data.y, data.u, Keep::innovations)
             .e.squaredNorm();
-    out.stops[0][static_cast<std::size_t>(run)] = published_sequential(e.row(0).transpose());
-    out.stops[1][static_cast<std::size_t>(run)] = sequential(e);
+    out.stops[0][run] = published_sequential(e.row(0).transpose());
+    out.stops[1][run] = sequential(e);
   });
   return out;
 }

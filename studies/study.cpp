@@ -72,7 +72,7 @@ StudyReport study(const std::string& name, const StudyOptions& options) {
                      did_you_mean(name, study_names()));
   }
   if (found->published_runs == 0 && options.runs > 0) {
-    throw InputError({}, fmt::format("--runs has no meaning for '{}'", name), "",
+    throw InputError({}, fmt::format("--runs does not apply to '{}'", name), "",
                      "nothing in it is repeated");
   }
   StudyOptions resolved = options;

@@ -213,7 +213,7 @@ MonteCarlo published_monte_carlo(const ModelFile& model, const Dataset& data, Ra
 VectorXd values_of(const Estimate& estimate) {
   VectorXd out(static_cast<Index>(estimate.parameters.size()));
   for (Index i = 0; i < out.size(); ++i) {
-    out[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    out[i] = estimate.parameters[i].value;
   }
   return out;
 }
@@ -298,11 +298,11 @@ MonteCarlo published_recursive_monte_carlo(const ModelFile& model, const Dataset
       const VectorXd theta = drawn_and_moved(before, weight, kPerturbation, random);
       Index nearest = 0;
       (before.colwise() - theta).colwise().squaredNorm().minCoeff(&nearest);
-      const Index weak = order[static_cast<std::size_t>(r)];
-      copy_member(bank, nearest, bank, weak);
-      set_noise(bank, weak, system(theta));
-      points.col(weak) = theta;
-      log_weight[weak] = log_weight[nearest];
+      const Index lightest = order[r];
+      copy_member(bank, nearest, bank, lightest);
+      set_noise(bank, lightest, system(theta));
+      points.col(lightest) = theta;
+      log_weight[lightest] = log_weight[nearest];
     }
   }
   Index best = 0;
@@ -348,7 +348,7 @@ std::string run_experiment(const PublishedSystem& system, const Experiment& expe
   std::vector<Outcomes> runs(static_cast<std::size_t>(options.runs));
   repeat(options, stream, [&](int run, Random& random) {
     const Dataset data = recording(true_model, experiment.samples, random);
-    runs[static_cast<std::size_t>(run)] = estimates_of(system, experiment, data, random);
+    runs[run] = estimates_of(system, experiment, data, random);
   });
   std::vector<Line> lines;
   for (const auto& [method, estimate] : runs.front()) lines.push_back({method, {}});
@@ -369,7 +369,7 @@ std::string run_experiment(const PublishedSystem& system, const Experiment& expe
   VectorXd percent(k);
   const Estimate limit = bound_of(true_model, bound, nullptr);
   for (Index i = 0; i < k; ++i) {
-    percent[i] = 100.0 * limit.parameters[static_cast<std::size_t>(i)].crb_se / truth[i];
+    percent[i] = 100.0 * limit.parameters[i].crb_se / truth[i];
   }
   return out + line_text("Cramer-Rao bound", VectorXd(), percent) + "\n";
 }

@@ -80,7 +80,7 @@ ScalarRls scalar_rls(const VectorXd& regressor, const VectorXd& y, double start_
   return {y - course.prior_error, course.theta.row(0).transpose()};
 }
 
-// One run of the experiment: what is measured, and what both filters say.
+// One run of the experiment: what is measured, and what both filters estimate.
 struct SensorExperiment {
   VectorXd steering;     // measured
   MatrixXd speed, slip;  // 2 x N, of both vector sensors
@@ -91,8 +91,8 @@ struct SensorExperiment {
   Eigen::Matrix2Xd marked;  // the measured track
 };
 
-// The regressors that sections 9.1 to 9.3 leave open.
-MatrixXd regressor(const SensorExperiment& run, Moment moment, bool from_measured_state) {
+// vy and r of the car by its measured inputs, one of which sections 9.1 to 9.3 take as regressor.
+MatrixXd simulated_states(const SensorExperiment& run, Moment moment, bool from_measured_state) {
   const SingleTrack<> car = linear_car(sladka2010_car());
   MatrixXd out(2, kSladka2010Samples);
   Vector2d state = Vector2d::Zero();
@@ -123,7 +123,7 @@ MatrixXd kalman_states(const SensorExperiment& run, const CentreVelocity& derive
     continuous.D = MatrixXd::Zero(2, 1);
     continuous.G = Matrix2d::Identity();
     continuous.Q = Matrix2d::Zero();
-    continuous.R = derived.covariance[static_cast<std::size_t>(t)].bottomRightCorner<2, 2>();
+    continuous.R = derived.covariance[t].bottomRightCorner<2, 2>();
     continuous.S = Matrix2d::Zero();
     continuous.x0 = Vector2d::Zero();
     continuous.P0 = Vector2d(0.25, 0.04).asDiagonal();
@@ -156,7 +156,7 @@ SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   const double steering_sd = noisy(angle, kAngleSnr);
   out.steering = angle.transpose();
   for (Index s = 0; s < 2; ++s) {
-    VectorSensor& sensor = sensors[static_cast<std::size_t>(s)];
+    VectorSensor& sensor = sensors[s];
     const Eigen::RowVectorXd r = truth.states.row(1);
     const Eigen::RowVectorXd forward = truth.vx.transpose() - sensor.y * r;
     const Eigen::RowVectorXd left = truth.states.row(0) + sensor.x * r;
@@ -170,9 +170,9 @@ SensorExperiment experiment(const TrueDrive& truth, Random& random) {
   }
   const CentreVelocity derived = centre_velocity(sensors, out.speed, out.slip);
   out.derived = derived.value;
-  out.simulation = regressor(out, Moment::balanced, false);
+  out.simulation = simulated_states(out, Moment::balanced, false);
   for (Index i = 0; i < 2; ++i) {
-    out.rls[static_cast<std::size_t>(i)] =
+    out.rls[i] =
         scalar_rls(out.simulation.row(i).transpose(), out.derived.row(1 + i).transpose(), kStartP);
   }
   out.kalman = kalman_states(out, derived, steering_sd);
@@ -189,9 +189,7 @@ TrueDrive source_drive() {
 
 std::vector<SensorExperiment> experiments(const TrueDrive& truth, const StudyOptions& options) {
   std::vector<SensorExperiment> out(static_cast<std::size_t>(options.runs));
-  repeat(options, 0, [&](int run, Random& random) {
-    out[static_cast<std::size_t>(run)] = experiment(truth, random);
-  });
+  repeat(options, 0, [&](int run, Random& random) { out[run] = experiment(truth, random); });
   return out;
 }
 
@@ -265,9 +263,8 @@ double delay(const VectorXd& estimate, const VectorXd& truth) {
   std::array<double, 2 * kFarthest + 1> sum{};
   for (Index lag = -kFarthest; lag <= kFarthest; ++lag) {
     const Index n = kSladka2010Samples - std::abs(lag);
-    sum[static_cast<std::size_t>(lag + kFarthest)] =
-        estimate.segment(std::max<Index>(lag, 0), n)
-            .dot(truth.segment(std::max<Index>(-lag, 0), n));
+    sum[lag + kFarthest] = estimate.segment(std::max<Index>(lag, 0), n)
+                               .dot(truth.segment(std::max<Index>(-lag, 0), n));
   }
   const auto top = std::max_element(sum.begin() + 1, sum.end() - 1);
   // The vertex of the parabola through the largest and its neighbours.
@@ -285,11 +282,11 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
   const Index second = kSladka2010Samples - kFromSample;
   const double share = 1.0 / static_cast<double>(runs.size());
   for (const SensorExperiment& run : runs) {
-    const std::array<VectorXd, kRows> estimates{
-        run.derived.row(1 + i).transpose(), run.simulation.row(i).transpose(),
-        run.rls[static_cast<std::size_t>(i)].estimate, run.kalman.row(i).transpose()};
+    const std::array<VectorXd, kRows> estimates{run.derived.row(1 + i).transpose(),
+                                                run.simulation.row(i).transpose(),
+                                                run.rls[i].estimate, run.kalman.row(i).transpose()};
     for (Index k = 0; k < kRows; ++k) {
-      const VectorXd& estimate = estimates[static_cast<std::size_t>(k)];
+      const VectorXd& estimate = estimates[k];
       const VectorXd e = estimate - x;
       squares[k] += share * e.squaredNorm() / kSladka2010Samples;
       late[k] += share * e.tail(second).squaredNorm() / static_cast<double>(second);
@@ -307,12 +304,11 @@ StudyReport state_figure(const StateFigure& figure, const StudyOptions& options)
       "measured: from the two sensors", "simulated from measured inputs (regressor)",
       "RLS: coefficient times the simulated", "Kalman filter"};
   for (Index k = 0; k < kRows; ++k) {
-    out.text +=
-        fmt::format("  {:<42} {:>9.5f} {:>17.5f} {:>15.2f}\n", kWhat[static_cast<std::size_t>(k)],
-                    std::sqrt(squares[k]), std::sqrt(late[k]), delays[k]);
+    out.text += fmt::format("  {:<42} {:>9.5f} {:>17.5f} {:>15.2f}\n", kWhat[k],
+                            std::sqrt(squares[k]), std::sqrt(late[k]), delays[k]);
   }
   const SensorExperiment& first = runs.front();
-  const ScalarRls& rls = first.rls[static_cast<std::size_t>(i)];
+  const ScalarRls& rls = first.rls[i];
   std::vector<Curve> curves{
       {"measured", truth.time, first.derived.row(1 + i).transpose(), Curve::Form::points},
       {"truth", truth.time, x, Curve::Form::dashed},
@@ -373,10 +369,10 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
   line("the same, P(0) = 1/delta as in table 6.1", 1.0 / kStartP,
        [](const SensorExperiment& run) { return run.simulation; });
   line("one step from the measured state, moment balance", kStartP,
-       [](const SensorExperiment& run) { return regressor(run, Moment::balanced, true); });
+       [](const SensorExperiment& run) { return simulated_states(run, Moment::balanced, true); });
   line("one step from the measured state, (7.4) as printed", kStartP,
-       [](const SensorExperiment& run) { return regressor(run, Moment::as_printed, true); });
-  const MatrixXd printed = regressor(runs.front(), Moment::as_printed, false);
+       [](const SensorExperiment& run) { return simulated_states(run, Moment::as_printed, true); });
+  const MatrixXd printed = simulated_states(runs.front(), Moment::as_printed, false);
   out.text += fmt::format(
       "P(0) = delta I is that of the m-file; with the inverse, as printed in table 6.1, delta = "
       "100 "
@@ -390,10 +386,10 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
   const SensorExperiment& first = runs.front();
   const VectorXd one = VectorXd::Ones(kSladka2010Samples);
   out.csv = experiment_csv(truth, first);
-  out.figure = Figure{{panel_over_time(
-      "Filter coefficient", "coefficient [-]",
-      {{"RLS", truth.time, first.rls[static_cast<std::size_t>(i)].coefficient, Curve::Form::marked},
-       {"one", truth.time, one, Curve::Form::dashed}})}};
+  out.figure =
+      Figure{{panel_over_time("Filter coefficient", "coefficient [-]",
+                              {{"RLS", truth.time, first.rls[i].coefficient, Curve::Form::marked},
+                               {"one", truth.time, one, Curve::Form::dashed}})}};
   return out;
 }
 

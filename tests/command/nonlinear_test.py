@@ -125,7 +125,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
 
         said = warnings(gap)["starts_anew"]
         self.assertEqual("warning", said["severity"])
-        self.assertIn("starts anew from 'initial' at t = 0.22 s, after a missing input", said["text"])
+        self.assertIn("restarts from 'initial' at t = 0.22 s, after a missing input", said["text"])
         said = warnings(self.simulated(1, 100), "--range", "1:4")["starts_within"]
         self.assertEqual("note", said["severity"])
         self.assertIn("at t = 1 s, where --range begins", said["text"])
