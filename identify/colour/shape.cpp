@@ -5,6 +5,7 @@
 #include <complex>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include <Eigen/LU>
@@ -31,7 +32,28 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-using Say = std::function<bool(const std::string& what)>;  // false: stop
+// Tells the caller what is being done, and whether he wants it to go on.
+class Stages {
+ public:
+  explicit Stages(const ShapeOptions& options) : options_(options) {}
+
+  // @return false once the caller has stopped: this search, and all that would follow
+  bool begin(const std::string& stage) {
+    stage_ = stage;
+    return go_on();
+  }
+  bool go_on() {
+    stopped_ = stopped_ || (options_.progress && !options_.progress(stage_));
+    return !stopped_;
+  }
+  bool stopped() const { return stopped_; }
+  const std::string& current() const { return stage_; }
+
+ private:
+  const ShapeOptions& options_;
+  std::string stage_;
+  bool stopped_ = false;
+};
 
 const char* place_name(NoiseSource place) {
   return place == NoiseSource::process ? "process" : "measurement";
@@ -197,13 +219,13 @@ Index undetermined_beginning(const ModelFile& model, int most_order) {
 // smallest BIC first.
 std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
                                             const ModelFile& model, const ShapeOptions& options,
-                                            const Say& say) {
+                                            Stages& stages) {
   std::vector<SpectralSolution> out;
   for (ShapingStructure structure : structures(model, options)) {
     SpectralSolution lower;
     for (structure.order = 1; structure.order <= options.most_order; ++structure.order) {
-      if (!say(fmt::format("spectrum: {} noise, order {}", place_name(structure.place),
-                           structure.order))) {
+      if (!stages.begin(fmt::format("spectrum: {} noise, order {}", place_name(structure.place),
+                                    structure.order))) {
         return {};
       }
       SpectralSolution best;
@@ -228,7 +250,7 @@ std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
 // The most promising of each place at their maximum likelihood; the smallest BIC first.
 std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dataset>& recordings,
                                    const std::vector<SpectralSolution>& fits, Index beginning,
-                                   const Say& say) {
+                                   Stages& stages) {
   constexpr std::size_t kEach = 3;
   constexpr double kHopeless = 15.0;  // BIC behind the best of its place
   const Index samples = samples_present(recordings);
@@ -241,7 +263,7 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
       if (taken == 0) first = s.bic;
       if (s.bic > first + kHopeless) continue;
       ++taken;
-      if (!say(fmt::format("likelihood: order {}", s.structure.order))) return {};
+      if (!stages.begin(fmt::format("likelihood: order {}", s.structure.order))) return {};
       std::optional<ModelFile> shaped =
           maximise_shaped(shaped_start(start, s), s.structure, recordings);
       if (!shaped) continue;
@@ -258,9 +280,9 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
 
 // Maximum likelihood without the warning that sends to this verb.
 Estimate tuned(const ModelFile& model, const std::vector<Dataset>& recordings, int starts,
-               std::uint64_t seed, const std::function<bool()>& go_on) {
+               std::uint64_t seed, Stages& stages) {
   NoiseMlOptions options;
-  options.progress = [&](int, int, double) { return go_on(); };
+  options.progress = [&](int, int, double) { return stages.go_on(); };
   options.starts = starts;
   options.profiles = false;
   options.seed = seed;
@@ -279,11 +301,10 @@ struct Winner {
 // The best that beats white noise, that the data determine, and whose filters stay stable when
 // nothing holds them.
 std::optional<Winner> first_determined(const std::vector<Candidate>& candidates, double white_bic,
-                                       const std::vector<Dataset>& recordings,
-                                       const std::function<bool()>& go_on) {
+                                       const std::vector<Dataset>& recordings, Stages& stages) {
   for (const Candidate& c : candidates) {
-    if (!(c.bic < white_bic) || !go_on()) break;
-    Winner out{&c, tuned(c.model, recordings, 1, 1, go_on), {}};
+    if (!(c.bic < white_bic) || !stages.go_on()) break;
+    Winner out{&c, tuned(c.model, recordings, 1, 1, stages), {}};
     out.filters = filters_of(parameters_of(out.estimate, c.model.parameters), c.structure);
     const bool stable =
         std::all_of(out.filters.begin(), out.filters.end(),
@@ -369,12 +390,9 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
   }
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.verdict != Verdict::at_bound || p.value != 0.0) continue;
-    estimate.warnings.push_back(
-        {"noise_vanished",
-         Severity::warning,
-         {p.name},
+    warn(estimate, Severity::warning, "noise_vanished", {p.name},
          fmt::format("{} has become zero: the filter has taken its place", p.name),
-         "check the model's dynamics: a wrong A looks like coloured noise too"});
+         "check the model's dynamics: a wrong A looks like coloured noise too");
   }
   // Of the same spectrum in the other place the outputs say nothing.
   constexpr double kTells = 10.0;  // BIC apart: very strong evidence (Kass & Raftery 1995)
@@ -382,121 +400,90 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
     return c.structure.place != best.structure.place;
   });
   if (other == candidates.end() || other->bic >= best.bic + kTells) return;
-  estimate.warnings.push_back(
-      {"noise_place",
-       Severity::note,
-       {},
+  warn(estimate, Severity::note, "noise_place", {},
        fmt::format("the outputs do not tell whether process or measurement noise is coloured "
                    "(BIC {:.1f} and {:.1f}); the state estimates differ",
                    best.bic, other->bic),
-       "decide by what is known of the sensor, and say --noise process or measurement"});
+       "decide by what is known of the sensor, and say --noise process or measurement");
 }
 
-}  // namespace
+// The model without filters, tuned.
+struct WhiteModel {
+  Estimate estimate;
+  ModelFile model;  // its parameters are at the maximum
+  Colour colour;    // of its innovations
+  MatrixXd innovations;
+  double bic = kNone;
+};
 
-ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordings,
-                  const ShapeOptions& options) {
+ModelFile linear_model_of(const ModelFile& written) {
   ModelFile model = written;
   model.linear = with_known_formulas_as_numbers(model.linear, model.parameters);
-  if (!model.linear.formulas.empty() || model.linear.offset) {
-    throw InputError({model.path, 0, 0},
-                     model.linear.offset
-                         ? "the model has constants beside states and inputs"
-                         : "the model is not linear in the parameters that are sought",
-                     "entries that are sums of multiples of parameters",
-                     "'fit' or 'tune' first, then fix what is not noise");
-  }
-  bool stopped = false;  // by the caller: this search, and all that would follow
-  std::string stage;
-  const std::function<bool()> go_on = [&] {
-    stopped = stopped || (options.progress && !options.progress(stage));
-    return !stopped;
-  };
-  const Say say = [&](const std::string& what) {
-    stage = what;
-    return go_on();
-  };
-  const Dataset& longest = longest_recording(model, recordings, options);
+  if (model.linear.formulas.empty() && !model.linear.offset) return model;
+  throw InputError({model.path, 0, 0},
+                   model.linear.offset
+                       ? "the model has constants beside states and inputs"
+                       : "the model is not linear in the parameters that are sought",
+                   "entries that are sums of multiples of parameters",
+                   "'fit' or 'tune' first, then fix what is not noise");
+}
+
+void report_white_spectrum(const MatrixXd& innovations, Index first, double dt, Shaping& report) {
+  const InnovationSpectra seen = innovation_spectra(innovations, first);
+  report.frequency = seen.omega / dt;
+  report.spectrum_white = seen.level;
+  report.band = seen.band;
+}
+
+WhiteModel tune_white(const ModelFile& model, const std::vector<Dataset>& recordings,
+                      Index beginning, std::uint64_t seed, Stages& stages, Shaping& report) {
   const double dt = model.linear.dt;
-  ShapeResult out;
-  Shaping report;
   for (const Channel& channel : recordings[0].outputs) {
     report.channels.push_back(channel.name);
     report.units.push_back(channel.unit);
   }
+  stages.begin("tuning the white model");
+  WhiteModel out{tuned(model, recordings, 3, seed, stages), model, {}, {}};
+  out.model.parameters = parameters_of(out.estimate, model.parameters);
+  out.colour = innovation_colour(out.estimate);
+  report.whiteness_p = out.colour.p;
+  report.peak = out.colour.peak / dt;
+  report.peak_p = out.colour.peak_p;
+  out.innovations = out.estimate.series.standardised;
+  report_white_spectrum(out.innovations, first_innovation(out.innovations), dt, report);
+  const double L = comparable_log_likelihood(out.model, recordings, beginning);
+  out.bic = bic_of(L, coordinates(model.parameters).size(), samples_present(recordings));
+  report.candidates.push_back({"white", "", 0, 0, L, out.bic});
+  return out;
+}
 
-  say("tuning the white model");
-  Estimate white_estimate = tuned(model, recordings, 3, options.seed, go_on);
-  ModelFile white = model;
-  white.parameters = parameters_of(white_estimate, model.parameters);
-  const Colour colour = innovation_colour(white_estimate);
-  report.whiteness_p = colour.p;
-  report.peak = colour.peak / dt;
-  report.peak_p = colour.peak_p;
-  const MatrixXd white_innovations = white_estimate.series.standardised;
-  const auto describe_white = [&](Index first) {
-    const InnovationSpectra seen = innovation_spectra(white_innovations, first);
-    report.frequency = seen.omega / dt;
-    report.spectrum_white = seen.level;
-    report.band = seen.band;
-  };
-  describe_white(first_innovation(white_innovations));
-  const Index beginning = undetermined_beginning(model, options.most_order);
-  const double white_L = comparable_log_likelihood(white, recordings, beginning);
-  const double white_bic =
-      bic_of(white_L, coordinates(model.parameters).size(), samples_present(recordings));
-  report.candidates.push_back({"white", "", 0, 0, white_L, white_bic});
-  const auto without_filter = [&](Status status, std::string message) {
-    out.estimate = std::move(white_estimate);
-    out.estimate.status = status;
-    out.estimate.message = std::move(message);
-    out.estimate.shaping = std::move(report);
-    return out;
-  };
-  const auto as_stopped = [&] {
-    return without_filter(Status::not_converged, "stopped by the caller at: " + stage);
-  };
-  if (stopped) return as_stopped();
-  constexpr double kLevel = 0.05;  // of all tests of colour together
-  if (!(colour.p < kLevel)) {
-    return without_filter(
-        Status::rejected,
-        fmt::format("the noise is white as far as the recording tells (p {:.2g}): no filter needed",
-                    colour.p));
-  }
+ShapeResult without_filter(WhiteModel white, Shaping report, Status status, std::string message) {
+  ShapeResult out;
+  out.estimate = std::move(white.estimate);
+  out.estimate.status = status;
+  out.estimate.message = std::move(message);
+  out.estimate.shaping = std::move(report);
+  return out;
+}
 
-  InnovationSpectrum spectrum = innovation_spectrum(white, longest);
-  const ModelFile start = with_raised_variances(white, spectrum);
-  const std::vector<SpectralSolution> fits = spectral_fits(spectrum, model, options, say);
-  const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, say);
-  if (stopped) return as_stopped();
-  for (const Candidate& c : candidates) {
-    report.candidates.push_back({place_name(c.structure.place), channel_names(model, c.structure),
-                                 static_cast<int>(c.structure.order),
-                                 static_cast<int>(c.structure.zeros()), c.log_likelihood, c.bic});
-  }
-  say("errors of the shaped model");
-  std::optional<Winner> winner = first_determined(candidates, white_bic, recordings, go_on);
-  if (stopped) return as_stopped();
-  if (!winner) {
-    return without_filter(
-        Status::untrusted,
-        fmt::format("the innovations are not white (p {:.2g}), and no shaping filter explains "
-                    "them: the model itself is in doubt",
-                    colour.p));
-  }
-  const Candidate& best = *winner->candidate;
-  if (!say("held-out comparison")) return as_stopped();
-  compare_held_out(white, best, recordings, options.hold_out, report);
-  report.noise_source = place_name(best.structure.place);
-  report.order = static_cast<int>(best.structure.order);
-  report.zeros = static_cast<int>(best.structure.zeros());
-  for (const ShapingFilter& filter : winner->filters) {
+void report_structure(const Winner& winner, double dt, Shaping& report) {
+  const ShapingStructure& structure = winner.candidate->structure;
+  report.noise_source = place_name(structure.place);
+  report.order = static_cast<int>(structure.order);
+  report.zeros = static_cast<int>(structure.zeros());
+  for (const ShapingFilter& filter : winner.filters) {
     for (const Mode& mode : modes(filter.a)) {
       report.poles.push_back({mode.frequency / dt, mode.radius});
     }
   }
-  out.estimate = std::move(winner->estimate);
+}
+
+ShapeResult with_filter(Winner winner, const ModelFile& model, const WhiteModel& white,
+                        const std::vector<Candidate>& candidates, Shaping report) {
+  const Candidate& best = *winner.candidate;
+  const double dt = model.linear.dt;
+  ShapeResult out;
+  out.estimate = std::move(winner.estimate);
   out.model = best.model;
   out.model->name = model.name + ", shaped";
   out.model->parameters = parameters_of(out.estimate, best.model.parameters);
@@ -504,8 +491,8 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   out.estimate.objective.method = "shape";
   // From the same sample on: with more states, a diffuse filter begins later.
   const MatrixXd& innovations = out.estimate.series.standardised;
-  const Index first = std::max(first_innovation(innovations), first_innovation(white_innovations));
-  describe_white(first);
+  const Index first = std::max(first_innovation(innovations), first_innovation(white.innovations));
+  report_white_spectrum(white.innovations, first, dt, report);
   report.spectrum_shaped = innovation_spectra(innovations, first).level;
   report.output_peak = output_peak(*out.model, report.poles, dt);
   if (best.structure.place == NoiseSource::process) {
@@ -515,6 +502,57 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   if (out.estimate.status == Status::ok) judge(best, candidates, report, out.estimate);
   out.estimate.shaping = std::move(report);
   return out;
+}
+
+}  // namespace
+
+ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordings,
+                  const ShapeOptions& options) {
+  const ModelFile model = linear_model_of(written);
+  Stages stages(options);
+  const Dataset& longest = longest_recording(model, recordings, options);
+  const Index beginning = undetermined_beginning(model, options.most_order);
+  Shaping report;
+  WhiteModel white = tune_white(model, recordings, beginning, options.seed, stages, report);
+  const auto end_here = [&](Status status, std::string message) {
+    return without_filter(std::move(white), std::move(report), status, std::move(message));
+  };
+  const auto as_stopped = [&] {
+    return end_here(Status::not_converged, "stopped by the caller at: " + stages.current());
+  };
+  if (stages.stopped()) return as_stopped();
+  constexpr double kLevel = 0.05;  // of all tests of whiteness together
+  if (!(white.colour.p < kLevel)) {
+    return end_here(
+        Status::rejected,
+        fmt::format("the noise is white as far as the recording tells (p {:.2g}): no filter needed",
+                    white.colour.p));
+  }
+
+  InnovationSpectrum spectrum = innovation_spectrum(white.model, longest);
+  const ModelFile start = with_raised_variances(white.model, spectrum);
+  const std::vector<SpectralSolution> fits = spectral_fits(spectrum, model, options, stages);
+  const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, stages);
+  if (stages.stopped()) return as_stopped();
+  for (const Candidate& c : candidates) {
+    report.candidates.push_back({place_name(c.structure.place), channel_names(model, c.structure),
+                                 static_cast<int>(c.structure.order),
+                                 static_cast<int>(c.structure.zeros()), c.log_likelihood, c.bic});
+  }
+  stages.begin("errors of the shaped model");
+  std::optional<Winner> winner = first_determined(candidates, white.bic, recordings, stages);
+  if (stages.stopped()) return as_stopped();
+  if (!winner) {
+    return end_here(
+        Status::untrusted,
+        fmt::format("the innovations are not white (p {:.2g}), and no shaping filter explains "
+                    "them: the model itself is in doubt",
+                    white.colour.p));
+  }
+  if (!stages.begin("held-out comparison")) return as_stopped();
+  compare_held_out(white.model, *winner->candidate, recordings, options.hold_out, report);
+  report_structure(*winner, model.linear.dt, report);
+  return with_filter(std::move(*winner), model, white, candidates, std::move(report));
 }
 
 }  // namespace identikal

@@ -149,9 +149,7 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
     for (const Outlier& o : here)
       of_outliers += std::pow(filters[o.recording].e(o.channel, o.sample), 2);
     const double share = of_outliers / power;
-    estimate.warnings.push_back(
-        {"outliers",
-         share > kSerious ? Severity::serious : Severity::warning,
+    warn(estimate, share > kSerious ? Severity::serious : Severity::warning, "outliers",
          {recordings[0].outputs[c].name},
          fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
                      "and make{} up {:.2g} % of the innovations' power",
@@ -163,7 +161,7 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
                                       })
                          ->deviations,
                      here.size() > 1 ? "" : "s", 100.0 * share),
-         "--reject-outliers leaves them out; or empty their cells: missing samples are exact"});
+         "--reject-outliers leaves them out; or empty their cells: missing samples are exact");
   }
 }
 
@@ -214,9 +212,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
     const double scale = parse_unit(source.unit).value_or(Unit{}).scale;
     const std::string unit = source.unit.empty() ? "" : " " + source.unit;
     const bool known = std::isfinite(offset[i]);
-    estimate.warnings.push_back(
-        {"offset",
-         share > kSerious ? Severity::serious : Severity::warning,
+    warn(estimate, share > kSerious ? Severity::serious : Severity::warning, "offset",
          {source.name},
          fmt::format("the innovations of '{}' have the mean {:.4g}{}, {:.2g} % of their power; the "
                      "model takes it for noise{}",
@@ -228,7 +224,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
                            "show here"
                          : ""),
          known ? "subtract the offset, or add it to the model as a constant state"
-               : "add a drift or a constant input to the model"});
+               : "add a drift or a constant input to the model");
   }
 }
 
@@ -279,13 +275,9 @@ Estimate tune_robust(
     out = estimator(without(recordings, left_out));
   }
   if (!left_out.empty()) {
-    out.warnings.push_back(
-        {"outliers_left_out",
-         Severity::note,
-         {},
+    warn(out, Severity::note, "outliers_left_out", {},
          fmt::format("{} sample{} left out as outliers ({})", left_out.size(),
-                     left_out.size() > 1 ? "s" : "", first_times(recordings, left_out)),
-         ""});
+                     left_out.size() > 1 ? "s" : "", first_times(recordings, left_out)));
   }
   return out;
 }

@@ -7,7 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
-#include "identify/estimate/distribution.h"
+#include "identify/estimate/test_result.h"
 #include "identify/filter/channel_fit.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/nonlinear_recordings.h"
@@ -80,17 +80,7 @@ void report_tests(Estimate& estimate, const std::vector<Dataset>& recordings,
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
   const double level = 0.05 / static_cast<double>(1 + outputs.size() + by_input.size());
   const ChiSquareStatistic nis = normalised_innovation_squared(all);
-  if (nis.dof > 0.0) {
-    TestResult test;
-    test.id = "nis";
-    test.value = nis.value / nis.dof;
-    test.interval = {chi_square_quantile(0.5 * level, nis.dof) / nis.dof,
-                     chi_square_quantile(1.0 - 0.5 * level, nis.dof) / nis.dof};
-    const double upper = chi_square_upper_tail(nis.value, nis.dof);
-    test.p = std::min(1.0, 2.0 * std::min(upper, 1.0 - upper));
-    test.pass = test.value >= test.interval[0] && test.value <= test.interval[1];
-    estimate.tests.push_back(test);
-  }
+  if (nis.dof > 0.0) estimate.tests.push_back(nis_test(nis, level));
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
     if (!std::isfinite(q.value)) {
@@ -98,26 +88,12 @@ void report_tests(Estimate& estimate, const std::vector<Dataset>& recordings,
                                "' is not computed: its innovations are constant or missing");
       continue;
     }
-    TestResult test;
-    test.id = "ljung_box";
-    test.channel = outputs[i].name;
-    test.value = q.value;
-    test.p = chi_square_upper_tail(q.value, q.dof);
-    if (q.dof > 0.0) test.interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
-    test.pass = test.p >= level;
-    estimate.tests.push_back(test);
+    estimate.tests.push_back(ljung_box_test(outputs[i].name, q, level));
   }
   for (std::size_t i = 0; i < by_input.size(); ++i) {
     const FStatistic& f = by_input[i];
     if (!std::isfinite(f.value)) continue;
-    TestResult test;
-    test.id = "input_correlation";
-    test.channel = outputs[i].name;
-    test.value = f.value;
-    test.p = f_upper_tail(f.value, f.dof, f.dof_rest);
-    test.interval = {0.0, f_quantile(1.0 - level, f.dof, f.dof_rest)};
-    test.pass = test.p >= level;
-    estimate.tests.push_back(test);
+    estimate.tests.push_back(input_test(outputs[i].name, f, level));
   }
 }
 
@@ -213,15 +189,12 @@ void warn_of_integration(Estimate& estimate, const ModelFile& model, const Param
   }
   if (where.empty()) return;
   constexpr double kSmall = 1e-3;
-  estimate.warnings.push_back(
-      {"integration",
-       largest > kSmall ? Severity::warning : Severity::note,
-       {},
+  warn(estimate, largest > kSmall ? Severity::warning : Severity::note, "integration", {},
        fmt::format(
            "{} the rates of change jump, or are faster than the integration follows: twice as "
            "many steps move a state by up to {:.2g} of its size",
            where, largest),
-       "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}"});
+       "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}");
 }
 
 }  // namespace

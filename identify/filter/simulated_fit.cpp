@@ -91,15 +91,12 @@ void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
   if (!(held.dof > 0.0 && own.dof > 0.0)) return;
   const double ratio = held.value / held.dof / (own.value / own.dof);
   if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
-  estimate.warnings.push_back(
-      {"hold_out",
-       Severity::warning,
-       {},
+  warn(estimate, Severity::warning, "hold_out", {},
        fmt::format(
            "on held-out rows the innovations are {:.3g} times as large, beside their standard "
            "deviation",
            std::sqrt(ratio)),
-       "what holds there is another model or noise, or too many parameters are free: validate"});
+       "what holds there is another model or noise, or too many parameters are free: validate");
 }
 
 }  // namespace
@@ -133,12 +130,8 @@ void describe_hold_out(Estimate& estimate, const ModelFile& model,
   std::vector<int> recording;
   double log_likelihood = 0.0;
   const auto fail = [&](const HeldOut& held, const std::string& why) {
-    estimate.warnings.push_back(
-        {"hold_out",
-         Severity::warning,
-         {},
-         "the filter does not run on held-out " + held.recording.name + ": " + why,
-         ""});
+    warn(estimate, Severity::warning, "hold_out", {},
+         "the filter does not run on held-out " + held.recording.name + ": " + why);
   };
   for (const HeldOut& held : held_out) {
     const Dataset data = samples_from(held.recording, held.from);

@@ -341,7 +341,7 @@ void warn_of_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<Matri
       text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
                          p.ci95[1]);
     }
-    estimate.warnings.push_back({"at_bound", Severity::note, {p.name}, text, ""});
+    warn(estimate, Severity::note, "at_bound", {p.name}, text);
   }
 }
 

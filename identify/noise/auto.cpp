@@ -76,10 +76,9 @@ Estimate tune_auto(const ModelFile& model, const std::vector<Dataset>& recording
   }
   out.notes.push_back("als-weighted: " + near);
   if (!about.empty()) {
-    out.warnings.push_back(
-        {"methods_disagree", Severity::warning, about,
+    warn(out, Severity::warning, "methods_disagree", about,
          apart + ": further apart than their errors allow, so the model does not describe the data",
-         "look at the residuals: outliers, coloured noise and changes of the noise show there"});
+         "look at the residuals: outliers, coloured noise and changes of the noise show there");
   }
   return out;
 }

@@ -202,13 +202,10 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
     if (coordinate.kind == PriorCoordinate::Kind::uniform && to_edge < kAtEdge * range &&
         width < kAtEdge * range) {
       p.verdict = Verdict::at_bound;
-      estimate.warnings.push_back(
-          {"prior_edge",
-           Severity::serious,
-           {p.name},
+      warn(estimate, Severity::serious, "prior_edge", {p.name},
            fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
                        coordinate.words),
-           "widen the prior, or check the units of the recording"});
+           "widen the prior, or check the units of the recording");
     }
     id.rank += p.verdict != Verdict::not_identifiable;
     report.map.back() = points.entries(i, most_probable) / unit;

@@ -144,14 +144,11 @@ void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const P
   const double k = static_cast<double>(free_entries(end).size());
   objective.samples = static_cast<long>(samples_present(recordings));
   if (static_cast<double>(objective.samples) < 5.0 * k) {  // the likelihood is no parabola yet
-    estimate.warnings.push_back(
-        {"few_samples",
-         Severity::warning,
-         {},
+    warn(estimate, Severity::warning, "few_samples", {},
          fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
                      "here too small",
                      objective.samples, k),
-         "record more, or fix parameters that are known"});
+         "record more, or fix parameters that are known");
   }
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
   objective.bic =
@@ -175,22 +172,16 @@ void warn_of_coloured_innovations(Estimate& estimate) {
                   [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });
   for (const TestResult& test : estimate.tests) {
     if (!test.pass && test.id == "input_correlation") {
-      estimate.warnings.push_back(
-          {"input_in_innovations",
-           Severity::warning,
-           {test.channel},
-           fmt::format(
-               "the innovations of '{}' follow earlier inputs (p = {:.2g}): what the inputs "
-               "do is not all in the model",
-               test.channel, test.p),
-           "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which "
-           "lag"});
+      warn(
+          estimate, Severity::warning, "input_in_innovations", {test.channel},
+          fmt::format("the innovations of '{}' follow earlier inputs (p = {:.2g}): what the inputs "
+                      "do is not all in the model",
+                      test.channel, test.p),
+          "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which "
+          "lag");
     }
     if (test.pass || test.id != "ljung_box") continue;
-    estimate.warnings.push_back(
-        {"coloured_innovations",
-         Severity::warning,
-         {test.channel},
+    warn(estimate, Severity::warning, "coloured_innovations", {test.channel},
          fmt::format(
              "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
              "dynamics or coloured noise{}",
@@ -198,7 +189,7 @@ void warn_of_coloured_innovations(Estimate& estimate) {
          shapes ? "'identikal shape' looks for a filter that colours the noise; else extend the "
                   "model: a filter tuned on a wrong model is not optimal"
                 : "extend the model, by states that colour the noise if need be: a filter tuned on "
-                  "a wrong model is not optimal"});
+                  "a wrong model is not optimal");
   }
 }
 

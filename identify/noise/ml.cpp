@@ -27,9 +27,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Log-likelihoods closer than this are the same maximum.
-constexpr int kRefinements = 4;  // of the integration, each with a search of its own
-constexpr double kSameMaximum = 1e-4;
+constexpr int kRefinements = 4;        // of the integration, each with a search of its own
+constexpr double kSameMaximum = 1e-4;  // log-likelihoods closer than this are the same maximum
 
 // Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
 // anywhere between two finite bounds.
@@ -270,50 +269,55 @@ std::optional<double> profile_end(const LikelihoodProblem& problem, const Soluti
   return std::nullopt;
 }
 
-bool profile_is_cheap(const PathTaken& taken, Index samples) {
-  constexpr Index kCheap = 20000;  // samples
-  return taken.path == Path::compressed || samples <= kCheap;
-}
+// The maximum that profiles are taken about.
+struct Maximum {
+  const LikelihoodProblem& problem;
+  const Solution& best;
+  const ParameterSet& end;  // the parameters there
+  Path path;                // of an evaluation
+  Index samples;            // measured values
+
+  bool profiles_are_cheap() const {
+    constexpr Index kCheap = 20000;  // samples
+    return path == Path::compressed || samples <= kCheap;
+  }
+};
 
 // Calls visit(parameter, coordinate, SI per unit, largest log-likelihood) for every one that a
 // profile can be taken of, where an evaluation is cheap. Coordinates of a full covariance matrix
 // are not its entries, and get none.
 template <typename Visit>
-void for_each_profiled(Estimate& estimate, const LikelihoodProblem& problem,
-                       const ParameterSet& end, const Solution& best, const PathTaken& taken,
-                       Index samples, Visit&& visit) {
-  if (!profile_is_cheap(taken, samples)) return;
+void for_each_profiled(Estimate& estimate, const Maximum& at, Visit&& visit) {
+  if (!at.profiles_are_cheap()) return;
   double maximum = 0.0;
-  if (!problem.evaluate(best.x, maximum, nullptr, nullptr)) return;
-  const ReportedEntries entries = reported_entries(end);
+  if (!at.problem.evaluate(at.best.x, maximum, nullptr, nullptr)) return;
+  const ReportedEntries entries = reported_entries(at.end);
   Index i = -1;
   for (std::size_t k = 0; k < estimate.parameters.size(); ++k) {
     EstimatedParameter& p = estimate.parameters[k];
     if (p.fixed) continue;
     ++i;
-    const Domain domain = end[static_cast<std::size_t>(entries.parameter[k])].domain;
+    const Domain domain = at.end[static_cast<std::size_t>(entries.parameter[k])].domain;
     if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
     visit(p, i, unit_scale(p.unit), maximum);
   }
 }
 
-void profile(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
-             const Solution& best, const PathTaken& taken, Index samples) {
-  for_each_profiled(estimate, problem, end, best, taken, samples,
-                    [&](EstimatedParameter& p, Index i, double unit, double maximum) {
-                      const auto low = profile_end(problem, best, maximum, i, p.se * unit, -1.0);
-                      const auto high = profile_end(problem, best, maximum, i, p.se * unit, 1.0);
-                      if (low && high) p.profile95 = {*low / unit, *high / unit};
-                    });
+void profile(Estimate& estimate, const Maximum& at) {
+  const auto find_ends = [&at](EstimatedParameter& p, Index i, double unit, double maximum) {
+    const auto low = profile_end(at.problem, at.best, maximum, i, p.se * unit, -1.0);
+    const auto high = profile_end(at.problem, at.best, maximum, i, p.se * unit, 1.0);
+    if (low && high) p.profile95 = {*low / unit, *high / unit};
+  };
+  for_each_profiled(estimate, at, find_ends);
 }
 
 // The profile likelihood as a curve: from the maximum outwards until it has fallen well below the
 // 95 % limit, or to the bound.
-void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, const ParameterSet& end,
-                      const Solution& best, const PathTaken& taken, Index samples) {
+void picture_profiles(Estimate& estimate, const Maximum& at) {
   const auto walk = [&](EstimatedParameter& p, Index i, double unit, double maximum) {
-    LikelihoodProblem held = problem;
-    VectorXd x = best.x;
+    LikelihoodProblem held = at.problem;
+    VectorXd x = at.best.x;
     const auto drop_at = [&](double value) -> std::optional<double> {
       held.lower[i] = held.upper[i] = value;
       x[i] = value;
@@ -322,16 +326,17 @@ void picture_profiles(Estimate& estimate, const LikelihoodProblem& problem, cons
       x = solution.x;
       return 2.0 * std::max(0.0, maximum - solution.summary.objective);
     };
-    LikelihoodProfile profile = walk_profile(best.x[i], p.se * unit, problem.lower[i],
-                                             problem.upper[i], [&](double value, bool turned) {
-                                               if (turned) x = best.x;
-                                               return drop_at(value);
-                                             });
+    const auto drop_from_optimum = [&](double value, bool turned) {
+      if (turned) x = at.best.x;
+      return drop_at(value);
+    };
+    LikelihoodProfile profile = walk_profile(at.best.x[i], p.se * unit, at.problem.lower[i],
+                                             at.problem.upper[i], drop_from_optimum);
     profile.name = p.name;
     for (double& value : profile.value) value /= unit;
     if (profile.value.size() > 2) estimate.pictures.profiles.push_back(std::move(profile));
   };
-  for_each_profiled(estimate, problem, end, best, taken, samples, walk);
+  for_each_profiled(estimate, at, walk);
 }
 
 // A variance that ended at zero: how large could it be?
@@ -393,14 +398,10 @@ void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
   const bool expected =
       taken.fallback == FallbackReason::short_segment && asked != Path::compressed;
   if (expected || taken.path == Path::compressed) return;
-  estimate.warnings.push_back(
-      {"evaluation_method",
-       Severity::note,
-       {},
+  warn(estimate, Severity::note, "evaluation_method", {},
        fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
                    taken.path == Path::steady ? "steady-state" : "time-varying",
-                   estimate.objective.evaluation_reason),
-       ""});
+                   estimate.objective.evaluation_reason));
 }
 
 }  // namespace
@@ -436,26 +437,18 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   judge(estimate, likelihood, problem, end, found.best);
   report_path(estimate, likelihood.path_taken(), options.path);
   limit_boundary(estimate, problem, found.best);
-  if (options.profiles && found.best.summary.usable()) {
-    profile(estimate, problem, end, found.best, likelihood.path_taken(),
-            samples_present(recordings));
-  }
-  if (options.pictures) {
-    estimate.pictures.searches = found.paths;
-    if (found.best.summary.usable()) {
-      picture_profiles(estimate, problem, end, found.best, likelihood.path_taken(),
-                       samples_present(recordings));
-    }
-  }
+  const bool converged = found.best.summary.usable();
+  const Maximum maximum{problem, found.best, end, likelihood.path_taken().path,
+                        samples_present(recordings)};
+  if (options.profiles && converged) profile(estimate, maximum);
+  if (options.pictures) estimate.pictures.searches = found.paths;
+  if (options.pictures && converged) picture_profiles(estimate, maximum);
   conclude_noise_estimate(estimate, found.best.summary);
   describe_noise_estimate(estimate, model, end, recordings);
   if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
-    estimate.warnings.push_back(
-        {"several_maxima",
-         Severity::warning,
-         {},
-         fmt::format("{} of {} starts ended at the best value", found.agree, found.tried),
-         "raise --starts; if they still disagree, the likelihood has several maxima"});
+    warn(estimate, Severity::warning, "several_maxima", {},
+         fmt::format("{} of {} starts reached the same optimum", found.agree, found.tried),
+         "raise --starts; if they still end apart, the likelihood has several maxima");
   }
   return estimate;
 }

@@ -385,15 +385,12 @@ void warn_of_size(Estimate& estimate, bool adaptive) {
   constexpr Index kEnough = 50;  // below, a mixture of filters has no chi-square
   for (const TestResult& test : estimate.tests) {
     if (test.id != "nis" || test.pass || estimate.series.time.size() < kEnough) continue;
-    estimate.warnings.push_back(
-        {"innovation_size",
-         Severity::warning,
-         {},
+    warn(estimate, Severity::warning, "innovation_size", {},
          fmt::format("the innovations are {:.3g} times as large (in variance) as the filter took "
                      "them for",
                      test.value),
          adaptive ? "the first samples of every new noise are among them; else widen the priors"
-                  : "noise that changes on the way: --adaptive; else widen the priors"});
+                  : "noise that changes on the way: --adaptive; else widen the priors");
   }
 }
 

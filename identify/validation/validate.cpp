@@ -1,14 +1,18 @@
 #include "identify/validation/validate.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
+#include <optional>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
+#include "identify/estimate/test_result.h"
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
@@ -39,6 +43,22 @@ void check_period(const Estimate& result, const ModelFile& model,
   }
 }
 
+double measured_rows(const std::vector<Dataset>& recordings) {
+  double rows = 0.0;
+  for (const Dataset& data : recordings) {
+    rows += static_cast<double>(data.size()) - static_cast<double>(data.absent.size());
+  }
+  return rows;
+}
+
+double own_rows(const Estimate& result) {
+  double rows = 0.0;
+  for (const InputRecord& input : result.inputs) rows += static_cast<double>(input.used);
+  return rows;
+}
+
+constexpr double kKnown = 1e12;  // degrees of freedom of a variance that is known
+
 // Whether unseen innovations are white and as large as the filter says. The estimates' own errors
 // show in them, the more the fewer rows they came from: with rho new rows per old one,
 //   score        s' J^-1 s / (1 + rho) ~ chi2(k), for cov s = J + J V J with V = (rho J^-1)
@@ -48,117 +68,136 @@ void check_period(const Estimate& result, const ModelFile& model,
 //                variance
 //   input_correlation  likewise
 // where k values were estimated; without any, as on any data.
+struct UnseenTests {
+  std::vector<Index> estimated;  // of the free entries
+  Index entries = 0;             // all that are free
+  double rho = 0.0;
+  double level = kNone;  // of each test
+
+  double k() const { return static_cast<double>(estimated.size()); }
+
+  // Parameters and outputs of the recordings ask for as many tests.
+  UnseenTests(const Estimate& result, const std::vector<Dataset>& recordings,
+              std::size_t tests_of_outputs) {
+    for (const EstimatedParameter& p : result.parameters) {
+      if (p.fixed) continue;
+      if (p.verdict != Verdict::at_bound) estimated.push_back(entries);
+      ++entries;
+    }
+    const double own = own_rows(result);
+    if (!estimated.empty() && own > 0.0) rho = measured_rows(recordings) / own;
+    level = 0.05 / static_cast<double>(tests_of_outputs + (estimated.empty() ? 1 : 2));
+  }
+
+  TestResult test(const char* id, const std::string& channel, double value,
+                  std::array<double, 2> interval, double p) const {
+    TestResult out = test_result(id, channel, value, interval, p, level);
+    out.level = level;
+    return out;
+  }
+
+  // Of other values of the parameters, by the score; none where the data determine no value.
+  std::optional<TestResult> score(const ModelFile& model,
+                                  const std::vector<Dataset>& recordings) const {
+    if (estimated.empty()) return std::nullopt;
+    RecordingsLikelihood likelihood(model, recordings);
+    const Likelihood* at = likelihood.evaluate(model.parameters, true);
+    if (at == nullptr || at->gradient.size() != entries) return std::nullopt;
+    const Eigen::VectorXd s = at->gradient(estimated);
+    const Eigen::MatrixXd J = at->information(estimated, estimated);
+    const Eigen::VectorXd scale = J.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * J *
+                                                               scale.asDiagonal());
+    const Eigen::VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(s);
+    const Eigen::VectorXd& size = eigen.eigenvalues();
+    double value = 0.0, dof = 0.0;
+    for (Index i = 0; i < size.size(); ++i) {
+      if (!(size[i] > kFlat * size[size.size() - 1])) continue;
+      value += along[i] * along[i] / size[i] / (1.0 + rho);
+      dof += 1.0;
+    }
+    if (!(dof > 0.0)) return std::nullopt;
+    return test("score", "", value, {0.0, chi_square_quantile(1.0 - level, dof)},
+                chi_square_upper_tail(value, dof));
+  }
+
+  double old_samples(double samples) const { return rho > 0.0 ? samples / rho : kKnown; }
+
+  TestResult nis(const ChiSquareStatistic& nis) const {
+    const double mean = nis.value / nis.dof, old = old_samples(nis.dof);
+    const double upper = f_upper_tail(mean, nis.dof, old);
+    return test(
+        "nis", "", mean,
+        {f_quantile(0.5 * level, nis.dof, old), f_quantile(1.0 - 0.5 * level, nis.dof, old)},
+        std::min(1.0, 2.0 * std::min(upper, 1.0 - upper)));
+  }
+
+  // How much larger innovations are found in four of five cases.
+  double detectable_size(double samples) const {
+    const double old = old_samples(samples);
+    return std::sqrt(f_quantile(1.0 - 0.5 * level, samples, old) / f_quantile(0.2, samples, old));
+  }
+
+  // A mean of `dof` squares of unit normals, k of which the estimates' errors make larger, over one
+  // of `rest` that they do not. @param reported  its size as reported
+  TestResult mean_square(const char* id, const std::string& channel, const FStatistic& f,
+                         double reported) const {
+    const double taken = std::min(k(), f.dof);
+    const double mean = 1.0 + rho * taken / f.dof;
+    const double half_variance = (f.dof - taken + (1.0 + rho) * (1.0 + rho) * taken) / f.dof;
+    const double effective = f.dof * mean * mean / half_variance;
+    return test(id, channel, reported * f.value,
+                {0.0, reported * mean * f_quantile(1.0 - level, effective, f.dof_rest)},
+                f_upper_tail(f.value / mean, effective, f.dof_rest));
+  }
+};
+
+std::string failed_tests(const std::vector<TestResult>& tests) {
+  std::string out;
+  for (const TestResult& test : tests) {
+    if (test.pass) continue;
+    out +=
+        (out.empty() ? "" : ", ") + test.id + (test.channel.empty() ? "" : " of " + test.channel);
+  }
+  return out;
+}
+
 void test_unseen(const Estimate& result, const ModelFile& model,
                  const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters,
                  Estimate& estimate) {
   Index shortest = recordings[0].size();
-  double rows = 0.0, own_rows = 0.0;
-  for (const Dataset& data : recordings) {
-    shortest = std::min(shortest, data.size());
-    rows += static_cast<double>(data.size()) - static_cast<double>(data.absent.size());
-  }
-  for (const InputRecord& input : result.inputs) own_rows += static_cast<double>(input.used);
-  std::vector<Index> estimated;  // of the free entries
-  Index entry = 0;
-  for (const EstimatedParameter& p : result.parameters) {
-    if (p.fixed) continue;
-    if (p.verdict != Verdict::at_bound) estimated.push_back(entry);
-    ++entry;
-  }
-  const auto k = static_cast<Index>(estimated.size());
-  const double rho = k > 0 && own_rows > 0.0 ? rows / own_rows : 0.0;
+  for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const auto& outputs = recordings[0].outputs;
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
-  const double level =
-      0.05 / static_cast<double>(outputs.size() + by_input.size() + (k > 0 ? 2 : 1));
-  const auto add = [&](const char* id, const std::string& channel, double value, double low,
-                       double high, double p) {
-    TestResult test;
-    test.id = id;
-    test.channel = channel;
-    test.value = value;
-    test.interval = {low, high};
-    test.p = p;
-    test.pass = p >= level;
-    test.level = level;
-    estimate.tests.push_back(std::move(test));
-  };
-  estimate.tests.clear();
+  const UnseenTests unseen(result, recordings, outputs.size() + by_input.size());
   const int lags = default_lags(shortest);
   const Eigen::MatrixXd all = side_by_side(filters, lags);
-  if (k > 0) {
-    RecordingsLikelihood likelihood(model, recordings);
-    const Likelihood* at = likelihood.evaluate(model.parameters, true);
-    if (at != nullptr && at->gradient.size() == entry) {
-      const Eigen::VectorXd s = at->gradient(estimated);
-      const Eigen::MatrixXd J = at->information(estimated, estimated);
-      const Eigen::VectorXd scale = J.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * J *
-                                                                 scale.asDiagonal());
-      const Eigen::VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(s);
-      double value = 0.0, dof = 0.0;
-      for (Index i = 0; i < k; ++i) {
-        const double size = eigen.eigenvalues()[i];
-        if (!(size > kFlat * eigen.eigenvalues()[k - 1])) continue;
-        value += along[i] * along[i] / size / (1.0 + rho);
-        dof += 1.0;
-      }
-      if (dof > 0.0) {
-        add("score", "", value, 0.0, chi_square_quantile(1.0 - level, dof),
-            chi_square_upper_tail(value, dof));
-      }
-    }
-  }
-  constexpr double kKnown = 1e12;  // degrees of freedom of a variance that is known
+  estimate.tests.clear();
+  if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
   if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {
-    const double mean = nis.value / nis.dof, old = rho > 0.0 ? nis.dof / rho : kKnown;
-    const double upper = f_upper_tail(mean, nis.dof, old);
-    add("nis", "", mean, f_quantile(0.5 * level, nis.dof, old),
-        f_quantile(1.0 - 0.5 * level, nis.dof, old),
-        std::min(1.0, 2.0 * std::min(upper, 1.0 - upper)));
-    // Found in four of five cases.
-    constexpr double kBlind = 1.5;
-    const double seen =
-        std::sqrt(f_quantile(1.0 - 0.5 * level, nis.dof, old) / f_quantile(0.2, nis.dof, old));
-    if (seen > kBlind) {
-      estimate.warnings.push_back(
-          {"blind",
-           Severity::warning,
-           {},
+    estimate.tests.push_back(unseen.nis(nis));
+    constexpr double kLeast = 1.5;
+    const double detectable = unseen.detectable_size(nis.dof);
+    if (detectable > kLeast) {
+      warn(estimate, Severity::warning, "blind", {},
            fmt::format("these data would not show innovations {:.2g} times as large as the filter "
                        "says",
-                       seen),
-           "validate on a longer recording"});
+                       detectable),
+           "validate on a longer recording");
     }
   }
-  // A mean of `dof` squares of unit normals, k of which the estimates' errors make larger, over one
-  // of `rest` that they do not.
-  const auto add_mean = [&](const char* id, const std::string& channel, double value, double dof,
-                            double rest, double reported) {
-    const double taken = std::min(static_cast<double>(k), dof);
-    const double mean = 1.0 + rho * taken / dof;
-    const double half_variance = (dof - taken + (1.0 + rho) * (1.0 + rho) * taken) / dof;
-    const double effective = dof * mean * mean / half_variance;
-    add(id, channel, reported * value, 0.0,
-        reported * mean * f_quantile(1.0 - level, effective, rest),
-        f_upper_tail(value / mean, effective, rest));
-  };
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
     if (!std::isfinite(q.value) || !(q.dof > 0.0)) continue;
-    add_mean("ljung_box", outputs[i].name, q.value / q.dof, q.dof, kKnown, q.dof);
+    estimate.tests.push_back(
+        unseen.mean_square("ljung_box", outputs[i].name, {q.value / q.dof, q.dof, kKnown}, q.dof));
   }
   for (std::size_t i = 0; i < by_input.size(); ++i) {
-    const FStatistic& f = by_input[i];
-    if (!std::isfinite(f.value)) continue;
-    add_mean("input_correlation", outputs[i].name, f.value, f.dof, f.dof_rest, 1.0);
+    if (!std::isfinite(by_input[i].value)) continue;
+    estimate.tests.push_back(
+        unseen.mean_square("input_correlation", outputs[i].name, by_input[i], 1.0));
   }
-  std::string failed;
-  for (const TestResult& test : estimate.tests) {
-    if (test.pass) continue;
-    failed += (failed.empty() ? "" : ", ") + test.id +
-              (test.channel.empty() ? "" : " of " + test.channel);
-  }
+  const std::string failed = failed_tests(estimate.tests);
   estimate.status = failed.empty() ? Status::ok : Status::rejected;
   estimate.message = failed.empty() ? "it holds on these data: no test rejects it"
                                     : "it does not hold on these data: rejected by " + failed;
@@ -179,15 +218,10 @@ Estimate validate_filter(const Estimate& result, const ModelFile& written,
   test_unseen(result, model, recordings, filters, out);
   warn_of_outliers_and_offset(out, model, model.parameters, recordings, filters);
   const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };
-  double rows = 0.0, own_rows = 0.0;
-  for (const Dataset& data : recordings) {
-    rows += static_cast<double>(data.size()) - static_cast<double>(data.absent.size());
-  }
-  for (const InputRecord& input : result.inputs) own_rows += static_cast<double>(input.used);
+  out.derived.push_back({"log-likelihood per row", "",
+                         per_row(out.objective.log_likelihood, measured_rows(recordings)), kNone});
   out.derived.push_back(
-      {"log-likelihood per row", "", per_row(out.objective.log_likelihood, rows), kNone});
-  out.derived.push_back(
-      {"  on its own data", "", per_row(result.objective.log_likelihood, own_rows), kNone});
+      {"  on its own data", "", per_row(result.objective.log_likelihood, own_rows(result)), kNone});
   return out;
 }
 
@@ -220,7 +254,7 @@ Estimate validate_car(const Estimate& result, const ModelFile& model,
             : static_cast<std::size_t>(out.series.recording[static_cast<std::size_t>(t)] - 1);
     if (!out.series.predicted.col(t).array().isNaN().all()) ++out.inputs[run].used;
   }
-  check_hold_out_recordings(model, recordings, out);
+  check_hold_out_by_survey(model, recordings, out);
   return out;
 }
 
@@ -238,12 +272,9 @@ std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& esti
                           : "refit: the search did not converge, so values are not compared");
     return std::nullopt;
   }
-  TestResult test;
-  test.id = "refit";
-  test.value = refit.statistic;
-  test.interval = {0.0, f_quantile(1.0 - kLevel, refit.dof, refit.freedom)};
-  test.p = refit.p;
-  test.pass = refit.p >= kLevel;
+  TestResult test =
+      test_result("refit", "", refit.statistic,
+                  {0.0, f_quantile(1.0 - kLevel, refit.dof, refit.freedom)}, refit.p, kLevel);
   test.level = kLevel;
   estimate.tests.push_back(test);
 
@@ -280,11 +311,10 @@ std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& esti
       "alone would be found in 80 % of cases",
       100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
   if (!blind.empty()) {
-    estimate.warnings.push_back(
-        {"blind", Severity::warning, about,
+    warn(estimate, Severity::warning, "blind", about,
          fmt::format("these data would not show an error of {} of 20 %", blind),
          "validate on a recording that tells it: 'identikal info --vehicle' says what one can "
-         "tell"});
+         "tell");
   }
   if (test.pass || most <= kMatters) return std::nullopt;
   return fmt::format(
@@ -325,33 +355,27 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
           return each.sha256 == input.sha256 && !apart;
         });
     if (!own) continue;
-    estimate.warnings.push_back({"own_data",
-                                 Severity::warning,
-                                 {input.path},
-                                 input.path + " is what the result was made from: this proves "
-                                              "nothing",
-                                 "validate on a recording that it has not seen"});
+    warn(estimate, Severity::warning, "own_data", {input.path},
+         input.path +
+             " is what the result was made from: this proves "
+             "nothing",
+         "validate on a recording that it has not seen");
     const std::string but = ", but the result was made from these data";
     if (!estimate.message.ends_with(but)) estimate.message += but;
   }
   if (result.status != Status::ok) {
-    estimate.warnings.push_back(
-        {"doubtful_result",
-         Severity::warning,
-         {},
-         fmt::format("the result itself is {}: {}", to_string(result.status), result.message),
-         ""});
+    warn(estimate, Severity::warning, "doubtful_result", {},
+         fmt::format("the result itself is {}: {}", to_string(result.status), result.message));
   }
   const ModelSource& model = *result.model_file;
   std::error_code none;
   if (std::filesystem::is_regular_file(model.path, none) &&
       sha256_of_file(model.path) != model.sha256) {
-    estimate.warnings.push_back({"model_changed",
-                                 Severity::warning,
-                                 {model.path},
-                                 model.path + " has changed since; what is validated is the model "
-                                              "as it was, which the result holds",
-                                 "run the job again if the change matters"});
+    warn(estimate, Severity::warning, "model_changed", {model.path},
+         model.path +
+             " has changed since; what is validated is the model "
+             "as it was, which the result holds",
+         "run the job again if the change matters");
   }
 }
 

@@ -8,6 +8,7 @@
 #include <Eigen/QR>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/test_result.h"
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/random.h"
 #include "lib/statistics/long_run_covariance.h"
@@ -53,13 +54,7 @@ void test_whiteness(const VehicleProblem& problem, VehicleCovariance& out) {
     const int lags = default_lags(outputs[j].samples);
     const ChiSquareStatistic statistic = ljung_box(e, lags);
     if (!std::isfinite(statistic.value)) continue;
-    TestResult test;
-    test.id = "ljung_box";
-    test.channel = outputs[j].name;
-    test.value = statistic.value;
-    test.interval = {0.0, chi_square_quantile(1.0 - level, statistic.dof)};
-    test.p = chi_square_upper_tail(statistic.value, statistic.dof);
-    test.pass = test.p >= level;
+    const TestResult test = ljung_box_test(outputs[j].name, statistic, level);
     out.coloured = out.coloured || !test.pass;
     out.whiteness.push_back(test);
   }

@@ -1,0 +1,45 @@
+#include "identify/estimate/test_result.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "identify/estimate/distribution.h"
+
+namespace identikal {
+
+TestResult test_result(std::string id, std::string channel, double value,
+                       std::array<double, 2> interval, double p, double level) {
+  TestResult out;
+  out.id = std::move(id);
+  out.channel = std::move(channel);
+  out.value = value;
+  out.interval = interval;
+  out.p = p;
+  out.pass = p >= level;
+  return out;
+}
+
+TestResult nis_test(const ChiSquareStatistic& nis, double level) {
+  const double upper = chi_square_upper_tail(nis.value, nis.dof);
+  TestResult out = test_result("nis", "", nis.value / nis.dof,
+                               {chi_square_quantile(0.5 * level, nis.dof) / nis.dof,
+                                chi_square_quantile(1.0 - 0.5 * level, nis.dof) / nis.dof},
+                               std::min(1.0, 2.0 * std::min(upper, 1.0 - upper)), level);
+  out.pass = out.value >= out.interval[0] && out.value <= out.interval[1];
+  return out;
+}
+
+TestResult ljung_box_test(const std::string& channel, const ChiSquareStatistic& q, double level) {
+  std::array<double, 2> interval{kNone, kNone};
+  if (q.dof > 0.0) interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
+  return test_result("ljung_box", channel, q.value, interval, chi_square_upper_tail(q.value, q.dof),
+                     level);
+}
+
+TestResult input_test(const std::string& channel, const FStatistic& f, double level) {
+  return test_result("input_correlation", channel, f.value,
+                     {0.0, f_quantile(1.0 - level, f.dof, f.dof_rest)},
+                     f_upper_tail(f.value, f.dof, f.dof_rest), level);
+}
+
+}  // namespace identikal

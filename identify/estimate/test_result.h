@@ -1,0 +1,27 @@
+// How does a statistic become a test that a result reports?
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "identify/estimate/estimate.h"
+#include "lib/statistics/whiteness.h"
+
+namespace identikal {
+
+/// A test that passes where p is at least `level`; it takes no part in a verdict.
+/// @param interval  where it passes
+TestResult test_result(std::string id, std::string channel, double value,
+                       std::array<double, 2> interval, double p, double level);
+
+/// Mean normalised innovation squared, two-sided: chi-square with `nis.dof` > 0 degrees of freedom
+/// over them.
+TestResult nis_test(const ChiSquareStatistic& nis, double level);
+
+/// ljung_box() of one channel (lib/statistics/whiteness.h).
+TestResult ljung_box_test(const std::string& channel, const ChiSquareStatistic& q, double level);
+
+/// input_correlation() of one channel (lib/statistics/input_correlation.h).
+TestResult input_test(const std::string& channel, const FStatistic& f, double level);
+
+}  // namespace identikal
