@@ -259,106 +259,155 @@ void shorten(NoiseTrack& track, Index samples) {
 
 }  // namespace
 
-NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
-                       const NoiseTrackOptions& options) {
-  refuse_free_dynamics(model);
-  const ParameterPrior prior = parameter_prior(model);
-  const Samples samples = samples_of(model, recording);
-  const Index N = recording.size(), n = model.linear.A.constant.rows(), ny = recording.y.rows();
-  Random random(options.seed);
-  const auto at_start = [&](const StateSpace& noise) {
-    return start_of_recording(model, samples, noise);
-  };
-  NoiseProblem problem =
-      options.adaptive ? known_problem(model, at_start) : learning_problem(model, prior, at_start);
-  RecursivePosterior posterior =
-      start_posterior(problem, options.adaptive ? 1 : options.draws, options.seed);
+namespace {
 
-  NoiseTrack out;
+NoiseTrack empty_track(const ModelFile& model, const Dataset& recording, Index lead,
+                       double log_threshold) {
+  const Index N = recording.size(), n = model.linear.A.constant.rows(), ny = recording.y.rows();
   const Index k = free_entries(model.parameters).size();
+  NoiseTrack out;
   out.mean.resize(k, N);
   out.sd.resize(k, N);
   out.log_alarm = VectorXd::Constant(N, -kInfinity);
-  out.log_threshold = std::log(options.samples_per_false_alarm);
-  out.filter.first_proper = samples.lead;
+  out.log_threshold = log_threshold;
+  out.filter.first_proper = lead;
   out.filter.x_pred = MatrixXd::Zero(n, N);
   out.filter.e = MatrixXd::Constant(ny, N, kNone);
   out.filter.standardised = out.filter.e;
-  out.filter.P_pred.assign(static_cast<std::size_t>(samples.lead), MatrixXd::Zero(n, n));
-  out.filter.Sigma.assign(static_cast<std::size_t>(samples.lead), MatrixXd::Zero(ny, ny));
-
-  MatrixXd entries = entries_of_draws(model, prior, posterior);
-  const auto summarise = [&](Index t) {
-    const VectorXd w = weights(posterior);
-    out.mean.col(t) = entries * w;
-    if (entries.cols() > 1) {
-      out.sd.col(t) = ((entries.colwise() - out.mean.col(t)).cwiseAbs2() * w).cwiseSqrt();
-    } else {
-      out.sd.col(t).setConstant(kNone);
-    }
-  };
-  for (Index t = 0; t < samples.lead; ++t) summarise(t);
-
-  std::optional<ChangeTest> test;
-  if (options.adaptive) {
-    test.emplace(model, prior, samples, out.log_threshold, random);
-    test->gather_round(model.parameters, mixture(posterior.bank, weights(posterior)));
-  }
-  // Takes sample t into the posterior. @return its log-density
-  const auto learn = [&](Index t) {
-    const int before = posterior.renewals;
-    const double density = observe(posterior, problem, recording.y.col(t), samples.u.col(t));
-    if (posterior.renewals != before) entries = entries_of_draws(model, prior, posterior);
-    return density;
-  };
-  bool stopped = false;  // by the caller
-  for (Index t = samples.lead; t < N && !stopped; ++t) {
-    store_prediction(out.filter, problem.shared, t, mixture(posterior.bank, weights(posterior)),
-                     recording.y.col(t), samples.u.col(t));
-    const int before = posterior.renewals;
-    const double density = learn(t);
-    if (!(density > -kInfinity)) refuse_filter(model, {recording}, FilterStatus::indefinite);
-    out.filter.log_likelihood += density;
-    if (test) {
-      out.log_alarm[t] = test->observe(t, recording.y.col(t), samples.u.col(t), density);
-      bool moved = posterior.renewals != before;
-      if (out.log_alarm[t] > out.log_threshold) {
-        const Index since = test->since();
-        out.changes.push_back({since, t});
-        // The old filter does not know how far the new noise has driven the state by then.
-        const FilterStart from{
-            out.filter.x_pred.col(since),
-            out.filter.P_pred[static_cast<std::size_t>(since)] + test->state_covariance(), 0.0};
-        problem = learning_problem(model, prior, [from](const StateSpace&) { return from; });
-        posterior = start_posterior(problem, options.draws, options.seed + out.changes.size());
-        entries = entries_of_draws(model, prior, posterior);
-        for (Index s = since; s <= t; ++s) learn(s);
-        test->begin_anew();
-        moved = true;
-      }
-      if (moved) {
-        const VectorXd w = weights(posterior);
-        test->gather_round(with_entries(model.parameters, entries * w), mixture(posterior.bank, w));
-      }
-    }
-    summarise(t);
-    stopped = options.progress && !options.progress(t + 1, N);
-    if (stopped) shorten(out, t + 1);
-  }
-  PosteriorPoints& end = out.posterior;
-  end.entries = entries;
-  end.coordinates = posterior.draws;
-  end.weight = weights(posterior);
-  end.log_density = posterior.log_prior + posterior.log_likelihood;
-  end.log_evidence = out.filter.log_likelihood;
-  end.effective = 1.0 / end.weight.squaredNorm();
-  end.summary.termination = stopped ? Termination::stopped : Termination::converged;
-  if (stopped) {
-    end.summary.message =
-        fmt::format("stopped by the caller after {} of {} samples", out.mean.cols(), N);
-  }
-  end.summary.iterations = posterior.renewals;
+  out.filter.P_pred.assign(static_cast<std::size_t>(lead), MatrixXd::Zero(n, n));
+  out.filter.Sigma.assign(static_cast<std::size_t>(lead), MatrixXd::Zero(ny, ny));
   return out;
+}
+
+// The posterior of the noise as it goes through a recording, begun again where a change is found.
+class Learner {
+ public:
+  Learner(const ModelFile& model, const Dataset& recording, const NoiseTrackOptions& options)
+      : model_(model),
+        recording_(recording),
+        options_(options),
+        prior_(parameter_prior(model)),
+        samples_(samples_of(model, recording)),
+        random_(options.seed) {
+    const auto at_start = [this](const StateSpace& noise) {
+      return start_of_recording(model_, samples_, noise);
+    };
+    problem_ = options.adaptive ? known_problem(model, at_start)
+                                : learning_problem(model, prior_, at_start);
+    posterior_ = start_posterior(problem_, options.adaptive ? 1 : options.draws, options.seed);
+    out_ = empty_track(model, recording, samples_.lead, std::log(options.samples_per_false_alarm));
+    entries_ = entries_of_draws(model, prior_, posterior_);
+    for (Index t = 0; t < samples_.lead; ++t) summarise(t);
+    if (options.adaptive) {
+      test_.emplace(model, prior_, samples_, out_.log_threshold, random_);
+      test_->gather_round(model.parameters, mixture(posterior_.bank, weights(posterior_)));
+    }
+  }
+
+  Index begin() const { return samples_.lead; }
+
+  void take(Index t) {
+    store_prediction(out_.filter, problem_.shared, t, mixture(posterior_.bank, weights(posterior_)),
+                     recording_.y.col(t), samples_.u.col(t));
+    const int renewals = posterior_.renewals;
+    const double density = learn(t);
+    if (!(density > -kInfinity)) refuse_filter(model_, {recording_}, FilterStatus::indefinite);
+    out_.filter.log_likelihood += density;
+    if (test_) look_for_change(t, density, posterior_.renewals != renewals);
+    summarise(t);
+  }
+
+  // @param samples  taken so far  @param stopped  by the caller
+  NoiseTrack finish(Index samples, bool stopped) {
+    if (stopped) shorten(out_, samples);
+    PosteriorPoints& end = out_.posterior;
+    end.entries = entries_;
+    end.coordinates = posterior_.draws;
+    end.weight = weights(posterior_);
+    end.log_density = posterior_.log_prior + posterior_.log_likelihood;
+    end.log_evidence = out_.filter.log_likelihood;
+    end.effective = 1.0 / end.weight.squaredNorm();
+    end.summary.termination = stopped ? Termination::stopped : Termination::converged;
+    if (stopped) {
+      end.summary.message =
+          fmt::format("stopped by the caller after {} of {} samples", samples, recording_.size());
+    }
+    end.summary.iterations = posterior_.renewals;
+    return std::move(out_);
+  }
+
+ private:
+  void summarise(Index t) {
+    const VectorXd w = weights(posterior_);
+    out_.mean.col(t) = entries_ * w;
+    if (entries_.cols() > 1) {
+      out_.sd.col(t) = ((entries_.colwise() - out_.mean.col(t)).cwiseAbs2() * w).cwiseSqrt();
+    } else {
+      out_.sd.col(t).setConstant(kNone);
+    }
+  }
+
+  // Takes sample t into the posterior. @return its log-density
+  double learn(Index t) {
+    const int before = posterior_.renewals;
+    const double density = observe(posterior_, problem_, recording_.y.col(t), samples_.u.col(t));
+    if (posterior_.renewals != before) entries_ = entries_of_draws(model_, prior_, posterior_);
+    return density;
+  }
+
+  // @param moved  whether the draws are new since the sample before
+  void look_for_change(Index t, double density, bool moved) {
+    out_.log_alarm[t] = test_->observe(t, recording_.y.col(t), samples_.u.col(t), density);
+    if (out_.log_alarm[t] > out_.log_threshold) {
+      start_again(test_->since(), t);
+      test_->begin_anew();
+      moved = true;
+    }
+    if (!moved) return;
+    const VectorXd w = weights(posterior_);
+    test_->gather_round(with_entries(model_.parameters, entries_ * w), mixture(posterior_.bank, w));
+  }
+
+  // A new posterior that learns from the samples since the change on.
+  void start_again(Index since, Index found) {
+    out_.changes.push_back({since, found});
+    // The old filter does not know how far the new noise has driven the state by then.
+    const FilterStart from{
+        out_.filter.x_pred.col(since),
+        out_.filter.P_pred[static_cast<std::size_t>(since)] + test_->state_covariance(), 0.0};
+    problem_ = learning_problem(model_, prior_, [from](const StateSpace&) { return from; });
+    posterior_ = start_posterior(problem_, options_.draws, options_.seed + out_.changes.size());
+    entries_ = entries_of_draws(model_, prior_, posterior_);
+    for (Index s = since; s <= found; ++s) learn(s);
+  }
+
+  const ModelFile& model_;
+  const Dataset& recording_;
+  const NoiseTrackOptions& options_;
+  ParameterPrior prior_;
+  Samples samples_;
+  Random random_;
+  NoiseProblem problem_;
+  RecursivePosterior posterior_;
+  MatrixXd entries_;  // of the draws
+  NoiseTrack out_;
+  std::optional<ChangeTest> test_;
+};
+
+}  // namespace
+
+NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
+                       const NoiseTrackOptions& options) {
+  refuse_free_dynamics(model);
+  Learner learner(model, recording, options);
+  const Index N = recording.size();
+  Index taken = learner.begin();
+  bool stopped = false;  // by the caller
+  while (taken < N && !stopped) {
+    learner.take(taken++);
+    stopped = options.progress && !options.progress(taken, N);
+  }
+  return learner.finish(taken, stopped);
 }
 
 namespace {
