@@ -1,7 +1,7 @@
 """Do the libraries work as shared ones? shared_test.py CMAKE BUILD VERSION [--build]
 
-Makes shared libraries of the static ones of BUILD with the linker's options that BUILD_SHARED_LIBS takes, looks at the names that
-they show, and links somebody else's shared library to them. With --build (minutes) CMake builds and installs them, and the
+Makes one shared library of the static ones of BUILD with the linker's options that BUILD_SHARED_LIBS takes, looks at the names that
+it shows, and links somebody else's shared library to it. With --build (minutes) CMake builds and installs them, and the
 consumers of install_test.py are built against that."""
 import pathlib
 import re
@@ -11,7 +11,8 @@ import tempfile
 from install_test import CONSUMER, ROOT, build_consumers, run
 
 cmake, build, version = sys.argv[1:4]
-THEIRS = {"lib": ["-lhwy"], "solvers": ["-lceres", "-lnlopt", "-lglog"], "identify": ["-lyaml-cpp", "-lfmt", "-lcrypto"]}
+LAYERS = {"lib": "read_csv", "solvers": "solve", "identify": "tune_ml"}  # and a function of each
+THEIRS = ["-lceres", "-lglog", "-lnlopt", "-lhwy", "-lyaml-cpp", "-lfmt", "-lcrypto", "-pthread"]
 
 
 def expect(holds, what):
@@ -31,15 +32,14 @@ def check_names(library, some):
 
 def link_archives(folder):
     options = ["-Wl,--no-undefined", "-Wl,-z,text", f"-Wl,--version-script={ROOT}/cmake/exports.map"]
-    below = []
-    for layer, some in {"lib": "read_csv", "solvers": "solve", "identify": "tune_ml"}.items():
-        library = folder / f"libidentikal_{layer}.so"
-        run("g++", "-shared", "-o", library, "-Wl,--whole-archive", f"{build}/{layer}/libidentikal_{layer}.a",
-            "-Wl,--no-whole-archive", *below, *THEIRS[layer], "-pthread", *options)
-        below.insert(0, library)
-        print(f"libidentikal_{layer}.so shows {check_names(library, some)} names")
+    library = folder / "libidentikal.so"
+    run("g++", "-shared", "-o", library, "-Wl,--whole-archive", *[f"{build}/{layer}/libidentikal_{layer}.a" for layer in LAYERS],
+        "-Wl,--no-whole-archive", *THEIRS, *options)
+    for some in LAYERS.values():
+        count = check_names(library, some)
+    print(f"{library.name} shows {count} names")
     run("g++", "-std=c++20", "-O1", "-fPIC", "-shared", "-o", folder / "libplugin.so", CONSUMER / "plugin.cpp",
-        "-I", ROOT, "-I", f"{build}/generated", "-isystem", "/usr/include/eigen3", *below, *options[:2], f"-Wl,-rpath,{folder}")
+        "-I", ROOT, "-I", f"{build}/generated", "-isystem", "/usr/include/eigen3", library, *options[:2], f"-Wl,-rpath,{folder}")
     run("g++", "-O1", "-o", folder / "host", CONSUMER / "host.cpp", folder / "libplugin.so", f"-Wl,-rpath,{folder}")
     rows = run(folder / "host", ROOT / "data/nile.csv")
     expect(rows == "100 rows, -1 without a file\n", f"the shared library that links ours says {rows}")
@@ -51,7 +51,7 @@ def build_and_install(folder):
         "-DIDENTIKAL_BUILD_TESTS=OFF", "-DIDENTIKAL_BUILD_BENCH=OFF")
     run(cmake, "--build", shared)
     run(cmake, "--install", shared, "--prefix", prefix)
-    for layer, some in {"lib": "read_csv", "solvers": "solve", "identify": "tune_ml"}.items():
+    for layer, some in LAYERS.items():
         library, = prefix.glob(f"lib/**/libidentikal_{layer}.so.{version}")
         check_names(library, some)
         soname = re.search(r"SONAME\s+(\S+)", run("objdump", "-p", library)).group(1)
