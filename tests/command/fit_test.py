@@ -25,7 +25,7 @@ class Fit(unittest.TestCase):
                 self.assertIn("at_bound", note["text"])
                 self.assertTrue(all(w["code"].startswith("sign_") for w in out["warnings"] if w["severity"] == "serious"), codes)
 
-    def test_circles_do_not_tell_the_inertia(self):
+    def test_circles_do_not_determine_the_inertia(self):
         """Whether the search ends on a bound there or not is chance: the answer is the same."""
         with Folder() as folder:
             ends = set()

@@ -23,7 +23,8 @@ namespace identikal::testing {
 struct TrueCar {
   double m = 1446.0, a = 0.987, b = 1.525, Iz = 2319.0, Cf = 88107.7, Cr = 88107.7;
   double steering_ratio = 21.0;
-  double softening_f = 0.0, softening_r = 0.0;  ///< 1/(largest force)^2 of a tanh tyre
+  double inverse_saturation_f = 0.0,
+         inverse_saturation_r = 0.0;  ///< 1/(largest force)^2 of a tanh tyre
   double steering_gain = 1.0, steering_offset = 0.0;
 };
 
@@ -33,9 +34,9 @@ struct TrueCar {
 inline Eigen::MatrixXd true_motion(const TrueCar& car, const Eigen::VectorXd& time,
                                    const std::function<double(double)>& steering,
                                    const std::function<double(double)>& speed) {
-  const auto force = [](double C, double softening, double slip) {
-    const double s = std::sqrt(softening);
-    return softening > 0.0 ? -std::tanh(s * C * slip) / s : -C * slip;
+  const auto force = [](double C, double inverse_saturation, double slip) {
+    const double s = std::sqrt(inverse_saturation);
+    return inverse_saturation > 0.0 ? -std::tanh(s * C * slip) / s : -C * slip;
   };
   double vy = 0.0, r = 0.0;
   struct Rates {
@@ -45,8 +46,8 @@ inline Eigen::MatrixXd true_motion(const TrueCar& car, const Eigen::VectorXd& ti
     const double u = speed(t);
     const double delta =
         car.steering_gain * (steering(t) + car.steering_offset) / car.steering_ratio;
-    const double front = force(car.Cf, car.softening_f, (v + car.a * w) / u - delta);
-    const double rear = force(car.Cr, car.softening_r, (v - car.b * w) / u);
+    const double front = force(car.Cf, car.inverse_saturation_f, (v + car.a * w) / u - delta);
+    const double rear = force(car.Cr, car.inverse_saturation_r, (v - car.b * w) / u);
     const double ay = (front + rear) / car.m;
     return Rates{ay - u * w, (car.a * front - car.b * rear) / car.Iz, ay};
   };
@@ -173,7 +174,7 @@ inline const Warning* warning(const Estimate& estimate, const std::string& code)
 
 /// 30 s at 20 m/s, 50 Hz, of a car that is kicked once a sample: vy by .03 m/s, r by .01 rad/s
 /// (sd); r and vy measured with noise of .003 rad/s and .01 m/s. Euler steps of .5 ms.
-inline Dataset pushed_car(std::uint64_t seed) {
+inline Dataset disturbed_car(std::uint64_t seed) {
   const auto angle = [](double t) { return 0.5 * std::sin(1.5 * t + 0.05 * t * t); };
   const Eigen::VectorXd time = uniform_time(30.0, 50.0);
   const TrueCar car;

@@ -115,7 +115,7 @@ TEST(VehicleSurvey, WrongSigns) {
   const VehicleSurvey steering = surveyed_when([](Dataset& d) { d.u.row(0) *= -1.0; });
   EXPECT_EQ(alarms(steering), Codes{"sign_steering"});
   EXPECT_EQ(proposal(steering, "steering_wheel_angle").scale, -1.0);
-  // Axes to the right and down: sideslip tells that it is r and ay that are mirrored.
+  // Axes to the right and down: sideslip shows that it is r and ay that are mirrored.
   const VehicleSurvey down = surveyed_when([](Dataset& d) {
     d.y.row(kRowR) *= -1.0;
     d.y.row(kAy) *= -1.0;

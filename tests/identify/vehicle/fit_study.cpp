@@ -113,8 +113,8 @@ TEST(VehicleFitStudy, TyreSaturationAlarm) {
   constexpr int kRuns = 200;
   const ModelFile model = sladka2010_model();
   TrueCar soft;
-  soft.softening_f = 1.0 / std::pow(8000.0, 2);
-  soft.softening_r = 1.0 / std::pow(5000.0, 2);
+  soft.inverse_saturation_f = 1.0 / std::pow(8000.0, 2);
+  soft.inverse_saturation_r = 1.0 / std::pow(5000.0, 2);
   int false_notes = 0, false_alarms = 0, coloured_alarms = 0, alarms = 0;
   const Dataset linear = lane_change({}, 50.0), saturating = lane_change(soft, 50.0);
   const auto severity = [&](const Dataset& data) {

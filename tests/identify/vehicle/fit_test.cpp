@@ -415,7 +415,7 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
   expect_no_pretence(wrong_steering);
 }
 
-// Without an accelerometer no kinematics tell the sign of vy or beta, but the fit does.
+// Without an accelerometer no kinematics show the sign of vy or beta, but the fit does.
 TEST(VehicleFit, WrongSignOfSideslipIsNamed) {
   for (const std::string& name : {std::string("vy"), std::string("beta")}) {
     const ModelFile model = sladka2010_model({"r", name});
@@ -498,8 +498,8 @@ TEST(VehicleFit, InitialSideslipOfATurnedSensor) {
 
 TEST(VehicleFit, SaturatingTyresAreSeen) {
   TrueCar car;
-  car.softening_f = 1.0 / std::pow(6500.0, 2);
-  car.softening_r = 1.0 / std::pow(4500.0, 2);
+  car.inverse_saturation_f = 1.0 / std::pow(6500.0, 2);
+  car.inverse_saturation_r = 1.0 / std::pow(4500.0, 2);
   const Dataset data = with_noise(lane_change(car, 100.0), {0.01, 0.03}, 17);
   const Estimate fit = fit_vehicle(sladka2010_model(), data);
   const Warning* saturation = warning(fit, "tyre_saturation");

@@ -1,4 +1,4 @@
-// What the vehicle fit does beyond white noise on linear tyres: other curves, delays, pushed cars,
+// What the vehicle fit does beyond white noise on linear tyres: other curves, delays, process noise,
 // outliers, priors, several runs, held-out data, steady-state cornering. Fixed seeds.
 #include <cmath>
 #include <cstdio>
@@ -40,8 +40,8 @@ ModelFile with_free(ModelFile model, const std::string& name, const std::string&
 /// The lane change driven harder, on tyres that give 6 and 4.5 kN.
 Dataset hard_lane_change() {
   TrueCar car;
-  car.softening_f = 1.0 / (6000.0 * 6000.0);
-  car.softening_r = 1.0 / (4500.0 * 4500.0);
+  car.inverse_saturation_f = 1.0 / (6000.0 * 6000.0);
+  car.inverse_saturation_r = 1.0 / (4500.0 * 4500.0);
   return lane_change(car, 100.0);
 }
 
@@ -182,7 +182,7 @@ TEST(VehicleModel, ReplayFollowsAFittedDelay) {
   EXPECT_EQ(i, problem.residuals());
 }
 
-// A parameter that the prior alone knows keeps the prior's error, however errors are taken.
+// A parameter that the prior alone determines keeps its standard error, however errors are taken.
 TEST(VehicleModel, PriorsErrorIsKept) {
   ModelFile model = sladka2010_model();
   find(model, "m")->fixed = false;
@@ -225,7 +225,7 @@ Dataset wrong_ratio() {
                     3);
 }
 
-// A speed spread of 2 tells gain from stiffness.
+// A speed spread of 2 separates gain and stiffness.
 TEST(VehicleModel, WrongRatioIsSaid) {
   const Dataset data = wrong_ratio();
   const Estimate fixed = fit_vehicle(sladka2010_model(), data);
@@ -415,14 +415,14 @@ TEST(VehicleModel, BootstrapAgreesWithTheInformation) {
   }
 }
 
-// Side wind: white accelerations push the car. The innovations are white where the simulation's
+// Side wind: white accelerations disturb the car. The innovations are white where the simulation's
 // errors are not, and the errors that follow from that hold.
 TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
   constexpr int kRuns = 30;
   double simulated = 0.0, predicted = 0.0, error = 0.0;
   int covered = 0, white = 0, coloured = 0;
   for (int run = 0; run < kRuns; ++run) {
-    const Dataset data = pushed_car(static_cast<std::uint64_t>(run) + 1);
+    const Dataset data = disturbed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
     const Estimate simulation = fit_vehicle(sladka2010_model(), data, options);
     simulated += std::pow(parameter(simulation, "Cf").value - 88107.7, 2);
@@ -440,7 +440,7 @@ TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
   simulated = std::sqrt(simulated / kRuns);
   predicted = std::sqrt(predicted / kRuns);
   std::printf(
-      "pushed car: rms error of Cf %.0f by output error, %.0f by prediction (se %.0f), "
+      "process noise: rms error of Cf %.0f by output error, %.0f by prediction (se %.0f), "
       "covered %d of %d\n",
       simulated, predicted, error, covered, kRuns);
   EXPECT_LT(predicted, 1.1 * simulated);

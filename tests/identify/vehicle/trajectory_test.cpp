@@ -1,4 +1,4 @@
-// The path of a pushed car and its parameters, found together.
+// The path of a car with process noise and its parameters, found together.
 #include "identify/vehicle/internal/trajectory.h"
 
 #include <cmath>
@@ -44,7 +44,7 @@ double dense_log_likelihood(const VehicleProblem& problem, const Eigen::Vector2d
              [&](Eigen::Index, const Motion& motion, double) { to << motion.vy, motion.r; });
     return to;
   };
-  // x_t = mean_t + O_t x_0 + sum of the pushes.
+  // x_t = mean_t + O_t x_0 + sum of the process noise.
   Eigen::MatrixXd O(2 * N, 2), V = Eigen::MatrixXd::Zero(2 * N, 2 * N), path = V;
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(2 * N);
   O.topRows<2>().setIdentity();
@@ -55,7 +55,7 @@ double dense_log_likelihood(const VehicleProblem& problem, const Eigen::Vector2d
     const double dt = problem.run->time[t + 1] - problem.run->time[t];
     mean.segment<2>(2 * t + 2) = F * mean.segment<2>(2 * t) + offset;
     O.middleRows<2>(2 * t + 2) = F * O.middleRows<2>(2 * t);
-    // `path` maps the pushes, each of unit variance, to the states.
+    // `path` maps the process noise, each of unit variance, to the states.
     path.middleRows<2>(2 * t + 2) = F * path.middleRows<2>(2 * t);
     path.block<2, 2>(2 * t + 2, 2 * t).diagonal() = process * std::sqrt(dt);
   }
@@ -83,7 +83,7 @@ double dense_log_likelihood(const VehicleProblem& problem, const Eigen::Vector2d
 }
 
 TEST(VehicleTrajectory, LikelihoodOfALinearCarIsExactAndLargest) {
-  Dataset data = first_samples(pushed_car(1), 60);
+  Dataset data = first_samples(disturbed_car(1), 60);
   data.y(1, 20) = data.y(0, 33) = data.y(1, 33) = std::nan("");
   const VehicleRun run = usable_run(known_car(0.003, 0.01), {data});
   const VehicleUnknowns unknowns = vehicle_unknowns(known_car(0.003, 0.01));
@@ -114,7 +114,7 @@ TEST(VehicleTrajectory, PushedCarComesBack) {
   Eigen::Vector2d process = Eigen::Vector2d::Zero(), sd = process;
   int covered = 0;
   for (int run = 0; run < kRuns; ++run) {
-    const Dataset data = pushed_car(static_cast<std::uint64_t>(run) + 1);
+    const Dataset data = disturbed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
     simulated += std::pow(
         parameter(fit_vehicle(sladka2010_model(), data, options), "Cf").value - 88107.7, 2);
@@ -136,7 +136,7 @@ TEST(VehicleTrajectory, PushedCarComesBack) {
   const double rms = std::sqrt(squares / kRuns);
   std::printf(
       "trajectory: Cf bias %+.2f %%, rms error %.0f (output error %.0f), se %.0f, covered %d of "
-      "%d; push %.4f %.4f, sd %.5f %.5f\n",
+      "%d; process noise %.4f %.4f, sd %.5f %.5f\n",
       100.0 * (mean - 1.0), rms, simulated, error, covered, kRuns, process[0], process[1], sd[0],
       sd[1]);
   EXPECT_LT(rms, simulated);
@@ -155,7 +155,7 @@ TEST(VehicleTrajectory, OutliersAndGapsDoNoHarm) {
   double gap = 0.0, spoilt = 0.0, robust = 0.0;
   int covered = 0;
   for (int run = 0; run < kRuns; ++run) {
-    Dataset data = pushed_car(static_cast<std::uint64_t>(run) + 1);
+    Dataset data = disturbed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
     options.method = VehicleFitOptions::Method::trajectory;
     const auto error = [&] {
@@ -187,7 +187,7 @@ TEST(VehicleTrajectory, OutliersAndGapsDoNoHarm) {
 
 // Yaw rate and lateral velocity exchanged: every parameter ends at a bound.
 TEST(VehicleTrajectory, ExchangedChannelsGiveNoAnswer) {
-  Dataset data = pushed_car(1);
+  Dataset data = disturbed_car(1);
   data.y.row(0).swap(data.y.row(1));
   VehicleFitOptions options;
   options.method = VehicleFitOptions::Method::trajectory;
@@ -202,9 +202,9 @@ TEST(VehicleTrajectory, RefusesForcesThatAreStates) {
   model.parameters.push_back(unknown("relaxation_length", "m", 0.3));
   VehicleFitOptions options = without_second_opinion();
   options.method = VehicleFitOptions::Method::trajectory;
-  EXPECT_THROW(fit_vehicle(model, pushed_car(1), options), InputError);
+  EXPECT_THROW(fit_vehicle(model, disturbed_car(1), options), InputError);
   options.bootstrap = 100;
-  EXPECT_THROW(fit_vehicle(sladka2010_model(), pushed_car(1), options), InputError);
+  EXPECT_THROW(fit_vehicle(sladka2010_model(), disturbed_car(1), options), InputError);
 }
 
 }  // namespace
