@@ -257,10 +257,6 @@ void shorten(NoiseTrack& track, Index samples) {
   track.log_alarm = track.log_alarm.head(samples).eval();
 }
 
-}  // namespace
-
-namespace {
-
 NoiseTrack empty_track(const ModelFile& model, const Dataset& recording, Index lead,
                        double log_threshold) {
   const Index N = recording.size(), n = model.linear.A.constant.rows(), ny = recording.y.rows();

@@ -109,7 +109,7 @@ void conclude(Estimate& estimate) {
 }
 
 // What recordings say of the free entries, SI.
-struct Told {
+struct RecordingInformation {
   MatrixXd total;
   MatrixXd per_sample;  // what further samples add; empty: as much as these
   // Per free entry: its variance times the samples, with the states observed; kNone where the
@@ -139,8 +139,9 @@ VectorXd complete_variance(const StateSpace& system, const std::vector<StateSpac
   return out;
 }
 
-Told told_by_linear(const ModelFile& model, const BoundOptions& options, const Dataset* inputs,
-                    const std::vector<StateSpace>& derivatives) {
+RecordingInformation information_of_linear(const ModelFile& model, const BoundOptions& options,
+                                           const Dataset* inputs,
+                                           const std::vector<StateSpace>& derivatives) {
   const StateSpace system = instantiate(model.linear, model.parameters);
   const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
   const ExpectedInformation information =
@@ -152,7 +153,7 @@ Told told_by_linear(const ModelFile& model, const BoundOptions& options, const D
                          ? "say 'initial: diffuse' where A is not stable"
                          : "");
   }
-  Told out;
+  RecordingInformation out;
   out.total = information.total;
   // Further samples add what a steady filter sees; of inputs, as much as so far.
   if (u.size() == 0) out.per_sample = information.per_sample;
@@ -166,12 +167,12 @@ Told told_by_linear(const ModelFile& model, const BoundOptions& options, const D
   return out;
 }
 
-Told told_by_nonlinear(const ModelFile& model, const BoundOptions& options, const Dataset& inputs,
-                       Bound& bound) {
+RecordingInformation information_of_nonlinear(const ModelFile& model, const BoundOptions& options,
+                                              const Dataset& inputs, Bound& bound) {
   Random random(options.seed);
   std::vector<MatrixXd> each;
   std::vector<Dataset> recording{inputs};
-  Told out;
+  RecordingInformation out;
   for (int run = 0; run < options.runs; ++run) {
     recording[0].y = simulated_outputs(model, inputs, random);
     NonlinearRecordings likelihood(model, recording);
@@ -201,6 +202,68 @@ Told told_by_nonlinear(const ModelFile& model, const BoundOptions& options, cons
   return out;
 }
 
+// Of every parameter, kNone and empty for those that are fixed: the complete data's standard error,
+// the samples that the accuracy takes, the change of the steady gain.
+void bound_parameters(Estimate& estimate, const RecordingInformation& information,
+                      const VectorXd& unit, const MatrixXd& covariance_rate) {
+  Bound& bound = *estimate.bound;
+  const double samples = static_cast<double>(bound.samples);
+  Index i = 0;
+  for (EstimatedParameter& p : estimate.parameters) {
+    double complete_se = kNone, needed = kNone;
+    MatrixXd change;
+    if (!p.fixed) {
+      p.crb_se = p.se;
+      p.se = kNone;
+      p.ci95 = {kNone, kNone};
+      if (information.complete.size() > 0)
+        complete_se = std::sqrt(information.complete[i] / samples) / unit[i];
+      if (!std::isnan(p.crb_se)) {
+        const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
+        needed = std::ceil(std::pow(relative / bound.accuracy, 2));
+        if (!std::isfinite(needed)) needed = kNone;
+      }
+      if (information.gain) {
+        change = 0.01 * p.value * unit[i] * information.gain->K_theta[static_cast<std::size_t>(i)];
+      }
+      ++i;
+    }
+    bound.complete_se.push_back(complete_se);
+    bound.samples_needed.push_back(needed);
+    bound.gain_change.push_back(change);
+  }
+}
+
+// What the bound leaves to the steady gain, and the bound where K and Sigma are the unknowns.
+void bound_gain(Estimate& estimate, const RecordingInformation& information, const VectorXd& unit,
+                const MatrixXd& covariance) {
+  Bound& bound = *estimate.bound;
+  estimate.noise.K_steady = information.gain->K;
+  bound.gain_se =
+      gain_deviation(*information.gain, unit.asDiagonal() * covariance * unit.asDiagonal());
+  bound.innovation_form = information.innovation_form;
+  const std::vector<double> free = information.innovation_form.published_se;
+  bound.innovation_form.published_se.clear();
+  Index at = 0;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    double se = kNone;
+    if (!p.fixed) {
+      se = free[static_cast<std::size_t>(at)] / unit[at];
+      ++at;
+    }
+    bound.innovation_form.published_se.push_back(se);
+  }
+}
+
+// SI values of the units of the free entries.
+VectorXd free_units(const Estimate& estimate) {
+  std::vector<double> units;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed) units.push_back(unit_scale(p.unit));
+  }
+  return Eigen::Map<const VectorXd>(units.data(), static_cast<Index>(units.size()));
+}
+
 }  // namespace
 
 Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs) {
@@ -223,69 +286,23 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   Bound& bound = estimate.bound.emplace();
   bound.samples = options.samples;
   bound.accuracy = options.accuracy;
-  const Told told = nonlinear ? told_by_nonlinear(model, options, *inputs, bound)
-                              : told_by_linear(model, options, inputs,
-                                               model_derivatives(model.linear, model.parameters));
-  std::vector<double> units;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (!p.fixed) units.push_back(unit_scale(p.unit));
-  }
-  const auto k = static_cast<Index>(units.size());
-  const VectorXd unit = Eigen::Map<const VectorXd>(units.data(), k);
+  const RecordingInformation information =
+      nonlinear ? information_of_nonlinear(model, options, *inputs, bound)
+                : information_of_linear(model, options, inputs,
+                                        model_derivatives(model.linear, model.parameters));
+  const VectorXd unit = free_units(estimate);
   const auto in_units = [&unit](const MatrixXd& J) {
     return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());
   };
-  const MatrixXd total = in_units(told.total);
+  const MatrixXd total = in_units(information.total);
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
   describe_filter_loss(estimate, model, model.parameters);
-
-  const std::optional<GainSensitivity>& gain = told.gain;
-  const MatrixXd rate = told.per_sample.size() > 0
-                            ? in_units(told.per_sample)
+  const MatrixXd rate = information.per_sample.size() > 0
+                            ? in_units(information.per_sample)
                             : MatrixXd(total / static_cast<double>(options.samples));
-  const MatrixXd covariance_rate = covariance_of(rate);
-  Index i = 0;
-  for (EstimatedParameter& p : estimate.parameters) {
-    double complete_se = kNone, needed = kNone;
-    MatrixXd change;
-    if (!p.fixed) {
-      p.crb_se = p.se;
-      p.se = kNone;
-      p.ci95 = {kNone, kNone};
-      if (told.complete.size() > 0) {
-        complete_se = std::sqrt(told.complete[i] / static_cast<double>(options.samples)) / unit[i];
-      }
-      if (!std::isnan(p.crb_se)) {
-        const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
-        needed = std::ceil(std::pow(relative / options.accuracy, 2));
-        if (!std::isfinite(needed)) needed = kNone;
-      }
-      if (gain) {
-        change = 0.01 * p.value * unit[i] * gain->K_theta[static_cast<std::size_t>(i)];
-      }
-      ++i;
-    }
-    bound.complete_se.push_back(complete_se);
-    bound.samples_needed.push_back(needed);
-    bound.gain_change.push_back(change);
-  }
-  if (gain) {
-    estimate.noise.K_steady = gain->K;
-    bound.gain_se = gain_deviation(*gain, unit.asDiagonal() * covariance * unit.asDiagonal());
-    bound.innovation_form = told.innovation_form;
-    const std::vector<double> free = bound.innovation_form.published_se;
-    bound.innovation_form.published_se.clear();
-    Index at = 0;
-    for (const EstimatedParameter& p : estimate.parameters) {
-      double se = kNone;
-      if (!p.fixed) {
-        se = free[static_cast<std::size_t>(at)] / unit[at];
-        ++at;
-      }
-      bound.innovation_form.published_se.push_back(se);
-    }
-  }
+  bound_parameters(estimate, information, unit, covariance_of(rate));
+  if (information.gain) bound_gain(estimate, information, unit, covariance);
   conclude(estimate);
   return estimate;
 }

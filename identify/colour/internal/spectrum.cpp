@@ -49,101 +49,30 @@ class SpectralFit {
   // Whittle's log-likelihood, its gradient and Fisher information.
   bool evaluate(const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) const {
     const bool derivatives = gradient != nullptr;
-    const Index k = unknowns(), channels = static_cast<Index>(structure_.channels.size());
-    const VectorXd fq = (0.5 * x.head(nw_)).array().exp(),
-                   fr = (0.5 * x.segment(nw_, ny_)).array().exp();
-    const MatrixXd Q = fq.asDiagonal() * data_.Q * fq.asDiagonal();
-    const MatrixXd R = fr.asDiagonal() * data_.R * fr.asDiagonal();
-    const MatrixXd S = fq.asDiagonal() * data_.S * fr.asDiagonal();
-    std::vector<ShapingFilter> filters;
-    std::vector<MatrixXd> Ja(structure_.channels.size()), Jb(structure_.channels.size());
-    for (std::size_t c = 0; c < structure_.channels.size(); ++c) {
-      filters.push_back(filter(x, c, &Ja[c], &Jb[c]));
-    }
+    const Index k = unknowns();
+    const Coefficients at = coefficients(x);
     L = 0.0;
     if (gradient != nullptr) gradient->setZero(k);
     if (information != nullptr) information->setZero(k, k);
-    std::vector<MatrixXcd> dS(static_cast<std::size_t>(k));
-    VectorXcd H(channels);
-    std::vector<VectorXcd> dHs(structure_.channels.size());
     for (Index f = 0; f < data_.measured.omega.size(); ++f) {
-      const auto at = static_cast<std::size_t>(f);
-      for (std::size_t c = 0; c < filters.size(); ++c) {
-        H[static_cast<Index>(c)] =
-            response(filters[c], data_.measured.omega[f], derivatives ? &dHs[c] : nullptr);
-      }
-      const bool process = structure_.place == NoiseSource::process;
-      // Columns: what w and v, each with its filter, do to the innovations.
-      MatrixXcd W = data_.T_G[at];
-      const MatrixXcd& V = data_.T_V[at];
-      if (process) {
-        for (Index c = 0; c < channels; ++c)
-          W.col(structure_.channels[static_cast<std::size_t>(c)]) *= H[c];
-      }
-      const MatrixXcd WQ = W * Q + V * S.transpose(), VR = V * R + W * S;
-      MatrixXcd model = WQ * W.adjoint() + VR * V.adjoint();
-      if (!process) {
-        for (Index c = 0; c < channels; ++c) {
-          const VectorXcd v = V.col(structure_.channels[static_cast<std::size_t>(c)]);
-          const double q = std::exp(x[filter_begin(static_cast<std::size_t>(c))]);
-          model += q * std::norm(H[c]) * v * v.adjoint();
-        }
-      }
-      const Eigen::LLT<MatrixXcd> factor(model);
-      if (factor.info() != Eigen::Success || !model.allFinite()) return false;
+      const AtFrequency model = spectrum_at(at, f, derivatives);
+      const Eigen::LLT<MatrixXcd> factor(model.S);
+      if (factor.info() != Eigen::Success || !model.S.allFinite()) return false;
       const double weight = data_.measured.weight[f];
       const MatrixXcd inverse = factor.solve(MatrixXcd::Identity(ny_, ny_));
-      const MatrixXcd whitened = inverse * data_.measured.S[at];
+      const MatrixXcd whitened = inverse * data_.measured.S[static_cast<std::size_t>(f)];
       double log_det = 0.0;
       for (Index i = 0; i < ny_; ++i) log_det += 2.0 * std::log(factor.matrixLLT()(i, i).real());
       L -= weight * (log_det + whitened.trace().real());
       if (!derivatives) continue;
-      const auto twice = [](const MatrixXcd& half) { return MatrixXcd(half + half.adjoint()); };
-      for (Index i = 0; i < nw_; ++i) {
-        dS[static_cast<std::size_t>(i)] = twice(0.5 * WQ.col(i) * W.col(i).adjoint());
-      }
-      for (Index i = 0; i < ny_; ++i) {
-        dS[static_cast<std::size_t>(nw_ + i)] = twice(0.5 * VR.col(i) * V.col(i).adjoint());
-      }
-      for (std::size_t c = 0; c < filters.size(); ++c) {
-        const Index channel = structure_.channels[c], begin = filter_begin(c);
-        const Index order = structure_.order, zeros = structure_.zeros();
-        VectorXcd dzeta(order + zeros);
-        dzeta.head(order) = Ja[c].transpose().cast<std::complex<double>>() * dHs[c].head(order);
-        dzeta.tail(zeros) = Jb[c].transpose().cast<std::complex<double>>() * dHs[c].tail(zeros);
-        const std::complex<double> h = H[static_cast<Index>(c)];
-        MatrixXcd base;
-        if (process) {
-          // WQ already holds this channel's H; what changes is its column of W.
-          base = WQ.col(channel) * data_.T_G[at].col(channel).adjoint();
-          for (Index i = 0; i < order + zeros; ++i) {
-            dS[static_cast<std::size_t>(begin + i)] = twice(std::conj(dzeta[i]) * base);
-          }
-          continue;
-        }
-        const VectorXcd v = V.col(channel);
-        base = std::exp(x[begin]) * v * v.adjoint();
-        dS[static_cast<std::size_t>(begin)] = std::norm(h) * base;
-        for (Index i = 0; i < order + zeros; ++i) {
-          dS[static_cast<std::size_t>(begin + 1 + i)] =
-              2.0 * (std::conj(h) * dzeta[i]).real() * base;
-        }
-      }
       const MatrixXcd left = MatrixXcd::Identity(ny_, ny_) - whitened;
       std::vector<MatrixXcd> solved;
-      for (Index i = 0; i < k; ++i) {
-        solved.push_back(inverse * dS[static_cast<std::size_t>(i)]);
-        (*gradient)[i] -= weight * (solved.back() * left).trace().real();
+      for (const MatrixXcd& dS : spectrum_derivatives(at, model, f)) {
+        solved.push_back(inverse * dS);
+        (*gradient)[static_cast<Index>(solved.size()) - 1] -=
+            weight * (solved.back() * left).trace().real();
       }
-      for (Index i = 0; i < k && information != nullptr; ++i) {
-        for (Index j = 0; j <= i; ++j) {
-          (*information)(i, j) += weight * (solved[static_cast<std::size_t>(i)]
-                                                .transpose()
-                                                .cwiseProduct(solved[static_cast<std::size_t>(j)])
-                                                .sum()
-                                                .real());
-        }
-      }
+      if (information != nullptr) add_information(solved, weight, *information);
     }
     if (information != nullptr) {
       *information = MatrixXd(information->selfadjointView<Eigen::Lower>());
@@ -152,6 +81,121 @@ class SpectralFit {
   }
 
  private:
+  // What the coordinates stand for.
+  struct Coefficients {
+    MatrixXd Q, R, S;
+    std::vector<ShapingFilter> filters;
+    std::vector<MatrixXd> Ja, Jb;  // of their polynomials, differentiated by zeta
+    VectorXd own_variance;         // of each filter; empty: none has one
+  };
+
+  // The model's spectrum of the innovations, and what it is made of.
+  struct AtFrequency {
+    VectorXcd H;                // of each filter
+    std::vector<VectorXcd> dH;  // by its polynomials
+    MatrixXcd W, WQ, VR;        // W: what w, each with its filter, does to the innovations
+    MatrixXcd S;
+  };
+
+  Coefficients coefficients(const VectorXd& x) const {
+    const VectorXd fq = (0.5 * x.head(nw_)).array().exp(),
+                   fr = (0.5 * x.segment(nw_, ny_)).array().exp();
+    Coefficients out;
+    out.Q = fq.asDiagonal() * data_.Q * fq.asDiagonal();
+    out.R = fr.asDiagonal() * data_.R * fr.asDiagonal();
+    out.S = fq.asDiagonal() * data_.S * fr.asDiagonal();
+    const std::size_t channels = structure_.channels.size();
+    out.Ja.resize(channels);
+    out.Jb.resize(channels);
+    if (structure_.own_variance()) out.own_variance.resize(static_cast<Index>(channels));
+    for (std::size_t c = 0; c < channels; ++c) {
+      out.filters.push_back(filter(x, c, &out.Ja[c], &out.Jb[c]));
+      if (structure_.own_variance()) {
+        out.own_variance[static_cast<Index>(c)] = std::exp(x[filter_begin(c)]);
+      }
+    }
+    return out;
+  }
+
+  AtFrequency spectrum_at(const Coefficients& at, Index f, bool derivatives) const {
+    const auto channels = static_cast<Index>(structure_.channels.size());
+    AtFrequency out;
+    out.H.resize(channels);
+    out.dH.resize(structure_.channels.size());
+    for (std::size_t c = 0; c < at.filters.size(); ++c) {
+      out.H[static_cast<Index>(c)] =
+          response(at.filters[c], data_.measured.omega[f], derivatives ? &out.dH[c] : nullptr);
+    }
+    const bool process = structure_.place == NoiseSource::process;
+    out.W = data_.T_G[static_cast<std::size_t>(f)];
+    const MatrixXcd& V = data_.T_V[static_cast<std::size_t>(f)];
+    for (Index c = 0; process && c < channels; ++c) {
+      out.W.col(structure_.channels[static_cast<std::size_t>(c)]) *= out.H[c];
+    }
+    out.WQ = out.W * at.Q + V * at.S.transpose();
+    out.VR = V * at.R + out.W * at.S;
+    out.S = out.WQ * out.W.adjoint() + out.VR * V.adjoint();
+    for (Index c = 0; !process && c < channels; ++c) {
+      const VectorXcd v = V.col(structure_.channels[static_cast<std::size_t>(c)]);
+      out.S += at.own_variance[c] * std::norm(out.H[c]) * v * v.adjoint();
+    }
+    return out;
+  }
+
+  // Of the spectrum by every coordinate.
+  std::vector<MatrixXcd> spectrum_derivatives(const Coefficients& at, const AtFrequency& model,
+                                              Index f) const {
+    const auto twice = [](const MatrixXcd& half) { return MatrixXcd(half + half.adjoint()); };
+    const MatrixXcd& V = data_.T_V[static_cast<std::size_t>(f)];
+    std::vector<MatrixXcd> out;
+    for (Index i = 0; i < nw_; ++i) {
+      out.push_back(twice(0.5 * model.WQ.col(i) * model.W.col(i).adjoint()));
+    }
+    for (Index i = 0; i < ny_; ++i) {
+      out.push_back(twice(0.5 * model.VR.col(i) * V.col(i).adjoint()));
+    }
+    for (std::size_t c = 0; c < at.filters.size(); ++c) {
+      const Index channel = structure_.channels[c];
+      const VectorXcd dzeta = response_derivatives(at, model, c);
+      if (structure_.place == NoiseSource::process) {
+        // WQ already holds this channel's H; what changes is its column of W.
+        const MatrixXcd& T_G = data_.T_G[static_cast<std::size_t>(f)];
+        const MatrixXcd base = model.WQ.col(channel) * T_G.col(channel).adjoint();
+        for (const std::complex<double>& d : dzeta) out.push_back(twice(std::conj(d) * base));
+        continue;
+      }
+      const std::complex<double> h = model.H[static_cast<Index>(c)];
+      const VectorXcd v = V.col(channel);
+      const MatrixXcd base = at.own_variance[static_cast<Index>(c)] * v * v.adjoint();
+      out.push_back(std::norm(h) * base);
+      for (const std::complex<double>& d : dzeta) {
+        out.push_back(2.0 * (std::conj(h) * d).real() * base);
+      }
+    }
+    return out;
+  }
+
+  // Of a filter's response by zeta of its poles, then of its zeros.
+  VectorXcd response_derivatives(const Coefficients& at, const AtFrequency& model,
+                                 std::size_t c) const {
+    const Index order = structure_.order, zeros = structure_.zeros();
+    VectorXcd out(order + zeros);
+    out.head(order) = at.Ja[c].transpose().cast<std::complex<double>>() * model.dH[c].head(order);
+    out.tail(zeros) = at.Jb[c].transpose().cast<std::complex<double>>() * model.dH[c].tail(zeros);
+    return out;
+  }
+
+  // The lower half. @param solved  S^-1 dS by every coordinate
+  static void add_information(const std::vector<MatrixXcd>& solved, double weight,
+                              MatrixXd& information) {
+    for (std::size_t i = 0; i < solved.size(); ++i) {
+      for (std::size_t j = 0; j <= i; ++j) {
+        information(static_cast<Index>(i), static_cast<Index>(j)) +=
+            weight * (solved[i].transpose().cwiseProduct(solved[j]).sum().real());
+      }
+    }
+  }
+
   const InnovationSpectrum& data_;
   ShapingStructure structure_;
   Index nw_ = 0, ny_ = 0;

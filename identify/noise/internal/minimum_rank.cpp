@@ -128,86 +128,115 @@ VectorXd refit(const Misfit& misfit, const Confined& to) {
   return to.offset + to.directions * solution.x;
 }
 
+// The minimum of the fit with a penalty on tr Q.
+class PenalisedFit {
+ public:
+  PenalisedFit(const MinimumRankProblem& p, const std::vector<PsdBlock>& blocks)
+      : p_(p), plain_(normal_equations(p.fit, blocks)), slope_(static_cast<Index>(p.basis.size())) {
+    for (Index e = 0; e < slope_.size(); ++e) {
+      slope_[e] = Q_part(p.basis[static_cast<std::size_t>(e)]).trace();
+    }
+  }
+
+  VectorXd minimum(double penalty) const {
+    PsdLeastSquares penalised = plain_;
+    penalised.g -= penalty * slope_;
+    return minimise(penalised).x;
+  }
+
+  MatrixXd Q(const VectorXd& theta) const { return Q_part(joint_at(p_, theta)); }
+
+  // The penalty from which on Q vanishes, or cannot fall any more.
+  double largest_penalty(const VectorXd& free) const {
+    constexpr int kDoublings = 60;
+    const double free_trace = Q(free).trace(), fixed_trace = Q_part(p_.constant).trace();
+    double penalty = std::max(objective(p_.fit, free), 1e-300) / std::max(free_trace, 1e-300);
+    for (int i = 0; i < kDoublings; ++i) {
+      const double left = Q(minimum(penalty)).trace() - fixed_trace;
+      if (!(left > kVanished * free_trace)) break;
+      penalty *= 2.0;
+    }
+    return penalty;
+  }
+
+ private:
+  MatrixXd Q_part(const MatrixXd& joint) const {
+    return joint.topLeftCorner(p_.process_noises, p_.process_noises);
+  }
+
+  const MinimumRankProblem& p_;
+  PsdLeastSquares plain_;
+  VectorXd slope_;  // of tr Q
+};
+
+// A range that Q may be confined to, and by how much chi-square its re-fit exceeds the minimum over
+// all Q.
+struct Candidate {
+  double excess;
+  Confined range;
+
+  // By chance alone.
+  double allowed() const {
+    return range.given_up > 0
+               ? chi_square_quantile(kSourcesLevel, static_cast<double>(range.given_up))
+               : 0.0;
+  }
+};
+
+// Of ranges with as many sources as its place in the list says, the one whose re-fit is best.
+using BestRanges = std::vector<std::optional<Candidate>>;
+
+// Tries the leading parts of Q's range.
+void try_ranges(const MinimumRankProblem& p, const MatrixXd& eigenvectors, Index rank,
+                double least_excess, BestRanges& best) {
+  for (Index part = 0; part <= rank; ++part) {
+    auto range =
+        confine(p, eigenvectors.rightCols(part), eigenvectors.leftCols(p.process_noises - part));
+    if (!range) continue;
+    const double excess = 2.0 * (objective(p.chance, refit(p.chance, *range)) - least_excess);
+    auto& known = best[static_cast<std::size_t>(part)];
+    if (!known || excess < known->excess) known = Candidate{excess, std::move(*range)};
+  }
+}
+
 }  // namespace
 
 MinimumRank minimum_rank(const MinimumRankProblem& p) {
   const Index nw = p.process_noises;
-  const auto k = static_cast<Index>(p.basis.size());
-  VectorXd slope(k);  // of tr Q
-  for (Index e = 0; e < k; ++e) {
-    slope[e] = p.basis[static_cast<std::size_t>(e)].topLeftCorner(nw, nw).trace();
-  }
   const std::vector<PsdBlock> blocks = independent_blocks(p.constant, p.basis);
-  const PsdLeastSquares plain = normal_equations(p.fit, blocks);
-  const auto at_penalty = [&](double penalty) {
-    PsdLeastSquares penalised = plain;
-    penalised.g -= penalty * slope;
-    return minimise(penalised).x;
-  };
-  const auto Q_of = [&](const VectorXd& theta) {
-    return MatrixXd(joint_at(p, theta).topLeftCorner(nw, nw));
-  };
-
-  const VectorXd free = at_penalty(0.0);
-  const MatrixXd free_Q = Q_of(free);
-  const double largest =
-      Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly).eigenvalues()[nw - 1];
+  const PenalisedFit fit(p, blocks);
+  const VectorXd free = fit.minimum(0.0);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> of_free(fit.Q(free), Eigen::EigenvaluesOnly);
+  const double vanished = kVanished * of_free.eigenvalues()[nw - 1];
   const double least_excess = objective(p.chance, minimise(normal_equations(p.chance, blocks)).x);
 
-  // From where Q vanishes, or cannot fall any more, over four decades.
-  constexpr int kDoublings = 60, kSteps = 24;
-  const double fixed_trace = p.constant.topLeftCorner(nw, nw).trace();
-  double most = std::max(objective(p.fit, free), 1e-300) / std::max(free_Q.trace(), 1e-300);
-  for (int i = 0; i < kDoublings; ++i) {
-    const double left = Q_of(at_penalty(most)).trace() - fixed_trace;
-    if (!(left > kVanished * free_Q.trace())) break;
-    most *= 2.0;
-  }
-
-  struct Candidate {
-    double excess;
-    Confined range;
-  };
-  std::vector<std::optional<Candidate>> best(static_cast<std::size_t>(nw + 1));
+  constexpr int kSteps = 24;  // over four decades
+  const double most = fit.largest_penalty(free);
+  BestRanges best(static_cast<std::size_t>(nw + 1));
   MinimumRank out;
   RankSelection& report = out.report;
   report.of = nw;
   for (int step = 0; step <= kSteps; ++step) {
     const double penalty =
         step == kSteps ? 0.0 : most * std::pow(10.0, -4.0 * step / (kSteps - 1.0));
-    const VectorXd theta = step == kSteps ? free : at_penalty(penalty);
-    const MatrixXd Q = Q_of(theta);
+    const VectorXd theta = step == kSteps ? free : fit.minimum(penalty);
+    const MatrixXd Q = fit.Q(theta);
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(Q);
-    const Index rank = (eigen.eigenvalues().array() > kVanished * largest).count();
+    const Index rank = (eigen.eigenvalues().array() > vanished).count();
     report.curve.push_back({penalty, objective(p.fit, theta), Q.trace(), rank});
-    for (Index part = 0; part <= rank; ++part) {
-      auto range = confine(p, eigen.eigenvectors().rightCols(part),
-                           eigen.eigenvectors().leftCols(nw - part));
-      if (!range) continue;
-      const double excess = 2.0 * (objective(p.chance, refit(p.chance, *range)) - least_excess);
-      auto& known = best[static_cast<std::size_t>(part)];
-      if (!known || excess < known->excess) known = Candidate{excess, std::move(*range)};
-    }
+    try_ranges(p, eigen.eigenvectors(), rank, least_excess, best);
   }
-  const auto allowed = [](const Candidate& c) {
-    return c.range.given_up > 0
-               ? chi_square_quantile(kSourcesLevel, static_cast<double>(c.range.given_up))
-               : 0.0;
-  };
   for (RankSelection::Step& step : report.curve) {
     const auto& known = best[static_cast<std::size_t>(step.rank)];
     if (!known) continue;
     step.excess = std::max(0.0, known->excess);
-    step.allowed = allowed(*known);
+    step.allowed = known->allowed();
   }
   out.theta = free;
-  report.rank = (Eigen::SelfAdjointEigenSolver<MatrixXd>(free_Q, Eigen::EigenvaluesOnly)
-                     .eigenvalues()
-                     .array() > kVanished * largest)
-                    .count();
+  report.rank = (of_free.eigenvalues().array() > vanished).count();
   for (Index rank = 0; rank < report.rank; ++rank) {
     const auto& known = best[static_cast<std::size_t>(rank)];
-    if (!known || known->excess > allowed(*known)) continue;
+    if (!known || known->excess > known->allowed()) continue;
     out.theta = refit(p.fit, known->range);
     report.rank = rank;
     break;
