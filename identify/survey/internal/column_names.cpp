@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <iterator>
 #include <map>
 #include <optional>
 
@@ -12,74 +13,92 @@ namespace {
 
 // A name is of the class if it has any of the words, or any of the parts in its letters.
 struct WordClass {
-  std::vector<const char*> any, part = {};
-  bool holds(const Words& w) const { return w.any(any) || w.part(part); }
+  const char* any[10] = {};
+  const char* part[7] = {};
+
+  bool empty() const { return any[0] == nullptr && part[0] == nullptr; }
+  bool holds(const Words& w) const {
+    const auto has = [&](const char* word) { return word != nullptr && w.any({word}); };
+    const auto contains = [&](const char* letters) {
+      return letters != nullptr && w.part({letters});
+    };
+    return std::any_of(std::begin(any), std::end(any), has) ||
+           std::any_of(std::begin(part), std::end(part), contains);
+  }
 };
 
-const WordClass kCorner{{"fl", "fr", "rl", "rr", "lf", "rf", "lr", "front", "rear"}};
-const WordClass kAcceleration{{"a"}, {"acc"}};
-const WordClass kRate{{"rate", "vel", "velocity", "dot", "spd"}, {"yawvel", "yawrate"}};
-const WordClass kSpeed{{"speed", "velocity", "vel", "v", "u", "spd", "speedo"}, {"speed", "veloc"}};
-const WordClass kSideways{{"lat", "lateral", "y", "left", "right"}, {"latacc", "latvel"}};
-const WordClass kOnwards{{"lon", "long", "longitudinal", "x", "fwd", "forward"},
-                         {"longacc", "longvel"}};
-const WordClass kAngular{{}, {"yaw", "ang", "roll", "pitch"}};
-const WordClass kOtherAngle{{"psi", "yaw", "roll", "pitch", "torque", "trq", "time", "error", "e"}};
+constexpr WordClass kCorner{{"fl", "fr", "rl", "rr", "lf", "rf", "lr", "front", "rear"}};
+constexpr WordClass kAcceleration{{"a"}, {"acc"}};
+constexpr WordClass kRate{{"rate", "vel", "velocity", "dot", "spd"}, {"yawvel", "yawrate"}};
+constexpr WordClass kSpeed{{"speed", "velocity", "vel", "v", "u", "spd", "speedo"},
+                           {"speed", "veloc"}};
+constexpr WordClass kSideways{{"lat", "lateral", "y", "left", "right"}, {"latacc", "latvel"}};
+constexpr WordClass kOnwards{{"lon", "long", "longitudinal", "x", "fwd", "forward"},
+                             {"longacc", "longvel"}};
+constexpr WordClass kAngular{{}, {"yaw", "ang", "roll", "pitch"}};
+constexpr WordClass kOtherAngle{
+    {"psi", "yaw", "roll", "pitch", "torque", "trq", "time", "error", "e"}};
 
 // A name that is of all these classes, and of none of those, is of that kind.
 struct NameRule {
-  SignalKind kind;
-  double score;
-  std::vector<WordClass> all, none = {};
+  SignalKind kind = SignalKind::r;
+  double score = 0.0;  // 0: no rule
+  WordClass all[2] = {};
+  WordClass none[2] = {};
+
+  bool applies(const Words& w) const {
+    return score > 0.0 &&
+           std::all_of(std::begin(all), std::end(all),
+                       [&](const WordClass& c) { return c.empty() || c.holds(w); }) &&
+           std::none_of(std::begin(none), std::end(none),
+                        [&](const WordClass& c) { return c.holds(w); });
+  }
 };
 
-// Of each group the first rule that applies counts.
+// Of each group the first rule that applies counts; of names of these classes, none.
 struct NameRules {
-  std::vector<WordClass> none;
-  std::vector<NameRule> rules;
+  WordClass none[3] = {};
+  NameRule rules[8] = {};
 };
 
-const std::vector<NameRules>& name_rules() {
-  using enum SignalKind;
-  static const std::vector<NameRules> all = {
-      {{kRate, {{"torque", "trq", "speed", "time"}}},
-       {{steering, 10, {{{"swa", "hwa", "stw", "delh"}, {"steeringwheel", "steerwheel"}}}},
-        {steering, 10, {{{"sw"}}, {{"pos", "angle", "ang"}}}},
-        {steering, 9, {{{}, {"steer"}}}},
-        {steering, 9, {{{"rwa"}, {"roadwheel"}}}},
-        {steering, 6, {{{"delta"}}, kCorner}, {kOtherAngle}},
-        {steering, 8, {{{"delta"}}}, {kOtherAngle}},
-        {steering, 6, {{{}, {"delta"}}, kCorner}, {kOtherAngle}}}},
-      {{kAcceleration},
-       {{r, 10, {{{}, {"yawrate", "yawvel", "yawspeed"}}}},
-        {r, 10, {{{"yaw"}}, kRate}},
-        {r, 9, {{{"wz", "r"}, {"psidot", "psip", "dpsi", "gyroz", "gyrz", "omegaz"}}}},
-        {r, 9, {{{}, {"gyro", "angrate", "angvel"}}, {{"z", "down", "up"}}}},
-        {r, 7, {{{"omega"}}}, {{{"x", "y"}}, kCorner}}}},
-      {{kAngular},
-       {{ay, 10, {{{"ay"}, {"accy", "aycg"}}}},
-        {ay, 10, {kAcceleration, kSideways}},
-        {ax, 10, {{{"ax"}, {"accx", "axcg"}}}},
-        {ax, 10, {kAcceleration, kOnwards}}}},
-      {{kAcceleration, kAngular, {{}, {"steer", "gyro", "cmd", "engine"}}},
-       {{wheel_speed, 8, {kCorner, kSpeed}},
-        {wheel_speed, 8, {kCorner, {{"wheel", "w"}}}},
-        {wheel_speed, 9, {{{"wheel"}}, kSpeed}},
-        {vy, 10, {{{"vy", "uy"}}}},
-        {vy, 10, {kSpeed, kSideways}},
-        {vx, 10, {{{"vx", "ux"}}}},
-        {vx, 10, {kSpeed, kOnwards}},
-        {vx, 8, {kSpeed}}}},
-      {{},
-       {{beta, 10, {{{"beta", "ssa"}, {"sideslip", "sidslp", "slipangle"}}}},
-        {beta, 10, {{{"slip"}}, {{"angle", "ang"}}}}}}};
-  return all;
-}
+using enum SignalKind;
+constexpr NameRules kNameRules[] = {
+    {{kRate, {{"torque", "trq", "speed", "time"}}},
+     {{steering, 10, {{{"swa", "hwa", "stw", "delh"}, {"steeringwheel", "steerwheel"}}}},
+      {steering, 10, {{{"sw"}}, {{"pos", "angle", "ang"}}}},
+      {steering, 9, {{{}, {"steer"}}}},
+      {steering, 9, {{{"rwa"}, {"roadwheel"}}}},
+      {steering, 6, {{{"delta"}}, kCorner}, {kOtherAngle}},
+      {steering, 8, {{{"delta"}}}, {kOtherAngle}},
+      {steering, 6, {{{}, {"delta"}}, kCorner}, {kOtherAngle}}}},
+    {{kAcceleration},
+     {{r, 10, {{{}, {"yawrate", "yawvel", "yawspeed"}}}},
+      {r, 10, {{{"yaw"}}, kRate}},
+      {r, 9, {{{"wz", "r"}, {"psidot", "psip", "dpsi", "gyroz", "gyrz", "omegaz"}}}},
+      {r, 9, {{{}, {"gyro", "angrate", "angvel"}}, {{"z", "down", "up"}}}},
+      {r, 7, {{{"omega"}}}, {{{"x", "y"}}, kCorner}}}},
+    {{kAngular},
+     {{ay, 10, {{{"ay"}, {"accy", "aycg"}}}},
+      {ay, 10, {kAcceleration, kSideways}},
+      {ax, 10, {{{"ax"}, {"accx", "axcg"}}}},
+      {ax, 10, {kAcceleration, kOnwards}}}},
+    {{kAcceleration, kAngular, {{}, {"steer", "gyro", "cmd", "engine"}}},
+     {{wheel_speed, 8, {kCorner, kSpeed}},
+      {wheel_speed, 8, {kCorner, {{"wheel", "w"}}}},
+      {wheel_speed, 9, {{{"wheel"}}, kSpeed}},
+      {vy, 10, {{{"vy", "uy"}}}},
+      {vy, 10, {kSpeed, kSideways}},
+      {vx, 10, {{{"vx", "ux"}}}},
+      {vx, 10, {kSpeed, kOnwards}},
+      {vx, 8, {kSpeed}}}},
+    {{},
+     {{beta, 10, {{{"beta", "ssa"}, {"sideslip", "sidslp", "slipangle"}}}},
+      {beta, 10, {{{"slip"}}, {{"angle", "ang"}}}}}}};
 
 // What was requested, filtered or derived is second to what was measured.
 double penalty_of(const Words& w) {
-  const WordClass requested{{"cmd", "command", "des", "desired", "ref", "target"},
-                            {"cmd", "command"}};
+  constexpr WordClass requested{{"cmd", "command", "des", "desired", "ref", "target"},
+                                {"cmd", "command"}};
   double out = 0.0;
   if (requested.holds(w)) out += 3.0;
   if (w.part({"filt"})) out += 1.0;
@@ -109,27 +128,25 @@ Words::Words(const std::vector<std::string>& words) : set(words.begin(), words.e
   for (const std::string& word : words) all += word;
 }
 
-bool Words::any(const std::vector<const char*>& list) const {
+bool Words::any(std::initializer_list<const char*> list) const {
   return std::any_of(list.begin(), list.end(), [&](const char* w) { return set.contains(w); });
 }
 
-bool Words::part(const std::vector<const char*>& list) const {
+bool Words::part(std::initializer_list<const char*> list) const {
   return std::any_of(list.begin(), list.end(),
                      [&](const char* w) { return all.find(w) != std::string::npos; });
 }
 
 std::vector<NameGuess> kinds_of(const Words& w) {
-  const auto holds = [&w](const WordClass& each) { return each.holds(w); };
   const double penalty = penalty_of(w);
   std::vector<NameGuess> out;
-  for (const NameRules& group : name_rules()) {
-    if (std::any_of(group.none.begin(), group.none.end(), holds)) continue;
-    const auto rule =
-        std::find_if(group.rules.begin(), group.rules.end(), [&](const NameRule& each) {
-          return std::all_of(each.all.begin(), each.all.end(), holds) &&
-                 std::none_of(each.none.begin(), each.none.end(), holds);
-        });
-    if (rule == group.rules.end() || rule->score <= penalty) continue;
+  for (const NameRules& group : kNameRules) {
+    const bool excluded = std::any_of(std::begin(group.none), std::end(group.none),
+                                      [&](const WordClass& c) { return c.holds(w); });
+    if (excluded) continue;
+    const auto rule = std::find_if(std::begin(group.rules), std::end(group.rules),
+                                   [&](const NameRule& each) { return each.applies(w); });
+    if (rule == std::end(group.rules) || rule->score <= penalty) continue;
     out.push_back({rule->kind, rule->score - penalty});
   }
   return out;

@@ -1,6 +1,7 @@
 // What does the name of a column say: which signal of a vehicle, in which unit?
 #pragma once
 
+#include <initializer_list>
 #include <set>
 #include <string>
 #include <vector>
@@ -20,9 +21,9 @@ struct Words {
   Words() = default;
   explicit Words(const std::vector<std::string>& words);
   /// Whether one of these is a word of the name.
-  bool any(const std::vector<const char*>& list) const;
+  bool any(std::initializer_list<const char*> list) const;
   /// Whether one of these stands anywhere among its letters.
-  bool part(const std::vector<const char*>& list) const;
+  bool part(std::initializer_list<const char*> list) const;
 };
 
 /// A kind of signal that a name may mean; the higher the score the more likely.
