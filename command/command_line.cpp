@@ -85,20 +85,38 @@ std::string verbs_with(const CLI::App& app, const std::string& option) {
   return fmt::format("{} {} it", fmt::join(out, ", "), out.size() == 1 ? "has" : "have");
 }
 
-// What the verb does not know, in one line; its other mistakes may only follow from this one.
-void refuse_unknown_option(const CLI::App& app) {
+std::string hint_for(const CLI::App& app, const CLI::App& verb, const std::string& option) {
+  const std::string others = verbs_with(app, option);
+  if (!others.empty()) return others;
+  const std::string nearest =
+      option.starts_with("--") ? did_you_mean(option, option_names(verb)) : std::string();
+  if (!nearest.empty()) return nearest;
+  return fmt::format("'identikal {} --help' shows them", verb.get_name());
+}
+
+// What a verb does not know, in one line; its other mistakes may only follow from this one.
+void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
   for (const CLI::App* verb : app.get_subcommands()) {
-    for (const std::string& word : verb->remaining()) {
-      if (word.size() < 2 || word[0] != '-') continue;
+    const std::vector<std::string> unknown = verb->remaining();
+    for (const std::string& word : unknown) {
+      if (word.size() < 2 || word[0] != '-' || word == "--") continue;
       const std::string option = word.substr(0, word.find('='));
-      const std::string nearest = did_you_mean(option, option_names(*verb));
       throw InputError({}, fmt::format("unknown option '{}' of '{}'", option, verb->get_name()), "",
-                       !nearest.empty() ? nearest
-                       : verbs_with(app, option).empty()
-                           ? fmt::format("'identikal {} --help' shows them", verb->get_name())
-                           : verbs_with(app, option));
+                       hint_for(app, *verb, option));
+    }
+    if (!unknown.empty() &&
+        error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
+      throw InputError(
+          {}, fmt::format("unexpected argument '{}' of '{}'", unknown.front(), verb->get_name()),
+          "", fmt::format("'identikal {} --help' shows them", verb->get_name()));
     }
   }
+  if (!app.get_subcommands().empty()) return;
+  const std::vector<std::string> unknown = app.remaining();
+  throw InputError({},
+                   unknown.empty() ? std::string("a verb is missing")
+                                   : fmt::format("unknown option '{}'", unknown.front()),
+                   "", "'identikal --help' shows verbs and options");
 }
 
 // For the build, which makes the manual page and the completions of shells from the definitions.
@@ -137,7 +155,7 @@ int run_command_line(int argc, char** argv) {
       print(text.str());
       return 0;
     }
-    refuse_unknown_option(app);
+    refuse_unknown_words(app, error);
     throw InputError({}, error.what(), "",
                      "'identikal --help' and 'identikal VERB --help' show the options");
   }

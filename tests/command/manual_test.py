@@ -1,6 +1,6 @@
 """Do the manual page and the completions that the build makes hold every verb and option, and do shells take them?
 
-command_reference_test.py IDENTIKAL"""
+manual_test.py IDENTIKAL"""
 import pathlib
 import re
 import shutil
@@ -44,7 +44,7 @@ class Reference(unittest.TestCase):
     def complete(self, line):
         """What bash offers at the end of the line."""
         words = line.split(" ")
-        script = (f'source "{self.file["bash"]}"; cd "{pathlib.Path(__file__).parent}"; COMP_WORDS=("$@"); '
+        script = (f'source "{self.file["bash"]}"; cd "{pathlib.Path(__file__).parents[1]}"; COMP_WORDS=("$@"); '
                   'COMP_CWORD=$(($# - 1)); _identikal; printf "%s\\n" "${COMPREPLY[@]}"')
         done = run("bash", "-u", "-c", script, "bash", *words)
         self.assertEqual((done.returncode, done.stderr), (0, ""), line)
@@ -81,8 +81,8 @@ class Reference(unittest.TestCase):
         self.assertEqual(self.complete("identikal init pend"), ["pendulum"])
 
     def test_bash_completes_files(self):
-        self.assertIn("install_test.py", self.complete("identikal tune inst"))
-        self.assertIn("consumer", self.complete("identikal tune -o con"))
+        self.assertIn("layers.py", self.complete("identikal tune lay"))
+        self.assertIn("command", self.complete("identikal tune -o com"))
 
     def test_shells_and_groff_take_them(self):
         checks = {"man": ["groff", "-man", "-ww", "-z", "-Tutf8"], "bash": ["bash", "-n"], "zsh": ["zsh", "-n"], "fish": ["fish", "-n"]}
