@@ -200,10 +200,11 @@ const Dataset& longest_recording(const ModelFile& model, const std::vector<Datas
       [&](const Dataset& a, const Dataset& b) { return measured(a) < measured(b); });
   const Index fewest = kFewest + 2 * model.linear.A.constant.rows();
   if (measured(*longest) < fewest) {
-    throw InputError({longest->name, 0, 0},
-                     fmt::format("{} measured rows are too few to tell coloured noise from white",
-                                 measured(*longest)),
-                     fmt::format("at least {}", fewest), "use a longer recording");
+    throw InputError(
+        {longest->name, 0, 0},
+        fmt::format("{} measured rows are too few to distinguish coloured noise from white",
+                    measured(*longest)),
+        fmt::format("at least {}", fewest), "use a longer recording");
   }
   return *longest;
 }
@@ -348,7 +349,7 @@ std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_stat
       colour_in_measurement(instantiate(shaped.linear, shaped.parameters), filter_states);
   if (!m) return std::nullopt;
   ModelFile out = shaped;
-  out.name += ", colour in the measurement";
+  out.name += ", coloured measurement noise";
   out.linear.A = constant_matrix(m->A);
   out.linear.C = constant_matrix(m->C);
   out.linear.G = constant_matrix(m->G);
@@ -400,11 +401,11 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
     return c.structure.place != best.structure.place;
   });
   if (other == candidates.end() || other->bic >= best.bic + kTells) return;
-  warn(estimate, Severity::note, "noise_place", {},
-       fmt::format("the outputs do not tell whether process or measurement noise is coloured "
+  warn(estimate, Severity::note, "noise_source", {},
+       fmt::format("the outputs do not determine whether process or measurement noise is coloured "
                    "(BIC {:.1f} and {:.1f}); the state estimates differ",
                    best.bic, other->bic),
-       "decide by what is known of the sensor, and say --noise process or measurement");
+       "decide by what is known of the sensor, and use --noise process or measurement");
 }
 
 // The model without filters, tuned.
@@ -422,8 +423,8 @@ ModelFile linear_model_of(const ModelFile& written) {
   if (model.linear.formulas.empty() && !model.linear.offset) return model;
   throw InputError({model.path, 0, 0},
                    model.linear.offset
-                       ? "the model has constants beside states and inputs"
-                       : "the model is not linear in the parameters that are sought",
+                       ? "the model has constants alongside states and inputs"
+                       : "the model is not linear in the parameters to be estimated",
                    "entries that are sums of multiples of parameters",
                    "'fit' or 'tune' first, then fix what is not noise");
 }
@@ -525,7 +526,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   if (!(white.colour.p < kLevel)) {
     return end_here(
         Status::rejected,
-        fmt::format("the noise is white as far as the recording tells (p {:.2g}): no filter needed",
+        fmt::format("no test rejects that the noise is white (p {:.2g}): no filter needed",
                     white.colour.p));
   }
 

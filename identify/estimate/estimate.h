@@ -30,11 +30,11 @@ enum class Status {
   untrusted,
 };
 
-/// What the data say about one parameter.
+/// How well the data determine one parameter.
 enum class Verdict {
   ok,
   poorly_determined,  ///< standard error above a quarter of the value
-  correlated,         ///< cannot be told from the parameters named in `with`
+  correlated,         ///< cannot be separated from the parameters named in `with`
   at_bound,           ///< the estimate lies on a bound; no interval
   unexcited,          ///< the recording never moved it
   not_identifiable,   ///< lies in a direction along which the fit does not change
@@ -161,7 +161,7 @@ struct InputRecord {
   std::string sha256;
   long rows = 0;
   long used = 0;
-  /// Of time that was asked for [s], from the first row; of the rows in it, `used` were.
+  /// Of the time range that was requested [s], from the first row; of the rows in it, `used` were.
   std::array<double, 2> range{-std::numeric_limits<double>::infinity(),
                               std::numeric_limits<double>::infinity()};
 };
@@ -208,7 +208,7 @@ struct Estimate {
   std::vector<Warning> warnings;
   std::vector<std::string> notes;  ///< tables and remarks for people, line by line
   Series series;
-  Pictures pictures;  ///< filled where a report is asked for
+  Pictures pictures;  ///< filled where a report is requested
 };
 
 /// Appends a warning to the estimate.

@@ -1,4 +1,4 @@
-// What does a person want to see behind the numbers? Filled where a report is asked for, read by
+// What does a person want to see behind the numbers? Filled where a report is requested, read by
 // the report (identify/report/page_data.h) alone.
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace identikal {
 
-/// How likely the data are when one parameter is held at a value and all others are sought anew.
+/// How likely the data are when one parameter is held at a value and all others are re-estimated.
 struct LikelihoodProfile {
   std::string name;
   std::vector<double> value;  ///< in the parameter's unit, rising

@@ -28,7 +28,7 @@ class NonlinearRecordings {
   NonlinearRecordings(const ModelFile& model, const std::vector<Dataset>& recordings);
 
   /// The sum over all recordings of nonlinear_likelihood(), each from the model's start, by the
-  /// free entries where asked for. Valid until the next call.
+  /// free entries where requested. Valid until the next call.
   /// @param score_products  written when not null: the sum over all samples
   const Likelihood& evaluate(const ParameterSet& at, bool with_derivatives,
                              Eigen::MatrixXd* score_products = nullptr);

@@ -90,7 +90,7 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
     refuse(kVehicleKeys, "belongs to model: single-track");
     refuse(kRegressionKeys, "belongs to model: regression");
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
-      refuse({"A", "B", "C", "D"}, "stands beside formulas, which say the same");
+      refuse({"A", "B", "C", "D"}, "is a duplicate of the formulas");
     } else {
       refuse({"let", "use_when"}, "belongs to a model with dynamics");
     }

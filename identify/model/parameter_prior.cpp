@@ -72,7 +72,7 @@ std::string in_words(const Prior& prior) {
     case Prior::Kind::normal:
       return fmt::format("normal {:.4g} +- {:.4g}", prior.a, prior.b);
     case Prior::Kind::log_normal:
-      return fmt::format("log-normal {:.4g} within a factor {:.4g}", prior.a, prior.b);
+      return fmt::format("log-normal {:.4g} within a factor of {:.4g}", prior.a, prior.b);
   }
   return "";
 }

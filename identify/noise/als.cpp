@@ -33,7 +33,7 @@ constexpr double kForgotten = 1e-3;
 constexpr double kUninformative = 0.02;
 constexpr Index kFewestLags = 5, kMostLags = 200;
 // Rows of the least-squares problem: its weight is a dense matrix of that size. The first where the
-// lags are ours to choose, the second, 0.3 GB, where they are asked for.
+// lags are ours to choose, the second, 0.3 GB, where they are requested.
 constexpr Index kMostRows = 3000, kMostRowsAsked = 6000;
 
 // Smallest k with |F^k| <= tolerance; `most` when it is not reached before.

@@ -186,9 +186,9 @@ void warn_of_coloured_innovations(Estimate& estimate) {
              "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
              "dynamics or coloured noise{}",
              test.channel, test.p, errors ? ", and the errors above are too small" : ""),
-         shapes ? "'identikal shape' looks for a filter that colours the noise; else extend the "
+         shapes ? "'identikal shape' looks for a shaping filter; else extend the "
                   "model: a filter tuned on a wrong model is not optimal"
-                : "extend the model, by states that colour the noise if need be: a filter tuned on "
+                : "extend the model, by states that shape the noise if need be: a filter tuned on "
                   "a wrong model is not optimal");
   }
 }

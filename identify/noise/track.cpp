@@ -164,7 +164,7 @@ class ChangeTest {
   }
 
   // The alternatives nearby go with the present noise.
-  void gather_round(const ParameterSet& present, const Mixture& state) {
+  void centre_on(const ParameterSet& present, const Mixture& state) {
     const std::vector<ParameterSet> sets = neighbours(present);
     for (Index i = 0; i < near_; ++i) {
       set_noise(bank_, i, instantiate(model_.linear, sets[static_cast<std::size_t>(i)]));
@@ -212,7 +212,7 @@ class ChangeTest {
     return mixture(bank_, VectorXd::Unit(sum_.size(), best)).P;
   }
 
-  void begin_anew() {
+  void restart() {
     statistic_.setConstant(-kInfinity);
     sum_.setZero();
   }
@@ -296,7 +296,7 @@ class Learner {
     for (Index t = 0; t < samples_.lead; ++t) summarise(t);
     if (options.adaptive) {
       test_.emplace(model, prior_, samples_, out_.log_threshold, random_);
-      test_->gather_round(model.parameters, mixture(posterior_.bank, weights(posterior_)));
+      test_->centre_on(model.parameters, mixture(posterior_.bank, weights(posterior_)));
     }
   }
 
@@ -356,12 +356,12 @@ class Learner {
     out_.log_alarm[t] = test_->observe(t, recording_.y.col(t), samples_.u.col(t), density);
     if (out_.log_alarm[t] > out_.log_threshold) {
       start_again(test_->since(), t);
-      test_->begin_anew();
+      test_->restart();
       moved = true;
     }
     if (!moved) return;
     const VectorXd w = weights(posterior_);
-    test_->gather_round(with_entries(model_.parameters, entries_ * w), mixture(posterior_.bank, w));
+    test_->centre_on(with_entries(model_.parameters, entries_ * w), mixture(posterior_.bank, w));
   }
 
   // A new posterior that learns from the samples since the change on.
@@ -431,11 +431,11 @@ void warn_of_size(Estimate& estimate, bool adaptive) {
   for (const TestResult& test : estimate.tests) {
     if (test.id != "nis" || test.pass || estimate.series.time.size() < kEnough) continue;
     warn(estimate, Severity::warning, "innovation_size", {},
-         fmt::format("the innovations are {:.3g} times as large (in variance) as the filter took "
-                     "them for",
+         fmt::format("the innovations are {:.3g} times as large (in variance) as the filter "
+                     "predicts",
                      test.value),
          adaptive ? "the first samples of every new noise are among them; else widen the priors"
-                  : "noise that changes on the way: --adaptive; else widen the priors");
+                  : "noise that changes during the recording: --adaptive; else widen the priors");
   }
 }
 
@@ -468,7 +468,7 @@ Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOpt
     estimate.message =
         fmt::format("the noise of the model file stands after {} samples", recording.size());
   } else if (options.adaptive) {
-    estimate.message += fmt::format("; the noise was learnt anew {} time{}", course.changes.size(),
+    estimate.message += fmt::format("; the noise was re-estimated {} time{}", course.changes.size(),
                                     course.changes.size() == 1 ? "" : "s");
   }
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);

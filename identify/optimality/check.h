@@ -11,7 +11,7 @@
 namespace identikal {
 
 /// Runs the filter with the file's values, nothing estimated, and puts its innovations to the tests
-/// of identify/optimality/optimality.h, which together err with 5 % at most. Status answer_no when
+/// of identify/optimality/optimality.h, which together err with 5 % at most. Status rejected when
 /// one fails; the message says what is wrong where: which entry of Q or R and which way, which
 /// channel at which lag. `derived` holds the predicted loss in tr P of the present noise where the
 /// model is linear; a nonlinear one has no steady filter to compare with.

@@ -70,8 +70,7 @@ double difference(const Scored& a, const Scored& best) {
 
 void check_models(const std::vector<ModelFile>& models) {
   if (models.size() < 2) {
-    throw InputError({}, "one filter cannot be compared",
-                     "identikal compare A.yaml B.yaml DATA");
+    throw InputError({}, "one filter cannot be compared", "identikal compare A.yaml B.yaml DATA");
   }
   for (const ModelFile& model : models) {
     if (model.form != ModelFile::Form::linear && model.form != ModelFile::Form::nonlinear) {
@@ -164,7 +163,7 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   const double p = difference(all[order[1]], best);
   out.message =
       fmt::format("{} has the highest likelihood{}", models[order[0]].path,
-                  p < kFamilyError ? "" : fmt::format(", but not beyond chance (p = {:.2g})", p));
+                  p < kFamilyError ? "" : fmt::format(", but not significantly (p = {:.2g})", p));
   return out;
 }
 

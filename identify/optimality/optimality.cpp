@@ -160,7 +160,7 @@ void explain(const Member& failed, const MatrixXd& e, int lags, const std::vecto
   };
   if (t.id == "nis") {
     out.faults.push_back(fmt::format(
-        "innovations are {:.3g} times as large (in variance) as the filter believes: Q or R is too "
+        "innovations are {:.3g} times as large (in variance) as the filter predicts: Q or R is too "
         "{}",
         t.value, t.value > 1.0 ? "small" : "large"));
   } else if (t.id == "portmanteau") {

@@ -179,9 +179,9 @@ void test_unseen(const Estimate& result, const ModelFile& model,
     constexpr double kLeast = 1.5;
     const double detectable = unseen.detectable_size(nis.dof);
     if (detectable > kLeast) {
-      warn(estimate, Severity::warning, "blind", {},
-           fmt::format("these data would not show innovations {:.2g} times as large as the filter "
-                       "says",
+      warn(estimate, Severity::warning, "insufficient_power", {},
+           fmt::format("insufficient power: these data would not show innovations {:.2g} times "
+                       "as large as the filter predicts",
                        detectable),
            "validate on a longer recording");
     }
@@ -258,13 +258,13 @@ Estimate validate_car(const Estimate& result, const ModelFile& model,
   return out;
 }
 
-// What a refit would make of the car, and whether it says no: another car beyond chance, that moves
-// in another way by more than kMatters.
+// What a refit would make of the car, and whether it rejects the values: they differ significantly,
+// and the outputs move by more than kMatters.
 std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& estimate) {
   constexpr double kLevel = 0.05;
-  constexpr double kMatters = 0.05;  // of an output's size
-  constexpr double kBlind = 0.2;     // of a parameter
-  constexpr double kClear = 2.0;     // standard errors
+  constexpr double kMatters = 0.05;    // of an output's size
+  constexpr double kDetectable = 0.2;  // of a parameter: larger changes must not go unnoticed
+  constexpr double kClear = 2.0;       // standard errors
   if (refit.changes.empty() || !(refit.dof > 0.0)) {
     estimate.notes.emplace_back(
         !refit.tried      ? "refit: no value of the result has an error to compare by"
@@ -278,23 +278,23 @@ std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& esti
   test.level = kLevel;
   estimate.tests.push_back(test);
 
-  std::string blind, changes, all;
+  std::string undetected, changes, all;
   std::vector<std::string> about;
-  estimate.notes.emplace_back("refit on these data   result      refit    change  seen from");
+  estimate.notes.emplace_back("refit on these data   result      refit    change  detectable");
   for (const VehicleRefit::Change& c : refit.changes) {
     const double change = c.refitted / c.known - 1.0;
-    estimate.notes.push_back(
-        fmt::format("  {:<16} {:>9.6g}  {:>9.6g}  {:>+6.1f} %  {:>9}", c.name, c.known, c.refitted,
-                    100.0 * change,
-                    std::isnan(c.visible) ? "never" : fmt::format("{:.1f} %", 100.0 * c.visible)));
+    estimate.notes.push_back(fmt::format(
+        "  {:<16} {:>9.6g}  {:>9.6g}  {:>+6.1f} %  {:>10}", c.name, c.known, c.refitted,
+        100.0 * change,
+        std::isnan(c.detectable) ? "never" : fmt::format("{:.1f} %", 100.0 * c.detectable)));
     const std::string by = fmt::format("{} by {:+.0f} %", c.name, 100.0 * change);
     all += (all.empty() ? "" : ", ") + by;
     if (std::abs(c.refitted - c.known) > kClear * c.se) {
       changes += (changes.empty() ? "" : ", ") + by;
     }
-    if (c.visible <= kBlind) continue;
+    if (c.detectable <= kDetectable) continue;
     about.push_back(c.name);
-    blind += fmt::format("{}{}", blind.empty() ? "" : ", ", c.name);
+    undetected += fmt::format("{}{}", undetected.empty() ? "" : ", ", c.name);
   }
   double most = 0.0;
   std::string moved;
@@ -305,20 +305,22 @@ std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& esti
   }
   estimate.derived.push_back({"refit moves " + moved, "%", 100.0 * most, kNone});
   estimate.notes.push_back(fmt::format(
-      "refit: another car where chance would give such changes in less than {:.0f} % of cases (F "
-      "with {:.0f} and {:.0f} degrees of freedom, errors of both fits), and where they move a "
-      "simulated output by more than {:.0f} % of its size. seen from: what change of this value "
-      "alone would be found in 80 % of cases",
+      "refit: the values differ significantly where an F test rejects at {:.0f} % ({:.0f} and "
+      "{:.0f} degrees of freedom, errors of both fits) and where they move a simulated output by "
+      "more "
+      "than {:.0f} % of its size. detectable: the change of this value alone that is found with a "
+      "power of 80 %",
       100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
-  if (!blind.empty()) {
-    warn(estimate, Severity::warning, "blind", about,
-         fmt::format("these data would not show an error of {} of 20 %", blind),
-         "validate on a recording that tells it: 'identikal info --vehicle' says what one can "
-         "tell");
+  if (!undetected.empty()) {
+    warn(estimate, Severity::warning, "insufficient_power", about,
+         fmt::format("insufficient power: these data would not show an error of 20 % in {}",
+                     undetected),
+         "validate on a recording that determines it: 'identikal info --vehicle' says which do");
   }
   if (test.pass || most <= kMatters) return std::nullopt;
   return fmt::format(
-      "it is another car: a refit changes {} (p {:.2g}), and {} by {:.0f} % of its size",
+      "the values differ significantly: a refit changes {} (p {:.2g}), and {} by {:.0f} % of its "
+      "size",
       changes.empty() ? all : changes, refit.p, moved, 100.0 * most);
 }
 
@@ -359,7 +361,7 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
          input.path +
              " is what the result was made from: this proves "
              "nothing",
-         "validate on a recording that it has not seen");
+         "validate on a recording that was held out");
     const std::string but = ", but the result was made from these data";
     if (!estimate.message.ends_with(but)) estimate.message += but;
   }
@@ -392,11 +394,11 @@ Estimate validate(const Estimate& result, const ModelFile& model,
   for (const ChannelFit& fit : own) {
     out.derived.push_back({"own fit of " + fit.channel, "%", fit.fit_percent, kNone});
   }
-  std::optional<std::string> another_car;
+  std::optional<std::string> rejected;
   bool refitted = false;
   if (vehicle) {
     const VehicleRefit refit = refit_vehicle(result, model, recordings, options.robust);
-    another_car = judge_refit(refit, out);
+    rejected = judge_refit(refit, out);
     refitted = refit.dof > 0.0;
   }
   if (options.least_fit) {
@@ -405,13 +407,13 @@ Estimate validate(const Estimate& result, const ModelFile& model,
     std::vector<double> limits(fits.size(), 0.0);
     if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
     judge_fits(fits, limits, out);
-    if (another_car) {
-      out.message = (out.status == Status::ok ? "" : out.message + "; ") + *another_car;
+    if (rejected) {
+      out.message = (out.status == Status::ok ? "" : out.message + "; ") + *rejected;
       out.status = Status::rejected;
     } else if (out.status == Status::ok) {
       out.message = refitted
-                        ? "it holds on these data: every fit is high enough, and a refit would "
-                          "not make another car"
+                        ? "it holds on these data: every fit is high enough, and the values of a "
+                          "refit do not differ significantly"
                         : "every fit is high enough; the values themselves are not tested";
     }
   }

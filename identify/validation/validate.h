@@ -15,19 +15,19 @@ struct ValidateOptions {
   /// What every channel's fit has to reach [%] for the answer yes. Without it a filter has to pass
   /// its tests, and a simulated car has to explain half of its leading output, the yaw rate or else
   /// the one that it explains best, and every other one better than its mean (the limits of `fit`
-  /// itself), and a refit must not make another car of it
-  /// (identify/validation/internal/vehicle_refit.h): at 5 % beyond chance, and one whose simulated
-  /// outputs move by more than 5 % of their size.
+  /// itself), and the values of a refit must not differ
+  /// (identify/validation/internal/vehicle_refit.h): significantly at 5 % and with
+  /// simulated outputs that move by more than 5 % of their size.
   std::optional<double> least_fit;
   bool robust = false;  ///< vehicles: outliers count as in fit --robust
 };
 
 /// Applies the model of a result to other recordings as it is, nothing refitted but the state at
 /// the begin. A filter: one-step fit, log-likelihood per row, and the tests score (do these data
-/// ask for other values?), nis and ljung_box, which allow for the estimates' own errors and err
+/// require other values?), nis and ljung_box, which allow for the estimates' own errors and err
 /// with 5 % in all. A vehicle: fit of the free run, and the test `refit`, with what it would make
-/// of every value and from which change on it sees one in `notes`. `derived` holds the same figures
-/// of the result's own data to compare with. Status answer_no where the answer is no, with the
+/// of every value and the change of each that it detects (power 80 %) in `notes`. `derived` holds the same figures
+/// of the result's own data to compare with. Status rejected where the answer is no, with the
 /// reason in the message. Warnings where a recording is one that the result was made from, where
 /// the result was not to be trusted, and where the model file is no longer what it was.
 /// @param result      as read from its file

@@ -31,7 +31,7 @@ struct VehicleFitOptions {
 ///
 /// Standard errors come from the information matrix while the residuals are white, else from a
 /// sandwich (identify/vehicle/covariance.h); `covariance_kind` says which. All numbers are in the
-/// user's units. Status: answer_no when the data leave a parameter open, untrusted when a serious
+/// user's units. Status: rejected when the data leave a parameter open, untrusted when a serious
 /// warning was raised (flipped sign, poor fit, saturating tyres), not_converged, else ok.
 /// With trajectory they come from the information with the path eliminated.
 /// `one_step` is filled by prediction_error only. Circles and slow ramps are answered with what

@@ -122,7 +122,7 @@ outputs: {y: {column: y, unit: m}}
 
     def test_too_few_rows_to_validate_are_said(self):
         run("tune", self.model, self.recording("right.csv", 1), "--starts", 1, "-o", self.out, code=0)
-        blind = lambda data: [w["text"] for w in json.loads(run("validate", self.out, data, "--json").stdout)["warnings"] if w["code"] == "blind"]
+        blind = lambda data: [w["text"] for w in json.loads(run("validate", self.out, data, "--json").stdout)["warnings"] if w["code"] == "insufficient_power"]
         self.assertEqual([], blind(self.recording("more.csv", 6)))
         self.assertIn("would not show innovations", blind(self.recording("few.csv", 7, rows=6))[0])
 

@@ -105,11 +105,11 @@ class Validate(unittest.TestCase):
                 print(f"validate: {manoeuvre}, Cf {Cf:.0f}: {out['status']['message']}")
                 self.assertEqual(code == 0, refit["pass"], out["status"]["message"])
                 if code:
-                    self.assertIn("it is another car: a refit changes Cf by", out["status"]["message"])
+                    self.assertIn("the values differ significantly: a refit changes Cf by", out["status"]["message"])
         # What the recording cannot show is said; with --fit the user decides.
         run("simulate", LANE_CHANGE[0], "--manoeuvre", "steady-circle", "--duration", "20s", *truth, "-o", self.folder.path, code=0)
         circle = result("validate", self.out, self.folder.path / "simulated.csv")
-        self.assertEqual([["Iz"]], [w["about"] for w in circle["warnings"] if w["code"] == "blind"])
+        self.assertEqual([["Iz"]], [w["about"] for w in circle["warnings"] if w["code"] == "insufficient_power"])
         run("simulate", LANE_CHANGE[0], "--manoeuvre", "sweep", *truth, "--set", "Cf=70000", "-o", self.folder.path, code=0)
         result("validate", self.out, self.folder.path / "simulated.csv", "--fit", "50%")
 

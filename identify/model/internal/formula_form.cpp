@@ -149,7 +149,7 @@ class FormulaReader {
     FormulaSettings& settings = out_.formulas;
     const auto only_continuous = [&](const YamlNode& node) {
       if (formulas_.continuous) return;
-      throw InputError(node.at, "a discrete-time model knows nothing between samples",
+      throw InputError(node.at, "a discrete-time model has nothing between samples",
                        "no such key here, or kind: continuous");
     };
     if (const YamlNode* inputs = find(time, "inputs")) {

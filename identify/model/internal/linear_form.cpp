@@ -50,7 +50,7 @@ void read_linear(const YamlNode& root, ModelFile& out) {
   if (const YamlNode* hold = find(time, "inputs")) {
     const bool linear = word_of(*hold, "inputs", {"zoh", "foh"}) == "foh";
     if (!model.continuous) {
-      throw InputError(hold->at, "a discrete-time model knows nothing between samples",
+      throw InputError(hold->at, "a discrete-time model has nothing between samples",
                        "no 'inputs' here, or kind: continuous");
     }
     model.hold = linear ? InputHold::linear : InputHold::constant;

@@ -174,7 +174,7 @@ void read_process_kind(const YamlNode& node, bool density_allowed, LinearModel& 
 bool by_names(const YamlNode& root, const YamlNode* part, const char* key) {
   if (part == nullptr || part->kind != YamlNode::Kind::mapping) return false;
   if (const YamlNode* matrix = find(root, key)) {
-    throw InputError(matrix->at, fmt::format("{} is given beside the noise by names", key),
+    throw InputError(matrix->at, fmt::format("{} is given alongside the noise by names", key),
                      "one of the two");
   }
   return true;
@@ -207,7 +207,7 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
     }
     if (kind != nullptr) read_process_kind(*kind, model.continuous, model);
     if (const YamlNode* G = find(root, "G")) {
-      throw InputError(G->at, "G is given beside the noise by names", "one of the two");
+      throw InputError(G->at, "G is given alongside the noise by names", "one of the two");
     }
     model.G = constant_matrix(MatrixXd::Identity(n, n));
     model.Q = read_spreads(*process, "process noise", physical.states, physical.with_units,
@@ -215,7 +215,7 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
   } else if (has_names && find(root, "Q") == nullptr) {
     if (process != nullptr) {
       throw InputError(process->at, "process is " + describe(*process),
-                       "{kind: per-sample, sd: {STATE: NUMBER}}, or a matrix Q beside it");
+                       "{kind: per-sample, sd: {STATE: NUMBER}}, or a matrix Q alongside it");
     }
     model.G = constant_matrix(MatrixXd::Identity(n, n));
     model.Q = constant_matrix(MatrixXd::Zero(n, n));
@@ -251,7 +251,7 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
   const Index nw = model.G.constant.cols();
   const YamlNode* S = find(root, "S");
   if (S != nullptr && model.noise == ProcessNoise::density) {
-    throw InputError(S->at, "S has no meaning with a noise density", "process: per-sample");
+    throw InputError(S->at, "S does not apply to a noise density", "process: per-sample");
   }
   model.S = S == nullptr
                 ? constant_matrix(MatrixXd::Zero(nw, ny))

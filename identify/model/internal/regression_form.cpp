@@ -62,7 +62,7 @@ RegressionSettings read_regression_settings(const YamlNode& root, ModelFile::For
   if (variable) out.memory = kUsualMemory;
   if (const YamlNode* given = find(*node, "memory")) {
     if (!variable) {
-      throw InputError(given->at, "memory has no meaning here", "",
+      throw InputError(given->at, "memory does not apply to a vehicle", "",
                        "it goes with forgetting: variable");
     }
     out.memory = read_plain_number(*given, "memory");

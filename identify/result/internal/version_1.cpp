@@ -52,6 +52,8 @@ constexpr RenamedValue kRenamedValues[] = {
     {"objective", "evaluation_method", "compressed", "sample_autocovariances"},
     {"survey/identifiable/*", "answer", "weak", "poorly"},
     {"warnings/*", "code", "path", "evaluation_method"},
+    {"warnings/*", "code", "blind", "insufficient_power"},
+    {"warnings/*", "code", "noise_place", "noise_source"},
 };
 
 template <typename Change>

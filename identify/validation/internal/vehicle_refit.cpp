@@ -118,7 +118,7 @@ Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknow
     const bool determined = out.flat.cols() == 0 || out.flat.row(i).norm() <= 1e-6;
     if (!determined) continue;
     change.se = std::sqrt(out.V(i, i)) * std::abs(change.known);
-    change.visible = kFound * std::sqrt(out.V(i, i));
+    change.detectable = kFound * std::sqrt(out.V(i, i));
   }
   return out;
 }

@@ -18,7 +18,7 @@ struct VehicleRefit {
     double se = kNone;                       ///< of their difference
     /// Least true difference, relative to the known value, that a test of this parameter alone at
     /// 5 % finds in 80 % of cases.
-    double visible = kNone;
+    double detectable = kNone;
   };
   std::vector<Change> changes;  ///< of the car's own parameters; empty: none was refitted
   double statistic = kNone, dof = 0.0, freedom = 0.0;  ///< F with these degrees of freedom

@@ -221,7 +221,7 @@ constexpr FormulaMistake kMistakes[] = {
      "19:10: a nonlinear model has no such start"},
     {"torque < 3", "phi < 3", "20:12: 'phi' is no input"},
     {"torque < 3", "torque", "20:12: a number where a condition belongs"},
-    {"use_when: \"torque < 3\"", "A: [[1]]", "20:1: 'A' stands beside formulas"},
+    {"use_when: \"torque < 3\"", "A: [[1]]", "20:1: 'A' is a duplicate of the formulas"},
     {"- d*w + torque/J", "+ torque/J", "6:3: parameter 'd' is not used anywhere"},
 };
 

@@ -476,8 +476,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"name: demo", "model: single-trak",
      "2:8: model is 'single-trak'; expected one of single-track, regression; did you mean "
      "'single-track'?"},
-    {"name: demo", "states: {vy: m/s}", "7:1: 'A' stands beside formulas, which say the same"},
-    {"name: demo", "dynamics: {x: y}", "7:1: 'A' stands beside formulas, which say the same"},
+    {"name: demo", "states: {vy: m/s}", "7:1: 'A' is a duplicate of the formulas"},
+    {"name: demo", "dynamics: {x: y}", "7:1: 'A' is a duplicate of the formulas"},
     {"name: demo", "tyre: {curve: linear}", "2:1: 'tyre' belongs to model: single-track"},
     {"name: demo", "name: \"a\\nb\"",
      "2:7: 'a?b' holds a line break or a control character; expected text on one line"},
@@ -610,7 +610,7 @@ constexpr Mistake kLinearMistakes[] = {
      "7:13: 'kg'; expected an operator such as '+', or the end; a product needs '*'; numbers carry "
      "no units"},
     {"step: 0.5 s", "step: 0.5 s, inputs: foh",
-     "3:45: a discrete-time model knows nothing between samples; expected no 'inputs' here, or "
+     "3:45: a discrete-time model has nothing between samples; expected no 'inputs' here, or "
      "kind: continuous"},
     {"0.1]", "~]", "7:11: an entry of A is empty; expected a single value"},
     {"0.1]", "[1]]", "7:11: an entry of A is a list; expected a single value"},
