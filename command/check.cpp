@@ -36,7 +36,7 @@ int check(const CheckOptions& options, const std::string& command) {
   refuse_vehicle(model, run.verb);
   const Recordings recordings = load_recordings(options.recordings, model, run.verb);
   take_period(model, recordings.data.front());
-  Estimate estimate = check_filter(model, recordings.data);
+  Estimate estimate = check(model, recordings.data);
   if (wants_pictures(run.options)) picture_filter(model, recordings.data, estimate);
   return finish(run, recordings, estimate);
 }

@@ -13,7 +13,7 @@ namespace {
 
 void validate_on(const std::vector<HeldOut>& held_out, const ModelFile& model,
                  Recordings& recordings, Estimate& estimate) {
-  describe_hold_out(estimate, model, held_out);
+  report_hold_out(estimate, model, held_out);
   for (const HeldOut& held : held_out) {
     recordings.held_out.push_back(samples_from(held.recording, held.from));
   }

@@ -278,7 +278,7 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
   throw InputError(here, "the filter cannot run");
 }
 
-void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters) {
+void report_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters) {
   const StateSpace written = written_matrices(model.linear, parameters);
   estimate.noise.Q = written.Q;
   estimate.noise.R = written.R;
@@ -308,16 +308,16 @@ void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterS
   estimate.filter = std::move(filter);
 }
 
-void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
-                          const std::vector<FilterResult>& filters) {
+void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+                        const std::vector<FilterResult>& filters) {
   report_fit(estimate, recordings[0].outputs, join(recordings, filters));
   report_tests(estimate, recordings, filters);
 }
 
-std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
-                                          const ParameterSet& parameters,
-                                          const std::vector<Dataset>& recordings) {
-  describe_noise(estimate, model, parameters);
+std::vector<FilterResult> report_filter(Estimate& estimate, const ModelFile& model,
+                                        const ParameterSet& parameters,
+                                        const std::vector<Dataset>& recordings) {
+  report_noise(estimate, model, parameters);
   if (estimate.filter) {
     take_units(estimate.filter->inputs, recordings[0].inputs, model.linear.offset);
     take_units(estimate.filter->outputs, recordings[0].outputs, false);
@@ -337,10 +337,10 @@ std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& m
     }
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }
-  describe_innovations(estimate, recordings, filters);
+  report_innovations(estimate, recordings, filters);
   if (model.form == ModelFile::Form::nonlinear) {
     warn_of_integration(estimate, model, parameters, recordings);
-    describe_simulation(estimate, model, parameters, recordings);
+    report_simulation(estimate, model, parameters, recordings);
   }
   return filters;
 }

@@ -18,21 +18,21 @@ namespace identikal {
                                 FilterStatus status);
 
 /// Q, R, S and the steady state of the filter.
-void describe_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
+void report_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
 
 /// One-step fit, tests and series of innovations that one filter per recording has left. The tests
 /// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation
 /// reaches across from one recording to the next.
-void describe_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
-                          const std::vector<FilterResult>& filters);
+void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+                        const std::vector<FilterResult>& filters);
 
 /// Runs the filter over every recording, each from the model's initial state, and fills all of the
 /// above, the log-likelihood and, of a nonlinear model, the fit of its free runs.
 /// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
-std::vector<FilterResult> describe_filter(Estimate& estimate, const ModelFile& model,
-                                          const ParameterSet& parameters,
-                                          const std::vector<Dataset>& recordings);
+std::vector<FilterResult> report_filter(Estimate& estimate, const ModelFile& model,
+                                        const ParameterSet& parameters,
+                                        const std::vector<Dataset>& recordings);
 
 /// Standardised innovations of all recordings, ny x N, with `gap` missing samples between one and
 /// the next, so that no test looks across; and the inputs in step with them.

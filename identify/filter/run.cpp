@@ -129,7 +129,7 @@ FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& 
   estimate.model_name = model.name;
   estimate.objective.method = "filter";
   list_known_parameters(estimate, model.parameters);
-  out.innovations = describe_filter(estimate, model, model.parameters, recordings);
+  out.innovations = report_filter(estimate, model, model.parameters, recordings);
   Index rows = 0;
   for (const Dataset& data : recordings) {
     out.states.push_back(run_smoother(model, model.parameters, data, options.lag));

@@ -111,8 +111,8 @@ MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& parameter
   return out.array().isFinite().select(out, kInfinity);
 }
 
-void describe_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                         const std::vector<Dataset>& recordings) {
+void report_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                       const std::vector<Dataset>& recordings) {
   MatrixXd y, errors;
   for (const Dataset& data : recordings) {
     append(y, data.y);
@@ -121,8 +121,8 @@ void describe_simulation(Estimate& estimate, const ModelFile& model, const Param
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
 }
 
-void describe_hold_out(Estimate& estimate, const ModelFile& model,
-                       const std::vector<HeldOut>& held_out) {
+void report_hold_out(Estimate& estimate, const ModelFile& model,
+                     const std::vector<HeldOut>& held_out) {
   const ParameterSet end = parameters_of(estimate, model.parameters);
   const std::vector<Channel>& outputs = held_out[0].recording.outputs;
   MatrixXd y, innovations, standardised, simulated;

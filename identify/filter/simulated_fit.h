@@ -20,8 +20,8 @@ Eigen::MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& pa
                                   const Dataset& recording);
 
 /// Fills `simulation` with the fit of the free runs.
-void describe_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
-                         const std::vector<Dataset>& recordings);
+void report_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+                       const std::vector<Dataset>& recordings);
 
 /// Rows from `from` on were not fitted to; those before were.
 struct HeldOut {
@@ -33,7 +33,7 @@ struct HeldOut {
 /// fitted, and the pictures of held-out rows. The filter goes on from what it knows of the state at
 /// the first of them; where nothing was before, from the model's start.
 /// @param estimate  of this model; its parameters are taken, its data are the rows before
-void describe_hold_out(Estimate& estimate, const ModelFile& model,
-                       const std::vector<HeldOut>& held_out);
+void report_hold_out(Estimate& estimate, const ModelFile& model,
+                     const std::vector<HeldOut>& held_out);
 
 }  // namespace identikal

@@ -436,7 +436,7 @@ Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings
                                        found.regression.lags,
                                        options.regain ? "the estimate" : "the start"));
   conclude_noise_estimate(estimate, found.solution.summary);
-  describe_noise_estimate(estimate, model, end, recordings);
+  report_noise_estimate(estimate, model, end, recordings);
   return estimate;
 }
 

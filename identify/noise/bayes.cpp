@@ -236,7 +236,7 @@ Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordin
   const Identifiability& id = estimate.identifiability;
   if (id.rank < id.of) estimate.message += " beyond their priors";
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
-  describe_noise_estimate(estimate, model, end, recordings);
+  report_noise_estimate(estimate, model, end, recordings);
   return estimate;
 }
 

@@ -71,7 +71,7 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
   estimate.message = "converged";
 }
 
-void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
+void report_excess_error(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
   ExcessMeanSquareError& loss = estimate.excess_mean_square_error.emplace();
   if (model.form == ModelFile::Form::nonlinear) {
     loss.reason = "a nonlinear model has no steady filter";
@@ -129,15 +129,15 @@ void describe_filter_loss(Estimate& estimate, const ModelFile& model, const Para
   }
 }
 
-void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
-                             const std::vector<Dataset>& recordings) {
+void report_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
+                           const std::vector<Dataset>& recordings) {
   const ReportedEntries entries = reported_entries(end);
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     double& low = estimate.parameters[i].ci95[0];
     if (entries.variance[i] && low < 0.0) low = 0.0;
   }
-  describe_filter_loss(estimate, model, end);
-  const std::vector<FilterResult> filters = describe_filter(estimate, model, end, recordings);
+  report_excess_error(estimate, model, end);
+  const std::vector<FilterResult> filters = report_filter(estimate, model, end, recordings);
   warn_of_outliers_and_offset(estimate, model, end, recordings, filters);
   distrust_serious_warnings(estimate);
   Objective& objective = estimate.objective;

@@ -30,13 +30,13 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
 
 /// What the errors of the parameters cost the filter (lib/filter/information.h), from their
 /// standard errors and correlations as the estimate has them; or why that has no answer.
-void describe_filter_loss(Estimate& estimate, const ModelFile& model, const ParameterSet& at);
+void report_excess_error(Estimate& estimate, const ModelFile& model, const ParameterSet& at);
 
 /// Intervals of variances end at zero; what the errors cost; the filter at `end`, its tests and AIC
 /// and BIC; a warning for innovations that are not white.
 /// @throws InputError when the filter cannot run
-void describe_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
-                             const std::vector<Dataset>& recordings);
+void report_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
+                           const std::vector<Dataset>& recordings);
 
 /// A result with a serious warning is untrusted.
 void distrust_serious_warnings(Estimate& estimate);

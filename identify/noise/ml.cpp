@@ -444,7 +444,7 @@ Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
   if (options.pictures) estimate.pictures.searches = found.paths;
   if (options.pictures && converged) picture_profiles(estimate, maximum);
   conclude_noise_estimate(estimate, found.best.summary);
-  describe_noise_estimate(estimate, model, end, recordings);
+  report_noise_estimate(estimate, model, end, recordings);
   if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
     warn(estimate, Severity::warning, "several_maxima", {},
          fmt::format("{} of {} starts reached the same optimum", found.agree, found.tried),

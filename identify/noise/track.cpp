@@ -472,8 +472,8 @@ Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOpt
                                     course.changes.size() == 1 ? "" : "s");
   }
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
-  describe_noise(estimate, model, end);
-  describe_innovations(estimate, {recording}, {course.filter});
+  report_noise(estimate, model, end);
+  report_innovations(estimate, {recording}, {course.filter});
   report_whiteness(estimate, course.filter);
   warn_of_coloured_innovations(estimate);
   warn_of_size(estimate, options.adaptive);

@@ -297,7 +297,7 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   const MatrixXd total = in_units(information.total);
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
-  describe_filter_loss(estimate, model, model.parameters);
+  report_excess_error(estimate, model, model.parameters);
   const MatrixXd rate = information.per_sample.size() > 0
                             ? in_units(information.per_sample)
                             : MatrixXd(total / static_cast<double>(options.samples));

@@ -23,7 +23,7 @@ constexpr Index kFewestInnovations = 20;
 
 }  // namespace
 
-Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& recordings) {
+Estimate check(const ModelFile& model, const std::vector<Dataset>& recordings) {
   const bool nonlinear = model.form == ModelFile::Form::nonlinear;
   if (model.form != ModelFile::Form::linear && !nonlinear) {
     throw InputError({model.path, 0, 0},
@@ -37,7 +37,7 @@ Estimate check_filter(const ModelFile& model, const std::vector<Dataset>& record
   list_known_parameters(estimate, model.parameters);
   check_channels(recordings);
   const std::vector<FilterResult> filters =
-      describe_filter(estimate, model, model.parameters, recordings);
+      report_filter(estimate, model, model.parameters, recordings);
   Index innovations = 0;
   for (const FilterResult& filter : filters) {
     innovations += (filter.standardised.array() == filter.standardised.array()).count();

@@ -35,7 +35,7 @@ Scored scored(const ModelFile& model, const std::vector<Dataset>& recordings) {
   Scored out;
   Estimate described;
   const std::vector<FilterResult> filters =
-      describe_filter(described, model, model.parameters, recordings);
+      report_filter(described, model, model.parameters, recordings);
   out.log_likelihood = described.objective.log_likelihood;
   out.optimal = test_optimality(model, recordings, filters).optimal;
   Index shortest = recordings[0].size();

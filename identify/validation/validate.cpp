@@ -213,8 +213,7 @@ Estimate validate_filter(const Estimate& result, const ModelFile& written,
   out.model_name = model.name;
   list_parameters(out, model.parameters, model.parameters);
   for (EstimatedParameter& p : out.parameters) p.fixed = true;
-  const std::vector<FilterResult> filters =
-      describe_filter(out, model, model.parameters, recordings);
+  const std::vector<FilterResult> filters = report_filter(out, model, model.parameters, recordings);
   test_unseen(result, model, recordings, filters, out);
   warn_of_outliers_and_offset(out, model, model.parameters, recordings, filters);
   const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };

@@ -154,7 +154,7 @@ TEST(NonlinearJobs, CheckGivesTheLinearOnesTests) {
               general = two_states(ModelFile::Form::nonlinear);
     set_parameter(linear, "r=" + std::to_string(r));
     set_parameter(general, "r=" + std::to_string(r));
-    const Estimate a = check_filter(linear, recordings), b = check_filter(general, recordings);
+    const Estimate a = check(linear, recordings), b = check(general, recordings);
     EXPECT_EQ(a.status, r == 1.0 ? Status::ok : Status::rejected);
     EXPECT_EQ(a.status, b.status);
     EXPECT_EQ(a.message, b.message);
@@ -196,7 +196,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
     Estimate& e = estimates[form == ModelFile::Form::linear ? 0 : 1];
     e = tune_ml(model, {first_samples(whole, cut)}, options);
     ASSERT_EQ(e.status, Status::ok);
-    describe_hold_out(e, model, {{whole, cut}, {other, 0}});
+    report_hold_out(e, model, {{whole, cut}, {other, 0}});
   }
   expect_same(estimates[0].hold_out, estimates[1].hold_out, 1e-4);
   expect_same(estimates[0].hold_out_one_step, estimates[1].hold_out_one_step, 1e-4);
@@ -209,7 +209,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
   // follows is that of all less that of what came before.
   const ModelFile model = two_states(ModelFile::Form::nonlinear);
   Estimate e = estimates[1];
-  describe_hold_out(e, model, {{whole, cut}});
+  report_hold_out(e, model, {{whole, cut}});
   ModelFile found = model;
   for (std::size_t i = 0; i < 3; ++i) {
     found.parameters[i].value(0, 0) = e.parameters[i].value;
@@ -258,7 +258,7 @@ TEST(NonlinearJobs, AFreeRunNeedsNothingButTheFirstState) {
   const MatrixXd y = simulated_outputs(model, model.parameters, data);
   EXPECT_LT((y - data.y).cwiseAbs().maxCoeff(), 1e-4);
   Estimate estimate;
-  describe_simulation(estimate, model, model.parameters, {data});
+  report_simulation(estimate, model, model.parameters, {data});
   EXPECT_GT(estimate.simulation[0].fit_percent, 99.99);
 }
 

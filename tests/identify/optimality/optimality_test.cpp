@@ -105,7 +105,7 @@ TEST(Optimality, SaysWhichEntryAndWhichWay) {
   const StateSpace truth = matisko_example_1();
   StateSpace wrong = truth;
   wrong.Q(0, 0) = 1.0;
-  const Estimate out = check_filter(fixed_model(wrong), {recording_of(truth, 500, random)});
+  const Estimate out = check(fixed_model(wrong), {recording_of(truth, 500, random)});
   EXPECT_EQ(out.status, Status::rejected);
   EXPECT_THAT(out.message, HasSubstr("Q(1,1) should be larger"));
   EXPECT_THAT(out.message, HasSubstr("times as large (in variance)"));
@@ -133,12 +133,12 @@ TEST(Optimality, SaysWhichChannelFollowsWhichInput) {
   StateSpace wrong = truth;
   wrong.D(0, 0) = 0.5;
   const Dataset data = recording_of(truth, 400, random);
-  const Estimate out = check_filter(fixed_model(wrong), {data});
+  const Estimate out = check(fixed_model(wrong), {data});
   EXPECT_EQ(out.status, Status::rejected);
   EXPECT_THAT(out.message, HasSubstr("innovations of 'y1' follow the inputs"));
   Dataset offset = data;
   offset.y.array() += 1.0;
-  EXPECT_THAT(check_filter(fixed_model(truth), {offset}).message, HasSubstr("have a mean of"));
+  EXPECT_THAT(check(fixed_model(truth), {offset}).message, HasSubstr("have a mean of"));
 }
 
 TEST(Optimality, NothingIsSaidOfNothing) {
@@ -152,12 +152,12 @@ TEST(Optimality, NothingIsSaidOfNothing) {
   brief.u = good.u.leftCols(10).eval();
   brief.time = good.time.head(10).eval();
   for (const Dataset& data : {constant, missing, brief}) {
-    EXPECT_THROW(check_filter(model, {data}), InputError);
+    EXPECT_THROW(check(model, {data}), InputError);
   }
   // Every other sample missing: fewer tests, but an answer.
   Dataset ridden = recording_of(matisko_example_1(), 400, random);
   for (Index t = 0; t < 400; t += 2) ridden.y(0, t) = std::nan("");
-  EXPECT_EQ(check_filter(model, {ridden}).status, Status::ok);
+  EXPECT_EQ(check(model, {ridden}).status, Status::ok);
 }
 
 TEST(Compare, RanksByLikelihood) {
