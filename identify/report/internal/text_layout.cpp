@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -36,20 +37,22 @@ std::string wrapped(const std::string& text, std::size_t indent) {
 std::string text_table(const std::vector<TableColumn>& columns,
                        const std::vector<std::vector<std::string>>& rows) {
   std::vector<std::size_t> width;
-  for (std::size_t c = 0; c + 1 < columns.size(); ++c) {
-    width.push_back(columns[c].heading.size());
-    for (const std::vector<std::string>& row : rows) width[c] = std::max(width[c], row[c].size());
+  for (const TableColumn& column : columns) width.push_back(column.heading.size());
+  for (const std::vector<std::string>& row : rows) {
+    for (std::size_t c = 0; c < width.size(); ++c) width[c] = std::max(width[c], row[c].size());
   }
+  const std::size_t last = width.size() - 1;
+  const std::size_t all = std::accumulate(width.begin(), width.end(), 2 * last);
+  const std::string gap(all <= kLineWidth ? 2 : 1, ' ');
   const auto line = [&](const auto& cell) {
     std::string out;
-    for (std::size_t c = 0; c < width.size(); ++c) {
-      const auto text = columns[c].left ? fmt::format("{:<{}}", cell(c), width[c])
-                                        : fmt::format("{:>{}}", cell(c), width[c]);
-      out += (c > 0 ? " " : "") + text;
+    for (std::size_t c = 0; c < last; ++c) {
+      out += (c > 0 ? gap : "") + (columns[c].left ? fmt::format("{:<{}}", cell(c), width[c])
+                                                   : fmt::format("{:>{}}", cell(c), width[c]));
     }
-    const std::string last = cell(width.size());
-    if (out.size() + 2 + last.size() <= kLineWidth) return out + "  " + last + "\n";
-    return out + "\n" + wrapped(std::string(width[0] + 1, ' ') + last, width[0] + 1);
+    const std::string text = cell(last);
+    if (out.size() + 2 + text.size() <= kLineWidth) return out + "  " + text + "\n";
+    return out + "\n" + wrapped(std::string(width[0] + 1, ' ') + text, width[0] + 1);
   };
   std::string out = line([&](std::size_t c) { return columns[c].heading; });
   for (const std::vector<std::string>& row : rows) {

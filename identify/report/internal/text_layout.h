@@ -24,8 +24,8 @@ struct TableColumn {
   bool left = false;  ///< text; numbers stand on the right
 };
 
-/// Columns as wide as what they hold. The last one is text: where a line would be longer than the
-/// page, it stands on the next line.
+/// Columns as wide as what they hold, two blanks apart, or one where the page is too narrow. The last
+/// one is text: where a line would still be longer than the page, it stands on the next line.
 std::string text_table(const std::vector<TableColumn>& columns,
                        const std::vector<std::vector<std::string>>& rows);
 

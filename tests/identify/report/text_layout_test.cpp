@@ -22,9 +22,9 @@ TEST(TextLayout, BeginsAColumnWhereTheHeadEndsInABlank) {
 TEST(TextLayout, TablesAreAsWideAsWhatTheyHold) {
   EXPECT_EQ(text_table({{"name", true}, {"value"}, {"verdict", true}},
                        {{"q", "1.25", "ok"}, {"r_long", "3", "poorly determined"}}),
-            "name   value  verdict\n"
-            "q       1.25  ok\n"
-            "r_long     3  poorly determined\n");
+            "name    value  verdict\n"
+            "q        1.25  ok\n"
+            "r_long      3  poorly determined\n");
 }
 
 TEST(TextLayout, PutsTheLastColumnBelowWhereItDoesNotFit) {
