@@ -177,9 +177,8 @@ std::string channel_names(const ModelFile& model, const ShapingStructure& struct
   std::string out;
   for (const Index c : structure.channels) {
     if (!out.empty()) out += ", ";
-    out += structure.place == NoiseSource::process
-               ? fmt::format("w{}", c + 1)
-               : model.outputs[static_cast<std::size_t>(c)].name;
+    out +=
+        structure.place == NoiseSource::process ? fmt::format("w{}", c + 1) : model.outputs[c].name;
   }
   return out;
 }
@@ -357,10 +356,10 @@ std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_stat
   out.parameters.clear();
   std::vector<int> place(shaped.parameters.size(), -1);
   const auto keep = [&](int& parameter) {
-    int& to = place[static_cast<std::size_t>(parameter)];
+    int& to = place[parameter];
     if (to < 0) {
       to = static_cast<int>(out.parameters.size());
-      out.parameters.push_back(shaped.parameters[static_cast<std::size_t>(parameter)]);
+      out.parameters.push_back(shaped.parameters[parameter]);
     }
     parameter = to;
   };

@@ -44,9 +44,9 @@ int add_scalar(ParameterSet& parameters, const std::string& name, double value, 
 }
 
 bool is_full(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {
-  return matrix.block >= 0 && !parameters[static_cast<std::size_t>(matrix.block)].fixed &&
-         parameters[static_cast<std::size_t>(matrix.block)].domain == Domain::positive_definite &&
-         parameters[static_cast<std::size_t>(matrix.block)].value.rows() > 1;
+  return matrix.block >= 0 && !parameters[matrix.block].fixed &&
+         parameters[matrix.block].domain == Domain::positive_definite &&
+         parameters[matrix.block].value.rows() > 1;
 }
 
 // A matrix-valued parameter without correlations as entries of scalar ones; the block goes.
@@ -198,7 +198,7 @@ std::string entry_text(const ParametrisedMatrix& matrix, const ParameterSet& par
   const double constant = matrix.constant(i, j);
   for (const ParametrisedMatrix::Entry& e : matrix.entries) {
     if (e.row != i || e.col != j) continue;
-    const std::string& name = parameters[static_cast<std::size_t>(e.parameter)].name;
+    const std::string& name = parameters[e.parameter].name;
     const double size = std::abs(e.factor);
     const std::string term = size == 1.0 ? name : number_text(size) + "*" + name;
     if (out.empty()) {
@@ -217,7 +217,7 @@ std::string entry_text(const ParametrisedMatrix& matrix, const ParameterSet& par
 std::string matrix_text(const std::string& name, const ParametrisedMatrix& matrix,
                         const ParameterSet& parameters) {
   if (matrix.block >= 0) {
-    const Parameter& p = parameters[static_cast<std::size_t>(matrix.block)];
+    const Parameter& p = parameters[matrix.block];
     const char* structure = p.domain == Domain::diagonal          ? "diagonal"
                             : p.domain == Domain::scaled_identity ? "scaled-identity"
                                                                   : "full";

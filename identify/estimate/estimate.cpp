@@ -37,8 +37,8 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
     if (d > 0.0 && std::isfinite(d)) {
       scale[i] = 1.0 / std::sqrt(d);
     } else {
-      free[static_cast<std::size_t>(i)]->verdict = Verdict::unexcited;
-      sound[static_cast<std::size_t>(i)] = false;
+      free[i]->verdict = Verdict::unexcited;
+      sound[i] = false;
     }
   }
   const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
@@ -58,12 +58,12 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
     Identifiability::Direction direction;
     for (Index i = 0; i < k; ++i) {
       const double weight = eigen.eigenvectors()(i, j);
-      EstimatedParameter& p = *free[static_cast<std::size_t>(i)];
+      EstimatedParameter& p = *free[i];
       if (std::abs(weight) < kPartOf || p.verdict == Verdict::unexcited) continue;
       direction.names.push_back(p.name);
       direction.weights.push_back(weight);
       p.verdict = Verdict::not_identifiable;
-      sound[static_cast<std::size_t>(i)] = false;
+      sound[i] = false;
     }
     if (direction.names.empty()) continue;
     for (const std::string& name : direction.names) {
@@ -151,8 +151,8 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
   const std::vector<bool> sound = find_flat(estimate, free, information);
   VectorXd se = VectorXd::Constant(k, kNone);
   for (Index i = 0; i < k; ++i) {
-    EstimatedParameter& p = *free[static_cast<std::size_t>(i)];
-    if (!sound[static_cast<std::size_t>(i)] || !(covariance(i, i) > 0.0)) continue;
+    EstimatedParameter& p = *free[i];
+    if (!sound[i] || !(covariance(i, i) > 0.0)) continue;
     se[i] = std::sqrt(covariance(i, i));
     p.se = se[i];
     p.ci95 = {p.value - quantile * se[i], p.value + quantile * se[i]};
@@ -160,7 +160,7 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
   estimate.correlation = MatrixXd::Constant(k, k, kNone);
   estimate.correlation_names.clear();
   for (Index i = 0; i < k; ++i) {
-    EstimatedParameter& p = *free[static_cast<std::size_t>(i)];
+    EstimatedParameter& p = *free[i];
     estimate.correlation_names.push_back(p.name);
     if (std::isnan(se[i])) continue;
     const double relative = p.value != 0.0 ? se[i] / std::abs(p.value) : 0.0;
@@ -173,7 +173,7 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
       // them.
       if (i != j && (std::abs(rho) > 0.99 || (std::abs(rho) > 0.9 && relative > 0.25))) {
         p.verdict = Verdict::correlated;
-        p.with.push_back(free[static_cast<std::size_t>(j)]->name);
+        p.with.push_back(free[j]->name);
       }
     }
   }

@@ -23,7 +23,7 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
     const Unit unit = parse_unit(p.unit).value_or(Unit{});
     p.value = unit.from_si(after.value[at]);
     p.start = unit.from_si(before.value[at]);
-    const Parameter& parameter = end[static_cast<std::size_t>(after.parameter[i])];
+    const Parameter& parameter = end[after.parameter[i]];
     p.fixed = parameter.fixed;
     if (parameter.domain == Domain::scalar) {
       p.bounds = {unit.from_si(parameter.min), unit.from_si(parameter.max)};

@@ -15,7 +15,7 @@ SmootherResult filtered_states(const FilterResult& filter) {
   out.x = filter.x_filt;
   out.sd.resize(out.x.rows(), out.x.cols());
   for (Index t = 0; t < out.x.cols(); ++t) {
-    const auto variance = filter.P_filt[static_cast<std::size_t>(t)].diagonal();
+    const auto variance = filter.P_filt[t].diagonal();
     out.sd.col(t) = variance.cwiseMax(0.0).cwiseSqrt();
   }
   return out;

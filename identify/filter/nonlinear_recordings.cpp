@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 
 VectorXd formula_parameters(const ModelFile& model, const ParameterSet& at) {
   VectorXd out(model.formulas.model.parameters);
-  for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
+  for (Index i = 0; i < out.size(); ++i) out[i] = at[i].scalar();
   return out;
 }
 

@@ -208,7 +208,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
   for (Index i = 0; i < ny; ++i) {
     const double share = mean[i] * mean[i] / power[i];
     if (!(share * count[i] > kOffset * kOffset)) continue;
-    const Channel& source = outputs[static_cast<std::size_t>(i)];
+    const Channel& source = outputs[i];
     const double scale = parse_unit(source.unit).value_or(Unit{}).scale;
     const std::string unit = source.unit.empty() ? "" : " " + source.unit;
     const bool known = std::isfinite(offset[i]);

@@ -50,7 +50,7 @@ void check_channels(const std::vector<Dataset>& recordings) {
       if (low >= high) {
         throw InputError({data.name, 0, 0},
                          fmt::format("output '{}' never changes (it is {:.6g} throughout)",
-                                     data.outputs[static_cast<std::size_t>(i)].name, low),
+                                     data.outputs[i].name, low),
                          "a channel with noise", "remove it from the model's outputs");
       }
     }
@@ -63,10 +63,10 @@ void check_inputs(const std::vector<Dataset>& recordings) {
     for (Index i = 0; i < data.u.rows(); ++i) {
       for (Index t = 0; t < data.u.cols(); ++t) {
         if (std::isfinite(data.u(i, t))) continue;
-        throw InputError({data.name, 0, 0},
-                         fmt::format("input '{}' is missing at {:.6g} s",
-                                     data.inputs[static_cast<std::size_t>(i)].name, data.time[t]),
-                         "a value in every row", "select rows with --range, or fill the gap");
+        throw InputError(
+            {data.name, 0, 0},
+            fmt::format("input '{}' is missing at {:.6g} s", data.inputs[i].name, data.time[t]),
+            "a value in every row", "select rows with --range, or fill the gap");
       }
     }
   }

@@ -36,7 +36,7 @@ std::vector<NamedState> named_states(const ModelFile& model) {
   for (Index i = 0; i < system.states(); ++i) {
     NamedState state{fmt::format("x{}", i + 1), "", Unit{}};
     if (!model.states.empty()) {
-      const StateName& named = model.states[static_cast<std::size_t>(i)];
+      const StateName& named = model.states[i];
       out.push_back({named.name, named.unit, parse_unit(named.unit).value_or(Unit{})});
       continue;
     }
@@ -44,7 +44,7 @@ std::vector<NamedState> named_states(const ModelFile& model) {
       const bool shown = system.C(j, i) == 1.0 && (system.C.row(j).array() != 0.0).count() == 1 &&
                          system.D.row(j).isZero(0.0);
       if (!shown) continue;
-      const ChannelSource& output = model.outputs[static_cast<std::size_t>(j)];
+      const ChannelSource& output = model.outputs[j];
       state = {output.name, output.unit, parse_unit(output.unit).value_or(Unit{})};
       break;
     }

@@ -39,14 +39,13 @@ ModelFile at_the_cut(const ModelFile& model, const ParameterSet& parameters, con
   const FilterResult before =
       run_filter(model, parameters, first_samples(held.recording, held.from + 1));
   if (before.status != FilterStatus::ok || before.first_proper > held.from) return model;
-  return started_at(model, before.x_pred.col(held.from),
-                    before.P_pred[static_cast<std::size_t>(held.from)]);
+  return started_at(model, before.x_pred.col(held.from), before.P_pred[held.from]);
 }
 
 MatrixXd in_units(const MatrixXd& y, const std::vector<Channel>& outputs) {
   MatrixXd out = y;
   for (Index i = 0; i < y.rows(); ++i) {
-    const Unit unit = parse_unit(outputs[static_cast<std::size_t>(i)].unit).value_or(Unit{});
+    const Unit unit = parse_unit(outputs[i].unit).value_or(Unit{});
     out.row(i) = (y.row(i).array() - unit.offset) / unit.scale;
   }
   return out.array().isFinite().select(out, kNone);

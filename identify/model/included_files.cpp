@@ -34,7 +34,7 @@ void merge(YamlNode& root, const YamlNode& included) {
       root.items.push_back(included.items[i]);
       continue;
     }
-    YamlNode& item = root.items[static_cast<std::size_t>(own - root.keys.begin())];
+    YamlNode& item = root.items[own - root.keys.begin()];
     const bool mappings =
         item.kind == YamlNode::Kind::mapping && included.items[i].kind == YamlNode::Kind::mapping;
     if (mappings && (key == "parameters" || key == "let")) put_before(item, included.items[i]);

@@ -87,7 +87,7 @@ Entries read_entries(const Grid& grid, const std::string& name, NamedParameters&
   std::vector<PlacedFormula> placed;
   for (int i = 0; i < rows; ++i) {
     for (int j = 0; j < cols; ++j) {
-      const YamlNode& node = *grid[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+      const YamlNode& node = *grid[i][j];
       const Expression formula =
           read_formula(node, "an entry of " + name, parameters.names, 0, parameters);
       out.nodes.push_back(graph.insert(formula, symbols));
@@ -125,8 +125,7 @@ Eigen::MatrixXd read_start(const YamlNode* node, const std::string& name, Eigen:
     Eigen::MatrixXd out(size, size);
     for (Eigen::Index i = 0; i < size; ++i) {
       for (Eigen::Index j = 0; j < size; ++j) {
-        out(i, j) = read_plain_number(
-            *grid[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)], what);
+        out(i, j) = read_plain_number(*grid[i][j], what);
       }
     }
     return out;
@@ -137,7 +136,7 @@ Eigen::MatrixXd read_start(const YamlNode* node, const std::string& name, Eigen:
   }
   Eigen::VectorXd diagonal(size);
   for (Eigen::Index i = 0; i < size; ++i) {
-    diagonal[i] = read_plain_number(node->items[static_cast<std::size_t>(i)], what);
+    diagonal[i] = read_plain_number(node->items[i], what);
   }
   return diagonal.asDiagonal();
 }
@@ -175,13 +174,11 @@ void check_covariance(const Grid& grid, const Entries& entries, const std::strin
   const ParametrisedMatrix& matrix = entries.matrix;
   const Eigen::Index size = matrix.constant.rows();
   for (Eigen::Index i = 0; i < size; ++i) {
-    const auto& row = grid[static_cast<std::size_t>(i)];
-    const auto node = [&](Eigen::Index r, Eigen::Index c) {
-      return entries.nodes[static_cast<std::size_t>(r * size + c)];
-    };
+    const auto& row = grid[i];
+    const auto node = [&](Eigen::Index r, Eigen::Index c) { return entries.nodes[r * size + c]; };
     for (Eigen::Index j = 0; j < i; ++j) {
       if (node(i, j) == node(j, i) || same_multiples(matrix, i, j)) continue;
-      throw InputError(row[static_cast<std::size_t>(j)]->at,
+      throw InputError(row[j]->at,
                        fmt::format("{} is not symmetric in row {}, column {}", name, i + 1, j + 1));
     }
     // A variance that is one parameter's alone bounds it; a sum may stay positive in other ways.
@@ -189,7 +186,7 @@ void check_covariance(const Grid& grid, const Entries& entries, const std::strin
     if (std::any_of(matrix.formulas.begin(), matrix.formulas.end(), here)) continue;
     std::vector<ParametrisedMatrix::Entry> variance;
     std::copy_if(matrix.entries.begin(), matrix.entries.end(), std::back_inserter(variance), here);
-    const YamlNode& entry = *row[static_cast<std::size_t>(i)];
+    const YamlNode& entry = *row[i];
     const double fixed = matrix.constant(i, i);
     if (fixed < 0.0 ? variance.empty()
                     : fixed == 0.0 && variance.size() == 1 && variance.front().factor < 0.0) {
@@ -257,7 +254,7 @@ Expression read_formula(const YamlNode& node, const std::string& what,
 }
 
 void bound_at_zero(NamedParameters& parameters, int index, const std::string& is_what) {
-  Parameter& parameter = parameters.set[static_cast<std::size_t>(index)];
+  Parameter& parameter = parameters.set[index];
   const YamlNode& declared = *find(*parameters.declared, parameter.name);
   const std::string what = fmt::format("parameter '{}' is {}", parameter.name, is_what);
   if (parameter.scalar() < 0.0) {

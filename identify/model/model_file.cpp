@@ -163,7 +163,7 @@ void set_parameter(ModelFile& model, const std::string& assignment) {
   if (name == "steering_ratio" && model.vehicle.steering_at_road_wheel) {
     throw InputError({}, what + ": the input road_wheel_angle makes no use of it");
   }
-  Parameter changed = model.parameters[static_cast<std::size_t>(index)];
+  Parameter changed = model.parameters[index];
   if (changed.value.size() != 1 && changed.domain != Domain::scaled_identity) {
     throw InputError({}, fmt::format("{}: {} is a matrix", what, name), "",
                      "change its start in the model file");
@@ -180,7 +180,7 @@ void set_parameter(ModelFile& model, const std::string& assignment) {
     throw InputError({}, fmt::format("{}: the matrix {}", what, fault));
   }
   ParameterSet parameters = model.parameters;
-  parameters[static_cast<std::size_t>(index)] = std::move(changed);
+  parameters[index] = std::move(changed);
   if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) {
     if (const std::optional<ModelFault> fault = fault_at(model.linear, parameters)) {
       throw InputError({}, fmt::format("{}: {} then", what, fault->text));

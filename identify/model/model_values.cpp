@@ -268,7 +268,7 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
     if (!rules.empty()) {
       word_of(name, "a name in " + what, known);
       const auto rule = std::find(known.begin(), known.end(), channel.name) - known.begin();
-      channel.si_unit = rules[static_cast<std::size_t>(rule)].si_unit;
+      channel.si_unit = rules[rule].si_unit;
     }
     if (std::any_of(out.begin(), out.end(),
                     [&](const auto& c) { return c.name == channel.name; })) {

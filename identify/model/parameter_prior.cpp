@@ -133,7 +133,7 @@ double ParameterPrior::log_density(const VectorXd& x) const {
 VectorXd ParameterPrior::draw(Random& random) const {
   VectorXd out(static_cast<Index>(coordinates.size()));
   for (Index i = 0; i < out.size(); ++i) {
-    out[i] = coordinates[static_cast<std::size_t>(i)].draw(random);
+    out[i] = coordinates[i].draw(random);
   }
   return out;
 }
@@ -142,7 +142,7 @@ ParameterPrior parameter_prior(const ModelFile& model) {
   ParameterPrior out;
   const ReportedEntries all = reported_entries(model.parameters);
   for (std::size_t e = 0; e < all.names.size(); ++e) {
-    const Parameter& p = model.parameters[static_cast<std::size_t>(all.parameter[e])];
+    const Parameter& p = model.parameters[all.parameter[e]];
     if (p.fixed) continue;
     const double value = all.value[static_cast<Index>(e)];
     if (p.domain == Domain::positive_definite && !all.variance[e]) {
@@ -182,7 +182,7 @@ VectorXd entries_at(const ParameterPrior& prior, const ParameterSet& parameters,
                     const VectorXd& x) {
   VectorXd out = x;
   for (Index i = 0; i < x.size(); ++i) {
-    if (prior.coordinates[static_cast<std::size_t>(i)].logarithm) out[i] = std::exp(x[i]);
+    if (prior.coordinates[i].logarithm) out[i] = std::exp(x[i]);
   }
   Index at = 0;
   for (const Parameter& p : parameters) {

@@ -349,9 +349,7 @@ std::optional<std::array<std::size_t, 2>> extent_of(const YamlNode& node, const 
 const YamlNode* find(const YamlNode& mapping, std::string_view key) {
   const auto hit = std::find_if(mapping.keys.begin(), mapping.keys.end(),
                                 [key](const YamlNode& k) { return k.text == key; });
-  return hit == mapping.keys.end()
-             ? nullptr
-             : &mapping.items[static_cast<std::size_t>(hit - mapping.keys.begin())];
+  return hit == mapping.keys.end() ? nullptr : &mapping.items[hit - mapping.keys.begin()];
 }
 
 const YamlNode& required(const YamlNode& mapping, std::string_view key, const std::string& what,

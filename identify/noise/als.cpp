@@ -306,7 +306,7 @@ std::vector<bool> at_boundary(const Fit& fit, const std::vector<PsdBlock>& block
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     if (fit.solution.blocks[b].zero_eigenvalues == 0) continue;
     for (const PsdBlock::Entry& e : blocks[b].entries) {
-      out[static_cast<std::size_t>(e.unknown)] = true;
+      out[e.unknown] = true;
     }
   }
   return out;
@@ -365,7 +365,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
   const StateSpace system = als.at(fit.solution.x);
   std::vector<StateSpace> derivatives;
   for (const Index e : inside.entries) {
-    derivatives.push_back(als.basis()[static_cast<std::size_t>(e)]);
+    derivatives.push_back(als.basis()[e]);
   }
   // Inputs tell nothing about noise.
   const ExpectedInformation bound =
@@ -373,7 +373,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
   if (bound.status != FilterStatus::ok) return;
   const auto covariance = scaled_inverse(unit.asDiagonal() * bound.total * unit.asDiagonal(), 1e-9);
   for (Index j = 0; j < k && covariance; ++j) {
-    inside.reported[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*covariance)(j, j));
+    inside.reported[j]->crb_se = std::sqrt((*covariance)(j, j));
   }
 }
 

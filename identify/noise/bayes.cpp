@@ -35,7 +35,7 @@ PosteriorPoints on_grid(const ParameterPrior& prior, const Density& log_density)
   const auto k = static_cast<Index>(prior.coordinates.size());
   VectorXd low(k), high(k);
   for (Index i = 0; i < k; ++i) {
-    const PriorCoordinate& c = prior.coordinates[static_cast<std::size_t>(i)];
+    const PriorCoordinate& c = prior.coordinates[i];
     const bool normal = c.kind == PriorCoordinate::Kind::normal;
     low[i] = normal ? std::max(c.low, c.mean - 8.0 * c.sd) : c.low;
     high[i] = normal ? std::min(c.high, c.mean + 8.0 * c.sd) : c.high;

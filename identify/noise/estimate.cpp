@@ -32,7 +32,7 @@ InteriorParameters interior_parameters(Estimate& estimate, const std::vector<boo
   if (k == 0) estimate.covariance_kind = "none: every estimate lies on a boundary";
   out.unit.resize(k);
   for (Index j = 0; j < k; ++j) {
-    out.unit[j] = unit_scale(out.reported[static_cast<std::size_t>(j)]->unit);
+    out.unit[j] = unit_scale(out.reported[j]->unit);
   }
   return out;
 }

@@ -184,7 +184,7 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
   if (bound) {
     VectorXd inside_z(k), step(k);
     for (Index j = 0; j < k; ++j) {
-      const Index at = inside.entries[static_cast<std::size_t>(j)];
+      const Index at = inside.entries[j];
       inside_z[j] = z[at];
       // Small against the error, but never across a bound.
       step[j] = 1e-3 * std::sqrt((*bound)(j, j)) * unit[j];
@@ -195,12 +195,11 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
     }
     const auto gradient_at = [&](const VectorXd& at, VectorXd& g) {
       VectorXd full = z;
-      for (Index j = 0; j < k; ++j) full[inside.entries[static_cast<std::size_t>(j)]] = at[j];
+      for (Index j = 0; j < k; ++j) full[inside.entries[j]] = at[j];
       const Likelihood* there = likelihood.evaluate(with_entries(end, full), true);
       if (there == nullptr) return false;
       g.resize(k);
-      for (Index j = 0; j < k; ++j)
-        g[j] = there->gradient[inside.entries[static_cast<std::size_t>(j)]];
+      for (Index j = 0; j < k; ++j) g[j] = there->gradient[inside.entries[j]];
       return true;
     };
     const auto observed = observed_information(gradient_at, inside_z, step);
@@ -221,13 +220,13 @@ void judge(Estimate& estimate, RecordingsLikelihood& likelihood, const Likelihoo
       const MatrixXd sandwich =
           covariance * in_units(products(inside.entries, inside.entries)) * covariance;
       for (Index j = 0; j < k; ++j) {
-        EstimatedParameter& p = *inside.reported[static_cast<std::size_t>(j)];
+        EstimatedParameter& p = *inside.reported[j];
         if (!std::isnan(p.se)) p.se_sandwich = std::sqrt(sandwich(j, j));
       }
     }
   }
   for (Index j = 0; j < k && bound; ++j) {
-    inside.reported[static_cast<std::size_t>(j)]->crb_se = std::sqrt((*bound)(j, j));
+    inside.reported[j]->crb_se = std::sqrt((*bound)(j, j));
   }
 }
 
@@ -297,7 +296,7 @@ void for_each_profiled(Estimate& estimate, const Maximum& at, Visit&& visit) {
     EstimatedParameter& p = estimate.parameters[k];
     if (p.fixed) continue;
     ++i;
-    const Domain domain = at.end[static_cast<std::size_t>(entries.parameter[k])].domain;
+    const Domain domain = at.end[entries.parameter[k]].domain;
     if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
     visit(p, i, unit_scale(p.unit), maximum);
   }

@@ -32,7 +32,7 @@ void refuse_free_dynamics(const ModelFile& model) {
   const ReportedEntries entries = reported_entries(model.parameters);
   std::size_t free = 0;
   for (std::size_t e = 0; e < entries.names.size(); ++e) {
-    if (model.parameters[static_cast<std::size_t>(entries.parameter[e])].fixed) continue;
+    if (model.parameters[entries.parameter[e]].fixed) continue;
     const StateSpace& d = derivatives[free++];
     if (!changes_dynamics(d) && d.x0.isZero(0.0) && d.P0.isZero(0.0)) continue;
     throw InputError(
@@ -167,7 +167,7 @@ class ChangeTest {
   void centre_on(const ParameterSet& present, const Mixture& state) {
     const std::vector<ParameterSet> sets = neighbours(present);
     for (Index i = 0; i < near_; ++i) {
-      set_noise(bank_, i, instantiate(model_.linear, sets[static_cast<std::size_t>(i)]));
+      set_noise(bank_, i, instantiate(model_.linear, sets[i]));
       set_state(bank_, i, state.x, state.P);
     }
   }
@@ -183,7 +183,7 @@ class ChangeTest {
       // The most likely begin of a change into this noise is where its cumulative sum was lowest.
       if (!(sum_[i] > 0.0)) {
         sum_[i] = 0.0;
-        since_[static_cast<std::size_t>(i)] = t;
+        since_[i] = t;
       }
       sum_[i] += evidence;
     }
@@ -200,7 +200,7 @@ class ChangeTest {
     const double most = sum_.maxCoeff();
     Index out = 0;
     for (Index i = 0; i < sum_.size(); ++i) {
-      if (sum_[i] > most - kAsWell) out = std::max(out, since_[static_cast<std::size_t>(i)]);
+      if (sum_[i] > most - kAsWell) out = std::max(out, since_[i]);
     }
     return out;
   }
@@ -368,9 +368,8 @@ class Learner {
   void start_again(Index since, Index found) {
     out_.changes.push_back({since, found});
     // The old filter does not know how far the new noise has driven the state by then.
-    const FilterStart from{
-        out_.filter.x_pred.col(since),
-        out_.filter.P_pred[static_cast<std::size_t>(since)] + test_->state_covariance(), 0.0};
+    const FilterStart from{out_.filter.x_pred.col(since),
+                           out_.filter.P_pred[since] + test_->state_covariance(), 0.0};
     problem_ = learning_problem(model_, prior_, [from](const StateSpace&) { return from; });
     posterior_ = start_posterior(problem_, options_.draws, options_.seed + out_.changes.size());
     entries_ = entries_of_draws(model_, prior_, posterior_);

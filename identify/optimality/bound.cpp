@@ -36,7 +36,7 @@ MatrixXd covariance_of(const MatrixXd& information) {
 MatrixXd gain_deviation(const GainSensitivity& gain, const MatrixXd& covariance) {
   MatrixXd slopes(gain.K.size(), covariance.rows());
   for (Index i = 0; i < covariance.rows(); ++i) {
-    slopes.col(i) = gain.K_theta[static_cast<std::size_t>(i)].reshaped();
+    slopes.col(i) = gain.K_theta[i].reshaped();
   }
   const VectorXd variance = (slopes * covariance * slopes.transpose()).diagonal();
   return variance.cwiseMax(0.0).cwiseSqrt().reshaped(gain.K.rows(), gain.K.cols());
@@ -80,13 +80,12 @@ Bound::InnovationForm innovation_form(const StateSpace& system, const GainSensit
   if (k != 2 || !of_the_noise) return out;  // not one to one
   MatrixXd slopes(information->rows(), k);
   for (Index i = 0; i < k; ++i) {
-    slopes.col(i) << gain.K_theta[static_cast<std::size_t>(i)].reshaped(),
-        lower_triangle(gain.Sigma_theta[static_cast<std::size_t>(i)]);
+    slopes.col(i) << gain.K_theta[i].reshaped(), lower_triangle(gain.Sigma_theta[i]);
   }
   const auto by_parameter = scaled_inverse(slopes.transpose() * published * slopes);
   if (!by_parameter) return out;
   for (Index i = 0; i < k; ++i) {
-    out.published_se[static_cast<std::size_t>(i)] = std::sqrt((*by_parameter)(i, i));
+    out.published_se[i] = std::sqrt((*by_parameter)(i, i));
   }
   return out;
 }
@@ -224,7 +223,7 @@ void bound_parameters(Estimate& estimate, const RecordingInformation& informatio
         if (!std::isfinite(needed)) needed = kNone;
       }
       if (information.gain) {
-        change = 0.01 * p.value * unit[i] * information.gain->K_theta[static_cast<std::size_t>(i)];
+        change = 0.01 * p.value * unit[i] * information.gain->K_theta[i];
       }
       ++i;
     }
@@ -248,7 +247,7 @@ void bound_gain(Estimate& estimate, const RecordingInformation& information, con
   for (const EstimatedParameter& p : estimate.parameters) {
     double se = kNone;
     if (!p.fixed) {
-      se = free[static_cast<std::size_t>(at)] / unit[at];
+      se = free[at] / unit[at];
       ++at;
     }
     bound.innovation_form.published_se.push_back(se);

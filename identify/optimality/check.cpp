@@ -63,7 +63,7 @@ Estimate check(const ModelFile& model, const std::vector<Dataset>& recordings) {
     const ReportedEntries to = reported_entries(better.parameters);
     std::string values;
     for (std::size_t i = 0; i < to.names.size(); ++i) {
-      if (better.parameters[static_cast<std::size_t>(to.parameter[i])].fixed) continue;
+      if (better.parameters[to.parameter[i]].fixed) continue;
       const Unit unit = parse_unit(to.units[i]).value_or(Unit{});
       values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
                             unit.from_si(to.value[static_cast<Index>(i)]));

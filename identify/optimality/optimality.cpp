@@ -110,8 +110,8 @@ std::string telling_pair(const MatrixXd& e, int lags, const std::vector<Channel>
       at = k;
     }
   }
-  const std::string& now = outputs[static_cast<std::size_t>(row)].name;
-  const std::string& past = outputs[static_cast<std::size_t>(col)].name;
+  const std::string& now = outputs[row].name;
+  const std::string& past = outputs[col].name;
   return fmt::format("innovations of '{}' correlate with {} {} sample{} before ({:.2f})", now,
                      row == col ? "their own" : "those of '" + past + "'", at, at == 1 ? "" : "s",
                      gamma[at](row, col));
@@ -142,8 +142,7 @@ void report_entries(const ScoreStatistic& score, bool rejected, Optimality& out)
   for (std::size_t i = 0; i < order.size() && i < 3; ++i) {
     const double z = score.direction[order[i]];
     if (i > 0 && std::abs(z) <= limit) break;
-    said += fmt::format("{}{} should be {} (z = {:.1f})", i == 0 ? "" : ", ",
-                        score.names[static_cast<std::size_t>(order[i])],
+    said += fmt::format("{}{} should be {} (z = {:.1f})", i == 0 ? "" : ", ", score.names[order[i]],
                         z > 0.0 ? "larger" : "smaller", z);
   }
   out.faults.push_back("the noise covariances are wrong: taken one at a time, " + said);
@@ -183,7 +182,7 @@ void explain(const Member& failed, const MatrixXd& e, int lags, const std::vecto
     }
     out.faults.push_back(
         fmt::format("innovations of '{}' have a mean of {:.2g} standard deviations",
-                    outputs[static_cast<std::size_t>(worst)].name, mean));
+                    outputs[worst].name, mean));
   } else if (t.id == "input_correlation") {
     out.faults.push_back(fmt::format(
         "innovations of '{}' follow the inputs (p = {:.2g}): how inputs act, or the delay of one",

@@ -71,7 +71,7 @@ ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset
   const ReportedEntries entries = reported_entries(model.parameters);
   std::vector<double> values;
   for (std::size_t i = 0; i < entries.names.size(); ++i) {
-    if (model.parameters[static_cast<std::size_t>(entries.parameter[i])].fixed) continue;
+    if (model.parameters[entries.parameter[i]].fixed) continue;
     out.names.push_back(entries.names[i]);
     values.push_back(entries.value[static_cast<Index>(i)]);
   }

@@ -247,10 +247,9 @@ Estimate validate_car(const Estimate& result, const ModelFile& model,
     out.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()), 0});
   }
   for (Index t = 0; t < out.series.time.size(); ++t) {
-    const auto run =
-        out.series.recording.empty()
-            ? std::size_t{0}
-            : static_cast<std::size_t>(out.series.recording[static_cast<std::size_t>(t)] - 1);
+    const auto run = out.series.recording.empty()
+                         ? std::size_t{0}
+                         : static_cast<std::size_t>(out.series.recording[t] - 1);
     if (!out.series.predicted.col(t).array().isNaN().all()) ++out.inputs[run].used;
   }
   check_hold_out_by_survey(model, recordings, out);

@@ -33,7 +33,7 @@ InnovationSpectra innovation_spectra(const MatrixXd& standardised, Index first) 
   out.omega = s.omega;
   out.level.resize(e.rows(), s.omega.size());
   for (Index k = 0; k < out.level.cols(); ++k) {
-    out.level.col(k) = s.S[static_cast<std::size_t>(k)].diagonal().real();
+    out.level.col(k) = s.S[k].diagonal().real();
   }
   const double dof = 2.0 * kTapers;
   out.band = {chi_square_quantile(0.025, dof) / dof, chi_square_quantile(0.975, dof) / dof};

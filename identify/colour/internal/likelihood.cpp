@@ -38,7 +38,7 @@ std::vector<std::pair<Index, Index>> polynomials(const ShapingStructure& structu
 // stands first on the diagonal.
 void scale_variances(ModelFile& model, const ParametrisedMatrix& matrix, const VectorXd& factor) {
   if (matrix.block >= 0) {
-    Parameter& p = model.parameters[static_cast<std::size_t>(matrix.block)];
+    Parameter& p = model.parameters[matrix.block];
     const VectorXd root = factor.cwiseSqrt();
     if (p.fixed) return;
     if (p.domain == Domain::scaled_identity) {
@@ -111,7 +111,7 @@ std::vector<ShapingFilter> filters_of(const ParameterSet& parameters,
                                       const ShapingStructure& structure) {
   VectorXd all(static_cast<Index>(parameters.size()));
   for (Index i = 0; i < all.size(); ++i) {
-    all[i] = parameters[static_cast<std::size_t>(i)].scalar();
+    all[i] = parameters[i].scalar();
   }
   const std::vector<std::pair<Index, Index>> parts = polynomials(structure, all.size());
   std::vector<ShapingFilter> out;

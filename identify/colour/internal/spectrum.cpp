@@ -60,7 +60,7 @@ class SpectralFit {
       if (factor.info() != Eigen::Success || !model.S.allFinite()) return false;
       const double weight = data_.measured.weight[f];
       const MatrixXcd inverse = factor.solve(MatrixXcd::Identity(ny_, ny_));
-      const MatrixXcd whitened = inverse * data_.measured.S[static_cast<std::size_t>(f)];
+      const MatrixXcd whitened = inverse * data_.measured.S[f];
       double log_det = 0.0;
       for (Index i = 0; i < ny_; ++i) log_det += 2.0 * std::log(factor.matrixLLT()(i, i).real());
       L -= weight * (log_det + whitened.trace().real());
@@ -127,16 +127,16 @@ class SpectralFit {
           response(at.filters[c], data_.measured.omega[f], derivatives ? &out.dH[c] : nullptr);
     }
     const bool process = structure_.place == NoiseSource::process;
-    out.W = data_.T_G[static_cast<std::size_t>(f)];
-    const MatrixXcd& V = data_.T_V[static_cast<std::size_t>(f)];
+    out.W = data_.T_G[f];
+    const MatrixXcd& V = data_.T_V[f];
     for (Index c = 0; process && c < channels; ++c) {
-      out.W.col(structure_.channels[static_cast<std::size_t>(c)]) *= out.H[c];
+      out.W.col(structure_.channels[c]) *= out.H[c];
     }
     out.WQ = out.W * at.Q + V * at.S.transpose();
     out.VR = V * at.R + out.W * at.S;
     out.S = out.WQ * out.W.adjoint() + out.VR * V.adjoint();
     for (Index c = 0; !process && c < channels; ++c) {
-      const VectorXcd v = V.col(structure_.channels[static_cast<std::size_t>(c)]);
+      const VectorXcd v = V.col(structure_.channels[c]);
       out.S += at.own_variance[c] * std::norm(out.H[c]) * v * v.adjoint();
     }
     return out;
@@ -146,7 +146,7 @@ class SpectralFit {
   std::vector<MatrixXcd> spectrum_derivatives(const Coefficients& at, const AtFrequency& model,
                                               Index f) const {
     const auto twice = [](const MatrixXcd& half) { return MatrixXcd(half + half.adjoint()); };
-    const MatrixXcd& V = data_.T_V[static_cast<std::size_t>(f)];
+    const MatrixXcd& V = data_.T_V[f];
     std::vector<MatrixXcd> out;
     for (Index i = 0; i < nw_; ++i) {
       out.push_back(twice(0.5 * model.WQ.col(i) * model.W.col(i).adjoint()));
@@ -159,7 +159,7 @@ class SpectralFit {
       const VectorXcd dzeta = response_derivatives(at, model, c);
       if (structure_.place == NoiseSource::process) {
         // WQ already holds this channel's H; what changes is its column of W.
-        const MatrixXcd& T_G = data_.T_G[static_cast<std::size_t>(f)];
+        const MatrixXcd& T_G = data_.T_G[f];
         const MatrixXcd base = model.WQ.col(channel) * T_G.col(channel).adjoint();
         for (const std::complex<double>& d : dzeta) out.push_back(twice(std::conj(d) * base));
         continue;
@@ -205,7 +205,7 @@ class SpectralFit {
 std::vector<double> peaks(const Spectrum& measured) {
   VectorXd height(measured.omega.size());
   for (Index k = 0; k < height.size(); ++k) {
-    height[k] = measured.S[static_cast<std::size_t>(k)].real().trace();
+    height[k] = measured.S[k].real().trace();
   }
   // One frequency alone may be high by chance.
   VectorXd smooth = height;
@@ -307,7 +307,7 @@ ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
   gain /= weight;
   const auto raise = [&](const ParametrisedMatrix& matrix, const VectorXd& whole) {
     if (matrix.block >= 0) {
-      Parameter& p = white.parameters[static_cast<std::size_t>(matrix.block)];
+      Parameter& p = white.parameters[matrix.block];
       for (Index i = 0; !p.fixed && i < whole.size(); ++i) {
         if (std::isfinite(whole[i]) && p.value(i, i) < kNothing * whole[i])
           p.value(i, i) += kRaised * whole[i];
@@ -317,7 +317,7 @@ ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
       }
     }
     for (const ParametrisedMatrix::Entry& e : matrix.entries) {
-      Parameter& p = white.parameters[static_cast<std::size_t>(e.parameter)];
+      Parameter& p = white.parameters[e.parameter];
       if (p.fixed || e.row != e.col || !(e.factor > 0.0)) continue;
       const double most = whole[e.row] / e.factor;
       if (!std::isfinite(most) || p.scalar() >= kNothing * most) continue;

@@ -31,7 +31,7 @@ struct Symbols {
     }
     const auto known = std::find(names.begin(), names.end(), name.text);
     if (known != names.end()) {
-      const Location& first = at[static_cast<std::size_t>(known - names.begin())];
+      const Location& first = at[known - names.begin()];
       throw InputError(name.at, fmt::format("{} is {} again", what, in_quotes(name.text)),
                        "a name of its own",
                        fmt::format("the first is on line {}, column {}", first.line, first.column));
@@ -340,10 +340,9 @@ class FormulaReader {
       if (each.op != Op::symbol) continue;
       const bool known = each.symbol >= first_input && each.symbol < first_parameter_;
       if (known) continue;
-      throw InputError(
-          place_in(*node, each.column),
-          in_quotes(symbols_.names[static_cast<std::size_t>(each.symbol)]) + " is no input",
-          "a condition on inputs, which are known before anything is estimated");
+      throw InputError(place_in(*node, each.column),
+                       in_quotes(symbols_.names[each.symbol]) + " is no input",
+                       "a condition on inputs, which are known before anything is estimated");
     }
     if (symbols_.with_units) {
       in_formula(*node, [&] { return dimension_of(condition, symbols_.dimensions); });

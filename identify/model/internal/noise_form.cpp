@@ -114,7 +114,7 @@ ParametrisedMatrix read_spreads(const YamlNode& node, const std::string& noise,
   out.constant.setZero(size, size);
   Gathered gathered(parameters, model);
   for (int i = 0; i < size; ++i) {
-    const PhysicalName& name = all[static_cast<std::size_t>(i)];
+    const PhysicalName& name = all[i];
     const YamlNode* entry = find(given, name.name);
     if (entry == nullptr) {
       if (!every_one) continue;
@@ -144,7 +144,7 @@ ParametrisedMatrix read_by_state(const YamlNode& given, const std::string& key,
   out.constant.setZero(n, spread ? n : 1);
   Gathered gathered(parameters, model);
   for (int i = 0; i < n; ++i) {
-    const PhysicalName& state = physical.states[static_cast<std::size_t>(i)];
+    const PhysicalName& state = physical.states[i];
     const YamlNode* entry = find(given, state.name);
     if (entry == nullptr) {
       if (spread) continue;
@@ -302,7 +302,7 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
     }
     for (Index i = 0; i < n; ++i) {
       if (column.constant(i, 0) >= 0.0) continue;
-      const YamlNode& entry = sd->items[static_cast<std::size_t>(i)];
+      const YamlNode& entry = sd->items[i];
       throw InputError(entry.at, fmt::format("sd {} is negative", describe(entry)));
     }
     model.P0 = constant_matrix(column.constant.col(0).cwiseAbs2().asDiagonal());

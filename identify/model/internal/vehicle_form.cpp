@@ -56,7 +56,7 @@ constexpr ChannelRule kVehicleOutputs[] = {
 /// a friction of 1.
 Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
   const auto value = [&](const char* name) {
-    return others[static_cast<std::size_t>(find_parameter(others, name))].scalar();
+    return others[find_parameter(others, name)].scalar();
   };
   const double weight = value("m") * kStandardGravity / (value("a") + value("b"));
   Parameter out;

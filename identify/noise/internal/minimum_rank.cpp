@@ -56,14 +56,13 @@ std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& ran
   // Unknowns of R alone keep their own coordinates.
   std::vector<Index> touched, alone;
   for (Index e = 0; e < k; ++e) {
-    const bool touches = !p.basis[static_cast<std::size_t>(e)].topRows(nw).isZero(0.0);
+    const bool touches = !p.basis[e].topRows(nw).isZero(0.0);
     (touches ? touched : alone).push_back(e);
   }
   const auto count = static_cast<Index>(touched.size());
   MatrixXd leaves(complement.cols() * size, count);
   for (Index c = 0; c < count; ++c) {
-    leaves.col(c) =
-        outside(p.basis[static_cast<std::size_t>(touched[static_cast<std::size_t>(c)])]).reshaped();
+    leaves.col(c) = outside(p.basis[touched[c]]).reshaped();
   }
   Confined out{VectorXd::Zero(k), MatrixXd::Zero(k, 0), {}, 0};
   MatrixXd kernel = MatrixXd::Identity(count, count);
@@ -90,12 +89,12 @@ std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& ran
     for (Index r = 0; r < count; ++r) {
       const double value = kernel(r, c);
       if (std::abs(value) > 1e-14) {
-        out.directions(touched[static_cast<std::size_t>(r)], c) = value;
+        out.directions(touched[r], c) = value;
       }
     }
   }
   for (Index c = 0; c < free; ++c) {
-    out.directions(alone[static_cast<std::size_t>(c)], kernel.cols() + c) = 1.0;
+    out.directions(alone[c], kernel.cols() + c) = 1.0;
   }
 
   MatrixXd map = MatrixXd::Zero(size, range.cols() + size - nw);
@@ -113,7 +112,7 @@ std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& ran
     MatrixXd joint = MatrixXd::Zero(size, size);
     for (Index e = 0; e < k; ++e) {
       if (out.directions(e, c) != 0.0) {
-        joint += out.directions(e, c) * p.basis[static_cast<std::size_t>(e)];
+        joint += out.directions(e, c) * p.basis[e];
       }
     }
     basis.push_back(seen(joint));
@@ -134,7 +133,7 @@ class PenalisedFit {
   PenalisedFit(const MinimumRankProblem& p, const std::vector<PsdBlock>& blocks)
       : p_(p), plain_(normal_equations(p.fit, blocks)), slope_(static_cast<Index>(p.basis.size())) {
     for (Index e = 0; e < slope_.size(); ++e) {
-      slope_[e] = Q_part(p.basis[static_cast<std::size_t>(e)]).trace();
+      slope_[e] = Q_part(p.basis[e]).trace();
     }
   }
 
@@ -194,7 +193,7 @@ void try_ranges(const MinimumRankProblem& p, const MatrixXd& eigenvectors, Index
         confine(p, eigenvectors.rightCols(part), eigenvectors.leftCols(p.process_noises - part));
     if (!range) continue;
     const double excess = 2.0 * (objective(p.chance, refit(p.chance, *range)) - least_excess);
-    auto& known = best[static_cast<std::size_t>(part)];
+    auto& known = best[part];
     if (!known || excess < known->excess) known = Candidate{excess, std::move(*range)};
   }
 }
@@ -227,7 +226,7 @@ MinimumRank minimum_rank(const MinimumRankProblem& p) {
     try_ranges(p, eigen.eigenvectors(), rank, least_excess, best);
   }
   for (RankSelection::Step& step : report.curve) {
-    const auto& known = best[static_cast<std::size_t>(step.rank)];
+    const auto& known = best[step.rank];
     if (!known) continue;
     step.excess = std::max(0.0, known->excess);
     step.allowed = known->allowed();
@@ -235,7 +234,7 @@ MinimumRank minimum_rank(const MinimumRankProblem& p) {
   out.theta = free;
   report.rank = (of_free.eigenvalues().array() > vanished).count();
   for (Index rank = 0; rank < report.rank; ++rank) {
-    const auto& known = best[static_cast<std::size_t>(rank)];
+    const auto& known = best[rank];
     if (!known || known->excess > known->allowed()) continue;
     out.theta = refit(p.fit, known->range);
     report.rank = rank;

@@ -53,7 +53,7 @@ NestedStructure same_matrices(const ModelFile& small, const ModelFile& large) {
 VectorXd scalars(const ModelFile& model) {
   VectorXd out(model.formulas.model.parameters);
   for (Index i = 0; i < out.size(); ++i) {
-    out[i] = model.parameters[static_cast<std::size_t>(i)].scalar();
+    out[i] = model.parameters[i].scalar();
   }
   return out;
 }

@@ -80,7 +80,7 @@ Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknow
                            const VehicleCovariance& here) {
   std::vector<Index> judged;  // of here.inner
   for (std::size_t i = 0; i < here.inner.size(); ++i) {
-    if (of_the_car(unknowns.free[static_cast<std::size_t>(here.inner[i])])) {
+    if (of_the_car(unknowns.free[here.inner[i]])) {
       judged.push_back(static_cast<Index>(i));
     }
   }
@@ -88,14 +88,13 @@ Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknow
   Changes out{{}, VectorXd(k), MatrixXd(k, k), MatrixXd(k, here.null_space.cols())};
   VectorXd slope(k), own(k);  // own: standard errors of the result
   for (Index i = 0; i < k; ++i) {
-    const Index at = here.inner[static_cast<std::size_t>(judged[static_cast<std::size_t>(i)])];
-    const VehicleParameter parameter = unknowns.free[static_cast<std::size_t>(at)];
+    const Index at = here.inner[judged[i]];
+    const VehicleParameter parameter = unknowns.free[at];
     const UserValue now = in_user_terms(parameter, refitted[parameter]),
                     then = in_user_terms(parameter, unknowns.value[parameter]);
     out.d[i] = now.value / then.value - 1.0;
     slope[i] = now.slope / then.value;
-    out.flat.row(i) =
-        here.null_space.row(judged[static_cast<std::size_t>(i)]) * unknowns.scale[at] * slope[i];
+    out.flat.row(i) = here.null_space.row(judged[i]) * unknowns.scale[at] * slope[i];
     const EstimatedParameter& of_result = *reported(result, parameter);
     own[i] = of_result.se / of_result.value;
     const Unit unit = parse_unit(of_result.unit).value_or(Unit{});
@@ -114,7 +113,7 @@ Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknow
     }
   }
   for (Index i = 0; i < k; ++i) {
-    VehicleRefit::Change& change = out.named[static_cast<std::size_t>(i)];
+    VehicleRefit::Change& change = out.named[i];
     const bool determined = out.flat.cols() == 0 || out.flat.row(i).norm() <= 1e-6;
     if (!determined) continue;
     change.se = std::sqrt(out.V(i, i)) * std::abs(change.known);

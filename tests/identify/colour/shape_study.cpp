@@ -133,8 +133,8 @@ TEST(ShapeStudy, ParametersReachTheBound) {
     one.profiles = false;
     const Estimate e = tune_ml(truth, {data}, one);
     for (Index i = 0; i < 2; ++i) {
-      estimates(i, run) = e.parameters[static_cast<std::size_t>(2 + i)].value;
-      bound[i] += e.parameters[static_cast<std::size_t>(2 + i)].crb_se / kRuns;
+      estimates(i, run) = e.parameters[2 + i].value;
+      bound[i] += e.parameters[2 + i].crb_se / kRuns;
     }
   }
   for (Index i = 0; i < 2; ++i) {

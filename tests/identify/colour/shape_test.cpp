@@ -291,8 +291,8 @@ TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
   std::printf("%s noise, order %d; %s\n", s.noise_source.c_str(), s.order,
               result.estimate.message.c_str());
   for (Index h = 0; h < s.with.cols(); ++h) {
-    std::printf("  %2d steps: %.3f white, %.3f shaped\n", s.horizons[static_cast<std::size_t>(h)],
-                s.without(0, h), s.with(0, h));
+    std::printf("  %2d steps: %.3f white, %.3f shaped\n", s.horizons[h], s.without(0, h),
+                s.with(0, h));
   }
   ASSERT_TRUE(result.model.has_value());
   EXPECT_EQ(s.spectrum_shaped.cols(), s.spectrum_white.cols());

@@ -249,12 +249,8 @@ TEST_F(FormulaForm, FilesMayIncludeOthers) {
   text = with(text, "let:\n  J: m*l^2\n", "");
   const std::string name = std::filesystem::path(common).filename().string();
   const ModelFile model = read("include: " + name + "\n" + text);
-  EXPECT_EQ(
-      model.parameters[static_cast<std::size_t>(find_parameter(model.parameters, "m"))].scalar(),
-      0.5);
-  EXPECT_EQ(
-      model.parameters[static_cast<std::size_t>(find_parameter(model.parameters, "l"))].scalar(),
-      0.8);
+  EXPECT_EQ(model.parameters[find_parameter(model.parameters, "m")].scalar(), 0.5);
+  EXPECT_EQ(model.parameters[find_parameter(model.parameters, "l")].scalar(), 0.8);
   EXPECT_THAT(refusal("include: absent.yaml\n" + text), HasSubstr("1:10: include 'absent.yaml'"));
   std::ofstream(common) << "include: " << std::filesystem::path(path_).filename().string() << "\n";
   try {

@@ -109,7 +109,7 @@ std::string example(const std::string& name) {
 const Parameter& named(const ModelFile& model, const std::string& name) {
   const int index = find_parameter(model.parameters, name);
   if (index < 0) throw std::logic_error("no parameter " + name);
-  return model.parameters[static_cast<std::size_t>(index)];
+  return model.parameters[index];
 }
 
 Eigen::MatrixXd matrix(std::initializer_list<std::initializer_list<double>> rows) {
@@ -1171,8 +1171,7 @@ TEST_F(ModelFileTest, RandomModelsAreReadBackAsWritten) {
     if (!declared.empty()) parts.push_back("parameters:\n" + declared);
     std::string text;
     for (; !parts.empty(); parts.pop_back()) {  // keys may come in any order
-      std::swap(parts[static_cast<std::size_t>(uniform(0, static_cast<int>(parts.size()) - 1))],
-                parts.back());
+      std::swap(parts[uniform(0, static_cast<int>(parts.size()) - 1)], parts.back());
       text += parts.back();
     }
 

@@ -191,13 +191,13 @@ TEST(NoiseAlsStudy, FindsTheNumberOfSources) {
         std::vector<int> found(static_cast<std::size_t>(n + 1));
         for (const Eigen::MatrixXd& y : recordings) {
           const Estimate e = tune_als(system.model, {dataset_of(y)}, options);
-          ++found[static_cast<std::size_t>(e.minimum_rank->rank)];
+          ++found[e.minimum_rank->rank];
         }
         std::printf("%td states, %td sources, %s: found", n, rank,
                     weighted ? "als-weighted" : "als");
         for (const int count : found) std::printf(" %d", count);
         std::printf("\n");
-        EXPECT_GE(found[static_cast<std::size_t>(rank)], 90);
+        EXPECT_GE(found[rank], 90);
       }
     }
   }
@@ -291,9 +291,8 @@ TEST(NoiseAlsStudy, OutliersLeftOutOrClipped) {
     for (const double c : {1.5, 2.5}) {
       Eigen::Matrix2Xd estimates(2, 100);
       for (Index run = 0; run < 100; ++run) {
-        estimates.col(run) =
-            huber_als(system, recordings[static_cast<std::size_t>(run)], c, options.lags)
-                .cwiseQuotient(Eigen::Vector2d(system.truth));
+        estimates.col(run) = huber_als(system, recordings[run], c, options.lags)
+                                 .cwiseQuotient(Eigen::Vector2d(system.truth));
       }
       const Eigen::Vector2d mean = estimates.rowwise().mean();
       const Eigen::Vector2d sd =
@@ -351,7 +350,7 @@ TEST_P(LargeSystem, FitsIntoMemoryAndAMinute) {
   const double gigabytes = static_cast<double>(usage.ru_maxrss) / 1e6;
   double worst = 0.0, mean_square = 0.0;
   for (Index i = 0; i < system.truth.size(); ++i) {
-    const EstimatedParameter& p = estimate.parameters[static_cast<std::size_t>(i)];
+    const EstimatedParameter& p = estimate.parameters[i];
     const double z = (p.value - system.truth[i]) / p.se;
     worst = std::max(worst, std::abs(z));
     mean_square += z * z / static_cast<double>(system.truth.size());

@@ -127,14 +127,14 @@ TEST(TuneAls, FullMatrixEqualsTheKroneckerForm) {
     MatrixXd matrix(lags * ny, lags * ny);
     for (Index i = 0; i < lags; ++i) {
       for (Index j = 0; j < lags; ++j) {
-        const MatrixXd& Y = sample[static_cast<std::size_t>(std::abs(i - j))];
+        const MatrixXd& Y = sample[std::abs(i - j)];
         matrix.block(i * ny, j * ny, ny, ny) = i >= j ? Y : MatrixXd(Y.transpose());
       }
     }
     const VectorXd theta = design.colPivHouseholderQr().solve(VectorXd(matrix.reshaped()));
     ASSERT_GT(theta.minCoeff(), 0.0) << number;
     for (Index i = 0; i < theta.size(); ++i) {
-      const double value = estimate.parameters[static_cast<std::size_t>(i)].value;
+      const double value = estimate.parameters[i].value;
       worst = std::max(worst, std::abs(value / theta[i] - 1.0));
       ++compared;
     }

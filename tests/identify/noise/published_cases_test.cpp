@@ -437,7 +437,7 @@ TEST(PublishedCases, Clark1987) {
   // The last of sigma_w's three digits alone is worth 8e-6.
   double of_inputs = 0.0;
   for (Index i = 0; i < at.size(); ++i) {
-    const std::string& name = model.parameters[static_cast<std::size_t>(i)].name;
+    const std::string& name = model.parameters[i].name;
     const double slope = i < 3 ? 2.0 * std::sqrt(at[i]) : 1.0;  // d variance / d sigma
     of_inputs += std::abs(gradient[i]) * slope * half_unit(p[name]);
   }
@@ -445,7 +445,7 @@ TEST(PublishedCases, Clark1987) {
   const Solution s = later.maximum_from(at);
   expect_printed("Clark, maximum", s.summary.objective, c["loglik"]);
   for (Index i = 0; i < 3; ++i) {
-    const std::string& name = model.parameters[static_cast<std::size_t>(i)].name;
+    const std::string& name = model.parameters[i].name;
     expect_printed("  " + name, std::sqrt(s.x[i]), p[name]);
   }
 }
@@ -508,8 +508,7 @@ TEST(PublishedCases, WholesalePricesArmaDiffuse) {
   EXPECT_TRUE(s.summary.usable()) << s.summary.message;
   expect_not_beaten("wpi1 ARMA(1,1) diffuse, maximum", s.summary.objective, value, kStata);
   for (Index i = 0; i < 4; ++i) {
-    std::printf("  %-8s %.10g, published %.10g\n",
-                model.parameters[static_cast<std::size_t>(i)].name.c_str(), s.x[i], at[i]);
+    std::printf("  %-8s %.10g, published %.10g\n", model.parameters[i].name.c_str(), s.x[i], at[i]);
   }
 }
 
@@ -598,7 +597,7 @@ TEST(PublishedCases, AirPassengersBasicStructuralModel) {
       log_likelihood(system, m.initial, data.y, data.u, model_derivatives(m, model.parameters));
   double of_inputs = 0.0;  // the slope has two digits
   for (Index i = 0; i < 4; ++i) {
-    const std::string& name = model.parameters[static_cast<std::size_t>(i)].name;
+    const std::string& name = model.parameters[i].name;
     of_inputs += std::abs(l.gradient[i]) * half_unit(x[name]);
   }
   const double value = value_at(model, data, {at.begin(), at.end()});
@@ -611,7 +610,7 @@ TEST(PublishedCases, AirPassengersBasicStructuralModel) {
   expect_not_beaten("BSM, maximum", e.objective.log_likelihood,
                     value_at(model, data, {at[0], at[1], 0.0, at[3]}), 1e-10);
   for (const int i : {0, 1, 3}) {
-    const EstimatedParameter& p = e.parameters[static_cast<std::size_t>(i)];
+    const EstimatedParameter& p = e.parameters[i];
     std::printf("  %-8s %.10g, published %.10g\n", p.name.c_str(), p.value, at[i]);
     EXPECT_LT(std::abs(p.value - at[i]), 1e-3 * p.se) << p.name;
   }

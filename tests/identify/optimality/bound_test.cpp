@@ -133,7 +133,7 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
       return steady_state(instantiate(model.linear, with_entries(model.parameters, at)))->K;
     };
     const Eigen::MatrixXd change = (gain(up) - gain(down)) * (0.01 / 2e-5);
-    EXPECT_LT((estimate.bound->gain_change[static_cast<std::size_t>(i)] - change).norm(), 1e-9);
+    EXPECT_LT((estimate.bound->gain_change[i] - change).norm(), 1e-9);
   }
 }
 
