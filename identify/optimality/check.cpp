@@ -54,10 +54,10 @@ Estimate check(const ModelFile& model, const std::vector<Dataset>& recordings) {
   const Retuned better = retuned(with_free_noise(model), recordings);
   if (nonlinear) {
     estimate.notes.emplace_back(
-        "no loss in tr P: a nonlinear model has no steady filter; its tests take the "
+        "no excess mean-square error: a nonlinear model has no steady filter; its tests take the "
         "innovations for Gaussian");
   } else {
-    estimate.derived.push_back({"predicted loss in tr P", "%", 100.0 * better.loss, kNone});
+    estimate.derived.push_back({"excess mean-square error", "%", 100.0 * better.loss, kNone});
   }
   if (!found.optimal && !std::isnan(better.gain)) {
     const ReportedEntries to = reported_entries(better.parameters);

@@ -13,7 +13,7 @@ namespace identikal {
 /// Runs the filter with the file's values, nothing estimated, and puts its innovations to the tests
 /// of identify/optimality/optimality.h, which together err with 5 % at most. Status rejected when
 /// one fails; the message says what is wrong where: which entry of Q or R and which way, which
-/// channel at which lag. `derived` holds the predicted loss in tr P of the present noise where the
+/// channel at which lag. `derived` holds the excess mean-square error of the present noise where the
 /// model is linear; a nonlinear one has no steady filter to compare with.
 /// @throws InputError for a vehicle or a regression, an output that never changes, an
 /// input with gaps, or too few innovations

@@ -151,9 +151,11 @@ std::string noise_text(const Estimate& estimate) {
 
 std::string derived_text(const Estimate& estimate) {
   std::string out;
+  std::size_t width = 22;
+  for (const DerivedValue& d : estimate.derived) width = std::max(width, d.name.size());
   for (const DerivedValue& d : estimate.derived) {
     const bool tiny = d.unit == "%" && d.value >= 0.0 && percent_text(d.value)[0] == '<';
-    out += fmt::format("{:<22} {:>10} {:<12} {}\n", d.name,
+    out += fmt::format("{:<{}} {:>10} {:<12} {}\n", d.name, width,
                        tiny ? percent_text(d.value) : value_text(d.value), d.unit,
                        std::isnan(d.se) ? "" : "+- " + error_text(d.se));
   }

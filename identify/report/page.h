@@ -7,7 +7,7 @@
 
 namespace identikal {
 
-/// What the page draws beyond the result, as JSON of schema_version 1: lines over time as {y} or
+/// What the page draws beyond the result, as JSON of kSchemaVersion: lines over time as {y} or
 /// {lo, hi}, numbers rounded to a twenty-thousandth of their line's range (of themselves where the
 /// axis is logarithmic), null for NaN.
 /// @param result  what result_json() gave for the same estimate: its SHA-256 without the time that

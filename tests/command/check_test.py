@@ -16,7 +16,7 @@ class Check(unittest.TestCase):
             self.assertEqual(out["status"]["code"], "rejected")
             self.assertIn("not optimal", out["status"]["message"])
             self.assertIn("r should be larger", out["status"]["message"])
-            self.assertGreater([d["value"] for d in out["derived"] if d["name"] == "predicted loss in tr P"][0], 5)
+            self.assertGreater([d["value"] for d in out["derived"] if d["name"] == "excess mean-square error"][0], 5)
 
     def test_losses_have_sensible_digits(self):
         with Folder() as folder:
@@ -25,7 +25,7 @@ class Check(unittest.TestCase):
             run("export", folder.path / "out", "--to", "yaml", "-o", folder.path / "tuned.yaml", code=0)
             # At its own maximum a filter loses nothing but rounding.
             text = run("check", folder.path / "tuned.yaml", folder.path / "simulated.csv").stdout
-            self.assertRegex(text, r"predicted loss in tr P +< 0\.001 %")
+            self.assertRegex(text, r"excess mean-square error +< 0\.001 %")
             text = run("bound", NILE[0], "-n", 1000000000).stdout
             self.assertIn("excess mean-square error < 0.001 % of tr P", text)
             text = run("bound", NILE[0], "-n", 3).stdout

@@ -189,7 +189,7 @@ initial: {mean: {h: 1}, sd: {h: 0.1}}
         out = result("check", self.model, data)
         self.assertEqual("extended", out["objective"]["filter"])
         self.assertAlmostEqual(sum(t["level"] or 0 for t in out["tests"]), 0.05)
-        self.assertNotIn("predicted loss in tr P", [d["name"] for d in out["derived"]])
+        self.assertNotIn("excess mean-square error", [d["name"] for d in out["derived"]])
         out = result("check", self.model, data, "--set", "r=1e-5", code=1)
         self.assertIn("r should be larger", out["status"]["message"])
         text = run("check", self.model, data, code=0).stdout

@@ -50,6 +50,7 @@ constexpr RenamedValue kRenamedValues[] = {
     {"objective", "evaluation_method", "direct", "time_varying_filter"},
     {"objective", "evaluation_method", "steady", "steady_state_filter"},
     {"objective", "evaluation_method", "compressed", "sample_autocovariances"},
+    {"derived/*", "name", "predicted loss in tr P", "excess mean-square error"},
     {"survey/identifiable/*", "answer", "weak", "poorly"},
     {"warnings/*", "code", "path", "evaluation_method"},
     {"warnings/*", "code", "blind", "insufficient_power"},
