@@ -74,7 +74,8 @@ void add_repeated(CLI::App& verb, const char* names, std::vector<std::string>& v
 }
 
 void add_choice(CLI::App& verb, const char* names, std::string& value,
-                const std::vector<std::string>& values, const char* help, const char* shown) {
+                const std::vector<std::string>& values, const std::string& help,
+                const char* shown) {
   verb.add_option(names, value, help)
       ->check(CLI::IsMember(values))
       ->default_str(value.empty() ? shown : value);

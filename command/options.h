@@ -40,7 +40,8 @@ void add_repeated(CLI::App& verb, const char* names, std::vector<std::string>& v
                   const char* help);
 /// @param shown  the default where `value` is empty
 void add_choice(CLI::App& verb, const char* names, std::string& value,
-                const std::vector<std::string>& values, const char* help, const char* shown = "");
+                const std::vector<std::string>& values, const std::string& help,
+                const char* shown = "");
 /// A whole number from `least` to `most`.
 /// @param shown  the default where another number, outside the range, stands for it
 void add_number(CLI::App& verb, const char* names, long& value, long least, long most,

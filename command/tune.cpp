@@ -1,4 +1,5 @@
 // tune: which Q and R has the filter that these recordings ask for?
+#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>
@@ -26,29 +27,8 @@ struct TuneOptions {
   bool is_als() const { return method == "als" || method == "als-weighted"; }
 };
 
-void check_method(const TuneOptions& options, const ModelFile& model) {
-  if (options.is_als() || options.method == "auto") {
-    require_linear(model, options.method == "ml" ? "tune" : "tune --method " + options.method);
-  }
-  for (const auto& [given, option] :
-       {std::pair{options.lags > 0, "--lags"}, std::pair{options.iterate, "--iterate"},
-        std::pair{options.min_rank, "--min-rank"}}) {
-    if (!given || options.is_als()) continue;
-    throw InputError({}, fmt::format("{} does not apply to --method {}", option, options.method),
-                     "--method als or als-weighted");
-  }
-  if (model.form == ModelFile::Form::nonlinear && options.path != TuneOptions{}.path) {
-    throw InputError({}, "--path does not apply to this model", "a linear model",
-                     "the likelihood of a nonlinear one has one path");
-  }
-  if (options.full_matrix && options.method != "als") {
-    throw InputError({}, "--full-matrix does not apply to --method " + options.method,
-                     "--method als: it is a choice of weights, and als-weighted has its own");
-  }
-}
-
 Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
-                            const std::vector<Dataset>& recordings) {
+                            const std::vector<Dataset>& recordings, Progress&) {
   NoiseAlsOptions options;
   options.weighted = given.method == "als-weighted";
   options.lags = given.lags;
@@ -70,14 +50,64 @@ Estimate by_posterior(const TuneOptions& given, const ModelFile& model,
   return tune_bayes(model, recordings, options);
 }
 
-Estimate by_likelihood(const TuneOptions& given, const ModelFile& model,
-                       const std::vector<Dataset>& recordings, Progress& progress) {
+NoiseMlOptions ml_options(const TuneOptions& given, Progress& progress) {
   NoiseMlOptions options = likelihood_options(given.search, given.result, progress);
   for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
     if (given.path == to_string(path)) options.path = path;
   }
-  return given.method == "auto" ? tune_auto(model, recordings, options)
-                                : tune_ml(model, recordings, options);
+  return options;
+}
+
+Estimate by_likelihood(const TuneOptions& given, const ModelFile& model,
+                       const std::vector<Dataset>& recordings, Progress& progress) {
+  return tune_ml(model, recordings, ml_options(given, progress));
+}
+
+Estimate by_both(const TuneOptions& given, const ModelFile& model,
+                 const std::vector<Dataset>& recordings, Progress& progress) {
+  return tune_auto(model, recordings, ml_options(given, progress));
+}
+
+struct Method {
+  std::string name, what;
+  bool linear_only;
+  Estimate (*run)(const TuneOptions& given, const ModelFile& model,
+                  const std::vector<Dataset>& recordings, Progress& progress);
+};
+
+// What --method may be: help and dispatch follow.
+const std::vector<Method>& methods() {
+  static const std::vector<Method> all = {
+      {"ml", "maximum likelihood", false, by_likelihood},
+      {"als", "autocovariance least squares", true, by_autocovariances},
+      {"als-weighted", "the same, weighted by its covariance", true, by_autocovariances},
+      {"auto", "ml from the start that als-weighted finds, and both compared", true, by_both},
+      {"bayes", "posterior", false, by_posterior}};
+  return all;
+}
+
+const Method& method_of(const TuneOptions& options) {
+  return *std::find_if(methods().begin(), methods().end(),
+                       [&](const Method& method) { return method.name == options.method; });
+}
+
+void check_method(const TuneOptions& options, const ModelFile& model) {
+  if (method_of(options).linear_only) require_linear(model, "tune --method " + options.method);
+  for (const auto& [given, option] :
+       {std::pair{options.lags > 0, "--lags"}, std::pair{options.iterate, "--iterate"},
+        std::pair{options.min_rank, "--min-rank"}}) {
+    if (!given || options.is_als()) continue;
+    throw InputError({}, fmt::format("{} does not apply to --method {}", option, options.method),
+                     "--method als or als-weighted");
+  }
+  if (model.form == ModelFile::Form::nonlinear && options.path != TuneOptions{}.path) {
+    throw InputError({}, "--path does not apply to this model", "a linear model",
+                     "the likelihood of a nonlinear one has one path");
+  }
+  if (options.full_matrix && options.method != "als") {
+    throw InputError({}, "--full-matrix does not apply to --method " + options.method,
+                     "--method als: it is a choice of weights, and als-weighted has its own");
+  }
 }
 
 int tune(const TuneOptions& options, const std::string& command) {
@@ -87,9 +117,7 @@ int tune(const TuneOptions& options, const std::string& command) {
   check_method(options, model);
   Progress progress(options.result.quiet);
   const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
-    if (options.is_als()) return by_autocovariances(options, of, recordings);
-    if (options.method == "bayes") return by_posterior(options, of, recordings, progress);
-    return by_likelihood(options, of, recordings, progress);
+    return method_of(options).run(options, of, recordings, progress);
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,
                          options.reject_outliers, progress, estimator);
@@ -108,10 +136,13 @@ Verb tune_verb(CLI::App& app) {
   add_result_with_page(verb, options->result);
   add_filter_choice(verb, options->model);
   add_search(verb, options->search);
-  add_choice(verb, "--method", options->method, {"ml", "als", "als-weighted", "auto", "bayes"},
-             "Choose the estimator. ml: maximum likelihood; als-weighted, als: autocovariance "
-             "least squares; auto: ml from the start that als-weighted finds, and both compared; "
-             "bayes: posterior.");
+  std::vector<std::string> names;
+  std::string texts;
+  for (const Method& method : methods()) {
+    names.push_back(method.name);
+    texts += (texts.empty() ? "" : "; ") + method.name + ": " + method.what;
+  }
+  add_choice(verb, "--method", options->method, names, "Choose the estimator. " + texts + ".");
   add_number(verb, "--lags", options->lags, 0, 1000,
              "als: Use this many autocovariances; 0 stands for as many as are informative.");
   add_number(verb, "--draws", options->draws, 10, 1000000,

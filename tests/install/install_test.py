@@ -61,7 +61,7 @@ def main():
         prefix = folder / "prefix"
         run(cmake, "--install", build, "--prefix", prefix)
         found = run("pkg-config", "--modversion", "identikal", env=pc_environment(prefix)).strip()
-        if found != version or run(prefix / "bin/identikal", "--version") != f"identikal {version}\n":
+        if found != version or not run(prefix / "bin/identikal", "--version").startswith(f"identikal {version}\n"):
             sys.exit(f"not version {version}")
         for file in [f for f in prefix.rglob("*.cmake")] + [f for f in prefix.rglob("*.pc")]:
             for path in (ROOT, build, prefix):
