@@ -8,6 +8,8 @@ function(identikal_library layer)
   if(NOT PROJECT_IS_TOP_LEVEL)
     set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
   endif()
+  # Over CMake's -O3, which takes the compiler a fifth longer and runs no faster but in a few kernels.
+  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O2>)
   get_target_property(type ${name} TYPE)
   if(type STREQUAL SHARED_LIBRARY)
     # The sources carry no export macros: a library shows the names of namespace identikal and hides everything
@@ -17,5 +19,27 @@ function(identikal_library layer)
     set_target_properties(${name} PROPERTIES LINK_DEPENDS ${exports}
       VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
       INSTALL_RPATH $ORIGIN)
+  endif()
+endfunction()
+
+# identikal_precompile(TARGET HEADER... [REUSE_FROM OTHER]): lib/internal/precompiled.h and the headers named are compiled
+# once, ahead of the target's sources; or those of another target with the same options are used.
+function(identikal_precompile target)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "REUSE_FROM" "")
+  if(arg_REUSE_FROM)
+    target_precompile_headers(${target} REUSE_FROM ${arg_REUSE_FROM})
+  else()
+    target_precompile_headers(${target} PRIVATE <lib/internal/precompiled.h>
+      ${arg_UNPARSED_ARGUMENTS})
+  endif()
+  # A shared library hides Eigen's functions from the others.
+  if(NOT BUILD_SHARED_LIBS)
+    target_compile_definitions(${target} PRIVATE IDENTIKAL_EIGEN_INSTANCES)
+  endif()
+  # For ccache.
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+    target_compile_options(${target} PRIVATE -fpch-preprocess)
+  elseif(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+    target_compile_options(${target} PRIVATE "SHELL:-Xclang -fno-pch-timestamp")
   endif()
 endfunction()
