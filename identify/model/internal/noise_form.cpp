@@ -96,19 +96,28 @@ struct Gathered {
   }
 };
 
+// Of what a diagonal covariance is.
+struct NamedNoise {
+  const char* what;
+  const std::vector<PhysicalName>& all;
+  bool with_units;  // else no dimension is checked
+  bool density;
+  bool every_one;  // must be given; else those without are zero
+};
+
 // The diagonal of a covariance from {sd: {name: ...}} or {variance: {name: ...}}.
-ParametrisedMatrix read_spreads(const YamlNode& node, const std::string& noise,
-                                const std::vector<PhysicalName>& all, bool with_units, bool density,
-                                bool every_one, NamedParameters& parameters, LinearModel& model) {
+ParametrisedMatrix read_spreads(const YamlNode& node, const NamedNoise& noise,
+                                NamedParameters& parameters, LinearModel& model) {
+  const std::vector<PhysicalName>& all = noise.all;
   const YamlNode* sd = find(node, "sd");
   const YamlNode* variance = find(node, "variance");
   if ((sd == nullptr) == (variance == nullptr)) {
-    throw InputError(node.at, noise + " needs one of 'sd' and 'variance'",
+    throw InputError(node.at, std::string(noise.what) + " needs one of 'sd' and 'variance'",
                      fmt::format("sd: {{{}: NUMBER or formula}}", all.front().name));
   }
   const std::string key = sd != nullptr ? "sd" : "variance";
   const YamlNode& given = sd != nullptr ? *sd : *variance;
-  check_keys(given, fmt::format("{} of the {}", key, noise), names_in(all));
+  check_keys(given, fmt::format("{} of the {}", key, noise.what), names_in(all));
   ParametrisedMatrix out;
   const auto size = static_cast<Index>(all.size());
   out.constant.setZero(size, size);
@@ -117,15 +126,15 @@ ParametrisedMatrix read_spreads(const YamlNode& node, const std::string& noise,
     const PhysicalName& name = all[i];
     const YamlNode* entry = find(given, name.name);
     if (entry == nullptr) {
-      if (!every_one) continue;
+      if (!noise.every_one) continue;
       throw InputError(given.at, fmt::format("{} of '{}' is missing", key, name.name),
                        fmt::format("{}: NUMBER or formula", name.name));
     }
     const double power = sd != nullptr ? 1.0 : 2.0;
-    const Dimension wanted = scaled(name.dimension, power, density ? 0.5 * power : 0.0);
+    const Dimension wanted = scaled(name.dimension, power, noise.density ? 0.5 * power : 0.0);
     FormulaGraph::Id value = gathered.read(
         *entry, fmt::format("the {} of '{}'", sd ? "standard deviation" : "variance", name.name),
-        wanted, with_units, true);
+        wanted, noise.with_units, true);
     if (sd != nullptr) value = gathered.graph.operation(Op::multiply, value, value);
     gathered.placed.push_back({&out, i, i, value});
   }
@@ -210,8 +219,10 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
       throw InputError(G->at, "G is given alongside the noise by names", "one of the two");
     }
     model.G = constant_matrix(MatrixXd::Identity(n, n));
-    model.Q = read_spreads(*process, "process noise", physical.states, physical.with_units,
-                           model.noise == ProcessNoise::density, false, parameters, model);
+    const bool density = model.noise == ProcessNoise::density;
+    model.Q = read_spreads(*process,
+                           {"process noise", physical.states, physical.with_units, density, false},
+                           parameters, model);
   } else if (has_names && find(root, "Q") == nullptr) {
     if (process != nullptr) {
       throw InputError(process->at, "process is " + describe(*process),
@@ -239,8 +250,9 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
   if (has_names && by_names(root, measurement, "R")) {
     check_keys(*measurement, "measurement", {"kind", "sd", "variance"});
     if (const YamlNode* kind = find(*measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
-    model.R = read_spreads(*measurement, "measurement noise", physical.outputs, physical.with_units,
-                           false, true, parameters, model);
+    model.R = read_spreads(
+        *measurement, {"measurement noise", physical.outputs, physical.with_units, false, true},
+        parameters, model);
   } else {
     const std::string example =
         has_names ? "noise: {measurement: {sd: {" + physical.outputs.front().name + ": ...}}}, or R"
