@@ -32,9 +32,9 @@ Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
   NoiseAlsOptions options;
   options.weighted = given.method == "als-weighted";
   options.lags = given.lags;
-  options.regain = given.iterate;
+  options.iterate = given.iterate;
   options.full_matrix = given.full_matrix;
-  options.sources = given.min_rank;
+  options.min_rank = given.min_rank;
   return tune_als(model, recordings, options);
 }
 

@@ -69,8 +69,8 @@ struct TimeHistory {
   struct Change {
     double since = kNone;  ///< [s]: when it happened, as estimated
     double found = kNone;  ///< [s]: when the test rejected
-    Eigen::VectorXd before,
-        after;  ///< names: estimates just before, and at the end of what follows
+    /// names: estimates just before, and at the end of what follows.
+    Eigen::VectorXd before, after;
   };
   std::vector<Change> changes;
 };
@@ -134,10 +134,10 @@ struct VehicleSurvey {
   double standstill = kNone;  ///< share of it
   double reversing = kNone;
   double moving = kNone;  ///< above the speed that `mapping` proposes [s]
-  std::array<double, 5> speed{kNone, kNone, kNone, kNone,
-                              kNone};  ///< [m/s]: least, 5 %, median, 95 %, largest while turning
-  std::array<double, 7> lateral{};     ///< share of |ay| [m/s^2] up to 1, 2, 3, 4, 6, 8 and above
-  double above_half_hertz = kNone;     ///< share of the steering's power above 0.5 Hz
+  /// Least, 5 %, median, 95 %, largest while turning [m/s].
+  std::array<double, 5> speed{kNone, kNone, kNone, kNone, kNone};
+  std::array<double, 7> lateral{};  ///< share of |ay| [m/s^2] up to 1, 2, 3, 4, 6, 8 and above
+  double above_half_hertz = kNone;  ///< share of the steering's power above 0.5 Hz
   double above_1_5_hertz = kNone;
   double left = kNone;    ///< share of turning to the left
   double steady = kNone;  ///< share of turning at a constant steering angle

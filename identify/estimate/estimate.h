@@ -105,11 +105,11 @@ struct Noise {
 /// The filter that the noise stands for, as a program runs it: discrete time, all in SI. Without a
 /// steady state K, L, P and Sigma are empty.
 struct SteadyFilter {
-  StateSpace
-      model;  ///< as instantiate() gives it (lib/model/linear_model.h); x0 and P0 are not kept
-  Eigen::MatrixXd K;  ///< of the predictor: x_pred(t+1) = A x_pred + B u + K e, K = (A P C' + G S)
-                      ///< Sigma^-1
-  Eigen::MatrixXd L;  ///< of the filter: x_filt(t) = x_pred(t) + L e, L = P C' Sigma^-1
+  /// As instantiate() gives it (lib/model/linear_model.h); x0 and P0 are not kept.
+  StateSpace model;
+  /// Of the predictor: x_pred(t+1) = A x_pred + B u + K e, K = (A P C' + G S) Sigma^-1.
+  Eigen::MatrixXd K;
+  Eigen::MatrixXd L;         ///< of the filter: x_filt(t) = x_pred(t) + L e, L = P C' Sigma^-1
   Eigen::MatrixXd P, Sigma;  ///< covariances of x_pred and of e = y - C x_pred - D u
   struct Channel {
     std::string name, unit;  ///< unit of the column; the filter takes SI
@@ -200,8 +200,8 @@ struct Estimate {
   std::optional<Posterior> posterior;       ///< method bayes and verb track only
   std::optional<TimeHistory> time_history;  ///< verb track only
   std::optional<Shaping> shaping;           ///< verb shape only
-  std::optional<ExcessMeanSquareError>
-      excess_mean_square_error;               ///< where noise is estimated, and verb bound
+  /// Where noise is estimated, and verb bound.
+  std::optional<ExcessMeanSquareError> excess_mean_square_error;
   std::optional<RankSelection> minimum_rank;  ///< tune --min-rank only
   std::optional<VehicleSurvey> survey;        ///< info --vehicle only
   std::vector<DerivedValue> derived;
@@ -225,11 +225,12 @@ int exit_code(const Estimate& estimate, bool strict);
 
 /// Fills correlation, identifiability, se, ci95 and verdicts. The k parameters judged are those
 /// that are neither fixed nor already found at a bound, in their order.
-/// @param information  k x k, in the units of `estimate.parameters`; its null directions are the
-/// flat ones
+/// @param information  k x k, in the units of `estimate.parameters`; its null directions are those
+///   that the data do not identify
 /// @param covariance   k x k; what `se` is taken from (it need not be the inverse of `information`)
 /// @param quantile     half-width of the 95 % interval in standard errors
-/// A parameter in a flat direction gets neither standard error nor interval.
+///
+/// A parameter in such a direction gets neither standard error nor interval.
 /// @throws std::invalid_argument when a matrix is not k x k
 void judge_parameters(Estimate& estimate, const Eigen::MatrixXd& information,
                       const Eigen::MatrixXd& covariance, double quantile = 1.959963984540054);

@@ -5,7 +5,7 @@
 
 namespace identikal {
 
-inline constexpr double kNone =
-    std::numeric_limits<double>::quiet_NaN();  ///< "absent"; null in JSON
+/// "Absent"; null in JSON.
+inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace identikal

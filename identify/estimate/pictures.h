@@ -43,8 +43,8 @@ struct Pictures {
   Eigen::MatrixXd held_measured, held_out_simulation;  ///< channels x M
   Eigen::MatrixXd held_standardised;  ///< channels x M, what Series::standardised is of the others
   std::vector<AxlePicture> axles;
-  bool high_pass_filtered =
-      false;  ///< the axles' balances are high-pass filtered: only ay was measured
+  /// The axles' balances are high-pass filtered: only ay was measured.
+  bool high_pass_filtered = false;
   std::vector<TrackPicture> tracks;
 };
 

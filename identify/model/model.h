@@ -29,8 +29,8 @@ struct SensorPosition {
 
 /// What the built-in single-track vehicle needs beyond its parameters.
 struct VehicleSettings {
-  bool steering_at_road_wheel =
-      false;  ///< input is the road-wheel angle, steering_ratio is not used
+  /// The input is the road-wheel angle, and steering_ratio is not used.
+  bool steering_at_road_wheel = false;
   std::map<std::string, SensorPosition> sensors;  ///< by output name
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
@@ -45,8 +45,8 @@ struct RegressionSettings {
   std::optional<Eigen::Index> inputs, feedback;  ///< orders (lib/regression/lagged_regressors.h)
   std::optional<double> forgetting;              ///< lambda
   std::optional<double> delta;                   ///< P(0) = I / delta
-  double memory =
-      0.0;  ///< samples: > 0 makes lambda variable (lib/regression/recursive_least_squares.h)
+  /// Samples: > 0 makes lambda variable (lib/regression/recursive_least_squares.h).
+  double memory = 0.0;
   bool reset = false;  ///< lambda drops for one sample when a change is found
 };
 

@@ -286,7 +286,8 @@ Fit fit(const ModelFile& model, const Als& als, const std::vector<Dataset>& reco
     return *out;
   };
   Fit out = fit_under_gain(als, regression(L), L, options.weighted, {});
-  for (int pass = 0; options.regain && pass < kMostGains && out.solution.summary.usable(); ++pass) {
+  for (int pass = 0; options.iterate && pass < kMostGains && out.solution.summary.usable();
+       ++pass) {
     const auto next = steady_state(als.at(out.solution.x));
     if (!next) break;  // the present gain stays
     const bool settled = (next->K - L).norm() <= 1e-3 * L.norm();
@@ -379,7 +380,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
 
 // The fewest sources of process noise instead of the minimum over all Q. They are judged under the
 // weights of als-weighted whatever the method: without, nothing says what is chance.
-void reduce_sources(Estimate& estimate, const Als& als, Fit& fit) {
+void reduce_rank(Estimate& estimate, const Als& als, Fit& fit) {
   const Regression& r = fit.regression;
   const VectorXd target = r.sample - r.constant;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
@@ -428,13 +429,13 @@ Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings
   estimate.model_name = model.name;
   estimate.objective.method = options.weighted ? "als-weighted" : "als";
   estimate.objective.iterations = found.passes;
-  if (options.sources && found.solution.summary.usable()) reduce_sources(estimate, als, found);
+  if (options.min_rank && found.solution.summary.usable()) reduce_rank(estimate, als, found);
   const ParameterSet end = with_entries(model.parameters, found.solution.x);
   list_parameters(estimate, model.parameters, end);
   judge(estimate, als, found, model, recordings);
   estimate.notes.push_back(fmt::format("{} autocovariances of the innovations under the gain of {}",
                                        found.regression.lags,
-                                       options.regain ? "the estimate" : "the start"));
+                                       options.iterate ? "the estimate" : "the start"));
   conclude_noise_estimate(estimate, found.solution.summary);
   report_noise_estimate(estimate, model, end, recordings);
   return estimate;

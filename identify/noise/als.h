@@ -11,14 +11,16 @@
 namespace identikal {
 
 struct NoiseAlsOptions {
-  bool weighted = true;   ///< by the inverse of the covariance that the estimate itself gives the
-                          ///< sample autocovariances, iterated; false: all alike, as published
+  /// By the inverse of the covariance that the estimate itself gives the sample autocovariances,
+  /// iterated; false: all alike, as published.
+  bool weighted = true;
   Eigen::Index lags = 0;  ///< autocovariances used, from lag 0 on; 0 = until the filter forgets
-  bool regain = false;    ///< filter again with the estimate's own gain, until that settles
-  bool full_matrix = false;  ///< not weighted: fit the whole matrix of autocovariances, Y_(i-j) in
-                             ///< block (i, j), and not one column of it (Odelson et al. 2006)
-  bool sources =
-      false;  ///< the fewest sources of process noise (identify/noise/internal/minimum_rank.h)
+  bool iterate = false;   ///< filter again with the estimate's own gain, until that settles
+  /// Not weighted: fit the whole matrix of autocovariances, Y_(i-j) in block (i, j), and not one
+  /// column of it (Odelson et al. 2006).
+  bool full_matrix = false;
+  /// Q of the smallest rank that the fit allows (identify/noise/internal/minimum_rank.h).
+  bool min_rank = false;
 };
 
 /// Least squares of the innovations' sample autocovariances (lib/statistics/autocovariance.h) of
@@ -29,7 +31,7 @@ struct NoiseAlsOptions {
 ///
 /// under the gain of the model's own values. The constraint is part of the problem: a variance that
 /// ends at zero is reported as such. Standard errors from the covariance of the sample
-/// autocovariances at the estimate; beside them the Cramér-Rao bound from outputs alone. Only noise
+/// autocovariances at the estimate; alongside the Cramér-Rao bound from outputs alone. Only noise
 /// can be free. Sources: Odelson, Rajamani & Rawlings (2006), Automatica 42; Rajamani & Rawlings
 /// (2009), Automatica 45 (single column); Akesson et al. (2008) for S; Matisko (2013), section 4.3.
 /// @throws InputError as check_recordings(), when anything but noise is free, when the model's

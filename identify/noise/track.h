@@ -19,7 +19,7 @@ struct NoiseTrackOptions {
   Eigen::Index draws = 400;
   std::uint64_t seed = 1;
   /// The filter starts with the file's noise and is tested sample by sample; when the test rejects,
-  /// the noise is learnt anew from the samples since the change. Without it the noise is taken as
+  /// the noise is re-estimated from the samples since the change. Without it the noise is taken as
   /// constant and learnt from the first sample on.
   bool adaptive = false;
   double samples_per_false_alarm = 1e5;  ///< at least, on average, while nothing changes
@@ -32,10 +32,11 @@ struct NoiseChange {
 };
 
 struct NoiseTrack {
-  Eigen::MatrixXd mean, sd;    ///< k x N: free entries (lib/model/parameter.h) given the samples up
-                               ///< to t; sd is NaN while the file's values are in use
-  Eigen::VectorXd log_alarm;   ///< N: logarithm of the test statistic; -infinity without test
-  double log_threshold = 0.0;  ///< where it rejects
+  /// k x N: free entries (lib/model/parameter.h) given the samples up to t; sd is NaN while the
+  /// file's values are in use.
+  Eigen::MatrixXd mean, sd;
+  Eigen::VectorXd log_alarm;         ///< N: logarithm of the test statistic; -infinity without test
+  double log_threshold = 0.0;        ///< where it rejects
   std::vector<NoiseChange> changes;  ///< in time
   FilterResult filter;               ///< the mixture of the draws' filters, ahead of each sample
   /// At the end; one point while the file's values are in use. Its summary says `stopped` where

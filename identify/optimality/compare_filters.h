@@ -13,22 +13,21 @@ namespace identikal {
 /// held-out likelihood. tests[] holds for every filter, by its file,
 ///
 ///   log_likelihood  with p of the difference to the best one: of its mean over the samples,
-///   against
-///                   the scatter of their differences (Diebold & Mariano 1995, long-run variance),
-///                   the covariance of the innovations taken as steady
+///                   against the scatter of their differences (Diebold & Mariano 1995, long-run
+///                   variance), the covariance of the innovations taken as steady
 ///   measure_mean    N/l sum_j Psi_j(M), (3.23)
 ///   measure_worst   max_j N Psi_j(M), (3.24)
 ///   measure_order   max over m of -(N log|I - ...| + m l^2 log N), the negative of (3.22): how
-///   much
-///                   an autoregressive model of the innovations would gain. As printed, (3.25)
-///                   takes absolute values, and is then largest of white innovations
+///                   much an autoregressive model of the innovations would gain. As printed,
+///                   (3.25) takes absolute values, and is then largest of white innovations
 ///   optimal         1 or 0 (identify/optimality/optimality.h)
 ///
 /// and `pass` with the best of each. Lower measures are better. Lines in notes say the same in a
 /// table. Status ok.
 /// @param recordings  of each model: its own view of the same files
 /// @throws InputError for fewer than two models, a vehicle or a regression, and outputs that
-/// differ Source: Matisko (2013), (3.23) to (3.25).
+/// differ
+/// Source: Matisko (2013), (3.23) to (3.25).
 Estimate compare_filters(const std::vector<ModelFile>& models,
                          const std::vector<std::vector<Dataset>>& recordings);
 

@@ -1,4 +1,4 @@
-// How many independent sources of process noise do the data ask for? The trade-off between fit and
+// How many independent sources of process noise do the data require? The trade-off between fit and
 // rank of Q.
 #pragma once
 

@@ -187,7 +187,7 @@ TEST(NoiseAlsStudy, FindsTheNumberOfSources) {
       for (const bool weighted : {true, false}) {
         NoiseAlsOptions options;
         options.weighted = weighted;
-        options.sources = true;
+        options.min_rank = true;
         std::vector<int> found(static_cast<std::size_t>(n + 1));
         for (const Eigen::MatrixXd& y : recordings) {
           const Estimate e = tune_als(system.model, {dataset_of(y)}, options);

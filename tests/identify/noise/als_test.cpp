@@ -226,7 +226,7 @@ TEST(MinimumRank, FollowsThePenaltyToFewerSources) {
   for (const bool weighted : {true, false}) {
     NoiseAlsOptions options;
     options.weighted = weighted;
-    options.sources = true;
+    options.min_rank = true;
     const Estimate estimate = tune_als(system.model, data, options);
     ASSERT_TRUE(estimate.minimum_rank.has_value());
     const RankSelection& s = *estimate.minimum_rank;
@@ -261,7 +261,7 @@ TEST(MinimumRank, DropsVariancesOfADiagonalQ) {
   system.truth.head(3) = Eigen::Vector3d(0.0, 4.0, 0.0);
   Random random(7);
   NoiseAlsOptions options;
-  options.sources = true;
+  options.min_rank = true;
   const Estimate estimate =
       tune_als(system.model, {dataset_of(simulate_matisko(system, random))}, options);
   EXPECT_EQ(estimate.minimum_rank->rank, 1);
