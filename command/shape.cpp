@@ -29,8 +29,8 @@ ShapeOptions shape_options(const ShapingOptions& given, Progress& progress) {
   ShapeOptions out;
   out.most_order = static_cast<int>(given.order);
   out.seed = static_cast<std::uint64_t>(given.seed);
-  if (given.noise == "process") out.place = NoiseSource::process;
-  if (given.noise == "measurement") out.place = NoiseSource::measurement;
+  if (given.noise == "process") out.source = NoiseSource::process;
+  if (given.noise == "measurement") out.source = NoiseSource::measurement;
   out.hold_out = hold_out_share(given.hold_out);
   out.progress = [&](const std::string& what) {
     progress.show(what);

@@ -11,7 +11,7 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
-#include "identify/colour/internal/innovation_colour.h"
+#include "identify/colour/internal/innovation_whiteness.h"
 #include "identify/colour/internal/likelihood.h"
 #include "identify/colour/internal/spectrum.h"
 #include "identify/estimate/parameter_table.h"
@@ -55,8 +55,8 @@ class Stages {
   bool stopped_ = false;
 };
 
-const char* place_name(NoiseSource place) {
-  return place == NoiseSource::process ? "process" : "measurement";
+const char* source_name(NoiseSource source) {
+  return source == NoiseSource::process ? "process" : "measurement";
 }
 
 double bic_of(double log_likelihood, Index unknowns, Index samples) {
@@ -74,8 +74,8 @@ struct Candidate {
 
 std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOptions& options) {
   std::vector<ShapingStructure> out;
-  const auto place = [&](NoiseSource where, Index channels) {
-    if (options.place && *options.place != where) return;
+  const auto add = [&](NoiseSource where, Index channels) {
+    if (options.source && *options.source != where) return;
     if (!shaping_fault(model, where).empty()) return;
     std::vector<std::vector<Index>> sets;
     for (Index c = 0; c < channels; ++c) sets.push_back({c});
@@ -85,8 +85,8 @@ std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOpti
     }
     for (const std::vector<Index>& set : sets) out.push_back({where, set, 1});
   };
-  place(NoiseSource::process, model.linear.G.constant.cols());
-  place(NoiseSource::measurement, model.linear.C.constant.rows());
+  add(NoiseSource::process, model.linear.G.constant.cols());
+  add(NoiseSource::measurement, model.linear.C.constant.rows());
   return out;
 }
 
@@ -177,8 +177,8 @@ std::string channel_names(const ModelFile& model, const ShapingStructure& struct
   std::string out;
   for (const Index c : structure.channels) {
     if (!out.empty()) out += ", ";
-    out +=
-        structure.place == NoiseSource::process ? fmt::format("w{}", c + 1) : model.outputs[c].name;
+    out += structure.source == NoiseSource::process ? fmt::format("w{}", c + 1)
+                                                    : model.outputs[c].name;
   }
   return out;
 }
@@ -187,10 +187,11 @@ std::string channel_names(const ModelFile& model, const ShapingStructure& struct
 const Dataset& longest_recording(const ModelFile& model, const std::vector<Dataset>& recordings,
                                  const ShapeOptions& options) {
   if (structures(model, options).empty()) {
-    const NoiseSource place = options.place.value_or(NoiseSource::process);
-    throw InputError({model.path, 0, 0},
-                     "no shaping filter can be put into this model: " + shaping_fault(model, place),
-                     "a discrete-time model, 'initial: stationary' or 'diffuse'");
+    const NoiseSource source = options.source.value_or(NoiseSource::process);
+    throw InputError(
+        {model.path, 0, 0},
+        "no shaping filter can be put into this model: " + shaping_fault(model, source),
+        "a discrete-time model, 'initial: stationary' or 'diffuse'");
   }
   constexpr Index kFewest = 64;  // samples that make a spectrum
   const auto measured = [](const Dataset& d) { return samples_present({d}) / d.y.rows(); };
@@ -224,7 +225,7 @@ std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
   for (ShapingStructure structure : structures(model, options)) {
     SpectralSolution lower;
     for (structure.order = 1; structure.order <= options.most_order; ++structure.order) {
-      if (!stages.begin(fmt::format("spectrum: {} noise, order {}", place_name(structure.place),
+      if (!stages.begin(fmt::format("spectrum: {} noise, order {}", source_name(structure.source),
                                     structure.order))) {
         return {};
       }
@@ -247,19 +248,19 @@ std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
   return out;
 }
 
-// The most promising of each place at their maximum likelihood; the smallest BIC first.
+// The most promising of each noise source at their maximum likelihood; the smallest BIC first.
 std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dataset>& recordings,
                                    const std::vector<SpectralSolution>& fits, Index beginning,
                                    Stages& stages) {
   constexpr std::size_t kEach = 3;
-  constexpr double kHopeless = 15.0;  // BIC behind the best of its place
+  constexpr double kHopeless = 15.0;  // BIC behind the best of its source
   const Index samples = samples_present(recordings);
   std::vector<Candidate> out;
-  for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
+  for (const NoiseSource source : {NoiseSource::process, NoiseSource::measurement}) {
     std::size_t taken = 0;
     double first = 0.0;
     for (const SpectralSolution& s : fits) {
-      if (s.structure.place != place || taken == kEach) continue;
+      if (s.structure.source != source || taken == kEach) continue;
       if (taken == 0) first = s.bic;
       if (s.bic > first + kHopeless) continue;
       ++taken;
@@ -394,10 +395,10 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
          fmt::format("{} has become zero: the filter has taken its place", p.name),
          "check the model's dynamics: a wrong A looks like coloured noise too");
   }
-  // Of the same spectrum in the other place the outputs say nothing.
+  // Outputs do not determine which source has the spectrum.
   constexpr double kTells = 10.0;  // BIC apart: very strong evidence (Kass & Raftery 1995)
   const auto other = std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& c) {
-    return c.structure.place != best.structure.place;
+    return c.structure.source != best.structure.source;
   });
   if (other == candidates.end() || other->bic >= best.bic + kTells) return;
   warn(estimate, Severity::note, "noise_source", {},
@@ -411,7 +412,7 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
 struct WhiteModel {
   Estimate estimate;
   ModelFile model;  // its parameters are at the maximum
-  Colour colour;    // of its innovations
+  InnovationWhiteness whiteness;
   MatrixXd innovations;
   double bic = kNone;
 };
@@ -445,10 +446,10 @@ WhiteModel tune_white(const ModelFile& model, const std::vector<Dataset>& record
   stages.begin("tuning the white model");
   WhiteModel out{tuned(model, recordings, 3, seed, stages), model, {}, {}};
   out.model.parameters = parameters_of(out.estimate, model.parameters);
-  out.colour = innovation_colour(out.estimate);
-  report.whiteness_p = out.colour.p;
-  report.peak = out.colour.peak / dt;
-  report.peak_p = out.colour.peak_p;
+  out.whiteness = innovation_whiteness(out.estimate);
+  report.whiteness_p = out.whiteness.p;
+  report.peak = out.whiteness.peak / dt;
+  report.peak_p = out.whiteness.peak_p;
   out.innovations = out.estimate.series.standardised;
   report_white_spectrum(out.innovations, first_innovation(out.innovations), dt, report);
   const double L = comparable_log_likelihood(out.model, recordings, beginning);
@@ -468,7 +469,7 @@ ShapeResult without_filter(WhiteModel white, Shaping report, Status status, std:
 
 void report_structure(const Winner& winner, double dt, Shaping& report) {
   const ShapingStructure& structure = winner.candidate->structure;
-  report.noise_source = place_name(structure.place);
+  report.noise_source = source_name(structure.source);
   report.order = static_cast<int>(structure.order);
   report.zeros = static_cast<int>(structure.zeros());
   for (const ShapingFilter& filter : winner.filters) {
@@ -495,7 +496,7 @@ ShapeResult with_filter(Winner winner, const ModelFile& model, const WhiteModel&
   report_white_spectrum(white.innovations, first, dt, report);
   report.spectrum_shaped = innovation_spectra(innovations, first).level;
   report.output_peak = output_peak(*out.model, report.poles, dt);
-  if (best.structure.place == NoiseSource::process) {
+  if (best.structure.source == NoiseSource::process) {
     out.in_measurement = same_outputs(
         *out.model, static_cast<Index>(best.structure.channels.size()) * best.structure.order);
   }
@@ -522,11 +523,11 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   };
   if (stages.stopped()) return as_stopped();
   constexpr double kLevel = 0.05;  // of all tests of whiteness together
-  if (!(white.colour.p < kLevel)) {
+  if (!(white.whiteness.p < kLevel)) {
     return end_here(
         Status::rejected,
         fmt::format("no test rejects that the noise is white (p {:.2g}): no filter needed",
-                    white.colour.p));
+                    white.whiteness.p));
   }
 
   InnovationSpectrum spectrum = innovation_spectrum(white.model, longest);
@@ -535,7 +536,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, stages);
   if (stages.stopped()) return as_stopped();
   for (const Candidate& c : candidates) {
-    report.candidates.push_back({place_name(c.structure.place), channel_names(model, c.structure),
+    report.candidates.push_back({source_name(c.structure.source), channel_names(model, c.structure),
                                  static_cast<int>(c.structure.order),
                                  static_cast<int>(c.structure.zeros()), c.log_likelihood, c.bic});
   }
@@ -547,7 +548,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
         Status::untrusted,
         fmt::format("the innovations are not white (p {:.2g}), and no shaping filter explains "
                     "them: the model itself is in doubt",
-                    white.colour.p));
+                    white.whiteness.p));
   }
   if (!stages.begin("held-out comparison")) return as_stopped();
   compare_held_out(white.model, *winner->candidate, recordings, options.hold_out, report);

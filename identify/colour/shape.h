@@ -14,10 +14,10 @@
 namespace identikal {
 
 struct ShapeOptions {
-  int most_order = 4;                ///< of each filter
-  std::optional<NoiseSource> place;  ///< nothing: both are tried
-  double hold_out = 0.3;             ///< last share of each recording, for the comparison
-  std::uint64_t seed = 1;            ///< of the white model's scattered starts
+  int most_order = 4;                 ///< of each filter
+  std::optional<NoiseSource> source;  ///< nothing: both are tried
+  double hold_out = 0.3;              ///< last share of each recording, for the comparison
+  std::uint64_t seed = 1;             ///< of the white model's scattered starts
   std::function<bool(const std::string& what)> progress;  ///< return false to stop
 };
 

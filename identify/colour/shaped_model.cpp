@@ -81,24 +81,24 @@ void split_block(ModelFile& model, ParametrisedMatrix& matrix, const std::string
 
 }  // namespace
 
-std::string shaping_fault(const ModelFile& model, NoiseSource place) {
+std::string shaping_fault(const ModelFile& model, NoiseSource source) {
   const LinearModel& m = model.linear;
   if (m.continuous) return "the model is in continuous time; shaping filters are sampled";
   if (m.initial == InitialState::given) {
     return "the initial state is given; say 'stationary' or 'diffuse'";
   }
-  if (place == NoiseSource::measurement && is_full(m.Q, model.parameters)) {
+  if (source == NoiseSource::measurement && is_full(m.Q, model.parameters)) {
     return "Q is a full matrix; coloured measurement noise needs one without correlations";
   }
   return "";
 }
 
-ModelFile with_shaping_filters(const ModelFile& model, NoiseSource place,
+ModelFile with_shaping_filters(const ModelFile& model, NoiseSource source,
                                const std::vector<ShapedChannel>& channels) {
-  if (const std::string fault = shaping_fault(model, place); !fault.empty()) {
+  if (const std::string fault = shaping_fault(model, source); !fault.empty()) {
     throw std::invalid_argument("with_shaping_filters: " + fault);
   }
-  const bool process = place == NoiseSource::process;
+  const bool process = source == NoiseSource::process;
   ModelFile out = model;
   if (!process) split_block(out, out.linear.Q, "q");
   const LinearModel base = out.linear;

@@ -24,14 +24,14 @@ struct ShapedChannel {
 };
 
 /// Why the model cannot take such a filter; empty when it can.
-std::string shaping_fault(const ModelFile& model, NoiseSource place);
+std::string shaping_fault(const ModelFile& model, NoiseSource source);
 
 /// The model with states [f; x], f those of the filters (lib/model/shaping_filter.h). The
 /// parameters are the model's own, then of every channel the variance (measurement), a_1 ..., b_1
 /// ..., free. A diagonal Q becomes one parameter per variance where coloured measurement noise is
 /// added.
 /// @throws std::invalid_argument where shaping_fault() is not empty
-ModelFile with_shaping_filters(const ModelFile& model, NoiseSource place,
+ModelFile with_shaping_filters(const ModelFile& model, NoiseSource source,
                                const std::vector<ShapedChannel>& channels);
 
 /// The model as text that read_model_file() reads: matrices, free parameters with their values.

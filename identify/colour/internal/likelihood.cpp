@@ -64,7 +64,7 @@ ModelFile shaped_start(const ModelFile& base, const SpectralSolution& spectral) 
   ModelFile scaled = base;
   scale_variances(scaled, base.linear.Q, spectral.scale_Q);
   scale_variances(scaled, base.linear.R, spectral.scale_R);
-  return with_shaping_filters(scaled, spectral.structure.place, spectral.channels);
+  return with_shaping_filters(scaled, spectral.structure.source, spectral.channels);
 }
 
 std::optional<ModelFile> maximise_shaped(const ModelFile& shaped, const ShapingStructure& structure,

@@ -126,7 +126,7 @@ class SpectralFit {
       out.H[static_cast<Index>(c)] =
           response(at.filters[c], data_.measured.omega[f], derivatives ? &out.dH[c] : nullptr);
     }
-    const bool process = structure_.place == NoiseSource::process;
+    const bool process = structure_.source == NoiseSource::process;
     out.W = data_.T_G[f];
     const MatrixXcd& V = data_.T_V[f];
     for (Index c = 0; process && c < channels; ++c) {
@@ -157,7 +157,7 @@ class SpectralFit {
     for (std::size_t c = 0; c < at.filters.size(); ++c) {
       const Index channel = structure_.channels[c];
       const VectorXcd dzeta = response_derivatives(at, model, c);
-      if (structure_.place == NoiseSource::process) {
+      if (structure_.source == NoiseSource::process) {
         // WQ already holds this channel's H; what changes is its column of W.
         const MatrixXcd& T_G = data_.T_G[f];
         const MatrixXcd base = model.WQ.col(channel) * T_G.col(channel).adjoint();

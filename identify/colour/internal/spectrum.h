@@ -17,14 +17,14 @@ namespace identikal {
 
 /// Where filters stand, and of which order they are.
 struct ShapingStructure {
-  NoiseSource place = NoiseSource::process;
+  NoiseSource source = NoiseSource::process;
   std::vector<Eigen::Index> channels;  ///< columns of G, or outputs; a filter each
   Eigen::Index order = 1;              ///< poles of each filter
   bool with_zeros = false;             ///< order - 1 of them, or none
 
   Eigen::Index zeros() const { return with_zeros ? order - 1 : 0; }
   /// Is the variance in front of the filter a parameter of its own?
-  bool own_variance() const { return place == NoiseSource::measurement; }
+  bool own_variance() const { return source == NoiseSource::measurement; }
   /// Unknowns of each filter: its own variance, poles, zeros.
   Eigen::Index unknowns() const { return (own_variance() ? 1 : 0) + order + zeros(); }
 };

@@ -24,7 +24,7 @@ Eigen::Index first_innovation(const Eigen::MatrixXd& standardised);
 /// @return empty for fewer than 64 samples
 InnovationSpectra innovation_spectra(const Eigen::MatrixXd& standardised, Eigen::Index first);
 
-struct Colour {
+struct InnovationWhiteness {
   double p = 1.0;       ///< of all tests together (Bonferroni)
   double peak = kNone;  ///< rad per sample
   double peak_p = 1.0;  ///< that white noise has one as high
@@ -32,6 +32,6 @@ struct Colour {
 
 /// Ljung-Box of every channel, and the highest peak of the spectrum of all channels against its
 /// chi-square distribution.
-Colour innovation_colour(const Estimate& estimate);
+InnovationWhiteness innovation_whiteness(const Estimate& estimate);
 
 }  // namespace identikal

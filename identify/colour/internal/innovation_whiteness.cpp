@@ -1,4 +1,4 @@
-#include "identify/colour/internal/innovation_colour.h"
+#include "identify/colour/internal/innovation_whiteness.h"
 
 #include <algorithm>
 #include <cmath>
@@ -40,8 +40,8 @@ InnovationSpectra innovation_spectra(const MatrixXd& standardised, Index first) 
   return out;
 }
 
-Colour innovation_colour(const Estimate& estimate) {
-  Colour out;
+InnovationWhiteness innovation_whiteness(const Estimate& estimate) {
+  InnovationWhiteness out;
   for (const TestResult& test : estimate.tests) {
     if (test.id == "ljung_box" && !std::isnan(test.p)) out.p = std::min(out.p, test.p);
   }
