@@ -21,22 +21,26 @@ constexpr double kSourceRatio = 21.0;  // of the steering, Sladká (2010), table
 
 Unit unit_of(const std::string& text) { return parse_unit(text).value_or(Unit{}); }
 
+std::vector<ManoeuvreSetting> course_settings() {
+  const CarBody body;
+  return {{"width", "m", body.width, "of the car without mirrors: the gates follow from it"},
+          {"front", "m", body.front, "from the centre of gravity to the front end"},
+          {"rear", "m", body.rear, "from the centre of gravity to the rear end"},
+          {"approach", "m", 20.0, "of the centre of gravity before the first gate"}};
+}
+
+std::vector<ManoeuvreSetting> circle_settings() {
+  const SteadyCircle circle;
+  return {{"radius", "m", circle.radius, "of the circle at the begin"},
+          {"rise", "m/s^3", circle.rise, "of the lateral acceleration on that radius"}};
+}
+
 std::vector<Manoeuvre> known_manoeuvres() {
   const ManoeuvreSetting start{"start", "s", 1.0, "of the steering", false};
   const auto ay = [](double value) {
     return ManoeuvreSetting{"ay", "m/s^2", value, "steady lateral acceleration that the angle has",
                             false};
   };
-  const CarBody body;
-  const std::vector<ManoeuvreSetting> on_course{
-      {"width", "m", body.width, "of the car without mirrors: the gates follow from it"},
-      {"front", "m", body.front, "from the centre of gravity to the front end"},
-      {"rear", "m", body.rear, "from the centre of gravity to the rear end"},
-      {"approach", "m", 20.0, "of the centre of gravity before the first gate"}};
-  const SteadyCircle circle;
-  const std::vector<ManoeuvreSetting> on_circle{
-      {"radius", "m", circle.radius, "of the circle at the begin"},
-      {"rise", "m/s^3", circle.rise, "of the lateral acceleration on that radius"}};
   const SevereLaneChange open;
   const StepSteer step;
   const SineSteer sine;
@@ -53,9 +57,9 @@ std::vector<Manoeuvre> known_manoeuvres() {
             {"period", "s", open.period, "of each swing"},
             {"pause", "s", open.pause, "between them", false}}},
           {"obstacle-avoidance", "ISO 3888-2", "severe lane change through gates, by a driver",
-           60.0, 7.0, on_course},
+           60.0, 7.0, course_settings()},
           {"double-lane-change", "ISO 3888-1", "lane change and back through gates, by a driver",
-           80.0, 8.0, on_course},
+           80.0, 8.0, course_settings()},
           {"step-steer",
            "ISO 7401",
            "an angle as fast as can be, then held",
@@ -83,9 +87,9 @@ std::vector<Manoeuvre> known_manoeuvres() {
             {"to", "Hz", sweep.to, ""},
             {"fade", "s", sweep.fade, "in and out"}}},
           {"steady-circle", "ISO 4138", "a circle of constant radius, speed rising slowly", 30.0,
-           40.0, on_circle},
+           40.0, circle_settings()},
           {"constant-steering", "ISO 4138", "an angle held, speed rising slowly", 30.0, 40.0,
-           on_circle},
+           circle_settings()},
           {"weave",
            "ISO 13674-1",
            "a slow sine about straight ahead",
