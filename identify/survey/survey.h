@@ -7,9 +7,9 @@
 
 namespace identikal {
 
-/// Signals, findings, and which parameters they are informative about. Kinematics
-/// (ISO 8855, small angles): ay = dvy/dt + vx r, beta = vy/vx; at low lateral acceleration r
-/// follows vx delta / L within a few tenths of a second.
+/// Signals, findings, and which parameters they are informative about. Kinematics (ISO 8855, small
+/// angles): ay = dvy/dt + vx r, beta = vy/vx; at low lateral acceleration r follows vx delta / L
+/// within a few tenths of a second.
 ///
 /// Codes of the findings, stable: too_short, no_steering, no_speed, no_yaw_rate, dead_channel,
 /// stuck_channel, swapped_channels, units_ay, units_speed, units_steering, sign_steering, sign_r,

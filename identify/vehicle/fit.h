@@ -30,19 +30,19 @@ struct VehicleFitOptions {
 /// the model file do not decide the answer.
 ///
 /// Standard errors come from the information matrix while the residuals are white, else from a
-/// sandwich (identify/vehicle/covariance.h); `covariance_kind` says which. All numbers are in the
-/// user's units. Status: rejected when the data leave a parameter open, untrusted when a serious
-/// warning was raised (flipped sign, poor fit, saturating tyres), not_converged, else ok.
-/// With trajectory they come from the information with the path eliminated.
-/// `one_step` is filled by prediction_error only. Circles and slow ramps are answered with what
-/// they tell (identify/vehicle/internal/steady_cornering.h); fits with another form of the model
-/// are compared (identify/vehicle/internal/structure_comparison.h).
-/// @param model  of the form single_track; @param recordings  each with inputs steering angle and
-/// vx, outputs in the
-///   order of the model
+/// sandwich (identify/vehicle/covariance.h), with trajectory from the information with the path
+/// eliminated; `covariance_kind` reports which. All numbers are in the user's units. Status:
+/// rejected when the data do not determine a parameter, untrusted when a serious warning was raised
+/// (flipped sign, poor fit, saturating tyres), not_converged, else ok.
+///
+/// `one_step` is filled by prediction_error only. Steady-state cornering (circles and slow ramps) is
+/// answered with the products that it determines (identify/vehicle/internal/steady_cornering.h);
+/// fits with another structure of the model are compared
+/// (identify/vehicle/internal/structure_comparison.h).
+/// @param model       of the form single_track
+/// @param recordings  each with inputs steering angle and vx, outputs in the order of the model
 /// @throws InputError for trajectory with a bootstrap or a relaxation length, for prediction_error
-/// with robust noise, and, in words, when
-/// the recording or the model cannot be used at all: too few rows,
+///   with robust noise, and when the recording or the model cannot be used at all: too few rows,
 ///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
 Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options = {});

@@ -47,7 +47,7 @@ struct VehicleRun {
 /// Splits the recordings where steering or vx is missing, vx is below the minimum speed or time
 /// jumps by more than three sampling periods; leaves out segments under 1 s or 8 rows and outputs
 /// that are dead. A segment never reaches from one recording into the next.
-/// @throws InputError, in words, when a recording holds nothing usable or the steering never moves;
+/// @throws InputError when a recording holds nothing usable or the steering never moves;
 ///   std::invalid_argument without a recording
 VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings);
 

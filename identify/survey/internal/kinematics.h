@@ -1,6 +1,6 @@
 // Do the signals of a vehicle's recording agree with each other as a car's motion has to: ay =
-// dvy/dt
-// + vx r, beta = vy/vx, r follows vx delta / L? Else units, signs, clocks or columns are wrong.
+// dvy/dt + vx r, beta = vy/vx, r follows vx delta / L? Else units, signs, clocks or columns are
+// wrong.
 #pragma once
 
 #include "identify/survey/internal/aligned_signals.h"
