@@ -24,7 +24,7 @@ struct RankSelection {
   Eigen::Index rank = 0, of = 0;  ///< of Q: the one selected, and the largest possible
 };
 
-/// What a recording could tell at best, before there is one. Vectors go with Estimate::parameters
+/// What a recording could determine at best, before there is one. Vectors go with Estimate::parameters
 /// and hold kNone for those that are fixed.
 struct Bound {
   Eigen::Index samples = 0;
@@ -106,7 +106,7 @@ struct Shaping {
   double held_out_without = kNone, held_out_with = kNone;  ///< log-likelihoods there
 };
 
-/// What a vehicle's recording holds and what it can tell, before any fit
+/// What a vehicle's recording holds and what it can determine, before any fit
 /// (identify/survey/survey.h).
 struct VehicleSurvey {
   struct Signal {

@@ -1,4 +1,4 @@
-// What does a model do on its own, and how well does it foretell rows that it was not fitted to?
+// What does a model do on its own, and how well does it predict rows that were held out?
 #pragma once
 
 #include <vector>
@@ -12,7 +12,7 @@
 namespace identikal {
 
 /// The outputs without noise, by the inputs alone, from the state at the first sample as the whole
-/// recording tells it (the smoother of identify/filter/model_filter.h; where that does not run, the
+/// recording determines it (the smoother of identify/filter/model_filter.h; where that does not run, the
 /// model's start): nothing of the recording enters but through that state.
 /// @param model  of the form linear or nonlinear
 /// @return SI, ny x N; infinite where the motion runs away

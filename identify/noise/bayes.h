@@ -38,7 +38,7 @@ PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& re
 
 /// What every Bayesian estimator says of its posterior: of each parameter the mean, the standard
 /// deviation, the central 95 % credible interval and the most probable point; correlation; and
-/// which parameters have a posterior as wide as their prior (flat).
+/// which parameters have a posterior as wide as their prior (not identifiable).
 void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
                       const std::string& method);
 

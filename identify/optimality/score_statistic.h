@@ -25,14 +25,14 @@ struct ScoreStatistic {
   Eigen::VectorXd direction;     ///< g_i / sqrt(J_ii): standard normal at the true noise; positive:
                                  ///< the entry alone should be larger
   Eigen::VectorXd step;          ///< J^+ g, SI: one step of Fisher scoring
-  Eigen::VectorXd step_se;       ///< sqrt(diag J^+); NaN where the data do not tell the entry
+  Eigen::VectorXd step_se;       ///< sqrt(diag J^+); NaN where the data do not determine the entry
   ChiSquareStatistic statistic;  ///< g' J^+ g, rank of J degrees of freedom
 };
 
 /// Rao's (1948) score test of the present noise: gradient g of the log-likelihood by the entries
 /// against its Fisher information J. To first order no test is more powerful against other noise,
 /// as the innovations' whiteness and size are looked at where noise shows in them and nowhere else.
-/// It is blind to faults of the model that no noise explains.
+/// It has no power against faults of the model that no noise explains.
 /// @param model  as with_free_noise() returns it
 /// @throws std::invalid_argument when nothing is free
 ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset>& recordings);

@@ -30,7 +30,7 @@ struct VehicleRefit {
   bool converged = false;
 };
 
-/// Fits the estimated parameters and the initial states anew, from the result's values, and weighs
+/// Fits the estimated parameters and the initial states again, from the result's values, and weighs
 /// the difference d by the errors V of both fits (those of residuals that are coloured allow for
 /// it, identify/vehicle/covariance.h):
 ///
