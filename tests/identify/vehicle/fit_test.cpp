@@ -517,9 +517,9 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   const TyreSaturation found =
       test_tyre_saturation(problem, optimum, vehicle_covariance(problem, optimum));
   ASSERT_TRUE(found.refitted);
-  EXPECT_NEAR(found.softened[kCf], 88107.7, 0.03 * 88107.7);
-  EXPECT_NEAR(found.softened[kCr], 88107.7, 0.03 * 88107.7);
-  EXPECT_NEAR(1.0 / std::sqrt(found.softened[kInverseSaturationRear]), 4500.0, 0.05 * 4500.0);
+  EXPECT_NEAR(found.saturating[kCf], 88107.7, 0.03 * 88107.7);
+  EXPECT_NEAR(found.saturating[kCr], 88107.7, 0.03 * 88107.7);
+  EXPECT_NEAR(1.0 / std::sqrt(found.saturating[kInverseSaturationRear]), 4500.0, 0.05 * 4500.0);
   EXPECT_TRUE(found.rear.significant);
 
   // Where no tyre bends, something else is wrong.
