@@ -28,6 +28,8 @@ function(identikal_precompile target)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "REUSE_FROM" "")
   if(arg_REUSE_FROM)
     target_precompile_headers(${target} REUSE_FROM ${arg_REUSE_FROM})
+    # g++ takes a precompiled header only where all macros of its command line are defined again.
+    target_compile_definitions(${target} PRIVATE $<TARGET_PROPERTY:${arg_REUSE_FROM},COMPILE_DEFINITIONS>)
   else()
     target_precompile_headers(${target} PRIVATE <lib/internal/precompiled.h>
       ${arg_UNPARSED_ARGUMENTS})
