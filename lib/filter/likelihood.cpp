@@ -212,12 +212,12 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
         }
       }
     }
-    RecursionOptions shortcuts;
-    shortcuts.constant_gain = path != Path::direct;
-    shortcuts.segments = &recording.segments;
-    if (why == FallbackReason::none) shortcuts.kernel = r.kernel.get();
+    RecursionOptions options;
+    options.constant_gain = path != Path::direct;
+    options.segments = &recording.segments;
+    if (why == FallbackReason::none) options.kernel = r.kernel.get();
     const Likelihood one =
-        run_recursion(model, initial, *recording.y, *recording.u, derivatives, shortcuts);
+        Recursion(model, initial, *recording.y, *recording.u, derivatives).run(options);
     if (one.status != FilterStatus::ok) {
       out.status = one.status;
       return out;
@@ -225,13 +225,13 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     out.value += one.value;
     out.gradient += one.gradient;
     out.information += one.information;
-    compressed += shortcuts.jumped;
-    if (why == FallbackReason::none && shortcuts.jumped < recording.y->cols()) {
-      const bool known = shortcuts.late || (shortcuts.cancelled &&
-                                            r.kernel->reject_reason() == RejectReason::known_start);
-      r.taken.fallback = known                 ? FallbackReason::known_start
-                         : shortcuts.cancelled ? FallbackReason::cancellation
-                                               : FallbackReason::short_segment;
+    compressed += options.jumped;
+    if (why == FallbackReason::none && options.jumped < recording.y->cols()) {
+      const bool known = options.late || (options.cancelled &&
+                                          r.kernel->reject_reason() == RejectReason::known_start);
+      r.taken.fallback = known               ? FallbackReason::known_start
+                         : options.cancelled ? FallbackReason::cancellation
+                                             : FallbackReason::short_segment;
     }
   }
   if (why != FallbackReason::none) r.taken.fallback = why;

@@ -16,14 +16,7 @@
 //   X = sum_t x x' = F X F' + Kz Gamma_0 Kz' + Kz Y F' + F Y' Kz' + x0 x0' - xN xN',
 //   S_e = H Gamma_0 H' - H Y C' - C Y' H' + C X C'.
 //
-// The gradient is the adjoint of these equations; delta stands at a minimum, so it is held. So it
-// is in the information on parameters of the dynamics, which then lacks that delta is not known:
-// with s_i = sum_t F'^t C' Sigma^-1 de_i(t),
-//
-//   sum_t de_i' Sigma^-1 de_j - s_i' (I + Pi M)^-1 Pi s_j.
-//
-// Its sums of dx x' and dx dx' follow like X, with the products of the first dx added and those of
-// the one behind the last sample taken off.
+// Gradient and information follow in compressed_gradient.h and compressed_information.h.
 #pragma once
 
 #include <cmath>
@@ -33,17 +26,12 @@
 #include <Eigen/LU>
 
 #include "lib/filter/filter_result.h"
+#include "lib/filter/internal/diffuse_start.h"
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/steady_filter.h"
 #include "lib/internal/small_product.h"
 
 namespace identikal {
-
-inline void add_symmetric(Eigen::MatrixXd& to, std::size_t i, std::size_t j, double term) {
-  const auto row = static_cast<Eigen::Index>(i), col = static_cast<Eigen::Index>(j);
-  to(row, col) += term;
-  if (row != col) to(col, row) += term;
-}
 
 /// What is known of the state before the first sample of a segment.
 template <int n>
@@ -127,19 +115,58 @@ class CompressedKernel final : public SegmentKernel {
     State dx0, dxN, s;
   };
 
+  /// What a start adds to -2 log L: log|I + Pi M|, or log|M| where it is diffuse, and
+  /// delta' Pi^-1 delta.
+  struct StartTerms {
+    double log_det = 0.0, penalty = 0.0;
+  };
+
+  /// Derivatives of tr(Sigma^-1 S_e) + log|I + Pi M| + delta' Pi^-1 delta by what they are made of.
+  struct Adjoints {
+    Square F, P0;
+    Square Lambda;  // stationary start: of its W
+    Columns Kz, Yt, Ct, K;
+    SmallMatrix H, Sigma;
+    State x0;
+  };
+
   bool find_directions();
   void respond(std::size_t i, const Segment& segment, Response& r) const;
   State last_response(const Segment& segment, const Response& r) const;
-  void follow_start(const Segment& segment, Response& r);
   bool add(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
   void augment(const Segment& segment);
+  State score_of_start(const LagSums& sums, const State& mean);
+  bool find_diffuse_delta(const State& s, StartTerms& terms);
+  bool find_delta(const SegmentStart<n>& start, const State& s, StartTerms& terms);
+  void sum_states_with_channels(const LagSums& sums);
+  void find_last_state(const LagSums& sums);
+  template <class Sums>
+  void sum_states(const Sums& Gamma_0);
+  template <class Sums>
+  void sum_innovations(const Sums& Gamma_0);
   bool well_conditioned(const Square& Pi) const;
   template <class Sums>
   double size_of_terms(const Sums& Gamma_0);
   void sum_lags(const LagSums& sums, Eigen::Index lags);
+
+  // The gradient: compressed_gradient.h.
   void add_gradient(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
+  template <class Sums>
+  void begin_adjoints(const Sums& Gamma_0, const Square& M_F, Adjoints& bar);
+  void back_through_lags(const LagSums& sums, Adjoints& bar) const;
+  void back_through_first_states(const LagSums& sums, Adjoints& bar) const;
+  void back_through_last_states(const LagSums& sums, Adjoints& bar) const;
+  void back_through_determinants(double samples, const Square& M_F, Adjoints& bar);
+  void back_through_gain(const Segment& segment, Adjoints& bar) const;
+  void back_through_start(const SegmentStart<n>& start, Adjoints& bar) const;
+  double derivative(std::size_t i, const SegmentStart<n>& start, const Adjoints& bar);
+
+  // The information: compressed_information.h.
   void add_noise_information(double samples, Likelihood& out) const;
   void add_full_information(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
+  void find_first_states(const LagSums& sums);
+  void follow_start(const Segment& segment, Response& r);
+  void sum_response(std::size_t i, const Segment& segment, const SegmentStart<n>& start);
 
   RejectReason reject_reason_ = RejectReason::none;
   Eigen::Matrix<double, Eigen::Dynamic, n, Eigen::ColMajor, kMaxChannels, n> white_C_;
@@ -327,20 +354,15 @@ double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
   return sum;
 }
 
+/// s = sum_t F'^t C' Sigma^-1 e(t) of the innovations from the mean of the start: the first ones say
+/// where it really was.
 template <int n>
-bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& start,
-                              Likelihood& out) {
+auto CompressedKernel<n>::score_of_start(const LagSums& sums, const State& mean) -> State {
   const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = segment.sums;
-  const Eigen::Index states = model_->states(), ny = model_->outputs(), N = sums.samples();
-  const Eigen::Index L = memory();
-  augment(segment);
-  reject_reason_ = RejectReason::cancellation;
-
-  // The first innovations, from the mean of the start, say where it really was.
+  const Eigen::Index states = model_->states(), ny = model_->outputs(), L = memory();
   head_.resize(states, std::max(L, head_.cols()));
   e_.resize(ny, std::max(L, e_.cols()));
-  State x = start.mean, next;
+  State x = mean, next;
   for (Eigen::Index t = 0; t < L; ++t) {
     set_product(e_.col(t), f.Ct.transpose(), x, -1.0);
     set_product(next, f.F, x);
@@ -361,72 +383,105 @@ bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& sta
     add_product(next, CW_, e_.col(t));
     s = next;
   }
-  double log_det = 0.0, penalty = 0.0;
-  if (start.kind == InitialState::diffuse) {
-    const Eigen::LLT<Square> llt(M_);
-    if (llt.info() != Eigen::Success) return false;
-    for (Eigen::Index i = 0; i < states; ++i) {
-      const double pivot = llt.matrixLLT()(i, i);
-      if (!(pivot * pivot > kDetermined * M_(i, i))) return false;
-      log_det += 2.0 * std::log(pivot);
-    }
-    Z_.setIdentity(states, states);
-    llt.solveInPlace(Z_);
-    set_product(delta_, Z_, s);
-    v_.setZero(states);
-  } else {
-    const Square Pi = start.P - f.P;
-    Square sum = Square::Identity(states, states);
-    add_product(sum, Pi, M_);
-    const Eigen::PartialPivLU<Square> lu(sum);
-    const double determinant = lu.determinant();
-    if (!(determinant > 0.0) || !std::isfinite(determinant)) return false;
-    if (start.kind == InitialState::given && !well_conditioned(Pi)) {
-      reject_reason_ = RejectReason::known_start;
-      return false;
-    }
-    log_det = std::log(determinant);
-    inverse_ = lu.inverse();
-    set_product(Z_, inverse_, Pi);
-    symmetrise(Z_);
-    set_product(delta_, Z_, s);
-    v_ = s;
-    add_product(v_, M_, delta_, -1.0);
-    penalty = delta_.dot(v_);
-  }
-  x0_ = start.mean + delta_;
+  return s;
+}
 
+/// delta, where nothing is known of it before; false where the segment does not determine it.
+template <int n>
+bool CompressedKernel<n>::find_diffuse_delta(const State& s, StartTerms& terms) {
+  const Eigen::Index states = model_->states();
+  const Eigen::LLT<Square> llt(M_);
+  if (llt.info() != Eigen::Success) return false;
+  for (Eigen::Index i = 0; i < states; ++i) {
+    const double pivot = llt.matrixLLT()(i, i);
+    if (!(pivot * pivot > kDetermined * M_(i, i))) return false;
+    terms.log_det += 2.0 * std::log(pivot);
+  }
+  Z_.setIdentity(states, states);
+  llt.solveInPlace(Z_);
+  set_product(delta_, Z_, s);
+  v_.setZero(states);
+  return true;
+}
+
+/// delta ~ N(0, Pi); false where I + Pi M cannot be inverted without loss.
+template <int n>
+bool CompressedKernel<n>::find_delta(const SegmentStart<n>& start, const State& s,
+                                     StartTerms& terms) {
+  const Eigen::Index states = model_->states();
+  const Square Pi = start.P - filter_.P;
+  Square sum = Square::Identity(states, states);
+  add_product(sum, Pi, M_);
+  const Eigen::PartialPivLU<Square> lu(sum);
+  const double determinant = lu.determinant();
+  if (!(determinant > 0.0) || !std::isfinite(determinant)) return false;
+  if (start.kind == InitialState::given && !well_conditioned(Pi)) {
+    reject_reason_ = RejectReason::known_start;
+    return false;
+  }
+  terms.log_det = std::log(determinant);
+  inverse_ = lu.inverse();
+  set_product(Z_, inverse_, Pi);
+  symmetrise(Z_);
+  set_product(delta_, Z_, s);
+  v_ = s;
+  add_product(v_, M_, delta_, -1.0);
+  terms.penalty = delta_.dot(v_);
+  return true;
+}
+
+/// Yt = sum x z', with F^t x0 kept.
+template <int n>
+void CompressedKernel<n>::sum_states_with_channels(const LagSums& sums) {
+  const Eigen::Index L = memory();
   sum_lags(sums, std::min(L, sums.lags()));
   Yt_ = T_.middleCols(channels_, channels_);
-  x = x0_;
+  State x = x0_, next;
   for (Eigen::Index t = 0; t < L; ++t) {
     head_.col(t) = x;
     for (Eigen::Index c = 0; c < channels_; ++c) Yt_.col(c) += sums.sample(c, t) * x;
-    set_product(next, f.F, x);
+    set_product(next, filter_.F, x);
     x = next;
   }
+}
+
+/// The states over the last samples, up to the one behind them.
+template <int n>
+void CompressedKernel<n>::find_last_state(const LagSums& sums) {
+  const Eigen::Index states = model_->states(), L = memory(), N = sums.samples();
   tail_.resize(states, std::max(L + 1, tail_.cols()));
-  x.setZero(states);
+  State x = State::Zero(states), next;
   for (Eigen::Index t = 0; t < L; ++t) {
     tail_.col(t) = x;
-    set_product(next, f.F, x);
+    set_product(next, filter_.F, x);
     for (Eigen::Index c = 0; c < channels_; ++c) next += sums.sample(c, N - L + t) * Kz_.col(c);
     x = next;
   }
   xN_ = x;
+}
 
-  const auto Gamma_0 = sums.at(0);
+/// X = sum x x'
+template <int n>
+template <class Sums>
+void CompressedKernel<n>::sum_states(const Sums& Gamma_0) {
+  const SteadyFilter<n>& f = filter_;
   Square half;
   set_product(work_, f.F, Yt_);
   set_product(half, work_, Kz_.transpose());
-  X_.setZero(states, states);
+  X_.setZero(f.A.rows(), f.A.rows());
   add_with_transpose(X_, half);
   set_product(work_, Kz_, Gamma_0);
   add_product(X_, work_, Kz_.transpose());
   add_product(X_, x0_, x0_.transpose());
   add_product(X_, xN_, xN_.transpose(), -1.0);
   f.powers.sum_forward(X_);
+}
 
+/// S_e = sum e e'
+template <int n>
+template <class Sums>
+void CompressedKernel<n>::sum_innovations(const Sums& Gamma_0) {
+  const SteadyFilter<n>& f = filter_;
   set_product(work_, X_, f.Ct);
   set_product(S_e_, f.Ct.transpose(), work_);
   set_product(work_, Yt_, H_.transpose());
@@ -436,6 +491,28 @@ bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& sta
   const SmallMatrix G_H = small_;
   set_product(small_, G_H, H_.transpose());
   S_e_ += small_;
+}
+
+template <int n>
+bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& start,
+                              Likelihood& out) {
+  const SteadyFilter<n>& f = filter_;
+  const LagSums& sums = segment.sums;
+  const auto samples = static_cast<double>(sums.samples());
+  augment(segment);
+  reject_reason_ = RejectReason::cancellation;
+  StartTerms terms;
+  const State s = score_of_start(sums, start.mean);
+  if (start.kind == InitialState::diffuse ? !find_diffuse_delta(s, terms)
+                                          : !find_delta(start, s, terms)) {
+    return false;
+  }
+  x0_ = start.mean + delta_;
+  sum_states_with_channels(sums);
+  find_last_state(sums);
+  const auto Gamma_0 = sums.at(0);
+  sum_states(Gamma_0);
+  sum_innovations(Gamma_0);
   // What is left of the terms must be more than the rounding of the largest.
   constexpr double kWorstCancellation = 1e5;
   const double squares = inner_product(S_e_, f.Sigma_inverse);
@@ -443,7 +520,7 @@ bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& sta
 
   reject_reason_ = RejectReason::none;
   const double log_det_Sigma = 2.0 * f.llt.matrixLLT().diagonal().array().log().sum();
-  out.value -= 0.5 * (static_cast<double>(N) * log_det_Sigma + squares + log_det + penalty);
+  out.value -= 0.5 * (samples * log_det_Sigma + squares + terms.log_det + terms.penalty);
   if (directions_.empty()) return true;
   add_gradient(segment, start, out);
   bool dynamics = false;
@@ -451,140 +528,9 @@ bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& sta
   if (dynamics) {
     add_full_information(segment, start, out);
   } else {
-    add_noise_information(static_cast<double>(N), out);
+    add_noise_information(samples, out);
   }
   return true;
-}
-
-template <int n>
-void CompressedKernel<n>::add_gradient(const Segment& segment, const SegmentStart<n>& start,
-                                       Likelihood& out) {
-  const StateSpace& m = *model_;
-  const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = segment.sums;
-  const Eigen::Index states = m.states(), ny = m.outputs(), nu = m.inputs(), L = memory();
-  const Eigen::Index N = sums.samples();
-  const auto Gamma_0 = sums.at(0);
-
-  // Adjoints (bar_ in names): derivatives of tr(Sigma^-1 S_e) + log|I + Pi M| + delta' Pi^-1 delta.
-  Square M_F, bar_F, half;
-  set_product(M_F, M_, f.F);
-  Columns bar_Kz, bar_Yt, bar_Ct;
-  set_product(bar_Kz, Kz_, Gamma_0);
-  add_product(bar_Kz, f.F, Yt_);
-  set_product(half, f.F, X_);
-  add_product(half, Kz_, Yt_.transpose());
-  set_product(work_, M_, bar_Kz);
-  bar_Kz = 2.0 * work_;
-  set_product(bar_F, M_, half, 2.0);
-  set_product(bar_Yt, M_F.transpose(), Kz_);
-  add_product(bar_Yt, CW_, H_, -1.0);
-  bar_Yt *= 2.0;
-  set_product(work_, X_, f.Ct);
-  add_product(work_, Yt_, H_.transpose(), -1.0);
-  set_product(bar_Ct, work_, f.Sigma_inverse, 2.0);
-  SmallMatrix bar_H;
-  set_product(small_, H_, Gamma_0);
-  add_product(small_, f.Ct.transpose(), Yt_, -1.0);
-  set_product(bar_H, f.Sigma_inverse, small_, 2.0);
-
-  // Back through Horner's rule.
-  Columns bar_T = bar_Yt, moved;
-  moved.resize(states, channels_);
-  for (Eigen::Index lag = 1; lag < lags_; ++lag) {
-    const auto Gamma = sums.at(lag);
-    for (Eigen::Index c = 0; c < channels_; ++c) {
-      add_product(bar_F, bar_T.col(c), T_.col((lag + 1) * channels_ + c).transpose());
-      for (Eigen::Index j = 0; j < channels_; ++j) bar_Kz.col(j) += Gamma(c, j) * bar_T.col(c);
-      set_product(moved.col(c), f.F.transpose(), bar_T.col(c));
-    }
-    bar_T.swap(moved);
-  }
-  // Back through F^t x0.
-  State bar_x = State::Zero(states), next;
-  for (Eigen::Index t = L - 1; t >= 0; --t) {
-    add_product(bar_F, bar_x, head_.col(t).transpose());
-    set_product(next, f.F.transpose(), bar_x);
-    for (Eigen::Index c = 0; c < channels_; ++c) next += sums.sample(c, t) * bar_Yt.col(c);
-    bar_x = next;
-  }
-  State bar_x0 = bar_x;
-  add_product(bar_x0, M_, x0_, 2.0);
-  // Back through the last state.
-  set_product(bar_x, M_, xN_, -2.0);
-  for (Eigen::Index t = L - 1; t >= 0; --t) {
-    add_product(bar_F, bar_x, tail_.col(t).transpose());
-    for (Eigen::Index c = 0; c < channels_; ++c) {
-      bar_Kz.col(c) += sums.sample(c, N - L + t) * bar_x;
-    }
-    set_product(next, f.F.transpose(), bar_x);
-    bar_x = next;
-  }
-
-  // The determinant of the start, through M = F' M F + C' Sigma^-1 C.
-  Square N_start = Z_;
-  f.powers.sum_forward(N_start);
-  set_product(half, M_F, N_start);
-  bar_F += 2.0 * half;
-  set_product(work_, N_start, f.Ct);
-  add_product(bar_Ct, work_, f.Sigma_inverse, 2.0);
-  set_product(small_, f.Ct.transpose(), work_);
-  small_ += S_e_;
-  SmallMatrix bar_Sigma;
-  set_product(SiSeSi_, f.Sigma_inverse, small_);
-  set_product(bar_Sigma, SiSeSi_, f.Sigma_inverse, -1.0);
-  bar_Sigma += static_cast<double>(N) * f.Sigma_inverse;
-
-  if (segment.mean.size() > 0) {
-    const auto last = channels_ - 1;
-    add_product(bar_Kz.leftCols(last), bar_Kz.col(last), segment.mean.transpose());
-    add_product(bar_H.leftCols(last), bar_H.col(last), segment.mean.transpose());
-  }
-  // F = A - K C, Kz = [K, B - K D], H = [I, -D].
-  Columns bar_K = bar_Kz.leftCols(ny);
-  add_product(bar_K, bar_F, f.Ct, -1.0);
-  add_product(bar_Ct, bar_F.transpose(), f.K, -1.0);
-  if (nu > 0) add_product(bar_K, bar_Kz.middleCols(ny, nu), m.D.transpose(), -1.0);
-
-  Square bar_P0, Lambda;
-  if (start.kind != InitialState::diffuse) {
-    set_product(bar_P0, M_, inverse_);
-    symmetrise(bar_P0);
-    add_product(bar_P0, v_, v_.transpose(), -1.0);
-    if (start.kind == InitialState::stationary) {
-      Lambda = bar_P0;
-      open_loop_.sum_backward(Lambda);
-    }
-  }
-
-  for (std::size_t i = 0; i < directions_.size(); ++i) {
-    const Direction& d = directions_[i];
-    const StateSpace& by = (*derivatives_)[i];
-    double sum = inner_product(bar_Sigma, d.Sigma) + inner_product(bar_K, d.K);
-    if (d.dynamics) {
-      sum += inner_product(bar_F, by.A) + inner_product(bar_Ct, by.C.transpose());
-      if (nu > 0) {
-        const auto bar_Ku = bar_Kz.middleCols(ny, nu);
-        sum += inner_product(bar_Ku, by.B);
-        set_product(small_, f.K.transpose(), bar_Ku);
-        small_ += bar_H.middleCols(ny, nu);
-        sum -= inner_product(small_, by.D);
-      }
-    }
-    if (start.kind == InitialState::stationary) {
-      sum += inner_product(Lambda, d.W) - bar_P0.cwiseProduct(d.P).sum();
-      if (d.dynamics) {
-        set_product(half, by.A, start.P);
-        Square both;
-        set_product(both, half, f.A.transpose());
-        sum += 2.0 * inner_product(Lambda, both);
-      }
-    } else if (start.kind == InitialState::given) {
-      sum += bar_P0.cwiseProduct(start.P_theta[i]).sum() - bar_P0.cwiseProduct(d.P).sum() +
-             bar_x0.dot(start.mean_theta[i]);
-    }
-    out.gradient[static_cast<Eigen::Index>(i)] -= 0.5 * sum;
-  }
 }
 
 /// dx+ = F dx + a x + b z,  de = g z - dC x - C dx
@@ -629,38 +575,6 @@ auto CompressedKernel<n>::last_response(const Segment& segment, const Response& 
   return dx;
 }
 
-/// What dx owes to the start, dh+ = F dh + a F^t x0, does with z'; and s_i of the first
-/// innovations.
-template <int n>
-void CompressedKernel<n>::follow_start(const Segment& segment, Response& r) {
-  const SteadyFilter<n>& f = filter_;
-  const Eigen::Index L = memory();
-  State dh = r.dx0, dx = r.dx0, next;
-  for (Eigen::Index t = 0; t < L; ++t) {
-    auto de = e_.col(t);
-    set_product(de, f.Ct.transpose(), dx, -1.0);
-    add_product(de, r.dC, first_.col(t), -1.0);
-    set_product(next, f.F, dx);
-    add_product(next, r.a, first_.col(t));
-    for (Eigen::Index c = 0; c < channels_; ++c) {
-      const double z = segment.sums.sample(c, t);
-      r.dx_z.col(c) += z * dh;
-      de += z * r.g.col(c);
-      next += z * r.b.col(c);
-    }
-    dx = next;
-    set_product(next, f.F, dh);
-    add_product(next, r.a, head_.col(t));
-    dh = next;
-  }
-  r.s.setZero(model_->states());
-  for (Eigen::Index t = L - 1; t >= 0; --t) {
-    set_product(next, f.F.transpose(), r.s);
-    add_product(next, CW_, e_.col(t));
-    r.s = next;
-  }
-}
-
 template <int n>
 void CompressedKernel<n>::end_of_segment(const Segment& segment, FilterState& state) {
   state.x = xN_;
@@ -670,108 +584,6 @@ void CompressedKernel<n>::end_of_segment(const Segment& segment, FilterState& st
     respond(i, segment, r);
     state.x_theta[i] = last_response(segment, r);
     state.P_theta[i] = directions_[i].P;
-  }
-}
-
-/// Noise moves the filter by its gain alone: dx+ = F dx + dK e, so that the expectation
-/// sum_t de_i' Sigma^-1 de_j is N tr(M dK_i Sigma dK_j'), whether or not A is stable.
-template <int n>
-void CompressedKernel<n>::add_noise_information(double samples, Likelihood& out) const {
-  Columns MK, MKS;
-  SmallMatrix half, relative;
-  for (std::size_t i = 0; i < directions_.size(); ++i) {
-    set_product(MK, M_, directions_[i].K);
-    set_product(MKS, MK, filter_.Sigma);
-    set_product(half, filter_.Sigma_inverse, directions_[i].Sigma);
-    set_product(relative, half, filter_.Sigma_inverse);
-    for (std::size_t j = 0; j <= i; ++j) {
-      add_symmetric(out.information, i, j,
-                    samples * (0.5 * inner_product(relative, directions_[j].Sigma) +
-                               inner_product(MKS, directions_[j].K)));
-    }
-  }
-}
-
-/// Parameters of the dynamics move the filter by what the states and inputs did in this segment:
-/// sums of products with dx follow like X and Y.
-template <int n>
-void CompressedKernel<n>::add_full_information(const Segment& segment, const SegmentStart<n>& start,
-                                               Likelihood& out) {
-  const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = segment.sums;
-  const auto samples = static_cast<double>(sums.samples());
-  const auto Gamma_0 = sums.at(0);
-  const Eigen::Index L = memory();
-  responses_.resize(directions_.size());
-  first_.resize(model_->states(), std::max(L, first_.cols()));
-  State x = x0_, x_next;
-  for (Eigen::Index t = 0; t < L; ++t) {
-    first_.col(t) = x;
-    set_product(x_next, f.F, x);
-    for (Eigen::Index c = 0; c < channels_; ++c) x_next += sums.sample(c, t) * Kz_.col(c);
-    x = x_next;
-  }
-  Square half;
-  Columns next;
-  for (std::size_t i = 0; i < directions_.size(); ++i) {
-    Response& r = responses_[i];
-    respond(i, segment, r);
-    r.dx_z.setZero(model_->states(), channels_);
-    for (Eigen::Index lag = lags_ - 1; lag > 0; --lag) {
-      set_product(next, f.F, r.dx_z);
-      add_product(next, r.a, T_.middleCols((lag + 1) * channels_, channels_));
-      add_product(next, r.b, sums.at(lag).transpose());
-      r.dx_z.swap(next);
-    }
-    r.dx0.setZero(model_->states());
-    if (start.kind == InitialState::given) r.dx0 = start.mean_theta[i];
-    follow_start(segment, r);
-    r.dxN = last_response(segment, r);
-    // What drives dx, g = a x + b z, times x' and z'.
-    set_product(r.g_x, r.a, X_);
-    add_product(r.g_x, r.b, Yt_.transpose());
-    set_product(r.g_z, r.a, Yt_);
-    add_product(r.g_z, r.b, Gamma_0);
-    set_product(r.dx_x, r.g_x, f.F.transpose());
-    next = r.g_z;
-    add_product(next, f.F, r.dx_z);
-    add_product(r.dx_x, next, Kz_.transpose());
-    add_product(r.dx_x, r.dx0, x0_.transpose());
-    add_product(r.dx_x, r.dxN, xN_.transpose(), -1.0);
-    f.powers.sum_forward(r.dx_x);
-    // What c = g z - dC x, the direct effect on the innovation, does with x' and z'.
-    set_product(r.c_x, r.g, Yt_.transpose());
-    add_product(r.c_x, r.dC, X_, -1.0);
-    set_product(r.c_z, r.g, Gamma_0);
-    add_product(r.c_z, r.dC, Yt_, -1.0);
-    // Weights of the sums above in tr(Sigma^-1 sum de de').
-    set_product(r.M_a, M_, r.a);
-    set_product(r.M_b, M_, r.b);
-    set_product(r.W_g, f.Sigma_inverse, r.g);
-    set_product(r.W_dC, f.Sigma_inverse, r.dC);
-    set_product(r.on_dx_x, f.F.transpose(), r.M_a);
-    add_product(r.on_dx_x, f.Ct, r.W_dC);
-    set_product(r.on_dx_z, f.F.transpose(), r.M_b);
-    add_product(r.on_dx_z, f.Ct, r.W_g, -1.0);
-    set_product(small_, f.Sigma_inverse, directions_[i].Sigma);
-    set_product(r.relative, small_, f.Sigma_inverse);
-  }
-  State M_dx0, M_dxN, Z_s;
-  for (std::size_t i = 0; i < responses_.size(); ++i) {
-    const Response& p = responses_[i];
-    set_product(M_dx0, M_, p.dx0);
-    set_product(M_dxN, M_, p.dxN);
-    set_product(Z_s, Z_, p.s);
-    for (std::size_t j = 0; j <= i; ++j) {
-      const Response& q = responses_[j];
-      add_symmetric(out.information, i, j,
-                    inner_product(q.on_dx_x, p.dx_x) + inner_product(q.on_dx_z, p.dx_z) +
-                        inner_product(p.on_dx_x, q.dx_x) + inner_product(p.on_dx_z, q.dx_z) +
-                        inner_product(q.M_a, p.g_x) + inner_product(q.M_b, p.g_z) +
-                        inner_product(q.W_g, p.c_z) - inner_product(q.W_dC, p.c_x) +
-                        M_dx0.dot(q.dx0) - M_dxN.dot(q.dxN) - Z_s.dot(q.s) +
-                        0.5 * samples * inner_product(p.relative, directions_[j].Sigma));
-    }
   }
 }
 

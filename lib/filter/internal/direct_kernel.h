@@ -1,5 +1,5 @@
 // The full filter recursion over gapless samples, value only, by code made for small sizes.
-// Internal to lib: lib/filter/kalman.cpp takes it where nothing else is asked for.
+// Internal to the filter: recursion.cpp takes it where nothing else is asked for.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,13 +16,18 @@ struct DirectRun {
   bool definite = true;
 };
 
-/// Samples t .. end - 1, none missing, in the Joseph form of lib/filter/kalman.h. Where
-/// stop_when_settled, ends as soon as P has stopped changing, to 1e-14 of itself. Returns the first
+/// The filter, by reference, and the samples that it runs over.
+struct DirectFilter {
+  const StateSpace& model;
+  const Eigen::MatrixXd& W;   ///< G Q G'
+  const Eigen::MatrixXd& Sw;  ///< G S
+  const Eigen::Ref<const Eigen::MatrixXd>&y, &u;
+  Eigen::Index end;        ///< of the samples without gaps
+  bool stop_when_settled;  ///< as soon as P has stopped changing, to 1e-14 of itself
+};
+
+/// Samples t .. end - 1, none missing, in the Joseph form of lib/filter/kalman.h. Returns the first
 /// sample not used: t itself for more than 6 states or 3 outputs.
-/// @param W, Sw  G Q G', G S
-Eigen::Index run_direct(const StateSpace& model, const Eigen::MatrixXd& W,
-                        const Eigen::MatrixXd& Sw, const Eigen::Ref<const Eigen::MatrixXd>& y,
-                        const Eigen::Ref<const Eigen::MatrixXd>& u, Eigen::Index t,
-                        Eigen::Index end, bool stop_when_settled, DirectRun& run);
+Eigen::Index run_direct(const DirectFilter& filter, Eigen::Index t, DirectRun& run);
 
 }  // namespace identikal

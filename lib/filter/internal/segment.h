@@ -29,10 +29,6 @@ struct FilterState {
   std::vector<Eigen::MatrixXd> P_theta;
 };
 
-/// What part of a diffuse start's uncertainty may be left, squared, for the start to count as
-/// determined: less and the likelihood would lose more than 1e-9 of itself.
-inline constexpr double kDetermined = 1e-8;
-
 /// Why a kernel did not add a segment.
 enum class RejectReason {
   none,

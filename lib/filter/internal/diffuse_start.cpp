@@ -1,0 +1,116 @@
+#include "lib/filter/internal/diffuse_start.h"
+
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+// The least share at which delta is folded in while samples are still to come, and at which it may
+// be forgotten.
+constexpr double kWellDetermined = 1e-6;
+
+double mean_square(const Eigen::Ref<const MatrixXd>& y, double otherwise) {
+  double sum = 0.0, count = 0.0;
+  for (Index t = 0; t < y.cols(); ++t) {
+    for (Index i = 0; i < y.rows(); ++i) {
+      if (std::isnan(y(i, t))) continue;
+      sum += y(i, t) * y(i, t);
+      count += 1.0;
+    }
+  }
+  return count > 0.0 ? sum / count : otherwise;
+}
+
+}  // namespace
+
+double determined_share(const MatrixXd& information, const VectorXd& scale) {
+  const auto sd = scale.cwiseSqrt().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sd * information * sd,
+                                                      Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues().minCoeff();
+}
+
+VectorXd proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
+  const auto outputs = static_cast<double>(y.rows());
+  const double power = mean_square(y, 1.0) + model.R.trace() / outputs;
+  VectorXd seen = VectorXd::Zero(model.states());
+  MatrixXd response = model.C;
+  for (Index t = 0; t < model.states(); ++t) {
+    seen += response.colwise().squaredNorm().transpose() / outputs;
+    response = (response * model.A).eval();
+  }
+  return seen.unaryExpr([power](double gain) {
+    const double scale = power / gain;
+    return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;
+  });
+}
+
+DiffuseStart::DiffuseStart(VectorXd scale_of_states, std::size_t parameters)
+    : scale(std::move(scale_of_states)),
+      information(MatrixXd::Zero(states(), states())),
+      score(VectorXd::Zero(states())),
+      by(parameters, {information, score}) {}
+
+void DiffuseStart::add(const MatrixXd& E, const MatrixXd& SiE) {
+  const Index d = states();
+  information.noalias() += E.rightCols(d).transpose() * SiE.rightCols(d);
+  score.noalias() += E.rightCols(d).transpose() * SiE.col(0);
+}
+
+void DiffuseStart::add_derivative(std::size_t i, const Sensitivity& s, const MatrixXd& SiE) {
+  const Index d = states();
+  const MatrixXd dS_SiE = s.Sigma * SiE;
+  const MatrixXd half = s.E.rightCols(d).transpose() * SiE.rightCols(d);
+  by[i].information += half + half.transpose() - SiE.rightCols(d).transpose() * dS_SiE.rightCols(d);
+  by[i].score += s.E.rightCols(d).transpose() * SiE.col(0) +
+                 SiE.rightCols(d).transpose() * (s.E.col(0) - dS_SiE.col(0));
+}
+
+bool DiffuseStart::is_determined(bool last) const {
+  // Not "<": a NaN is no smaller, and the filter's end says what became of it.
+  return !(determined_share(information, scale) < (last ? kDetermined : kWellDetermined));
+}
+
+bool DiffuseStart::is_forgotten(const MatrixXd& P, const MatrixXd& Z) const {
+  // Variances at delta's scale; what is known of it below is no worse than a million times that.
+  const MatrixXd moved = Z.rightCols(states()).cwiseAbs2() * scale.asDiagonal();
+  return (moved.rowwise().maxCoeff().array() <= 1e-46 * P.diagonal().array()).all() &&
+         determined_share(information, scale) >= kWellDetermined;
+}
+
+bool DiffuseStart::fold_in(MatrixXd& P, MatrixXd& Z, std::vector<Sensitivity>& sensitivities,
+                           Likelihood& out) const {
+  const Index d = states();
+  const Eigen::LLT<MatrixXd> llt(information);
+  if (llt.info() != Eigen::Success) return false;
+  const VectorXd delta = -llt.solve(score);
+  const MatrixXd inverse = llt.solve(MatrixXd::Identity(d, d));
+  out.value += -llt.matrixLLT().diagonal().array().log().sum() - 0.5 * score.dot(delta);
+  const MatrixXd X = Z.rightCols(d);
+  for (std::size_t i = 0; i < sensitivities.size(); ++i) {
+    Sensitivity& s = sensitivities[i];
+    const Derivative& of = by[i];
+    out.gradient[static_cast<Index>(i)] += -0.5 * inverse.cwiseProduct(of.information).sum() -
+                                           of.score.dot(delta) -
+                                           0.5 * delta.dot(of.information * delta);
+    const VectorXd ddelta = -llt.solve(of.score + of.information * delta);
+    const MatrixXd dX = s.Z.rightCols(d), XI = X * inverse;
+    const MatrixXd half = dX * XI.transpose();
+    s.P += half + half.transpose() - XI * of.information * XI.transpose();
+    s.Z = (s.Z.col(0) + dX * delta + X * ddelta).eval();
+  }
+  P += X * inverse * X.transpose();
+  Z = (Z.col(0) + X * delta).eval();
+  return true;
+}
+
+}  // namespace identikal

@@ -1,0 +1,58 @@
+// What do the samples so far say about a diffuse initial state? x(1) = proper part + delta with
+// delta diffuse: its information and score grow until every direction of it is determined; then it
+// is integrated out and the filter goes on as a proper one (de Jong 1991). Internal to the filter.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/filter/filter_result.h"
+#include "lib/filter/internal/sensitivity.h"
+#include "lib/model/state_space.h"
+
+namespace identikal {
+
+/// What part of a diffuse start's uncertainty may be left, squared, for the start to count as
+/// determined: less and the likelihood would lose more than 1e-9 of itself.
+inline constexpr double kDetermined = 1e-8;
+
+/// The least of what the information leaves of delta's scale, as a share: near 0, some direction of
+/// delta is not determined; 1 where all are as well known as can be.
+double determined_share(const Eigen::MatrixXd& information, const Eigen::VectorXd& scale);
+
+/// Variances, n, of the proper part that a diffuse start has added to it, and which delta absorbs:
+/// of the size that the states have, or that the first samples tell them by. No function of the
+/// parameters.
+/// @param y  ny x N, NaN = missing
+Eigen::VectorXd proper_scale(const StateSpace& model, const Eigen::Ref<const Eigen::MatrixXd>& y);
+
+struct DiffuseStart {
+  Eigen::VectorXd scale;        ///< n: proper_scale()
+  Eigen::MatrixXd information;  ///< n x n, of delta
+  Eigen::VectorXd score;        ///< n
+  struct Derivative {
+    Eigen::MatrixXd information;
+    Eigen::VectorXd score;
+  };
+  std::vector<Derivative> by;
+
+  DiffuseStart(Eigen::VectorXd scale_of_states, std::size_t parameters);
+
+  Eigen::Index states() const { return scale.size(); }
+  /// A sample with innovations and responses E = [e, X_e], ny x (1 + n), and Sigma^-1 E.
+  void add(const Eigen::MatrixXd& E, const Eigen::MatrixXd& SiE);
+  /// What the sample adds to the derivatives with respect to parameter i.
+  void add_derivative(std::size_t i, const Sensitivity& s, const Eigen::MatrixXd& SiE);
+  /// Do the samples determine every direction of delta?
+  /// @param last  none will follow: less will do
+  bool is_determined(bool last) const;
+  /// Is what delta still moves in the state lost in rounding, for all that is known of delta?
+  bool is_forgotten(const Eigen::MatrixXd& P, const Eigen::MatrixXd& Z) const;
+  /// Integrates delta out of the likelihood, the state and their derivatives; Z keeps one column.
+  /// false: the information is not positive definite, and nothing has changed.
+  bool fold_in(Eigen::MatrixXd& P, Eigen::MatrixXd& Z, std::vector<Sensitivity>& sensitivities,
+               Likelihood& out) const;
+};
+
+}  // namespace identikal
