@@ -147,6 +147,39 @@ void check(const LikelihoodProblem& problem, const VectorXd& start) {
   }
 }
 
+// What became of one step.
+struct Trial {
+  Point next;
+  double gain = 0.0;
+  bool accepted = false;
+  bool good = false;     // the step may be damped less
+  bool stalled = false;  // nothing moved any more
+};
+
+Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd& curvature,
+               const VectorXd& step) {
+  Trial out;
+  Point& next = out.next;
+  next.x = (at.x + step).cwiseMax(problem.lower).cwiseMin(problem.upper);
+  const VectorXd moved = next.x - at.x;
+  const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(curvature * moved);
+  if (!problem.evaluate(next.x, next.L, &next.gradient, &next.information) ||
+      !std::isfinite(next.L)) {
+    return out;
+  }
+  // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
+  const double rounding = 1e-14 * (1.0 + std::abs(at.L));
+  out.gain = next.L - at.L;
+  const bool small = predicted < 1e3 * rounding && out.gain > -1e3 * rounding;
+  // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance
+  // much too small), so a gain that counts in units of log-likelihood is enough.
+  out.accepted =
+      predicted > -1e3 * rounding && (out.gain > 1e-4 * std::min(predicted, 1.0) || small);
+  out.good = small || out.gain > 0.5 * std::min(predicted, 1.0);
+  out.stalled = small && moved.cwiseAbs().maxCoeff() == 0.0;
+  return out;
+}
+
 }  // namespace
 
 Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
@@ -189,42 +222,24 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       return finish(Termination::time_limit, "the time limit was reached");
     }
 
-    bool accepted = false;
-    while (!accepted) {
-      Point next;
-      const VectorXd step = boxed_step(problem, model, free, lambda);
-      next.x = (at.x + step).cwiseMax(problem.lower).cwiseMin(problem.upper);
-      const VectorXd moved = next.x - at.x;
-      const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(model.information * moved);
+    Trial trial;
+    while (!trial.accepted) {
+      trial = try_step(problem, at, model.information, boxed_step(problem, model, free, lambda));
       ++summary.evaluations;
-      const bool defined = problem.evaluate(next.x, next.L, &next.gradient, &next.information) &&
-                           std::isfinite(next.L);
-      // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
-      const double rounding = 1e-14 * (1.0 + std::abs(at.L));
-      const double gain = defined ? next.L - at.L : 0.0;
-      const bool small = defined && predicted < 1e3 * rounding && gain > -1e3 * rounding;
-      // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance
-      // much too small), so a gain that counts in units of log-likelihood is enough.
-      if (defined && predicted > -1e3 * rounding &&
-          (gain > 1e-4 * std::min(predicted, 1.0) || small)) {
-        const bool good = small || gain > 0.5 * std::min(predicted, 1.0);
-        lambda = good ? (lambda < 1e-3 ? 0.0 : lambda / 8.0) : lambda;
-        const bool stalled = small && moved.cwiseAbs().maxCoeff() == 0.0;
-        correction.learn(at, next, gain);
-        at = std::move(next);
-        out.x = at.x;
-        summary.objective = at.L;
-        accepted = true;
-        if (stalled) return finish(Termination::converged, "the step is below rounding");
-      } else {
-        lambda = std::max(1e-2, 4.0 * lambda);
-        if (lambda > 1e12) {
-          return finish(decrement < 1e3 * options.decrement_tolerance ? Termination::converged
-                                                                      : Termination::no_progress,
-                        "no step increases the likelihood");
-        }
+      if (trial.accepted) break;
+      lambda = std::max(1e-2, 4.0 * lambda);
+      if (lambda > 1e12) {
+        return finish(decrement < 1e3 * options.decrement_tolerance ? Termination::converged
+                                                                    : Termination::no_progress,
+                      "no step increases the likelihood");
       }
     }
+    if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
+    correction.learn(at, trial.next, trial.gain);
+    at = std::move(trial.next);
+    out.x = at.x;
+    summary.objective = at.L;
+    if (trial.stalled) return finish(Termination::converged, "the step is below rounding");
     ++summary.iterations;
     if (options.progress && !options.progress(summary.iterations, at.L)) {
       return finish(Termination::stopped, "stopped by the caller");

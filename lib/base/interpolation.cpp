@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 #include <vector>
 
 #include "lib/base/constants.h"
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
@@ -33,16 +33,12 @@ Pchip::Pchip(const Eigen::VectorXd& x, const Eigen::VectorXd& y)
     : x_(x), y_(y), slope_(Eigen::VectorXd::Zero(x.size())) {
   const Eigen::Index n = x.size();
   if (n == 0 || y.size() != n) {
-    std::ostringstream text;
-    text << "Pchip: " << n << " abscissae and " << y.size() << " ordinates";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"Pchip: ", n, " abscissae and ", y.size(), " ordinates"}));
   }
   for (Eigen::Index k = 0; k + 1 < n; ++k) {
     if (!(x[k] < x[k + 1])) {
-      std::ostringstream text;
-      text << "Pchip: abscissae must increase, but x[" << k << "] = " << x[k] << " and x[" << k + 1
-           << "] = " << x[k + 1];
-      throw std::invalid_argument(text.str());
+      throw std::invalid_argument(message({"Pchip: abscissae must increase, but x[", k,
+                                           "] = ", x[k], " and x[", k + 1, "] = ", x[k + 1]}));
     }
   }
   if (n == 1) return;
@@ -82,9 +78,8 @@ Eigen::VectorXd interpolate_linearly(const Eigen::Ref<const Eigen::VectorXd>& t,
                                      const Eigen::Ref<const Eigen::VectorXd>& x,
                                      const Eigen::Ref<const Eigen::VectorXd>& at, double widest) {
   if (t.size() != x.size()) {
-    std::ostringstream text;
-    text << "interpolate_linearly: " << t.size() << " times and " << x.size() << " values";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"interpolate_linearly: ", t.size(), " times and ", x.size(), " values"}));
   }
   Eigen::VectorXd out = Eigen::VectorXd::Constant(at.size(), kNaN);
   Eigen::Index left = -1, right = 0;  // samples on both sides of the time asked for

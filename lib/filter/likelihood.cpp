@@ -71,6 +71,15 @@ Recording prepare(const MatrixXd& y, const MatrixXd& u) {
   return out;
 }
 
+// Lag sums for a filter that forgets after `memory` samples, in the segments that are longer.
+void extend_sums(Recording& recording, Index memory) {
+  Index lags = kFirstLags;
+  while (lags < memory) lags *= 2;
+  for (Segment& segment : recording.segments) {
+    if (segment.sums.samples() > memory) segment.sums.extend_to(lags);
+  }
+}
+
 }  // namespace
 
 struct LikelihoodEngine::Recordings {
@@ -79,6 +88,11 @@ struct LikelihoodEngine::Recordings {
   Index kernel_states = -1;
   Likelihood result;
   PathTaken taken;
+
+  FallbackReason prepare_kernel(const StateSpace& model, InitialState initial,
+                                const std::vector<StateSpace>& derivatives);
+  bool add_gapless(const Recording& recording, const StateSpace& model, InitialState initial);
+  FallbackReason fallback_of(const RecursionOptions& options) const;
 };
 
 const char* to_string(Path path) {
@@ -100,7 +114,7 @@ const char* describe(FallbackReason fallback) {
     case FallbackReason::none:
       return "";
     case FallbackReason::not_asked:
-      return "another path was asked for";
+      return "another path was requested";
     case FallbackReason::short_segment:
       return "gapless segments are shorter than the filter's memory";
     case FallbackReason::long_memory:
@@ -150,6 +164,47 @@ MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState 
 
 const PathTaken& LikelihoodEngine::path_taken() const { return recordings_->taken; }
 
+// The kernel for this model, or why gapless segments cannot go through one.
+FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
+    const StateSpace& model, InitialState initial, const std::vector<StateSpace>& derivatives) {
+  if (model.outputs() + model.inputs() >= kMaxChannels) return FallbackReason::too_many_channels;
+  const auto moves_start = [](const StateSpace& d) {
+    return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
+  };
+  if (initial == InitialState::given &&
+      std::any_of(derivatives.begin(), derivatives.end(), moves_start)) {
+    return FallbackReason::unknown_start;
+  }
+  if (kernel_states != model.states()) {
+    kernel = make_segment_kernel(model.states());
+    kernel_states = model.states();
+  }
+  if (!kernel->prepare(model, derivatives)) return FallbackReason::no_steady_state;
+  taken.pole = kernel->pole();
+  return kernel->memory() > kMostLags ? FallbackReason::long_memory : FallbackReason::none;
+}
+
+// All of a recording without gaps by the kernel; false where that will not do.
+bool LikelihoodEngine::Recordings::add_gapless(const Recording& recording, const StateSpace& model,
+                                               InitialState initial) {
+  if (!recording.gapless() || recording.segments[0].sums.samples() <= kernel->memory() ||
+      !kernel->add_from_model(recording.segments[0], initial, result)) {
+    return false;
+  }
+  const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
+  result.value -=
+      0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(recording.samples - diffuse);
+  return true;
+}
+
+// Why the kernel did not serve all of a recording.
+FallbackReason LikelihoodEngine::Recordings::fallback_of(const RecursionOptions& options) const {
+  if (options.late || (options.cancelled && kernel->reject_reason() == RejectReason::known_start)) {
+    return FallbackReason::known_start;
+  }
+  return options.cancelled ? FallbackReason::cancellation : FallbackReason::short_segment;
+}
+
 const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialState initial,
                                              const std::vector<StateSpace>& derivatives,
                                              Path path) {
@@ -167,55 +222,24 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   out.information.setZero(k, k);
   r.taken = PathTaken{};
 
-  FallbackReason why = FallbackReason::none;
-  Index memory = 0;
-  if (path == Path::direct || path == Path::steady) {
-    why = FallbackReason::not_asked;
-  } else if (model.outputs() + model.inputs() >= kMaxChannels) {
-    why = FallbackReason::too_many_channels;
-  } else if (initial == InitialState::given &&
-             std::any_of(derivatives.begin(), derivatives.end(), [](const StateSpace& d) {
-               return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
-             })) {
-    why = FallbackReason::unknown_start;
-  } else {
-    if (r.kernel_states != model.states()) {
-      r.kernel = make_segment_kernel(model.states());
-      r.kernel_states = model.states();
-    }
-    if (!r.kernel->prepare(model, derivatives)) {
-      why = FallbackReason::no_steady_state;
-    } else {
-      memory = r.kernel->memory();
-      r.taken.pole = r.kernel->pole();
-      if (memory > kMostLags) why = FallbackReason::long_memory;
-    }
-  }
-
+  const bool kernel_may = path == Path::automatic || path == Path::compressed;
+  const FallbackReason why =
+      kernel_may ? r.prepare_kernel(model, initial, derivatives) : FallbackReason::not_asked;
+  const bool by_kernel = why == FallbackReason::none;
   Index total = 0, compressed = 0;
   for (Recording& recording : r.all) {
     total += recording.y->cols();
-    if (why == FallbackReason::none) {
-      for (Segment& segment : recording.segments) {
-        if (segment.sums.samples() <= memory) continue;
-        Index lags = kFirstLags;
-        while (lags < memory) lags *= 2;
-        segment.sums.extend_to(lags);
-      }
-      if (recording.gapless() && recording.segments[0].sums.samples() > memory) {
-        if (r.kernel->add_from_model(recording.segments[0], initial, out)) {
-          const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
-          out.value -= 0.5 * std::log(2.0 * std::numbers::pi) *
-                       static_cast<double>(recording.samples - diffuse);
-          compressed += recording.y->cols();
-          continue;
-        }
+    if (by_kernel) {
+      extend_sums(recording, r.kernel->memory());
+      if (r.add_gapless(recording, model, initial)) {
+        compressed += recording.y->cols();
+        continue;
       }
     }
     RecursionOptions options;
     options.constant_gain = path != Path::direct;
     options.segments = &recording.segments;
-    if (why == FallbackReason::none) options.kernel = r.kernel.get();
+    if (by_kernel) options.kernel = r.kernel.get();
     const Likelihood one =
         Recursion(model, initial, *recording.y, *recording.u, derivatives).run(options);
     if (one.status != FilterStatus::ok) {
@@ -226,15 +250,11 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     out.gradient += one.gradient;
     out.information += one.information;
     compressed += options.jumped;
-    if (why == FallbackReason::none && options.jumped < recording.y->cols()) {
-      const bool known = options.late || (options.cancelled &&
-                                          r.kernel->reject_reason() == RejectReason::known_start);
-      r.taken.fallback = known               ? FallbackReason::known_start
-                         : options.cancelled ? FallbackReason::cancellation
-                                             : FallbackReason::short_segment;
+    if (by_kernel && options.jumped < recording.y->cols()) {
+      r.taken.fallback = r.fallback_of(options);
     }
   }
-  if (why != FallbackReason::none) r.taken.fallback = why;
+  if (!by_kernel) r.taken.fallback = why;
   if (2 * compressed > total) {
     r.taken.path = Path::compressed;
   } else {

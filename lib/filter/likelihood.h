@@ -24,7 +24,7 @@ const char* to_string(Path path);
 /// Why a part of the recordings did not take the compressed path.
 enum class FallbackReason {
   none,
-  not_asked,        ///< another path was asked for
+  not_asked,        ///< another path was requested
   short_segment,    ///< a gapless segment is shorter than the filter's memory
   long_memory,      ///< the filter's pole is so close to 1 that the sums would cost more than they
                     ///< save

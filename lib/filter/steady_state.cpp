@@ -1,8 +1,8 @@
 #include "lib/filter/steady_state.h"
 
-#include <sstream>
 #include <stdexcept>
 
+#include "lib/base/message.h"
 #include "lib/filter/internal/steady_filter.h"
 
 namespace identikal {
@@ -10,10 +10,8 @@ namespace identikal {
 std::optional<Eigen::MatrixXd> solve_discrete_lyapunov(const Eigen::Ref<const Eigen::MatrixXd>& A,
                                                        const Eigen::Ref<const Eigen::MatrixXd>& W) {
   if (A.rows() != A.cols() || W.rows() != A.rows() || W.cols() != A.rows()) {
-    std::ostringstream text;
-    text << "discrete Lyapunov equation: A is " << A.rows() << " x " << A.cols() << ", W "
-         << W.rows() << " x " << W.cols();
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"discrete Lyapunov equation: A is ", A.rows(), " x ",
+                                         A.cols(), ", W ", W.rows(), " x ", W.cols()}));
   }
   Powers<Eigen::Dynamic> powers;
   if (!powers.compute(A)) return std::nullopt;

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <set>
-#include <sstream>
 #include <stdexcept>
+
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
@@ -50,11 +51,9 @@ void check_entries(const ParametrisedMatrix& matrix, const ParameterSet& paramet
   for (const ParametrisedMatrix::Entry& e : matrix.entries) {
     const bool inside = e.row >= 0 && e.row < rows && e.col >= 0 && e.col < cols;
     if (inside && e.parameter >= 0 && e.parameter < static_cast<int>(parameters.size())) continue;
-    std::ostringstream text;
-    text << "linear model: an entry at (" << e.row << ", " << e.col << ") of parameter "
-         << e.parameter << " in a " << rows << " x " << cols << " matrix with " << parameters.size()
-         << " parameters";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"linear model: an entry at (", e.row, ", ", e.col, ") of parameter ", e.parameter,
+                 " in a ", rows, " x ", cols, " matrix with ", parameters.size(), " parameters"}));
   }
 }
 

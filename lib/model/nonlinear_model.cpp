@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <sstream>
 #include <stdexcept>
 
 #include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
@@ -40,10 +40,9 @@ Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
 
 void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
   if (inputs.u.rows() == model.inputs && k >= 0 && k + 1 < inputs.time.size()) return;
-  std::ostringstream text;
-  text << "step: from sample " << k << " of " << inputs.time.size() << " with " << inputs.u.rows()
-       << " inputs; the model has " << model.inputs;
-  throw std::invalid_argument(text.str());
+  throw std::invalid_argument(
+      message({"step: from sample ", k, " of ", inputs.time.size(), " with ", inputs.u.rows(),
+               " inputs; the model has ", model.inputs}));
 }
 
 void write_point(const NonlinearModel& model, TapeMemory& memory, const double* x, const double* u,
@@ -218,16 +217,13 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas) {
 NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
                                     const std::vector<bool>& known) {
   if (nodes.dynamics.size() != static_cast<std::size_t>(nodes.states)) {
-    std::ostringstream text;
-    text << "make_nonlinear_model: " << nodes.states << " states and " << nodes.dynamics.size()
-         << " formulas for them";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"make_nonlinear_model: ", nodes.states, " states and ",
+                                         nodes.dynamics.size(), " formulas for them"}));
   }
   if (!known.empty() && known.size() != static_cast<std::size_t>(nodes.parameters)) {
-    std::ostringstream text;
-    text << "make_nonlinear_model: " << nodes.parameters << " parameters, " << known.size()
-         << " of them said to be known or not";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"make_nonlinear_model: ", nodes.parameters, " parameters, ", known.size(),
+                 " of them said to be known or not"}));
   }
   FormulaGraph& graph = nodes.graph;
   const std::vector<Id>&f = nodes.dynamics, &h = nodes.outputs;
@@ -270,9 +266,7 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
 InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
                        double longest_step) {
   if (!(longest_step > 0.0)) {
-    std::ostringstream text;
-    text << "input_nodes: longest step " << longest_step;
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"input_nodes: longest step ", longest_step}));
   }
   std::vector<int> counts;
   for (Index k = 0; k + 1 < time.size(); ++k) {
@@ -280,10 +274,8 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
     // A sampling period that is the longest step up to rounding takes one step.
     const double steps = std::max(1.0, std::ceil(h / longest_step * (1.0 - 1e-9)));
     if (!(h > 0.0) || !(steps <= kMostSteps)) {
-      std::ostringstream text;
-      text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in steps of "
-           << longest_step << " s";
-      throw std::invalid_argument(text.str());
+      throw std::invalid_argument(message({"input_nodes: from ", time[k], " to ", time[k + 1],
+                                           " s in steps of ", longest_step, " s"}));
     }
     counts.push_back(static_cast<int>(steps));
   }
@@ -294,10 +286,8 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
                        const std::vector<int>& steps) {
   const Index N = time.size();
   if (u.cols() != N || static_cast<Index>(steps.size()) != std::max<Index>(N - 1, 0)) {
-    std::ostringstream text;
-    text << "input_nodes: " << N << " times, " << u.cols() << " samples, steps for " << steps.size()
-         << " intervals";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"input_nodes: ", N, " times, ", u.cols(),
+                                         " samples, steps for ", steps.size(), " intervals"}));
   }
   InputNodes out;
   out.time = time;
@@ -307,10 +297,8 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
   for (Index k = 0; k + 1 < N; ++k) {
     const int count = steps[static_cast<std::size_t>(k)];
     if (!(time[k + 1] > time[k]) || count < 1 || count > kMostSteps) {
-      std::ostringstream text;
-      text << "input_nodes: from " << time[k] << " to " << time[k + 1] << " s in " << count
-           << " steps";
-      throw std::invalid_argument(text.str());
+      throw std::invalid_argument(
+          message({"input_nodes: from ", time[k], " to ", time[k + 1], " s in ", count, " steps"}));
     }
     out.first.push_back(columns);
     columns += 2 * count + 1;
@@ -411,11 +399,10 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const bool noisy = gramians != nullptr;
   if (noisy && (!model.continuous || gramians->densities.rows() != nx * nx ||
                 gramians->densities.cols() == 0)) {
-    std::ostringstream text;
-    text << "step: " << gramians->densities.cols() << " densities of " << gramians->densities.rows()
-         << " numbers for a model " << (model.continuous ? "" : "in discrete time ") << "with "
-         << nx << " states";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"step: ", gramians->densities.cols(), " densities of ", gramians->densities.rows(),
+                 " numbers for a model ", (model.continuous ? "" : "in discrete time "), "with ",
+                 nx, " states"}));
   }
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];

@@ -1,13 +1,13 @@
 #include "lib/model/parameter.h"
 
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
+#include "lib/base/message.h"
 #include "lib/base/random.h"
 
 namespace identikal {
@@ -146,9 +146,8 @@ ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& co
     at += own;
   }
   if (at != coordinate.size()) {
-    std::ostringstream text;
-    text << "with_coordinates: " << coordinate.size() << " coordinates do not fit the set";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"with_coordinates: ", coordinate.size(), " coordinates do not fit the set"}));
   }
   return parameters;
 }

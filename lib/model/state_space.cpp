@@ -1,17 +1,16 @@
 #include "lib/model/state_space.h"
 
-#include <sstream>
 #include <stdexcept>
+
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
 
 void check(const char* name, const Eigen::MatrixXd& M, Eigen::Index rows, Eigen::Index cols) {
   if (M.rows() == rows && M.cols() == cols) return;
-  std::ostringstream text;
-  text << "state space: " << name << " is " << M.rows() << " x " << M.cols() << ", expected "
-       << rows << " x " << cols;
-  throw std::invalid_argument(text.str());
+  throw std::invalid_argument(message({"state space: ", name, " is ", M.rows(), " x ", M.cols(),
+                                       ", expected ", rows, " x ", cols}));
 }
 
 }  // namespace

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 
 #include "lib/base/constants.h"
+#include "lib/base/message.h"
 #include "lib/internal/direction_stack.h"
 #include "lib/internal/small_product.h"
 #include "lib/nonlinear/internal/innovation_update.h"
@@ -28,12 +28,11 @@ void check_noise(const NonlinearModel& model, const FilterNoise& noise, const ch
       noise.P0.cols() == nx) {
     return;
   }
-  std::ostringstream text;
-  text << "nonlinear filter: " << whose << " Q is " << noise.Q.rows() << " x " << noise.Q.cols()
-       << ", R " << noise.R.rows() << " x " << noise.R.cols() << ", x0 " << noise.x0.size()
-       << ", P0 " << noise.P0.rows() << " x " << noise.P0.cols() << "; the model has " << nx
-       << " states and " << ny << " outputs";
-  throw std::invalid_argument(text.str());
+  const auto size = [](const MatrixXd& M) { return message({M.rows(), " x ", M.cols()}); };
+  throw std::invalid_argument(
+      message({"nonlinear filter: ", whose, " Q is ", size(noise.Q), ", R ", size(noise.R), ", x0 ",
+               noise.x0.size(), ", P0 ", size(noise.P0), "; the model has ", nx, " states and ", ny,
+               " outputs"}));
 }
 
 void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorXd>& p,
@@ -43,12 +42,11 @@ void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorX
   const Index N = inputs.time.size();
   if (p.size() != model.parameters || y.rows() != model.outputs || y.cols() != N ||
       inputs.at_sample.rows() != model.inputs || inputs.at_sample.cols() != N) {
-    std::ostringstream text;
-    text << "nonlinear filter: " << p.size() << " parameters, y " << y.rows() << " x " << y.cols()
-         << ", inputs " << inputs.at_sample.rows() << " x " << inputs.at_sample.cols() << " at "
-         << N << " times; the model has " << model.parameters << " parameters, " << model.outputs
-         << " outputs and " << model.inputs << " inputs";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"nonlinear filter: ", p.size(), " parameters, y ", y.rows(), " x ", y.cols(),
+                 ", inputs ", inputs.at_sample.rows(), " x ", inputs.at_sample.cols(), " at ", N,
+                 " times; the model has ", model.parameters, " parameters, ", model.outputs,
+                 " outputs and ", model.inputs, " inputs"}));
   }
   check_noise(model, noise, "the");
   for (const FilterDirection& direction : directions) {
@@ -57,10 +55,9 @@ void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorX
     const bool there = direction.parameter >= 0 && direction.parameter < model.parameters;
     if (!there ||
         model.column[static_cast<std::size_t>(direction.parameter)] == NonlinearModel::kKnown) {
-      std::ostringstream text;
-      text << "nonlinear filter: a direction moves parameter " << direction.parameter << " of "
-           << model.parameters << (there ? ", which the model was made for as known" : "");
-      throw std::invalid_argument(text.str());
+      throw std::invalid_argument(
+          message({"nonlinear filter: a direction moves parameter ", direction.parameter, " of ",
+                   model.parameters, (there ? ", which the model was made for as known" : "")}));
     }
   }
   if (options.noise == ProcessNoise::density && !model.continuous) {
@@ -69,10 +66,8 @@ void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorX
   const UnscentedWeights& w = options.weights;
   if (options.iterations < 1 ||
       !(w.alpha * w.alpha * (static_cast<double>(model.states) + w.kappa) > 0.0)) {
-    std::ostringstream text;
-    text << "nonlinear filter: " << options.iterations << " iterations, alpha " << w.alpha
-         << ", kappa " << w.kappa;
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"nonlinear filter: ", options.iterations,
+                                         " iterations, alpha ", w.alpha, ", kappa ", w.kappa}));
   }
 }
 

@@ -4,11 +4,11 @@
 #include <array>
 #include <cmath>
 #include <list>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
 #include "lib/base/constants.h"
+#include "lib/base/message.h"
 #include "lib/nonlinear/internal/sigma_points.h"
 
 namespace identikal {
@@ -109,10 +109,9 @@ Settled settle(const NonlinearModel& model, ModelMemory& memory, OneInterval& in
 void check_tolerance(const StepTolerance& tolerance) {
   const bool possible = tolerance.most >= 1 && tolerance.most <= kMostSteps;
   if (tolerance.relative > 0.0 && tolerance.floor > 0.0 && possible) return;
-  std::ostringstream text;
-  text << "integration_steps: tolerance " << tolerance.relative << " with floor " << tolerance.floor
-       << " in " << tolerance.most << " steps at most";
-  throw std::invalid_argument(text.str());
+  throw std::invalid_argument(
+      message({"integration_steps: tolerance ", tolerance.relative, " with floor ", tolerance.floor,
+               " in ", tolerance.most, " steps at most"}));
 }
 
 void note(IntegrationSteps& out, StepStatus status, Index sample) {
@@ -152,12 +151,10 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
   check_tolerance(tolerance);
   if (p.size() != model.parameters || x0.size() != model.states || u.rows() != model.inputs ||
       u.cols() != N) {
-    std::ostringstream text;
-    text << "integration_steps: " << p.size() << " parameters, " << x0.size() << " states, u "
-         << u.rows() << " x " << u.cols() << " at " << N << " times; the model has "
-         << model.parameters << " parameters, " << model.states << " states and " << model.inputs
-         << " inputs";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"integration_steps: ", p.size(), " parameters, ", x0.size(), " states, u ",
+                 u.rows(), " x ", u.cols(), " at ", N, " times; the model has ", model.parameters,
+                 " parameters, ", model.states, " states and ", model.inputs, " inputs"}));
   }
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, p);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <vector>
 
@@ -63,7 +64,7 @@ double merit(double rho, Relation relation) {
   return std::abs(rho);
 }
 
-double centred(const VectorXd& x) {
+double mean_present(const VectorXd& x) {
   double sum = 0.0, n = 0.0;
   for (const double v : x) {
     if (std::isnan(v)) continue;
@@ -96,6 +97,103 @@ double lag_error(const VectorXd& x, const VectorXd& y, Index lag, double step) {
   return std::sqrt(std::max(0.0, long_run_covariance(scores, bandwidth)(0, 0))) / information;
 }
 
+// Both signals without their means, on one sampling grid and on coarser ones, each of half the
+// samples of the one before.
+struct Grids {
+  std::vector<VectorXd> xs, ys;
+  double step = 0.0;  // of the finest
+  Index present = 0;  // samples of the signal that has less of them
+
+  double step_of(std::size_t level) const { return std::ldexp(step, static_cast<int>(level)); }
+  Correlated at(std::size_t level, Index lag) const { return correlate(xs[level], ys[level], lag); }
+  // Largest lag, in samples.
+  Index reach(std::size_t level, double largest) const {
+    return static_cast<Index>(std::floor(largest / step_of(level)));
+  }
+};
+
+// Nothing where the signals have no period of their own, or nothing in common.
+std::optional<Grids> make_grids(const Eigen::Ref<const VectorXd>& t_x,
+                                const Eigen::Ref<const VectorXd>& x,
+                                const Eigen::Ref<const VectorXd>& t_y,
+                                const Eigen::Ref<const VectorXd>& y, double largest) {
+  const double period_x = own_period(t_x, x), period_y = own_period(t_y, y);
+  if (!(period_x > 0.0) || !(period_y > 0.0)) return std::nullopt;
+  Grids out;
+  out.step = std::max(period_x, period_y);
+  const double from = std::min(t_x[0], t_y[0]);
+  const double to = std::max(t_x[t_x.size() - 1], t_y[t_y.size() - 1]);
+  if ((to - from) / out.step > 1e7) return std::nullopt;
+  const auto n = static_cast<Index>((to - from) / out.step) + 1;
+  const VectorXd grid = VectorXd::LinSpaced(n, from, from + static_cast<double>(n - 1) * out.step);
+  out.xs.push_back(interpolate_linearly(t_x, x, grid, kBridgedPeriods * period_x));
+  out.ys.push_back(interpolate_linearly(t_y, y, grid, kBridgedPeriods * period_y));
+  out.xs[0].array() -= mean_present(out.xs[0]);
+  out.ys[0].array() -= mean_present(out.ys[0]);
+  out.present =
+      std::min((!out.xs[0].array().isNaN()).count(), (!out.ys[0].array().isNaN()).count());
+  while (out.xs.back().size() > kCoarseSamples &&
+         largest / (2.0 * out.step_of(out.xs.size() - 1)) > 20.0) {
+    out.xs.push_back(halved(out.xs.back()));
+    out.ys.push_back(halved(out.ys.back()));
+  }
+  return out;
+}
+
+// rho at the lags -reach .. reach of the coarsest sampling grid; NaN where too little overlaps.
+std::vector<double> correlate_coarsely(const Grids& grids, Index reach) {
+  const std::size_t level = grids.xs.size() - 1;
+  const Index least = (grids.present >> level) / 2;
+  std::vector<double> rho(2 * reach + 1, kNaN);
+  for (Index lag = -reach; lag <= reach; ++lag) {
+    const Correlated c = grids.at(level, lag);
+    if (c.count >= std::max<Index>(3, least)) rho[lag + reach] = c.rho;
+  }
+  return rho;
+}
+
+// The highest peak on one side of `best` that a valley of a tenth of its height separates from it;
+// `best` itself where there is none.
+std::size_t other_peak(const std::vector<double>& rho, std::size_t best, int direction,
+                       Relation relation) {
+  const double height = merit(rho[best], relation);
+  double valley = height, peak = -kInfinity;
+  std::size_t at = best;
+  for (std::size_t k = best; k < rho.size(); k += direction) {
+    const double here = merit(rho[k], relation);
+    valley = std::min(valley, here);
+    if (here > peak && here > valley + 0.1 * height && std::isfinite(valley)) {
+      peak = here;
+      at = k;
+    }
+    if (k == 0 && direction < 0) break;
+  }
+  return at;
+}
+
+// The lag on the finest sampling grid, a few lags around what the coarser ones say.
+Index refine(const Grids& grids, Index lag, double largest, Relation relation) {
+  for (std::size_t level = grids.xs.size() - 1; level-- > 0;) {
+    const Index limit = grids.reach(level, largest), centre = 2 * lag;
+    double top = -kInfinity;
+    for (Index l = std::max(-limit, centre - 3); l <= std::min(limit, centre + 3); ++l) {
+      const double here = merit(grids.at(level, l).rho, relation);
+      if (here > top) {
+        top = here;
+        lag = l;
+      }
+    }
+  }
+  return lag;
+}
+
+// Top of the parabola through three correlations, in samples from the lag in the middle.
+double parabola_top(double left, double middle, double right) {
+  const double bend = left - 2.0 * middle + right;
+  if (!std::isfinite(bend) || !(bend < 0.0)) return 0.0;
+  return std::clamp(0.5 * (left - right) / bend, -0.5, 0.5);
+}
+
 }  // namespace
 
 ClockOffset clock_offset(const Eigen::Ref<const VectorXd>& t_x, const Eigen::Ref<const VectorXd>& x,
@@ -106,91 +204,38 @@ ClockOffset clock_offset(const Eigen::Ref<const VectorXd>& t_x, const Eigen::Ref
     throw std::invalid_argument("clock_offset: sizes differ, or the largest lag is not positive");
   }
   ClockOffset out;
-  const double period_x = own_period(t_x, x), period_y = own_period(t_y, y);
-  if (!(period_x > 0.0) || !(period_y > 0.0)) return out;
-  double step = std::max(period_x, period_y);
-  const double from = std::min(t_x[0], t_y[0]);
-  const double to = std::max(t_x[t_x.size() - 1], t_y[t_y.size() - 1]);
-  if ((to - from) / step > 1e7) return out;
-  const auto n = static_cast<Index>((to - from) / step) + 1;
-  const VectorXd grid = VectorXd::LinSpaced(n, from, from + static_cast<double>(n - 1) * step);
-  std::vector<VectorXd> xs{interpolate_linearly(t_x, x, grid, kBridgedPeriods * period_x)};
-  std::vector<VectorXd> ys{interpolate_linearly(t_y, y, grid, kBridgedPeriods * period_y)};
-  xs[0].array() -= centred(xs[0]);
-  ys[0].array() -= centred(ys[0]);
-  const Index present =
-      std::min((!xs[0].array().isNaN()).count(), (!ys[0].array().isNaN()).count());
-  while (xs.back().size() > kCoarseSamples && largest / (2.0 * step) > 20.0) {
-    xs.push_back(halved(xs.back()));
-    ys.push_back(halved(ys.back()));
-    step *= 2.0;
-  }
-
-  // All lags on the coarsest sampling grid.
-  const auto reach = static_cast<Index>(std::floor(largest / step));
-  const Index least = (present >> (xs.size() - 1)) / 2;
-  std::vector<double> rho(static_cast<std::size_t>(2 * reach + 1), kNaN);
+  const std::optional<Grids> grids = make_grids(t_x, x, t_y, y, largest);
+  if (!grids) return out;
+  const std::size_t coarsest = grids->xs.size() - 1;
+  const Index reach = grids->reach(coarsest, largest);
+  const std::vector<double> rho = correlate_coarsely(*grids, reach);
   std::size_t best = 0;
   for (std::size_t k = 0; k < rho.size(); ++k) {
-    const Correlated c = correlate(xs.back(), ys.back(), static_cast<Index>(k) - reach);
-    if (c.count >= std::max<Index>(3, least)) rho[k] = c.rho;
     if (merit(rho[k], relation) > merit(rho[best], relation)) best = k;
   }
   if (std::isnan(rho[best])) return out;
-  out.at_zero = rho[static_cast<std::size_t>(reach)];
-  const double height = merit(rho[best], relation);
-  const auto other = [&](int direction) {
-    double valley = height, peak = -kInfinity;
-    std::size_t at = best;
-    for (std::size_t k = best; k < rho.size(); k += static_cast<std::size_t>(direction)) {
-      const double here = merit(rho[k], relation);
-      valley = std::min(valley, here);
-      if (here > peak && here > valley + 0.1 * height && std::isfinite(valley)) {
-        peak = here;
-        at = k;
-      }
-      if (k == 0 && direction < 0) break;
-    }
-    return at;
-  };
+  out.at_zero = rho[reach];
   for (const int direction : {-1, 1}) {
-    const std::size_t k = other(direction);
+    const std::size_t k = other_peak(rho, best, direction, relation);
     if (k == best) continue;
     if (merit(rho[k], relation) > merit(out.other_correlation, relation)) {
       out.other_correlation = rho[k];
-      out.other_lag = step * static_cast<double>(static_cast<Index>(k) - reach);
+      out.other_lag = grids->step_of(coarsest) * static_cast<double>(static_cast<Index>(k) - reach);
     }
   }
 
-  // Down to the finest sampling grid, a few lags around what the coarser one says.
-  Index lag = static_cast<Index>(best) - reach;
-  Index limit = reach;
-  for (std::size_t level = xs.size() - 1; level-- > 0;) {
-    step /= 2.0;
-    limit = static_cast<Index>(std::floor(largest / step));
-    const Index centre = 2 * lag;
-    double top = -kInfinity;
-    for (Index l = std::max(-limit, centre - 3); l <= std::min(limit, centre + 3); ++l) {
-      const double here = merit(correlate(xs[level], ys[level], l).rho, relation);
-      if (here > top) {
-        top = here;
-        lag = l;
-      }
-    }
-  }
-  const Correlated peak = correlate(xs[0], ys[0], lag);
+  const Index lag = refine(*grids, static_cast<Index>(best) - reach, largest, relation);
+  const Correlated peak = grids->at(0, lag);
   out.correlation = peak.rho;
-  out.shared = static_cast<double>(peak.count) * step;
-  out.at_edge = std::abs(lag) >= limit;
+  out.shared = static_cast<double>(peak.count) * grids->step;
+  out.at_edge = std::abs(lag) >= grids->reach(0, largest);
   double shift = 0.0;
-  const double left = merit(correlate(xs[0], ys[0], lag - 1).rho, relation);
-  const double right = merit(correlate(xs[0], ys[0], lag + 1).rho, relation);
-  const double middle = merit(peak.rho, relation), bend = left - 2.0 * middle + right;
-  if (!out.at_edge && std::isfinite(bend) && bend < 0.0) {
-    shift = std::clamp(0.5 * (left - right) / bend, -0.5, 0.5);
+  if (!out.at_edge) {
+    shift = parabola_top(merit(grids->at(0, lag - 1).rho, relation), merit(peak.rho, relation),
+                         merit(grids->at(0, lag + 1).rho, relation));
   }
-  out.lag = (static_cast<double>(lag) + shift) * step;
-  out.se = lag_error(xs[0], ys[0], lag, step);
+  out.lag = (static_cast<double>(lag) + shift) * grids->step;
+  out.se = lag_error(grids->xs[0], grids->ys[0], lag, grids->step);
   return out;
 }
 

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 
+#include "lib/base/message.h"
 #include "lib/statistics/normality.h"
 
 namespace identikal {
@@ -19,10 +19,8 @@ using Eigen::VectorXd;
 FStatistic input_correlation(const Eigen::Ref<const VectorXd>& e,
                              const Eigen::Ref<const MatrixXd>& u, int lags) {
   if (u.cols() != e.size() || lags < 0) {
-    std::ostringstream text;
-    text << "input_correlation: " << e.size() << " innovations, inputs " << u.rows() << " x "
-         << u.cols() << ", " << lags << " lags";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"input_correlation: ", e.size(), " innovations, inputs ",
+                                         u.rows(), " x ", u.cols(), ", ", lags, " lags"}));
   }
   FStatistic out;
   out.value = std::numeric_limits<double>::quiet_NaN();

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 
 #include <Eigen/LU>
 
 #include "lib/base/interpolation.h"
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
@@ -455,11 +455,10 @@ DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
                     const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay) {
   const Eigen::Index n = time.size();
   if (n < 2 || steering.size() != n || vx.size() != n || !(vx.minCoeff() > 0.0)) {
-    std::ostringstream text;
-    text << "drive: " << n << " time stamps, " << steering.size() << " steering angles, "
-         << vx.size() << " speeds";
-    if (vx.size() > 0) text << " (smallest " << vx.minCoeff() << " m/s)";
-    throw std::invalid_argument(text.str());
+    const std::string smallest =
+        vx.size() > 0 ? message({" (smallest ", vx.minCoeff(), " m/s)"}) : std::string();
+    throw std::invalid_argument(message({"drive: ", n, " time stamps, ", steering.size(),
+                                         " steering angles, ", vx.size(), " speeds", smallest}));
   }
   const Pchip vx_at(time, vx);
   DrivenSegment out;

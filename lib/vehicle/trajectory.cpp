@@ -1,10 +1,11 @@
 #include "lib/vehicle/trajectory.h"
 
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 
 #include <Eigen/Geometry>
+
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
@@ -28,10 +29,8 @@ Eigen::Matrix3Xd track(const Eigen::VectorXd& time, const Eigen::VectorXd& vx,
                        TrackRule rule) {
   const Index N = time.size();
   if (N == 0 || vx.size() != N || vy.size() != N || r.size() != N) {
-    std::ostringstream text;
-    text << "track: " << N << " time stamps, " << vx.size() << " vx, " << vy.size() << " vy, "
-         << r.size() << " yaw rates";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({"track: ", N, " time stamps, ", vx.size(), " vx, ",
+                                         vy.size(), " vy, ", r.size(), " yaw rates"}));
   }
   Eigen::Matrix3Xd out(3, N);
   Pose pose = start;
@@ -55,9 +54,8 @@ Eigen::Matrix3Xd track(const Eigen::VectorXd& time, const Eigen::VectorXd& vx,
 TrackFit fit_track(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to, bool with_shift) {
   const Index N = from.cols();
   if (N < 2 || to.cols() != N) {
-    std::ostringstream text;
-    text << "fit_track: " << N << " and " << to.cols() << " points; as many, and two at least";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(
+        message({"fit_track: ", N, " and ", to.cols(), " points; as many, and two at least"}));
   }
   Eigen::Vector2d centre_from = Eigen::Vector2d::Zero(), centre_to = centre_from;
   if (with_shift) {

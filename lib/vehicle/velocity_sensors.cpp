@@ -9,6 +9,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 
+#include "lib/base/message.h"
+
 namespace identikal {
 namespace {
 
@@ -51,10 +53,8 @@ CentreVelocity centre_velocity(const std::vector<VectorSensor>& sensors,
   const auto S = static_cast<Index>(sensors.size());
   const Index N = speed.cols();
   if (speed.rows() != S || slip.rows() != S || slip.cols() != N) {
-    std::ostringstream text;
-    text << S << " vector sensors, speeds " << speed.rows() << " x " << N << ", slip angles "
-         << slip.rows() << " x " << slip.cols();
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(message({S, " vector sensors, speeds ", speed.rows(), " x ", N,
+                                         ", slip angles ", slip.rows(), " x ", slip.cols()}));
   }
   constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
   CentreVelocity out;
