@@ -5,7 +5,7 @@
 
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/noise/ml.h"
-#include "lib/model/traced.h"
+#include "lib/model/recorded_scalar.h"
 
 namespace {
 

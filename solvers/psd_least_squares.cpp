@@ -377,7 +377,7 @@ std::vector<PsdBlock> independent_blocks(const MatrixXd& constant,
   for (Index j = 0; j < n; ++j) {
     for (Index i = 0; i < j; ++i) {
       if (used(i, j) == 0.0) continue;
-      const Index from = part[static_cast<std::size_t>(j)], to = part[static_cast<std::size_t>(i)];
+      const Index from = part[j], to = part[i];
       std::replace(part.begin(), part.end(), from, to);
     }
   }
@@ -385,7 +385,7 @@ std::vector<PsdBlock> independent_blocks(const MatrixXd& constant,
   for (Index p = 0; p < n; ++p) {
     std::vector<Index> rows;
     for (Index i = 0; i < n; ++i) {
-      if (part[static_cast<std::size_t>(i)] == p) rows.push_back(i);
+      if (part[i] == p) rows.push_back(i);
     }
     PsdBlock block;
     block.size = static_cast<Index>(rows.size());
@@ -394,8 +394,7 @@ std::vector<PsdBlock> independent_blocks(const MatrixXd& constant,
     for (std::size_t e = 0; e < basis.size(); ++e) {
       for (Index c = 0; c < block.size; ++c) {
         for (Index r = c; r < block.size; ++r) {
-          const double value =
-              basis[e](rows[static_cast<std::size_t>(r)], rows[static_cast<std::size_t>(c)]);
+          const double value = basis[e](rows[r], rows[c]);
           if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
         }
       }

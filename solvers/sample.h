@@ -45,7 +45,7 @@ struct PosteriorSample {
 /// it by that noise at every iteration. Deterministic for a seed. Converged when t = 1 is reached;
 /// no_progress when no draw of the prior has a defined likelihood. Sources: Del Moral, Doucet &
 /// Jasra (2006), J. R. Statist. Soc. B 68; Jasra et al. (2011) for the choice of powers.
-/// @throws std::invalid_argument when fewer than 10 draws are asked for
+/// @throws std::invalid_argument when fewer than 10 draws are requested
 PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& options = {});
 
 }  // namespace identikal

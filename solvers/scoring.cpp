@@ -62,7 +62,7 @@ class CurvatureCorrection {
     MatrixXd J(m, m), B(m, m);
     for (Index i = 0; i < m; ++i) {
       for (Index j = 0; j < m; ++j) {
-        const Index ii = free[static_cast<std::size_t>(i)], jj = free[static_cast<std::size_t>(j)];
+        const Index ii = free[i], jj = free[j];
         const double scale = std::sqrt(at.information(ii, ii) * at.information(jj, jj));
         if (!(scale > 0.0)) return at.information;
         J(i, j) = at.information(ii, jj) / scale;
@@ -86,16 +86,14 @@ VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lam
   VectorXd scale(m), g(m);
   MatrixXd J(m, m);
   for (Index i = 0; i < m; ++i) {
-    const Index ii = free[static_cast<std::size_t>(i)];
+    const Index ii = free[i];
     const double d = at.information(ii, ii);
     scale[i] = d > 0.0 ? 1.0 / std::sqrt(d) : 0.0;
     g[i] = at.gradient[ii] * scale[i];
   }
   for (Index i = 0; i < m; ++i) {
     for (Index j = 0; j < m; ++j) {
-      J(i, j) =
-          at.information(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]) *
-          scale[i] * scale[j];
+      J(i, j) = at.information(free[i], free[j]) * scale[i] * scale[j];
     }
   }
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(J);
@@ -107,7 +105,7 @@ VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lam
   }
   const VectorXd d = eigen.eigenvectors() * rotated;
   VectorXd step = VectorXd::Zero(at.x.size());
-  for (Index i = 0; i < m; ++i) step[free[static_cast<std::size_t>(i)]] = scale[i] * d[i];
+  for (Index i = 0; i < m; ++i) step[free[i]] = scale[i] * d[i];
   return step;
 }
 

@@ -28,7 +28,7 @@ struct Layout {
           throw std::invalid_argument(
               "sparse least squares: a group names a block that is not there");
         }
-        columns += problem.block_sizes[static_cast<std::size_t>(b)];
+        columns += problem.block_sizes[b];
       }
       residual.push_back(residual.back() + group.residuals);
       derivative.push_back(derivative.back() + group.residuals * columns);
@@ -74,8 +74,7 @@ class GroupCost : public ceres::CostFunction {
       : evaluation_(evaluation), residual_(residual), derivative_(derivative) {
     set_num_residuals(static_cast<int>(group.residuals));
     for (const Eigen::Index b : group.blocks) {
-      mutable_parameter_block_sizes()->push_back(
-          static_cast<int>(problem.block_sizes[static_cast<std::size_t>(b)]));
+      mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.block_sizes[b]));
     }
   }
 
@@ -184,7 +183,7 @@ Solution solve(const SparseLeastSquares& problem, const Eigen::VectorXd& start,
     const SparseLeastSquares::Group& group = problem.groups[g];
     std::vector<double*> blocks;
     for (const Eigen::Index b : group.blocks) {
-      blocks.push_back(solution.x.data() + layout.block[static_cast<std::size_t>(b)]);
+      blocks.push_back(solution.x.data() + layout.block[b]);
     }
     ceres_problem.AddResidualBlock(
         new GroupCost(problem, group, evaluation, layout.residual[g], layout.derivative[g]),

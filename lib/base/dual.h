@@ -20,7 +20,7 @@ struct Dual {
   Dual() = default;
   explicit Dual(double value) : a(value) {}
   /// The variable number `index`.
-  Dual(double value, int index) : a(value) { v[static_cast<std::size_t>(index)] = 1.0; }
+  Dual(double value, int index) : a(value) { v[index] = 1.0; }
 
   Dual& operator+=(const Dual& y) { return *this = *this + y; }
 };

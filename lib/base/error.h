@@ -1,4 +1,4 @@
-// How a mistake in a user's file, or on the command line, is said.
+// How a mistake in a user's file, or on the command line, is reported.
 #pragma once
 
 #include <stdexcept>

@@ -82,7 +82,7 @@ Eigen::VectorXd interpolate_linearly(const Eigen::Ref<const Eigen::VectorXd>& t,
         message({"interpolate_linearly: ", t.size(), " times and ", x.size(), " values"}));
   }
   Eigen::VectorXd out = Eigen::VectorXd::Constant(at.size(), kNaN);
-  Eigen::Index left = -1, right = 0;  // samples on both sides of the time asked for
+  Eigen::Index left = -1, right = 0;  // samples on both sides of the time requested
   for (Eigen::Index k = 0; k < at.size(); ++k) {
     for (; right < t.size() && (std::isnan(x[right]) || t[right] < at[k]); ++right) {
       if (!std::isnan(x[right])) left = right;

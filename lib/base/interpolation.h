@@ -37,7 +37,7 @@ class Pchip {
 /// extrapolated). At a sample's own time, its value.
 /// @param t       N increasing times of the samples
 /// @param x       N values, NaN = missing
-/// @param at      M increasing times asked for
+/// @param at      M increasing times requested
 /// @param widest  widest gap bridged, in the unit of t
 /// @throws std::invalid_argument when the sizes of t and x differ
 Eigen::VectorXd interpolate_linearly(const Eigen::Ref<const Eigen::VectorXd>& t,

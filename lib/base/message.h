@@ -1,4 +1,4 @@
-// How is it said that an argument of a function does not fit? One line with the numbers in it.
+// How does a function report that an argument does not fit? One line with the numbers in it.
 #pragma once
 
 #include <concepts>

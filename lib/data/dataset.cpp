@@ -259,7 +259,7 @@ TimeRange::TimeRange()
 
 std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
   const Column* stamps = time.restarts ? table.find(time.column) : nullptr;
-  if (stamps == nullptr) return {table};  // a missing column is said where the dataset is made
+  if (stamps == nullptr) return {table};  // a missing column is reported where the dataset is made
   std::vector<Table> out;
   std::size_t first = 0;
   for (std::size_t row = 1; row <= table.rows; ++row) {
@@ -398,7 +398,7 @@ Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
                            std::to_string(n) + " recorded",
                        "a recording without such gaps", "choose a range without the gap");
     }
-    target[static_cast<std::size_t>(i)] = static_cast<Index>(k);
+    target[i] = static_cast<Index>(k);
   }
 
   Dataset out = data;
@@ -408,15 +408,15 @@ Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
   for (Index i = 0; i < rows; ++i) out.time[i] = data.time[0] + static_cast<double>(i) * step;
   out.stamps.resize(rows);
   for (Index i = 0, at = 0; at < rows; ++at) {
-    if (i + 1 < n && target[static_cast<std::size_t>(i + 1)] == at) ++i;
-    const Index absent = at - target[static_cast<std::size_t>(i)];
+    if (i + 1 < n && target[i + 1] == at) ++i;
+    const Index absent = at - target[i];
     out.stamps[at] = data.time[i] + static_cast<double>(absent) * step;
     if (absent > 0) out.absent.push_back(at);
   }
   out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
   out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
   for (Index i = 0; i < n; ++i) {
-    const Index at = target[static_cast<std::size_t>(i)];
+    const Index at = target[i];
     out.u.col(at) = data.u.col(i);
     out.y.col(at) = data.y.col(i);
   }

@@ -32,8 +32,8 @@ struct Dataset {
   std::vector<Channel> outputs;      ///< ny
   std::vector<std::string> notes;    ///< what was done to recorded values beyond their units
   std::vector<std::string> unknown_units;  ///< sentences on those that the model file overrules
-  std::string
-      begins;  ///< "after a missing input": why rows before are not in it; empty: it has all
+  /// "after a missing input": why rows before are not in it; empty: it has all.
+  std::string begins;
   Eigen::Index size() const { return time.size(); }
 };
 
@@ -83,7 +83,7 @@ Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
 /// kept as recorded: nothing is shifted, interpolated or resampled, but for a channel with a delay:
 /// its value at t is what was recorded at t + delay, interpolated linearly between neighbouring
 /// samples no further apart than kBridgedPeriods of the channel's own period, else missing. Scale,
-/// offset and delay that are not neutral are said in the notes.
+/// offset and delay that are not neutral are reported in the notes.
 ///
 /// The unit of a column is the model's, else the file's, else SI. When both give one they must
 /// agree: two scales for one column (deg and rad) are a conflict that only the user can settle.

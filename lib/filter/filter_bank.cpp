@@ -109,7 +109,7 @@ void step(FilterBank& bank, const Eigen::Ref<const VectorXd>& y,
     }
   }
   for (Index i = 0; i < n; ++i) {
-    bank.drive[static_cast<std::size_t>(i)] = bank.B.cols() > 0 ? bank.B.row(i).dot(u) : 0.0;
+    bank.drive[i] = bank.B.cols() > 0 ? bank.B.row(i).dot(u) : 0.0;
   }
   simd::BankStep one;
   one.states = static_cast<int>(n);

@@ -59,7 +59,7 @@ void copy_member(const FilterBank& source, Eigen::Index from, FilterBank& target
 /// @param y            ny, NaN = missing
 /// @param u            nu
 /// @param log_density  members: receives log p(y | samples before); -infinity where the innovation
-/// covariance is not positive definite or the filter has overflowed
+///                     covariance is not positive definite or the filter has overflowed
 void step(FilterBank& bank, const Eigen::Ref<const Eigen::VectorXd>& y,
           const Eigen::Ref<const Eigen::VectorXd>& u, Eigen::Ref<Eigen::VectorXd> log_density);
 

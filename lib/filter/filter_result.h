@@ -27,15 +27,16 @@ const char* describe(FilterStatus status);
 struct FilterResult {
   FilterStatus status = FilterStatus::ok;
   double log_likelihood = 0.0;
-  Eigen::Index first_proper =
-      0;  ///< first sample with a proper innovation; > 0 with a diffuse start
+  /// First sample with a proper innovation; > 0 with a diffuse start.
+  Eigen::Index first_proper = 0;
   Eigen::MatrixXd x_pred, x_filt;               ///< n x N: E x(t) given y up to t-1, up to t
   std::vector<Eigen::MatrixXd> P_pred, P_filt;  ///< N of n x n
-  Eigen::MatrixXd e;     ///< ny x N innovations; NaN where missing or before first_proper
-  Eigen::MatrixXd e_sd;  ///< ny x N: sd of the innovations, Sigma_ii^1/2, where missing too; NaN
-                         ///< before first_proper
-  Eigen::MatrixXd
-      standardised;  ///< ny x N: L^-1 e with Sigma = L L' over the channels present; NaN as e
+  Eigen::MatrixXd e;  ///< ny x N innovations; NaN where missing or before first_proper
+  /// ny x N: standard deviations of the innovations, Sigma_ii^1/2, where missing too; NaN before
+  /// first_proper.
+  Eigen::MatrixXd e_sd;
+  /// ny x N: L^-1 e with Sigma = L L' over the channels present; NaN as e.
+  Eigen::MatrixXd standardised;
   std::vector<Eigen::MatrixXd> Sigma;  ///< N of ny x ny innovation covariances
 };
 

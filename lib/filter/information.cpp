@@ -88,9 +88,8 @@ class Expectation {
       Direction& b = by(i);
       const MatrixXd half = d.C * PC;
       b.Sigma = half + half.transpose() + m_.C * b.P * m_.C.transpose() + d.R;
-      const MatrixXd dM = Sw_theta_[static_cast<std::size_t>(i)] + d.A * PC +
-                          m_.A * b.P * m_.C.transpose() + m_.A * P_ * d.C.transpose() -
-                          K_ * b.Sigma;
+      const MatrixXd dM = Sw_theta_[i] + d.A * PC + m_.A * b.P * m_.C.transpose() +
+                          m_.A * P_ * d.C.transpose() - K_ * b.Sigma;
       b.K = llt_.solve(dM.transpose()).transpose();
     }
     return true;
@@ -125,9 +124,9 @@ class Expectation {
     std::vector<MatrixXd> seen;
     for (Index i = 0; i < k_; ++i) seen.push_back(llt_.matrixL().solve(response(i)));
     for (Index i = 0; i < k_; ++i) {
-      const MatrixXd weighted = seen[static_cast<std::size_t>(i)] * Pi_;
+      const MatrixXd weighted = seen[i] * Pi_;
       for (Index j = 0; j < k_; ++j) {
-        out(i, j) += weighted.cwiseProduct(seen[static_cast<std::size_t>(j)]).sum();
+        out(i, j) += weighted.cwiseProduct(seen[j]).sum();
       }
     }
     return out;
@@ -214,9 +213,9 @@ class Expectation {
     return change <= 1e-13 || (smallest_change_ <= 1e-9 && since_smallest_ > 100);
   }
 
-  const StateSpace& derivative(Index i) const { return d_[static_cast<std::size_t>(i)]; }
-  Direction& by(Index i) { return by_[static_cast<std::size_t>(i)]; }
-  const Direction& by(Index i) const { return by_[static_cast<std::size_t>(i)]; }
+  const StateSpace& derivative(Index i) const { return d_[i]; }
+  Direction& by(Index i) { return by_[i]; }
+  const Direction& by(Index i) const { return by_[i]; }
 
   // de_i = response(i) [x, dx_1, ..., dx_k].
   MatrixXd response(Index i) const {
@@ -311,8 +310,7 @@ ExpectedInformation information_about_noise(const StateSpace& model, InitialStat
   }
   for (Index s = 0; s < steady_at; ++s) {
     expectation.innovate();
-    out.total += expectation.information_of_size() +
-                 expectation.information_of_gain(later[static_cast<std::size_t>(s)]);
+    out.total += expectation.information_of_size() + expectation.information_of_gain(later[s]);
     expectation.advance_noise();
   }
   expectation.innovate();
@@ -395,8 +393,7 @@ std::optional<double> expected_filter_loss(const StateSpace& model, const GainSe
   }
   const Index n = model.states(), ny = model.outputs();
   MatrixXd slopes(n * ny, k);
-  for (Index i = 0; i < k; ++i)
-    slopes.col(i) = gain.K_theta[static_cast<std::size_t>(i)].reshaped();
+  for (Index i = 0; i < k; ++i) slopes.col(i) = gain.K_theta[i].reshaped();
   // As a sum of squares: cov = V diag(d) V', and each column of slopes V is an error of the gain.
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(covariance);
   slopes = (slopes * eigen.eigenvectors()).eval();
@@ -420,9 +417,7 @@ std::optional<MatrixXd> complete_data_information(const StateSpace& model,
   MatrixXd out(k, k);
   for (Index i = 0; i < k; ++i) {
     for (Index j = 0; j < k; ++j) {
-      out(i, j) = 0.5 * relative[static_cast<std::size_t>(i)]
-                            .cwiseProduct(relative[static_cast<std::size_t>(j)].transpose())
-                            .sum();
+      out(i, j) = 0.5 * relative[i].cwiseProduct(relative[j].transpose()).sum();
     }
   }
   return out;

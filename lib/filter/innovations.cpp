@@ -70,12 +70,12 @@ Likelihood innovations_likelihood(const Innovations& at,
     std::vector<MatrixXd> turned(beside.size());  // Sigma^-1 dSigma
     MatrixXd de(n, k);
     for (Index i = 0; i < k; ++i) {
-      const InnovationsBeside& pair = beside[static_cast<std::size_t>(i)];
+      const InnovationsBeside& pair = beside[i];
       de.col(i) = (pair.above.e.col(t)(here) - pair.below.e.col(t)(here)) / pair.distance;
       const MatrixXd dS =
           (covariance(pair.above, t)(here, here) - covariance(pair.below, t)(here, here)) /
           pair.distance;
-      MatrixXd& T = turned[static_cast<std::size_t>(i)];
+      MatrixXd& T = turned[i];
       T = llt.solve(dS);
       moved.col(i) = llt.solve(de.col(i));
       score[i] = -0.5 * T.trace() + 0.5 * weighted.dot(dS * weighted) - weighted.dot(de.col(i));
@@ -86,10 +86,7 @@ Likelihood innovations_likelihood(const Innovations& at,
     out.information += de.transpose() * moved;
     for (Index i = 0; i < k; ++i) {
       for (Index j = 0; j <= i; ++j) {
-        const double trace =
-            0.5 * turned[static_cast<std::size_t>(i)]
-                      .cwiseProduct(turned[static_cast<std::size_t>(j)].transpose())
-                      .sum();
+        const double trace = 0.5 * turned[i].cwiseProduct(turned[j].transpose()).sum();
         out.information(i, j) += trace;
         if (i != j) out.information(j, i) += trace;
       }

@@ -15,8 +15,9 @@ namespace identikal {
 /// Runs the filter over a record.
 ///
 ///   e = y - C x - D u,  Sigma = C P C' + R,  K = (A P C' + G S) Sigma^-1,  x+ = A x + B u + K e,
-///   P+ = (A - K C) P (A - K C)' + G Q G' - K (G S)' - (G S) K' + K R K'       (Joseph form: stays
-///   definite)
+///   P+ = (A - K C) P (A - K C)' + G Q G' - K (G S)' - (G S) K' + K R K'.
+///
+/// The Joseph form stays definite.
 ///
 /// A missing sample (NaN) takes its channel out of C, D, R and S at that time. A diffuse start uses
 /// the augmented form of de Jong (1991): x(1) = s^(1/2) xi + delta with delta diffuse; the finite

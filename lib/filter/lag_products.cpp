@@ -30,7 +30,7 @@ std::vector<MatrixXd> by_transform(const Eigen::Ref<const MatrixXd>& z, Index la
     count = std::min(count, N - begin);
     std::fill(series.begin(), series.end(), 0.0);
     for (Index t = 0; t < count; ++t) {
-      series[static_cast<std::size_t>(t)] = z(static_cast<Index>(channel), begin + t);
+      series[t] = z(static_cast<Index>(channel), begin + t);
     }
     fft.fwd(out, series);
   };

@@ -113,7 +113,7 @@ const char* describe(FallbackReason fallback) {
   switch (fallback) {
     case FallbackReason::none:
       return "";
-    case FallbackReason::not_asked:
+    case FallbackReason::not_requested:
       return "another path was requested";
     case FallbackReason::short_segment:
       return "gapless segments are shorter than the filter's memory";
@@ -224,7 +224,7 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
 
   const bool kernel_may = path == Path::automatic || path == Path::compressed;
   const FallbackReason why =
-      kernel_may ? r.prepare_kernel(model, initial, derivatives) : FallbackReason::not_asked;
+      kernel_may ? r.prepare_kernel(model, initial, derivatives) : FallbackReason::not_requested;
   const bool by_kernel = why == FallbackReason::none;
   Index total = 0, compressed = 0;
   for (Recording& recording : r.all) {

@@ -24,14 +24,14 @@ const char* to_string(Path path);
 /// Why a part of the recordings did not take the compressed path.
 enum class FallbackReason {
   none,
-  not_asked,        ///< another path was requested
+  not_requested,    ///< another path was requested
   short_segment,    ///< a gapless segment is shorter than the filter's memory
   long_memory,      ///< the filter's pole is so close to 1 that the sums would cost more than they
                     ///< save
   no_steady_state,  ///< the gain does not converge to a stable filter
   cancellation,     ///< innovations so much smaller than the signal that sums lose digits
   too_many_channels,  ///< more than 15 outputs and inputs
-  unknown_start,      ///< x0 or P0 is differentiated by: its information is that of few samples
+  unknown_start,      ///< x0 or P0 depends on a parameter: its information is that of few samples
   known_start,        ///< x0 is known so much better than a steady filter knows it that its first
                       ///< samples count for more than the others; or it is diffuse and the first
                       ///< sample of the segment has gone by
@@ -70,7 +70,7 @@ class LikelihoodEngine {
   ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
   /// when all parameters are of the noise, else with the sums that the recording supplied for x, z
   /// from its own start on, less what is not known of that start
-  /// (lib/filter/internal/compressed_kernel.h). No memory is allocated from the second evaluation
+  /// (lib/filter/internal/compressed_information.h). No memory is allocated from the second evaluation
   /// of a model of up to 6 states on, when all parameters are of the noise and the compressed path
   /// serves it.
   /// @throws std::invalid_argument when shapes disagree or there is no recording.

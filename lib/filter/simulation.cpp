@@ -14,14 +14,14 @@ MatrixXd simulate_outputs(const StateSpace& model, InitialState initial, const M
                           Index samples, Random& random, MatrixXd* states) {
   check_shapes(model);
   if (u.size() > 0 && (u.rows() != model.inputs() || u.cols() != samples)) {
-    throw std::invalid_argument("realisation: u does not fit the model and the samples");
+    throw std::invalid_argument("simulate_outputs: u does not fit the model and the samples");
   }
   const Index n = model.states(), nw = model.G.cols(), ny = model.outputs();
   const MatrixXd factor = semidefinite_factor(joint_covariance(model));
   VectorXd x = VectorXd::Zero(n);
   if (initial == InitialState::stationary) {
     const auto P = solve_discrete_lyapunov(model.A, model.G * model.Q * model.G.transpose());
-    if (!P) throw std::invalid_argument("realisation: a stationary start needs a stable A");
+    if (!P) throw std::invalid_argument("simulate_outputs: a stationary start needs a stable A");
     x = semidefinite_factor(*P) * random.normal(n);
   } else if (initial == InitialState::given) {
     x = model.x0 + semidefinite_factor(model.P0) * random.normal(n);

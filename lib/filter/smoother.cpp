@@ -76,7 +76,7 @@ class Adjoint {
     N_.swap(N);
   }
 
-  // r alone, where N is not asked for.
+  // r alone, where N is not requested.
   void move_r(const Step& step) {
     widen(step.score.cols());
     next_.noalias() = step.gain->F.transpose() * R_;
@@ -101,7 +101,7 @@ class Adjoint {
       sd_ = P_.diagonal().cwiseMax(0.0).cwiseSqrt();
     }
     out.sd.col(step.t) = sd_;
-    if (!out.P.empty()) out.P[static_cast<std::size_t>(step.t)] = P_;
+    if (!out.P.empty()) out.P[step.t] = P_;
   }
 
   // N and the gain of this sample are those of the one placed before.

@@ -16,7 +16,7 @@ struct SmootherResult {
   double log_likelihood = 0.0;  ///< of the recording, as kalman_filter()
   Eigen::MatrixXd x;            ///< n x N: E x(t); NaN where a diffuse start is not determined yet
   Eigen::MatrixXd sd;           ///< n x N: standard deviations, the roots of the diagonal of P
-  std::vector<Eigen::MatrixXd> P;  ///< N of n x n: cov x(t); empty unless asked for
+  std::vector<Eigen::MatrixXd> P;  ///< N of n x n: cov x(t); empty unless requested
 };
 
 /// What a smoother stores: n x n covariances of a long record take much memory.
@@ -25,8 +25,7 @@ enum class SmootherKeep { deviations, covariances };
 /// Fixed-interval smoother: state and covariance given the whole record,
 ///
 ///   r(t-1) = C' Sigma^-1 e + F' r(t),   N(t-1) = C' Sigma^-1 C + F' N(t) F,   F = A - K C,
-///   E x(t) = x_filt + M r(t),   cov x(t) = P_filt - M N(t) M',   M = P_filt A' - P C' Sigma^-1 (G
-///   S)'
+///   E x(t) = x_filt + M r(t),   cov x(t) = P_filt - M N(t) M',   M = P_filt A' - P C' Sigma^-1 (G S)'
 ///
 /// backwards from r(N) = 0, N(N) = 0, with e, Sigma, K, P of kalman_filter(): no inverse of A or P,
 /// so both may be singular. M is the covariance of the errors of x_filt(t) and x_pred(t+1); K and F

@@ -98,7 +98,7 @@ class DimensionCheck {
   }
 
  private:
-  const Measure& operand(int node) const { return measures_[static_cast<std::size_t>(node)]; }
+  const Measure& operand(int node) const { return measures_[node]; }
 
   Measure measure(const Expression::Node& node) const {
     if (node.op == Op::number) {
@@ -108,7 +108,7 @@ class DimensionCheck {
       return {out, node.value};
     }
     if (node.op == Op::symbol) {
-      return {symbols_[static_cast<std::size_t>(node.symbol)], std::nullopt};
+      return {symbols_[node.symbol], std::nullopt};
     }
     Measure out;
     out.dimension = dimension(node);

@@ -186,13 +186,11 @@ class FormulaParser {
     return static_cast<int>(out_.nodes.size()) - 1;
   }
 
-  int column_of(const Part& part) const {
-    return out_.nodes[static_cast<std::size_t>(part.node)].column;
-  }
+  int column_of(const Part& part) const { return out_.nodes[part.node].column; }
 
   void need(const Part& part, bool condition) const {
     if (part.condition == condition) return;
-    const std::string what(spelling(out_.nodes[static_cast<std::size_t>(part.node)].op));
+    const std::string what(spelling(out_.nodes[part.node].op));
     if (condition) {
       throw FormulaError(column_of(part), "a number where a condition belongs",
                          "a comparison such as vx > 5");
@@ -534,14 +532,12 @@ bool is_reserved_word(std::string_view name) {
 
 double evaluate(const Expression& expression, std::span<const double> symbols) {
   std::vector<double> value(expression.nodes.size());
-  const auto operand = [&](int node) {
-    return node < 0 ? 0.0 : value[static_cast<std::size_t>(node)];
-  };
+  const auto operand = [&](int node) { return node < 0 ? 0.0 : value[node]; };
   for (std::size_t i = 0; i < value.size(); ++i) {
     const Expression::Node& node = expression.nodes[i];
     value[i] = node.op == Op::number ? node.value
                : node.op == Op::symbol
-                   ? symbols[static_cast<std::size_t>(node.symbol)]
+                   ? symbols[node.symbol]
                    : apply(node.op, operand(node.a), operand(node.b), operand(node.c));
   }
   return value.back();

@@ -44,9 +44,9 @@ FormulaGraph::Id FormulaGraph::intern(const Node& node) {
   if (nodes_.size() >= kMaxNodes) refuse_size();
   nodes_.push_back(node);
   Node& out = nodes_.back();
-  out.held = node.op != Op::symbol || held_[static_cast<std::size_t>(node.symbol)];
+  out.held = node.op != Op::symbol || held_[node.symbol];
   for (const Id operand : {node.a, node.b, node.c}) {
-    if (operand >= 0) out.held = out.held && nodes_[static_cast<std::size_t>(operand)].held;
+    if (operand >= 0) out.held = out.held && nodes_[operand].held;
   }
   return hit->second;
 }
@@ -245,11 +245,11 @@ FormulaGraph::Id FormulaGraph::choice(Id condition, Id a, Id b) {
 FormulaGraph::Id FormulaGraph::insert(const Expression& expression, std::span<const Id> symbols) {
   std::vector<Id> id;
   id.reserve(expression.nodes.size());
-  const auto operand = [&](int at) { return at < 0 ? -1 : id[static_cast<std::size_t>(at)]; };
+  const auto operand = [&](int at) { return at < 0 ? -1 : id[at]; };
   for (const Expression::Node& at : expression.nodes) {
     id.push_back(at.op == Op::number ? number(at.value)
                  : at.op == Op::symbol
-                     ? symbols[static_cast<std::size_t>(at.symbol)]
+                     ? symbols[at.symbol]
                      : operation(at.op, operand(at.a), operand(at.b), operand(at.c)));
   }
   return id.back();
@@ -328,7 +328,7 @@ std::vector<bool> FormulaGraph::dependent(std::span<const int> symbols) const {
       out[i] = std::find(symbols.begin(), symbols.end(), at.symbol) != symbols.end();
     }
     for (const Id operand : {at.a, at.b, at.c}) {
-      if (operand >= 0 && out[static_cast<std::size_t>(operand)]) out[i] = true;
+      if (operand >= 0 && out[operand]) out[i] = true;
     }
   }
   return out;
@@ -337,12 +337,12 @@ std::vector<bool> FormulaGraph::dependent(std::span<const int> symbols) const {
 std::vector<FormulaGraph::Id> FormulaGraph::reachable(Id root) const {
   std::vector<bool> seen(static_cast<std::size_t>(root) + 1, false);
   std::vector<Id> out;
-  seen[static_cast<std::size_t>(root)] = true;
+  seen[root] = true;
   for (Id id = root; id >= 0; --id) {
-    if (!seen[static_cast<std::size_t>(id)]) continue;
+    if (!seen[id]) continue;
     out.push_back(id);
     for (const Id operand : {node(id).a, node(id).b, node(id).c}) {
-      if (operand >= 0) seen[static_cast<std::size_t>(operand)] = true;
+      if (operand >= 0) seen[operand] = true;
     }
   }
   std::reverse(out.begin(), out.end());
@@ -352,7 +352,7 @@ std::vector<FormulaGraph::Id> FormulaGraph::reachable(Id root) const {
 std::vector<FormulaGraph::Id> FormulaGraph::gradient(Id root, std::span<const int> symbols) {
   work_ += nodes_.size() / 64;
   const std::vector<bool> depends = dependent(symbols);
-  const auto moves = [&](Id id) { return id >= 0 && depends[static_cast<std::size_t>(id)]; };
+  const auto moves = [&](Id id) { return id >= 0 && depends[id]; };
   const Id zero = number(0.0);
 
   // A sum that runs through a choice would multiply the slope of the side not taken by 0, which
@@ -430,7 +430,7 @@ bool FormulaGraph::is_affine(Id root, std::span<const int> symbols) {
     const Op op = node(id).op;
     const bool kinked = is_condition(op) || op == Op::sign || op == Op::floor || op == Op::abs;
     const Id by = kinked ? id : op == Op::power ? node(id).b : -1;
-    if (by >= 0 && depends[static_cast<std::size_t>(by)]) return false;
+    if (by >= 0 && depends[by]) return false;
   }
   const std::vector<Id> slopes = gradient(root, symbols);
   return std::all_of(slopes.begin(), slopes.end(),
@@ -444,7 +444,7 @@ FormulaGraph::Id FormulaGraph::substitute(Id root, std::span<const double> value
     const Node at = node(id);
     Id out = id;
     if (at.op == Op::symbol) {
-      const double known = value[static_cast<std::size_t>(at.symbol)];
+      const double known = value[at.symbol];
       if (!std::isnan(known)) out = number(known);
     } else if (at.op != Op::number) {
       out = operation(at.op, operand(at.a), operand(at.b), operand(at.c));

@@ -58,7 +58,7 @@ class FormulaGraph {
   /// Is the node free of these symbols?
   bool is_free_of(Id root, std::span<const int> symbols) const;
 
-  const Node& node(Id id) const { return nodes_[static_cast<std::size_t>(id)]; }
+  const Node& node(Id id) const { return nodes_[id]; }
   bool is_number(Id id, double value) const;
   std::size_t size() const { return nodes_.size(); }
   std::size_t symbols() const { return held_.size(); }

@@ -63,7 +63,7 @@ class TapeLayout {
     return std::move(out_);
   }
 
-  std::uint32_t slot(Id id) const { return slot_[static_cast<std::size_t>(id)]; }
+  std::uint32_t slot(Id id) const { return slot_[id]; }
 
  private:
   enum Part : std::uint8_t { kUnused, kHeld, kForValues, kForJacobian };
@@ -72,8 +72,8 @@ class TapeLayout {
     std::uint32_t a, b;
   };
 
-  std::size_t& uses(Id id) { return uses_[static_cast<std::size_t>(id)]; }
-  Part& part(Id id) { return part_[static_cast<std::size_t>(id)]; }
+  std::size_t& uses(Id id) { return uses_[id]; }
+  Part& part(Id id) { return part_[id]; }
   static bool is_sum(Op op) { return op == Op::add || op == Op::subtract || op == Op::negate; }
 
   // Everything below a node that is not needed by an earlier part.
@@ -105,13 +105,12 @@ class TapeLayout {
       for (const Id operand : {user.a, user.b}) {
         if (operand < 0 || uses(operand) != 1 || part(operand) != part_[i]) continue;
         const Op op = graph_.node(operand).op;
-        absorbed_[static_cast<std::size_t>(operand)] =
-            is_sum(user.op) ? is_sum(op) || op == Op::multiply
-                            : user.op == Op::multiply && op == Op::reciprocal;
+        absorbed_[operand] = is_sum(user.op) ? is_sum(op) || op == Op::multiply
+                                             : user.op == Op::multiply && op == Op::reciprocal;
       }
     }
   }
-  bool absorbed(Id id) const { return absorbed_[static_cast<std::size_t>(id)]; }
+  bool absorbed(Id id) const { return absorbed_[id]; }
 
   std::uint32_t constant(double value) {
     const auto [hit, is_new] = constants_.try_emplace(

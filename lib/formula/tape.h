@@ -10,7 +10,7 @@
 
 namespace identikal {
 
-/// A straight list of instructions for several formulas and, where asked for, their Jacobian. What
+/// A straight list of instructions for several formulas and, where requested, their Jacobian. What
 /// they have in common is computed once, what holds no symbol but held ones (parameters) only when
 /// those change.
 struct Tape {

@@ -29,7 +29,7 @@ class Powers {
     for (; count_ < 52; ++count_) {
       log_size = std::log(power.cwiseAbs().maxCoeff());
       if (!(log_size < 700.0)) return false;
-      power_[static_cast<std::size_t>(count_)] = power;
+      power_[count_] = power;
       if (log_size < std::log(kVanished)) break;
       set_product(scratch_, power, power);
       power.swap(scratch_);
@@ -66,7 +66,7 @@ class Powers {
   void sum_forward(Square& X) const {
     Square step;
     for (int j = 0; j < count_; ++j) {
-      const Square& P = power_[static_cast<std::size_t>(j)];
+      const Square& P = power_[j];
       set_product(step, P, X);
       add_product(X, step, P.transpose());
     }
@@ -76,7 +76,7 @@ class Powers {
   void sum_backward(Square& X) const {
     Square step;
     for (int j = 0; j < count_; ++j) {
-      const Square& P = power_[static_cast<std::size_t>(j)];
+      const Square& P = power_[j];
       set_product(step, P.transpose(), X);
       add_product(X, step, P);
     }

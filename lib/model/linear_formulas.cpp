@@ -24,7 +24,7 @@ std::optional<std::vector<double>> factors(FormulaGraph& graph, Id value,
 // A formula with symbols at zero.
 Id at_zero(FormulaGraph& graph, Id value, const std::vector<int>& symbols) {
   std::vector<double> values(graph.symbols(), kNaN);
-  for (const int symbol : symbols) values[static_cast<std::size_t>(symbol)] = 0.0;
+  for (const int symbol : symbols) values[symbol] = 0.0;
   return graph.substitute(value, values);
 }
 
@@ -41,7 +41,7 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
       if (graph.node(rest).op == Op::number) {
         matrix.constant(placed.row, placed.col) += graph.node(rest).value;
         for (int i = 0; i < parameters; ++i) {
-          const double factor = (*multiples)[static_cast<std::size_t>(i)];
+          const double factor = (*multiples)[i];
           if (factor != 0.0) matrix.entries.push_back({placed.row, placed.col, i, factor});
         }
         continue;

@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-// Values of all formulas of a model and, where asked for, their derivatives by the parameters.
+// Values of all formulas of a model and, where requested, their derivatives by the parameters.
 struct FormulaValues {
   std::vector<std::vector<double>> value, slope;  // per tape; jacobian row by row
 
@@ -31,9 +31,7 @@ struct FormulaValues {
       }
     }
   }
-  double at(const ParametrisedMatrix::Formula& f) const {
-    return value[static_cast<std::size_t>(f.tape)][static_cast<std::size_t>(f.value)];
-  }
+  double at(const ParametrisedMatrix::Formula& f) const { return value[f.tape][f.value]; }
   double by(const ParametrisedMatrix::Formula& f, int parameter, const LinearModel& model) const {
     const auto tape = static_cast<std::size_t>(f.tape);
     const std::size_t columns = model.formulas[tape].tape.columns;
@@ -61,14 +59,13 @@ template <class Matrix>
 void set_value(const ParametrisedMatrix& matrix, const ParameterSet& parameters,
                const FormulaValues& formulas, Matrix& out) {
   if (matrix.block >= 0) {
-    out = parameters[static_cast<std::size_t>(matrix.block)].value;
+    out = parameters[matrix.block].value;
     return;
   }
   out = matrix.constant;
   check_entries(matrix, parameters);
   for (const ParametrisedMatrix::Entry& e : matrix.entries) {
-    entry(out, e.row, e.col) +=
-        e.factor * parameters[static_cast<std::size_t>(e.parameter)].scalar();
+    entry(out, e.row, e.col) += e.factor * parameters[e.parameter].scalar();
   }
   for (const ParametrisedMatrix::Formula& f : matrix.formulas) {
     entry(out, f.row, f.col) += formulas.at(f);
@@ -83,7 +80,7 @@ void set_derivative(const ParametrisedMatrix& matrix, const ParameterSet& parame
     if (matrix.block == d.parameter) {
       out = d.value;
     } else {
-      const Eigen::MatrixXd& value = parameters[static_cast<std::size_t>(matrix.block)].value;
+      const Eigen::MatrixXd& value = parameters[matrix.block].value;
       out = Matrix::Zero(value.rows(), value.cols());
     }
     return;
@@ -114,7 +111,7 @@ namespace {
 
 bool is_known(const ParametrisedMatrix::Formula& formula, const ParameterSet& parameters) {
   return std::all_of(formula.parameters.begin(), formula.parameters.end(),
-                     [&](int p) { return parameters[static_cast<std::size_t>(p)].fixed; });
+                     [&](int p) { return parameters[p].fixed; });
 }
 
 template <class Model>

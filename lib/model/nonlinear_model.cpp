@@ -198,7 +198,7 @@ void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives ord
 FormulaNodes insert_formulas(const ModelFormulas& formulas) {
   const int first = formulas.states + formulas.inputs, time = first + formulas.parameters;
   std::vector<bool> held(static_cast<std::size_t>(time) + 1, false);
-  for (int i = first; i < time; ++i) held[static_cast<std::size_t>(i)] = true;
+  for (int i = first; i < time; ++i) held[i] = true;
   FormulaNodes out{
       FormulaGraph(held), {}, {}, formulas.states, formulas.inputs, formulas.parameters,
       formulas.continuous};
@@ -236,7 +236,7 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   for (int i = 0; i < nodes.parameters; ++i) {
     const int symbol = nodes.states + nodes.inputs + i;
     Index column = NonlinearModel::kInNoFormula;
-    if (!known.empty() && known[static_cast<std::size_t>(i)]) {
+    if (!known.empty() && known[i]) {
       column = NonlinearModel::kKnown;
     } else if (occurs(symbol)) {
       column = out.columns++;
@@ -295,7 +295,7 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
   out.steps = steps;
   Index columns = 0;
   for (Index k = 0; k + 1 < N; ++k) {
-    const int count = steps[static_cast<std::size_t>(k)];
+    const int count = steps[k];
     if (!(time[k + 1] > time[k]) || count < 1 || count > kMostSteps) {
       throw std::invalid_argument(
           message({"input_nodes: from ", time[k], " to ", time[k + 1], " s in ", count, " steps"}));

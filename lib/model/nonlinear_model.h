@@ -45,10 +45,10 @@ struct NonlinearModel {
   bool continuous = true;
   Derivatives order = Derivatives::first;  ///< that the tapes below can give
   Tape rates;                              ///< f
-  Tape rate_jacobian,
-      output_jacobian;  ///< f, h and their derivatives by [x; p differentiated with respect to]
-  /// Derivatives::second: as values of one tape f, its derivatives by those row by row, and the
-  /// derivatives by those of its derivatives by x; and the same of h.
+  /// f, h and their Jacobians with respect to z = [x; those of p that `column` counts].
+  Tape rate_jacobian, output_jacobian;
+  /// Derivatives::second: as values of one tape f, df/dz row by row, and the derivatives of df/dx
+  /// with respect to z; and the same of h.
   Tape rate_curvature, output_curvature;
 };
 
@@ -103,7 +103,7 @@ struct ModelMemory {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   TapeMemory rates, rate_jacobian, output_jacobian, rate_curvature, output_curvature;
   /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
-  /// are asked for, its derivatives, one after the other.
+  /// are requested, its derivatives, one after the other.
   Eigen::VectorXd begin, stage, rate, sum;
   Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
   Rows densities;          ///< of Gramians
@@ -150,7 +150,7 @@ struct Gramians {
 
 /// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
 /// same Runge-Kutta steps.
-/// @param jacobian    written; allocates nothing when it has the right shapes
+/// @param jacobian  written; allocates nothing when it has the right shapes
 /// @param order     @throws std::invalid_argument when it is beyond the model's
 /// @param gramians  null: none; @throws std::invalid_argument in discrete time or without densities
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,

@@ -53,8 +53,7 @@ void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorX
     check_noise(model, direction.noise, "a direction's");
     if (direction.parameter == -1) continue;
     const bool there = direction.parameter >= 0 && direction.parameter < model.parameters;
-    if (!there ||
-        model.column[static_cast<std::size_t>(direction.parameter)] == NonlinearModel::kKnown) {
+    if (!there || model.column[direction.parameter] == NonlinearModel::kKnown) {
       throw std::invalid_argument(
           message({"nonlinear filter: a direction moves parameter ", direction.parameter, " of ",
                    model.parameters, (there ? ", which the model was made for as known" : "")}));
@@ -88,7 +87,7 @@ class Chain {
       : nx_(model.states) {
     for (std::size_t i = 0; i < directions.size(); ++i) {
       if (directions[i].parameter < 0) continue;
-      const Index column = model.column[static_cast<std::size_t>(directions[i].parameter)];
+      const Index column = model.column[directions[i].parameter];
       if (column >= 0) moved_.push_back({static_cast<Index>(i), column});
     }
   }
@@ -245,13 +244,13 @@ class NonlinearRecursion {
       present_count_ = update_.look_at(y_.col(t));
       if (states_) {
         store_->x_pred.col(t) = now_.x;
-        store_->P_pred[static_cast<std::size_t>(t)] = now_.P;
+        store_->P_pred[t] = now_.P;
       }
       if (present_count_ > 0 || store_ != nullptr) measure(t);
       if (status_ != FilterStatus::ok) break;
       if (states_) {
         store_->x_filt.col(t) = now_.x;
-        store_->P_filt[static_cast<std::size_t>(t)] = now_.P;
+        store_->P_filt[t] = now_.P;
       }
       if (t + 1 < N) predict(t);
     }
@@ -272,7 +271,7 @@ class NonlinearRecursion {
     dR_.setZero(ny_ * ny_, k_);
     gramians_.densities = noise_.Q.reshaped(nn, 1);
     for (Index i = 0; i < k_; ++i) {
-      const FilterNoise& d = directions[static_cast<std::size_t>(i)].noise;
+      const FilterNoise& d = directions[i].noise;
       now_.dx.col(i) = d.x0;
       now_.dP.col(i) = d.P0.reshaped();
       dQ_.col(i) = d.Q.reshaped();
@@ -329,7 +328,7 @@ class NonlinearRecursion {
   void keep_covariance(Index t, const MatrixXd& Sigma) {
     if (store_ == nullptr) return;
     store_->e_sd.col(t) = Sigma.diagonal().cwiseSqrt();
-    if (states_) store_->Sigma[static_cast<std::size_t>(t)] = Sigma;
+    if (states_) store_->Sigma[t] = Sigma;
   }
   void add_terms(Index t) {
     update_.add_terms(outputs_, score_products_);

@@ -35,7 +35,7 @@ class OneInterval {
     for (const auto& [steps, nodes] : known_) {
       if (steps == count) return nodes;
     }
-    steps_[static_cast<std::size_t>(at_)] = count;
+    steps_[at_] = count;
     known_.emplace_back(count, input_nodes(time_, u_, path_, steps_));
     return known_.back().second;
   }

@@ -93,8 +93,8 @@ class Followed {
     const double time = inputs_.time[t];
     StraightLine out;
     if (unscented()) {
-      out = line_of_points(filter_.x_pred.col(t), filter_.P_pred[static_cast<std::size_t>(t)],
-                           options_.weights, model_.outputs, [&](const VectorXd& x) {
+      out = line_of_points(filter_.x_pred.col(t), filter_.P_pred[t], options_.weights,
+                           model_.outputs, [&](const VectorXd& x) {
                              observe(model_, memory_, x, u, time, y_);
                              return y_;
                            });
@@ -119,12 +119,11 @@ class Followed {
          density ? &gramians_ : nullptr);
     const MatrixXd W = density ? MatrixXd(gramians_.values.reshaped(nx, nx)) : noise_.Q;
     if (!unscented()) return {jacobian_.wrt_x, x_ - jacobian_.wrt_x * filter_.x_filt.col(t), W};
-    StraightLine out =
-        line_of_points(filter_.x_filt.col(t), filter_.P_filt[static_cast<std::size_t>(t)],
-                       options_.weights, nx, [&](VectorXd x) {
-                         step(model_, memory_, inputs_, t, x);
-                         return x;
-                       });
+    StraightLine out = line_of_points(filter_.x_filt.col(t), filter_.P_filt[t], options_.weights,
+                                      nx, [&](VectorXd x) {
+                                        step(model_, memory_, inputs_, t, x);
+                                        return x;
+                                      });
     out.rest += W;
     return out;
   }
@@ -162,7 +161,7 @@ SmootherResult nonlinear_smoother(const NonlinearModel& model, const Eigen::Ref<
     u.col(t) << lines.back().moved.offset, lines.back().seen.offset;
   }
   const ModelAt at = [&](Index t, StateSpace& out, std::vector<StateSpace>*) {
-    followed.set(lines[static_cast<std::size_t>(t)], out);
+    followed.set(lines[t], out);
   };
   return lag ? smooth_with_lag(at, InitialState::given, y, u, *lag, keep)
              : smooth(at, InitialState::given, y, u, keep);

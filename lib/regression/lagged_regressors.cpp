@@ -33,7 +33,7 @@ LaggedRows lagged_rows(const Eigen::Ref<const MatrixXd>& u, const Eigen::Ref<con
   out.phi.resize(m * order.inputs + order.feedback, n);
   out.y.resize(n);
   for (Index k = 0; k < n; ++k) {
-    const Index t = sample[static_cast<std::size_t>(k)];
+    const Index t = sample[k];
     out.y[k] = y[t];
     for (Index i = 0; i < m; ++i) {
       for (Index j = 0; j < order.inputs; ++j) out.phi(i * order.inputs + j, k) = u(i, t - j);

@@ -118,9 +118,8 @@ struct RegressionHistory {
 ///   lambda = (c + sqrt(c^2 + 4 zeta)) / 2,  c = 1 - zeta - q,  q = xi^2 / (memory s^2),
 /// zeta = phi' P(t-1) phi, and lambda no less than 0.1; s^2, the mean of xi^2 / (1 + zeta) over ten
 /// memories, stands for the variance of the noise. 1 - q / (1 + zeta) to first order: Fortescue,
-/// Kershenbaum
-/// & Ydstie (1981), Automatica 17, who discount after the sample and not before it. Errors the size
-/// of the noise give 1 - 1 / memory in the mean. lambda is 1 for the first 2 d + 10 rows.
+/// Kershenbaum & Ydstie (1981), Automatica 17, who discount after the sample and not before it.
+/// Errors the size of the noise give 1 - 1 / memory in the mean. lambda is 1 for the first 2 d + 10 rows.
 ///
 /// Changes: error_growth.h on xi / sqrt(1 + zeta). With reset lambda is such, at the row that gives
 /// the alarm, that all before counts as much as one row: Sladká (2010), 6.1.3. 2 d + 10 rows at the

@@ -177,7 +177,7 @@ MatrixXd covariance_of_autocovariances(const Autocovariances& Y, Index lags) {
   const Index ny = Y[0].rows(), reach = static_cast<Index>(Y.size()) - 1;
   const auto at = [&](Index tau) -> MatrixXd {
     if (std::abs(tau) > reach) return MatrixXd::Zero(ny, ny);
-    const MatrixXd& value = Y[static_cast<std::size_t>(std::abs(tau))];
+    const MatrixXd& value = Y[std::abs(tau)];
     return tau >= 0 ? value : MatrixXd(value.transpose());
   };
   // Both sums are correlations of pairs of entries, one for each distance between the lags:
@@ -205,11 +205,11 @@ MatrixXd covariance_of_autocovariances(const Autocovariances& Y, Index lags) {
   const auto size = static_cast<Index>(order.size());
   MatrixXd out(size, size);
   for (Index a = 0; a < size; ++a) {
-    const Entry& x = order[static_cast<std::size_t>(a)];
+    const Entry& x = order[a];
     for (Index b = 0; b <= a; ++b) {
-      const Entry& z = order[static_cast<std::size_t>(b)];
-      const MatrixXd& near = correlation[static_cast<std::size_t>(x.k - z.k + lags - 1)];
-      const MatrixXd& far = correlation[static_cast<std::size_t>(x.k + z.k + lags - 1)];
+      const Entry& z = order[b];
+      const MatrixXd& near = correlation[x.k - z.k + lags - 1];
+      const MatrixXd& far = correlation[x.k + z.k + lags - 1];
       out(a, b) = out(b, a) =
           near(x.i + ny * z.i, x.j + ny * z.j) + far(x.i + ny * z.j, x.j + ny * z.i);
     }

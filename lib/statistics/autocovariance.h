@@ -14,8 +14,8 @@ namespace identikal {
 using Autocovariances = std::vector<Eigen::MatrixXd>;
 
 struct SampleAutocovariances {
-  Autocovariances
-      value;  ///< mean of e_i(t+k) e_j(t) over the pairs present; NaN where there is none
+  /// Mean of e_i(t+k) e_j(t) over the pairs present; NaN where there is none.
+  Autocovariances value;
   Autocovariances pairs;  ///< how many pairs that is
 };
 

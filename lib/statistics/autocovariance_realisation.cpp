@@ -46,7 +46,7 @@ AutocovarianceFit fit_autocovariances(const Eigen::Ref<const MatrixXd>& A,
   MatrixXd row = C;
   for (Index l = 0; l < M; ++l) {
     modes.middleRows(l * ny, ny) = row;
-    seen.middleRows(l * ny, ny) = Y[static_cast<std::size_t>(l + 1)];
+    seen.middleRows(l * ny, ny) = Y[l + 1];
     row = (row * A).eval();
   }
   AutocovarianceFit out;

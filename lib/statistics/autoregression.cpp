@@ -87,7 +87,7 @@ OrderChoice autoregressive_order(const Autoregressions& models, Index samples, P
   out.criterion.resize(static_cast<Index>(models.S.size()));
   out.least = std::numeric_limits<double>::quiet_NaN();
   for (Index m = 0; m < out.criterion.size(); ++m) {
-    out.criterion[m] = N * (log_determinant(models.S[static_cast<std::size_t>(m)]) - start) +
+    out.criterion[m] = N * (log_determinant(models.S[m]) - start) +
                        static_cast<double>(m) * l * l * multiple(penalty, N);
   }
   if (out.criterion.size() > 1) out.least = out.criterion.tail(out.criterion.size() - 1).minCoeff();

@@ -25,7 +25,7 @@ enum class Relation { either, same_sign, opposite_sign };
 
 /// Global search for the lag at which the normalised cross-correlation
 ///   rho(l) = sum (x(t) - mx) (y(t+l) - my) / sqrt(sum (x(t) - mx)^2 sum (y(t+l) - my)^2)
-/// is largest (in size, or with the sign asked for), means and sums over the samples that overlap
+/// is largest (in size, or with the sign requested), means and sums over the samples that overlap
 /// at l. Both signals are put onto one sampling grid, that of the slower of the two, by linear
 /// interpolation across gaps of at most kBridgedPeriods of their own periods; every lag of the
 /// sampling grid up to `largest` is tried, on a coarser one first where the record is long, and a

@@ -46,18 +46,15 @@ Spectrum multitaper(const Eigen::Ref<const MatrixXd>& e, int tapers) {
         const double h = std::sqrt(2.0 / static_cast<double>(N + 1)) *
                          std::sin(std::numbers::pi * taper * static_cast<double>(t + 1) /
                                   static_cast<double>(N + 1));
-        tapered[static_cast<std::size_t>(t)] = h * x(i, t);
+        tapered[t] = h * x(i, t);
       }
-      fft.fwd(lines[static_cast<std::size_t>(i)], tapered);
+      fft.fwd(lines[i], tapered);
     }
     for (Index k = 0; k < K; ++k) {
-      MatrixXcd& S = out.S[static_cast<std::size_t>(k)];
+      MatrixXcd& S = out.S[k];
       for (Index i = 0; i < ny; ++i) {
         for (Index j = 0; j < ny; ++j) {
-          S(i, j) +=
-              lines[static_cast<std::size_t>(i)][static_cast<std::size_t>(k + 1)] *
-              std::conj(lines[static_cast<std::size_t>(j)][static_cast<std::size_t>(k + 1)]) /
-              static_cast<double>(tapers);
+          S(i, j) += lines[i][k + 1] * std::conj(lines[j][k + 1]) / static_cast<double>(tapers);
         }
       }
     }
@@ -71,14 +68,14 @@ Spectrum binned(const Spectrum& fine, Index most) {
   if (K <= most) return fine;
   // Frequencies near the highest values of the trace keep a bin of their own.
   VectorXd height(K);
-  for (Index k = 0; k < K; ++k) height[k] = fine.S[static_cast<std::size_t>(k)].real().trace();
+  for (Index k = 0; k < K; ++k) height[k] = fine.S[k].real().trace();
   std::vector<bool> apart(static_cast<std::size_t>(K), false);
   VectorXd left = height;
   for (Index peak = 0; peak < kPeaks; ++peak) {
     Index at = 0;
     left.maxCoeff(&at);
     for (Index k = std::max<Index>(0, at - kAround); k <= std::min(K - 1, at + kAround); ++k) {
-      apart[static_cast<std::size_t>(k)] = true;
+      apart[k] = true;
       left[k] = 0.0;
     }
   }
@@ -88,11 +85,11 @@ Spectrum binned(const Spectrum& fine, Index most) {
   std::vector<double> omega, weight;
   for (Index k = 0; k < K;) {
     Index end = k + 1;
-    if (!apart[static_cast<std::size_t>(k)]) {
-      while (end < K && end - k < width && !apart[static_cast<std::size_t>(end)]) ++end;
+    if (!apart[k]) {
+      while (end < K && end - k < width && !apart[end]) ++end;
     }
     MatrixXcd sum = MatrixXcd::Zero(fine.S[0].rows(), fine.S[0].cols());
-    for (Index l = k; l < end; ++l) sum += fine.S[static_cast<std::size_t>(l)];
+    for (Index l = k; l < end; ++l) sum += fine.S[l];
     const auto count = static_cast<double>(end - k);
     omega.push_back(fine.omega.segment(k, end - k).mean());
     weight.push_back(count);

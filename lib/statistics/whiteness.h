@@ -28,7 +28,7 @@ struct FStatistic {
 /// @param e     N samples, NaN = missing
 /// @param lags  1 <= lags < N
 /// @param pairs when not null, receives n_k
-/// A constant or empty sequence gives NaN.
+/// @return lags numbers; NaN for a constant or empty sequence
 Eigen::VectorXd autocorrelation(const Eigen::Ref<const Eigen::VectorXd>& e, int lags,
                                 Eigen::VectorXd* pairs = nullptr);
 
@@ -68,11 +68,12 @@ Eigen::VectorXd published_chi_square(const Autocovariances& gamma, Eigen::Index 
 /// d_ad d_bc), of which only a |J|^2 = a (N-k) is left.
 ///
 /// With missing samples every entry of C_k is a mean over its own pairs, weighted by the root of
-/// their number. @param e  ny x N, NaN = missing
-/// NaN for fewer than ny + 2 samples, and where C_0 is singular.
+/// their number.
+/// @param e  ny x N, NaN = missing
+/// @return NaN for fewer than ny + 2 samples, and where C_0 is singular
 ChiSquareStatistic portmanteau(const Eigen::Ref<const Eigen::MatrixXd>& e, int lags);
 
-/// The number of lags used when nobody asks for another: min(20, n/5), at least 1.
+/// The number of lags used unless another is given: min(20, n/5), at least 1.
 int default_lags(Eigen::Index samples);
 
 /// Normalised innovation squared, summed: sum_t e_t' Sigma_t^-1 e_t over standardised innovations,

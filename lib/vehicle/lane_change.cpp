@@ -148,7 +148,7 @@ Eigen::Matrix3Xd drive_along(
     const SingleTrack<>& car, const PlannedPath& path, const PreviewDriver& driver,
     const Eigen::VectorXd& time, const Eigen::VectorXd& vx, double start,
     const std::function<void(Eigen::Index, const Motion&, double, double)>& observe) {
-  const SingleTrack<> believed = linearised(car);
+  const SingleTrack<> driver_model = linearised(car);
   const IntegrationDemand demand{decay_rate_times_speed(car)};
   const auto angle = [&car](double delta) {
     return delta * car.steering_ratio / car.steering_gain - car.steering_offset;
@@ -164,7 +164,7 @@ Eigen::Matrix3Xd drive_along(
       const Eigen::Vector2d u =
           vx[row] + (vx[row + 1] - vx[row]) * Eigen::Array2d(share, share + 1.0 / looks);
       const double next =
-          delta + h * steering_rate(driver, path, believed, poses.back(), u[0], vy, r, delta);
+          delta + h * steering_rate(driver, path, driver_model, poses.back(), u[0], vy, r, delta);
       const DrivenSegment segment =
           drive(Eigen::Vector2d(0.0, h), Eigen::Vector2d(angle(delta), angle(next)), u, demand);
       const double vy_before = vy, r_before = r;

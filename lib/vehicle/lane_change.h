@@ -73,7 +73,7 @@ struct PreviewDriver {
 };
 
 /// Road-wheel rate [rad/s] that the driver steers with until he looks again.
-/// @param car  as he believes it to be; @param vx, vy  [m/s]; @param r  [rad/s]
+/// @param car  as the driver takes it to be; @param vx, vy  [m/s]; @param r  [rad/s]
 /// @param delta  road-wheel angle now [rad]
 double steering_rate(const PreviewDriver& driver, const PlannedPath& path, const SingleTrack<>& car,
                      const Pose& pose, double vx, double vy, double r, double delta);

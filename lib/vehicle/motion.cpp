@@ -377,7 +377,7 @@ void integrate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segm
   const std::size_t width = linearised.width(), size = states * width;
   std::vector<double> s(size, 0.0), between(size), k1(size), k(size), sum(size);
   State<states> x{vy, r};
-  if (columns.vy >= 0) s[static_cast<std::size_t>(columns.vy)] = 1.0;
+  if (columns.vy >= 0) s[columns.vy] = 1.0;
   if (columns.r >= 0) s[width + static_cast<std::size_t>(columns.r)] = 1.0;
   if constexpr (states == 4) {
     const Motion begin = motion_of<2>(balance, {vy, r}, *node);
@@ -506,7 +506,7 @@ void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen:
   std::size_t at = 0;
   read(segment.nodes[at++], time[0] - delay);
   for (Eigen::Index k = 0; k + 1 < n; ++k) {
-    const DrivenSegment::Interval& interval = segment.intervals[static_cast<std::size_t>(k)];
+    const DrivenSegment::Interval& interval = segment.intervals[k];
     for (int half = 1; half < 2 * interval.steps; ++half) {
       read(segment.nodes[at++], time[k] + 0.5 * half * interval.step - delay);
     }

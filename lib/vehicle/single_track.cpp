@@ -31,9 +31,7 @@ constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
 
 }  // namespace
 
-std::string_view name_of(VehicleParameter parameter) {
-  return kNames[static_cast<std::size_t>(parameter)];
-}
+std::string_view name_of(VehicleParameter parameter) { return kNames[parameter]; }
 
 std::optional<VehicleParameter> vehicle_parameter(std::string_view name) {
   const auto found = std::find(kNames.begin(), kNames.end(), name);

@@ -65,7 +65,7 @@ CentreVelocity centre_velocity(const std::vector<VectorSensor>& sensors,
   for (Index t = 0; t < N; ++t) {
     bool complete = true;
     for (Index s = 0; s < S; ++s) {
-      const VectorSensor& sensor = sensors[static_cast<std::size_t>(s)];
+      const VectorSensor& sensor = sensors[s];
       const double U = speed(s, t), direction = slip(s, t) + sensor.mounting;
       complete = complete && U > 0.0 && std::isfinite(U) && std::isfinite(direction);
       // Along and across the measured direction the errors are independent: rows over their sd.
@@ -83,7 +83,7 @@ CentreVelocity centre_velocity(const std::vector<VectorSensor>& sensors,
     const Eigen::Matrix3d R = qr.matrixQR().topRows<3>().triangularView<Eigen::Upper>();
     const Eigen::Matrix3d inverse =
         R.triangularView<Eigen::Upper>().solve(Eigen::Matrix3d::Identity());
-    out.covariance[static_cast<std::size_t>(t)] = inverse * inverse.transpose();
+    out.covariance[t] = inverse * inverse.transpose();
   }
   return out;
 }

@@ -1,14 +1,14 @@
 """Is every public function documented, and does doxygen understand it? reference_test.py DOXYGEN DOXYFILE
 
 Members whose names say what they are need no sentence: fields, values of enumerations, accessors, structs; nor do the
-arithmetic of Dual and Traced and arguments that stand in the sentence above the function. A declaration right below another,
+arithmetic of Dual and RecordedScalar and arguments that stand in the sentence above the function. A declaration right below another,
 without a blank line, shares its comment."""
 import re
 import subprocess
 import sys
 import tempfile
 
-NAMED_WELL = r"Compound .* is not documented|Dual<|const Traced &|Member .* \((variable|enumvalue|typedef)\)|Member .* of (class|struct) "
+NAMED_WELL = r"Compound .* is not documented|Dual<|const RecordedScalar &|Member .* \((variable|enumvalue|typedef)\)|Member .* of (class|struct) "
 
 
 def shares_a_comment(warning):

@@ -1,6 +1,6 @@
 // One step of many Kalman filters side by side, a vector of filters at a time. Raw pointers only:
 // this file is compiled for several instruction sets, and nothing that another file might also
-// instantiate may pass through it. Internal to lib.
+// instantiate may pass through it. Internal to the filter.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,6 @@
-// The information of the compressed likelihood, with the filter of lib/filter/internal/
-// compressed_kernel.h. On noise alone it is an expectation; on parameters of the dynamics delta is
-// held, and what is lost because delta is not known is taken off: with
-// s_i = sum_t F'^t C' Sigma^-1 de_i(t),
+// The information of the compressed likelihood, in the notation of compressed_kernel.h. On noise
+// alone it is an expectation; on parameters of the dynamics delta is held, and what is lost because
+// delta is not known is taken off: with s_i = sum_t F'^t C' Sigma^-1 de_i(t),
 //
 //   sum_t de_i' Sigma^-1 de_j - s_i' (I + Pi M)^-1 Pi s_j.
 //

@@ -1,5 +1,5 @@
 // Likelihood, gradient and information of a gapless segment at a cost that does not depend on its
-// length. Internal to lib, for a number of states known at compile time (or Dynamic).
+// length. Internal to the filter, for a number of states known at compile time (or Dynamic).
 //
 // The whole segment runs on the constant gain. A start that is not the steady one, x(0) ~ N(m0,
 // P0), is the steady one plus delta ~ N(0, Pi), Pi = P0 - P, which is integrated out exactly: with

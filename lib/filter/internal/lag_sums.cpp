@@ -24,7 +24,7 @@ void LagSums::extend_to(Index lags) {
   const Eigen::Map<const Eigen::MatrixXd> all(channel_major_.data(), samples_, channels_);
   std::vector<const double*> pointers(static_cast<std::size_t>(channels_));
   for (Index c = 0; c < channels_; ++c) {
-    pointers[static_cast<std::size_t>(c)] = piece.col(c).data();
+    pointers[c] = piece.col(c).data();
   }
   for (Index begin = 0; begin < samples_; begin += kPiece) {
     const Index filled = std::min(piece.rows(), samples_ - begin);

@@ -26,7 +26,7 @@ class LagSums {
   Eigen::Index samples() const { return samples_; }
   Eigen::Index channels() const { return channels_; }
   double sample(Eigen::Index channel, Eigen::Index t) const {
-    return channel_major_[static_cast<std::size_t>(channel * samples_ + t)];
+    return channel_major_[channel * samples_ + t];
   }
   /// channels x channels
   Eigen::Map<const Eigen::MatrixXd> at(Eigen::Index m) const {

@@ -1,5 +1,5 @@
 // The part of a recording without gaps, and what evaluates the likelihood over it in one go.
-// Internal to lib.
+// Internal to the filter.
 #pragma once
 
 #include <memory>
@@ -17,7 +17,7 @@ struct Segment {
   Eigen::VectorXd mean;  ///< ny + nu; empty when it was left in
   LagSums sums;
   /// Lane-interleaved outputs (lib/filter/internal/simd_kernels.h) behind one zero; made when first
-  /// asked for.
+  /// needed.
   std::vector<double> lanes;
 };
 

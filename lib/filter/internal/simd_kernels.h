@@ -1,6 +1,6 @@
 // The two loops that run over every sample of a long recording, written for the widest vectors of
 // the machine they run on. Raw pointers only: this file is compiled for several instruction sets,
-// and nothing that another file might also instantiate may pass through it. Internal to lib.
+// and nothing that another file might also instantiate may pass through it. Internal to the filter.
 #pragma once
 
 #include <cstddef>

@@ -39,7 +39,7 @@ Index InnovationUpdate::look_at(const Eigen::Ref<const VectorXd>& y) {
   present_count_ = 0;
   for (Index a = 0; a < ny_; ++a) {
     const int here = std::isnan(y[a]) ? 0 : 1;
-    int& before = present_[static_cast<std::size_t>(a)];
+    int& before = present_[a];
     changed_ = changed_ || here != before;
     before = here;
     present_count_ += here;

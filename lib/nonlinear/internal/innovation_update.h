@@ -31,9 +31,7 @@ class InnovationUpdate {
   /// Which channels hold a number.
   /// @return how many
   Eigen::Index look_at(const Eigen::Ref<const Eigen::VectorXd>& y);
-  bool is_present(Eigen::Index channel) const {
-    return present_[static_cast<std::size_t>(channel)] != 0;
-  }
+  bool is_present(Eigen::Index channel) const { return present_[channel] != 0; }
   /// Have other channels held numbers at a sample since this was asked before?
   bool take_change();
 

@@ -1,16 +1,17 @@
-#include "lib/model/traced.h"
+#include "lib/model/recorded_scalar.h"
 
 #include <stdexcept>
 
 namespace identikal {
 
-FormulaGraph::Id Traced::in(FormulaGraph& graph) const {
+FormulaGraph::Id RecordedScalar::in(FormulaGraph& graph) const {
   if (graph_ == nullptr) return graph.number(value_);
-  if (graph_ != &graph) throw std::invalid_argument("Traced: values of two graphs meet");
+  if (graph_ != &graph) throw std::invalid_argument("RecordedScalar: values of two graphs meet");
   return id_;
 }
 
-Traced Traced::of(Op op, const Traced& a, const Traced& b, const Traced& c) {
+RecordedScalar RecordedScalar::of(Op op, const RecordedScalar& a, const RecordedScalar& b,
+                                  const RecordedScalar& c) {
   const int count = operands(op);
   FormulaGraph* graph = a.graph_;
   if (graph == nullptr && count > 1) graph = b.graph_;
@@ -20,24 +21,24 @@ Traced Traced::of(Op op, const Traced& a, const Traced& b, const Traced& c) {
                                    count > 2 ? c.in(*graph) : -1)};
 }
 
-FormulaNodes untraced_nodes(const ModelSizes& sizes) {
+FormulaNodes empty_nodes(const ModelSizes& sizes) {
   std::vector<bool> held(
       static_cast<std::size_t>(sizes.states + sizes.inputs + sizes.parameters + 1), false);
   for (int i = 0; i < sizes.parameters; ++i) {
-    held[static_cast<std::size_t>(sizes.states + sizes.inputs + i)] = true;
+    held[sizes.states + sizes.inputs + i] = true;
   }
   return {FormulaGraph(held), {}, {}, sizes.states, sizes.inputs, sizes.parameters,
           sizes.continuous};
 }
 
-TracedArguments traced_arguments(FormulaNodes& nodes) {
+RecordedArguments recorded_arguments(FormulaNodes& nodes) {
   int symbol = 0;
   const auto take = [&](int count) {
-    std::vector<Traced> out;
+    std::vector<RecordedScalar> out;
     for (int i = 0; i < count; ++i) out.emplace_back(nodes.graph, nodes.graph.symbol(symbol++));
     return out;
   };
-  TracedArguments out;
+  RecordedArguments out;
   out.x = take(nodes.states);
   out.u = take(nodes.inputs);
   out.p = take(nodes.parameters);

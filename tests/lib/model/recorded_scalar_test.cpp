@@ -1,4 +1,4 @@
-#include "lib/model/traced.h"
+#include "lib/model/recorded_scalar.h"
 
 #include <cmath>
 
@@ -15,7 +15,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // The same pendulum as a function and as text.
-struct TracedPendulum {
+struct RecordedPendulum {
   template <typename T>
   void dynamics(const T* x, const T* u, const T* p, T t, T* f) const {
     using std::abs;
@@ -42,9 +42,9 @@ const Written kSamePendulum{
     {},
     true};
 
-TEST(Traced, AFunctionIsTheSameModelAsItsFormulas) {
+TEST(RecordedScalar, AFunctionIsTheSameModelAsItsFormulas) {
   const NonlinearModel function =
-      make_nonlinear_model(trace(TracedPendulum(), {2, 1, 3, 1, true}), Derivatives::second);
+      make_nonlinear_model(trace(RecordedPendulum(), {2, 1, 3, 1, true}), Derivatives::second);
   const NonlinearModel text = make_nonlinear_model(formulas_of(kSamePendulum), Derivatives::second);
   const VectorXd time = (VectorXd(2) << 0.0, 0.1).finished();
   const InputNodes inputs =
@@ -65,7 +65,7 @@ TEST(Traced, AFunctionIsTheSameModelAsItsFormulas) {
   }
 }
 
-struct TracedDecay {
+struct RecordedDecay {
   template <typename T>
   void dynamics(const T* x, const T* u, const T* p, T, T* f) const {
     f[0] = (u[0] - x[0]) / p[0];
@@ -76,17 +76,18 @@ struct TracedDecay {
   }
 };
 
-TEST(Traced, ALinearFunctionIsRecognised) {
-  const auto linear = linear_model_of(trace(TracedDecay(), {1, 1, 1, 1, true}));
+TEST(RecordedScalar, ALinearFunctionIsRecognised) {
+  const auto linear = linear_model_of(trace(RecordedDecay(), {1, 1, 1, 1, true}));
   ASSERT_TRUE(linear.has_value());
   EXPECT_EQ(linear->A.formulas.size(), 1U);
-  EXPECT_FALSE(linear_model_of(trace(TracedPendulum(), {2, 1, 3, 1, true})).has_value());
+  EXPECT_FALSE(linear_model_of(trace(RecordedPendulum(), {2, 1, 3, 1, true})).has_value());
 }
 
-TEST(Traced, ConstantsFoldAndGraphsDoNotMix) {
-  FormulaNodes one = untraced_nodes({1, 0, 0, 1, true}), other = untraced_nodes({1, 0, 0, 1, true});
-  const Traced x = traced_arguments(one).x[0], y = traced_arguments(other).x[0];
-  EXPECT_TRUE(one.graph.is_number((Traced(2.0) * 3.0 + exp(Traced(0.0))).in(one.graph), 7.0));
+TEST(RecordedScalar, ConstantsFoldAndGraphsDoNotMix) {
+  FormulaNodes one = empty_nodes({1, 0, 0, 1, true}), other = empty_nodes({1, 0, 0, 1, true});
+  const RecordedScalar x = recorded_arguments(one).x[0], y = recorded_arguments(other).x[0];
+  EXPECT_TRUE(one.graph.is_number(
+      (RecordedScalar(2.0) * 3.0 + exp(RecordedScalar(0.0))).in(one.graph), 7.0));
   EXPECT_THROW(x + y, std::invalid_argument);
 }
 
