@@ -12,14 +12,14 @@
 namespace identikal {
 
 /// The outputs without noise, by the inputs alone, from the state at the first sample as the whole
-/// recording determines it (the smoother of identify/filter/model_filter.h; where that does not run, the
-/// model's start): nothing of the recording enters but through that state.
+/// recording determines it (the smoother of identify/filter/model_filter.h; where that does not
+/// run, the model's start): nothing of the recording enters but through that state.
 /// @param model  of the form linear or nonlinear
-/// @return SI, ny x N; infinite where the motion runs away
+/// @return SI, ny x N; infinite where the motion diverges
 Eigen::MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& parameters,
                                   const Dataset& recording);
 
-/// Fills `simulation` with the fit of the free runs.
+/// Fills `simulation` with the fit of these simulations.
 void report_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings);
 
