@@ -179,7 +179,7 @@ MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
   FilterNoise noise = zero_noise(model.formulas.model);
   noise.x0 = x;
   IntegrationSteps steps = motion_steps(model, at, recording, x);
-  // Where it runs away any number does to show it.
+  // Where it diverges any number does to show it.
   if (steps.steps.empty()) {
     steps.steps.assign(static_cast<std::size_t>(std::max<Index>(recording.size() - 1, 0)), 1);
   }

@@ -27,7 +27,7 @@ void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordin
                         const std::vector<FilterResult>& filters);
 
 /// Runs the filter over every recording, each from the model's initial state, and fills all of the
-/// above, the log-likelihood and, of a nonlinear model, the fit of its free runs.
+/// above, the log-likelihood and, of a nonlinear model, the fit of its simulation.
 /// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
 std::vector<FilterResult> report_filter(Estimate& estimate, const ModelFile& model,

@@ -157,7 +157,7 @@ std::string shortened(const std::string& path, std::size_t width) {
   return path.size() <= width ? path : "..." + path.substr(path.size() - width + 3);
 }
 
-// What a result is worth on rows that it has not seen: a free run says little of noise.
+// What a result is worth on held-out rows: a simulation says little of noise.
 struct HeldOutValue {
   const char* id;
   double value;

@@ -13,7 +13,7 @@ namespace identikal {
 ///   aic, bic          less the least of all; `pass` where that is 0
 ///   log_likelihood    at its maximum
 ///   held_out          log-likelihood per held-out row of a filter; only where a result has one
-///   held_out_fit      else the free run's fit, mean over the channels [%]
+///   held_out_fit      else the simulation's fit, mean over the channels [%]
 ///
 /// and for every pair whose smaller model has the larger one's free parameters but for some, which
 /// it knows (or has not, a zero covariance), all else alike

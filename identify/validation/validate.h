@@ -25,7 +25,7 @@ struct ValidateOptions {
 /// Applies the model of a result to other recordings as it is, nothing refitted but the state at
 /// the begin. A filter: one-step fit, log-likelihood per row, and the tests score (do these data
 /// require other values?), nis and ljung_box, which allow for the estimates' own errors and err
-/// with 5 % in all. A vehicle: fit of the free run, and the test `refit`, with what it would make
+/// with 5 % in all. A vehicle: fit of the simulation, and the test `refit`, with what it would make
 /// of every value and the change of each that it detects (power 80 %) in `notes`. `derived` holds the same figures
 /// of the result's own data to compare with. Status rejected where the answer is no, with the
 /// reason in the message. Warnings where a recording is one that the result was made from, where
