@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
+#include "lib/base/constants.h"
 #include "lib/filter/kalman.h"
 #include "lib/model/discretise.h"
 #include "lib/regression/recursive_least_squares.h"
@@ -32,7 +33,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-constexpr double kDegree = EIGEN_PI / 180.0;
 constexpr double kMemory = 0.999, kStartP = 100.0;    // section 9.3.1: lambda, delta
 constexpr double kTurned = 1.9 * kDegree;             // section 9.3.2
 constexpr double kAngleSnr = 30.0, kSpeedSnr = 50.0;  // [dB]

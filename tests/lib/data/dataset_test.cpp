@@ -20,8 +20,6 @@ namespace {
 using testing::ElementsAreArray;
 using testing::HasSubstr;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-
 Column column(const std::string& name, const std::string& unit, const std::vector<double>& values) {
   Column out;
   out.name = out.header = name;
