@@ -496,7 +496,7 @@ std::vector<Dataset> circles(double offset, std::uint64_t seed) {
 TEST(SteadyDriving, CirclesGiveTwoProducts) {
   const Estimate fit = fit_vehicle(sladka2010_model({"r"}), circles(0.05, 1));
   EXPECT_EQ(fit.status, Status::rejected);
-  EXPECT_THAT(fit.message, HasSubstr("the products i L and i K alone"));
+  EXPECT_THAT(fit.message, HasSubstr("only the products i L and i K"));
   const DerivedValue* iL = derived(fit, "i L");
   const DerivedValue* iK = derived(fit, "i K");
   const DerivedValue* offset = derived(fit, "steering_offset");
