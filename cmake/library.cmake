@@ -1,3 +1,8 @@
+# identikal_sources(VARIABLE): every source below the current folder, so that a new file is found by where it lies.
+macro(identikal_sources variable)
+  file(GLOB_RECURSE ${variable} CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+endmacro()
+
 # identikal_library(LAYER SOURCE...): the library identikal_LAYER, which other projects link as identikal::LAYER;
 # static, or shared with BUILD_SHARED_LIBS.
 function(identikal_library layer)

@@ -188,7 +188,7 @@ void warn_of_coloured_innovations(Estimate& estimate) {
              test.channel, test.p, errors ? ", and the errors above are too small" : ""),
          shapes ? "'identikal shape' looks for a shaping filter; else extend the "
                   "model: a filter tuned on a wrong model is not optimal"
-                : "extend the model, by states that shape the noise if need be: a filter tuned on "
+                : "extend the model, by states of coloured noise if need be: a filter tuned on "
                   "a wrong model is not optimal");
   }
 }

@@ -389,7 +389,8 @@ std::string evaluation_method(Path path) {
 // How the likelihood at the maximum was evaluated, and what a person should know about it.
 void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
   estimate.objective.evaluation_method = evaluation_method(taken.path);
-  if (taken.fallback == FallbackReason::none || taken.fallback == FallbackReason::not_requested) return;
+  if (taken.fallback == FallbackReason::none || taken.fallback == FallbackReason::not_requested)
+    return;
   estimate.objective.evaluation_reason = describe(taken.fallback);
   if (taken.fallback == FallbackReason::long_memory) {
     estimate.objective.evaluation_reason += fmt::format(" (its pole is {:.6f})", taken.pole);

@@ -197,7 +197,7 @@ Unit power(const Unit& base, int exponent) {
   return out;
 }
 
-// An offset (degC) has no meaning in a product: there a degree Celsius is a kelvin.
+// An offset (degC) does not apply to a product: there a degree Celsius is a kelvin.
 Unit product(const Unit& a, const Unit& b, int exponent_of_b) {
   Unit out = power(b, exponent_of_b);
   out.scale *= a.scale;

@@ -30,7 +30,7 @@ void check(const StateSpace& m, ProcessNoise noise, double step) {
   check_shapes(m);
   if (!(step > 0.0)) throw std::invalid_argument("discretise: the step is not positive");
   if (noise == ProcessNoise::density && !m.S.isZero(0.0)) {
-    throw std::invalid_argument("discretise: S has no meaning with a noise density");
+    throw std::invalid_argument("discretise: S does not apply to a noise density");
   }
 }
 

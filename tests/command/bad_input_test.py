@@ -223,7 +223,7 @@ class BadInput(unittest.TestCase):
         self.refused(["unknown setting", "'width'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "obstacle-avoidance", "--with", "widht=2 m")
         self.refused(["--with rise '2 kg'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "rise=2 kg")
         self.refused(["--with 'rise' has no '='"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "rise")
-        self.refused(["does not apply"], "simulate", *LANE_CHANGE, "--manoeuvre", "step-steer")
+        self.refused(["do not apply"], "simulate", *LANE_CHANGE, "--manoeuvre", "step-steer")
         self.refused(["--snr"], "simulate", NILE[0], "-n", 9, "--snr", "30dB")
         self.refused(["--snr '30 dezibel'"], "simulate", LANE_CHANGE[0], "--snr", "30 dezibel")
         self.refused(["-n"], "bound", NILE[0])

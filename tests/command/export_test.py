@@ -10,7 +10,7 @@ import subprocess
 import sys
 import unittest
 
-from program import LANE_CHANGE, NILE, Folder, result, run, table
+from program import LANE_CHANGE, NILE, TORQUE, Folder, result, run, table
 
 
 def interpreter_with_numpy():
@@ -209,7 +209,7 @@ initial: stationary
         """Parameters, noise and start; a parameter may be called as a word of a language, and be given in centimetres."""
         model = self.folder.write("m.yaml", run("init", "pendulum", code=0).stdout.replace("l: {value: 0.8 m, min: 0.1, max: 5}", "long: {value: 80 cm, min: 10, max: 500}")
                                   .replace("g/l*", "g/long*").replace("m*l^2", "m*long^2"))
-        run("simulate", model, "-n", 300, *Nonlinear.TORQUE, "-o", self.folder.path, code=0)
+        run("simulate", model, "-n", 300, *TORQUE, "-o", self.folder.path, code=0)
         data = self.folder.path / "simulated.csv"
         run("fit", model, data, "--starts", 1, "-o", self.out, code=0)
         stored = self.stored()

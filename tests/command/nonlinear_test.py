@@ -8,13 +8,12 @@ import unittest
 
 import jsonschema
 
-from program import NILE, SCHEMA, SYSTEM_1, Folder, result, run, table
+from program import NILE, SCHEMA, SYSTEM_1, TORQUE, Folder, result, run, table
 
 
 class Nonlinear(unittest.TestCase):
     """The pendulum of the templates, from its own simulation."""
 
-    TORQUE = "--input", "torque=1.5*sin(2*pi*0.4*t) + if(sin(0.9*t) > 0, 0.7, -0.7)"
 
     def setUp(self):
         self.folder = Folder()
@@ -25,7 +24,7 @@ class Nonlinear(unittest.TestCase):
 
     def simulated(self, seed, rows=400):
         out = self.folder.path / f"data{seed}"
-        run("simulate", self.model, "-n", rows, *self.TORQUE, "--seed", seed, "-o", out, code=0)
+        run("simulate", self.model, "-n", rows, *TORQUE, "--seed", seed, "-o", out, code=0)
         return out / "simulated.csv"
 
     def test_steps_do_not_depend_on_the_start(self):
@@ -209,7 +208,7 @@ initial: {mean: {h: 1}, sd: {h: 0.1}}
         self.assertNotAlmostEqual(tuned["objective"]["log_likelihood"], extended["objective"]["log_likelihood"], delta=1e-3)
 
     def test_bound(self):
-        out = result("bound", self.model, "-n", 400, *self.TORQUE, "--accuracy", "1%")
+        out = result("bound", self.model, "-n", 400, *TORQUE, "--accuracy", "1%")
         self.assertEqual((50, 1), (out["bound"]["simulated"]["recordings"], out["bound"]["simulated"]["seed"]))
         self.assertLess(out["bound"]["simulated"]["relative_se"], 0.03)
         # The errors of a fit to one such recording.
@@ -228,7 +227,7 @@ initial: {mean: {h: 1}, sd: {h: 0.1}}
     def test_what_it_cannot_do(self):
         data = self.simulated(6, 60)
         for words, arguments in (("input 'torque' is not given", ("bound", self.model, "-n", 100)),
-                                 ("both --input and a recording", ("bound", self.model, data, *self.TORQUE)),
+                                 ("both --input and a recording", ("bound", self.model, data, *TORQUE)),
                                  ("--runs does not apply to this model", ("bound", *NILE[:1], "-n", 100, "--runs", 7)),
                                  ("--bootstrap does not apply to a filter", ("fit", self.model, data, "--bootstrap", 100)),
                                  ("--method trajectory does not apply to a filter", ("fit", self.model, data, "--method", "trajectory")),

@@ -16,6 +16,8 @@ SHARED = ROOT.parent / "shared"
 SCHEMA = json.loads((ROOT / "identify/result/result.schema.json").read_text())
 NILE = str(ROOT / "examples/nile.yaml"), str(ROOT / "data/nile.csv")
 LANE_CHANGE = str(ROOT / "examples/severe_lane_change.yaml"), str(ROOT / "data/severe_lane_change.csv")
+# An input of the pendulum that excites all of it.
+TORQUE = "--input", "torque=1.5*sin(2*pi*0.4*t) + if(sin(0.9*t) > 0, 0.7, -0.7)"
 
 
 def run(*arguments, code=None):

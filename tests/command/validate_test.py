@@ -168,7 +168,7 @@ class Validate(unittest.TestCase):
             done = run("validate", path, NILE[1], code=2)
             self.assertIn(words, done.stderr)
             self.assertEqual(1, done.stderr.count("\n"))
-        for arguments, words in ((("--fit", "120%"), "cannot be reached"), (("--fit", "0.7"), "may be 0.7 % or 70 %"), (("--fit=-5%",), "asks for nothing"),
+        for arguments, words in ((("--fit", "120%"), "cannot be reached"), (("--fit", "0.7"), "may be 0.7 % or 70 %"), (("--fit=-5%",), "has no effect"),
                                  (("--fit", "much"), "not a quantity"), (("--robust",), "does not apply")):
             self.assertIn(words, run("validate", self.out, NILE[1], *arguments, code=2).stderr)
         self.assertIn("cannot be read", run("validate", self.folder.path / "none", NILE[1], code=2).stderr)
