@@ -104,17 +104,17 @@ TEST(Allocation, NoneInAStepOfANonlinearModel) {
                                         Eigen::MatrixXd::Ones(1, 200), InputPath::linear, 0.004);
   const Eigen::VectorXd p = Eigen::Vector2d(0.8, 0.1), u = Eigen::VectorXd::Ones(1);
   Eigen::VectorXd x = Eigen::Vector2d(0.5, 0.0), y(1);
-  Slopes slopes, y_slopes;
+  Jacobian jacobian, y_jacobian;
   set_parameters(model, memory, p);
-  observe(model, memory, x, u, 0.0, y, y_slopes, Derivatives::second);
-  step(model, memory, inputs, 0, x, slopes, Derivatives::second);
+  observe(model, memory, x, u, 0.0, y, y_jacobian, Derivatives::second);
+  step(model, memory, inputs, 0, x, jacobian, Derivatives::second);
   allocations = 0;
   counting = true;
   set_parameters(model, memory, p);
   for (Eigen::Index k = 0; k + 1 < 200; ++k) {
-    observe(model, memory, x, u, inputs.time[k], y, y_slopes, Derivatives::second);
-    step(model, memory, inputs, k, x, slopes, Derivatives::second);
-    step(model, memory, inputs, k, x, slopes);
+    observe(model, memory, x, u, inputs.time[k], y, y_jacobian, Derivatives::second);
+    step(model, memory, inputs, k, x, jacobian, Derivatives::second);
+    step(model, memory, inputs, k, x, jacobian);
     step(model, memory, inputs, k, x);
   }
   counting = false;
