@@ -72,6 +72,8 @@ for house in ORDER:
                 owner = header.split("/internal/")[0]
                 if "/internal/" in header and not name.startswith(owner + "/"):
                     faults.append(f"{where}, which is internal to {owner}")
+                if "/internal/" in header and name.endswith(".h") and "/internal/" not in name:
+                    faults.append(f"{where}: a header that is installed, one that is not")
             for pattern, only in ONLY_IN.items():
                 if re.match(pattern, header) and not re.fullmatch(only, name):
                     faults.append(f"{where}; it belongs into {only} only")

@@ -4,7 +4,7 @@
 
 #include "identify/estimate/estimate.h"
 #include "identify/vehicle/covariance.h"
-#include "identify/vehicle/internal/tyre_saturation.h"
+#include "identify/vehicle/tyre_saturation.h"
 
 namespace identikal {
 

@@ -8,8 +8,8 @@
 
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/covariance.h"
-#include "identify/vehicle/internal/tyre_saturation.h"
 #include "identify/vehicle/starts.h"
+#include "identify/vehicle/tyre_saturation.h"
 #include "lib/base/error.h"
 #include "lib/data/csv.h"
 #include "tests/support/shared_data.h"

@@ -1,6 +1,7 @@
 // Somebody else's program: noise covariances of a recording, by the installed library.
 #include <cstdio>
 
+#include "identify/model/model_file.h"
 #include "identify/noise/ml.h"
 #include "lib/data/csv.h"
 #include "lib/version.h"

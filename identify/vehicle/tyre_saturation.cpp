@@ -1,4 +1,4 @@
-#include "identify/vehicle/internal/tyre_saturation.h"
+#include "identify/vehicle/tyre_saturation.h"
 
 #include <algorithm>
 #include <cmath>
