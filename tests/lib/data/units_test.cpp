@@ -9,21 +9,21 @@
 namespace identikal {
 namespace {
 
-using Dimension = std::array<int, 5>;
+using Exponents = std::array<int, 5>;
 
 constexpr double kPi = std::numbers::pi;
-constexpr Dimension kNumber{};
-constexpr Dimension kSpeed{1, 0, -1, 0, 0};
-constexpr Dimension kRate{0, 0, -1, 0, 0};
-constexpr Dimension kAcceleration{1, 0, -2, 0, 0};
-constexpr Dimension kForce{1, 1, -2, 0, 0};
-constexpr Dimension kTorque{2, 1, -2, 0, 0};
-constexpr Dimension kInertia{2, 1, 0, 0, 0};
+constexpr Exponents kNumber{};
+constexpr Exponents kSpeed{1, 0, -1, 0, 0};
+constexpr Exponents kRate{0, 0, -1, 0, 0};
+constexpr Exponents kAcceleration{1, 0, -2, 0, 0};
+constexpr Exponents kForce{1, 1, -2, 0, 0};
+constexpr Exponents kTorque{2, 1, -2, 0, 0};
+constexpr Exponents kInertia{2, 1, 0, 0, 0};
 
 struct UnitCase {
   const char* text;
   double scale;
-  Dimension dimension;
+  Exponents dimension;
 };
 
 void expect_units(const std::vector<UnitCase>& cases) {
