@@ -25,7 +25,7 @@ inline constexpr double kFlat = 1e-9;
 /// What a person may do with the result; the codes of the JSON result.
 enum class Status {
   ok,
-  rejected,  ///< the answer is no: a test rejects, or the data do not determine the unknowns
+  rejected,  ///< a test rejects, or the data do not determine the unknowns
   not_converged,
   untrusted,
 };

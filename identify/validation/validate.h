@@ -27,7 +27,7 @@ struct ValidateOptions {
 /// require other values?), nis and ljung_box, which allow for the estimates' own errors and err
 /// with 5 % in all. A vehicle: fit of the simulation, and the test `refit`, with what it would make
 /// of every value and the change of each that it detects (power 80 %) in `notes`. `derived` holds the same figures
-/// of the result's own data to compare with. Status rejected where the answer is no, with the
+/// of the result's own data to compare with. Status rejected where a test rejects it, with the
 /// reason in the message. Warnings where a recording is one that the result was made from, where
 /// the result was not to be trusted, and where the model file is no longer what it was.
 /// @param result      as read from its file

@@ -10,7 +10,7 @@ from program import Folder, result, run
 
 
 class Driven(unittest.TestCase):
-    """A level that pulls back to zero and is pushed by an input, as the model says or seven samples later."""
+    """A level that pulls back to zero and is driven by an input, as the model says or seven samples later."""
 
     MODEL = """identikal: 1
 time: {column: t, unit: s, step: 0.1 s}
