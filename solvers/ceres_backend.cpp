@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <sstream>
-#include <stdexcept>
 #include <vector>
 
 #include <ceres/cost_function.h>
@@ -11,6 +9,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include "lib/base/message.h"
 #include "solvers/solve.h"
 
 namespace identikal {
@@ -18,17 +17,14 @@ namespace {
 
 void check(const LeastSquares& problem, const Eigen::VectorXd& start) {
   const Eigen::Index n = start.size();
-  std::ostringstream text;
-  if (n == 0 || problem.residuals <= 0 || problem.lower.size() != n || problem.upper.size() != n) {
-    text << "least squares: " << problem.residuals << " residuals, start of size " << n
-         << ", bounds of sizes " << problem.lower.size() << " and " << problem.upper.size();
-    throw std::invalid_argument(text.str());
-  }
+  require_argument(
+      n > 0 && problem.residuals > 0 && problem.lower.size() == n && problem.upper.size() == n,
+      {"least squares: ", problem.residuals, " residuals, start of size ", n, ", bounds of sizes ",
+       problem.lower.size(), " and ", problem.upper.size()});
   for (Eigen::Index i = 0; i < n; ++i) {
-    if (start[i] >= problem.lower[i] && start[i] <= problem.upper[i]) continue;
-    text << "least squares: start " << start[i] << " of coordinate " << i << " lies outside ["
-         << problem.lower[i] << ", " << problem.upper[i] << "]";
-    throw std::invalid_argument(text.str());
+    require_argument(start[i] >= problem.lower[i] && start[i] <= problem.upper[i],
+                     {"least squares: start ", start[i], " of coordinate ", i, " lies outside [",
+                      problem.lower[i], ", ", problem.upper[i], "]"});
   }
 }
 

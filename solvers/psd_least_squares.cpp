@@ -5,8 +5,6 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
-#include <sstream>
-#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -17,6 +15,7 @@
 #include <Eigen/SVD>
 
 #include "lib/base/constants.h"
+#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
@@ -298,11 +297,7 @@ Scaled scale(const PsdLeastSquares& problem, bool within_blocks) {
 
 template <typename... What>
 void require(bool good, const What&... what) {
-  if (good) return;
-  std::ostringstream text;
-  text << "minimise: ";
-  (text << ... << what);
-  throw std::invalid_argument(text.str());
+  require_argument(good, {"minimise: ", what...});
 }
 
 void check(const PsdLeastSquares& problem) {

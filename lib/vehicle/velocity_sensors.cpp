@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <sstream>
-#include <stdexcept>
 
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 
+#include "lib/base/constants.h"
 #include "lib/base/message.h"
 
 namespace identikal {
@@ -19,29 +17,22 @@ using Eigen::Index;
 constexpr double kNearest = 1e-3;  // [m] between sensors that can see a turn
 
 void check_sensors(const std::vector<VectorSensor>& sensors) {
-  std::ostringstream text;
-  if (sensors.size() < 2) {
-    text << sensors.size()
-         << " vector sensor: two at different points are needed, one cannot tell turning from "
-            "sliding";
-    throw std::invalid_argument(text.str());
-  }
+  require_argument(sensors.size() >= 2,
+                   {sensors.size(),
+                    " vector sensor: two at different points are needed, one cannot tell turning "
+                    "from sliding"});
   double farthest = 0.0;
   for (const VectorSensor& sensor : sensors) {
-    if (!(sensor.speed_sd > 0.0 && sensor.slip_sd > 0.0)) {
-      text << "vector sensor at (" << sensor.x << ", " << sensor.y << ") m: standard deviations "
-           << sensor.speed_sd << " m/s and " << sensor.slip_sd
-           << " rad are not positive, so that its readings cannot be weighed";
-      throw std::invalid_argument(text.str());
-    }
+    require_argument(sensor.speed_sd > 0.0 && sensor.slip_sd > 0.0,
+                     {"vector sensor at (", sensor.x, ", ", sensor.y, ") m: standard deviations ",
+                      sensor.speed_sd, " m/s and ", sensor.slip_sd,
+                      " rad are not positive, so that its readings cannot be weighed"});
     farthest = std::max(farthest, std::hypot(sensor.x - sensors[0].x, sensor.y - sensors[0].y));
   }
-  if (!(farthest >= kNearest)) {
-    text << "all " << sensors.size() << " vector sensors sit at (" << sensors[0].x << ", "
-         << sensors[0].y
-         << ") m: at one point they all measure the same velocity, and the yaw rate is open";
-    throw std::invalid_argument(text.str());
-  }
+  require_argument(
+      farthest >= kNearest,
+      {"all ", sensors.size(), " vector sensors sit at (", sensors[0].x, ", ", sensors[0].y,
+       ") m: at one point they all measure the same velocity, and the yaw rate is open"});
 }
 
 }  // namespace
@@ -52,14 +43,12 @@ CentreVelocity centre_velocity(const std::vector<VectorSensor>& sensors,
   check_sensors(sensors);
   const auto S = static_cast<Index>(sensors.size());
   const Index N = speed.cols();
-  if (speed.rows() != S || slip.rows() != S || slip.cols() != N) {
-    throw std::invalid_argument(message({S, " vector sensors, speeds ", speed.rows(), " x ", N,
-                                         ", slip angles ", slip.rows(), " x ", slip.cols()}));
-  }
-  constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
+  require_argument(speed.rows() == S && slip.rows() == S && slip.cols() == N,
+                   {S, " vector sensors, speeds ", speed.rows(), " x ", N, ", slip angles ",
+                    slip.rows(), " x ", slip.cols()});
   CentreVelocity out;
-  out.value = Eigen::Matrix3Xd::Constant(3, N, kMissing);
-  out.covariance.assign(static_cast<std::size_t>(N), Eigen::Matrix3d::Constant(kMissing));
+  out.value = Eigen::Matrix3Xd::Constant(3, N, kNaN);
+  out.covariance.assign(static_cast<std::size_t>(N), Eigen::Matrix3d::Constant(kNaN));
   Eigen::Matrix<double, Eigen::Dynamic, 3> H(2 * S, 3);
   Eigen::VectorXd z(2 * S);
   for (Index t = 0; t < N; ++t) {
