@@ -1,10 +1,11 @@
 #include "lib/filter/innovations.h"
 
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -62,9 +63,8 @@ Likelihood innovations_likelihood(const Innovations& at,
     if (!e.allFinite() || !S.allFinite()) return {FilterStatus::not_finite, 0.0, {}, {}};
     if (llt.info() != Eigen::Success) return {FilterStatus::indefinite, 0.0, {}, {}};
     const VectorXd weighted = llt.solve(e);
-    out.value -=
-        llt.matrixLLT().diagonal().array().log().sum() +
-        0.5 * (e.dot(weighted) + static_cast<double>(n) * std::log(2.0 * std::numbers::pi));
+    out.value -= llt.matrixLLT().diagonal().array().log().sum() +
+                 0.5 * (e.dot(weighted) + static_cast<double>(n) * kLogTwoPi);
     if (k == 0) continue;
     MatrixXd moved(n, k);                         // Sigma^-1 de
     std::vector<MatrixXd> turned(beside.size());  // Sigma^-1 dSigma

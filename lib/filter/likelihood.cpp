@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
+#include "lib/base/constants.h"
 #include "lib/filter/internal/recursion.h"
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/steady_filter.h"
@@ -192,8 +192,7 @@ bool LikelihoodEngine::Recordings::add_gapless(const Recording& recording, const
     return false;
   }
   const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
-  result.value -=
-      0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(recording.samples - diffuse);
+  result.value -= 0.5 * kLogTwoPi * static_cast<double>(recording.samples - diffuse);
   return true;
 }
 

@@ -1,7 +1,8 @@
 #include "identify/vehicle/internal/block_tridiagonal.h"
 
 #include <cmath>
-#include <numbers>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 
@@ -33,7 +34,7 @@ void BlockTridiagonal::add(Eigen::Index t, const Sample& sample, MarginalQuadrat
 }
 
 bool BlockTridiagonal::eliminate(const Eigen::Vector2d& state_scale, MarginalQuadratic& rest) {
-  const double normal = 0.5 * std::log(2.0 * std::numbers::pi);
+  const double normal = 0.5 * kLogTwoPi;
   for (std::size_t t = 0; t < blocks_.size(); ++t) {
     Block& now = blocks_[t];
     if (t > 0) {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "lib/base/constants.h"
+
 namespace identikal {
 
 NoiseCost noise_cost(bool robust, double r) {
@@ -20,7 +22,7 @@ double log_norm_of_noise(bool robust) {
   constexpr double nu = kStudentFreedom;
   return robust ? 0.5 * std::log(nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
                       std::lgamma(0.5 * (nu + 1.0))
-                : 0.5 * std::log(2.0 * std::numbers::pi);
+                : 0.5 * kLogTwoPi;
 }
 
 double most_likely_scale(const Eigen::VectorXd& e) {

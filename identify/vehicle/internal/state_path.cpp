@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <Eigen/QR>
@@ -293,7 +292,7 @@ BlockTridiagonal StatePath::assembled(std::size_t segment, const Rescaled& rows,
 void StatePath::add_expected_noise(std::size_t segment, const BlockTridiagonal& path,
                                    const Rescaled& rows, const Eigen::VectorXd& p,
                                    Marginal& out) const {
-  const double normal = 0.5 * std::log(2.0 * std::numbers::pi);
+  const double normal = 0.5 * kLogTwoPi;
   const double* time = problem_.run->time.data() + problem_.run->segments[segment].first;
   const std::vector<Place>& places = places_[segment];
   const NoiseSd& noise = rows.noise;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -477,7 +476,7 @@ Index Recursion::run_with_constant_gain(Index t, Segment* segment, Likelihood& o
 
 void Recursion::finish(Likelihood& out) {
   if (status_ == FilterStatus::ok && diffuse_) status_ = FilterStatus::undetermined;
-  out.value -= 0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(samples_ - folded_);
+  out.value -= 0.5 * kLogTwoPi * static_cast<double>(samples_ - folded_);
   if (status_ == FilterStatus::ok && !(std::isfinite(out.value) && out.gradient.allFinite())) {
     status_ = FilterStatus::not_finite;
   }

@@ -1,7 +1,8 @@
 #include "lib/nonlinear/internal/innovation_update.h"
 
 #include <cmath>
-#include <numbers>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 
@@ -204,7 +205,7 @@ void InnovationUpdate::release_constant_information() {
 
 Likelihood InnovationUpdate::finish(FilterStatus status) {
   release_constant_information();
-  out_.value -= 0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(samples_);
+  out_.value -= 0.5 * kLogTwoPi * static_cast<double>(samples_);
   if (status == FilterStatus::ok &&
       !(std::isfinite(out_.value) && out_.gradient.allFinite() && out_.information.allFinite())) {
     status = FilterStatus::not_finite;
