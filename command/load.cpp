@@ -14,6 +14,7 @@
 #include "identify/result/file_digest.h"
 #include "identify/result/values.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 #include "lib/data/join.h"
 
 namespace identikal {
@@ -177,10 +178,9 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
     } catch (const InputError&) {
       continue;  // not time stamps
     }
-    Eigen::VectorXd steps = t.tail(t.size() - 1) - t.head(t.size() - 1);
-    double* middle = steps.data() + steps.size() / 2;
-    std::nth_element(steps.data(), middle, steps.data() + steps.size());
-    if (std::abs(*middle - model.time.step) <= 0.01 * model.time.step) continue;
+    const Eigen::VectorXd steps = t.tail(t.size() - 1) - t.head(t.size() - 1);
+    const double usual = median({steps.begin(), steps.end()});
+    if (std::abs(usual - model.time.step) <= 0.01 * model.time.step) continue;
     warnings.push_back(
         {"step_differs",
          Severity::warning,
@@ -188,7 +188,7 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
          fmt::format(
              "the model file gives {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
              model.time.step, column.name, std::filesystem::path(table.path).filename().string(),
-             *middle),
+             usual),
          fmt::format("correct 'step', or write time: {{column: {}}}", column.name)});
     return;
   }

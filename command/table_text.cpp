@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "lib/base/median.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -58,19 +59,16 @@ std::string time_text(const Table& table) {
     for (std::size_t i = 1; i < column.values.size(); ++i) {
       steps.push_back(column.values[i] - column.values[i - 1]);
     }
-    std::vector<double> sorted = steps;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<long>(sorted.size() / 2),
-                     sorted.end());
-    const double median = sorted[sorted.size() / 2];
+    const double usual = median(steps);
     const auto gaps =
-        std::count_if(steps.begin(), steps.end(), [median](double s) { return s > 1.5 * median; });
-    const auto uneven = std::count_if(steps.begin(), steps.end(), [median](double s) {
-      return std::abs(s - median) > 0.05 * median && s <= 1.5 * median;
+        std::count_if(steps.begin(), steps.end(), [usual](double s) { return s > 1.5 * usual; });
+    const auto uneven = std::count_if(steps.begin(), steps.end(), [usual](double s) {
+      return std::abs(s - usual) > 0.05 * usual && s <= 1.5 * usual;
     });
     const Unit unit = parse_unit(column.unit.empty() ? "s" : column.unit).value_or(Unit{});
     return fmt::format(
         "time   '{}': {:.6g} Hz (step {:.6g} s), {:.6g} s long, {} gaps, {} uneven steps\n",
-        column.name, 1.0 / (median * unit.scale), median * unit.scale,
+        column.name, 1.0 / (usual * unit.scale), usual * unit.scale,
         (column.values.back() - column.values.front()) * unit.scale, gaps, uneven);
   }
   return "time   no column looks like time; a model gives the step: time: {kind: discrete, step: "

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter/model_filter.h"
+#include "lib/base/median.h"
 #include "lib/data/units.h"
 #include "lib/filter/kalman.h"
 #include "lib/filter/steady_state.h"
@@ -42,7 +43,7 @@ std::vector<FilterResult> filtered(const ModelFile& model, const ParameterSet& p
   return out;
 }
 
-// 1.4826 median |e| of one channel over all recordings; 0 when there is nothing.
+// From the median |e| of one channel over all recordings; 0 when there is nothing.
 double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
                         Index channel) {
   std::vector<double> sizes;
@@ -51,10 +52,7 @@ double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd Filte
       if (!std::isnan(value)) sizes.push_back(std::abs(value));
     }
   }
-  if (sizes.empty()) return 0.0;
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return 1.4826 * *middle;
+  return sizes.empty() ? 0.0 : kDeviationPerMedian * median(std::move(sizes));
 }
 
 // How long a disturbed prediction stays disturbed.

@@ -15,6 +15,7 @@
 #include "identify/filter/report.h"
 #include "identify/result/csv.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 #include "lib/data/units.h"
 #include "lib/model/linear_model.h"
 
@@ -100,12 +101,11 @@ std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixX
     if (std::isfinite(sd(i, t))) known.push_back(sd(i, t));
   }
   if (known.empty()) return fmt::format("state  {:<12} is never determined", state.name);
-  const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
   const Index last = sd.cols() - 1;
   return fmt::format("state  {:<12} {:>11.6g} +- {:<9.3g} at the end, sd {:.3g}{}{} in the median",
                      state.name, state.si.from_si(x(i, last)), sd(i, last) / state.si.scale,
-                     *middle / state.si.scale, state.unit.empty() ? "" : " ", state.unit);
+                     median(std::move(known)) / state.si.scale, state.unit.empty() ? "" : " ",
+                     state.unit);
 }
 
 std::string what_was_done(const FilterRunOptions& options) {

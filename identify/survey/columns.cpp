@@ -12,6 +12,7 @@
 #include "identify/survey/internal/column_names.h"
 #include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
+#include "lib/base/median.h"
 #include "lib/data/units.h"
 #include "lib/statistics/paired_correlation.h"
 
@@ -54,10 +55,7 @@ Clock read_clock(const Table& table) {
     const auto back =
         std::count_if(steps.begin(), steps.end(), [](double s) { return !(s > 0.0); });
     if (static_cast<double>(back) > 0.1 * static_cast<double>(steps.size())) continue;
-    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-    std::vector<double> sorted = steps;
-    std::nth_element(sorted.begin(), sorted.begin() + (middle - steps.begin()), sorted.end());
-    const double median = sorted[middle - steps.begin()];
+    const double usual = median(steps);
     const std::optional<Unit> unit = parse_unit(column.unit.empty() ? "s" : column.unit);
     const double scale = unit && same_dimension(*unit, *parse_unit("s")) ? unit->scale : 1.0;
     out.column = column.name;
@@ -68,7 +66,7 @@ Clock read_clock(const Table& table) {
     for (std::size_t i = 0; i < steps.size(); ++i) {
       if (!(steps[i] > 0.0)) {
         // Far enough that nothing is interpolated across, nor compared with the run before.
-        shift += -steps[i] + std::max(20.0 * median, 6.0 / scale);
+        shift += -steps[i] + std::max(20.0 * usual, 6.0 / scale);
         ++out.runs;
       }
       out.time[i + 1] = (column.values[i + 1] + shift) * scale;

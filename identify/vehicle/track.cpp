@@ -14,6 +14,7 @@
 #include "identify/vehicle/starts.h"
 #include "identify/vehicle/usable_data.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 #include "lib/regression/least_squares.h"
 #include "lib/regression/recursive_least_squares.h"
 
@@ -33,10 +34,9 @@ VectorXd every_second(const VectorXd& rows, Index first) {
   return Eigen::Map<const VectorXd, 0, Eigen::InnerStride<2>>(rows.data() + first, rows.size() / 2);
 }
 
-double median_size(VectorXd v) {
-  v = v.cwiseAbs();
-  std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());
-  return v[v.size() / 2];
+double median_size(const VectorXd& v) {
+  const VectorXd size = v.cwiseAbs();
+  return median({size.begin(), size.end()});
 }
 
 // The balances as rows of one regression, two for each point of time: force, then moment.

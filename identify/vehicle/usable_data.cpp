@@ -8,6 +8,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
 
@@ -232,12 +233,6 @@ void require_shape(const ModelFile& model, const Dataset& data) {
         fmt::format("at most {:g} s: a car's yaw motion is over within a second", kLongestStep),
         "is the time column in ms? Its unit belongs into its header or the model");
   }
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

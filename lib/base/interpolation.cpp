@@ -1,11 +1,12 @@
 #include "lib/base/interpolation.h"
 
-#include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "lib/base/constants.h"
+#include "lib/base/median.h"
 #include "lib/base/message.h"
 
 namespace identikal {
@@ -106,10 +107,7 @@ double own_period(const Eigen::Ref<const Eigen::VectorXd>& t,
     if (last >= 0) steps.push_back(t[i] - t[last]);
     last = i;
   }
-  if (steps.empty()) return kNaN;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return steps.empty() ? kNaN : median(std::move(steps));
 }
 
 }  // namespace identikal

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "lib/base/constants.h"
+#include "lib/base/median.h"
 #include "lib/base/message.h"
 #include "lib/nonlinear/internal/sigma_points.h"
 
@@ -124,9 +125,7 @@ void note(IntegrationSteps& out, StepStatus status, Index sample) {
 double median_interval(const VectorXd& time) {
   std::vector<double> all;
   for (Index k = 0; k + 1 < time.size(); ++k) all.push_back(time[k + 1] - time[k]);
-  const auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
-  std::nth_element(all.begin(), middle, all.end());
-  return *middle;
+  return median(std::move(all));
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
 #include "identify/vehicle/internal/robust_noise.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "lib/base/constants.h"
+#include "lib/base/median.h"
 
 namespace identikal {
 
@@ -44,10 +44,8 @@ Eigen::VectorXd error_weights(bool robust, const Eigen::VectorXd& e) {
   if (!robust || e.size() == 0) return out;
   // The most likely scale grows with the outliers, the median does not; weights of the cost itself
   // would make normal noise look a seventh smaller than it is.
-  Eigen::VectorXd size = e.cwiseAbs();
-  const auto middle = size.begin() + size.size() / 2;
-  std::nth_element(size.begin(), middle, size.end());
-  const double most = 3.0 * 1.4826 * *middle;
+  const Eigen::VectorXd size = e.cwiseAbs();
+  const double most = 3.0 * kDeviationPerMedian * median({size.begin(), size.end()});
   if (!(most > 0.0)) return out;
   for (Eigen::Index i = 0; i < e.size(); ++i) {
     if (std::abs(e[i]) > most) out[i] = std::pow(most / e[i], 2);

@@ -8,6 +8,7 @@
 
 #include "identify/vehicle/internal/state_path.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 #include "solvers/solve.h"
 
 namespace identikal {
@@ -42,13 +43,10 @@ NoiseSd first_noise(const VehicleProblem& problem, const VehicleOptimum& start) 
   NoiseSd out(outputs + 2);
   for (Eigen::Index j = 0; j < outputs; ++j) {
     const double given = problem.run->outputs[j].given_sd;
-    std::vector<double>& values = change[j];
     double sd = 0.5 * start.sd[j];
-    if (!values.empty()) {
-      const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-      std::nth_element(values.begin(), middle, values.end());
+    if (!change[j].empty()) {
       // The median of |N(0, 2 sd^2)| is .954 sd.
-      sd = std::clamp(*middle / 0.954, 0.02 * start.sd[j], start.sd[j]);
+      sd = std::clamp(median(change[j]) / 0.954, 0.02 * start.sd[j], start.sd[j]);
     }
     out[j] = std::isnan(given) ? sd : given;
   }
@@ -67,11 +65,6 @@ Eigen::VectorXd first_weights(const VehicleProblem& problem, const VehicleOptimu
   if (!problem.robust) return weight;
   Eigen::VectorXd e;
   output_error(problem, start.z, e, nullptr);
-  const auto median = [](std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  };
   for (Eigen::Index j = 0; j < problem.run->y.rows(); ++j) {
     std::vector<Eigen::Index> samples;
     for (std::size_t i = 0; i < problem.output.size(); ++i) {
