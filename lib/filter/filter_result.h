@@ -43,6 +43,10 @@ struct FilterResult {
 /// What kalman_filter() stores. States and covariances of a long record take much memory.
 enum class Keep { everything, innovations };
 
+/// Room for N samples of what is to be kept: vectors are NaN, covariances empty.
+FilterResult empty_filter_result(Eigen::Index states, Eigen::Index outputs, Eigen::Index N,
+                                 Keep keep);
+
 /// A model that changes from sample to sample. Sets the model of sample t (what links x(t) to y(t)
 /// and to x(t+1)), and its derivatives unless they are null; called for t = 0, 1, ... in turn. The
 /// sizes must not change.

@@ -1,6 +1,5 @@
 #include "lib/filter/kalman.h"
 
-#include "lib/base/constants.h"
 #include "lib/filter/internal/recursion.h"
 
 namespace identikal {
@@ -11,18 +10,7 @@ using Eigen::MatrixXd;
 namespace {
 
 FilterResult run(Recursion& recursion, Index n, const Eigen::Ref<const MatrixXd>& y, Keep keep) {
-  FilterResult out;
-  const Index N = y.cols();
-  out.e = MatrixXd::Constant(y.rows(), N, kNaN);
-  out.standardised = out.e;
-  out.e_sd = out.e;
-  if (keep == Keep::everything) {
-    out.x_pred = MatrixXd::Constant(n, N, kNaN);
-    out.x_filt = out.x_pred;
-    out.P_pred.resize(N);
-    out.P_filt.resize(N);
-    out.Sigma.resize(N);
-  }
+  FilterResult out = empty_filter_result(n, y.rows(), y.cols(), keep);
   RecursionOptions options;
   const Likelihood likelihood = recursion.run(options, &out);
   out.status = likelihood.status;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/internal/direction_stack.h"
 #include "lib/internal/small_product.h"
@@ -640,18 +639,7 @@ FilterResult nonlinear_filter(const NonlinearModel& model, const Eigen::Ref<cons
   const std::vector<FilterDirection> none;
   check_arguments(model, p, noise, none, inputs, y, options);
   NonlinearRecursion recursion(model, memory, p, noise, none, inputs, y, options);
-  FilterResult out;
-  const Index N = y.cols();
-  out.e = MatrixXd::Constant(y.rows(), N, kNaN);
-  out.standardised = out.e;
-  out.e_sd = out.e;
-  if (keep == Keep::everything) {
-    out.x_pred = MatrixXd::Constant(model.states, N, kNaN);
-    out.x_filt = out.x_pred;
-    out.P_pred.resize(static_cast<std::size_t>(N));
-    out.P_filt.resize(static_cast<std::size_t>(N));
-    out.Sigma.resize(static_cast<std::size_t>(N));
-  }
+  FilterResult out = empty_filter_result(model.states, y.rows(), y.cols(), keep);
   const Likelihood likelihood = recursion.run(&out, keep, nullptr);
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
