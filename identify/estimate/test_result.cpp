@@ -9,13 +9,18 @@ namespace identikal {
 
 TestResult test_result(std::string id, std::string channel, double value,
                        std::array<double, 2> interval, double p, double level) {
+  TestResult out = reported_figure(std::move(id), std::move(channel), value, p >= level);
+  out.interval = interval;
+  out.p = p;
+  return out;
+}
+
+TestResult reported_figure(std::string id, std::string channel, double value, bool pass) {
   TestResult out;
   out.id = std::move(id);
   out.channel = std::move(channel);
   out.value = value;
-  out.interval = interval;
-  out.p = p;
-  out.pass = p >= level;
+  out.pass = pass;
   return out;
 }
 

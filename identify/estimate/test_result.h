@@ -14,6 +14,9 @@ namespace identikal {
 TestResult test_result(std::string id, std::string channel, double value,
                        std::array<double, 2> interval, double p, double level);
 
+/// A figure that stands among the tests: of no distribution, and `pass` is the caller's to say.
+TestResult reported_figure(std::string id, std::string channel, double value, bool pass);
+
 /// Mean normalised innovation squared, two-sided: chi-square with `nis.dof` > 0 degrees of freedom
 /// over them.
 TestResult nis_test(const ChiSquareStatistic& nis, double level);

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/test_result.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/optimality/optimality.h"
@@ -124,27 +125,13 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   for (std::size_t rank = 0; rank < order.size(); ++rank) {
     const Scored& s = all[order[rank]];
     const std::string& path = models[order[rank]].path;
-    TestResult likelihood;
-    likelihood.id = "log_likelihood";
-    likelihood.channel = path;
-    likelihood.value = s.log_likelihood;
+    TestResult likelihood = reported_figure("log_likelihood", path, s.log_likelihood, rank == 0);
     likelihood.p = difference(s, best);
-    likelihood.pass = rank == 0;
     out.tests.push_back(likelihood);
     for (const auto& [id, measure] : measures) {
-      TestResult t;
-      t.id = id;
-      t.channel = path;
-      t.value = s.*measure;
-      t.pass = s.*measure == least(measure);
-      out.tests.push_back(t);
+      out.tests.push_back(reported_figure(id, path, s.*measure, s.*measure == least(measure)));
     }
-    TestResult optimal;
-    optimal.id = "optimal";
-    optimal.channel = path;
-    optimal.value = s.optimal ? 1.0 : 0.0;
-    optimal.pass = s.optimal;
-    out.tests.push_back(optimal);
+    out.tests.push_back(reported_figure("optimal", path, s.optimal ? 1.0 : 0.0, s.optimal));
     // Within the width of the console.
     const std::string file = path.size() <= 19 ? path : "..." + path.substr(path.size() - 16);
     out.notes.push_back(

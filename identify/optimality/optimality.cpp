@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/test_result.h"
 #include "identify/filter/report.h"
 #include "lib/statistics/autocorrelation.h"
 #include "lib/statistics/autoregression.h"
@@ -61,9 +62,7 @@ void judge(Member& member, double level) {
 Member member(const char* id, const std::string& channel, const ChiSquareStatistic& statistic,
               double share) {
   Member out;
-  out.result.id = id;
-  out.result.channel = channel;
-  out.result.value = statistic.value;
+  out.result = reported_figure(id, channel, statistic.value, true);
   out.dof = statistic.dof;
   out.share = share;
   return out;
@@ -126,19 +125,16 @@ void report_entries(const ScoreStatistic& score, bool rejected, Optimality& out)
   std::sort(order.begin(), order.end(), [&](Index a, Index b) {
     return std::abs(score.direction[a]) > std::abs(score.direction[b]);
   });
-  std::string said;
   for (Index i = 0; i < k; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    TestResult entry;
-    entry.id = "score_entry";
-    entry.channel = score.names[at];
-    entry.value = score.direction[i];
+    const double z = score.direction[i];
+    TestResult entry =
+        reported_figure("score_entry", score.names[i], z, !rejected || std::abs(z) <= limit);
     entry.interval = {-limit, limit};
-    entry.p = normal_two_sided(score.direction[i]);
-    entry.pass = !rejected || std::abs(score.direction[i]) <= limit;
+    entry.p = normal_two_sided(z);
     out.tests.push_back(entry);
   }
   if (!rejected) return;
+  std::string said;
   for (std::size_t i = 0; i < order.size() && i < 3; ++i) {
     const double z = score.direction[order[i]];
     if (i > 0 && std::abs(z) <= limit) break;
@@ -221,11 +217,9 @@ void report_order(const MatrixXd& e, Optimality& out) {
   const Autoregressions models =
       yule_walker(sample_autocovariances(e, highest + 1, Divisor::samples));
   if (models.S.empty()) return;
-  TestResult order;
-  order.id = "ar_order";
-  order.value = static_cast<double>(autoregressive_order(models, samples, Penalty::bic).order);
+  const auto found = static_cast<double>(autoregressive_order(models, samples, Penalty::bic).order);
+  TestResult order = reported_figure("ar_order", "", found, found == 0.0);
   order.interval = {0.0, 0.0};
-  order.pass = order.value == 0.0;
   out.tests.push_back(order);
 }
 

@@ -12,6 +12,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/test_result.h"
 #include "identify/validation/internal/nested_structure.h"
 #include "lib/base/error.h"
 
@@ -185,15 +186,6 @@ double critical_value(int extra, int at_bound) {
   return high;
 }
 
-TestResult measure(const std::string& id, const std::string& channel, double value, bool pass) {
-  TestResult out;
-  out.id = id;
-  out.channel = channel;
-  out.value = value;
-  out.pass = pass;
-  return out;
-}
-
 void compare_nested(const StoredResult& small, const StoredResult& large, Estimate& out) {
   Nesting nesting;
   if (!is_nested(small.estimate, large.estimate, nesting)) return;
@@ -221,12 +213,10 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Estima
                               : "a search has not converged"));
     return;
   }
-  TestResult test = measure("likelihood_ratio", name_of(small) + " in " + name_of(large),
-                            std::max(0.0, 2.0 * gain), true);
-  test.p = likelihood_ratio_p(test.value, extra, at_bound);
-  test.interval = {0.0, critical_value(extra, at_bound)};
-  test.level = kNone;
-  test.pass = test.p >= kLevel;
+  const double ratio = std::max(0.0, 2.0 * gain);
+  const TestResult test = test_result("likelihood_ratio", name_of(small) + " in " + name_of(large),
+                                      ratio, {0.0, critical_value(extra, at_bound)},
+                                      likelihood_ratio_p(ratio, extra, at_bound), kLevel);
   out.tests.push_back(test);
   std::string line =
       fmt::format("{}: {} free as well, LR {:.4g}, p {}{:.2g} ({})", pair,
@@ -290,10 +280,12 @@ Estimate compare_results(const std::vector<StoredResult>& results) {
     const double dAIC = o.aic - best.objective.aic;
     const double dBIC = o.bic - least_bic->estimate.objective.bic;
     const std::optional<HeldOutValue> unseen = held_out_value(result.estimate);
-    out.tests.push_back(measure("aic", name_of(result), dAIC, dAIC == 0.0));
-    out.tests.push_back(measure("bic", name_of(result), dBIC, dBIC == 0.0));
-    out.tests.push_back(measure("log_likelihood", name_of(result), o.log_likelihood, rank == 0));
-    if (unseen) out.tests.push_back(measure(unseen->id, name_of(result), unseen->value, true));
+    out.tests.push_back(reported_figure("aic", name_of(result), dAIC, dAIC == 0.0));
+    out.tests.push_back(reported_figure("bic", name_of(result), dBIC, dBIC == 0.0));
+    out.tests.push_back(
+        reported_figure("log_likelihood", name_of(result), o.log_likelihood, rank == 0));
+    if (unseen)
+      out.tests.push_back(reported_figure(unseen->id, name_of(result), unseen->value, true));
     const std::string held = !held_out ? "" : unseen ? unseen->text : "       -  ";
     out.notes.push_back(fmt::format("{:>4} {:>4.0f} {:>14.3f} {:>9.2f} {:>9.2f} {}{:<13} {}",
                                     rank + 1, unknowns(o), o.log_likelihood, dAIC, dBIC, held,
