@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -15,6 +14,7 @@
 
 #include "identify/vehicle/fit.h"
 #include "identify/vehicle/starts.h"
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
 #include "lib/vehicle/sladka2010_car.h"
 #include "studies/runs.h"
@@ -99,7 +99,7 @@ struct Stiffnesses {
 Stiffnesses stiffnesses(const SingleTrack<>& car, const ModelFile& model, const TrueDrive& truth,
                         const Dataset& data) {
   Stiffnesses out;
-  out.by_method.setConstant(std::numeric_limits<double>::quiet_NaN());
+  out.by_method.setConstant(kNaN);
   out.discrete = discrete_fit(car, data.y.colwise().reverse(), truth.steering, kSpeed);
   out.by_method.col(kStates) = out.discrete.from_states;
   out.by_method.col(kSteering) = out.discrete.from_steering;

@@ -1,11 +1,11 @@
 #include "identify/filter/nonlinear_recordings.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "lib/base/constants.h"
 #include "lib/nonlinear/integration_steps.h"
 
 namespace identikal {
@@ -56,8 +56,7 @@ std::optional<IntegrationSteps> steps_of_file(const ModelFile& model, const Data
   const FormulaSettings& settings = model.formulas;
   const bool continuous = settings.model.continuous;
   if (continuous && !(settings.longest_step > 0.0)) return std::nullopt;
-  const double longest =
-      continuous ? settings.longest_step : std::numeric_limits<double>::infinity();
+  const double longest = continuous ? settings.longest_step : kInfinity;
   const Index N = recording.size();
   const double widest =
       N < 2 ? 0.0 : (recording.time.tail(N - 1) - recording.time.head(N - 1)).maxCoeff();

@@ -156,8 +156,7 @@ ParameterPrior parameter_prior(const ModelFile& model) {
     }
     const bool scalar = p.domain == Domain::scalar;
     const Prior prior = prior_of(model, p, value, all.variance[e]);
-    out.coordinates.push_back(number(prior, scalar ? p.min : 0.0,
-                                     scalar ? p.max : std::numeric_limits<double>::infinity()));
+    out.coordinates.push_back(number(prior, scalar ? p.min : 0.0, scalar ? p.max : kInfinity));
     out.coordinates.back().words = in_words(prior);
   }
   // Of a full matrix, column by column: the variance, then the partial correlations below it.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
@@ -11,6 +10,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/optimality/optimality.h"
+#include "lib/base/constants.h"
 #include "lib/statistics/autocorrelation.h"
 #include "lib/statistics/autoregression.h"
 #include "lib/statistics/long_run_covariance.h"
@@ -114,7 +114,7 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   out.objective.log_likelihood = best.log_likelihood;
   out.status = Status::ok;
   const auto least = [&](double Scored::*measure) {
-    double value = std::numeric_limits<double>::infinity();
+    double value = kInfinity;
     for (const Scored& s : all) value = std::min(value, s.*measure);
     return value;
   };

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/regression/recursive_least_squares.h"
 #include "solvers/solve.h"
@@ -34,7 +34,7 @@ bool worth_it(double before, double after, Index errors) {
 
 // The best of the grid, and 1 where that is not much worse.
 struct Tried {
-  double lambda = 1.0, criterion = std::numeric_limits<double>::infinity();
+  double lambda = 1.0, criterion = kInfinity;
 };
 Tried best_factor(const MatrixXd& phi, const VectorXd& y, double delta, double least, Index lead) {
   Tried none, best;
@@ -131,7 +131,7 @@ RegressionChoice choose_regression(const RegressionSettings& settings,
     Tried tried;
   };
   std::vector<Candidate> candidates;
-  double least = std::numeric_limits<double>::infinity();
+  double least = kInfinity;
   for (Index inputs = shortest.inputs; inputs <= out.longest.inputs; ++inputs) {
     for (Index feedback = shortest.feedback; feedback <= out.longest.feedback; ++feedback) {
       const RegressionOrder order{inputs, feedback};

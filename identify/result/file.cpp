@@ -4,7 +4,6 @@
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
-#include <limits>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -15,6 +14,7 @@
 #include "identify/result/file_digest.h"
 #include "identify/result/internal/version_1.h"
 #include "identify/result/schema.h"
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -131,9 +131,8 @@ class Field {
   }
   // null: there is none.
   std::array<double, 2> bounds() const {
-    constexpr double kFar = std::numeric_limits<double>::infinity();
     const auto [low, high] = interval();
-    return {std::isnan(low) ? -kFar : low, std::isnan(high) ? kFar : high};
+    return {std::isnan(low) ? -kInfinity : low, std::isnan(high) ? kInfinity : high};
   }
   std::vector<std::string> names() const {
     std::vector<std::string> out;
@@ -260,7 +259,7 @@ Estimate estimate_of(const Field& root) {
   if (!out.tyre_curve.empty()) {
     for (EstimatedParameter& p : out.parameters) {
       const bool straight = p.verdict == Verdict::at_bound && std::isnan(p.value);
-      if (straight) p.value = std::numeric_limits<double>::infinity();
+      if (straight) p.value = kInfinity;
     }
   }
   const Field objective = root["objective"];

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "identify/vehicle/internal/robust_noise.h"
+#include "lib/base/constants.h"
 #include "solvers/scoring.h"
 
 #if defined(__SSE2__)
@@ -89,9 +90,8 @@ VehicleProblem predicting(const VehicleProblem& problem, const Eigen::VectorXd& 
     wide << of.head(k), Eigen::VectorXd::Constant(gains, gain), of.tail(of.size() - k);
     return wide;
   };
-  const double infinity = std::numeric_limits<double>::infinity();
-  out.lower = widened(problem.lower, -infinity);
-  out.upper = widened(problem.upper, infinity);
+  out.lower = widened(problem.lower, -kInfinity);
+  out.upper = widened(problem.upper, kInfinity);
   z = widened(z, 0.0);
   return out;
 }

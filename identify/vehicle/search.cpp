@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "identify/vehicle/starts.h"
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -55,7 +56,7 @@ std::vector<VehicleOptimum> local_optima(const std::vector<Candidate>& candidate
   SolverOptions brief = solver;
   brief.max_iterations = kBriefIterations;
   std::vector<VehicleOptimum> out;
-  double highest = -std::numeric_limits<double>::infinity();
+  double highest = -kInfinity;
   for (const Candidate& candidate : candidates) {
     out.push_back(local_search(candidate.z, brief));
     highest = std::max(highest, out.back().log_likelihood);

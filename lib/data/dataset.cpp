@@ -5,7 +5,6 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 
@@ -254,8 +253,7 @@ Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {
                                  stamps.values.data(), static_cast<Index>(stamps.values.size()));
 }
 
-TimeRange::TimeRange()
-    : from(-std::numeric_limits<double>::infinity()), to(std::numeric_limits<double>::infinity()) {}
+TimeRange::TimeRange() : from(-kInfinity), to(kInfinity) {}
 
 std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
   const Column* stamps = time.restarts ? table.find(time.column) : nullptr;

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "lib/base/constants.h"
 #include "lib/filter/steady_state.h"
 #include "lib/internal/powers.h"
 
@@ -255,7 +255,7 @@ class Expectation {
   MatrixXd Pi_;    // covariance of [x, dx_1, ..., dx_k], as predicted
   VectorXd mean_;  // its mean
   Eigen::LLT<MatrixXd> llt_;
-  double smallest_change_ = std::numeric_limits<double>::infinity();
+  double smallest_change_ = kInfinity;
   int since_smallest_ = 0;
 };
 
@@ -403,7 +403,7 @@ std::optional<double> expected_filter_loss(const StateSpace& model, const GainSe
     drive.noalias() += std::max(0.0, eigen.eigenvalues()[i]) * dK * gain.Sigma * dK.transpose();
   }
   const auto X = solve_discrete_lyapunov(model.A - gain.K * model.C, drive);
-  const double loss = X ? X->trace() / gain.P.trace() : std::numeric_limits<double>::quiet_NaN();
+  const double loss = X ? X->trace() / gain.P.trace() : kNaN;
   return std::isfinite(loss) ? std::optional(loss) : std::nullopt;
 }
 

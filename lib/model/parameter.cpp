@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
+#include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/base/random.h"
 
@@ -118,9 +119,9 @@ Eigen::VectorXd coordinates(const ParameterSet& parameters) {
 }
 
 Box coordinate_box(const ParameterSet& parameters) {
-  const double infinity = std::numeric_limits<double>::infinity();
   const Eigen::Index count = free_count(parameters);
-  Box box{Eigen::VectorXd::Constant(count, -infinity), Eigen::VectorXd::Constant(count, infinity)};
+  Box box{Eigen::VectorXd::Constant(count, -kInfinity),
+          Eigen::VectorXd::Constant(count, kInfinity)};
   Eigen::Index at = 0;
   for (const Parameter& p : parameters) {
     if (p.fixed) continue;

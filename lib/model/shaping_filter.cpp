@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Eigenvalues>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 
@@ -52,7 +53,7 @@ VectorXd stable_coordinates(const VectorXd& p) {
   for (Index m = p.size(); m >= 1; --m) {
     const double k = rest[m - 1];
     if (!(std::abs(k) < 1.0)) {
-      return VectorXd::Constant(p.size(), std::numeric_limits<double>::quiet_NaN());
+      return VectorXd::Constant(p.size(), kNaN);
     }
     zeta[m - 1] = std::atanh(k);
     VectorXd next(m - 1);

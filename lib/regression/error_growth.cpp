@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -11,7 +12,7 @@ namespace {
 using Eigen::Index;
 
 constexpr Index kScaleErrors = 20;  // that only tell the variance
-constexpr double kNothingYet = -std::numeric_limits<double>::infinity();
+constexpr double kNothingYet = -kInfinity;
 
 void begin_statistic(ErrorGrowth& test) {
   test.log_statistic.fill(kNothingYet);

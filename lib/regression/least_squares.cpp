@@ -1,10 +1,11 @@
 #include "lib/regression/least_squares.h"
 
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include <Eigen/QR>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 
@@ -52,7 +53,7 @@ LinearLeastSquares weighted_least_squares(const Eigen::Ref<const MatrixXd>& X,
   out.noise_variance = N > out.rank
                            ? VectorXd((root.asDiagonal() * out.residuals).colwise().squaredNorm() /
                                       static_cast<double>(N - out.rank))
-                           : VectorXd::Constant(Y.cols(), std::numeric_limits<double>::quiet_NaN());
+                           : VectorXd::Constant(Y.cols(), kNaN);
   return out;
 }
 
@@ -66,7 +67,7 @@ MatrixXd standard_errors(const LinearLeastSquares& fit) {
   MatrixXd out = fit.P.diagonal().cwiseSqrt() * fit.noise_variance.cwiseSqrt().transpose();
   for (Index i = 0; i < out.rows(); ++i) {
     if (fit.open.cols() > 0 && fit.open.row(i).cwiseAbs().maxCoeff() > kMoved) {
-      out.row(i).setConstant(std::numeric_limits<double>::quiet_NaN());
+      out.row(i).setConstant(kNaN);
     }
   }
   return out;

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
+#include "lib/base/constants.h"
 #include "lib/regression/error_growth.h"
 
 namespace identikal {
@@ -14,8 +14,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 // Pivots over the most their regressor has had alone: at the first forgetting ends. Over what it
 // has now: below the second, which rounding alone reaches, nothing is determined.
 constexpr double kForgetDownTo = 1e-7;
@@ -128,7 +126,7 @@ double leverage(RecursiveLeastSquares& rls, const Eigen::Ref<const VectorXd>& ph
     if (determines(rls, i)) {
       rls.row[i] /= rls.L(i, i);
     } else if (std::abs(rls.row[i]) > kDeterminedPivot * std::abs(phi[i])) {
-      return kInfinite;
+      return kInfinity;
     } else {
       rls.row[i] = 0.0;
     }
@@ -146,13 +144,13 @@ bool determined(const RecursiveLeastSquares& rls) {
 
 MatrixXd inverse_correlation(const RecursiveLeastSquares& rls) {
   const Index d = rls.L.rows();
-  if (!determined(rls)) return MatrixXd::Constant(d, d, kInfinite);
+  if (!determined(rls)) return MatrixXd::Constant(d, d, kInfinity);
   const MatrixXd inverse = rls.L.triangularView<Eigen::Lower>().solve(MatrixXd::Identity(d, d));
   return inverse.transpose() * inverse;
 }
 
 VectorXd gain(const RecursiveLeastSquares& rls, const Eigen::Ref<const VectorXd>& phi) {
-  if (!determined(rls)) return VectorXd::Constant(phi.size(), kInfinite);
+  if (!determined(rls)) return VectorXd::Constant(phi.size(), kInfinity);
   VectorXd out = phi;
   rls.L.triangularView<Eigen::Lower>().solveInPlace(out);
   rls.L.triangularView<Eigen::Lower>().transpose().solveInPlace(out);
@@ -177,7 +175,7 @@ VectorXd noise_variance(const RecursiveLeastSquares& rls) {
   const double freedom = rls.weight - d * rls.squared_weight / rls.weight;
   // n - d of exactly as many samples as coefficients is zero but for rounding.
   if (!(freedom > 1e-9 * rls.weight) || !determined(rls)) {
-    return VectorXd::Constant(rls.theta.cols(), kMissing);
+    return VectorXd::Constant(rls.theta.cols(), kNaN);
   }
   const VectorXd prior = rls.prior * rls.theta.colwise().squaredNorm().transpose();
   return (rls.squares - prior).cwiseMax(0.0) / freedom;
@@ -185,7 +183,7 @@ VectorXd noise_variance(const RecursiveLeastSquares& rls) {
 
 MatrixXd standard_errors(const RecursiveLeastSquares& rls) {
   const Index d = rls.theta.rows(), ny = rls.theta.cols();
-  if (!determined(rls)) return MatrixXd::Constant(d, ny, kMissing);
+  if (!determined(rls)) return MatrixXd::Constant(d, ny, kNaN);
   return inverse_correlation(rls).diagonal().cwiseSqrt() *
          noise_variance(rls).cwiseSqrt().transpose();
 }
@@ -209,7 +207,7 @@ RegressionHistory run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& 
   out.posterior_error.resize(n);
   out.standardised.resize(n);
   out.lambda.resize(n);
-  out.log_alarm = VectorXd::Constant(n, kMissing);
+  out.log_alarm = VectorXd::Constant(n, kNaN);
   RecursiveLeastSquares rls = start_recursive_least_squares(d, 1, delta);
   ErrorGrowth growth = start_error_growth(forgetting.samples_per_false_alarm, settle);
   double noise = 0.0, known = 0.0;

@@ -1,8 +1,9 @@
 #include "lib/statistics/autocorrelation.h"
 
 #include <cmath>
-#include <limits>
 #include <stdexcept>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -45,10 +46,9 @@ Autocovariances sample_autocovariances(const Eigen::Ref<const MatrixXd>& e, Inde
 Autocovariances autocorrelations(const Autocovariances& Y) {
   Autocovariances out = Y;
   if (Y.empty()) return out;
-  const double none = std::numeric_limits<double>::quiet_NaN();
   const Eigen::VectorXd variance = Y[0].diagonal();
   const Eigen::VectorXd scale =
-      (variance.array() > 0.0).select(variance.cwiseSqrt().cwiseInverse(), none);
+      (variance.array() > 0.0).select(variance.cwiseSqrt().cwiseInverse(), kNaN);
   for (MatrixXd& gamma : out) gamma = (scale.asDiagonal() * gamma * scale.asDiagonal()).eval();
   return out;
 }

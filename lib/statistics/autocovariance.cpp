@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
+#include "lib/base/constants.h"
 #include "lib/filter/lag_products.h"
 #include "lib/filter/steady_state.h"
 #include "lib/internal/powers.h"
@@ -59,9 +59,7 @@ SampleAutocovariances sample_autocovariances(const Eigen::Ref<const MatrixXd>& e
   }
   for (std::size_t k = 0; k < out.value.size(); ++k) {
     const auto pairs = out.pairs[k].array();
-    out.value[k] =
-        (pairs > 0.0)
-            .select(out.value[k].array() / pairs, std::numeric_limits<double>::quiet_NaN());
+    out.value[k] = (pairs > 0.0).select(out.value[k].array() / pairs, kNaN);
   }
   return out;
 }

@@ -1,11 +1,12 @@
 #include "lib/statistics/autoregression.h"
 
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
 #include <Eigen/Cholesky>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -85,7 +86,7 @@ OrderChoice autoregressive_order(const Autoregressions& models, Index samples, P
   const double start = log_determinant(models.S[0]);
   OrderChoice out;
   out.criterion.resize(static_cast<Index>(models.S.size()));
-  out.least = std::numeric_limits<double>::quiet_NaN();
+  out.least = kNaN;
   for (Index m = 0; m < out.criterion.size(); ++m) {
     out.criterion[m] = N * (log_determinant(models.S[m]) - start) +
                        static_cast<double>(m) * l * l * multiple(penalty, N);

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 
+#include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/statistics/normality.h"
 
@@ -23,7 +23,7 @@ FStatistic input_correlation(const Eigen::Ref<const VectorXd>& e,
                                          u.rows(), " x ", u.cols(), ", ", lags, " lags"}));
   }
   FStatistic out;
-  out.value = std::numeric_limits<double>::quiet_NaN();
+  out.value = kNaN;
   const Index nu = u.rows(), size = nu * (lags + 1), N = e.size();
   // In units of their own size, so that the rank does not depend on the user's.
   MatrixXd inputs(nu, N);

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Cholesky>
 
+#include "lib/base/constants.h"
 #include "lib/statistics/autocovariance.h"
 
 namespace identikal {
@@ -28,8 +28,7 @@ Eigen::VectorXd centred(const Eigen::Ref<const Eigen::VectorXd>& e) {
 
 Eigen::VectorXd autocorrelation(const Eigen::Ref<const Eigen::VectorXd>& e, int lags,
                                 Eigen::VectorXd* pairs) {
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  Eigen::VectorXd r = Eigen::VectorXd::Constant(lags, none);
+  Eigen::VectorXd r = Eigen::VectorXd::Constant(lags, kNaN);
   if (pairs != nullptr) *pairs = Eigen::VectorXd::Zero(lags);
   const Eigen::VectorXd c = centred(e);
   const SampleAutocovariances Y = sample_autocovariances(c.transpose(), lags + 1);
@@ -54,7 +53,7 @@ ChiSquareStatistic ljung_box(const Eigen::Ref<const Eigen::VectorXd>& e, int lag
       out.dof += 1.0;
     }
   }
-  if (out.dof == 0.0) out.value = std::numeric_limits<double>::quiet_NaN();
+  if (out.dof == 0.0) out.value = kNaN;
   return out;
 }
 
@@ -75,7 +74,7 @@ Eigen::VectorXd published_chi_square(const Autocovariances& gamma, Eigen::Index 
 
 ChiSquareStatistic portmanteau(const Eigen::Ref<const Eigen::MatrixXd>& e, int lags) {
   ChiSquareStatistic out;
-  out.value = std::numeric_limits<double>::quiet_NaN();
+  out.value = kNaN;
   const SampleAutocovariances Y = sample_autocovariances(e, lags + 1);
   const auto ny = static_cast<double>(e.rows());
   const double all = Y.pairs[0].minCoeff();
@@ -98,7 +97,7 @@ ChiSquareStatistic portmanteau(const Eigen::Ref<const Eigen::MatrixXd>& e, int l
     out.value += weight / pairs * llt.matrixL().solve(half.transpose()).squaredNorm();
     out.dof += ny * ny;
   }
-  if (out.dof == 0.0) out.value = std::numeric_limits<double>::quiet_NaN();
+  if (out.dof == 0.0) out.value = kNaN;
   return out;
 }
 

@@ -1,10 +1,10 @@
 #include "lib/vehicle/lane_change.h"
 
 #include <array>
-#include <limits>
 
 #include <Eigen/QR>
 
+#include "lib/base/constants.h"
 #include "lib/model/discretise.h"
 
 namespace identikal {
@@ -95,7 +95,7 @@ double steering_rate(const PreviewDriver& driver, const PlannedPath& path, const
 
 std::vector<GatePassage> gate_passages(const std::vector<Gate>& course, const CarBody& body,
                                        const Eigen::Ref<const Eigen::Matrix3Xd>& poses) {
-  constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kNever = kNaN;
   std::vector<GatePassage> out(course.size(), {kNever, kNever});
   const double half = 0.5 * body.width;
   const std::array<Eigen::Vector2d, 4> outline{

@@ -1,7 +1,8 @@
 #include "lib/vehicle/single_track.h"
 
 #include <algorithm>
-#include <limits>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -42,7 +43,7 @@ std::optional<VehicleParameter> vehicle_parameter(std::string_view name) {
 VehicleParameters<double> neutral_vehicle() {
   VehicleParameters<double> p{};
   for (const VehicleParameter known : {kMass, kA, kB, kYawInertia, kCf, kCr}) {
-    p[known] = std::numeric_limits<double>::quiet_NaN();
+    p[known] = kNaN;
   }
   p[kSteeringRatio] = 1.0;
   p[kSteeringGain] = 1.0;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -10,13 +9,14 @@
 #include <fmt/format.h>
 
 #include "identify/model/internal/regression_form.h"
+#include "lib/base/constants.h"
 #include "lib/data/units.h"
 #include "lib/vehicle/single_track.h"
 
 namespace identikal {
 namespace {
 
-constexpr double kRequired = std::numeric_limits<double>::quiet_NaN();
+constexpr double kRequired = kNaN;
 constexpr ParameterRule kVehicleRules[] = {
     {"m", "kg", true, kRequired},
     {"a", "m", true, kRequired},
@@ -165,7 +165,7 @@ void read_sensors(const YamlNode& root, ModelFile& out) {
 
 void read_measurement_noise(const YamlNode& root, ModelFile& out) {
   std::vector<double>& result = out.vehicle.measurement_sd;
-  result.assign(out.outputs.size(), std::numeric_limits<double>::quiet_NaN());
+  result.assign(out.outputs.size(), kNaN);
   const YamlNode* node = find(root, "noise");
   if (node == nullptr) return;
   check_keys(*node, "noise", {"measurement"}, {"process"});
