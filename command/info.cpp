@@ -9,7 +9,6 @@
 #include "command/run.h"
 #include "command/table_text.h"
 #include "command/verbs.h"
-#include "identify/report/console.h"
 #include "identify/report/survey_text.h"
 #include "identify/result/json.h"
 #include "identify/survey/columns.h"

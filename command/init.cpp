@@ -1,5 +1,4 @@
 // init: a commented model file to begin with.
-#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>

@@ -1,6 +1,5 @@
 #include "command/manual.h"
 
-#include <algorithm>
 #include <cctype>
 #include <sstream>
 

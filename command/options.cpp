@@ -1,6 +1,5 @@
 #include "command/options.h"
 
-#include <algorithm>
 #include <iostream>
 
 #include <CLI/CLI.hpp>

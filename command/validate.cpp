@@ -2,7 +2,6 @@
 #include "identify/validation/validate.h"
 
 #include <memory>
-#include <optional>
 
 #include <fmt/format.h>
 

@@ -1,6 +1,5 @@
 #include "studies/contours.h"
 
-#include <algorithm>
 #include <stdexcept>
 
 namespace identikal {

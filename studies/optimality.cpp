@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 #include <Eigen/Cholesky>
 #include <fmt/format.h>

@@ -1,6 +1,5 @@
 #include "identify/colour/shaped_model.h"
 
-#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 

@@ -1,7 +1,6 @@
 #include "identify/filter/nonlinear_recordings.h"
 
 #include <algorithm>
-#include <utility>
 
 #include <fmt/format.h>
 

@@ -1,7 +1,5 @@
 #include "identify/filter/recordings_likelihood.h"
 
-#include <algorithm>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 

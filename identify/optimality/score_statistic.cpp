@@ -1,7 +1,6 @@
 #include "identify/optimality/score_statistic.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 #include <stdexcept>
 

@@ -1,6 +1,5 @@
 #include "identify/report/survey_text.h"
 
-#include <algorithm>
 #include <cctype>
 #include <cmath>
 

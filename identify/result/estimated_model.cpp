@@ -1,7 +1,6 @@
 #include "identify/result/estimated_model.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <vector>

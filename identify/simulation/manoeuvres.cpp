@@ -1,6 +1,5 @@
 #include "identify/simulation/manoeuvres.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>

@@ -1,7 +1,6 @@
 #include "lib/filter/smoother.h"
 
 #include <algorithm>
-#include <cmath>
 #include <deque>
 #include <memory>
 #include <stdexcept>

@@ -1,7 +1,6 @@
 #include "lib/formula/expression.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <numbers>

@@ -1,6 +1,5 @@
 #include "lib/model/discretise.h"
 
-#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 

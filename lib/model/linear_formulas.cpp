@@ -1,7 +1,5 @@
 #include "lib/model/linear_formulas.h"
 
-#include <cmath>
-
 #include "lib/base/constants.h"
 
 namespace identikal {

@@ -5,7 +5,6 @@
 #include <optional>
 #include <stdexcept>
 
-#include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
 #include "lib/base/message.h"
 

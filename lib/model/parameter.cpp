@@ -1,6 +1,5 @@
 #include "lib/model/parameter.h"
 
-#include <cmath>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>

@@ -1,7 +1,6 @@
 #include "lib/regression/lagged_regressors.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 namespace identikal {

@@ -1,6 +1,5 @@
 #include "lib/regression/least_squares.h"
 
-#include <cmath>
 #include <stdexcept>
 
 #include <Eigen/QR>

@@ -1,6 +1,5 @@
 #include "lib/statistics/autocorrelation.h"
 
-#include <cmath>
 #include <stdexcept>
 
 #include "lib/base/constants.h"

@@ -1,7 +1,6 @@
 #include "lib/statistics/normality.h"
 
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Cholesky>
 

@@ -1,8 +1,6 @@
 #include "identify/model/internal/noise_form.h"
 
-#include <cmath>
 #include <optional>
-#include <utility>
 
 #include <fmt/format.h>
 

@@ -1,7 +1,6 @@
 #include "identify/validation/internal/nested_structure.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <Eigen/Core>
 
