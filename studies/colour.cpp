@@ -76,8 +76,7 @@ StudyReport table_11(const StudyOptions& options) {
   StudyReport out;
   out.text = fmt::format(
       "matisko-table-11: (5.26), standard deviation of prediction errors on {} samples, tuned on "
-      "{}; "
-      "{} runs\n",
+      "{}; {} runs\n",
       kFresh, kTuned, options.runs);
   out.text += fmt::format("  {:<34}", "steps ahead");
   for (const int h : kHorizons) out.text += fmt::format("{:>8}", h);
@@ -153,8 +152,7 @@ StudyReport table_of_states(bool process, const StudyOptions& options) {
   StudyReport out;
   out.text = fmt::format(
       "matisko-table-{}: coloured {} noise; trace of the state's prediction error covariance, "
-      "(5.30) "
-      "with the known filter,\nQ and R by maximum likelihood; {} runs of {} samples\n"
+      "(5.30) with the known filter,\nQ and R by maximum likelihood; {} runs of {} samples\n"
       "  {:<34}{:>10}{:>10}\n",
       process ? 12 : 13, process ? "process" : "measurement", options.runs, kSamples, "filter for",
       "published", "ours");
@@ -164,8 +162,7 @@ StudyReport table_of_states(bool process, const StudyOptions& options) {
   }
   out.text +=
       "The source does not say what noise its measurement has in addition to the coloured one; "
-      "ours is "
-      "white,\n"
+      "ours is white,\n"
       "independent and of variance 0.001, which brings the first figure of table 12 near the "
       "published\n"
       "one. The right place wins in both tables, by more than published. Of the other two the "
@@ -254,8 +251,7 @@ StudyReport figure_13(const StudyOptions& options) {
   StudyReport out;
   out.text = fmt::format(
       "matisko-figure-13: (5.30), amplitude from the output to the predicted states x1, x2, Q and "
-      "R "
-      "by maximum\nlikelihood on {} samples with coloured process noise\n"
+      "R by maximum\nlikelihood on {} samples with coloured process noise\n"
       "published: at the frequencies that the filter amplifies (1.24 rad/s) coloured process noise "
       "raises the\nresponse, coloured measurement noise lowers it\n"
       "  {:<30}{:>18}{:>18}{:>18}{:>18}\n",

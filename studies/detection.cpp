@@ -100,10 +100,8 @@ StudyReport autocorrelation_figure(bool coloured, const StudyOptions& options) {
   out.text +=
       "In E x(t+1) y(t), through which k and R_eps enter, this is linear least squares with one "
       "minimum; the\nsource calls it non-convex. The residues are correlated even when the noise "
-      "is "
-      "white: their whiteness,\nwhich the source asks for, decides nothing. That of the "
-      "innovations "
-      "does.\n";
+      "is white: their whiteness,\nwhich the source asks for, decides nothing. That of the "
+      "innovations does.\n";
   const VectorXd lag = VectorXd::LinSpaced(kLags + 1, 0.0, static_cast<double>(kLags));
   VectorXd seen(kLags + 1), fitted = seen;
   out.csv = "lag,measured,fitted\n";

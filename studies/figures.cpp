@@ -144,13 +144,11 @@ StudyReport figure_4(const StudyOptions& options) {
       "matisko-figure-4: likelihood of Q and R from one sample, a = {:g}, c = g = 1, Q = {:g}, R = "
       "{:g}\n"
       "published: a surface without numbers; its shape \"depends on the system matrices, (mainly "
-      "A) "
-      "and the noise\ncovariances\"\n"
+      "A) and the noise\ncovariances\"\n"
       "ours: y = {:.4f}, one standard deviation. From a stationary start it has variance "
       "Q / (1 - a^2) + R and\n"
       "determines no more: a ridge along Q / (1 - a^2) + R = y^2 = {:.4f}. Highest on the grid at "
-      "Q = "
-      "{:.2f}, R = {:.2f},\n"
+      "Q = {:.2f}, R = {:.2f},\n"
       "density {:.5f}.\n"
       "likelihood / its maximum:\n",
       kMapA, kMapQ, kMapR, y, y * y, q[i], r[j], std::exp(highest));

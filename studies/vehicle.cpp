@@ -197,11 +197,9 @@ std::string set_up(const char* name, const char* what, int runs) {
   return fmt::format(
       "sladka-figure-{}: {}, {} runs\n"
       "The recording was not published. Simulated: car of table 8.1, linear tyres, open-loop "
-      "severe "
-      "lane change,\n"
+      "severe lane change,\n"
       "61 to 58 km/h, 70 samples at 10 Hz; white noise {:g} dB below steering and both slip "
-      "angles, "
-      "{:g} dB below both\n"
+      "angles, {:g} dB below both\n"
       "speeds; vx, vy, r from two vector sensors where the source had them.\n",
       name, what, runs, kAngleSnr, kSpeedSnr);
 }
@@ -375,8 +373,7 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
   const MatrixXd printed = simulated_states(runs.front(), Moment::as_printed, false);
   out.text += fmt::format(
       "P(0) = delta I is that of the m-file; with the inverse, as printed in table 6.1, delta = "
-      "100 "
-      "holds the\n"
+      "100 holds the\n"
       "coefficient near 0. A free run of (7.4) as printed is unstable, its sign in row 2, column 1 "
       "being wrong:\n"
       "{:.2g} {} at the last sample. So the source ran it from measured states, or not as "
@@ -487,8 +484,7 @@ std::vector<Study> vehicle_studies() {
   const StateFigure figures[] = {
       {"9.2", 0, false,
        "curves. The filter follows the lateral velocity, but \"does not react on the small "
-       "velocity "
-       "changes\".",
+       "velocity changes\".",
        "Yes: smooth, without what the simulation lacks, farther from the truth than the "
        "measurement."},
       {"9.4", 1, false,

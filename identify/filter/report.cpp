@@ -234,8 +234,7 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
     throw InputError(
         here,
         fmt::format(
-            "the filter starts stationary, and A has an eigenvalue of size "
-            "{:.6g}",
+            "the filter starts stationary, and A has an eigenvalue of size {:.6g}",
             instantiate(model.linear, model.parameters).A.eigenvalues().cwiseAbs().maxCoeff()),
         "a stable A: every eigenvalue inside the unit circle",
         "say 'initial: diffuse' where nothing is known of the state");

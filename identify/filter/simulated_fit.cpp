@@ -92,8 +92,7 @@ void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
   if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
   warn(estimate, Severity::warning, "hold_out", {},
        fmt::format("on held-out rows the innovations are {:.3g} times as large, compared with "
-                   "their standard "
-                   "deviation",
+                   "their standard deviation",
                    std::sqrt(ratio)),
        "what holds there is another model or noise, or too many parameters are free: validate");
 }

@@ -25,8 +25,7 @@ namespace identikal {
 /// and `pass` with the best of each. Lower measures are better. Lines in notes say the same in a
 /// table. Status ok.
 /// @param recordings  of each model: its own view of the same files
-/// @throws InputError for fewer than two models, a vehicle or a regression, and outputs that
-/// differ
+/// @throws InputError for fewer than two models, a vehicle, a regression, and outputs that differ
 /// Source: Matisko (2013), (3.23) to (3.25).
 Estimate compare_filters(const std::vector<ModelFile>& models,
                          const std::vector<std::vector<Dataset>>& recordings);

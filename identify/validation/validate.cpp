@@ -302,13 +302,12 @@ std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& esti
     moved = estimate.simulation[j].channel;
   }
   estimate.derived.push_back({"refit moves " + moved, "%", 100.0 * most, kNone});
-  estimate.notes.push_back(fmt::format(
-      "refit: the values differ significantly where an F test rejects at {:.0f} % ({:.0f} and "
-      "{:.0f} degrees of freedom, errors of both fits) and where they move a simulated output by "
-      "more "
-      "than {:.0f} % of its size. detectable: the change of this value alone that is found with a "
-      "power of 80 %",
-      100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
+  estimate.notes.push_back(
+      fmt::format("refit: the values differ significantly where an F test rejects at {:.0f} % "
+                  "({:.0f} and {:.0f} degrees of freedom, errors of both fits) and where they move "
+                  "a simulated output by more than {:.0f} % of its size. detectable: the change of "
+                  "this value alone that is found with a power of 80 %",
+                  100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
   if (!undetected.empty()) {
     warn(estimate, Severity::warning, "insufficient_power", about,
          fmt::format("insufficient power: these data would not show an error of 20 % in {}",
@@ -356,9 +355,7 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
         });
     if (!own) continue;
     warn(estimate, Severity::warning, "own_data", {input.path},
-         input.path +
-             " is what the result was made from: this proves "
-             "nothing",
+         input.path + " is what the result was made from: this proves nothing",
          "validate on a recording that was held out");
     const std::string but = ", but the result was made from these data";
     if (!estimate.message.ends_with(but)) estimate.message += but;
@@ -373,8 +370,7 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
       sha256_of_file(model.path) != model.sha256) {
     warn(estimate, Severity::warning, "model_changed", {model.path},
          model.path +
-             " has changed since; what is validated is the model "
-             "as it was, which the result holds",
+             " has changed since; what is validated is the model as it was, which the result holds",
          "run the job again if the change matters");
   }
 }
