@@ -32,7 +32,7 @@ double objective(const std::vector<double>& x, std::vector<double>& gradient, vo
     for (double& value : gradient) value = 0.0;
     f = HUGE_VAL;
   } else {
-    for (std::size_t i = 0; i < gradient.size(); ++i) gradient[i] = g[static_cast<Eigen::Index>(i)];
+    for (std::size_t i = 0; i < gradient.size(); ++i) gradient[i] = g[i];
   }
   if (call.summary->evaluations == 1 && f < HUGE_VAL) call.summary->initial_objective = f;
   if (f < call.best_f) {

@@ -157,8 +157,8 @@ StudyReport table_of_states(bool process, const StudyOptions& options) {
       process ? 12 : 13, process ? "process" : "measurement", options.runs, kSamples, "filter for",
       "published", "ours");
   for (std::size_t f = 0; f < filters.size(); ++f) {
-    out.text += fmt::format("  {:<34}{:>10.3f}{:>10.3f}\n", kConfigurations[f], published[f],
-                            mean[static_cast<Index>(f)]);
+    out.text +=
+        fmt::format("  {:<34}{:>10.3f}{:>10.3f}\n", kConfigurations[f], published[f], mean[f]);
   }
   out.text +=
       "The source does not say what noise its measurement has in addition to the coloured one; "

@@ -353,7 +353,7 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
       const VectorXd y = runs[k].derived.row(1 + i).transpose();
       const MatrixXd phi = of_run(runs[k]);
       const ScalarRls rls = scalar_rls(phi.row(i).transpose(), y, start_p);
-      last[static_cast<Index>(k)] = rls.coefficient[kSladka2010Samples - 1];
+      last[k] = rls.coefficient[kSladka2010Samples - 1];
       const double late = rms((rls.estimate - y).tail(kSladka2010Samples - kFromSample));
       misfit += late * late / static_cast<double>(runs.size());
     }
@@ -431,7 +431,7 @@ StudyReport track_figure(const char* name, bool with_kalman, const char* publish
       const Eigen::Matrix2Xd derived = derived_track(truth, runs[k], line.kalman, line.rule);
       const TrackFit fit = fit_track(derived, runs[k].marked, false);
       const Eigen::Matrix2Xd turned = Eigen::Rotation2Dd(kTurned).toRotationMatrix() * derived;
-      angle[static_cast<Index>(k)] = fit.angle / kDegree;
+      angle[k] = fit.angle / kDegree;
       se += share * fit.angle_se / kDegree;
       before += share * (derived - runs[k].marked).squaredNorm() / kSladka2010Samples;
       after += share * (turned - runs[k].marked).squaredNorm() / kSladka2010Samples;

@@ -125,7 +125,7 @@ double PriorCoordinate::deviation() const {
 double ParameterPrior::log_density(const VectorXd& x) const {
   double out = 0.0;
   for (std::size_t i = 0; i < coordinates.size(); ++i) {
-    out += coordinates[i].log_density(x[static_cast<Index>(i)]);
+    out += coordinates[i].log_density(x[i]);
   }
   return out;
 }
@@ -144,7 +144,7 @@ ParameterPrior parameter_prior(const ModelFile& model) {
   for (std::size_t e = 0; e < all.names.size(); ++e) {
     const Parameter& p = model.parameters[all.parameter[e]];
     if (p.fixed) continue;
-    const double value = all.value[static_cast<Index>(e)];
+    const double value = all.value[e];
     if (p.domain == Domain::positive_definite && !all.variance[e]) {
       PriorCoordinate partial;
       partial.kind = PriorCoordinate::Kind::partial_correlation;

@@ -243,7 +243,7 @@ void store_prediction(FilterResult& out, const StateSpace& shared, Index t, cons
   if (present.empty() || factor.info() != Eigen::Success) return;
   const VectorXd white = factor.matrixL().solve(VectorXd(e(present)));
   for (std::size_t j = 0; j < present.size(); ++j) {
-    out.standardised(present[j], t) = white[static_cast<Index>(j)];
+    out.standardised(present[j], t) = white[j];
   }
 }
 

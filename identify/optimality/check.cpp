@@ -66,7 +66,7 @@ Estimate check(const ModelFile& model, const std::vector<Dataset>& recordings) {
       if (better.parameters[to.parameter[i]].fixed) continue;
       const Unit unit = parse_unit(to.units[i]).value_or(Unit{});
       values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
-                            unit.from_si(to.value[static_cast<Index>(i)]));
+                            unit.from_si(to.value[i]));
     }
     estimate.notes.push_back(fmt::format(
         "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",

@@ -72,7 +72,7 @@ ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset
   for (std::size_t i = 0; i < entries.names.size(); ++i) {
     if (model.parameters[entries.parameter[i]].fixed) continue;
     out.names.push_back(entries.names[i]);
-    values.push_back(entries.value[static_cast<Index>(i)]);
+    values.push_back(entries.value[i]);
   }
   const auto k = static_cast<Index>(values.size());
   if (k == 0) throw std::invalid_argument("score_statistic: nothing is free");

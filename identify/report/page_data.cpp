@@ -159,7 +159,7 @@ std::vector<std::array<double, 2>> runs_of(const VectorXd& time, const std::vect
   std::vector<std::array<double, 2>> out;
   for (std::size_t t = 0; t < inside.size(); ++t) {
     if (!inside[t]) continue;
-    const double now = time[static_cast<Index>(t)];
+    const double now = time[t];
     if (t > 0 && inside[t - 1]) {
       out.back()[1] = now;
     } else {

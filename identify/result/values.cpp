@@ -39,7 +39,7 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
     if (std::isnan(p.value)) {
       throw InputError(here, fmt::format("'{}' has no value", p.name), hint);
     }
-    entries[static_cast<Eigen::Index>(i)] = unit.to_si(p.value);
+    entries[i] = unit.to_si(p.value);
     given[i] = true;
   }
   for (std::size_t i = 0; i < given.size(); ++i) {

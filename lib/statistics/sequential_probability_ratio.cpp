@@ -147,7 +147,7 @@ void weigh(SequentialProbabilityRatio& test) {
       }
       const double was = model.squares;
       const double zeta = absorb(model, newest - ny * order, newest[i], test.options.forgetting);
-      test.log_ratio[static_cast<Index>(m)] += log_density(was, model.squares, zeta, dof) - q_0;
+      test.log_ratio[m] += log_density(was, model.squares, zeta, dof) - q_0;
     }
     if (white) {
       absorb(test.white_null[c], newest, newest[i]);

@@ -111,7 +111,7 @@ class SpectralFit {
     for (std::size_t c = 0; c < channels; ++c) {
       out.filters.push_back(filter(x, c, &out.Ja[c], &out.Jb[c]));
       if (structure_.own_variance()) {
-        out.own_variance[static_cast<Index>(c)] = std::exp(x[filter_begin(c)]);
+        out.own_variance[c] = std::exp(x[filter_begin(c)]);
       }
     }
     return out;
@@ -123,7 +123,7 @@ class SpectralFit {
     out.H.resize(channels);
     out.dH.resize(structure_.channels.size());
     for (std::size_t c = 0; c < at.filters.size(); ++c) {
-      out.H[static_cast<Index>(c)] =
+      out.H[c] =
           response(at.filters[c], data_.measured.omega[f], derivatives ? &out.dH[c] : nullptr);
     }
     const bool process = structure_.source == NoiseSource::process;
@@ -164,9 +164,9 @@ class SpectralFit {
         for (const std::complex<double>& d : dzeta) out.push_back(twice(std::conj(d) * base));
         continue;
       }
-      const std::complex<double> h = model.H[static_cast<Index>(c)];
+      const std::complex<double> h = model.H[c];
       const VectorXcd v = V.col(channel);
-      const MatrixXcd base = at.own_variance[static_cast<Index>(c)] * v * v.adjoint();
+      const MatrixXcd base = at.own_variance[c] * v * v.adjoint();
       out.push_back(std::norm(h) * base);
       for (const std::complex<double>& d : dzeta) {
         out.push_back(2.0 * (std::conj(h) * d).real() * base);

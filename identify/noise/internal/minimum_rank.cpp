@@ -33,7 +33,7 @@ PsdLeastSquares normal_equations(const Misfit& misfit, std::vector<PsdBlock> blo
 
 MatrixXd joint_at(const MinimumRankProblem& p, const VectorXd& theta) {
   MatrixXd out = p.constant;
-  for (std::size_t e = 0; e < p.basis.size(); ++e) out += theta[static_cast<Index>(e)] * p.basis[e];
+  for (std::size_t e = 0; e < p.basis.size(); ++e) out += theta[e] * p.basis[e];
   return out;
 }
 

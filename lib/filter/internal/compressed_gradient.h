@@ -170,7 +170,7 @@ void CompressedKernel<n>::add_gradient(const Segment& segment, const SegmentStar
   back_through_gain(segment, bar);
   back_through_start(start, bar);
   for (std::size_t i = 0; i < directions_.size(); ++i) {
-    out.gradient[static_cast<Eigen::Index>(i)] -= 0.5 * derivative(i, start, bar);
+    out.gradient[i] -= 0.5 * derivative(i, start, bar);
   }
 }
 

@@ -99,9 +99,8 @@ bool DiffuseStart::fold_in(MatrixXd& P, MatrixXd& Z, std::vector<Sensitivity>& s
   for (std::size_t i = 0; i < sensitivities.size(); ++i) {
     Sensitivity& s = sensitivities[i];
     const Derivative& of = by[i];
-    out.gradient[static_cast<Index>(i)] += -0.5 * inverse.cwiseProduct(of.information).sum() -
-                                           of.score.dot(delta) -
-                                           0.5 * delta.dot(of.information * delta);
+    out.gradient[i] += -0.5 * inverse.cwiseProduct(of.information).sum() - of.score.dot(delta) -
+                       0.5 * delta.dot(of.information * delta);
     const VectorXd ddelta = -llt.solve(of.score + of.information * delta);
     const MatrixXd dX = s.Z.rightCols(d), XI = X * inverse;
     const MatrixXd half = dX * XI.transpose();

@@ -220,8 +220,8 @@ void Recursion::add_terms(Likelihood& out) {
   for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
     const Sensitivity& s = sensitivities_[i];
     const MatrixXd SidS = llt_.solve(s.Sigma);
-    out.gradient[static_cast<Index>(i)] -= 0.5 * (SidS.trace() + 2.0 * s.E.col(0).dot(SiE_.col(0)) -
-                                                  SiE_.col(0).dot(s.Sigma * SiE_.col(0)));
+    out.gradient[i] -= 0.5 * (SidS.trace() + 2.0 * s.E.col(0).dot(SiE_.col(0)) -
+                              SiE_.col(0).dot(s.Sigma * SiE_.col(0)));
     if (diffuse_) {
       diffuse_->add_derivative(i, s, SiE_);
       continue;
