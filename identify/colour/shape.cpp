@@ -29,7 +29,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 // Tells the caller what is being done, and whether he wants it to go on.
 class Stages {

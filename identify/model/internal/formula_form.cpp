@@ -15,8 +15,6 @@
 namespace identikal {
 namespace {
 
-using Eigen::MatrixXd;
-
 // The symbols of a model's formulas, in the order of lib/model/nonlinear_model.h.
 struct Symbols {
   std::vector<std::string> names;
