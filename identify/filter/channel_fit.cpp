@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "lib/data/units.h"
+#include "identify/estimate/parameter_table.h"
 
 namespace identikal {
 
@@ -22,7 +22,7 @@ ChannelFit channel_fit(const Channel& output, const Eigen::VectorXd& y, const Ei
   }
   ChannelFit fit{output.name, output.unit, kNone, kNone};
   if (count > 0.0) {
-    fit.rmse = std::sqrt(squares / count) / parse_unit(output.unit).value_or(Unit{}).scale;
+    fit.rmse = std::sqrt(squares / count) / unit_scale(output.unit);
   }
   if (total > 0.0) fit.fit_percent = 100.0 * (1.0 - std::sqrt(squares / total));
   return fit;

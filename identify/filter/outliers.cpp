@@ -11,6 +11,7 @@
 #include <Eigen/SVD>
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/model_filter.h"
 #include "lib/base/median.h"
 #include "lib/data/units.h"
@@ -207,7 +208,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
     const double share = mean[i] * mean[i] / power[i];
     if (!(share * count[i] > kOffset * kOffset)) continue;
     const Channel& source = outputs[i];
-    const double scale = parse_unit(source.unit).value_or(Unit{}).scale;
+    const double scale = unit_scale(source.unit);
     const std::string unit = source.unit.empty() ? "" : " " + source.unit;
     const bool known = std::isfinite(offset[i]);
     warn(estimate, share > kSerious ? Severity::serious : Severity::warning, "offset",

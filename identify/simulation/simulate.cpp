@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/model/model_values.h"
 #include "identify/vehicle/output_error.h"
@@ -296,9 +297,8 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& reque
     }
     if (snr) {
       sd[i] = std::pow(10.0, -*snr / 20.0) * clean.norm() / std::sqrt(static_cast<double>(N));
-      const double per_unit = parse_unit(source.unit).value_or(Unit{}).scale;
       driven.notes.push_back(fmt::format("noise: {} {:g} dB, sd {:.6g} {}", source.name, *snr,
-                                         sd[i] / per_unit, source.unit));
+                                         sd[i] / unit_scale(source.unit), source.unit));
     } else if (std::isnan(sd[i])) {
       throw InputError(source.at,
                        fmt::format("no measurement noise is given for output '{}'", source.name),

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/parameter_table.h"
 #include "identify/survey/survey.h"
 #include "lib/base/constants.h"
 #include "lib/data/units.h"
@@ -48,10 +49,7 @@ bool is_free(const Estimate& estimate, const std::string& name) {
 
 }  // namespace
 
-double in_unit(const VehicleRun::Output& output, double si) {
-  const auto unit = parse_unit(output.unit);
-  return unit ? si / unit->scale : si;
-}
+double in_unit(const VehicleRun::Output& output, double si) { return si / unit_scale(output.unit); }
 
 void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Estimate& estimate) {
   const Eigen::Index jr = run.find(VehicleQuantity::r), ja = run.find(VehicleQuantity::ay);
@@ -325,9 +323,9 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
     if (std::find(free.begin(), free.end(), parameter) == free.end()) continue;
     for (const EstimatedParameter& p : estimate.parameters) {
       if (p.name != name_of(parameter)) continue;
-      const auto unit = parse_unit(p.unit);
-      const double si = saturation.saturating[parameter];
-      text += fmt::format(" {} {:.4g} {},", p.name, unit ? unit->from_si(si) : si, p.unit);
+      const Unit unit = parse_unit(p.unit).value_or(Unit{});
+      text += fmt::format(" {} {:.4g} {},", p.name, unit.from_si(saturation.saturating[parameter]),
+                          p.unit);
     }
   }
   text += " residual";

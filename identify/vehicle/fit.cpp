@@ -10,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/parameter_table.h"
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/internal/pictures.h"
@@ -103,8 +104,7 @@ void report_errors(const VehicleUnknowns& unknowns, const VehicleParameters<doub
   for (Eigen::Index i = 0; i < k; ++i) {
     const Eigen::Index n = covariance.inner[i];
     const std::string& unit = estimate.parameters[unknowns.position[n]].unit;
-    to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope /
-                 parse_unit(unit).value_or(Unit{}).scale;
+    to_user[i] = in_user_terms(unknowns.free[n], p[unknowns.free[n]]).slope / unit_scale(unit);
   }
   const Eigen::MatrixXd information = to_user.cwiseInverse().asDiagonal() * covariance.information *
                                       to_user.cwiseInverse().asDiagonal();
