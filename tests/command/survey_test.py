@@ -34,7 +34,7 @@ class Vehicle(unittest.TestCase):
 
     def test_the_mapping_proposed_is_a_model(self):
         data = shared("recordings/polaris_human_connor_track3_1.csv")
-        text = run("info", "--vehicle", data, code=0).stdout.split("by itself:\n")[1]
+        text = run("info", "--vehicle", data, code=0).stdout.split("no file is changed):\n")[1]
         with Folder() as folder:
             model = folder.write("proposed.yaml", "identikal: 1\nparameters: {m: 900 kg, a: 1 m, b: 1 m, "
                                  "Iz: 700 kg m^2, Cf: 3e4 N/rad, Cr: 3e4 N/rad, steering_ratio: 15}\n" + text)
