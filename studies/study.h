@@ -37,7 +37,7 @@ std::vector<std::string> study_names();
 /// The same for people: "matisko-table-1 to 13, ...".
 std::string study_ranges();
 
-/// Reruns what was published under that name (studies/tables.h, study_figures.h). The same
+/// Reruns what was published under that name (studies/tables.h, studies/figures.h). The same
 /// for the same seed, whatever the number of threads.
 /// @throws InputError for a name that study_names() does not hold, and for a number of runs where
 ///   nothing is repeated

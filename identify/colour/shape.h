@@ -30,7 +30,7 @@ struct ShapeResult {
   std::optional<ModelFile> in_measurement;
 };
 
-/// 1. The white model is tuned (noise_ml). Is something left? Ljung-Box of every channel's
+/// 1. The white model is tuned (identify/noise/ml.h). Is something left? Ljung-Box of every channel's
 ///    innovations and the highest peak of their spectrum against its chi-square distribution,
 ///    together 5 %.
 /// 2. For the process and for the measurement noise, for each of its channels (and all of them),

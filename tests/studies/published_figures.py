@@ -1,8 +1,8 @@
 """Published tables and figures rerun, and compared with what tests/golden/studies keeps of them.
 
-studies.py IDENTIKAL          what takes seconds
-studies.py IDENTIKAL --all    everything, with the published number of runs
-studies.py IDENTIKAL --all --write   makes tests/golden/studies anew (two minutes per core and more)
+published_figures.py IDENTIKAL                  what takes seconds
+published_figures.py IDENTIKAL --all            everything, with the published number of runs
+published_figures.py IDENTIKAL --all --write    writes tests/golden/studies again (two minutes per core and more)
 
 Words must be the same; a printed number may differ by one unit of its last digit, as another compiler rounds elsewhere."""
 import pathlib

@@ -1,5 +1,5 @@
 // What does one cell of a text line hold? Cutting a line at its separators, quotes, numbers, and
-// text that may be quoted in a message. Internal to lib: for csv.cpp only.
+// text that may be quoted in a message. Internal to lib: for lib/data/csv.cpp only.
 #pragma once
 
 #include <optional>

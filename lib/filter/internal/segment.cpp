@@ -3,7 +3,8 @@
 namespace identikal {
 
 namespace compressed {
-// One source each, made from compressed_kernel.cpp.in: they are most of what there is to compile in lib.
+// One source each, made from lib/filter/internal/compressed_kernel.cpp.in: they are most of what there
+// is to compile in lib.
 std::unique_ptr<SegmentKernel> make_1();
 std::unique_ptr<SegmentKernel> make_2();
 std::unique_ptr<SegmentKernel> make_3();

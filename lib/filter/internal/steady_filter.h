@@ -1,5 +1,5 @@
 // The Kalman predictor with constant gain, for a number of states known at compile time (or
-// Dynamic). Internal to the filter: steady_state.h and likelihood.h are what others use.
+// Dynamic). Others use lib/filter/steady_state.h and lib/filter/likelihood.h.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // What does one sample's innovation say: about the state, and about the likelihood? Internal to
-// lib: nonlinear_filter.h is what others use.
+// lib: lib/nonlinear/filter.h is what others use.
 #pragma once
 
 #include <vector>

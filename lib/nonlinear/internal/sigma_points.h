@@ -1,5 +1,5 @@
 // What are mean and covariance of a function of a Gaussian variable, told from its values at a few
-// points? Internal to lib: nonlinear_filter.h is what others use.
+// points? Internal to lib: lib/nonlinear/filter.h is what others use.
 #pragma once
 
 #include <Eigen/Core>

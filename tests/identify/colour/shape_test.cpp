@@ -128,7 +128,7 @@ TEST(ShapedModel, ItsNamesAreNobodyElses) {
   EXPECT_EQ(back.outputs[0].column, base.outputs[0].column);
 }
 
-// S_e of shaping_spectrum.h, written out.
+// S_e of identify/colour/internal/spectrum.h, written out.
 std::vector<MatrixXcd> innovation_spectrum_at(const InnovationSpectrum& seen,
                                               const ShapingStructure& structure,
                                               const VectorXd& x) {

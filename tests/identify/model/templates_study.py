@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Bias and coverage of the extended Kalman filter's estimates on the templates pendulum and battery.
 
-template_study.py IDENTIKAL [RUNS]
+templates_study.py IDENTIKAL [RUNS]
 
 Asked: |bias| <= sd/3 and 95 % intervals that cover the truth in 90 to 98 % of 100 recordings. By chance alone a bias
 of 1/3 sd has a share of 0.1 % per parameter, coverage of 95 % ends outside of 90..98 in 4 %. Every search begins with
-the sought physical values 20 % off.
+the physical values to be estimated 20 % off.
 """
 import json
 import math

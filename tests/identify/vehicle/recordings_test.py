@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What does `fit` say about real recordings? Each figure is printed; bounds are those of the reference notes.
 
-usage: recordings.py BUILD/identikal
+usage: recordings_test.py BUILD/identikal
 
 Reads the reference recordings beside the repository; without them it is skipped, with CI=true it fails.
 """

@@ -180,7 +180,7 @@ TEST(SequentialProbabilityRatio, OptionsOutOfRangeAreRefused) {
 }
 
 // a = 0.05, 500 seeds of 1000 white samples: at most 5 %, 3 standard errors are 2.9 %. All rates
-// with more seeds: sequential_test_study.
+// with more seeds: sequential_probability_ratio_study.cpp.
 TEST(SequentialProbabilityRatio, FalseAlarmsKeepTheirBound) {
   for (const double forgetting : {1.0, 0.99}) {
     int alarms = 0, whites = 0;

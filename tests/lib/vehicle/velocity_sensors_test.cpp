@@ -58,7 +58,7 @@ TEST(CentreVelocity, IsExactWithoutNoise) {
 }
 
 // The yaw rate of two sensors is the difference of their lateral velocities over their distance
-// along the car, when the lateral offsets are small (VEHICLE.md).
+// along the car, when the lateral offsets are small (VEHICLE.md beside the reference data).
 TEST(CentreVelocity, YawRateIsTheLateralDifference) {
   const std::vector<VectorSensor> sensors = two_sensors();
   const MatrixXd U = (MatrixXd(2, 1) << 16.5, 16.2).finished();
