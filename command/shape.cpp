@@ -57,7 +57,8 @@ std::vector<ResultFile> files_of(const ModelFile& model, ShapeResult& result) {
          model_text(
              *result.in_measurement,
              {"The model of shaped.yaml with its shaping filter in the measurement noise instead:",
-              "exactly the same outputs and likelihood, other states. Outputs alone do not tell",
+              "exactly the same outputs and likelihood, other states. Outputs alone do not "
+              "determine",
               "which of the two is right. The first states are the filter's."})});
   }
   return files;

@@ -362,7 +362,7 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
     out.text += fmt::format("  {:<52} {:>8.4f} {:>8.4f} {:>9.5f}\n", what, last.mean(), spread,
                             std::sqrt(misfit));
   };
-  line("free run, moment balance (used in the figures)", kStartP,
+  line("simulation, moment balance (used in the figures)", kStartP,
        [](const SensorExperiment& run) { return run.simulation; });
   line("the same, P(0) = 1/delta as in table 6.1", 1.0 / kStartP,
        [](const SensorExperiment& run) { return run.simulation; });
@@ -374,7 +374,7 @@ StudyReport coefficient_figure(const char* name, Index i, const char* published,
   out.text += fmt::format(
       "P(0) = delta I is that of the m-file; with the inverse, as printed in table 6.1, delta = "
       "100 holds the\n"
-      "coefficient near 0. A free run of (7.4) as printed is unstable, its sign in row 2, column 1 "
+      "coefficient near 0. Simulated as printed, (7.4) is unstable, its sign in row 2, column 1 "
       "being wrong:\n"
       "{:.2g} {} at the last sample. So the source ran it from measured states, or not as "
       "printed.\n"

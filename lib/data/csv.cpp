@@ -424,8 +424,9 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
     const auto [first, inserted] = seen.emplace(columns[j].name, j);
     if (inserted) continue;
     throw InputError({path, shown.number, character_position(shown.text, cells[j].offset)},
-                     "column name " + quoted_excerpt(columns[j].name) + " stands twice (columns " +
-                         std::to_string(first->second + 1) + " and " + std::to_string(j + 1) + ")",
+                     "column name " + quoted_excerpt(columns[j].name) +
+                         " is a duplicate (columns " + std::to_string(first->second + 1) + " and " +
+                         std::to_string(j + 1) + ")",
                      "a different name for each column");
   }
   if (layout.units) {

@@ -73,7 +73,7 @@ std::string quoted_excerpt(std::string_view text);
 /// - a decimal comma is possible where the separator is not the comma; the first fraction decides.
 /// - header, text and metadata are given in UTF-8; a file that is not UTF-8 is taken as Latin-1.
 /// @throws InputError  with path, line and column for a file that cannot be opened, a directory, an
-///   empty file, a header without rows, a column name that stands twice, a ragged row, a quote that
+///   empty file, a header without rows, a duplicate column name, a ragged row, a quote that
 ///   is not closed, a binary file, or more than 10000 columns.
 Table read_csv(const std::string& path);
 

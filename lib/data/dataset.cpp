@@ -54,9 +54,8 @@ const Column& find_column(const Table& table, const std::string& name, const Loc
       several += (files++ > 0 ? ", " : "") + quoted_excerpt(known);
     }
     if (files > 1) {
-      throw InputError(place(at, table),
-                       "column " + quoted_excerpt(name) + " stands in several files", several,
-                       "write which one is meant");
+      throw InputError(place(at, table), "column " + quoted_excerpt(name) + " is in several files",
+                       several, "write which one is meant");
     }
     std::string list;
     std::size_t shown = 0;
@@ -153,13 +152,13 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
     }
     if (row == 0 || t[row] > t[row - 1]) continue;
     if (t[row] == t[row - 1]) {
-      throw InputError(at, "time " + stamp(t[row]) + " stands twice", "increasing time stamps",
+      throw InputError(at, "time " + stamp(t[row]) + " is a duplicate", "increasing time stamps",
                        "remove one of the two rows");
     }
     throw InputError(at, "time goes back from " + stamp(t[row - 1]) + " to " + stamp(t[row]),
                      "increasing time stamps",
                      "recordings joined end to end: 'runs: restart' under 'time' in the model file "
-                     "makes each a run of its own");
+                     "makes each a separate run");
   }
   return {t, unit.unit.scale};
 }

@@ -145,7 +145,7 @@ void tell_columns_apart(const std::vector<Table>& tables, const std::string& sta
     for (std::size_t j = 0; j < i; ++j) {
       if (columns[j].name != columns[i].name) continue;
       throw InputError({path},
-                       "column " + quoted_excerpt(names[i]) + " stands in two files called " +
+                       "column " + quoted_excerpt(names[i]) + " is in two files called " +
                            quoted_excerpt(stem(path)),
                        "files with different names, to tell their columns apart");
     }

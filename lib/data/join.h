@@ -28,7 +28,7 @@ struct Joined {
 ///
 /// Every file needs a time column: the one of that name, else (but for the first) one that looks
 /// like it. Times are compared in seconds: in the unit of the column's header, else `time.unit`,
-/// else s. A column name that stands in two files becomes `file.column` in both, `file` without
+/// else s. A column name that is in two files becomes `file.column` in both, `file` without
 /// folder and ending, so that no one of the two is taken by chance.
 /// @param time  its column may be empty: then every file's is the one that looks like it
 /// @throws InputError for a file without time column, without two rows, with a time stamp that is

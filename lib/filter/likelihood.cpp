@@ -114,15 +114,17 @@ const char* describe(FallbackReason fallback) {
     case FallbackReason::none:
       return "";
     case FallbackReason::not_requested:
-      return "another path was requested";
+      return "another evaluation method was requested";
     case FallbackReason::short_segment:
       return "gapless segments are shorter than the filter's memory";
     case FallbackReason::long_memory:
-      return "the filter forgets so slowly that lag sums would cost more than they save";
+      return "the filter forgets so slowly that sample autocovariances would cost more than "
+             "they save";
     case FallbackReason::no_steady_state:
       return "the gain does not converge to a stable filter";
     case FallbackReason::cancellation:
-      return "the innovations are so much smaller than the signal that lag sums lose digits";
+      return "the innovations are so much smaller than the signal that sample autocovariances "
+             "lose digits";
     case FallbackReason::too_many_channels:
       return "more than 15 outputs and inputs";
     case FallbackReason::unknown_start:

@@ -149,7 +149,7 @@ class BadInput(unittest.TestCase):
         self.refused(["'+' without a file"], "info", NILE[1] + "+")
         self.refused(["missing.csv", "cannot open"], "info", NILE[1] + "+missing.csv")
         self.refused(["no time column"], "tune", NILE[0], NILE[1] + "+" + NILE[1])
-        self.refused(["stands in two files"], "fit", LANE_CHANGE[0], LANE_CHANGE[1] + "+" + LANE_CHANGE[1])
+        self.refused(["is in two files"], "fit", LANE_CHANGE[0], LANE_CHANGE[1] + "+" + LANE_CHANGE[1])
 
     def test_channel_keys(self):
         text = pathlib.Path(LANE_CHANGE[0]).read_text()

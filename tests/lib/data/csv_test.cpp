@@ -525,11 +525,11 @@ TEST(Csv, SaysWhatIsWrongWithAFile) {
       {"a,b\n1,2\n3,4\nx,y,z\n1,2,3\n1,2,3\n1,2,3\n1,2,3\n",
        "F:4:5: row has 3 cells, the header has 2; expected as many cells in each row"},
       {"t,v,t\n0,1,2\n",
-       "F:1:5: column name 't' stands twice (columns 1 and 3); expected a different name for each "
-       "column"},
-      {"# t, v [m], v [m]\n0,1,2\n",
-       "F:1:13: column name 'v [m]' stands twice (columns 2 and 3); expected a different name for "
+       "F:1:5: column name 't' is a duplicate (columns 1 and 3); expected a different name for "
        "each column"},
+      {"# t, v [m], v [m]\n0,1,2\n",
+       "F:1:13: column name 'v [m]' is a duplicate (columns 2 and 3); expected a different name "
+       "for each column"},
       {"t,y\n0,\"1\n1,2\n",
        "F:2:3: a quote that is not closed: '\"1'; expected a closing quote before the separator"},
       {"t,y\n0,\"1\"x\n1,2\n",

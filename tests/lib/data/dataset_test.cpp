@@ -266,17 +266,16 @@ TEST(Dataset, SaysWhatIsWrongWithTime) {
         time_column("t"), {channel("y", "y")});
   };
   EXPECT_EQ(message({12.29, 12.3, 12.3, 12.4}, "s"),
-            "runs/lane_change.csv:5: time 12.3 s stands twice; expected increasing time stamps; "
-            "remove one of the "
-            "two rows");
-  EXPECT_EQ(message({1692117187.04, 1692117187.04}, "ms"),
-            "runs/lane_change.csv:4: time 1692117187.04 ms stands twice; expected increasing time "
-            "stamps; remove "
-            "one of the two rows");
+            "runs/lane_change.csv:5: time 12.3 s is a duplicate; expected increasing time stamps; "
+            "remove one of the two rows");
+  EXPECT_EQ(
+      message({1692117187.04, 1692117187.04}, "ms"),
+      "runs/lane_change.csv:4: time 1692117187.04 ms is a duplicate; expected increasing time "
+      "stamps; remove one of the two rows");
   EXPECT_EQ(message({12.2, 12.3, 0.3}, ""),
             "runs/lane_change.csv:5: time goes back from 12.3 s to 0.3 s; expected increasing time "
             "stamps; recordings joined end to end: 'runs: restart' under 'time' in the model file "
-            "makes each a run of its own");
+            "makes each a separate run");
   EXPECT_EQ(message({0, kNaN, 2}, "s"),
             "runs/lane_change.csv:4: no time stamp in column 't'; expected a number");
   EXPECT_EQ(message({0, 1, 2}, "m"),
@@ -335,7 +334,7 @@ TEST(Runs, BeginWhereTimeDoesNotIncrease) {
   EXPECT_EQ(runs({3}).size(), 1u);
 }
 
-TEST(UniformRaster, AbsentRowsBecomeMissingSamples) {
+TEST(UniformTimeGrid, AbsentRowsBecomeMissingSamples) {
   const Dataset out = on_uniform_grid(recording({7.0, 7.1, 7.4, 7.5}), 0.1);
   ASSERT_EQ(out.size(), 6);
   EXPECT_EQ(out.dt, 0.1);
@@ -354,7 +353,7 @@ TEST(UniformRaster, AbsentRowsBecomeMissingSamples) {
   EXPECT_TRUE(samples_from(out, 4).absent.empty());
 }
 
-TEST(UniformRaster, AWholeRecordingIsLeftAsItIs) {
+TEST(UniformTimeGrid, AWholeRecordingIsLeftAsItIs) {
   const Dataset data = recording({0.0, 0.1, 0.2, 0.3});
   const Dataset out = on_uniform_grid(data, 0.1);
   EXPECT_EQ(out.u, data.u);
@@ -362,7 +361,7 @@ TEST(UniformRaster, AWholeRecordingIsLeftAsItIs) {
   EXPECT_EQ(on_uniform_grid(recording({3.0}), 0.1).size(), 1);
 }
 
-TEST(UniformRaster, AClockThatRunsSlowStaysOnTheRaster) {
+TEST(UniformTimeGrid, AClockThatRunsSlowStaysOnTheTimeGrid) {
   std::vector<double> time;
   for (int i = 0; i < 1000; ++i) time.push_back(1692117187.0 + 0.0401 * i);
   const Dataset out = on_uniform_grid(recording(time), 0.04);
@@ -370,7 +369,7 @@ TEST(UniformRaster, AClockThatRunsSlowStaysOnTheRaster) {
   EXPECT_DOUBLE_EQ(out.time[999], 1692117187.0 + 0.04 * 999);
 }
 
-TEST(UniformRaster, RefusesOtherTimeStamps) {
+TEST(UniformTimeGrid, RefusesOtherTimeStamps) {
   EXPECT_EQ(message_of([] {
               on_uniform_grid(recording({0.0, 0.1, 0.25}), 0.1);
             }),

@@ -41,7 +41,7 @@ class Join : public testing::Test {
   std::string folder_;
 };
 
-TEST_F(Join, PutsTheOthersOnTheRasterOfTheFirst) {
+TEST_F(Join, PutsTheOthersOnTheTimeGridOfTheFirst) {
   const std::string imu = write("imu.csv", "t,r\n0,1\n0.1,2\n0.2,3\n0.3,4\n0.4,5\n");
   const std::string can = write("can.csv", "time [ms],v\n50,10\n250,30\n350,40\n");
   const Joined joined = join({imu, can}, "t");
@@ -80,7 +80,7 @@ TEST_F(Join, ColumnsOfTwoFilesGetTheFilesName) {
                        {{"v", "speed", "m/s", "m/s", {"model.yaml", 3, 4}}});
         } catch (const InputError& error) {
           EXPECT_STREQ(error.what(),
-                       "model.yaml:3:4: column 'speed' stands in several files; expected "
+                       "model.yaml:3:4: column 'speed' is in several files; expected "
                        "'imu.speed', 'bus.speed'; write which one is meant");
           throw;
         }
@@ -88,7 +88,7 @@ TEST_F(Join, ColumnsOfTwoFilesGetTheFilesName) {
       InputError);
   std::filesystem::create_directories(folder_ + "/other");
   const std::string twin = write("other/imu.csv", "t,speed\n0,1\n0.1,2\n");
-  EXPECT_THAT(refused({a, twin}), HasSubstr("stands in two files called 'imu'"));
+  EXPECT_THAT(refused({a, twin}), HasSubstr("is in two files called 'imu'"));
 }
 
 TEST_F(Join, SaysWhatCannotBeJoined) {
@@ -97,7 +97,7 @@ TEST_F(Join, SaysWhatCannotBeJoined) {
               testing::AllOf(HasSubstr("b.csv:1: no time column"), HasSubstr("name it 't'")));
   EXPECT_THAT(refused({a, write("c.csv", "t,v\n100,1\n101,2\n")}, "t"),
               HasSubstr("c.csv: times from 100 s to 101 s, a.csv has 0 s to 0.2 s"));
-  EXPECT_THAT(refused({a, write("d.csv", "t,v\n0,1\n0,2\n")}, "t"), HasSubstr("stands twice"));
+  EXPECT_THAT(refused({a, write("d.csv", "t,v\n0,1\n0,2\n")}, "t"), HasSubstr("is a duplicate"));
   EXPECT_THAT(refused({a, write("e.csv", "t,v\n0,1\n")}, "t"), HasSubstr("a single row"));
 }
 
