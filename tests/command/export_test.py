@@ -164,7 +164,7 @@ outputs: [{name: y, column: y, unit: mm}]
         self.assertIn("# SERIOUS" if out["status"]["code"] != "ok" else "# status ok", self.exported("python"))
         pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
         text = pathlib.Path(pasted).read_text()
-        self.assertIn("# never sought", text)
+        self.assertIn("# never estimated", text)
         self.assertIn(f"Cf: {{value: {parameters['Cf']!r} N/rad, min: 1e4, max: 4e5}}", text)
         again = result("fit", pasted, LANE_CHANGE[1])
         self.assertEqual(parameters, {p["name"]: p["start"] for p in again["parameters"]})

@@ -53,7 +53,7 @@ class Tune(unittest.TestCase):
                       ["--method", "ml", "--min-rank"], ["--method", "bayes", "--lags", 5]):
             self.assertIn("does not apply", run("tune", model, data, *extra, code=2).stderr)
 
-    def test_fewest_sources(self):
+    def test_minimum_rank(self):
         # The noise of System 7 has three sources, all of them seen.
         data = shared("likelihood/sys7.csv")
         out = result("tune", ROOT / "examples/system7.yaml", data, "--method", "als-weighted", "--min-rank")
