@@ -255,7 +255,7 @@ Estimate tune_robust(
   std::vector<Outlier> left_out;
   Estimate out = estimator(recordings);
   for (int pass = 0; pass < kMostPasses; ++pass) {
-    // Judged anew on all samples: those that the first, too wide estimate took for outliers wrongly
+    // Judged again on all samples: those that the first, too wide estimate took for outliers wrongly
     // come back.
     Eigen::VectorXd entries = free_entries(model.parameters);
     Index i = 0;

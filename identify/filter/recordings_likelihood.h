@@ -1,5 +1,5 @@
 // How likely are recordings as a function of a model file's free parameters? What every estimator
-// of noise climbs.
+// of noise maximises.
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
 // How does a model file write matrices? As rows of numbers and formulas of named parameters, and
-// covariances also as a whole that is sought.
+// covariances also as a whole that is estimated.
 #pragma once
 
 #include <optional>

@@ -31,8 +31,8 @@ Second second_opinion(const ModelFile& model, const std::vector<Dataset>& record
   }
 }
 
-// A start that climbs: variances that als holds at zero begin small, not at zero, where the
-// gradient of a factor vanishes.
+// A start from which the search can rise: variances that als holds at zero begin small, not at
+// zero, where the gradient of a factor vanishes.
 ParameterSet start_from(const ParameterSet& parameters, const Estimate& als) {
   Eigen::VectorXd entries = free_entries(parameters);
   Eigen::Index i = 0;

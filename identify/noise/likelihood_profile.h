@@ -13,7 +13,7 @@ namespace identikal {
 /// @param at            the maximum, in any unit
 /// @param se            standard error there, same unit: sets the steps, > 0
 /// @param lower, upper  bounds; may be infinite
-/// @param drop          2 (L_max - L) with the parameter held at `value` and all others sought;
+/// @param drop          2 (L_max - L) with the parameter held at `value` and all others estimated;
 ///   `turned` when the walk begins again at the maximum; nothing where it has no answer
 /// @return without a name; the maximum is one of its points
 LikelihoodProfile walk_profile(

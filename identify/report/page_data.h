@@ -72,7 +72,7 @@ struct ReportData {
   Eigen::Index rows = 0, columns = 0;            ///< rows > columns: thinned
   std::vector<double> joints;                    ///< [s]: where the next recording begins
   double held_from = kNone;                      ///< [s]: the fit did not see what follows
-  std::vector<std::array<double, 2>> forecasts;  ///< [s]: free runs without any correction
+  std::vector<std::array<double, 2>> forecasts;  ///< [s]: simulated without any correction
   std::vector<std::array<double, 2>> used;       ///< [s]: runs of rows that went in
   std::vector<ReportChannel> channels;
   struct Input {

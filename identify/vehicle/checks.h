@@ -23,10 +23,10 @@ void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate);
 void check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
                              const VehicleParameters<double>& p, Estimate& estimate);
 
-/// A free run of the leading output that explains less is poor [%].
+/// A simulation of the leading output that explains less is poor [%].
 inline constexpr double kPoorFit = 50.0;
 
-/// A free-run simulation that explains less than half, and noise far from what the model file gave.
+/// A simulation that explains less than half, and noise far from what the model file gave.
 /// @param rms  per output, SI
 void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate);
 

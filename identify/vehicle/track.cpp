@@ -47,7 +47,8 @@ struct BalanceRows {
   double moment = 0.0;                   // what m r' is multiplied with in a moment row [m]
 };
 
-// Coefficients are changes relative to the values in p; what is not sought goes to the other side.
+// Coefficients are changes relative to the values in p; what is not estimated goes to the other
+// side.
 BalanceRows rows_of(const VehicleBalances& balances, const VehicleUnknowns& unknowns) {
   const VehicleParameters<double>& p = unknowns.value;
   const Index n = balances.time.size();

@@ -71,7 +71,8 @@ Recording prepare(const MatrixXd& y, const MatrixXd& u) {
   return out;
 }
 
-// Lag sums for a filter that forgets after `memory` samples, in the segments that are longer.
+// Sample autocovariances for a filter that forgets after `memory` samples, in the segments that are
+// longer.
 void extend_sums(Recording& recording, Index memory) {
   Index lags = kFirstLags;
   while (lags < memory) lags *= 2;

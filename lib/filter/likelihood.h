@@ -1,5 +1,5 @@
-// How likely are these recordings under this model? The same exact answer by three paths of very
-// different cost; every estimator evaluates through here.
+// How likely are these recordings under this model? The same exact answer by three evaluation
+// methods of very different cost; every estimator evaluates through here.
 #pragma once
 
 #include <memory>
@@ -12,24 +12,26 @@
 
 namespace identikal {
 
-/// Ways to the same log-likelihood.
+/// Evaluation methods of the same log-likelihood.
 enum class Path {
   automatic,   ///< the cheapest that is exact for the model and the recording
   direct,      ///< the full recursion at every sample
   steady,      ///< constant gain once covariance and derivatives have settled to rounding
-  compressed,  ///< gapless segments from their lag sums, at a cost independent of their length
+  compressed,  ///< gapless segments from their sample autocovariances, at a cost that does not
+               ///< depend on their length
 };
 const char* to_string(Path path);
 
-/// Why a part of the recordings did not take the compressed path.
+/// Why a part of the recordings was not evaluated from sample autocovariances.
 enum class FallbackReason {
   none,
-  not_requested,    ///< another path was requested
-  short_segment,    ///< a gapless segment is shorter than the filter's memory
-  long_memory,      ///< the filter's pole is so close to 1 that the sums would cost more than they
-                    ///< save
-  no_steady_state,  ///< the gain does not converge to a stable filter
-  cancellation,     ///< innovations so much smaller than the signal that sums lose digits
+  not_requested,      ///< another evaluation method was requested
+  short_segment,      ///< a gapless segment is shorter than the filter's memory
+  long_memory,        ///< the filter's pole is so close to 1 that sample autocovariances would cost
+                      ///< more than they save
+  no_steady_state,    ///< the gain does not converge to a stable filter
+  cancellation,       ///< innovations so much smaller than the signal that sample
+                      ///< autocovariances lose digits
   too_many_channels,  ///< more than 15 outputs and inputs
   unknown_start,      ///< x0 or P0 depends on a parameter: its information is that of few samples
   known_start,        ///< x0 is known so much better than a steady filter knows it that its first
@@ -40,7 +42,7 @@ enum class FallbackReason {
 const char* describe(FallbackReason fallback);
 
 struct PathTaken {
-  Path path = Path::direct;  ///< the one that most samples took
+  Path path = Path::direct;  ///< the method that most samples were evaluated by
   FallbackReason fallback = FallbackReason::none;
   double pole = 0.0;  ///< largest absolute eigenvalue of A - K C; 0 when not computed
 };
@@ -64,15 +66,15 @@ class LikelihoodEngine {
   void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd&& u) = delete;
 
   /// The sum over all recordings of log_likelihood() in lib/filter/kalman.h, to 1e-9 of itself,
-  /// whatever the path; every recording starts from `initial`. Derivatives have the model's shapes,
-  /// x0 and P0 included where the start is given. On the compressed path the information is the
-  /// Fisher information of a stationary filter: the expectation
+  /// whatever the method; every recording starts from `initial`. Derivatives have the model's
+  /// shapes, x0 and P0 included where the start is given. Where sample autocovariances are used, the
+  /// information is the Fisher information of a stationary filter: the expectation
   ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
   /// when all parameters are of the noise, else with the sums that the recording supplied for x, z
   /// from its own start on, less what is not known of that start
   /// (lib/filter/internal/compressed_information.h). No memory is allocated from the second evaluation
-  /// of a model of up to 6 states on, when all parameters are of the noise and the compressed path
-  /// serves it.
+  /// of a model of up to 6 states on, when all parameters are of the noise and Path::compressed is
+  /// possible.
   /// @throws std::invalid_argument when shapes disagree or there is no recording.
   const Likelihood& evaluate(const StateSpace& model, InitialState initial,
                              const std::vector<StateSpace>& derivatives = {},

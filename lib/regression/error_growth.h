@@ -31,7 +31,7 @@ struct ErrorGrowth {
 ErrorGrowth start_error_growth(double samples_per_false_alarm, Eigen::Index settle);
 
 /// Takes an error, normalised so that all should have one variance, which need not be known.
-/// @return true: they have grown. The test then passes over `settle` errors and begins anew; the
+/// @return true: they have grown. The test then passes over `settle` errors and begins again; the
 ///   errors since the growth count no longer towards the variance
 ///
 /// Shiryaev and Roberts' statistic, averaged over the alternatives r of kGrowth:

@@ -59,7 +59,7 @@ struct SequentialProbabilityRatio {
 SequentialProbabilityRatio start_sequential_probability_ratio(
     Eigen::Index outputs, const SequentialProbabilityRatioOptions& options);
 
-/// Forgets all samples, for a filter that has been tuned anew. Allocates nothing.
+/// Forgets all samples, for a filter that has been tuned again. Allocates nothing.
 void restart(SequentialProbabilityRatio& test);
 
 /// Takes the next innovation and says what is known by now; after a decision the next sample begins

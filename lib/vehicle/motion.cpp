@@ -540,7 +540,7 @@ Eigen::Vector2d steady_state(const SingleTrack<>& car, const DrivenSegment::Node
   Eigen::Vector2d forcing = model.B * delta;
   forcing[0] -= kStandardGravity * std::sin(car.bank);
   const Eigen::Vector2d x = -model.A.inverse() * forcing;
-  // Near the critical speed the steady state runs away; no car is found there.
+  // Near the critical speed the steady state diverges; no car is found there.
   return x.allFinite() && std::abs(x[0]) < at.vx ? x : Eigen::Vector2d::Zero();
 }
 

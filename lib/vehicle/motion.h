@@ -61,7 +61,7 @@ struct IntegrationDemand {
 DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                     const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay = 0.0);
 
-/// Reads the steering anew with another delay; everything else stays.
+/// Reads the steering again with another delay; everything else stays.
 /// @param time, steering  those the segment was made of
 void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                double delay);

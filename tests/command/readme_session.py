@@ -1,4 +1,4 @@
-"""The sessions in README.md and docs/ are what the tool prints today. With --write they are copied from it anew.
+"""The sessions in README.md and docs/ are what the tool prints today. With --write they are copied from it again.
 
 A line `    $ command` of a page is run by the shell, in a scratch folder of that page where build, data and examples lie beside what its commands
 have written before; the indented lines below are what it prints, errors included. A command goes on behind a backslash, and to the END of <<END.

@@ -52,7 +52,7 @@ constexpr ChannelRule kVehicleInputs[] = {
 constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
 
-/// The largest force of an axle that the file does not name: sought, from its load on a road with
+/// The largest force of an axle that the file does not name: estimated, from its load on a road with
 /// a friction of 1.
 Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
   const auto value = [&](const char* name) {

@@ -1,4 +1,4 @@
-// Do other recordings ask for another car than a result says?
+// Do other recordings give significantly different parameters than a result has?
 #pragma once
 
 #include <string>

@@ -9,8 +9,8 @@
 //   -2 log L = N log|Sigma| + tr(Sigma^-1 S_e) + log|I + Pi M| + delta' Pi^-1 delta + N ny log 2pi
 //
 // where S_e = sum e e' of the filter started from m0 + delta. A diffuse start is the limit of large
-// Pi (de Jong 1991). S_e follows from the lag sums of z = [y; u] (lib/filter/internal/lag_sums.h):
-// with x+ = F x + Kz z and e = H z - C x,
+// Pi (de Jong 1991). S_e follows from the sample autocovariances of z = [y; u]
+// (lib/filter/internal/lag_sums.h): with x+ = F x + Kz z and e = H z - C x,
 //
 //   Y = sum_t z x' = sum_m Gamma_m Kz' F'^(m-1) + sum_t z(t) (F^t x0)',
 //   X = sum_t x x' = F X F' + Kz Gamma_0 Kz' + Kz Y F' + F Y' Kz' + x0 x0' - xN xN',

@@ -1,5 +1,5 @@
-// What of a stationary recording does a constant-gain filter ever need? Its lag sums, and its first
-// and last samples.
+// What of a stationary recording does a constant-gain filter ever need? Its sample autocovariances,
+// and its first and last samples.
 #pragma once
 
 #include <vector>

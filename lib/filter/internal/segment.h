@@ -50,7 +50,8 @@ class SegmentKernel {
   virtual double pole() const = 0;
 
   /// Adds value, gradient and information of a segment, which must be longer than memory() and have
-  /// its lag sums extended to it; without the constant -(samples - diffuse)/2 log 2 pi.
+  /// its sample autocovariances extended to it; without the constant
+  /// -(samples - diffuse)/2 log 2 pi.
   /// @return false where reject_reason() then says why; nothing is added.
   virtual bool add_from_model(const Segment& segment, InitialState initial, Likelihood& out) = 0;
   virtual bool add_from_state(const Segment& segment, const FilterState& state,

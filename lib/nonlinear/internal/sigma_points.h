@@ -20,7 +20,7 @@ PointWeights point_weights(const UnscentedWeights& weights, Eigen::Index n);
 /// determine a column as small as rounding.
 /// @param dP, dL  k directions; none: both stay as they are
 /// @return indefinite: P is, by more than rounding, or a derivative is by a variance of zero, as
-///   points that coincide do not tell how they would part
+///   points that coincide do not determine how they would part
 FilterStatus set_covariance_factor(const Eigen::MatrixXd& P, const Stack& dP, Eigen::MatrixXd& L,
                                    Stack& dL);
 

@@ -405,7 +405,7 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
   const Estimate wrong_steering = fit_vehicle(model, flipped);
   ASSERT_NE(warning(wrong_steering, "sign_steering"), nullptr);
   EXPECT_EQ(warning(wrong_steering, "sign_steering")->severity, Severity::serious);
-  // The cause goes first; what it entails is no finding of its own.
+  // The cause goes first; what it causes is no separate finding.
   EXPECT_EQ(wrong_steering.warnings[0].code, "sign_steering");
   EXPECT_EQ(warning(wrong_steering, "poor_fit"), nullptr);
   ASSERT_NE(warning(wrong_steering, "consequences"), nullptr);

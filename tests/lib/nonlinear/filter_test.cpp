@@ -714,7 +714,7 @@ TEST(NonlinearFilter, SemidefiniteCovariancesWork) {
   s.directions.push_back({-1, zero_noise(s.model)});
   s.directions.back().noise.Q = s.noise.Q;
   expect_same_as_kalman_filter(s, "semidefinite");
-  // Sigma points do not tell what a variance of zero does when it grows; they say so.
+  // Sigma points do not determine what a variance of zero does when it grows; they say so.
   s.directions.back().noise.Q(2, 2) = 1.0;
   s.options.method = NonlinearMethod::unscented;
   EXPECT_EQ(likelihood_of(s).status, FilterStatus::indefinite);

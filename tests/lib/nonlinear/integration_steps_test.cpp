@@ -184,7 +184,7 @@ TEST(IntegrationSteps, AJumpTakesAFewSteps) {
   EXPECT_LE(*std::max_element(chosen.steps.begin(), chosen.steps.end()), 64);
 }
 
-// An unstable plant in a closed loop: alone it runs away, with its measurements it does not.
+// An unstable plant in a closed loop: alone it diverges, with its measurements it does not.
 TEST(IntegrationSteps, AFilterNeedsNoMotionOfItsOwn) {
   const NonlinearModel model = rates_of({"k*a + a^3 + u", "-b"});
   const Index N = 200;

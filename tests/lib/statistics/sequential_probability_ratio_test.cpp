@@ -144,7 +144,7 @@ TEST(SequentialProbabilityRatio, NothingIsDecidedFromNothing) {
   EXPECT_EQ(run(test, one_channel), SequentialDecision::undecided);
 }
 
-TEST(SequentialProbabilityRatio, DecidesAndBeginsAnew) {
+TEST(SequentialProbabilityRatio, DecidesAndBeginsAgain) {
   Random random(6);
   SequentialProbabilityRatio test = start_sequential_probability_ratio(1, {});
   EXPECT_EQ(run(test, random_matrix(random, 1, 3000)), SequentialDecision::white);
