@@ -204,10 +204,7 @@ VectorXd entries_at(const ParameterPrior& prior, const ParameterSet& parameters,
       }
     }
     const MatrixXd V = sd.asDiagonal() * L * L.transpose() * sd.asDiagonal();
-    at = first;
-    for (Index j = 0; j < n; ++j) {
-      for (Index i = j; i < n; ++i) out[at++] = V(i, j);
-    }
+    out.segment(first, at - first) = lower_triangle(V);
   }
   return out;
 }

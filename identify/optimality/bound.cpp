@@ -17,6 +17,7 @@
 #include "lib/base/random.h"
 #include "lib/data/units.h"
 #include "lib/filter/information.h"
+#include "lib/model/parameter.h"
 #include "solvers/covariance.h"
 
 namespace identikal {
@@ -40,15 +41,6 @@ MatrixXd gain_deviation(const GainSensitivity& gain, const MatrixXd& covariance)
   }
   const VectorXd variance = (slopes * covariance * slopes.transpose()).diagonal();
   return variance.cwiseMax(0.0).cwiseSqrt().reshaped(gain.K.rows(), gain.K.cols());
-}
-
-// The lower triangle, column by column.
-VectorXd lower_triangle(const MatrixXd& M) {
-  VectorXd out(M.rows() * (M.rows() + 1) / 2);
-  for (Index j = 0, at = 0; j < M.rows(); ++j) {
-    for (Index i = j; i < M.rows(); ++i) out[at++] = M(i, j);
-  }
-  return out;
 }
 
 // What recordings of `samples` samples leave to K and Sigma as unknowns of their own.

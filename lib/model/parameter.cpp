@@ -41,16 +41,6 @@ Eigen::MatrixXd lower_factor(const Eigen::MatrixXd& value) {
   return L;
 }
 
-Eigen::VectorXd lower_triangle(const Eigen::MatrixXd& M) {
-  const Eigen::Index n = M.rows();
-  Eigen::VectorXd out(n * (n + 1) / 2);
-  Eigen::Index k = 0;
-  for (Eigen::Index j = 0; j < n; ++j) {
-    for (Eigen::Index i = j; i < n; ++i) out[k++] = M(i, j);
-  }
-  return out;
-}
-
 Eigen::VectorXd own_coordinates(const Parameter& parameter) {
   switch (parameter.domain) {
     case Domain::scalar:
@@ -150,6 +140,16 @@ ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& co
         message({"with_coordinates: ", coordinate.size(), " coordinates do not fit the set"}));
   }
   return parameters;
+}
+
+Eigen::VectorXd lower_triangle(const Eigen::MatrixXd& M) {
+  const Eigen::Index n = M.rows();
+  Eigen::VectorXd out(n * (n + 1) / 2);
+  Eigen::Index k = 0;
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index i = j; i < n; ++i) out[k++] = M(i, j);
+  }
+  return out;
 }
 
 Eigen::VectorXd free_entries(const ParameterSet& parameters) {

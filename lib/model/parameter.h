@@ -70,6 +70,8 @@ ParameterSet with_coordinates(ParameterSet parameters, const Eigen::VectorXd& co
 /// triangle column by column. As many as there are coordinates, and the same but for
 /// Domain::positive_definite.
 Eigen::VectorXd free_entries(const ParameterSet& parameters);
+/// Of a square matrix, column by column: the distinct entries of a symmetric one.
+Eigen::VectorXd lower_triangle(const Eigen::MatrixXd& M);
 /// The set with its free parameters' entries as given. @throws std::invalid_argument when their
 /// number differs.
 ParameterSet with_entries(ParameterSet parameters, const Eigen::VectorXd& entries);
