@@ -17,6 +17,7 @@
 #include <yaml-cpp/parser.h>
 
 #include "lib/base/nearest_name.h"
+#include "lib/base/utf8.h"
 
 namespace identikal {
 namespace {
@@ -52,31 +53,6 @@ std::string read_yaml_text(const std::string& path) {
 }
 
 namespace {
-
-bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }
-
-// Length of the UTF-8 character that starts at `at`; 0 when there is none (overlong forms and
-// surrogates are none: the JSON result could not hold them).
-std::size_t utf8_length(std::string_view text, std::size_t at) {
-  const auto byte = [&](std::size_t i) {
-    return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U;
-  };
-  const unsigned lead = byte(at), second = byte(at + 1);
-  if (lead < 0x80) return 1;
-  const std::size_t length = lead < 0xC2   ? 0
-                             : lead < 0xE0 ? 2
-                             : lead < 0xF0 ? 3
-                             : lead < 0xF5 ? 4
-                                           : 0;
-  if (length == 0) return 0;
-  const unsigned low = lead == 0xE0 ? 0xA0 : lead == 0xF0 ? 0x90 : 0x80;
-  const unsigned high = lead == 0xED ? 0x9F : lead == 0xF4 ? 0x8F : 0xBF;
-  if (second < low || second > high) return 0;
-  for (std::size_t i = 2; i < length; ++i) {
-    if (byte(at + i) < 0x80 || byte(at + i) > 0xBF) return 0;
-  }
-  return length;
-}
 
 bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }
 
@@ -134,7 +110,7 @@ class Source {
                                     text_.begin() + static_cast<std::ptrdiff_t>(next),
                                     '\n') != text_.begin() + static_cast<std::ptrdiff_t>(next);
       if (!folded && text_[at] != c) break;
-      if (!is_continuation(c)) ++character;
+      if (!is_utf8_continuation(c)) ++character;
       at = folded ? next : at + 1;
       if (folded) out.push_back({character, place_of(at)});
     }
@@ -430,7 +406,7 @@ std::string in_quotes(std::string_view text) {
   constexpr std::size_t kShown = 60;
   if (text.size() <= kShown) return fmt::format("'{}'", text);
   std::size_t cut = kShown;
-  while (cut > 0 && is_continuation(text[cut])) --cut;
+  while (cut > 0 && is_utf8_continuation(text[cut])) --cut;
   return fmt::format("'{}...'", text.substr(0, cut));
 }
 

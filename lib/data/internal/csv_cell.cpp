@@ -6,35 +6,12 @@
 #include <charconv>
 #include <cmath>
 
+#include "lib/base/utf8.h"
+
 namespace identikal::csv {
 namespace {
 
 constexpr std::size_t kMaxExcerpt = 40;  // characters of the file that a message may quote
-
-bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0) == 0x80; }
-
-bool is_utf8(std::string_view text) {
-  for (std::size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i]);
-    const std::size_t length = lead < 0x80                   ? 1
-                               : lead >= 0xC2 && lead < 0xE0 ? 2
-                               : lead >= 0xE0 && lead < 0xF0 ? 3
-                               : lead >= 0xF0 && lead < 0xF5 ? 4
-                                                             : 0;
-    if (length == 0 || i + length > text.size()) return false;
-    for (std::size_t k = 1; k < length; ++k) {
-      if (!is_continuation(text[i + k])) return false;
-    }
-    // Overlong forms, surrogates and code points beyond U+10FFFF.
-    const auto second = static_cast<unsigned char>(length > 1 ? text[i + 1] : 0);
-    if ((lead == 0xE0 && second < 0xA0) || (lead == 0xED && second > 0x9F) ||
-        (lead == 0xF0 && second < 0x90) || (lead == 0xF4 && second > 0x8F)) {
-      return false;
-    }
-    i += length;
-  }
-  return true;
-}
 
 }  // namespace
 
@@ -57,7 +34,7 @@ std::string excerpt(std::string_view text) {
   std::string converted = to_utf8(text);
   std::size_t characters = 0;
   for (std::size_t i = 0; i < converted.size(); ++i) {
-    if (is_continuation(converted[i])) continue;
+    if (is_utf8_continuation(converted[i])) continue;
     if (characters++ == kMaxExcerpt) return converted.substr(0, i) + "...";
   }
   return converted;
@@ -67,7 +44,7 @@ int character_position(std::string_view line, std::size_t offset) {
   const std::string_view before = line.substr(0, offset);
   if (!is_utf8(before)) return static_cast<int>(offset) + 1;
   return static_cast<int>(std::count_if(before.begin(), before.end(),
-                                        [](char c) { return !is_continuation(c); })) +
+                                        [](char c) { return !is_utf8_continuation(c); })) +
          1;
 }
 

@@ -1,0 +1,18 @@
+// Is this text UTF-8, and where do its characters begin?
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+namespace identikal {
+
+/// A byte inside a character, not its first.
+bool is_utf8_continuation(char c);
+
+/// Bytes of the character that begins at `at`; 0 when there is none. Overlong forms, surrogates and
+/// code points beyond U+10FFFF are none: JSON could not hold them.
+std::size_t utf8_length(std::string_view text, std::size_t at);
+
+bool is_utf8(std::string_view text);
+
+}  // namespace identikal
