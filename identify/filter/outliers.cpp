@@ -255,8 +255,8 @@ Estimate tune_robust(
   std::vector<Outlier> left_out;
   Estimate out = estimator(recordings);
   for (int pass = 0; pass < kMostPasses; ++pass) {
-    // Judged again on all samples: those that the first, too wide estimate took for outliers wrongly
-    // come back.
+    // Judged again on all samples: those that the first, too wide estimate wrongly took for
+    // outliers come back.
     Eigen::VectorXd entries = free_entries(model.parameters);
     Index i = 0;
     for (const EstimatedParameter& p : out.parameters) {

@@ -11,8 +11,8 @@ namespace identikal {
 
 /// Fills `standardised_before`, `one_step` and `simulation` of the estimate's pictures.
 ///
-/// Before: the filter at the model file's values; empty where that is the estimate. Simulation: from
-/// kForecastFrom of each recording on, E[y(t) | y up to there], with its standard deviation; the
+/// Before: the filter at the model file's values; empty where that is the estimate. Simulation:
+/// from kForecastFrom of each recording on, E[y(t) | y up to there], with its standard deviation; the
 /// filter that it goes on from has seen the recording before, as much of it as memory allows. That
 /// of a nonlinear model is simulated_outputs() (identify/filter/simulated_fit.h) of the whole
 /// recording, without deviation.

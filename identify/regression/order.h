@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 #include "lib/regression/lagged_regressors.h"
 
 namespace identikal {

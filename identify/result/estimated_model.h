@@ -6,7 +6,7 @@
 #include <string>
 
 #include "identify/estimate/estimate.h"
-#include "identify/model/model_file.h"
+#include "identify/model/model.h"
 
 namespace identikal {
 

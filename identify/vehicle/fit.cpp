@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <optional>
+#include <type_traits>
 #include <utility>
 
 #include <fmt/format.h>

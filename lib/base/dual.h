@@ -3,8 +3,6 @@
 
 #include <array>
 #include <cmath>
-#include <stdexcept>
-#include <type_traits>
 #include <utility>
 
 #include <Eigen/Core>

@@ -67,8 +67,8 @@ class LikelihoodEngine {
 
   /// The sum over all recordings of log_likelihood() in lib/filter/kalman.h, to 1e-9 of itself,
   /// whatever the method; every recording starts from `initial`. Derivatives have the model's
-  /// shapes, x0 and P0 included where the start is given. Where sample autocovariances are used, the
-  /// information is the Fisher information of a stationary filter: the expectation
+  /// shapes, x0 and P0 included where the start is given. Where sample autocovariances are used,
+  /// the information is the Fisher information of a stationary filter: the expectation
   ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
   /// when all parameters are of the noise, else with the sums that the recording supplied for x, z
   /// from its own start on, less what is not known of that start

@@ -70,8 +70,8 @@ struct NonlinearFilterOptions {
 /// Unscented: the moments of step() and h() come from sigma points, drawn again before each; W is
 /// that of the trajectory from the mean. A covariance may be semidefinite there; one that is
 /// indefinite by more than rounding gives FilterStatus::indefinite, and so does a derivative with
-/// respect to a variance that is zero, as points that coincide do not determine how they would part.
-/// A missing sample (NaN) takes its channel out.
+/// respect to a variance that is zero, as points that coincide do not determine how they would
+/// part. A missing sample (NaN) takes its channel out.
 /// @param p       parameters, SI
 /// @param inputs  N samples
 /// @param y       ny x N, NaN = missing

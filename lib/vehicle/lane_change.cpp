@@ -1,6 +1,8 @@
 #include "lib/vehicle/lane_change.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
 #include <Eigen/QR>
 

@@ -1,8 +1,6 @@
 // Does the car get through the gates? Lane changes of ISO 3888 with a driver at the wheel.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
 #include <vector>
 

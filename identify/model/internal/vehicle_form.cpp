@@ -52,8 +52,8 @@ constexpr ChannelRule kVehicleInputs[] = {
 constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
 
-/// The largest force of an axle that the file does not name: estimated, from its load on a road with
-/// a friction of 1.
+/// The largest force of an axle that the file does not name: estimated, from its load on a road
+/// with a friction of 1.
 Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
   const auto value = [&](const char* name) {
     return others[find_parameter(others, name)].scalar();

@@ -1,5 +1,6 @@
 #include "lib/vehicle/lane_change.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
