@@ -9,7 +9,7 @@
 
 namespace identikal {
 
-/// A value and its derivatives by N variables (forward mode, exact).
+/// A value and its derivatives with respect to N variables (forward mode, exact).
 template <int N>
 struct Dual {
   double a = 0.0;             ///< value

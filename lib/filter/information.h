@@ -63,8 +63,8 @@ std::optional<GainSensitivity> steady_gain_sensitivity(const StateSpace& model,
 ///   X = F X F' + E dK Sigma dK',  E dK Sigma dK' = sum_ij Cov_ij K_i Sigma K_j',  F = A - K C,
 ///
 /// up to third order in dtheta: P is the least that any gain gives, so the first order vanishes.
-/// @param gain        of the model, with the derivatives by its k parameters, none of which changes
-///   anything but noise (a wrong A is not a wrong gain alone)
+/// @param gain        of the model, with the derivatives with respect to its k parameters, none of
+///   which changes anything but noise (a wrong A is not a wrong gain alone)
 /// @param covariance  k x k, of the errors
 /// @return nothing when tr P is zero
 /// Source: the exact difference X = (F - dK C) X (F - dK C)' + dK Sigma dK' of two Lyapunov

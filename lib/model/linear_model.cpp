@@ -10,7 +10,8 @@
 namespace identikal {
 namespace {
 
-// Values of all formulas of a model and, where requested, their derivatives by the parameters.
+// Values of all formulas of a model and, where requested, their derivatives with respect to the
+// parameters.
 struct FormulaValues {
   std::vector<std::vector<double>> value, slope;  // per tape; jacobian row by row
 

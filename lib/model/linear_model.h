@@ -36,8 +36,8 @@ struct ParametrisedMatrix {
 /// Numbers, nothing free.
 ParametrisedMatrix constant_matrix(Eigen::MatrixXd value);
 
-/// Formulas of the parameters, compiled together with their derivatives by all parameters that may
-/// occur in them: the first `tape.columns` of the ParameterSet, scalars.
+/// Formulas of the parameters, compiled together with their derivatives with respect to all
+/// parameters that may occur in them: the first `tape.columns` of the ParameterSet, scalars.
 struct EntryFormulas {
   Tape tape;
   int first = 0;  ///< symbol that stands for parameter 0

@@ -162,7 +162,7 @@ void chain_jacobian(const MotionParts& parts, ModelMemory& m, Derivatives order)
   }
 }
 
-// W' = f_x W + W f_x' + Q, and its derivatives by the step's begin.
+// W' = f_x W + W f_x' + Q, and its derivatives with respect to the step's begin.
 void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives order) {
   const auto W = parts.gramians(m.stage);
   const Index nx = m.J.rows();

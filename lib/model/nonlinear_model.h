@@ -105,7 +105,8 @@ struct ModelMemory {
   /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
   /// are requested, its derivatives, one after the other.
   Eigen::VectorXd begin, stage, rate, sum;
-  Rows J, H, turned;       ///< derivatives of f by [x; p] at the stage, and of its derivatives by x
+  Rows J, H, turned;       ///< derivatives of f with respect to [x; p] at the stage, and of those
+                           ///< with respect to x
   Rows densities;          ///< of Gramians
   Eigen::VectorXd values;  ///< of a curvature tape
   Eigen::VectorXd y;       ///< ny

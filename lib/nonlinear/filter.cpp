@@ -114,7 +114,7 @@ class Chain {
   std::vector<Moved> moved_;
 };
 
-// The state as far as it is known at a sample, and its derivatives by the directions.
+// The state as far as it is known at a sample, and its derivatives with respect to the directions.
 struct Belief {
   VectorXd x;
   MatrixXd P;

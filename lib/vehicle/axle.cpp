@@ -18,7 +18,7 @@ struct ValueAndSlope {
   double value, slope;
 };
 
-/// atan(sqrt(w)) / sqrt(w) and its derivative by w: smooth at 0.
+/// atan(sqrt(w)) / sqrt(w) and its derivative with respect to w: smooth at 0.
 ValueAndSlope atan_share(double w) {
   if (w < 0.01) {  // seven terms leave less than 1e-14
     double value = 0.0, slope = 0.0;
@@ -32,7 +32,7 @@ ValueAndSlope atan_share(double w) {
   return {value, (1.0 / (1.0 + w) - value) / (2.0 * w)};
 }
 
-/// sin(sqrt(w)) / sqrt(w) and its derivative by w: smooth at 0.
+/// sin(sqrt(w)) / sqrt(w) and its derivative with respect to w: smooth at 0.
 ValueAndSlope sin_share(double w) {
   if (w < 0.01) {  // five terms leave less than 1e-17
     double value = 1.0, slope = 0.0, term = 1.0;

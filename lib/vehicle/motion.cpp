@@ -21,7 +21,7 @@ constexpr double kStepPerRelaxation = 0.7;
 // A wheel that leaves the road: a glitch of the measured speed must not turn loads negative.
 constexpr double kLeastLoad = 0.1;
 
-/// An axle force and its derivatives by vy, r and the parameters of the car.
+/// An axle force and its derivatives with respect to vy, r and the parameters of the car.
 struct ForceJacobian {
   double by_vy = 0.0, by_r = 0.0;
   VehicleParameters<double> by{};
@@ -30,7 +30,7 @@ struct ForceJacobian {
 /// The equations of motion, with everything that is constant along the run computed once.
 class Balance {
  public:
-  /// @param by_height  derivatives by the height of the centre of gravity are wanted
+  /// @param by_height  derivatives with respect to the height of the centre of gravity are wanted
   Balance(const SingleTrack<>& car, double delay, bool by_height = false)
       : car_(car),
         front_(car.front),

@@ -88,8 +88,8 @@ void simulate(const SingleTrack<>& car, const DrivenSegment& segment, double vy,
               const ObserveMotion& observe,
               const std::function<bool(Eigen::Index row, double& vy, double& r)>& correct = {});
 
-/// Where the derivatives by the parameters and by the initial state stand in a row of `columns`
-/// derivatives; what is not requested is -1. Columns of nothing are the caller's own.
+/// Where the derivatives with respect to the parameters and the initial state stand in a row of
+/// `columns` derivatives; what is not requested is -1. Columns of nothing are the caller's own.
 struct JacobianColumns {
   Eigen::Index columns = 0;
   std::array<Eigen::Index, kVehicleParameters> parameter;

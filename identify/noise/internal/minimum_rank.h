@@ -20,7 +20,7 @@ struct MinimumRankProblem {
   Misfit fit;                          ///< what the method minimises
   Misfit chance;                       ///< the same whitened: its residuals have unit variance
   Eigen::MatrixXd constant;            ///< [Q S; S' R] at theta = 0
-  std::vector<Eigen::MatrixXd> basis;  ///< its derivatives by theta
+  std::vector<Eigen::MatrixXd> basis;  ///< its derivatives with respect to theta
   Eigen::Index process_noises = 0;     ///< size of Q
 };
 

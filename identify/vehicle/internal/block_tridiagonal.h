@@ -18,8 +18,8 @@ struct MarginalQuadratic {
 };
 
 /// The function 1/2 sum of (r + a p + b x_t (+ c x_t-1))^2 of the moves p (n) of parameters and x_t
-/// (2) of the states of one segment. Its second derivative by the path is block tridiagonal, H_t on
-/// the diagonal and U_t right of it. Eliminated forwards,
+/// (2) of the states of one segment. Its second derivative with respect to the path is block
+/// tridiagonal, H_t on the diagonal and U_t right of it. Eliminated forwards,
 ///   D_0 = H_0,  D_t = H_t - U_t-1' D_t-1^-1 U_t-1,  det H = prod det D_t,
 /// the same for gradients g_t and cross derivatives G_t; information and gradient of p are what
 /// remains. Substituted backwards,

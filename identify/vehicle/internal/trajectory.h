@@ -31,10 +31,10 @@ struct VehicleTrajectory {
 ///
 /// The noise (sd unless given, and process) maximises Laplace's approximation of the likelihood
 /// with the path integrated out, exact for a linear car: -cost - 1/2 log det H, H the block
-/// tridiagonal second derivative by the path; its gradient by the logarithms of the noise is what
-/// an EM step compares (Shumway & Stoffer 1982). Parameters and path are most likely jointly, which
-/// pulls parameters by an amount of the order of the path's variance over that of the motion. Their
-/// information is H's Schur complement.
+/// tridiagonal second derivative with respect to the path; its gradient by the logarithms of the
+/// noise is what an EM step compares (Shumway & Stoffer 1982). Parameters and path are most likely
+/// jointly, which pulls parameters by an amount of the order of the path's variance over that of
+/// the motion. Their information is H's Schur complement.
 /// @param start  the best simulation
 /// @throws InputError when the car has a relaxation length: its axle forces would be states too
 VehicleTrajectory fit_trajectory(const VehicleProblem& problem, const VehicleOptimum& start,
