@@ -1,5 +1,5 @@
 // How long does a likelihood take, with and without gradient and information, and a fit? On every
-// path, as a fraction of what the machine can do. README.md beside it says how to repeat it.
+// method, as a fraction of what the machine can do. tests/bench/README.md says how to repeat it.
 #include <cmath>
 #include <cstdio>
 #include <map>

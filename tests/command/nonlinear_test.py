@@ -50,7 +50,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
         run("simulate", model, "-n", 500, "-o", self.out, code=0)
         tuned = {path: result("tune", model, self.out / "simulated.csv", "--starts", 1, *more)
                  for path, more in (("compressed", ()), ("steady", ("--path", "steady")), ("direct", ("--path", "direct")))}
-        # The compressed path counts all 500 samples as those of a steady filter, so that errors agree to one of them.
+        # The evaluation from sample autocovariances counts all 500 samples as those of a steady filter, so that errors agree to one of them.
         for path, of_errors in (("steady", 1e-5), ("compressed", 1 / 500)):
             self.assertEqual({"steady": "steady_state_filter", "compressed": "sample_autocovariances"}[path], tuned[path]["objective"]["evaluation_method"])
             for a, b in zip(tuned[path]["parameters"], tuned["direct"]["parameters"]):
