@@ -1,4 +1,4 @@
-// How long does a likelihood take, with and without gradient and information, and a fit? On every
+// How long does a likelihood take, with and without gradient and information, and a fit? By every
 // method, as a fraction of what the machine can do. tests/bench/README.md says how to repeat it.
 #include <cmath>
 #include <cstdio>
