@@ -15,12 +15,12 @@ esac
 find lib solvers identify studies command tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
   xargs -0 clang-format --dry-run --Werror
 
-# With --slow every file is compiled without the precompiled header, and so has to include what it uses.
-precompiled=OFF
-[ "$slow" = yes ] && precompiled=ON
+# With --slow every file is compiled by itself and without the precompiled header, and so has to include what it uses.
+alone=(-DCMAKE_DISABLE_PRECOMPILE_HEADERS=OFF)
+[ "$slow" = yes ] && alone=(-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DCMAKE_UNITY_BUILD=OFF)
 : >build.log
 build() { packaging/with_progress.sh build.log "$@"; }
-build "Configuring" cmake --preset release -DIDENTIKAL_WERROR=ON -DCMAKE_DISABLE_PRECOMPILE_HEADERS=$precompiled
+build "Configuring" cmake --preset release -DIDENTIKAL_WERROR=ON "${alone[@]}"
 build "Building" cmake --build build
 [ "$slow" = yes ] && build "Building the benches" cmake --build build --target benches
 labels=(-LE slow)
