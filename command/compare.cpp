@@ -2,6 +2,7 @@
 #include "command/compare.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
@@ -38,6 +39,17 @@ int compare_results_of(const CompareOptions& options, const std::string& command
   return exit_code(estimate, options.result.strict);
 }
 
+// Results hold no rows: models are ranked on recordings alone.
+void refuse_results(const std::vector<std::string>& recordings) {
+  for (const std::string& path : recordings) {
+    std::error_code neither;
+    if (!path.ends_with(".json") && !std::filesystem::is_directory(path, neither)) continue;
+    throw InputError({path, 0, 0}, "a result among models",
+                     "results only, or models and recordings",
+                     "identikal compare A.yaml B.yaml DATA");
+  }
+}
+
 }  // namespace
 
 int compare_models(const CompareOptions& options, const std::string& command) {
@@ -45,7 +57,7 @@ int compare_models(const CompareOptions& options, const std::string& command) {
   RecordingOptions data = options.recordings;
   const auto first_recording =
       std::stable_partition(data.files.begin(), data.files.end(), is_model);
-  run.read.assign(data.files.begin(), first_recording);
+  run.models.assign(data.files.begin(), first_recording);
   data.files.erase(data.files.begin(), first_recording);
   if (data.files.empty()) {
     throw InputError({}, "no recording on the command line",
@@ -55,7 +67,8 @@ int compare_models(const CompareOptions& options, const std::string& command) {
   std::vector<std::vector<Dataset>> recordings;
   Recordings loaded;
   ModelOptions each = options.model;
-  for (const std::string& path : run.read) {
+  refuse_results(data.files);
+  for (const std::string& path : run.models) {
     each.file = path;
     models.push_back(load_model(each, run.verb));
     loaded = load_recordings(data, models.back(), run.verb);

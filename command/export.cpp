@@ -29,14 +29,6 @@ std::string day_of_file(const std::string& path) {
   return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
-// What the result rests on, which nothing is written over.
-std::vector<std::string> files_of(const StoredResult& result, const std::string& named) {
-  std::vector<std::string> out{named, result.path};
-  for (const InputRecord& input : result.estimate.inputs) out.push_back(input.path);
-  if (result.estimate.model_file) out.push_back(result.estimate.model_file->path);
-  return out;
-}
-
 int export_result(const ExportOptions& options) {
   const std::optional<ExportFormat> format = export_format(options.format);
   if (!format) {

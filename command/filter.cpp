@@ -34,7 +34,7 @@ int print_states(const ModelFile& model, const Recordings& recordings, FilterRun
 }
 
 int filter(const FilterOptions& given, const std::string& command) {
-  const Run run{"filter", command, given.model.file, {}, given.result};
+  const Run run{"filter", command, given.model.file, files_of_origin(given.model), given.result};
   if (given.smooth && given.lag >= 0) {
     throw InputError({}, "--smooth and --lag", "one of them",
                      "--smooth takes the whole recording, --lag N what came up to N samples later");

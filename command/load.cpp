@@ -12,6 +12,7 @@
 #include "identify/model/row_selection.h"
 #include "identify/result/file.h"
 #include "identify/result/file_digest.h"
+#include "identify/result/schema.h"
 #include "identify/result/values.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
@@ -29,7 +30,13 @@ void require_linear(const ModelFile& model, const std::string& job) {
 }
 
 void require_filter(const ModelFile& model, const std::string& job) {
-  if (model.form != ModelFile::Form::nonlinear) require_linear(model, job);
+  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) return;
+  throw InputError(
+      {model.path, 0, 0},
+      fmt::format("'{}' takes the model of a filter, this is a {}", job,
+                  model.form == ModelFile::Form::single_track ? "vehicle" : "regression"),
+      "a model with A, C, Q, R, or formulas",
+      model.form == ModelFile::Form::single_track ? "use 'fit'" : "use 'track'");
 }
 
 namespace {
@@ -39,6 +46,7 @@ ModelFile with_options(ModelFile model, const ModelOptions& options) {
     const StoredResult result = read_stored_result(options.from);
     set_values(model, result.estimate, result.path);
   }
+  refuse_twice("--set", options.settings);
   for (const std::string& assignment : options.settings) set_parameter(model, assignment);
   if (!options.filter.empty()) {
     if (model.form != ModelFile::Form::nonlinear) {
@@ -194,7 +202,57 @@ void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warnin
   }
 }
 
+// Data that are given twice weigh twice, and their errors look too small.
+void warn_of_repeated(Recordings& recordings) {
+  const std::vector<InputRecord>& records = recordings.records;
+  for (auto record = records.begin(); record != records.end(); ++record) {
+    const auto same = [&](const InputRecord& r) { return r.sha256 == record->sha256; };
+    const auto first = std::find_if(records.begin(), record, same);
+    if (first == record) continue;
+    const std::string what =
+        first->path == record->path
+            ? fmt::format("{} is given twice", record->path)
+            : fmt::format("{} is the same data as {}", record->path, first->path);
+    recordings.warnings.push_back({"repeated_data",
+                                   Severity::warning,
+                                   {record->path},
+                                   what + ": it counts twice, and standard errors are too small",
+                                   "give each recording once"});
+  }
+}
+
+// Is what is held out among what is fitted?
+void warn_of_own(const std::string& held_out, Recordings& recordings) {
+  const std::string sha256 = sha256_of_file(held_out);
+  const bool fitted =
+      std::any_of(recordings.records.begin(), recordings.records.end(),
+                  [&](const InputRecord& record) { return record.sha256 == sha256; });
+  if (!fitted) return;
+  recordings.warnings.push_back({"own_data",
+                                 Severity::warning,
+                                 {held_out},
+                                 held_out + " is held out and fitted: this proves nothing",
+                                 "hold out another recording, or a share such as 30%"});
+}
+
 }  // namespace
+
+std::vector<std::string> files_of(const StoredResult& result, const std::string& named) {
+  const std::filesystem::path beside =
+      std::filesystem::path(result.path).parent_path() / kReportDataFile;
+  std::vector<std::string> out{named, result.path, beside.string()};
+  for (const InputRecord& input : result.estimate.inputs) out.push_back(input.path);
+  if (result.estimate.model_file) {
+    out.push_back(result.estimate.model_file->path);
+    for (const auto& included : result.estimate.model_file->included) out.push_back(included.path);
+  }
+  return out;
+}
+
+std::vector<std::string> files_of_origin(const ModelOptions& options) {
+  if (options.from.empty()) return {};
+  return files_of(read_stored_result(options.from), options.from);
+}
 
 std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
   std::vector<Warning> warnings;
@@ -265,9 +323,10 @@ Recordings load_recordings(const RecordingOptions& options, const ModelFile& mod
   Recordings out;
   for (const std::string& path : options.files) {
     if (is_model(path)) {
-      throw InputError({path, 0, 0}, "a model file where recordings are expected",
-                       fmt::format("'identikal {} MODEL DATA...'", verb),
-                       "'identikal compare A.yaml B.yaml DATA' ranks several models");
+      throw InputError(
+          {path, 0, 0}, "a model file where recordings are expected",
+          fmt::format("'identikal {} {} DATA...'", verb, verb == "validate" ? "RESULT" : "MODEL"),
+          "'identikal compare A.yaml B.yaml DATA' ranks several models");
     }
     const std::vector<Table> files = read_files(path);
     std::vector<Dataset> runs = load_runs(files, model, range);
@@ -276,6 +335,7 @@ Recordings load_recordings(const RecordingOptions& options, const ModelFile& mod
     out.add(std::move(runs), files, range);
     check_period(model, out.data.front(), out.data.back());
   }
+  warn_of_repeated(out);
   return out;
 }
 
@@ -284,9 +344,12 @@ std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& mode
   std::vector<HeldOut> out;
   if (hold_out.empty()) return out;
   if (!hold_out.ends_with('%')) {
-    for (Dataset& run : load_runs(read_files(hold_out), model, range)) {
-      out.push_back({std::move(run), 0});
+    const std::vector<Table> files = read_files(hold_out);
+    for (const Table& file : files) {
+      recordings.held_out_files.push_back(file.path);
+      warn_of_own(file.path, recordings);
     }
+    for (Dataset& run : load_runs(files, model, range)) out.push_back({std::move(run), 0});
     return out;
   }
   const double share = hold_out_share(hold_out);

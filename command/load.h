@@ -9,6 +9,7 @@
 #include "identify/estimate/estimate.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/model_file.h"
+#include "identify/result/file.h"
 #include "lib/data/csv.h"
 #include "lib/data/dataset.h"
 
@@ -42,6 +43,7 @@ struct Recordings {
   std::vector<Dataset> held_out;                                ///< what the estimator does not see
   std::vector<InputRecord> records;                             ///< one per file
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  ///< recordings [from, to) of a file
+  std::vector<std::string> held_out_files;                      ///< read for --hold-out
 
   std::vector<Warning> warnings;  ///< of how they go with the model
 
@@ -53,6 +55,11 @@ Recordings load_recordings(const RecordingOptions& options, const ModelFile& mod
                            const std::string& verb);
 /// A model file that names no sampling period has the recording's.
 void take_period(ModelFile& model, const Dataset& data);
+/// The files that a result rests on, and its own: nothing is to be written over them.
+/// @param named  the result as the command line names it
+std::vector<std::string> files_of(const StoredResult& result, const std::string& named);
+/// Those of --from; none without it.
+std::vector<std::string> files_of_origin(const ModelOptions& options);
 /// Warnings where the result of --from is doubtful, or one of another model file.
 std::vector<Warning> warnings_of_origin(const ModelOptions& options);
 /// A linear model has one sampling period. @throws InputError when that of `other` is another

@@ -1,10 +1,15 @@
 // The program. Every exception ends here.
+#include <csignal>
 #include <iostream>
 
 #include "command/command_line.h"
 #include "lib/base/error.h"
 
 int main(int argc, char** argv) {
+#ifdef SIGXFSZ
+  // A file that becomes too large for the shell's limit is a write that fails, as on a full disk.
+  std::signal(SIGXFSZ, SIG_IGN);
+#endif
   try {
     return identikal::run_command_line(argc, argv);
   } catch (const identikal::InputError& error) {

@@ -1,5 +1,6 @@
 #include "command/output_files.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -24,12 +25,49 @@ struct Place {
   fs::path target, part;
 };
 
-Place place_of(const OutputFile& file, std::size_t index) {
+// What has been made so far, and is taken away again when not all of it can be.
+class Attempt {
+ public:
+  Attempt() = default;
+  ~Attempt() {
+    if (done_) return;
+    std::error_code ignored;
+    for (const Place& place : places) {
+      if (!place.part.empty()) fs::remove(place.part, ignored);
+    }
+    // Inner ones first; one that holds something stays.
+    for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder) {
+      fs::remove(*folder, ignored);
+    }
+  }
+  Attempt(const Attempt&) = delete;
+  Attempt& operator=(const Attempt&) = delete;
+
+  void make_folder(const fs::path& folder, std::error_code& error) {
+    std::vector<fs::path> missing;
+    std::error_code unknown;
+    for (fs::path each = folder; !each.empty() && !fs::exists(each, unknown);
+         each = each.parent_path()) {
+      missing.push_back(each);
+    }
+    made_.insert(made_.end(), missing.rbegin(), missing.rend());
+    fs::create_directories(folder, error);
+  }
+  void keep() { done_ = true; }
+
+  std::vector<Place> places;
+
+ private:
+  std::vector<fs::path> made_;  // outer ones first
+  bool done_ = false;
+};
+
+Place place_of(const OutputFile& file, Attempt& attempt) {
   const fs::path given(file.path);
   const fs::path folder = given.parent_path();
   std::error_code error;
   if (!folder.empty()) {
-    fs::create_directories(folder, error);
+    attempt.make_folder(folder, error);
     if (error || !fs::is_directory(folder, error)) {
       fail(file, fmt::format("cannot make the folder {}{}", folder.string(),
                              error ? ": " + error.message() : ""));
@@ -45,7 +83,8 @@ Place place_of(const OutputFile& file, std::size_t index) {
   const fs::file_status status = fs::status(out.target, error);
   if (fs::is_directory(status)) fail(file, "cannot write: it is a folder");
   if (fs::exists(status) && !fs::is_regular_file(status)) return out;
-  out.part = out.target.parent_path() / fmt::format(".identikal-{}-{}.part", getpid(), index);
+  out.part = out.target.parent_path() /
+             fmt::format(".identikal-{}-{}.part", getpid(), attempt.places.size());
   return out;
 }
 
@@ -57,9 +96,7 @@ bool write(const fs::path& path, const std::string& content) {
   return static_cast<bool>(out);
 }
 
-}  // namespace
-
-void write_files(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs) {
+void refuse_inputs(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs) {
   for (const OutputFile& file : files) {
     for (const std::string& input : inputs) {
       std::error_code neither;
@@ -69,31 +106,62 @@ void write_files(const std::vector<OutputFile>& files, const std::vector<std::st
                        "another place with " + file.option);
     }
   }
-  std::vector<Place> places;
-  const auto give_up = [&](const OutputFile& file, const std::string& why) {
-    std::error_code ignored;
-    for (const Place& place : places) {
-      if (!place.part.empty()) fs::remove(place.part, ignored);
-    }
+}
+
+// The one that is written last would be all that is left.
+void refuse_one_place_for_two(const std::vector<OutputFile>& files) {
+  std::vector<fs::path> targets;
+  for (const OutputFile& file : files) {
+    std::error_code unknown;
+    targets.push_back(fs::weakly_canonical(fs::absolute(file.path, unknown), unknown));
+    const auto same = [&](const fs::path& other) {
+      return !other.empty() &&
+             (other == targets.back() || fs::equivalent(other, targets.back(), unknown));
+    };
+    const auto first = std::find_if(targets.begin(), targets.end() - 1, same);
+    if (first == targets.end() - 1) continue;
+    const OutputFile& other = files[static_cast<std::size_t>(first - targets.begin())];
+    throw InputError(
+        {other.path, 0, 0},
+        other.option == file.option
+            ? fmt::format("{} would be written to it twice", file.option)
+            : fmt::format("{} and {} would both be written to it", other.option, file.option),
+        "another place with " + other.option);
+  }
+}
+
+void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& places) {
+  const auto give_up = [](const OutputFile& file, const std::string& why) {
     fail(file, "cannot write" + (why.empty() ? "" : ": " + why));
   };
-  for (const OutputFile& file : files) places.push_back(place_of(file, places.size()));
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (!places[i].part.empty() && !write(places[i].part, files[i].content)) {
-      give_up(files[i], errno != 0 ? std::strerror(errno) : "");
+  const auto write_those = [&](bool beside) {
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      const Place& place = places[i];
+      if (place.part.empty() == beside) continue;
+      if (!write(beside ? place.part : place.target, files[i].content)) {
+        give_up(files[i], errno != 0 ? std::strerror(errno) : "");
+      }
     }
-  }
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (places[i].part.empty() && !write(places[i].target, files[i].content)) {
-      give_up(files[i], errno != 0 ? std::strerror(errno) : "");
-    }
-  }
+  };
+  write_those(true);
+  write_those(false);
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (places[i].part.empty()) continue;
     std::error_code error;
     fs::rename(places[i].part, places[i].target, error);
     if (error) give_up(files[i], error.message());
   }
+}
+
+}  // namespace
+
+void write_files(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs) {
+  refuse_inputs(files, inputs);
+  refuse_one_place_for_two(files);
+  Attempt attempt;
+  for (const OutputFile& file : files) attempt.places.push_back(place_of(file, attempt));
+  write_all(files, attempt.places);
+  attempt.keep();
 }
 
 std::vector<OutputFile> in_folder(const std::string& folder, const std::vector<ResultFile>& files) {

@@ -12,11 +12,11 @@ struct OutputFile {
 };
 
 /// Writes all files or none: each to a temporary name beside it, then renamed, so that nobody sees
-/// half of one. Folders are made. A symbolic link stays and its target is written; a device or pipe
+/// half of one. Folders are made, and taken away again with the rest. A symbolic link stays and its target is written; a device or pipe
 /// is written as it is.
 /// @param inputs  paths that the job has read, none of which is written to
 /// @throws OutputError naming the path, the reason, and the option to give another place with;
-///   InputError for a path that is one of the inputs
+///   InputError for a path that is one of the inputs, or that two of the files have
 void write_files(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs = {});
 
 /// A file of a result's folder.

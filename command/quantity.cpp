@@ -1,6 +1,8 @@
 #include "command/quantity.h"
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -8,6 +10,16 @@
 #include "lib/data/units.h"
 
 namespace identikal {
+
+void refuse_twice(const std::string& option, const std::vector<std::string>& assignments) {
+  std::set<std::string> names;
+  for (const std::string& assignment : assignments) {
+    std::string name = assignment.substr(0, assignment.find('='));
+    name.erase(std::remove(name.begin(), name.end(), ' '), name.end());
+    if (names.insert(name).second) continue;
+    throw InputError({}, fmt::format("'{}' is set twice with {}", name, option), "once");
+  }
+}
 
 double quantity(const std::string& option, const std::string& text, const std::string& kind) {
   std::size_t used = 0;
@@ -29,7 +41,7 @@ double quantity(const std::string& option, const std::string& text, const std::s
 
 double percentage(const std::string& option, const std::string& text) {
   const double value = quantity(option, text, "%");
-  if (!text.ends_with('%') && std::abs(value) <= 0.01) {
+  if (!text.ends_with('%') && value != 0.0 && std::abs(value) <= 0.01) {
     throw InputError({},
                      fmt::format("{} '{}' may be {:.4g} % or {:.4g} %", option, text, 100.0 * value,
                                  1e4 * value),

@@ -7,6 +7,9 @@
 
 namespace identikal {
 
+/// NAME=VALUE may be given once for each name. @throws InputError
+void refuse_twice(const std::string& option, const std::vector<std::string>& assignments);
+
 /// "12", "12s", "60 km/h" in SI.
 /// @param option  for the message
 /// @param kind    a unit of the quantity expected, in which a bare number is

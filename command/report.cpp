@@ -23,7 +23,8 @@ int report(const ReportOptions& options) {
   const std::filesystem::path folder =
       std::filesystem::is_directory(given, ignored) ? given : given.parent_path();
   const std::string path = options.page.empty() ? (folder / "report.html").string() : options.page;
-  write_files({{path, page, "--report"}}, {options.result});
+  write_files({{path, page, "--report"}},
+              files_of(read_stored_result(options.result), options.result));
   print(fmt::format("{} written\n", path));
   return 0;
 }

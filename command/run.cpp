@@ -48,6 +48,12 @@ bool wants_pictures(const ResultOptions& options) {
   return options.has_page && (!options.page.empty() || !options.folder.empty());
 }
 
+std::vector<std::string> model_and_included(const std::string& path) {
+  std::vector<std::string> out = included_files(read_yaml_text(path), path);
+  out.push_back(path);
+  return out;
+}
+
 namespace {
 
 ModelSource model_source(const std::string& path) {
@@ -56,6 +62,20 @@ ModelSource model_source(const std::string& path) {
   for (const std::string& included : included_files(read_yaml_text(path), path)) {
     out.included.push_back({included, sha256_of_file(included)});
   }
+  return out;
+}
+
+// All that a job has read: nothing is written over it.
+std::vector<std::string> files_read(const Run& run, const Recordings& recordings) {
+  std::vector<std::string> out = run.read;
+  std::vector<std::string> models = run.models;
+  if (!run.model.empty()) models.push_back(run.model);
+  for (const std::string& model : models) {
+    const std::vector<std::string> files = model_and_included(model);
+    out.insert(out.end(), files.begin(), files.end());
+  }
+  for (const InputRecord& record : recordings.records) out.push_back(record.path);
+  out.insert(out.end(), recordings.held_out_files.begin(), recordings.held_out_files.end());
   return out;
 }
 
@@ -122,10 +142,7 @@ int finish(const Run& run, const Recordings& recordings, Estimate& estimate,
     const std::vector<OutputFile> of_folder = in_folder(options.folder, files);
     written.insert(written.end(), of_folder.begin(), of_folder.end());
   }
-  std::vector<std::string> read = run.read;
-  read.push_back(run.model);
-  for (const InputRecord& record : recordings.records) read.push_back(record.path);
-  write_files(written, read);
+  if (!written.empty()) write_files(written, files_read(run, recordings));
   print(options.json ? json : console_report(estimate));
   return exit_code(estimate, options.strict);
 }

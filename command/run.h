@@ -31,13 +31,17 @@ class Progress {
   bool dirty_ = false;
 };
 
+/// The model file and those that it includes.
+std::vector<std::string> model_and_included(const std::string& path);
+
 /// A job from its begin to its result.
 struct Run {
   std::string verb;
   std::string command;            ///< as typed, for the page
-  std::string model;              ///< the model file; empty where there are several
-  std::vector<std::string> read;  ///< other files than the recordings, not to be written over
+  std::string model;              ///< the model file; empty where there are several, or a result
+  std::vector<std::string> read;  ///< other files than models and recordings
   ResultOptions options;
+  std::vector<std::string> models = {};  ///< several models
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
 
   double seconds() const;

@@ -46,8 +46,8 @@ void refuse_what_estimates_nothing(const StoredResult& result, const ModelFile& 
 }
 
 int validate_result(const ValidationOptions& given, const std::string& command) {
-  const Run run{"validate", command, given.result_path, {}, given.result};
   const StoredResult result = read_stored_result(given.result_path);
+  const Run run{"validate", command, "", files_of(result, given.result_path), given.result};
   const ModelFile model = estimated_model(result.estimate, result.path);
   refuse_what_estimates_nothing(result, model);
   const bool vehicle = model.form == ModelFile::Form::single_track;

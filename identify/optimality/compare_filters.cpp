@@ -75,7 +75,10 @@ void check_models(const std::vector<ModelFile>& models) {
   }
   for (const ModelFile& model : models) {
     if (model.form != ModelFile::Form::linear && model.form != ModelFile::Form::nonlinear) {
-      throw InputError({model.path, 0, 0}, "'compare' ranks Kalman filters, this is a vehicle",
+      const bool vehicle = model.form == ModelFile::Form::single_track;
+      throw InputError({model.path, 0, 0},
+                       fmt::format("'compare' ranks Kalman filters, this is a {}",
+                                   vehicle ? "vehicle" : "regression"),
                        "a model with Q and R");
     }
     const auto same = [](const ChannelSource& a, const ChannelSource& b) {

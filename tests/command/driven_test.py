@@ -104,6 +104,30 @@ outputs: {y: {column: y, unit: m}}
             self.assertEqual(before, pathlib.Path(data).read_bytes())
             self.assertEqual(self.MODEL, pathlib.Path(self.model).read_text())
 
+    def test_nothing_that_a_job_rests_on_is_written_over(self):
+        data, held_out = self.recording("right.csv", 1), self.recording("other.csv", 2)
+        model = self.folder.write("outer.yaml", "identikal: 1\ninclude: " + pathlib.Path(self.model).name + "\n")
+        run("tune", model, data, "--starts", 1, "-o", self.out)
+        kept = [pathlib.Path(f) for f in (data, held_out, model, self.model, self.out / "result.json", self.out / "report_data.json")]
+        before = [f.read_bytes() for f in kept]
+        tune = ("tune", model, data, "--starts", 1)
+        for arguments in (("report", self.out, "--report", self.out / "result.json"), ("report", self.out, "--report", self.out / "report_data.json"),
+                          ("report", self.out, "--report", data), ("report", self.out, "--report", model), ("report", self.out, "--report", self.model),
+                          ("export", self.out, "--to", "cpp", "-o", self.out / "report_data.json"),
+                          ("filter", model, data, "--from", self.out, "-o", self.out), ("validate", self.out, held_out, "-o", self.out),
+                          (*tune, "--hold-out", held_out, "--report", held_out), (*tune, "--report", self.model),
+                          ("simulate", self.model, self.folder.write("simulated.csv", pathlib.Path(data).read_text()), "-o", self.folder.path)):
+            with self.subTest(arguments):
+                self.assertIn("would be written over, and this job reads it; expected another place with", run(*arguments, code=2).stderr)
+                self.assertEqual(before, [f.read_bytes() for f in kept])
+
+    def test_two_outputs_are_not_one_file(self):
+        data, out = self.recording("right.csv", 1), self.folder.path / "both"
+        for page in (out / "result.json", out / ".." / "both" / "residuals.csv"):
+            done = run("tune", self.model, data, "--starts", 1, "-o", out, "--report", page, code=2)
+            self.assertIn("--report and -o would both be written to it; expected another place with --report", done.stderr)
+            self.assertFalse(out.exists())
+
     def test_an_empty_file_beside_a_result_is_said(self):
         run("tune", self.model, self.recording("right.csv", 1), "--starts", 1, "-o", self.out)
         (self.out / "report_data.json").write_text("")
