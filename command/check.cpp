@@ -33,7 +33,7 @@ int check(const CheckOptions& options, const std::string& command) {
   if (options.compare) return compare(options, command);
   const Run run{"check", command, options.model.file, {}, options.result};
   ModelFile model = load_model(options.model, run.verb);
-  refuse_vehicle(model, run.verb);
+  require_filter(model, run.verb);
   const Recordings recordings = load_recordings(options.recordings, model, run.verb);
   take_period(model, recordings.data.front());
   Estimate estimate = check(model, recordings.data);

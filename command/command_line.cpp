@@ -1,6 +1,7 @@
 #include "command/command_line.h"
 
 #include <algorithm>
+#include <memory>
 #include <sstream>
 
 #include <CLI/CLI.hpp>
@@ -94,21 +95,46 @@ std::string hint_for(const CLI::App& app, const CLI::App& verb, const std::strin
   return fmt::format("'identikal {} --help' shows them", verb.get_name());
 }
 
+// "-o", or the long name of an option that has no short one, or that of an argument.
+std::string short_name(const CLI::Option& option) {
+  if (!option.get_snames().empty()) return "-" + option.get_snames().front();
+  if (!option.get_lnames().empty()) return "--" + option.get_lnames().front();
+  return option.get_name(true);
+}
+
+// "MODEL DATA..."
+std::string arguments_of(const CLI::App& verb) {
+  std::string out;
+  for (const CLI::Option* option : verb.get_options()) {
+    if (!option->get_positional()) continue;
+    const std::string name = option->get_name(true) + (option->get_expected_max() > 1 ? "..." : "");
+    out += option->get_required() ? " " + name : " [" + name + "]";
+  }
+  return out;
+}
+
 // What a verb does not know, in one line; its other mistakes may only follow from this one.
-void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
+void refuse_unknown_options(const CLI::App& app) {
   for (const CLI::App* verb : app.get_subcommands()) {
-    const std::vector<std::string> unknown = verb->remaining();
-    for (const std::string& word : unknown) {
+    for (const std::string& word : verb->remaining()) {
       if (word.size() < 2 || word[0] != '-' || word == "--") continue;
       const std::string option = word.substr(0, word.find('='));
       throw InputError({}, fmt::format("unknown option '{}' of '{}'", option, verb->get_name()), "",
                        hint_for(app, *verb, option));
     }
+  }
+}
+
+void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
+  refuse_unknown_options(app);
+  for (const CLI::App* verb : app.get_subcommands()) {
+    const std::vector<std::string> unknown = verb->remaining();
     if (!unknown.empty() &&
         error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
       throw InputError(
           {}, fmt::format("unexpected argument '{}' of '{}'", unknown.front(), verb->get_name()),
-          "", fmt::format("'identikal {} --help' shows them", verb->get_name()));
+          fmt::format("'identikal {}{}'", verb->get_name(), arguments_of(*verb)),
+          fmt::format("'identikal {} --help' shows them", verb->get_name()));
     }
   }
   if (!app.get_subcommands().empty()) return;
@@ -118,6 +144,47 @@ void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
                                    : fmt::format("unknown option '{}'", unknown.front()),
                    "", "'identikal --help' shows verbs and options");
 }
+
+// What the parser has refused, in the words of this program.
+// It begins its messages with the option's name, that of a flag without its dashes.
+[[noreturn]] void refuse(const CLI::App& verb, const CLI::ParseError& error) {
+  const std::string hint = fmt::format("'identikal {} --help' shows them", verb.get_name());
+  const std::string said = error.what();
+  for (const CLI::Option* option : verb.get_options()) {
+    const std::string name = short_name(*option), whole_name = option->get_name();
+    if (option->get_items_expected_max() == 0) {
+      const std::string bare = whole_name.substr(whole_name.find_first_not_of('-'));
+      if (said.starts_with(bare + " ")) {
+        throw InputError({}, name + " takes no value", name + " alone");
+      }
+      continue;
+    }
+    if (option->get_expected_max() == 1 && option->count() > 1) {
+      throw InputError({}, name + " is given twice", "once");
+    }
+    const bool named = said.starts_with(whole_name + ":") || said.starts_with(whole_name + " ");
+    if (!named || option->count() > 0) continue;
+    if (!option->get_required()) throw InputError({}, name + " has no value", "one", hint);
+    const std::string usage = option->get_positional() ? arguments_of(verb) : " " + name + " VALUE";
+    throw InputError({}, name + " is missing",
+                     fmt::format("'identikal {}{}'", verb.get_name(), usage), hint);
+  }
+  throw InputError({}, said, "", hint);
+}
+
+// Names of earlier versions are a group of their own, for which the parser leaves a blank line.
+class Help : public CLI::Formatter {
+ public:
+  std::string make_help(const CLI::App* app, std::string name,
+                        CLI::AppFormatMode mode) const override {
+    std::string text = CLI::Formatter::make_help(app, std::move(name), mode);
+    for (std::size_t at = 0; (at = text.find("\n\n\n", at)) != std::string::npos;) {
+      text.erase(at, 1);
+    }
+    while (text.ends_with("\n\n")) text.pop_back();
+    return text;
+  }
+};
 
 // For the build, which makes the manual page and the completions of shells from the definitions.
 std::string generated(const CLI::App& app, const std::string& kind) {
@@ -136,6 +203,7 @@ std::string generated(const CLI::App& app, const std::string& kind) {
 int run_command_line(int argc, char** argv) {
   CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data",
                "identikal"};
+  app.formatter(std::make_shared<Help>());
   app.require_subcommand(1);
   app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION "\n" IDENTIKAL_BUILT_WITH);
   const std::vector<Verb> verbs = add_verbs(app);
@@ -156,8 +224,10 @@ int run_command_line(int argc, char** argv) {
       return 0;
     }
     refuse_unknown_words(app, error);
-    throw InputError({}, error.what(), "",
-                     "'identikal --help' and 'identikal VERB --help' show the options");
+    refuse(*app.get_subcommands().front(), error);
+  } catch (const InputError&) {  // of the value of an option
+    refuse_unknown_options(app);
+    throw;
   }
   const std::string name = app.get_subcommands().front()->get_name();
   const auto typed =

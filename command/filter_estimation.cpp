@@ -25,21 +25,13 @@ void validate_on(const std::vector<HeldOut>& held_out, const ModelFile& model,
 
 }  // namespace
 
-void refuse_vehicle(const ModelFile& model, const std::string& verb) {
-  if (model.form != ModelFile::Form::single_track) return;
-  throw InputError(
-      {model.path, 0, 0},
-      fmt::format("'{}' is about the noise of a linear model, this is a vehicle", verb),
-      "a model with A, C, Q, R", "use 'fit'");
-}
-
 NoiseMlOptions likelihood_options(const SearchOptions& search, const ResultOptions& result,
                                   Progress& progress) {
   NoiseMlOptions options;
-  options.starts = static_cast<int>(search.starts);
+  options.starts = static_cast<int>(search.number_of_starts());
   options.seed = static_cast<std::uint64_t>(search.seed);
   options.pictures = wants_pictures(result);
-  options.progress = [&progress, starts = search.starts](int start, int iteration, double L) {
+  options.progress = [&progress, starts = options.starts](int start, int iteration, double L) {
     progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start, starts,
                               iteration, L));
     return true;

@@ -9,9 +9,6 @@
 
 namespace identikal {
 
-/// @throws InputError for a vehicle, which has no noise to tune
-void refuse_vehicle(const ModelFile& model, const std::string& verb);
-
 /// Of the search for the greatest likelihood. It refers to `progress`.
 NoiseMlOptions likelihood_options(const SearchOptions& search, const ResultOptions& result,
                                   Progress& progress);

@@ -36,7 +36,7 @@ int fit_a_vehicle(const FitOptions& given, const Run& run, const ModelFile& mode
   }
   Recordings recordings = load_recordings(given.recordings, model, run.verb);
   VehicleFitOptions options;
-  options.search.starts = static_cast<int>(given.search.starts);
+  options.search.starts = static_cast<int>(given.search.number_of_starts());
   options.search.seed = static_cast<std::uint64_t>(given.search.seed);
   options.search.robust = given.robust;
   options.bootstrap = static_cast<int>(given.bootstrap);

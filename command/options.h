@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 // The parser stays behind options.cpp, command_line.cpp and manual.cpp: it takes seconds to
@@ -20,7 +21,8 @@ CLI::App& add_verb(CLI::App& app, const char* name, const char* help,
                    const std::string& footer = "");
 
 // Kinds of options. `names` is "--rows" or "-n,--rows", for a positional argument "MODEL"; the
-// value that is there before is the default. Texts of help are sentences.
+// value that is there before is the default. Texts of help are sentences. An empty text is a
+// mistake.
 
 void add_argument(CLI::App& verb, const char* name, std::string& value, const std::string& help);
 void add_optional_argument(CLI::App& verb, const char* name, std::string& value, const char* help);
@@ -28,7 +30,9 @@ void add_optional_argument(CLI::App& verb, const char* name, std::string& value,
 void add_arguments(CLI::App& verb, const char* name, std::vector<std::string>& values,
                    const char* help);
 void add_flag(CLI::App& verb, const char* names, bool& value, const char* help);
-void add_text(CLI::App& verb, const char* names, std::string& value, const std::string& help);
+/// @param shown  the default where `value` is empty
+void add_text(CLI::App& verb, const char* names, std::string& value, const std::string& help,
+              const char* shown = "");
 void add_required_text(CLI::App& verb, const char* names, std::string& value,
                        const std::string& help);
 /// A path that may not be empty.
@@ -55,6 +59,9 @@ void say_renamed(const std::string& old_name, const std::string& name);
 void add_old_flag(CLI::App& verb, const char* old_name, const char* name, bool& value);
 void add_old_number(CLI::App& verb, const char* old_name, const char* name, long& value, long least,
                     long most);
+/// @param values  the old name of each value, and its name of today
+void add_old_choice(CLI::App& verb, const char* old_name, const char* name, std::string& value,
+                    const std::vector<std::pair<std::string, std::string>>& values);
 
 // Groups that verbs share.
 
@@ -97,8 +104,10 @@ void add_result_with_page(CLI::App& verb, ResultOptions& result);
 /// How is the optimum searched for, and what is it validated on?
 struct SearchOptions {
   std::int64_t seed = 1;
-  long starts = 5;
+  long starts = 0;  ///< 0: not given
   std::string hold_out;
+
+  long number_of_starts() const { return starts > 0 ? starts : 5; }
 };
 void add_search(CLI::App& verb, SearchOptions& search);
 

@@ -14,12 +14,28 @@
 namespace identikal {
 namespace {
 
+const char* const kAutomatic = "automatic";
+
+// How the likelihood is evaluated: as --evaluation says it today, and as --path said it.
+struct Evaluation {
+  std::string name, old_name;
+  Path path;
+};
+
+const std::vector<Evaluation>& evaluations() {
+  static const std::vector<Evaluation> all = {{kAutomatic, "automatic", Path::automatic},
+                                              {"time-varying", "direct", Path::direct},
+                                              {"steady-state", "steady", Path::steady},
+                                              {"autocovariances", "compressed", Path::compressed}};
+  return all;
+}
+
 struct TuneOptions {
   ModelOptions model;
   RecordingOptions recordings;
   ResultOptions result;
   SearchOptions search;
-  std::string method = "ml", path = "automatic";
+  std::string method = "ml", evaluation = kAutomatic;
   bool reject_outliers = false;
   long lags = 0, draws = 0;
   bool iterate = false, min_rank = false, full_matrix = false;
@@ -52,8 +68,8 @@ Estimate by_posterior(const TuneOptions& given, const ModelFile& model,
 
 NoiseMlOptions ml_options(const TuneOptions& given, Progress& progress) {
   NoiseMlOptions options = likelihood_options(given.search, given.result, progress);
-  for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
-    if (given.path == to_string(path)) options.path = path;
+  for (const Evaluation& each : evaluations()) {
+    if (given.evaluation == each.name) options.path = each.path;
   }
   return options;
 }
@@ -93,16 +109,27 @@ const Method& method_of(const TuneOptions& options) {
 
 void check_method(const TuneOptions& options, const ModelFile& model) {
   if (method_of(options).linear_only) require_linear(model, "tune --method " + options.method);
-  for (const auto& [given, option] :
-       {std::pair{options.lags > 0, "--lags"}, std::pair{options.iterate, "--iterate"},
-        std::pair{options.min_rank, "--min-rank"}}) {
-    if (!given || options.is_als()) continue;
-    throw InputError({}, fmt::format("{} does not apply to --method {}", option, options.method),
-                     "--method als or als-weighted");
+  const bool als = options.is_als(), bayes = options.method == "bayes";
+  const bool chosen = options.evaluation != kAutomatic;
+  struct Case {
+    bool given, applies;
+    const char *option, *expected;
+  };
+  for (const Case& each :
+       {Case{options.lags > 0, als, "--lags", "--method als or als-weighted"},
+        Case{options.iterate, als, "--iterate", "--method als or als-weighted"},
+        Case{options.min_rank, als, "--min-rank", "--method als or als-weighted"},
+        Case{options.draws > 0, bayes, "--draws", "--method bayes"},
+        Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
+        Case{chosen, !als && !bayes, "--evaluation", "--method ml or auto"}}) {
+    if (!each.given || each.applies) continue;
+    throw InputError({},
+                     fmt::format("{} does not apply to --method {}", each.option, options.method),
+                     each.expected);
   }
-  if (model.form == ModelFile::Form::nonlinear && options.path != TuneOptions{}.path) {
-    throw InputError({}, "--path does not apply to this model", "a linear model",
-                     "the likelihood of a nonlinear one has one path");
+  if (model.form == ModelFile::Form::nonlinear && chosen) {
+    throw InputError({}, "--evaluation does not apply to this model", "a linear model",
+                     "the likelihood of a nonlinear one is evaluated in one way");
   }
   if (options.full_matrix && options.method != "als") {
     throw InputError({}, "--full-matrix does not apply to --method " + options.method,
@@ -113,7 +140,7 @@ void check_method(const TuneOptions& options, const ModelFile& model) {
 int tune(const TuneOptions& options, const std::string& command) {
   const Run run{"tune", command, options.model.file, {}, options.result};
   ModelFile model = load_model(options.model, run.verb);
-  refuse_vehicle(model, run.verb);
+  require_filter(model, run.verb);
   check_method(options, model);
   Progress progress(options.result.quiet);
   const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
@@ -121,6 +148,19 @@ int tune(const TuneOptions& options, const std::string& command) {
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,
                          options.reject_outliers, progress, estimator);
+}
+
+void add_evaluation(CLI::App& verb, std::string& evaluation) {
+  std::vector<std::string> names;
+  std::vector<std::pair<std::string, std::string>> old_names;
+  for (const Evaluation& each : evaluations()) {
+    names.push_back(each.name);
+    old_names.emplace_back(each.old_name, each.name);
+  }
+  add_choice(verb, "--evaluation", evaluation, names,
+             "Choose what evaluates the likelihood: the time-varying or the steady-state filter, "
+             "or sample autocovariances.");
+  add_old_choice(verb, "--path", "--evaluation", evaluation, old_names);
 }
 
 }  // namespace
@@ -157,8 +197,7 @@ Verb tune_verb(CLI::App& app) {
   add_old_flag(verb, "--sources", "--min-rank", options->min_rank);
   add_flag(verb, "--full-matrix", options->full_matrix,
            "als: Fit the whole matrix of autocovariances instead of one column.");
-  add_choice(verb, "--path", options->path, {"automatic", "direct", "steady", "compressed"},
-             "Choose the method that evaluates the likelihood.");
+  add_evaluation(verb, options->evaluation);
   return {"tune", [options](const std::string& command) { return tune(*options, command); }};
 }
 

@@ -186,6 +186,13 @@ std::string history_text(const Estimate& estimate) {
   return out.empty() ? "" : out + "\n";
 }
 
+// "steady-state filter" of "steady_state_filter": two words before a noun take a hyphen.
+std::string evaluation_in_words(const std::string& method) {
+  if (method == "time_varying_filter") return "time-varying filter";
+  if (method == "steady_state_filter") return "steady-state filter";
+  return in_words(method);
+}
+
 std::string objective_text(const Objective& objective) {
   std::string out;
   if (!std::isnan(objective.log_likelihood)) {
@@ -201,8 +208,9 @@ std::string objective_text(const Objective& objective) {
                                    ? "from 1 start"
                                    : fmt::format("{} of {} starts reached the same optimum",
                                                  objective.starts_at_optimum, objective.starts);
-    const std::string by =
-        objective.evaluation_method.empty() ? "" : " by " + in_words(objective.evaluation_method);
+    const std::string by = objective.evaluation_method.empty()
+                               ? ""
+                               : " by " + evaluation_in_words(objective.evaluation_method);
     out += wrapped(fmt::format("search {}, {} iterations, {} evaluations{}", starts,
                                objective.iterations, objective.evaluations, by),
                    7);

@@ -106,7 +106,7 @@ class Filter(unittest.TestCase):
                     self.assertAlmostEqual(a, b, delta=1e-7 * (1 + abs(a)))
 
     def test_what_it_cannot_do(self):
-        for words, arguments in ((["takes a linear model"], LANE_CHANGE), (["--smooth and --lag"], (*NILE, "--smooth", "--lag", 3)),
+        for words, arguments in ((["'filter' takes the model of a filter, this is a vehicle; expected a model with A, C, Q, R, or formulas; use 'fit'"], LANE_CHANGE), (["--smooth and --lag"], (*NILE, "--smooth", "--lag", 3)),
                                  (["cannot be read"], (*NILE, "--from", "/nowhere"))):
             done = run("filter", *arguments, code=2)
             self.assertEqual(("", 1), (done.stdout, done.stderr.count("\n")))

@@ -49,7 +49,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
 """)
         run("simulate", model, "-n", 500, "-o", self.out, code=0)
         tuned = {path: result("tune", model, self.out / "simulated.csv", "--starts", 1, *more)
-                 for path, more in (("compressed", ()), ("steady", ("--path", "steady")), ("direct", ("--path", "direct")))}
+                 for path, more in (("compressed", ()), ("steady", ("--evaluation", "steady-state")), ("direct", ("--evaluation", "time-varying")))}
         # The evaluation from sample autocovariances counts all 500 samples as those of a steady filter, so that errors agree to one of them.
         for path, of_errors in (("steady", 1e-5), ("compressed", 1 / 500)):
             self.assertEqual({"steady": "steady_state_filter", "compressed": "sample_autocovariances"}[path], tuned[path]["objective"]["evaluation_method"])
@@ -132,7 +132,7 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
 
     def test_advice_is_for_the_model_at_hand(self):
         data = self.simulated(1, 100)
-        self.assertIn("--path does not apply to this model", run("tune", self.model, data, "--path", "steady", code=2).stderr)
+        self.assertIn("--evaluation does not apply to this model", run("tune", self.model, data, "--evaluation", "steady-state", code=2).stderr)
         short = self.simulated(2, 9)
         out = json.loads(run("fit", self.model, short, "--starts", 1, "--json").stdout)
         self.assertIn("9 samples for 4 unknowns", {w["code"]: w for w in out["warnings"]}["few_samples"]["text"])

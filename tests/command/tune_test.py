@@ -50,7 +50,10 @@ class Tune(unittest.TestCase):
             self.assertNotEqual(a["value"], b["value"])
             self.assertLess(abs(a["value"] - b["value"]), a["se"], a["name"])
         for extra in (["--method", "als-weighted", "--full-matrix"], ["--method", "ml", "--full-matrix"],
-                      ["--method", "ml", "--min-rank"], ["--method", "bayes", "--lags", 5]):
+                      ["--method", "ml", "--min-rank"], ["--method", "bayes", "--lags", 5],
+                      ["--draws", 20], ["--method", "als", "--draws", 20], ["--method", "als", "--starts", 3],
+                      ["--method", "bayes", "--starts", 3], ["--method", "als-weighted", "--evaluation", "time-varying"],
+                      ["--method", "bayes", "--evaluation", "steady-state"]):
             self.assertIn("does not apply", run("tune", model, data, *extra, code=2).stderr)
 
     def test_minimum_rank(self):
@@ -67,7 +70,8 @@ class Tune(unittest.TestCase):
     def test_every_estimate_says_what_its_errors_cost(self):
         data = shared("likelihood/sys7.csv")
         for method in ("ml", "als", "als-weighted", "auto", "bayes"):
-            out = result("tune", ROOT / "examples/system7.yaml", data, "--method", method, "--draws", 500)
+            out = result("tune", ROOT / "examples/system7.yaml", data, "--method", method,
+                         *(("--draws", 500) if method == "bayes" else ()))
             loss = out["noise"]["excess_mean_square_error"]
             print(f"{method} of System 7: expected loss {100 * loss['relative']:.3f} %")
             self.assertTrue(1e-4 < loss["relative"] < 3e-3, loss)
@@ -89,6 +93,22 @@ class Tune(unittest.TestCase):
         first, second = (result("tune", *NILE) for _ in range(2))
         first["timing_s"] = second["timing_s"] = 0
         self.assertEqual(first, second)
+
+    def test_the_same_data_twice_are_said(self):
+        with Folder() as folder:
+            copy = folder.write("copy.csv", open(NILE[1]).read())
+            for more, words in (([NILE[1]], "is given twice: it counts twice"), ([copy], "is the same data as"), (["--hold-out", copy], "is held out and fitted")):
+                said = [w for w in result("tune", *NILE, *more, "--starts", 1)["warnings"] if w["code"] in ("repeated_data", "own_data")]
+                self.assertEqual(["warning"], [w["severity"] for w in said])
+                self.assertIn(words, said[0]["text"])
+            codes = [w["code"] for w in result("tune", *NILE, "--starts", 1, "--hold-out", "30%")["warnings"]]
+            self.assertEqual([], [code for code in codes if code in ("repeated_data", "own_data")])
+
+    def test_how_the_likelihood_is_evaluated(self):
+        for name, words in (("time-varying", "time-varying filter"), ("steady-state", "steady-state filter"), ("autocovariances", "sample autocovariances")):
+            text = run("tune", *NILE, "--starts", 1, "--evaluation", name).stdout
+            self.assertIn("by " + words if name != "autocovariances" else "search from 1 start", " ".join(text.split()))
+        self.assertIn("time_varying_filter", result("tune", *NILE, "--starts", 1, "--evaluation", "time-varying")["objective"]["evaluation_method"])
 
     def test_not_determined_is_exit_1(self):
         with Folder() as folder:
