@@ -28,7 +28,7 @@ struct BoundRequest {
 double wanted_accuracy(const std::string& text) {
   const double accuracy = percentage("--accuracy", text);
   if (!(accuracy > 0.0)) {
-    throw InputError({}, fmt::format("--accuracy '{}' is not above 0", text), "10%");
+    throw InputError({}, fmt::format("--accuracy '{}' is not above 0", text), "above 0%, e.g. 10%");
   }
   return accuracy;
 }
@@ -44,6 +44,10 @@ void check_options(const BoundRequest& request, bool nonlinear) {
   if (request.runs > 0 && !nonlinear) {
     throw InputError({}, "--runs does not apply to this model", "a nonlinear model",
                      "the bound of a linear one is exact");
+  }
+  if (!recorded && !request.range.empty()) {
+    throw InputError({}, "--range does not apply without a recording", "a recording of the inputs",
+                     "-n gives the number of rows");
   }
   if (recorded && !request.signals.empty()) {
     throw InputError({}, "both --input and a recording of inputs are given", "one of the two");
@@ -65,6 +69,7 @@ int bound(const BoundRequest& request, const std::string& command) {
   }
   check_options(request, nonlinear);
   if (!planned && (nonlinear || !request.signals.empty())) {
+    refuse_twice("--input", request.signals);
     planned = signal_inputs(model, request.signals, request.rows);
   }
   if (planned) take_period(model, *planned);

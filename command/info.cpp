@@ -99,6 +99,10 @@ int info(const InfoOptions& options) {
   }
   if (options.vehicle) return survey_vehicles(options, model, recordings);
   if (options.json) throw InputError({}, "--json without --vehicle", "info --vehicle DATA --json");
+  if (!model && !options.range.empty()) {
+    throw InputError({}, "--range does not apply to columns", "a model file, or --vehicle",
+                     "identikal info MODEL DATA --range FROM:TO");
+  }
   std::string text;
   for (const std::string& argument : recordings) {
     text += columns_text(argument, model, parse_range(options.range));

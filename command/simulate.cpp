@@ -18,6 +18,8 @@
 namespace identikal {
 namespace {
 
+const char* const kRate = "100 Hz";
+
 struct SimulateOptions {
   ModelOptions model;
   std::string inputs, range;  // a recording of the inputs
@@ -25,7 +27,7 @@ struct SimulateOptions {
   std::int64_t seed = 1;
   std::vector<std::string> signals;
   long rows = 0;
-  std::string manoeuvre, speed, rate = "100 Hz", duration, snr;
+  std::string manoeuvre, speed, rate, duration, snr;
   std::vector<std::string> manoeuvre_settings;
 };
 
@@ -35,7 +37,8 @@ ManoeuvreRequest manoeuvre_request(const SimulateOptions& options) {
   const Manoeuvre& manoeuvre = find_manoeuvre(options.manoeuvre);
   if (!options.speed.empty()) request.speed = quantity("--speed", options.speed, "m/s");
   if (!options.duration.empty()) request.duration = quantity("--duration", options.duration, "s");
-  request.rate = quantity("--rate", options.rate, "Hz");
+  request.rate = quantity("--rate", options.rate.empty() ? kRate : options.rate, "Hz");
+  refuse_twice("--with", options.manoeuvre_settings);
   for (const std::string& assignment : options.manoeuvre_settings) {
     const std::size_t equals = assignment.find('=');
     if (equals == std::string::npos) {
@@ -52,7 +55,27 @@ std::optional<double> signal_to_noise(const std::string& text) {
   if (text.empty()) return std::nullopt;
   std::string number = text;
   if (lower_case(text).ends_with("db")) number.resize(number.size() - 2);
-  return quantity("--snr", number, "");
+  try {
+    return quantity("--snr", number, "");
+  } catch (const InputError&) {
+    throw InputError({}, fmt::format("--snr '{}' is not a ratio", text), "decibels, e.g. 30dB");
+  }
+}
+
+// Those of a manoeuvre, where none is driven.
+void check_manoeuvre_options(const SimulateOptions& options, bool vehicle, bool inputs) {
+  if (vehicle && !inputs) return;
+  for (const auto& [given, name] :
+       {std::pair{!options.manoeuvre.empty(), "--manoeuvre"},
+        std::pair{!options.manoeuvre_settings.empty(), "--with"},
+        std::pair{!options.speed.empty(), "--speed"}, std::pair{!options.rate.empty(), "--rate"},
+        std::pair{!options.duration.empty(), "--duration"}}) {
+    if (!given) continue;
+    throw InputError({},
+                     fmt::format("{} does not apply {}", name,
+                                 vehicle ? "with a recording of inputs" : "to this model"),
+                     "a vehicle without a recording");
+  }
 }
 
 // Options that do not apply to this model, with or without a recording of inputs.
@@ -70,13 +93,10 @@ void check_options(const SimulateOptions& options, bool vehicle, bool inputs) {
         inputs ? "-n does not apply with a recording of inputs" : "-n does not apply to a vehicle",
         inputs ? "as many rows as the recording has" : "--duration and --rate");
   }
-  const bool has_manoeuvre = !options.manoeuvre.empty() || !options.manoeuvre_settings.empty();
-  if (has_manoeuvre && (inputs || !vehicle)) {
-    throw InputError({},
-                     fmt::format("--manoeuvre and --with do not apply {}",
-                                 vehicle ? "with a recording of inputs" : "to this model"),
-                     "a vehicle without a recording");
+  if (!options.range.empty() && !inputs) {
+    throw InputError({}, "--range does not apply without a recording", "a recording of the inputs");
   }
+  check_manoeuvre_options(options, vehicle, inputs);
   if (!options.snr.empty() && !vehicle) {
     throw InputError({}, "--snr does not apply to this model", "a vehicle",
                      "a linear model has Q and R");
@@ -89,6 +109,7 @@ Simulated simulate_filter(const SimulateOptions& options, const ModelFile& model
     throw InputError({}, "the number of rows is missing", "-n ROWS");
   }
   if (!inputs && !model.inputs.empty()) {
+    refuse_twice("--input", options.signals);
     inputs = signal_inputs(model, options.signals, options.rows);
   } else if (!options.signals.empty()) {
     throw InputError({model.path, 0, 0}, "the model has no inputs", "no --input");
@@ -103,7 +124,7 @@ Simulated simulate_filter(const SimulateOptions& options, const ModelFile& model
 int simulate(const SimulateOptions& options) {
   ModelFile model = load_model(options.model, "simulate");
   std::optional<Dataset> inputs;
-  std::vector<std::string> read{options.model.file};
+  std::vector<std::string> read = model_and_included(options.model.file);
   if (!options.inputs.empty()) {
     const std::vector<Table> files = read_files(options.inputs);
     inputs = load_data(files, model, parse_range(options.range), false);
@@ -133,7 +154,8 @@ int simulate(const SimulateOptions& options) {
 Verb simulate_verb(CLI::App& app) {
   const auto options = std::make_shared<SimulateOptions>();
   CLI::App& verb =
-      add_verb(app, "simulate", "Simulate a recording whose truth is known.", manoeuvre_help());
+      add_verb(app, "simulate", "Simulate a recording whose truth is known; without -o, print it.",
+               manoeuvre_help());
   add_model(verb, options->model);
   add_input_recording(verb, options->inputs);
   add_output(verb, options->folder);
@@ -149,11 +171,11 @@ Verb simulate_verb(CLI::App& app) {
                "Change a setting of the manoeuvre: NAME=VALUE, e.g. ay=3 m/s^2; a number alone is "
                "in the unit listed below. May be repeated.");
   add_text(verb, "--speed", options->speed, "Begin the manoeuvre at this speed, in m/s.");
-  add_text(verb, "--rate", options->rate, "Sample the manoeuvre at this rate, in Hz.");
+  add_text(verb, "--rate", options->rate, "Sample the manoeuvre at this rate, in Hz.", kRate);
   add_text(verb, "--duration", options->duration, "Record for this time, in s.");
   add_text(verb, "--snr", options->snr,
-           "Vehicle: Add noise of this signal-to-noise ratio to every output, e.g. 30dB, instead "
-           "of the model file's noise.");
+           "Vehicle: Add noise of this signal-to-noise ratio in dB, e.g. 30dB, to every output "
+           "instead of the model file's noise.");
   return {"simulate", [options](const std::string&) { return simulate(*options); }};
 }
 

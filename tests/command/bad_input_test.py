@@ -4,6 +4,7 @@ import os
 import pathlib
 import random
 import re
+import resource
 import subprocess
 import unittest
 
@@ -223,18 +224,79 @@ class BadInput(unittest.TestCase):
         self.refused(["unknown setting", "'width'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "obstacle-avoidance", "--with", "widht=2 m")
         self.refused(["--with rise '2 kg'"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "rise=2 kg")
         self.refused(["--with 'rise' has no '='"], "simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "rise")
-        self.refused(["do not apply"], "simulate", *LANE_CHANGE, "--manoeuvre", "step-steer")
+        self.refused(["does not apply with a recording"], "simulate", *LANE_CHANGE, "--manoeuvre", "step-steer")
         self.refused(["--snr"], "simulate", NILE[0], "-n", 9, "--snr", "30dB")
         self.refused(["--snr '30 dezibel'"], "simulate", LANE_CHANGE[0], "--snr", "30 dezibel")
         self.refused(["-n"], "bound", NILE[0])
         self.refused(["--accuracy"], "bound", NILE[0], "-n", 100, "--accuracy", "-1")
+        self.refused(["--accuracy '-5%' is not above 0; expected above 0%, e.g. 10%"], "bound", NILE[0], "-n", 100, "--accuracy", "-5%")
+        self.refused(["--accuracy '0' is not above 0"], "bound", NILE[0], "-n", 100, "--accuracy", "0")
+        self.refused(["--snr 'x' is not a ratio; expected decibels, e.g. 30dB"], "simulate", LANE_CHANGE[0], "--snr", "x")
         self.refused(["--lags"], "tune", *NILE, "--lags", 5)
         self.refused(["matisko-table-3"], "study", "matisko-table-33")
         self.refused(["--runs", "nothing in it is repeated"], "study", "matisko-figure-6", "--runs", 3)
         self.refused(["--threads"], "study", "matisko-table-3", "--threads", 0)
 
+    def test_values_of_options(self):
+        """What the parser refuses is said in the words of this program."""
+        for words, arguments in (("--starts 'x'; expected a whole number from 1 to 1000", ("--starts", "x")),
+                                 ("--starts '0'; expected a whole number from 1 to 1000", ("--starts", 0)),
+                                 ("--starts '1e99'", ("--starts", "1e99")), ("--seed '-1'", ("--seed=-1",)),
+                                 ("-o is given twice; expected once", ("-o", "a", "-o", "b")),
+                                 ("--starts is given twice; expected once", ("--starts", 1, "--starts", 2)),
+                                 ("--starts has no value", ("--starts",)), ("--json takes no value", ("--json=3",)),
+                                 ("--method 'alls'; expected one of ml, als, als-weighted, auto, bayes; did you mean 'als'?", ("--method", "alls")),
+                                 ("--report 'x/' names no file; expected a file", ("--report", "x/"))):
+            self.refused([words], "tune", *NILE, *arguments)
+        self.refused(["unknown option '--jsno' of 'tune'"], "tune", *NILE, "--starts", "x", "--jsno")
+        self.refused(["DATA is missing; expected 'identikal tune MODEL DATA...'; 'identikal tune --help'"], "tune", NILE[0])
+        self.refused(["--to is missing"], "export", self.folder.path)
+        self.refused(["unexpected argument 'more' of 'init'; expected 'identikal init [TEMPLATE]'"], "init", "pendulum", "more")
+        # 010 is ten, not eight.
+        self.assertIn("10 of 10 starts", run("tune", *NILE, "--starts", "010").stdout)
+
+    def test_empty_values(self):
+        for name, arguments in (("--hold-out", ("tune", *NILE, "--hold-out", "")), ("--range", ("tune", *NILE, "--range", "")),
+                                ("--fit", ("validate", self.folder.path, NILE[1], "--fit", "")), ("--accuracy", ("bound", NILE[0], "-n", 9, "--accuracy", "")),
+                                ("--snr", ("simulate", LANE_CHANGE[0], "--snr", "")), ("--manoeuvre", ("simulate", LANE_CHANGE[0], "--manoeuvre", "")),
+                                ("TEMPLATE", ("init", "")), ("MODEL", ("tune", "", NILE[1])), ("DATA", ("tune", NILE[0], "")),
+                                ("--set", ("tune", *NILE, "--set", "")), ("--report", ("tune", *NILE, "--report", "")), ("--output", ("tune", *NILE, "-o", ""))):
+            self.refused([f"{name} is empty; expected a"], *arguments)
+
+    def test_options_without_effect(self):
+        for option, arguments in (("--speed", ("simulate", NILE[0], "-n", 10, "--speed", 10)), ("--rate", ("simulate", NILE[0], "-n", 10, "--rate", 10)),
+                                  ("--duration", ("simulate", NILE[0], "-n", 10, "--duration", 10)), ("--speed", ("simulate", *LANE_CHANGE, "--speed", 10)),
+                                  ("--range", ("simulate", NILE[0], "-n", 10, "--range", "0:3")), ("--range", ("bound", NILE[0], "-n", 10, "--range", "0:3")),
+                                  ("--range", ("info", "--range", "5:1", NILE[1])), ("--draws", ("tune", *NILE, "--draws", 20)),
+                                  ("--starts", ("tune", *NILE, "--method", "als", "--starts", 3)), ("--evaluation", ("tune", *NILE, "--method", "bayes", "--evaluation", "steady-state"))):
+            self.refused([f"{option} does not apply"], *arguments)
+        pendulum = self.folder.write("pendulum.yaml", run("init", "pendulum", code=0).stdout)
+        for name, arguments in (("q", ("tune", *NILE, "--set", "q=1", "--set", "q =2")), ("torque", ("simulate", pendulum, "-n", 9, "--input", "torque=1", "--input", "torque=2")),
+                                ("ay", ("simulate", LANE_CHANGE[0], "--manoeuvre", "step-steer", "--with", "ay=3", "--with", "ay=4"))):
+            self.refused([f"'{name}' is set twice", "expected once"], *arguments)
+
+    def test_hints_are_near(self):
+        data = self.folder.write("five.csv", "a,b,c,d,e\n" + 60 * "1,2,3,4,5\n")
+        model = self.folder.write("five.yaml", pathlib.Path(NILE[0]).read_text().replace("column: volume", "column: 7"))
+        self.refused(["no column '7'", "expected a name or 1 to 5"], "tune", model, data)
+        done = run("tune", *NILE, "--set", "zz=1", code=2)
+        self.assertNotIn("did you mean", done.stderr)
+        self.assertIn("did you mean 'q'", run("tune", *NILE, "--set", "Q=1", code=2).stderr)
+
+    def test_a_vehicle_is_no_filter(self):
+        for verb, more in (("filter", ()), ("check", ()), ("tune", ())):
+            self.refused([f"'{verb}' takes the model of a filter, this is a vehicle; expected a model with A, C, Q, R, or formulas; use 'fit'"], verb, *LANE_CHANGE, *more)
+        self.refused(["'bound' takes the model of a filter"], "bound", LANE_CHANGE[0], "-n", 10)
+
+    def test_results_among_models(self):
+        out = self.folder.path / "result"
+        run("tune", *NILE, "-o", out, code=0)
+        for result_ in (out, out / "result.json"):
+            self.refused(["a result among models; expected results only, or models and recordings"], "compare", result_, NILE[0])
+
     def test_old_names_are_understood_and_named(self):
-        for old, new in ((("tune", *NILE, "--robust"), "--reject-outliers"),
+        for old, new in ((("tune", *NILE, "--path", "direct"), "--evaluation time-varying"),
+                         (("tune", *NILE, "--robust"), "--reject-outliers"),
                          (("tune", *NILE, "--method", "als", "--regain"), "--iterate"),
                          (("tune", *NILE, "--method", "als", "--sources"), "--min-rank"),
                          (("track", *NILE, "--draws", "20"), "--particles"),
@@ -254,7 +316,9 @@ class BadInput(unittest.TestCase):
         for verb in verbs:
             text = run(verb, "--help", code=0).stdout
             self.assertIn(f"Usage: identikal {verb} ", text)
-            for name in ("--regain", "--sources", "--samples", "--compare"):
+            self.assertNotIn("\n\n\n", text)
+            self.assertFalse(text.endswith("\n\n"), verb)
+            for name in ("--regain", "--sources", "--samples", "--compare", "--path"):
                 self.assertNotIn(name, text)
             options = text.split("Options:")[1].split("Manoeuvres")[0]
             for option in re.findall(r"^  -.*?(?=^  -|\Z)", options, re.M | re.S):
@@ -304,6 +368,17 @@ class BadInput(unittest.TestCase):
         blocked = self.folder.write("file", "not a folder")
         self.refused(["file"], "tune", *NILE, "-o", blocked, code=5)
         self.refused(["file"], "tune", *NILE, "-o", blocked + "/below", code=5)
+        # Folders that were made go again.
+        self.refused(["is a folder"], "tune", *NILE, "-o", self.folder.path / "new/below", "--report", self.folder.path, code=5)
+        self.refused(["cannot make the folder"], "tune", *NILE, "--report", self.folder.path / "new/page.html", "-o", blocked + "/below", code=5)
+
+    def test_a_limit_of_file_size(self):
+        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+        out = self.folder.path / "new/below"
+        done = subprocess.run([PROGRAM, "tune", *NILE, "-o", out], capture_output=True, text=True, timeout=300, preexec_fn=limit)
+        self.assertEqual((5, ""), (done.returncode, done.stdout))
+        self.assertIn("cannot write: File too large; give another place with -o", done.stderr)
+        self.assertEqual([], os.listdir(self.folder.path))
 
 
 if __name__ == "__main__":

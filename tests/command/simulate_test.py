@@ -7,6 +7,7 @@ from program import LANE_CHANGE, ROOT, Folder, result, run
 class Manoeuvres(unittest.TestCase):
     def test_manoeuvres(self):
         help_text = run("simulate", "--help", code=0).stdout
+        self.assertTrue(help_text.startswith("Simulate a recording whose truth is known; without -o, print it.\n"))
         for name in ("severe-lane-change", "obstacle-avoidance", "double-lane-change", "step-steer", "sine", "sweep", "steady-circle",
                      "constant-steering", "weave", "sine-with-dwell"):
             self.assertIn(f"  {name} (", help_text)
