@@ -26,6 +26,12 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return previous[b.size()];
 }
 
+// How many of the first and the last letter agree: those are seldom mistyped.
+int equal_ends(const std::string& a, const std::string& b) {
+  if (a.empty() || b.empty()) return 0;
+  return (a.front() == b.front() ? 1 : 0) + (a.back() == b.back() ? 1 : 0);
+}
+
 }  // namespace
 
 std::string lower_case(std::string_view text) {
@@ -39,12 +45,18 @@ std::string nearest_name(std::string_view name, const std::vector<std::string>& 
   if (name.size() > 200) return "";
   const std::string wanted = lower_case(name);
   std::string best;
-  std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
+  std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3);
+  int best_ends = -1;  // none yet
   for (const std::string& candidate : candidates) {
     if (candidate.size() > 200) continue;
-    const std::size_t distance = edit_distance(wanted, lower_case(candidate));
-    if (distance < best_distance) {
+    const std::string known = lower_case(candidate);
+    const std::size_t distance = edit_distance(wanted, known);
+    // With as many edits as letters any name comes out.
+    if (distance > 0 && distance >= std::max(wanted.size(), known.size())) continue;
+    const int ends = equal_ends(wanted, known);
+    if (distance < best_distance || (distance == best_distance && ends > best_ends)) {
       best_distance = distance;
+      best_ends = ends;
       best = candidate;
     }
   }

@@ -11,7 +11,8 @@ namespace identikal {
 std::string lower_case(std::string_view text);
 
 /// The candidate nearest to `name` in Damerau-Levenshtein distance, ignoring case; empty when none
-/// is within max(2, size/3) edits or when there are no candidates.
+/// is within max(2, size/3) edits, and fewer edits than letters, or when there are no candidates.
+/// Among equally near ones that with the same first and last letter.
 std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates);
 
 /// "did you mean 'x'?", or "" when nothing is near. Ready to be the hint of an InputError.

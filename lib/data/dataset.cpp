@@ -57,6 +57,11 @@ const Column& find_column(const Table& table, const std::string& name, const Loc
       throw InputError(place(at, table), "column " + quoted_excerpt(name) + " is in several files",
                        several, "write which one is meant");
     }
+    if (name.find_first_not_of("0123456789") == std::string::npos) {
+      throw InputError(place(at, table),
+                       "no column " + quoted_excerpt(name) + " in " + file_name(table),
+                       "a name or 1 to " + std::to_string(names.size()));
+    }
     std::string list;
     std::size_t shown = 0;
     for (; shown < names.size() && list.size() < 80; ++shown) {
