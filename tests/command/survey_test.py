@@ -1,4 +1,5 @@
 """info --vehicle: surveys."""
+import pathlib
 import unittest
 
 from program import LANE_CHANGE, SHARED, Folder, result, run, shared
@@ -40,6 +41,24 @@ class Vehicle(unittest.TestCase):
                                  "Iz: 700 kg m^2, Cf: 3e4 N/rad, Cr: 3e4 N/rad, steering_ratio: 15}\n" + text)
             survey = self.surveyed(model, data)
             self.assertEqual(set(), {w["code"] for w in survey["findings"] if w["severity"] == "serious"})
+
+    def test_a_sign_that_the_model_turns_is_turned_back(self):
+        """What is proposed in place of a scale of -1 is what fit finds the car with."""
+        text = pathlib.Path(LANE_CHANGE[0]).read_text()
+        for column, unit in (("yaw_rate", "deg/s"), ("swa", "deg")):
+            with self.subTest(column), Folder() as folder:
+                turned = text.replace(f"column: {column}, unit: {unit}", f"column: {column}, unit: {unit}, scale: -1")
+                self.assertNotEqual(text, turned)
+                model = folder.write("turned.yaml", turned)
+                survey = self.surveyed(model, LANE_CHANGE[1])
+                self.assertEqual({"sign_steering"}, self.codes(survey))
+                self.assertIn("leave out the scale: -1 of", survey["findings"][0]["remedy"])
+                proposed = run("info", "--vehicle", model, LANE_CHANGE[1], code=0).stdout.split("no file is changed):\n")[1]
+                self.assertNotIn("scale", proposed)
+                head = text[:text.index("inputs:")].replace("time: {column: t, unit: s}\n", "").replace("model: single-track\n", "")
+                found = result("fit", folder.write("proposed.yaml", head + proposed), LANE_CHANGE[1])
+                for p, q in zip(found["parameters"], result("fit", *LANE_CHANGE)["parameters"], strict=True):
+                    self.assertAlmostEqual(p["value"], q["value"], delta=0.02 * abs(q["value"]) + 1e-9, msg=p["name"])
 
 
 if __name__ == "__main__":

@@ -385,6 +385,53 @@ void flip(Scene& scene, SignalKind kind) {
   }
 }
 
+const char* const kToTheLeft = "ISO 8855: everything positive to the left; ";
+
+// The other sign for a signal: a scale of -1, or none where the model file has one.
+std::string other_sign(const Scene& scene, SignalKind kind, const std::string& name) {
+  const bool turned = scene.has(kind) && scene.signal(kind).scale < 0.0;
+  return turned ? "leave out the scale: -1 of " + name : "scale: -1 for " + name;
+}
+
+// Which side does the model file mirror already: r (-1), the steering (1), or neither or both (0)?
+int mirrored_side(const Scene& scene) {
+  const bool r = scene.signal(SignalKind::r).scale < 0.0;
+  const bool steering = scene.signal(SignalKind::steering).scale < 0.0;
+  return static_cast<int>(steering) - static_cast<int>(r);
+}
+
+// The steering and the yaw rate have opposite signs: one of the two sides is mirrored. What the
+// model file turns already, the names, or sideslip, may show which.
+// @return whether it is r, with ay, which is positive to the right
+bool report_opposite_steering(Scene& scene, double with_r, bool axis_down, double with_vy) {
+  const int mirrored = mirrored_side(scene);
+  const bool r_turned = scene.signal(SignalKind::r).axis < 0.0;
+  const bool by_sideslip = std::abs(with_vy) > 0.5;
+  const bool turned = axis_down || (by_sideslip ? with_vy < 0.0 : mirrored < 0);
+  const bool has_ay = scene.has(SignalKind::ay);
+  const std::string both = has_ay ? "r and ay" : "r";
+  const std::string of_steering = other_sign(scene, SignalKind::steering, "the steering angle");
+  std::string of_r = other_sign(scene, SignalKind::r, "r");
+  if (has_ay) of_r += ", " + other_sign(scene, SignalKind::ay, "ay");
+  scene.add_finding(
+      "sign_steering", Severity::serious,
+      {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::r).column},
+      fmt::format("{} has the opposite sign to the steering angle {} (correlation {:.2f}){}",
+                  scene.name(SignalKind::r), scene.name(SignalKind::steering), with_r,
+                  r_turned ? "; its name says that the axis points down" : ""),
+      kToTheLeft + (turned         ? of_r
+                    : mirrored > 0 ? of_steering
+                                   : of_steering + ", or for " + both +
+                                         " where these are positive to the right"));
+  if (turned) {
+    flip(scene, SignalKind::r);
+    flip(scene, SignalKind::ay);
+  } else {
+    flip(scene, SignalKind::steering);
+  }
+  return turned;
+}
+
 void check_signs_of(Scene& scene) {
   if (scene.found("swapped_channels")) return;
   const double with_r = correlation_of(scene, "steering"), with_ay = correlation_of(scene, "vx r");
@@ -399,46 +446,29 @@ void check_signs_of(Scene& scene) {
                       fmt::format("{} has the opposite sign to the steering angle (correlation "
                                   "{:.2f}) and to ay (vx r with ay {:.2f})",
                                   scene.name(SignalKind::r), with_r, with_ay),
-                      "ISO 8855: everything positive to the left; scale: -1 for r");
+                      kToTheLeft + other_sign(scene, SignalKind::r, "r"));
     flip(scene, SignalKind::r);
   } else if (ay_off) {
     const bool r_down = axis(SignalKind::r) && !axis(SignalKind::ay) && !(with_r > 0.5);
     scene.add_finding("sign_ay", Severity::serious, {scene.signal(SignalKind::ay).column},
                       fmt::format("{} has the opposite sign to vx r (correlation {:.2f})",
                                   scene.name(SignalKind::ay), with_ay),
-                      fmt::format("ISO 8855: everything positive to the left; scale: -1 for {}",
-                                  r_down ? "r" : "ay"));
+                      kToTheLeft + (r_down ? other_sign(scene, SignalKind::r, "r")
+                                           : other_sign(scene, SignalKind::ay, "ay")));
     flip(scene, r_down ? SignalKind::r : SignalKind::ay);
   } else if (steering_off) {
-    // One of the two sides is mirrored; the names, or sideslip, may show which.
-    turned = axis(SignalKind::r) || axis(SignalKind::ay) || with_vy < -0.5;
-    const std::string both = scene.has(SignalKind::ay) ? "r and ay" : "r";
-    std::string why;
-    if (axis(SignalKind::r)) why = "; its name says that the axis points down";
-    scene.add_finding(
-        "sign_steering", Severity::serious,
-        {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::r).column},
-        fmt::format("{} has the opposite sign to the steering angle {} (correlation {:.2f}){}",
-                    scene.name(SignalKind::r), scene.name(SignalKind::steering), with_r, why),
-        turned ? "ISO 8855: everything positive to the left; scale: -1 for " + both
-               : "ISO 8855: everything positive to the left; scale: -1 for the steering angle, or "
-                 "for " +
-                     both + " where these are positive to the right");
-    if (turned) {
-      flip(scene, SignalKind::r);
-      flip(scene, SignalKind::ay);
-    } else {
-      flip(scene, SignalKind::steering);
-    }
+    turned = report_opposite_steering(scene, with_r, axis(SignalKind::r) || axis(SignalKind::ay),
+                                      with_vy);
   }
   // ay - vx r turns its sign with r and ay.
   const double vy_after = turned ? -with_vy : with_vy;
   if (vy_after < -0.5 && !ay_off) {
     const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
-    scene.add_finding("sign_vy", Severity::serious, {scene.signal(kind).column},
-                      fmt::format("{} has the opposite sign to ay - vx r (correlation {:.2f})",
-                                  scene.name(kind), vy_after),
-                      "ISO 8855: vy to the left is positive; scale: -1");
+    scene.add_finding(
+        "sign_vy", Severity::serious, {scene.signal(kind).column},
+        fmt::format("{} has the opposite sign to ay - vx r (correlation {:.2f})", scene.name(kind),
+                    vy_after),
+        "ISO 8855: vy to the left is positive; " + other_sign(scene, kind, to_string(kind)));
     flip(scene, kind);
   }
 }
