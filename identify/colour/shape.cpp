@@ -524,7 +524,8 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   if (!(white.whiteness.p < kLevel)) {
     return end_here(
         Status::rejected,
-        fmt::format("no test rejects that the noise is white (p {:.2g}): no filter needed",
+        fmt::format("no coloured noise found: whiteness is not rejected (p {:.2g}), no shaping "
+                    "filter is needed",
                     white.whiteness.p));
   }
 

@@ -50,6 +50,7 @@ class Shape(unittest.TestCase):
     def test_white_noise_is_exit_1_and_no_file(self):
         out = result("shape", self.model, self.white, "-o", self.path / "out", code=1)
         self.assertEqual(out["shaping"]["noise_source"], "")
+        self.assertRegex(out["status"]["message"], r"^no coloured noise found: whiteness is not rejected \(p .*\), no shaping filter is needed$")
         self.assertFalse((self.path / "out" / "shaped.yaml").exists())
 
     def test_what_it_cannot_do(self):
