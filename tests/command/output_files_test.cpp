@@ -59,6 +59,34 @@ TEST(OutputFiles, AllOrNone) {
   EXPECT_EQ(folder.count(), before);
 }
 
+TEST(OutputFiles, FoldersThatWereMadeGoAgain) {
+  const Scratch folder;
+  write_files({{folder / "kept/one", "1"}});
+  const std::string said = failure({{folder / "kept/new/below/two", "2"},
+                                    {folder / "other/three", "3"},
+                                    {folder / "kept", "", "--report"}});
+  EXPECT_THAT(said, HasSubstr("it is a folder"));
+  EXPECT_FALSE(fs::exists(folder / "kept/new"));
+  EXPECT_EQ(folder.count(), 1);
+  EXPECT_EQ(content_of(folder / "kept/one"), "1");
+}
+
+TEST(OutputFiles, TwoFilesAreNotOne) {
+  const Scratch folder;
+  fs::create_directory(folder / "there");
+  fs::create_symlink("there", folder / "link");
+  for (const char* other :
+       {"there/result.json", "there/../there/result.json", "link/result.json"}) {
+    try {
+      write_files({{folder / other, "page", "--report"}, {folder / "there/result.json", "{}"}});
+      ADD_FAILURE() << other;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("--report and -o would both be written to it"));
+    }
+    EXPECT_TRUE(fs::is_empty(folder / "there"));
+  }
+}
+
 TEST(OutputFiles, TheLongestNameGoes) {
   const Scratch folder;
   const std::string name(255, 'n');
