@@ -26,7 +26,8 @@ void require_linear(const ModelFile& model, const std::string& job) {
   throw InputError({model.path, 0, 0},
                    fmt::format("'{}' takes a linear model, this {}", job,
                                vehicle ? "is a vehicle" : "one is not linear in its states"),
-                   "a model with A, C, Q, R, or formulas that are linear in states and inputs");
+                   "a model with A, C, Q, R, or formulas that are linear in states and inputs",
+                   vehicle ? "use 'fit'" : "");
 }
 
 void require_filter(const ModelFile& model, const std::string& job) {

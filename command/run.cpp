@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 
 #include <fmt/format.h>
@@ -49,6 +50,8 @@ bool wants_pictures(const ResultOptions& options) {
 }
 
 std::vector<std::string> model_and_included(const std::string& path) {
+  std::error_code unknown;
+  if (!std::filesystem::is_regular_file(path, unknown)) return {path};  // a pipe is read once
   std::vector<std::string> out = included_files(read_yaml_text(path), path);
   out.push_back(path);
   return out;

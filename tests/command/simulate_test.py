@@ -1,7 +1,8 @@
 """simulate: manoeuvres, and truth that comes back."""
+import subprocess
 import unittest
 
-from program import LANE_CHANGE, ROOT, Folder, result, run
+from program import LANE_CHANGE, PROGRAM, ROOT, Folder, result, run
 
 
 class Manoeuvres(unittest.TestCase):
@@ -38,6 +39,11 @@ class Simulate(unittest.TestCase):
             for p in out["parameters"]:
                 self.assertLess(abs(p["value"] - 1), 4 * p["se"])
 
+
+    def test_a_model_from_a_pipe(self):
+        text = (ROOT / "examples/nile.yaml").read_text()
+        done = subprocess.run([PROGRAM, "simulate", "/dev/stdin", "-n", "3"], input=text, capture_output=True, text=True, timeout=60)
+        self.assertEqual((0, run("simulate", ROOT / "examples/nile.yaml", "-n", 3).stdout), (done.returncode, done.stdout))
 
     def test_round_trip_continuous(self):
         """An Ornstein-Uhlenbeck process: decay rate and noise density come back whatever the sampling."""
