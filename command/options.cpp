@@ -176,6 +176,7 @@ void add_old_number(CLI::App& verb, const char* old_name, const char* name, long
 void add_old_choice(CLI::App& verb, const char* old_name, const char* name, std::string& value,
                     const std::vector<std::pair<std::string, std::string>>& values) {
   std::vector<std::string> known;
+  known.reserve(values.size());
   for (const auto& [old_value, new_value] : values) known.push_back(old_value);
   const auto take = [old_name, name, values, &value](const std::string& given) {
     const auto of_today = std::find_if(values.begin(), values.end(),
