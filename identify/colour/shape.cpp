@@ -16,6 +16,7 @@
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
+#include "identify/model/check.h"
 #include "identify/noise/ml.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
@@ -507,7 +508,7 @@ ShapeResult with_filter(Winner winner, const ModelFile& model, const WhiteModel&
 
 ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordings,
                   const ShapeOptions& options) {
-  const ModelFile model = linear_model_of(written);
+  const ModelFile model = checked(linear_model_of(written), recordings);
   Stages stages(options);
   const Dataset& longest = longest_recording(model, recordings, options);
   const Index beginning = undetermined_beginning(model, options.most_order);

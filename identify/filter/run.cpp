@@ -13,6 +13,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/result/csv.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
@@ -117,8 +118,9 @@ std::string what_was_done(const FilterRunOptions& options) {
 
 }  // namespace
 
-FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+FilterRun filter_recordings(const ModelFile& given, const std::vector<Dataset>& recordings,
                             const FilterRunOptions& options) {
+  const ModelFile model = checked(given, recordings);
   const bool nonlinear = model.form == ModelFile::Form::nonlinear;
   if (model.form != ModelFile::Form::linear && !nonlinear) {
     throw std::invalid_argument("filter_recordings: " + model.path + " is no filter");

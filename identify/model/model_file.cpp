@@ -112,7 +112,10 @@ ModelFile read_model_file(const std::string& path) {
 }
 
 ModelFile parse_model_file(const std::string& text, const std::string& path) {
-  const YamlNode root = parse_with_included(text, path);
+  return model_of(parse_with_included(text, path), path);
+}
+
+ModelFile model_of(const YamlNode& root, const std::string& path) {
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());

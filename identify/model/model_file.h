@@ -5,6 +5,7 @@
 #include <string>
 
 #include "identify/model/model.h"
+#include "identify/model/yaml_reader.h"
 
 namespace identikal {
 
@@ -16,6 +17,9 @@ ModelFile read_model_file(const std::string& path);
 
 /// The same from the file's text. @param path  for messages, and a name where the text has none
 ModelFile parse_model_file(const std::string& text, const std::string& path);
+
+/// What a tree of keys and values means, as parse_model_file() has read one.
+ModelFile model_of(const YamlNode& root, const std::string& path = "");
 
 /// Applies "NAME=VALUE" from the command line to the value (the start, when the parameter is free).
 /// VALUE is in the model file's unit for that parameter or carries a unit of its own ("80 kN/rad").

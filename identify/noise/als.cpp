@@ -13,6 +13,7 @@
 
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/model/check.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/minimum_rank.h"
 #include "lib/filter/information.h"
@@ -403,8 +404,9 @@ void reduce_rank(Estimate& estimate, const Als& als, Fit& fit) {
 
 }  // namespace
 
-Estimate tune_als(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_als(const ModelFile& given, const std::vector<Dataset>& recordings,
                   const NoiseAlsOptions& options) {
+  const ModelFile model = checked(given, recordings);
   check_recordings(model, recordings);
   if (!is_linear_in_parameters(model.linear, model.parameters)) {
     throw InputError({model.path, 0, 0}, "als is linear in what it seeks, and the model is not",

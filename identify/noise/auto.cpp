@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/model/check.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/noise/als.h"
 #include "lib/base/error.h"
@@ -46,8 +47,9 @@ ParameterSet start_from(const ParameterSet& parameters, const Estimate& als) {
 
 }  // namespace
 
-Estimate tune_auto(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_auto(const ModelFile& given, const std::vector<Dataset>& recordings,
                    const NoiseMlOptions& options) {
+  const ModelFile model = checked(given, recordings);
   constexpr double kApart = 4.0;
   const Second second = second_opinion(model, recordings);
   ModelFile started = model;

@@ -12,6 +12,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "lib/base/constants.h"
@@ -218,8 +219,9 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
   estimate.covariance_kind = "the posterior";
 }
 
-Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_bayes(const ModelFile& given, const std::vector<Dataset>& recordings,
                     const NoiseBayesOptions& options) {
+  const ModelFile model = checked(given, recordings);
   check_recordings(model, recordings);
   const PosteriorPoints points = posterior(model, recordings, options);
   if (!points.summary.usable()) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
@@ -13,6 +14,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/likelihood_profile.h"
 #include "lib/base/random.h"
@@ -63,7 +65,7 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
   Random random(options.seed);
   std::vector<double> ends;
   bool stopped = false;
-  for (int s = 0; s < std::max(1, options.starts) && !stopped; ++s) {
+  for (int s = 0; s < options.starts && !stopped; ++s) {
     const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
     SolverOptions solver;
     solver.decrement_tolerance = 1e-15;
@@ -406,8 +408,12 @@ void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
 
 }  // namespace
 
-Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_ml(const ModelFile& given, const std::vector<Dataset>& recordings,
                  const NoiseMlOptions& options) {
+  if (options.starts < 1) {
+    throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
+  }
+  const ModelFile model = checked(given, recordings);
   const ParameterSet& parameters = model.parameters;
   Estimate estimate;
   estimate.model_name = model.name;

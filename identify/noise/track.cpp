@@ -11,6 +11,7 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "lib/base/constants.h"
@@ -439,7 +440,8 @@ void warn_of_size(Estimate& estimate, bool adaptive) {
 
 }  // namespace
 
-Estimate track(const ModelFile& model, const Dataset& whole, const NoiseTrackOptions& options) {
+Estimate track(const ModelFile& given, const Dataset& whole, const NoiseTrackOptions& options) {
+  const ModelFile model = checked(given, {whole});
   check_recordings(model, {whole});
   const NoiseTrack course = track_noise(model, whole, options);
   const bool stopped = course.posterior.summary.termination == Termination::stopped;

@@ -8,6 +8,7 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/optimality/optimality.h"
 #include "identify/optimality/score_statistic.h"
 #include "lib/data/units.h"
@@ -23,7 +24,8 @@ constexpr Index kFewestInnovations = 20;
 
 }  // namespace
 
-Estimate check(const ModelFile& model, const std::vector<Dataset>& recordings) {
+Estimate check(const ModelFile& given, const std::vector<Dataset>& recordings) {
+  const ModelFile model = checked(given, recordings);
   const bool nonlinear = model.form == ModelFile::Form::nonlinear;
   if (model.form != ModelFile::Form::linear && !nonlinear) {
     throw InputError({model.path, 0, 0},

@@ -9,6 +9,7 @@
 #include "identify/estimate/test_result.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/optimality/optimality.h"
 #include "lib/base/constants.h"
 #include "lib/statistics/autocorrelation.h"
@@ -101,8 +102,9 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   check_models(models);
   std::vector<Scored> all;
   for (std::size_t i = 0; i < models.size(); ++i) {
+    const ModelFile model = checked(models[i], recordings[i]);
     check_channels(recordings[i]);
-    all.push_back(scored(models[i], recordings[i]));
+    all.push_back(scored(model, recordings[i]));
   }
   std::vector<std::size_t> order(models.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;

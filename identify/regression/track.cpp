@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/model/check.h"
 #include "identify/regression/order.h"
 #include "lib/data/units.h"
 #include "lib/regression/lagged_regressors.h"
@@ -198,6 +199,7 @@ std::string describe_forgetting(const Forgetting& forgetting, const RegressionHi
 
 Estimate track_regression(const ModelFile& model, const Dataset& recording,
                           const std::function<bool(const std::string&)>& progress) {
+  check_recording(model, recording);
   const MatrixXd u = in_channel_units(recording.u, recording.inputs);
   const VectorXd y = in_channel_units(recording.y, recording.outputs).row(0).transpose();
   const RegressionChoice choice =

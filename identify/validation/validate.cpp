@@ -17,6 +17,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
+#include "identify/model/check.h"
 #include "identify/result/file_digest.h"
 #include "identify/validation/internal/vehicle_refit.h"
 #include "identify/vehicle/checks.h"
@@ -206,8 +207,7 @@ void test_unseen(const Estimate& result, const ModelFile& model,
 Estimate validate_filter(const Estimate& result, const ModelFile& written,
                          const std::vector<Dataset>& recordings) {
   check_period(result, written, recordings);
-  ModelFile model = written;
-  if (model.time.step == 0.0) model.linear.dt = recordings.front().dt;
+  const ModelFile model = checked(written, recordings);
   check_channels(recordings);
   Estimate out;
   out.model_name = model.name;

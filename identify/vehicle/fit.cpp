@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <optional>
+#include <stdexcept>
 #include <type_traits>
 #include <utility>
 
@@ -12,6 +13,7 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
+#include "identify/model/check.h"
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/internal/pictures.h"
@@ -582,8 +584,13 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, E
 // The order, in which each step reads what those before it filled: the optimum; reports, of which
 // verdicts and fits are what the checks judge by; findings; their order, causes before
 // consequences; the conclusion from the findings that are left; pictures of it all.
-Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate fit_vehicle(const ModelFile& given, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options) {
+  if (options.search.starts < 1) {
+    throw std::invalid_argument(
+        fmt::format("{} starts; expected at least 1", options.search.starts));
+  }
+  const ModelFile model = checked(given, recordings);
   if (options.search.robust && options.method == VehicleFitOptions::Method::prediction_error) {
     throw InputError({}, "--robust with --method prediction-error",
                      "--method trajectory: the gain would carry outliers into the state");

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/model/check.h"
 #include "identify/regression/order.h"
 #include "identify/regression/track.h"
 #include "identify/vehicle/output_error.h"
@@ -255,7 +256,8 @@ void conclude_track(Index count, Index means, Estimate& estimate) {
 
 }  // namespace
 
-Estimate track_vehicle(const ModelFile& model, const Dataset& recording) {
+Estimate track_vehicle(const ModelFile& given, const Dataset& recording) {
+  const ModelFile model = checked(given, {recording});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {recording});
   const VehicleBalances balances = tracked_balances(model, recording, run, unknowns.value);

@@ -1,0 +1,89 @@
+#include "identify/model/recording.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "identify/model/check.h"
+#include "lib/base/median.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+
+// Names of channels in SI, as results print them.
+std::vector<Channel> channels_of(const std::vector<ChannelSource>& sources, Index rows,
+                                 const char* what) {
+  if (static_cast<Index>(sources.size()) != rows) {
+    throw std::invalid_argument(
+        fmt::format("the recording has {} {}, the model {}", rows, what, sources.size()));
+  }
+  std::vector<Channel> out;
+  for (const ChannelSource& source : sources) out.push_back({source.name, source.si_unit});
+  return out;
+}
+
+Eigen::MatrixXd rows_named(const std::vector<ChannelSource>& sources,
+                           const std::vector<std::pair<std::string, Samples>>& channels) {
+  Eigen::MatrixXd out;
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    const auto found = std::find_if(channels.begin(), channels.end(), [&](const auto& channel) {
+      return channel.first == sources[i].name;
+    });
+    if (found == channels.end()) {
+      throw std::invalid_argument(
+          fmt::format("the recording has no channel '{}', which the model has", sources[i].name));
+    }
+    const Eigen::MatrixXd& values = found->second.values;
+    if (i == 0) out.resize(static_cast<Index>(sources.size()), values.cols());
+    if (values.rows() != 1 || values.cols() != out.cols()) {
+      throw std::invalid_argument(fmt::format("channel '{}' is {} x {}; expected 1 x {}",
+                                              sources[i].name, values.rows(), values.cols(),
+                                              out.cols()));
+    }
+    out.row(static_cast<Index>(i)) = values;
+  }
+  return out;
+}
+
+}  // namespace
+
+Samples::Samples(std::span<const double> channel)
+    : values(Eigen::Map<const Eigen::RowVectorXd>(channel.data(),
+                                                  static_cast<Index>(channel.size()))) {}
+
+Dataset recording(const ModelFile& model, const Samples& y, const SampleTimes& time,
+                  const Samples& u) {
+  Dataset out;
+  out.name = "recording";
+  out.y = y.values;
+  out.u = u.values;
+  const Index size = out.y.cols();
+  if (out.u.size() == 0) out.u.resize(out.u.rows(), size);
+  out.outputs = channels_of(model.outputs, out.y.rows(), "outputs");
+  out.inputs = channels_of(model.inputs, out.u.rows(), "inputs");
+  out.dt = time.step;
+  out.time = time.times;
+  if (out.time.size() == 0) {
+    out.time = Eigen::VectorXd::LinSpaced(size, 0.0, static_cast<double>(size - 1)) * time.step;
+  } else if (out.dt == 0.0 && out.time.size() > 1) {
+    const Index steps = out.time.size() - 1;
+    const Eigen::VectorXd step = out.time.tail(steps) - out.time.head(steps);
+    out.dt = median({step.begin(), step.end()});
+  }
+  check_recording(model, out);
+  return out;
+}
+
+Dataset recording(const ModelFile& model,
+                  const std::vector<std::pair<std::string, Samples>>& channels,
+                  const SampleTimes& time) {
+  Samples y, u;
+  y.values = rows_named(model.outputs, channels);
+  u.values = rows_named(model.inputs, channels);
+  return recording(model, y, time, u);
+}
+
+}  // namespace identikal
