@@ -89,7 +89,21 @@ void check_symmetric(const char* name, const MatrixXd& value) {
   refuse("{} is not symmetric", name);
 }
 
-// In the order in which one matrix determines the size of the next. Of a nonlinear model A, B, C and D hold sizes alone.
+// Models that a program fills by hand may leave their channels without names.
+Index inputs_of(const ModelFile& model) {
+  if (!model.inputs.empty()) return static_cast<Index>(model.inputs.size());
+  if (model.form == ModelFile::Form::nonlinear) return model.formulas.model.inputs;
+  return model.linear.B.constant.cols() - (model.linear.offset ? 1 : 0);
+}
+
+Index outputs_of(const ModelFile& model) {
+  if (!model.outputs.empty()) return static_cast<Index>(model.outputs.size());
+  return model.form == ModelFile::Form::nonlinear ? model.formulas.model.outputs
+                                                  : model.linear.C.constant.rows();
+}
+
+// In the order in which one matrix determines the size of the next. Of a nonlinear model A, B, C
+// and D hold sizes alone.
 void check_matrices(const ModelFile& model) {
   const LinearModel& linear = model.linear;
   const ParameterSet& p = model.parameters;
@@ -101,12 +115,8 @@ void check_matrices(const ModelFile& model) {
   if (n == 0) refuse("the model has no states: A is 0 x 0");
   check_size("A", linear.A, p, n, n, "states x states");
   const bool is_linear = model.form == ModelFile::Form::linear;
-  const Index ny = is_linear || model.outputs.empty() ? rows_of(linear.C, p)
-                                                      : static_cast<Index>(model.outputs.size());
-  if (ny == 0) refuse("the model has no outputs: C is 0 x {}", columns_of(linear.C, p));
-  if (!model.outputs.empty() && static_cast<Index>(model.outputs.size()) != ny) {
-    refuse("C has {} rows, and {} outputs are named", ny, model.outputs.size());
-  }
+  const Index ny = outputs_of(model);
+  if (ny == 0) refuse("the model has no outputs");
   const Index nu = columns_of(linear.B, p);
   if (is_linear) {
     check_size("C", linear.C, p, ny, n, "outputs x states");
@@ -116,8 +126,7 @@ void check_matrices(const ModelFile& model) {
   const Index nw = columns_of(linear.G, p);
   check_size("G", linear.G, p, n, nw, "states x process noises");
   check_size("Q", linear.Q, p, nw, nw, "process noises x process noises");
-  const Index nr = is_linear ? ny : rows_of(linear.R, p);
-  check_size("R", linear.R, p, nr, nr, "outputs x outputs");
+  check_size("R", linear.R, p, ny, ny, "outputs x outputs");
   if (is_linear) check_size("S", linear.S, p, nw, ny, "process noises x outputs");
   if (linear.initial == InitialState::given) {
     check_size("x0", linear.x0, p, n, 1, "states x 1");
@@ -178,19 +187,6 @@ void check_period(const ModelFile& model, const Dataset& data) {
   if (!(step > 0.0) || model.formulas.irregular) return;
   if (std::abs(data.dt - step) <= 0.01 * step) return;
   refuse("the recording is sampled every {} s, the model every {} s", data.dt, step);
-}
-
-Index inputs_of(const ModelFile& model) {
-  if (!model.inputs.empty() || model.form != ModelFile::Form::linear) {
-    return static_cast<Index>(model.inputs.size());
-  }
-  return model.linear.B.constant.cols() - (model.linear.offset ? 1 : 0);
-}
-
-Index outputs_of(const ModelFile& model) {
-  if (!model.outputs.empty()) return static_cast<Index>(model.outputs.size());
-  return model.form == ModelFile::Form::nonlinear ? model.formulas.model.outputs
-                                                  : model.linear.C.constant.rows();
 }
 
 LinearModel with_defaults(LinearModel model) {

@@ -185,7 +185,7 @@ TEST(Recording, SizesAreNamed) {
   refused([&] { recording(c.model, {{"y", y}}, 1.0); }, "no channel 'u'");
   refused(
       [&] {
-        recording(c.model, {{"y", y}, {"u", u}}, VectorXd::LinSpaced(5, 0, 1));
+        recording(c.model, {{"y", y}, {"u", y}}, VectorXd::LinSpaced(5, 0, 1));
       },
       "5 times for 20 samples");
   refused([&] { recording(c.model, y, 0.0, y); }, "sampling period is 0 s");

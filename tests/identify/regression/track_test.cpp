@@ -54,6 +54,8 @@ ModelFile regression_model() {
   model.path = "regression.yaml";
   model.name = "regression";
   model.form = ModelFile::Form::regression;
+  model.inputs = {{"steer", "steer", "deg", "", {}}};
+  model.outputs = {{"v", "v", "km/h", "", {}}};
   return model;
 }
 

@@ -651,7 +651,7 @@ TEST(VehicleFitRefuses, MissingInputs) {
   }
   EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("without steering angle"));
   data.u.conservativeResize(1, Eigen::NoChange);
-  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("two: the steering angle, then vx"));
+  EXPECT_THROW(fit_vehicle(sladka2010_model(), data), std::invalid_argument);
 }
 
 TEST(VehicleFitRefuses, DeadOutputs) {
@@ -674,14 +674,16 @@ TEST(VehicleFitRefuses, DeadOutputs) {
 }
 
 TEST(VehicleFitRefuses, ImpossibleNumbers) {
-  for (const double wrong : {1e300, -std::numeric_limits<double>::infinity()}) {
-    Dataset data = lane_change({}, 100.0);
-    data.u(1, 300) = wrong;
-    EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("vx is "));
-    data = lane_change({}, 100.0);
-    data.y(1, 300) = wrong;
-    EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("in SI units at 3 s"));
-  }
+  Dataset data = lane_change({}, 100.0);
+  data.u(1, 300) = 1e300;
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("vx is "));
+  data.u(1, 300) = -std::numeric_limits<double>::infinity();
+  EXPECT_THROW(fit_vehicle(sladka2010_model(), data), std::invalid_argument);
+  data = lane_change({}, 100.0);
+  data.y(1, 300) = 1e300;
+  EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("in SI units at 3 s"));
+  data.y(1, 300) = -std::numeric_limits<double>::infinity();
+  EXPECT_THROW(fit_vehicle(sladka2010_model(), data), std::invalid_argument);
 }
 
 // A log-normal prior keeps a parameter above 0, wherever the file lets it go.
