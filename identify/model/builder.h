@@ -1,7 +1,8 @@
 // How does a program state a model without a file?
 //
-// A builder says the same as a model file (examples/MODEL_FILE.md), with the same checks and the same defaults; every
-// number is in SI. What a file is told as path:line:column, a program is told as std::invalid_argument.
+// A builder says the same as a model file (examples/MODEL_FILE.md), with the same checks and the
+// same defaults; every number is in SI. What a file is told as path:line:column, a program is told
+// as std::invalid_argument.
 #pragma once
 
 #include <concepts>
@@ -70,16 +71,19 @@ struct Limits {
 };
 
 /// x(t+1) = A x(t) + B u(t) + G w(t), y(t) = C x(t) + D u(t) + v(t), cov(w, v) = S; with
-/// continuous(): dx/dt = A x + B u + G w. Not given: B, D and S are zero, G is the identity, channels are named
-/// y1, y2, ... and u1, u2, ... (y and u where there is one), the sampling period is the recording's.
+/// continuous(): dx/dt = A x + B u + G w. Not given: B, D and S are zero, G is the identity,
+/// channels are named y1, y2, ... and u1, u2, ... (y and u where there is one), the sampling period
+/// is the recording's.
 ///
 ///   const ModelFile tracker = linear_model().A({{1, 0.1}, {0, 1}}).G({{0.005}, {0.1}}).C({{1, 0}})
 ///       .process_noise(variance("q")).measurement_noise(variance("r")).diffuse();
 ///
-/// Source: Anderson and Moore (1979), section 3.1; conversion checks what a model file's reader checks.
-/// @throws std::invalid_argument from the conversion: a matrix missing or of another size (both sizes are named), NaN,
-///   an unknown name in a formula, a parameter that nothing uses, a covariance that is not symmetric or has a negative
-///   variance, a joint covariance [Q S; S' R] that is indefinite
+/// Source: Anderson and Moore (1979), section 3.1; conversion checks what a model file's reader
+/// checks.
+/// @throws std::invalid_argument from the conversion: a matrix missing or of another size (both
+///   sizes are named), NaN, an unknown name in a formula, a parameter that nothing uses, a
+///   covariance that is not symmetric or has a negative variance, a joint covariance [Q S; S' R]
+///   that is indefinite
 class LinearModelBuilder {
  public:
   LinearModelBuilder& A(const MatrixEntries& entries);  ///< n x n
@@ -99,7 +103,8 @@ class LinearModelBuilder {
   LinearModelBuilder& outputs(const std::vector<std::string>& names);
   /// Sampling period [s].
   LinearModelBuilder& step(double seconds);
-  /// A, B and G are those of dx/dt; Q is the noise's density, or with per_sample its covariance over one period.
+  /// A, B and G are those of dx/dt; Q is the noise's density, or with per_sample its covariance
+  /// over one period.
   LinearModelBuilder& continuous(ProcessNoise noise = ProcessNoise::density);
   LinearModelBuilder& diffuse();     ///< nothing is known of the first state
   LinearModelBuilder& stationary();  ///< the default; A has to be stable
@@ -117,11 +122,13 @@ inline LinearModelBuilder linear_model() { return {}; }
 
 /// dx/dt = f(x, u, p, t) (with discrete(): x(t+1) = f), y = h(x, u, p, t), written as formulas.
 ///
-///   const ModelFile pendulum = formula_model().state("angle", "rate").state("rate", "-g/l*sin(angle)")
-///       .output("angle").parameter("l", 0.8, {0.1, 5}).process_variance("rate", "q").measurement_variance("angle", "r")
-///       .parameter("q", 0.02, {0}).parameter("r", 1e-4, {0}).initial("angle", 0.3, 0.1).initial("rate", 0, 0.2);
+///   const ModelFile pendulum = formula_model()
+///       .state("angle", "rate").state("rate", "-g/l*sin(angle)").output("angle")
+///       .parameter("l", 0.8, {0.1, 5}).parameter("q", 0.02, {0}).process_variance("rate", "q")
+///       .measurement_variance("angle", 1e-4).initial("angle", 0.3, 0.1).initial("rate", 0, 0.2);
 ///
-/// @throws std::invalid_argument from the conversion, as LinearModelBuilder; a formula's mistake with its column
+/// @throws std::invalid_argument from the conversion, as LinearModelBuilder; a formula's mistake
+///   with its column
 class FormulaModelBuilder {
  public:
   /// @param dynamics  its rate of change, or with discrete() its next value
@@ -133,7 +140,8 @@ class FormulaModelBuilder {
   FormulaModelBuilder& define(const std::string& name, const std::string& formula);
   FormulaModelBuilder& parameter(const std::string& name, double start, const Limits& limits = {});
   FormulaModelBuilder& known(const std::string& name, double value);
-  /// Of the noise in a state's equation: its density, with discrete() its variance. States without one have none.
+  /// Of the noise in a state's equation: its density, with discrete() its variance. States without
+  /// one have none.
   FormulaModelBuilder& process_variance(const std::string& state, const Entry& value);
   FormulaModelBuilder& measurement_variance(const std::string& output, const Entry& value);
   /// The first state's mean and standard deviation; 0 and exact where not given.
@@ -151,16 +159,20 @@ class FormulaModelBuilder {
 };
 inline FormulaModelBuilder formula_model() { return {}; }
 
-/// The single-track vehicle (examples/MODEL_FILE.md), axes and signs of ISO 8855. Its inputs are the steering-wheel
-/// angle [rad], or with road_wheel_angle() that of the road wheels, and the speed vx [m/s].
+/// The single-track vehicle (examples/MODEL_FILE.md), axes and signs of ISO 8855. Its inputs are
+/// the steering-wheel angle [rad], or with road_wheel_angle() that of the road wheels, and the
+/// speed vx [m/s].
 ///
-///   const ModelFile car = vehicle_model().known("m", 1446).known("a", 0.987).known("b", 1.525).known("steering_ratio", 21)
-///       .parameter("Iz", 2000).parameter("Cf", 8e4).parameter("Cr", 8e4).output("r", 0.01).output("vy", 0.03);
+///   const ModelFile car = vehicle_model()
+///       .known("m", 1446).known("a", 0.987).known("b", 1.525).known("steering_ratio", 21)
+///       .parameter("Iz", 2000).parameter("Cf", 8e4).parameter("Cr", 8e4).output("r").output("vy");
 ///
-/// @throws std::invalid_argument from the conversion: a parameter that is missing, unknown, or outside of what it may be
+/// @throws std::invalid_argument from the conversion: a parameter that is missing, unknown, or
+///   outside of what it may be
 class VehicleModelBuilder {
  public:
-  /// Estimated from this start: m [kg], a, b [m], Iz [kg m^2], Cf, Cr [N/rad] per axle, steering_ratio, ...
+  /// Estimated from this start: m [kg], a, b [m], Iz [kg m^2], Cf, Cr [N/rad] per axle,
+  /// steering_ratio, ...
   VehicleModelBuilder& parameter(const std::string& name, double start, const Limits& limits = {});
   VehicleModelBuilder& known(const std::string& name, double value);
   /// @param name  "r" [rad/s], "vy" [m/s], "ay" [m/s^2] or "beta" [rad]
