@@ -2,12 +2,10 @@
 
 #include <array>
 #include <cmath>
-#include <complex>
 #include <numbers>
 #include <string>
 #include <vector>
 
-#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "identify/colour/shape.h"
@@ -18,6 +16,7 @@
 #include "lib/filter/kalman.h"
 #include "lib/filter/prediction.h"
 #include "lib/filter/steady_state.h"
+#include "lib/model/frequency_response.h"
 #include "studies/published_systems.h"
 #include "studies/runs.h"
 
@@ -237,15 +236,10 @@ StudyReport figure_13(const StudyOptions& options) {
     const ModelFile model = tuned(filters[f], data);
     const StateSpace m = instantiate(model.linear, model.parameters);
     const MatrixXd K = steady_state(m)->K;
-    const Index n = m.states();
-    const MatrixXcd F = (m.A - K * m.C).cast<std::complex<double>>();
+    const MatrixXd F = m.A - K * m.C;
     gain[f].resize(2, kFrequencies);
     for (Index k = 0; k < kFrequencies; ++k) {
-      gain[f].col(k) = (std::polar(1.0, omega[k]) * MatrixXcd::Identity(n, n) - F)
-                           .partialPivLu()
-                           .solve(K.cast<std::complex<double>>())
-                           .bottomRows(2)
-                           .cwiseAbs();
+      gain[f].col(k) = state_response(F, omega[k], K).bottomRows(2).cwiseAbs();
     }
   }
   StudyReport out;

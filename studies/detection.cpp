@@ -5,13 +5,13 @@
 #include <numbers>
 #include <string>
 
-#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "identify/colour/shaped_model.h"
 #include "identify/estimate/distribution.h"
 #include "lib/filter/kalman.h"
 #include "lib/filter/steady_state.h"
+#include "lib/model/frequency_response.h"
 #include "lib/statistics/autocorrelation.h"
 #include "lib/statistics/autocovariance_realisation.h"
 #include "lib/statistics/spectrum.h"
@@ -125,9 +125,7 @@ MatrixXd base_functions(const MatrixXd& A, const Eigen::RowVectorXd& c, const Ve
   const Index n = A.rows();
   MatrixXd out(n, omega.size());
   for (Index k = 0; k < omega.size(); ++k) {
-    const MatrixXcd resolvent =
-        (std::polar(1.0, omega[k]) * MatrixXcd::Identity(n, n) - A.cast<std::complex<double>>())
-            .inverse();
+    const MatrixXcd resolvent = state_response(A, omega[k], MatrixXd::Identity(n, n));
     out.col(k) = (c.cast<std::complex<double>>() * resolvent).cwiseAbs2().transpose();
   }
   return out;
@@ -157,9 +155,7 @@ VectorXd true_spectrum(const StateSpace& m, const VectorXd& omega) {
   VectorXd out(omega.size());
   for (Index k = 0; k < omega.size(); ++k) {
     const MatrixXcd T =
-        (std::polar(1.0, omega[k]) * MatrixXcd::Identity(n, n) - m.A.cast<std::complex<double>>())
-            .inverse() *
-        m.G.cast<std::complex<double>>();
+        state_response(m.A, omega[k], MatrixXd::Identity(n, n)) * m.G.cast<std::complex<double>>();
     out[k] = std::norm((m.C.cast<std::complex<double>>() * T)(0, 0)) * m.Q(0, 0) + m.R(0, 0);
   }
   return out;

@@ -10,7 +10,6 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <fmt/format.h>
-#include <unsupported/Eigen/MatrixFunctions>
 
 #include "identify/vehicle/fit.h"
 #include "identify/vehicle/starts.h"
@@ -28,6 +27,27 @@ using Eigen::Matrix2d;
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
+
+// The principal logarithm of a 2 x 2 matrix with the eigenvalues mean +- half:
+//
+//   log Phi = log(mean - half) I + slope (Phi - (mean - half) I),
+//   slope = (log(mean + half) - log(mean - half)) / (2 half)
+//
+// Source: Higham (2008), Functions of Matrices, section 1.2: the polynomial that takes the values
+// of the logarithm at the eigenvalues.
+Eigen::Matrix2cd logarithm_of(const Matrix2d& Phi) {
+  using Complex = std::complex<double>;
+  const double mean = 0.5 * Phi.trace();
+  const Complex half = std::sqrt(Complex(mean * mean - Phi.determinant()));
+  const Complex ratio = half / mean;
+  const Complex slope =
+      std::abs(ratio) < 1e-4
+          ? (1.0 + ratio * ratio / 3.0) / mean  // eigenvalues that nearly agree: no cancellation
+          : (std::log(mean + half) - std::log(mean - half)) / (2.0 * half);
+  const Complex least = mean - half;
+  const Eigen::Matrix2cd I = Eigen::Matrix2cd::Identity();
+  return std::log(least) * I + slope * (Phi.cast<Complex>() - least * I);
+}
 
 // x(t+1) = Phi x(t) + Gamma u(t) by least squares, back to continuous time by the logarithm.
 struct DiscreteFit {
@@ -53,7 +73,7 @@ DiscreteFit discrete_fit(const SingleTrack<>& car, const MatrixXd& x, const Vect
   }
   const Matrix2d Phi = solution.topRows<2>().transpose();
   const Vector2d Gamma = solution.row(2).transpose();
-  const Eigen::Matrix2cd logarithm = Eigen::Matrix2cd(Phi.cast<std::complex<double>>()).log();
+  const Eigen::Matrix2cd logarithm = logarithm_of(Phi);
   out.real = logarithm.imag().norm() < 1e-9;
   const Matrix2d A = logarithm.real() / kSladka2010Step;
   const Vector2d B = A * (Phi - Matrix2d::Identity()).inverse() * Gamma;

@@ -7,7 +7,6 @@
 #include <optional>
 #include <utility>
 
-#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "identify/colour/internal/innovation_whiteness.h"
@@ -23,6 +22,7 @@
 #include "lib/filter/kalman.h"
 #include "lib/filter/prediction.h"
 #include "lib/model/equivalent_noise.h"
+#include "lib/model/frequency_response.h"
 
 namespace identikal {
 namespace {
@@ -145,12 +145,10 @@ double output_peak(const ModelFile& model, const std::vector<Shaping::Pole>& pol
   if (poles.empty()) return kNone;
   const StateSpace m = instantiate(model.linear, model.parameters);
   const Index n = m.states();
-  const MatrixXcd A = m.A.cast<std::complex<double>>(), C = m.C.cast<std::complex<double>>();
+  const MatrixXcd C = m.C.cast<std::complex<double>>();
   const MatrixXcd noise = (m.G * m.Q * m.G.transpose()).cast<std::complex<double>>();
   const auto level = [&](double omega) {
-    const MatrixXcd T = C * (std::polar(1.0, omega) * MatrixXcd::Identity(n, n) - A)
-                                .partialPivLu()
-                                .solve(MatrixXcd::Identity(n, n));
+    const MatrixXcd T = C * state_response(m.A, omega, MatrixXd::Identity(n, n));
     return (T * noise * T.adjoint()).trace().real();
   };
   const auto slowest = std::max_element(

@@ -7,11 +7,11 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include "lib/base/error.h"
 #include "lib/filter/kalman.h"
 #include "lib/filter/steady_state.h"
+#include "lib/model/frequency_response.h"
 
 namespace identikal {
 
@@ -278,13 +278,12 @@ InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& re
   out.R = m.R;
   out.S = m.S;
   const Index n = m.states(), ny = m.outputs();
-  const MatrixXcd F = (m.A - steady->K * m.C).cast<std::complex<double>>();
-  MatrixXcd sources(n, m.G.cols() + ny);
-  sources << m.G.cast<std::complex<double>>(), steady->K.cast<std::complex<double>>();
+  const MatrixXd F = m.A - steady->K * m.C;
+  MatrixXd sources(n, m.G.cols() + ny);
+  sources << m.G, steady->K;
   for (Index k = 0; k < out.measured.omega.size(); ++k) {
-    const std::complex<double> z = std::polar(1.0, out.measured.omega[k]);
-    const MatrixXcd x = (z * MatrixXcd::Identity(n, n) - F).partialPivLu().solve(sources);
-    const MatrixXcd y = m.C.cast<std::complex<double>>() * x;
+    const MatrixXcd y =
+        m.C.cast<std::complex<double>>() * state_response(F, out.measured.omega[k], sources);
     out.T_G.push_back(y.leftCols(m.G.cols()));
     out.T_V.push_back(MatrixXcd::Identity(ny, ny) - y.rightCols(ny));
   }
