@@ -5,9 +5,9 @@ set -euo pipefail
 cd "$(dirname "$0")"
 ./prepare.sh $(cat packages.txt)
 : >build.log
-[ -f build/build.ninja ] ||
+[ -f build/build.ninja ] || [ -f build/Makefile ] ||
   packaging/with_progress.sh build.log "Configuring" \
-    cmake --preset release -DIDENTIKAL_BUILD_TESTS=OFF -DIDENTIKAL_BUILD_BENCH=OFF
+    cmake --preset release -G "$(packaging/generator.sh)" -DIDENTIKAL_BUILD_TESTS=OFF -DIDENTIKAL_BUILD_BENCH=OFF
 packaging/with_progress.sh build.log "Building" cmake --build build -j "$(nproc)" --target identikal command_reference
 build/identikal tune examples/nile.yaml data/nile.csv -o out/nile --report out/report_noise.html
 echo

@@ -19,17 +19,18 @@ find lib solvers identify studies command tests examples \( -name '*.h' -o -name
 alone=(-DCMAKE_DISABLE_PRECOMPILE_HEADERS=OFF)
 [ "$slow" = yes ] && alone=(-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DCMAKE_UNITY_BUILD=OFF)
 : >build.log
+generator=$(packaging/generator.sh)
 build() { packaging/with_progress.sh build.log "$@"; }
-build "Configuring" cmake --preset release -DIDENTIKAL_WERROR=ON "${alone[@]}"
-build "Building" cmake --build build
-[ "$slow" = yes ] && build "Building the benches" cmake --build build --target benches
+build "Configuring" cmake --preset release -G "$generator" -DIDENTIKAL_WERROR=ON "${alone[@]}"
+build "Building" cmake --build build -j "$(nproc)"
+[ "$slow" = yes ] && build "Building the benches" cmake --build build -j "$(nproc)" --target benches
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()
 ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 
 # Many files in one go: here nearly all of the time is spent on the templates that they share.
-build "Configuring with sanitizers" cmake --preset dev -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16
-build "Building with sanitizers" cmake --build build-dev
+build "Configuring with sanitizers" cmake --preset dev -G "$generator" -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16
+build "Building with sanitizers" cmake --build build-dev -j "$(nproc)"
 # Here a test takes about a hundred times as long: those that took up to 0.05 s above.
 slow_here=$(awk '$1 == "---" { exit } NF == 3 && $1 ~ /^[A-Za-z0-9_\/]+[.][A-Za-z0-9_\/]+$/ && $3 > 0.05 { printf "%s%s", n++ ? "|" : "", $1 }' \
   build/Testing/Temporary/CTestCostData.txt)

@@ -50,6 +50,13 @@ def check_prepare(folder):
     expect(code == 0 and "no Debian here" in out, (code, out, err))
 
 
+def check_generator(folder):
+    for name, generator in (("plain", "Ninja"), ("with a blank", "Ninja"), ("tools & models", "Unix Makefiles"), ("it's", "Unix Makefiles")):
+        (folder / name).mkdir()
+        out = subprocess.run([ROOT / "packaging/generator.sh"], cwd=folder / name, capture_output=True, text=True).stdout
+        expect(out == generator + "\n", (name, out))
+
+
 def progress(folder, script):
     log = folder / "a log & more"
     log.write_text("before\n")
@@ -76,6 +83,7 @@ def check_progress(folder):
 
 
 with tempfile.TemporaryDirectory() as name:
+    check_generator(pathlib.Path(name))
     check_prepare(pathlib.Path(name))
     check_progress(pathlib.Path(name))
-print("prepare.sh names what to type, with_progress.sh shows progress and errors")
+print("generator.sh knows which names ninja reads, prepare.sh says what to type, with_progress.sh shows progress and errors")
