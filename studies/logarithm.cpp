@@ -33,8 +33,7 @@ using Eigen::VectorXd;
 //   log Phi = log(mean - half) I + slope (Phi - (mean - half) I),
 //   slope = (log(mean + half) - log(mean - half)) / (2 half)
 //
-// Source: Higham (2008), Functions of Matrices, section 1.2: the polynomial that takes the values
-// of the logarithm at the eigenvalues.
+// the straight line through the values of the logarithm at the two eigenvalues.
 Eigen::Matrix2cd logarithm_of(const Matrix2d& Phi) {
   using Complex = std::complex<double>;
   const double mean = 0.5 * Phi.trace();

@@ -15,7 +15,7 @@ namespace identikal {
 /// Of p free parameters, in SI.
 struct LikelihoodValue {
   bool defined = false;         ///< else there is no likelihood here, and what follows is empty
-  double log_likelihood = 0.0;  ///< sum over recordings, -N/2 log 2 pi included
+  double log_likelihood = 0.0;  ///< sum over recordings, log 2 pi included
   Eigen::VectorXd gradient;     ///< p: of the log-likelihood, exact
   Eigen::MatrixXd information;  ///< p x p: Fisher's, expected given the inputs
 };
@@ -32,7 +32,9 @@ struct LikelihoodValue {
 ///     p += at.information.ldlt().solve(at.gradient);  // the method of scoring
 ///   }
 ///
-/// Source: Anderson and Moore (1979), section 10.3. It owns what it needs; one per thread.
+/// With a diffuse start it is the exact diffuse one, without log 2 pi for the diffuse states.
+/// Source: Durbin & Koopman (2012), chapter 5 for the diffuse start; lib/filter/likelihood.h. It
+/// owns what it needs; one per thread.
 class LikelihoodFunction {
  public:
   /// @throws std::invalid_argument as checked() (identify/model/check.h); InputError for a vehicle,

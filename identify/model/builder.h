@@ -78,8 +78,7 @@ struct Limits {
 ///   const ModelFile tracker = linear_model().A({{1, 0.1}, {0, 1}}).G({{0.005}, {0.1}}).C({{1, 0}})
 ///       .process_noise(variance("q")).measurement_noise(variance("r")).diffuse();
 ///
-/// Source: Anderson and Moore (1979), section 3.1; conversion checks what a model file's reader
-/// checks.
+/// Source: Matisko (2013), section 2.1. The conversion checks what a model file's reader checks.
 /// @throws std::invalid_argument from the conversion: a matrix missing or of another size (both
 ///   sizes are named), NaN, an unknown name in a formula, a parameter that nothing uses, a
 ///   covariance that is not symmetric or has a negative variance, a joint covariance [Q S; S' R]

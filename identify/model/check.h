@@ -1,4 +1,5 @@
-// Do a model and recordings fit together, wherever they come from? Every job asks this first.
+// Do a model and recordings fit together, wherever they come from? Every job that estimates, tests or filters asks this
+// first.
 #pragma once
 
 #include <vector>
