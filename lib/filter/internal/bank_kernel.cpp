@@ -1,5 +1,7 @@
 #include "lib/filter/internal/bank_kernel.h"
 
+#include "lib/base/constants.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lib/filter/internal/bank_kernel.cpp"
 // In this order:
@@ -141,8 +143,7 @@ HWY_INLINE void Factor(const LotStep& q) {
   const Tag d;
   const BankStep& s = q.s;
   const int n = s.states, r = s.present;
-  const double kLog2Pi = 1.8378770664093454836;
-  Lot density = Same(-0.5 * kLog2Pi * r);
+  Lot density = Same(-0.5 * kLogTwoPi * r);
   Lot least = Same(1.0);  // smallest pivot so far, or a NaN
   for (int j = 0; j < r; ++j) {
     for (int i = j; i < r; ++i) {
