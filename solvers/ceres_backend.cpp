@@ -10,6 +10,7 @@
 #include <ceres/solver.h>
 
 #include "lib/base/message.h"
+#include "solvers/internal/ceres_options.h"
 #include "solvers/solve.h"
 
 namespace identikal {
@@ -153,16 +154,11 @@ class Watch : public ceres::IterationCallback {
   bool stopped_by_caller_ = false;
 };
 
-ceres::Solver::Options translate(const SolverOptions& options) {
-  ceres::Solver::Options out;
+ceres::Solver::Options dense_options(const SolverOptions& options) {
+  ceres::Solver::Options out = ceres_options(options);
   out.linear_solver_type = ceres::DENSE_QR;
   out.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   out.jacobi_scaling = true;
-  out.num_threads = 1;
-  out.function_tolerance = options.function_tolerance;
-  out.gradient_tolerance = options.gradient_tolerance;
-  out.parameter_tolerance = options.parameter_tolerance;
-  out.logging_type = ceres::SILENT;
   out.update_state_every_iteration = true;
   return out;
 }
@@ -200,29 +196,6 @@ ceres::Solver::Summary run(const LeastSquares& problem, const ActiveSet& active,
   return summary;
 }
 
-Termination termination_of(const ceres::Solver::Summary& summary,
-                           const ceres::Solver::Options& options) {
-  switch (summary.termination_type) {
-    case ceres::CONVERGENCE: {
-      // Ceres also calls it convergence when its trust region has shrunk to nothing.
-      const bool shrunk =
-          !summary.iterations.empty() &&
-          summary.iterations.back().trust_region_radius <= options.min_trust_region_radius;
-      return shrunk ? Termination::no_progress : Termination::converged;
-    }
-    case ceres::NO_CONVERGENCE:
-      return summary.num_successful_steps + summary.num_unsuccessful_steps >=
-                     options.max_num_iterations
-                 ? Termination::iteration_limit
-                 : Termination::time_limit;
-    case ceres::USER_SUCCESS:
-    case ceres::USER_FAILURE:
-      return Termination::iteration_limit;
-    default:
-      return Termination::no_progress;
-  }
-}
-
 }  // namespace
 
 Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
@@ -244,22 +217,21 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
   const auto begin = std::chrono::steady_clock::now();
   Residuals residuals(problem, start.size());
   ActiveSet active(problem);
-  ceres::Solver::Options ceres_options = translate(options);
+  ceres::Solver::Options how = dense_options(options);
   // Every round holds at least one coordinate more or lets one go; a set that keeps changing is
   // given up on.
   const Eigen::Index most_rounds = 20 + 4 * start.size();
   for (Eigen::Index round = 0; round < most_rounds; ++round) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     if (std::isfinite(options.max_seconds)) {
-      ceres_options.max_solver_time_in_seconds =
-          std::max(0.0, options.max_seconds - elapsed.count());
+      how.max_solver_time_in_seconds = std::max(0.0, options.max_seconds - elapsed.count());
     }
-    ceres_options.max_num_iterations = options.max_iterations - summary.iterations;
+    how.max_num_iterations = options.max_iterations - summary.iterations;
     Watch watch(options, residuals, active, x, summary.iterations);
-    ceres_options.callbacks = {&watch};
-    const ceres::Solver::Summary ran = run(problem, active, ceres_options, residuals, x);
+    how.callbacks = {&watch};
+    const ceres::Solver::Summary ran = run(problem, active, how, residuals, x);
 
-    summary.termination = termination_of(ran, ceres_options);
+    summary.termination = termination_of(ran, how);
     summary.message = ran.message;
     summary.iterations += ran.num_successful_steps + ran.num_unsuccessful_steps;
     summary.objective = ran.final_cost;
@@ -267,6 +239,9 @@ Solution solve(const LeastSquares& problem, const Eigen::VectorXd& start,
       summary.termination = Termination::stopped;
       summary.message = "stopped by the caller";
       break;
+    }
+    if (summary.termination == Termination::stopped) {  // by the watch: the bounds held may change
+      summary.termination = Termination::iteration_limit;
     }
     const bool more =
         summary.iterations < options.max_iterations && elapsed.count() < options.max_seconds;

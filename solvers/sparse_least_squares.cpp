@@ -12,6 +12,8 @@
 #include <ceres/solver.h>
 #include <ceres/types.h>
 
+#include "solvers/internal/ceres_options.h"
+
 namespace identikal {
 namespace {
 
@@ -123,19 +125,6 @@ void check(const SparseLeastSquares& problem, const Eigen::VectorXd& start) {
   }
 }
 
-Termination termination_of(const ceres::Solver::Summary& summary) {
-  switch (summary.termination_type) {
-    case ceres::CONVERGENCE:
-      return Termination::converged;
-    case ceres::NO_CONVERGENCE:
-      return Termination::iteration_limit;
-    case ceres::USER_SUCCESS:
-      return Termination::stopped;
-    default:
-      return Termination::no_progress;
-  }
-}
-
 /// SuiteSparse where Ceres was built with it, else Eigen's sparse Cholesky: slower on many blocks.
 ceres::SparseLinearAlgebraLibraryType sparse_library() {
 #ifdef IDENTIKAL_WITHOUT_SUITESPARSE
@@ -190,23 +179,16 @@ Solution solve(const SparseLeastSquares& problem, const Eigen::VectorXd& start,
         nullptr, blocks);
   }
 
-  ceres::Solver::Options how;
+  ceres::Solver::Options how = ceres_options(options);
   how.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   how.sparse_linear_algebra_library_type = sparse_library();
-  how.function_tolerance = options.function_tolerance;
-  how.gradient_tolerance = options.gradient_tolerance;
-  how.parameter_tolerance = options.parameter_tolerance;
-  how.max_num_iterations = options.max_iterations;
-  if (std::isfinite(options.max_seconds)) how.max_solver_time_in_seconds = options.max_seconds;
-  how.logging_type = ceres::SILENT;
-  how.num_threads = 1;
   Report report(options);
   how.callbacks.push_back(&report);
   ceres::Solver::Summary ran;
   ceres::Solve(how, &ceres_problem, &ran);
 
   SolverSummary& summary = solution.summary;
-  summary.termination = termination_of(ran);
+  summary.termination = termination_of(ran, how);
   summary.message = ran.message;
   summary.iterations = ran.num_successful_steps + ran.num_unsuccessful_steps;
   summary.evaluations = evaluation.evaluations();

@@ -22,7 +22,7 @@ ORDER = {
 MOST_FLOORS = 7
 # Headers of these libraries stay behind single files, so that the rest compiles fast and can do without them.
 ONLY_IN = {
-    r"ceres/": r"solvers/(ceres_backend|sparse_least_squares)\.cpp",
+    r"ceres/": r"solvers/(ceres_backend|sparse_least_squares|internal/ceres_options)\.(cpp|h)",
     r"nlopt": r"solvers/nlopt_backend\.cpp",
     r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel)\.cpp",
     r"CLI/": r"command/.*",

@@ -105,5 +105,24 @@ TEST(SparseLeastSquares, SaysWhatItCannotDo) {
             Termination::start_undefined);
 }
 
+TEST(SparseLeastSquares, EndsAsTheDenseSolverDoes) {
+  Walk walk(40);
+  const VectorXd start = VectorXd::Zero(41);
+  const auto both_end_by = [&](const SolverOptions& options, Termination how) {
+    EXPECT_EQ(solve(walk.problem, start, options).summary.termination, how);
+    EXPECT_EQ(solve(walk.dense(), start, options).summary.termination, how);
+  };
+  both_end_by({}, Termination::converged);
+  SolverOptions options;
+  options.max_iterations = 1;
+  both_end_by(options, Termination::iteration_limit);
+  options = {};
+  options.max_seconds = 0.0;
+  both_end_by(options, Termination::time_limit);
+  options = {};
+  options.progress = [](int iteration, double) { return iteration < 1; };
+  both_end_by(options, Termination::stopped);
+}
+
 }  // namespace
 }  // namespace identikal
