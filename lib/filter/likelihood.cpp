@@ -36,11 +36,11 @@ Segment make_segment(const MatrixXd& y, const MatrixXd& u, Index begin, Index le
     const double variance = (z.row(i).array() - mean[i]).square().mean();
     far = far || mean[i] * mean[i] > kFarFromZero * kFarFromZero * variance;
   }
-  if (!far) return {begin, VectorXd(), LagSums(z), {}};
+  if (!far) return {begin, VectorXd(), SegmentAutocovariances(z), {}};
   z.colwise() -= mean;
   z.conservativeResize(z.rows() + 1, Eigen::NoChange);
   z.bottomRows(1).setOnes();
-  return {begin, mean, LagSums(z), {}};
+  return {begin, mean, SegmentAutocovariances(z), {}};
 }
 
 struct Recording {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "lib/base/constants.h"
-#include "lib/filter/lag_products.h"
+#include "lib/filter/autocovariance_sums.h"
 #include "lib/filter/steady_state.h"
 #include "lib/internal/powers.h"
 
@@ -46,14 +46,14 @@ SampleAutocovariances sample_autocovariances(const Eigen::Ref<const MatrixXd>& e
   const auto present = (e.array() == e.array());
   SampleAutocovariances out;
   if (present.all()) {
-    out.value = lag_products(e, lags);
+    out.value = autocovariance_sums(e, lags);
     for (Index k = 0; k < lags; ++k) {
       out.pairs.emplace_back(
           MatrixXd::Constant(ny, ny, static_cast<double>(std::max<Index>(0, N - k))));
     }
   } else {
-    out.value = lag_products(present.select(e, 0.0), lags);
-    out.pairs = lag_products(present.cast<double>(), lags);
+    out.value = autocovariance_sums(present.select(e, 0.0), lags);
+    out.pairs = autocovariance_sums(present.cast<double>(), lags);
     // The transform leaves rounding in what are whole numbers.
     for (MatrixXd& pairs : out.pairs) pairs = pairs.array().round();
   }

@@ -9,7 +9,7 @@
 
 #include "identify/filter/recordings_likelihood.h"
 #include "lib/data/csv.h"
-#include "lib/filter/internal/lag_sums.h"
+#include "lib/filter/internal/segment_autocovariances.h"
 #include "tests/bench/roof.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/random_model.h"
@@ -127,12 +127,12 @@ void fit(benchmark::State& state, int number, Index N, bool with_sums) {
   state.counters["evaluations"] = evaluations;
 }
 
-void lag_sums(benchmark::State& state, int channels, Index N, Index lags) {
+void segment_autocovariances(benchmark::State& state, int channels, Index N, Index lags) {
   Random random(1);
   const MatrixXd z = random_matrix(random, channels, N);
   for (auto _ : state) {
     state.PauseTiming();
-    LagSums sums(z);
+    SegmentAutocovariances sums(z);
     state.ResumeTiming();
     sums.extend_to(lags);
     benchmark::DoNotOptimize(sums.at(0).data());
@@ -180,9 +180,9 @@ void register_all() {
   }
   for (const int channels : {1, 2, 3, 4}) {
     for (const Index N : {3000L, 100000L}) {
-      named(
-          "lag_sums/channels:" + std::to_string(channels) + "/N:" + std::to_string(N) + "/lags:64",
-          [=](benchmark::State& state) { lag_sums(state, channels, N, 64); })
+      named("autocovariances/channels:" + std::to_string(channels) + "/N:" + std::to_string(N) +
+                "/lags:64",
+            [=](benchmark::State& state) { segment_autocovariances(state, channels, N, 64); })
           ->Unit(benchmark::kMicrosecond);
     }
   }

@@ -33,7 +33,8 @@ void CompressedKernel<n>::begin_adjoints(const Sums& Gamma_0, const Square& M_F,
 
 /// Back through Horner's rule.
 template <int n>
-void CompressedKernel<n>::back_through_lags(const LagSums& sums, Adjoints& bar) const {
+void CompressedKernel<n>::back_through_lags(const SegmentAutocovariances& sums,
+                                            Adjoints& bar) const {
   Columns bar_T = bar.Yt, moved;
   moved.resize(model_->states(), channels_);
   for (Eigen::Index lag = 1; lag < lags_; ++lag) {
@@ -49,7 +50,8 @@ void CompressedKernel<n>::back_through_lags(const LagSums& sums, Adjoints& bar) 
 
 /// Back through F^t x0.
 template <int n>
-void CompressedKernel<n>::back_through_first_states(const LagSums& sums, Adjoints& bar) const {
+void CompressedKernel<n>::back_through_first_states(const SegmentAutocovariances& sums,
+                                                    Adjoints& bar) const {
   State bar_x = State::Zero(model_->states()), next;
   for (Eigen::Index t = memory() - 1; t >= 0; --t) {
     add_product(bar.F, bar_x, head_.col(t).transpose());
@@ -63,7 +65,8 @@ void CompressedKernel<n>::back_through_first_states(const LagSums& sums, Adjoint
 
 /// Back through the state behind the last sample.
 template <int n>
-void CompressedKernel<n>::back_through_last_states(const LagSums& sums, Adjoints& bar) const {
+void CompressedKernel<n>::back_through_last_states(const SegmentAutocovariances& sums,
+                                                   Adjoints& bar) const {
   const Eigen::Index L = memory(), N = sums.samples();
   State bar_x, next;
   set_product(bar_x, M_, xN_, -2.0);
@@ -158,7 +161,7 @@ double CompressedKernel<n>::derivative(std::size_t i, const SegmentStart<n>& sta
 template <int n>
 void CompressedKernel<n>::add_gradient(const Segment& segment, const SegmentStart<n>& start,
                                        Likelihood& out) {
-  const LagSums& sums = segment.sums;
+  const SegmentAutocovariances& sums = segment.sums;
   Square M_F;
   set_product(M_F, M_, filter_.F);
   Adjoints bar;

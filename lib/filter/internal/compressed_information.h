@@ -71,7 +71,7 @@ void CompressedKernel<n>::follow_start(const Segment& segment, Response& r) {
 
 /// The state over the first samples.
 template <int n>
-void CompressedKernel<n>::find_first_states(const LagSums& sums) {
+void CompressedKernel<n>::find_first_states(const SegmentAutocovariances& sums) {
   const Eigen::Index L = memory();
   first_.resize(model_->states(), std::max(L, first_.cols()));
   State x = x0_, next;
@@ -88,7 +88,7 @@ template <int n>
 void CompressedKernel<n>::sum_response(std::size_t i, const Segment& segment,
                                        const SegmentStart<n>& start) {
   const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = segment.sums;
+  const SegmentAutocovariances& sums = segment.sums;
   const auto Gamma_0 = sums.at(0);
   Columns next;
   Response& r = responses_[i];

@@ -10,7 +10,7 @@
 //
 // where S_e = sum e e' of the filter started from m0 + delta. A diffuse start is the limit of large
 // Pi (de Jong 1991). S_e follows from the sample autocovariances of z = [y; u]
-// (lib/filter/internal/lag_sums.h): with x+ = F x + Kz z and e = H z - C x,
+// (lib/filter/internal/segment_autocovariances.h): with x+ = F x + Kz z and e = H z - C x,
 //
 //   Y = sum_t z x' = sum_m Gamma_m Kz' F'^(m-1) + sum_t z(t) (F^t x0)',
 //   X = sum_t x x' = F X F' + Kz Gamma_0 Kz' + Kz Y F' + F Y' Kz' + x0 x0' - xN xN',
@@ -135,11 +135,11 @@ class CompressedKernel final : public SegmentKernel {
   State last_response(const Segment& segment, const Response& r) const;
   bool add(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
   void augment(const Segment& segment);
-  State score_of_start(const LagSums& sums, const State& mean);
+  State score_of_start(const SegmentAutocovariances& sums, const State& mean);
   bool find_diffuse_delta(const State& s, StartTerms& terms);
   bool find_delta(const SegmentStart<n>& start, const State& s, StartTerms& terms);
-  void sum_states_with_channels(const LagSums& sums);
-  void find_last_state(const LagSums& sums);
+  void sum_states_with_channels(const SegmentAutocovariances& sums);
+  void find_last_state(const SegmentAutocovariances& sums);
   template <class Sums>
   void sum_states(const Sums& Gamma_0);
   template <class Sums>
@@ -147,15 +147,15 @@ class CompressedKernel final : public SegmentKernel {
   bool well_conditioned(const Square& Pi) const;
   template <class Sums>
   double size_of_terms(const Sums& Gamma_0);
-  void sum_lags(const LagSums& sums, Eigen::Index lags);
+  void sum_lags(const SegmentAutocovariances& sums, Eigen::Index lags);
 
   // The gradient: compressed_gradient.h.
   void add_gradient(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
   template <class Sums>
   void begin_adjoints(const Sums& Gamma_0, const Square& M_F, Adjoints& bar);
-  void back_through_lags(const LagSums& sums, Adjoints& bar) const;
-  void back_through_first_states(const LagSums& sums, Adjoints& bar) const;
-  void back_through_last_states(const LagSums& sums, Adjoints& bar) const;
+  void back_through_lags(const SegmentAutocovariances& sums, Adjoints& bar) const;
+  void back_through_first_states(const SegmentAutocovariances& sums, Adjoints& bar) const;
+  void back_through_last_states(const SegmentAutocovariances& sums, Adjoints& bar) const;
   void back_through_determinants(double samples, const Square& M_F, Adjoints& bar);
   void back_through_gain(const Segment& segment, Adjoints& bar) const;
   void back_through_start(const SegmentStart<n>& start, Adjoints& bar) const;
@@ -164,7 +164,7 @@ class CompressedKernel final : public SegmentKernel {
   // The information: compressed_information.h.
   void add_noise_information(double samples, Likelihood& out) const;
   void add_full_information(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
-  void find_first_states(const LagSums& sums);
+  void find_first_states(const SegmentAutocovariances& sums);
   void follow_start(const Segment& segment, Response& r);
   void sum_response(std::size_t i, const Segment& segment, const SegmentStart<n>& start);
 
@@ -290,7 +290,7 @@ void CompressedKernel<n>::augment(const Segment& segment) {
 
 /// T_m for all m, by Horner's rule from the oldest lag on.
 template <int n>
-void CompressedKernel<n>::sum_lags(const LagSums& sums, Eigen::Index lags) {
+void CompressedKernel<n>::sum_lags(const SegmentAutocovariances& sums, Eigen::Index lags) {
   lags_ = lags;
   if (T_.cols() < (lags + 1) * channels_) T_.resize(model_->states(), (lags + 1) * channels_);
   T_.middleCols(lags * channels_, channels_).setZero();
@@ -357,7 +357,8 @@ double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
 /// s = sum_t F'^t C' Sigma^-1 e(t) of the innovations from the mean of the start: the first ones say
 /// where it really was.
 template <int n>
-auto CompressedKernel<n>::score_of_start(const LagSums& sums, const State& mean) -> State {
+auto CompressedKernel<n>::score_of_start(const SegmentAutocovariances& sums, const State& mean)
+    -> State {
   const SteadyFilter<n>& f = filter_;
   const Eigen::Index states = model_->states(), ny = model_->outputs(), L = memory();
   head_.resize(states, std::max(L, head_.cols()));
@@ -432,7 +433,7 @@ bool CompressedKernel<n>::find_delta(const SegmentStart<n>& start, const State& 
 
 /// Yt = sum x z', with F^t x0 kept.
 template <int n>
-void CompressedKernel<n>::sum_states_with_channels(const LagSums& sums) {
+void CompressedKernel<n>::sum_states_with_channels(const SegmentAutocovariances& sums) {
   const Eigen::Index L = memory();
   sum_lags(sums, std::min(L, sums.lags()));
   Yt_ = T_.middleCols(channels_, channels_);
@@ -447,7 +448,7 @@ void CompressedKernel<n>::sum_states_with_channels(const LagSums& sums) {
 
 /// The states over the last samples, up to the one behind them.
 template <int n>
-void CompressedKernel<n>::find_last_state(const LagSums& sums) {
+void CompressedKernel<n>::find_last_state(const SegmentAutocovariances& sums) {
   const Eigen::Index states = model_->states(), L = memory(), N = sums.samples();
   tail_.resize(states, std::max(L + 1, tail_.cols()));
   State x = State::Zero(states), next;
@@ -497,7 +498,7 @@ template <int n>
 bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& start,
                               Likelihood& out) {
   const SteadyFilter<n>& f = filter_;
-  const LagSums& sums = segment.sums;
+  const SegmentAutocovariances& sums = segment.sums;
   const auto samples = static_cast<double>(sums.samples());
   augment(segment);
   reject_reason_ = RejectReason::cancellation;

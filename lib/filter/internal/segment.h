@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "lib/filter/filter_result.h"
-#include "lib/filter/internal/lag_sums.h"
+#include "lib/filter/internal/segment_autocovariances.h"
 #include "lib/model/linear_model.h"
 
 namespace identikal {
@@ -15,7 +15,7 @@ namespace identikal {
 struct Segment {
   Eigen::Index begin = 0;
   Eigen::VectorXd mean;  ///< ny + nu; empty when it was left in
-  LagSums sums;
+  SegmentAutocovariances sums;
   /// Lane-interleaved outputs (lib/filter/internal/simd_kernels.h) behind one zero; made when first
   /// needed.
   std::vector<double> lanes;

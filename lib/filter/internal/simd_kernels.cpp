@@ -82,8 +82,8 @@ void SumLags(const double* now, const double* const* past, std::size_t count, st
   }
 }
 
-void AddLagProducts(const double* const* z, std::size_t channels, std::size_t count,
-                    std::size_t first_lag, std::size_t lags, double* sums) {
+void AddAutocovarianceSums(const double* const* z, std::size_t channels, std::size_t count,
+                           std::size_t first_lag, std::size_t lags, double* sums) {
   const std::size_t column_stride = channels, lag_stride = channels * channels;
   for (std::size_t begin = 0; begin < count; begin += kRun) {
     const std::size_t here = std::min(kRun, count - begin);
@@ -203,12 +203,12 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace identikal::simd {
 
-HWY_EXPORT(AddLagProducts);
+HWY_EXPORT(AddAutocovarianceSums);
 HWY_EXPORT(Padding);
 
-void add_lag_products(const double* const* z, std::size_t channels, std::size_t count,
-                      std::size_t first_lag, std::size_t lags, double* sums) {
-  HWY_DYNAMIC_DISPATCH(AddLagProducts)(z, channels, count, first_lag, lags, sums);
+void add_autocovariance_sums(const double* const* z, std::size_t channels, std::size_t count,
+                             std::size_t first_lag, std::size_t lags, double* sums) {
+  HWY_DYNAMIC_DISPATCH(AddAutocovarianceSums)(z, channels, count, first_lag, lags, sums);
 }
 
 HWY_EXPORT(LaneCount);

@@ -13,8 +13,8 @@ namespace identikal::simd {
 /// @param z      channels pointers to sample 0 of each channel; samples up to
 ///               count + first_lag + lags + padding() are read
 /// @param count  a multiple of 16, or zeros follow
-void add_lag_products(const double* const* z, std::size_t channels, std::size_t count,
-                      std::size_t first_lag, std::size_t lags, double* sums);
+void add_autocovariance_sums(const double* const* z, std::size_t channels, std::size_t count,
+                             std::size_t first_lag, std::size_t lags, double* sums);
 
 /// How many samples behind the last product are read (and not used).
 std::size_t padding();

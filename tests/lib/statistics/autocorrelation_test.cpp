@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/base/random.h"
-#include "lib/filter/lag_products.h"
+#include "lib/filter/autocovariance_sums.h"
 
 namespace identikal {
 namespace {
@@ -85,7 +85,7 @@ TEST(Autocorrelation, SumsAndTransformAgreeWithBruteForce) {
   for (const Index N : {Index{1}, Index{7}, Index{300}, Index{5000}}) {
     for (const Index lags : {Index{1}, Index{5}, kTransformLags, Index{600}}) {
       const MatrixXd z = noise(random, 3, N);
-      const auto sums = lag_products(z, lags);
+      const auto sums = autocovariance_sums(z, lags);
       ASSERT_EQ(sums.size(), static_cast<std::size_t>(lags));
       for (Index m = 0; m < lags; m = 2 * m + 1) {
         EXPECT_LT((sums[static_cast<std::size_t>(m)] - brute_force(z, m)).norm(),

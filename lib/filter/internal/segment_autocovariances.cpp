@@ -1,4 +1,4 @@
-#include "lib/filter/internal/lag_sums.h"
+#include "lib/filter/internal/segment_autocovariances.h"
 
 #include <algorithm>
 
@@ -8,12 +8,12 @@ namespace identikal {
 
 using Eigen::Index;
 
-LagSums::LagSums(const Eigen::Ref<const Eigen::MatrixXd>& z)
+SegmentAutocovariances::SegmentAutocovariances(const Eigen::Ref<const Eigen::MatrixXd>& z)
     : channels_(z.rows()), samples_(z.cols()), channel_major_(static_cast<std::size_t>(z.size())) {
   Eigen::Map<Eigen::MatrixXd>(channel_major_.data(), samples_, channels_) = z.transpose();
 }
 
-void LagSums::extend_to(Index lags) {
+void SegmentAutocovariances::extend_to(Index lags) {
   lags = std::min(lags, samples_);
   if (lags <= lags_) return;
   sums_.resize(static_cast<std::size_t>(lags * channels_ * channels_), 0.0);
@@ -30,10 +30,11 @@ void LagSums::extend_to(Index lags) {
     const Index filled = std::min(piece.rows(), samples_ - begin);
     piece.topRows(filled) = all.middleRows(begin, filled);
     piece.bottomRows(piece.rows() - filled).setZero();
-    simd::add_lag_products(pointers.data(), static_cast<std::size_t>(channels_),
-                           static_cast<std::size_t>(std::min(kPiece, samples_ - begin)),
-                           static_cast<std::size_t>(lags_), static_cast<std::size_t>(lags - lags_),
-                           sums_.data() + lags_ * channels_ * channels_);
+    simd::add_autocovariance_sums(pointers.data(), static_cast<std::size_t>(channels_),
+                                  static_cast<std::size_t>(std::min(kPiece, samples_ - begin)),
+                                  static_cast<std::size_t>(lags_),
+                                  static_cast<std::size_t>(lags - lags_),
+                                  sums_.data() + lags_ * channels_ * channels_);
   }
   lags_ = lags;
 }

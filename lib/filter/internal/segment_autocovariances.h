@@ -8,16 +8,17 @@
 
 namespace identikal {
 
-/// Lag sums of one gapless segment z(0..N-1), continued with zeros on both sides:
+/// Sums of the sample autocovariances of one gapless segment z(0..N-1), continued with zeros on
+/// both sides:
 ///
 ///   Gamma_m = sum_{t=m}^{N-1} z(t) z(t-m)',   m = 0, 1, ..., lags - 1.
 ///
 /// They are computed once, at close to the speed of the processor's multipliers, and extended when
 /// a filter with a longer memory asks for more.
-class LagSums {
+class SegmentAutocovariances {
  public:
   /// @param z  channels x N; the sums keep a copy, one channel after the other
-  explicit LagSums(const Eigen::Ref<const Eigen::MatrixXd>& z);
+  explicit SegmentAutocovariances(const Eigen::Ref<const Eigen::MatrixXd>& z);
 
   /// Makes at least `lags` sums available, at most N.
   void extend_to(Eigen::Index lags);

@@ -1,11 +1,11 @@
-#include "lib/filter/lag_products.h"
+#include "lib/filter/autocovariance_sums.h"
 
 #include <algorithm>
 #include <complex>
 
 #include <unsupported/Eigen/FFT>
 
-#include "lib/filter/internal/lag_sums.h"
+#include "lib/filter/internal/segment_autocovariances.h"
 
 namespace identikal {
 namespace {
@@ -60,13 +60,13 @@ std::vector<MatrixXd> by_transform(const Eigen::Ref<const MatrixXd>& z, Index la
 
 }  // namespace
 
-std::vector<MatrixXd> lag_products(const Eigen::Ref<const MatrixXd>& z, Index lags) {
+std::vector<MatrixXd> autocovariance_sums(const Eigen::Ref<const MatrixXd>& z, Index lags) {
   const Index filled = std::min(lags, z.cols());
   std::vector<MatrixXd> out;
   if (filled >= kTransformLags) {
     out = by_transform(z, filled);
   } else if (filled > 0) {
-    LagSums sums(z);
+    SegmentAutocovariances sums(z);
     sums.extend_to(filled);
     for (Index m = 0; m < filled; ++m) out.emplace_back(sums.at(m));
   }
