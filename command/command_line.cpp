@@ -4,12 +4,14 @@
 #include <memory>
 #include <sstream>
 
+#include "jobs/verbs.h"
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "command/manual.h"
-#include "command/run.h"
+#include "command/option_parser.h"
+#include "command/terminal.h"
 #include "command/verbs.h"
 #include "identify/model/templates.h"
 #include "identify/result/export.h"
@@ -46,11 +48,10 @@ std::string as_typed(int argc, char** argv) {
   return out;
 }
 
-std::vector<Verb> add_verbs(CLI::App& app) {
-  return {info_verb(app),     init_verb(app),  tune_verb(app),    fit_verb(app),
-          check_verb(app),    track_verb(app), filter_verb(app),  compare_verb(app),
-          shape_verb(app),    bound_verb(app), report_verb(app),  export_verb(app),
-          validate_verb(app), study_verb(app), simulate_verb(app)};
+std::vector<Verb> all_verbs() {
+  return {info_verb(),   init_verb(),   tune_verb(),     fit_verb(),   check_verb(),
+          track_verb(),  filter_verb(), compare_verb(),  shape_verb(), bound_verb(),
+          report_verb(), export_verb(), validate_verb(), study_verb(), simulate_verb()};
 }
 
 void refuse_unknown_verb(const std::vector<Verb>& verbs, int argc, char** argv) {
@@ -198,6 +199,29 @@ std::string generated(const CLI::App& app, const std::string& kind) {
                             {"export", "--to", export_formats()}});
 }
 
+bool is_quiet(const Verb& verb) {
+  const auto quiet = std::find_if(verb.options.begin(), verb.options.end(),
+                                  [](const Option& option) { return option.names == "--quiet"; });
+  return quiet != verb.options.end() && *std::get<bool*>(quiet->value);
+}
+
+int run_verb(const Verb& verb, const std::string& command) {
+  ProgressLine line(is_quiet(verb));
+  Call call;
+  call.command = command;
+  call.progress = [&](const std::string& what, double, double) {
+    line.show(what);
+    return true;
+  };
+  std::vector<std::string> remarks;
+  call.notice = [&](const std::string& text) { remarks.push_back(text); };
+  const Outcome outcome = verb.run(call);
+  line.clear();
+  print(outcome.text);
+  for (const std::string& text : remarks) remark(text);
+  return outcome.exit_code;
+}
+
 }  // namespace
 
 int run_command_line(int argc, char** argv) {
@@ -206,7 +230,8 @@ int run_command_line(int argc, char** argv) {
   app.formatter(std::make_shared<Help>());
   app.require_subcommand(1);
   app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION "\n" IDENTIKAL_BUILT_WITH);
-  const std::vector<Verb> verbs = add_verbs(app);
+  const std::vector<Verb> verbs = all_verbs();
+  for (const Verb& verb : verbs) add_verb(app, verb);
   // Verbs that are added later would have it too.
   app.footer(kExitStatus);
   if (argc == 3 && std::string(argv[1]) == "--generate") {
@@ -232,7 +257,7 @@ int run_command_line(int argc, char** argv) {
   const std::string name = app.get_subcommands().front()->get_name();
   const auto typed =
       std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
-  return typed->run(as_typed(argc, argv));
+  return run_verb(*typed, as_typed(argc, argv));
 }
 
 }  // namespace identikal

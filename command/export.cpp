@@ -5,11 +5,11 @@
 #include <memory>
 #include <optional>
 
+#include "jobs/output_files.h"
+#include "jobs/run.h"
 #include <fmt/format.h>
 #include <sys/stat.h>
 
-#include "command/output_files.h"
-#include "command/run.h"
 #include "command/verbs.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
@@ -29,7 +29,7 @@ std::string day_of_file(const std::string& path) {
   return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
-int export_result(const ExportOptions& options) {
+Outcome export_result(const ExportOptions& options) {
   const std::optional<ExportFormat> format = export_format(options.format);
   if (!format) {
     throw InputError({}, fmt::format("--to '{}'", options.format), export_format_list(),
@@ -37,25 +37,26 @@ int export_result(const ExportOptions& options) {
   }
   const StoredResult result = read_stored_result(options.result, PageData::if_there);
   const std::string text = export_text(result, *format, day_of_file(result.path));
-  if (options.file.empty()) {
-    print(text);
-  } else {
+  Outcome out;
+  out.text = text;
+  if (!options.file.empty()) {
     write_files({{options.file, text}}, files_of(result, options.result));
-    print(fmt::format("{} written\n", options.file));
+    out.text = fmt::format("{} written\n", options.file);
   }
-  return 0;
+  return out;
 }
 
 }  // namespace
 
-Verb export_verb(CLI::App& app) {
+Verb export_verb() {
   const auto options = std::make_shared<ExportOptions>();
-  CLI::App& verb = add_verb(app, "export", "Print a result that -o has written as code to paste.");
+  Verb verb{"export", "Print a result that -o has written as code to paste."};
   add_argument(verb, "RESULT", options->result, "Result: result.json, or its folder.");
   add_required_text(verb, "--to", options->format,
                     "Choose the format: " + export_format_list() + ".");
   add_file(verb, "-o,--output", options->file, "Write the text to this file instead.");
-  return {"export", [options](const std::string&) { return export_result(*options); }};
+  verb.run = [options](Call&) { return export_result(*options); };
+  return verb;
 }
 
 }  // namespace identikal

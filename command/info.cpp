@@ -1,12 +1,13 @@
 // info: what is in these recordings?
 #include <algorithm>
+#include <chrono>
 #include <memory>
 #include <optional>
 
+#include "jobs/quantity.h"
+#include "jobs/run.h"
 #include <fmt/format.h>
 
-#include "command/quantity.h"
-#include "command/run.h"
 #include "command/table_text.h"
 #include "command/verbs.h"
 #include "identify/report/survey_text.h"
@@ -26,7 +27,7 @@ struct InfoOptions {
 };
 
 Estimate surveyed(const std::vector<Table>& files, const std::optional<ModelFile>& model,
-                  const TimeRange& range) {
+                  const TimeRange& range, Inputs& inputs) {
   Estimate estimate;
   estimate.verb = "info";
   estimate.status = Status::ok;
@@ -34,12 +35,12 @@ Estimate surveyed(const std::vector<Table>& files, const std::optional<ModelFile
   Recordings records;
   if (model) {
     estimate.model_name = model->name;
-    records.add(load_runs(files, *model, range), files, range);
+    records.add(load_runs(files, *model, range), files, range, inputs);
     estimate.survey = survey(vehicle_signals(*model, records.data));
   } else {
     Dataset whole;
     whole.time = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(files[0].rows));
-    records.add({std::move(whole)}, files, range);
+    records.add({std::move(whole)}, files, range, inputs);
     estimate.survey = survey(within(guess_vehicle(files), range));
   }
   estimate.inputs = records.records;
@@ -48,31 +49,34 @@ Estimate surveyed(const std::vector<Table>& files, const std::optional<ModelFile
 }
 
 // A survey of each recording, as a person or a program reads it.
-int survey_vehicles(const InfoOptions& options, const std::optional<ModelFile>& model,
-                    const std::vector<std::string>& recordings) {
+Outcome survey_vehicles(const InfoOptions& options, const std::optional<ModelFile>& model,
+                        const std::vector<std::string>& recordings, Inputs& inputs) {
   if (options.json && recordings.size() > 1) {
     throw InputError({}, fmt::format("{} recordings with --json", recordings.size()), "one");
   }
   if (model && model->form != ModelFile::Form::single_track) {
     throw InputError({model->path, 0, 0}, "--vehicle with a linear model", "model: single-track");
   }
+  Outcome out;
   for (const std::string& argument : recordings) {
-    const Run run{"info", "", "", {}, {}};
-    const Estimate estimate = surveyed(read_files(argument), model, parse_range(options.range));
+    const auto begin = std::chrono::steady_clock::now();
+    const Estimate estimate =
+        surveyed(read_files(argument, inputs), model, parse_range(options.range), inputs);
     if (options.json) {
-      print(result_json(estimate, false, run.seconds()));
+      const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+      out.text += result_json(estimate, false, took.count());
     } else {
-      for (const std::string& note : estimate.notes) print(note + "\n");
-      print(argument + "\n" + survey_text(*estimate.survey));
+      for (const std::string& note : estimate.notes) out.text += note + "\n";
+      out.text += argument + "\n" + survey_text(*estimate.survey);
     }
   }
-  return 0;
+  return out;
 }
 
 std::string columns_text(const std::string& argument, const std::optional<ModelFile>& model,
-                         const TimeRange& range) {
+                         const TimeRange& range, Inputs& inputs) {
   std::string text;
-  const std::vector<Table> files = read_files(argument);
+  const std::vector<Table> files = read_files(argument, inputs);
   for (const Table& table : files) text += table_text(table);
   if (model) {
     const Dataset data = load_data(files, *model, range);
@@ -86,43 +90,46 @@ std::string columns_text(const std::string& argument, const std::optional<ModelF
   return text;
 }
 
-int info(const InfoOptions& options) {
+Outcome info(const InfoOptions& options, Call& call) {
+  Inputs& inputs = call.inputs;
   std::vector<std::string> recordings = options.files;
   std::optional<ModelFile> model;
-  if (const auto file = std::find_if(recordings.begin(), recordings.end(), is_model);
+  if (const auto file =
+          std::find_if(recordings.begin(), recordings.end(),
+                       [&](const std::string& name) { return inputs.is_model(name); });
       file != recordings.end()) {
-    model = read_model_file(*file);
+    model = parse_model_file(inputs.model_text(*file), *file);
     recordings.erase(file);
   }
   if (recordings.empty()) {
     throw InputError({}, "no recording on the command line", "identikal info [MODEL] DATA");
   }
-  if (options.vehicle) return survey_vehicles(options, model, recordings);
+  if (options.vehicle) return survey_vehicles(options, model, recordings, inputs);
   if (options.json) throw InputError({}, "--json without --vehicle", "info --vehicle DATA --json");
   if (!model && !options.range.empty()) {
     throw InputError({}, "--range does not apply to columns", "a model file, or --vehicle",
                      "identikal info MODEL DATA --range FROM:TO");
   }
-  std::string text;
+  Outcome out;
   for (const std::string& argument : recordings) {
-    text += columns_text(argument, model, parse_range(options.range));
+    out.text += columns_text(argument, model, parse_range(options.range), inputs);
   }
-  print(text);
-  return 0;
+  return out;
 }
 
 }  // namespace
 
-Verb info_verb(CLI::App& app) {
+Verb info_verb() {
   const auto options = std::make_shared<InfoOptions>();
-  CLI::App& verb = add_verb(app, "info", "Show the columns, units, rates and gaps of a recording.");
+  Verb verb{"info", "Show the columns, units, rates and gaps of a recording."};
   add_arguments(verb, "FILES", options->files,
                 "Recordings (CSV), after a model file (YAML) or not.");
   add_range(verb, options->range);
   add_flag(verb, "--vehicle", options->vehicle,
            "Survey a vehicle's recording: signs, units, clocks, what can be identified.");
   add_flag(verb, "--json", options->json, "With --vehicle: Print the survey as JSON.");
-  return {"info", [options](const std::string&) { return info(*options); }};
+  verb.run = [options](Call& call) { return info(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -1,10 +1,10 @@
 // init: a commented model file to begin with.
 #include <memory>
 
+#include "jobs/run.h"
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "command/run.h"
 #include "command/verbs.h"
 #include "identify/model/templates.h"
 #include "lib/base/error.h"
@@ -13,18 +13,19 @@
 namespace identikal {
 namespace {
 
-int init(const std::string& name) {
+Outcome init(const std::string& name) {
+  Outcome out;
   if (name.empty()) {
     for (const ModelTemplate& each : model_templates()) {
-      print(fmt::format("{}\n    {}\n", each.name, purpose_of(each)));
+      out.text += fmt::format("{}\n    {}\n", each.name, purpose_of(each));
     }
-    return 0;
+    return out;
   }
   std::vector<std::string> names;
   for (const ModelTemplate& each : model_templates()) {
     if (each.name == name) {
-      print(each.text);
-      return 0;
+      out.text = each.text;
+      return out;
     }
     names.push_back(each.name);
   }
@@ -34,12 +35,12 @@ int init(const std::string& name) {
 
 }  // namespace
 
-Verb init_verb(CLI::App& app) {
+Verb init_verb() {
   const auto name = std::make_shared<std::string>();
-  CLI::App& verb = add_verb(
-      app, "init", "Print a commented model file to begin with; without a name, list them.");
+  Verb verb{"init", "Print a commented model file to begin with; without a name, list them."};
   add_optional_argument(verb, "TEMPLATE", *name, "Name of the model file.");
-  return {"init", [name](const std::string&) { return init(*name); }};
+  verb.run = [name](Call&) { return init(*name); };
+  return verb;
 }
 
 }  // namespace identikal

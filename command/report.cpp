@@ -2,10 +2,10 @@
 #include <filesystem>
 #include <memory>
 
+#include "jobs/output_files.h"
+#include "jobs/run.h"
 #include <fmt/format.h>
 
-#include "command/output_files.h"
-#include "command/run.h"
 #include "command/verbs.h"
 #include "identify/report/page.h"
 
@@ -16,7 +16,7 @@ struct ReportOptions {
   std::string result, page;
 };
 
-int report(const ReportOptions& options) {
+Outcome report(const ReportOptions& options) {
   const std::filesystem::path given(options.result);
   const std::string page = rebuilt_page(options.result);
   std::error_code ignored;
@@ -25,19 +25,21 @@ int report(const ReportOptions& options) {
   const std::string path = options.page.empty() ? (folder / "report.html").string() : options.page;
   write_files({{path, page, "--report"}},
               files_of(read_stored_result(options.result), options.result));
-  print(fmt::format("{} written\n", path));
-  return 0;
+  Outcome out;
+  out.text = fmt::format("{} written\n", path);
+  return out;
 }
 
 }  // namespace
 
-Verb report_verb(CLI::App& app) {
+Verb report_verb() {
   const auto options = std::make_shared<ReportOptions>();
-  CLI::App& verb = add_verb(app, "report", "Rebuild the page of a result that -o has written.");
+  Verb verb{"report", "Rebuild the page of a result that -o has written."};
   add_argument(verb, "RESULT", options->result, "Result: result.json, or its folder.");
   add_file(verb, "--report", options->page,
            "Write the page to this HTML file. Without it, to report.html in the result's folder.");
-  return {"report", [options](const std::string&) { return report(*options); }};
+  verb.run = [options](Call&) { return report(*options); };
+  return verb;
 }
 
 }  // namespace identikal

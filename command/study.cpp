@@ -3,10 +3,10 @@
 
 #include <memory>
 
+#include "jobs/output_files.h"
+#include "jobs/run.h"
 #include <fmt/format.h>
 
-#include "command/output_files.h"
-#include "command/run.h"
 #include "command/verbs.h"
 
 namespace identikal {
@@ -14,22 +14,21 @@ namespace {
 
 struct StudyRequest {
   std::string name, folder;
-  long runs = 0, threads = 0;
+  std::int64_t runs = 0, threads = 0;
   std::int64_t seed = 1;
-  bool quiet = false;
+  bool quiet = false;  // read by the command line
 };
 
-int run_study(const StudyRequest& request) {
-  Progress progress(request.quiet);
+Outcome run_study(const StudyRequest& request, const Call& call) {
   StudyOptions options;
   options.runs = static_cast<int>(request.runs);
   options.seed = static_cast<std::uint64_t>(request.seed);
   options.threads = static_cast<int>(request.threads);
   options.progress = [&](int done, int of) {
-    progress.show(fmt::format("{}: run {} of {}", request.name, done, of));
+    report_progress(call, fmt::format("{}: run {} of {}", request.name, done, of),
+                    static_cast<double>(done) / of);
   };
   const StudyReport report = study(request.name, options);
-  progress.clear();
   if (!request.folder.empty()) {
     std::vector<ResultFile> files{{request.name + ".txt", report.text}};
     if (report.figure) {
@@ -38,17 +37,18 @@ int run_study(const StudyRequest& request) {
     }
     write_files(in_folder(request.folder, files));
   }
-  print(report.text);
-  return 0;
+  Outcome out;
+  out.text = report.text;
+  return out;
 }
 
 }  // namespace
 
-Verb study_verb(CLI::App& app) {
+Verb study_verb() {
   const auto request = std::make_shared<StudyRequest>();
-  CLI::App& verb = add_verb(app, "study",
-                            "Compute a published table or figure again, alongside the published "
-                            "numbers.");
+  Verb verb{"study",
+            "Compute a published table or figure again, alongside the published "
+            "numbers."};
   add_argument(verb, "NAME", request->name, "Name of the study: " + study_ranges() + ".");
   add_folder(verb, "-o,--output", request->folder,
              "Write NAME.txt to this folder, and of a figure NAME.svg and its numbers, NAME.csv.");
@@ -58,7 +58,8 @@ Verb study_verb(CLI::App& app) {
   add_number(verb, "--threads", request->threads, 1, 1024,
              "Number of threads that share the repetitions. Without it, one for each core.");
   add_quiet(verb, request->quiet);
-  return {"study", [request](const std::string&) { return run_study(*request); }};
+  verb.run = [request](Call& call) { return run_study(*request, call); };
+  return verb;
 }
 
 }  // namespace identikal

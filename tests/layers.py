@@ -17,6 +17,7 @@ ORDER = {
     "identify": ["estimate", "model", "result", "survey", "regression", "filter", "report", "noise", "colour", "vehicle",
                  "simulation", "validation", "optimality"],
     "studies": [""],
+    "jobs": [""],
     "command": [""],
 }
 MOST_FLOORS = 7
@@ -30,7 +31,7 @@ ONLY_IN = {
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",
     r"boost/": r"identify/estimate/distribution\.cpp",
     r"openssl/": r"identify/result/file_digest\.cpp",
-    r"fmt/": r"(identify|studies|command)/.*\.cpp",
+    r"fmt/": r"(identify|studies|jobs|command)/.*\.cpp",
 }
 
 place = {f"{house}/{room}".rstrip("/"): (i, j)

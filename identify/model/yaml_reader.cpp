@@ -23,6 +23,7 @@ namespace identikal {
 namespace {
 
 constexpr std::size_t kMaxBytes = 1'000'000;
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 constexpr std::size_t kMaxNodes = 100'000;
 constexpr std::size_t kMaxDepth = 32;
 
@@ -48,7 +49,6 @@ std::string read_yaml_text(const std::string& path) {
   if (text.size() > kMaxBytes) {
     throw InputError({path}, "is larger than 1 MB", "a model file, not a recording");
   }
-  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // or columns on line 1 would be off
   return text;
 }
 
@@ -260,6 +260,8 @@ void check_word(const std::string& word, const Location& at, const std::string& 
 YamlNode read_yaml(const std::string& path) { return parse_yaml(read_yaml_text(path), path); }
 
 YamlNode parse_yaml(const std::string& text, const std::string& path) {
+  // Or columns on line 1 would be off.
+  if (text.starts_with(kByteOrderMark)) return parse_yaml(text.substr(kByteOrderMark.size()), path);
   const Source source(path, text);
   TreeBuilder tree(source);
   try {

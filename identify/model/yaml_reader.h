@@ -33,10 +33,10 @@ struct YamlNode {
 ///   is nested deeper than 32 levels, holds an alias, a second document or the same key twice.
 YamlNode read_yaml(const std::string& path);
 
-/// The same from the file's text. @param path  for messages
+/// The same from the file's text, behind a byte order mark or not. @param path  for messages
 YamlNode parse_yaml(const std::string& text, const std::string& path);
 
-/// A model file's text, without a byte order mark.
+/// A model file's bytes.
 /// @throws InputError when it cannot be read or is larger than 1 MB
 std::string read_yaml_text(const std::string& path);
 

@@ -36,55 +36,21 @@ constexpr std::size_t kTextCheck = 65536;  // bytes at the start free of control
 
 // The whole file, with a line feed after the last line so that every line ends in one.
 struct Text {
-  std::unique_ptr<char[]> bytes;
-  std::size_t size = 0;
-  const char* begin() const { return bytes.get(); }
-  const char* end() const { return bytes.get() + size; }
+  std::string bytes;
+  const char* begin() const { return bytes.data(); }
+  const char* end() const { return bytes.data() + bytes.size(); }
 };
-
-Text read_file(const std::string& path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) {
-    throw InputError({path}, "this is a directory", "a text file of columns");
-  }
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
-                                                             &std::fclose);
-  if (!file) {
-    throw InputError({path}, std::string("cannot open the file: ") + std::strerror(errno));
-  }
-  // The size is only a first guess: a pipe has none, and a log may still be growing.
-  std::error_code no_size;
-  const std::uintmax_t guess = std::filesystem::file_size(path, no_size);
-  std::size_t capacity = no_size ? 0 : static_cast<std::size_t>(guess);
-  capacity = std::max<std::size_t>(capacity, 4096) + 2;
-  Text text{std::make_unique_for_overwrite<char[]>(capacity), 0};
-  for (;;) {
-    text.size += std::fread(text.bytes.get() + text.size, 1, capacity - 1 - text.size, file.get());
-    if (text.size < capacity - 1) break;
-    // Not a text, and perhaps without an end (/dev/zero); check_is_text() says so.
-    if (std::find(text.begin(), text.begin() + 4096, '\0') != text.begin() + 4096) break;
-    auto larger = std::make_unique_for_overwrite<char[]>(2 * capacity);
-    std::copy(text.begin(), text.end(), larger.get());
-    text.bytes = std::move(larger);
-    capacity *= 2;
-  }
-  if (std::ferror(file.get()) != 0) {
-    throw InputError({path}, std::string("cannot read the file: ") + std::strerror(errno));
-  }
-  if (text.size > 0 && text.bytes[text.size - 1] != '\n') text.bytes[text.size++] = '\n';
-  return text;
-}
 
 void check_is_text(const Text& text, const std::string& path) {
   const auto is_control = [](char c) {
     const auto byte = static_cast<unsigned char>(c);
     return byte == 0x7F || (byte < 0x20 && c != '\t' && c != '\n' && c != '\r');
   };
-  const char* checked = text.begin() + std::min(text.size, kTextCheck);
+  const char* checked = text.begin() + std::min(text.bytes.size(), kTextCheck);
   const char* bad = std::find_if(text.begin(), checked, is_control);
   if (bad == checked) bad = std::find(checked, text.end(), '\0');
   if (bad != text.end()) {
-    const std::string_view start(text.begin(), std::min<std::size_t>(text.size, 2));
+    const std::string_view start(text.begin(), std::min<std::size_t>(text.bytes.size(), 2));
     const bool utf16 = start == "\xFF\xFE" || start == "\xFE\xFF";
     const char* line = bad;
     while (line != text.begin() && line[-1] != '\n') --line;
@@ -286,7 +252,7 @@ struct Layout {
 };
 
 // "# t, y" directly above the rows, perhaps with "# s, m" between.
-void take_header_from_comments(const Text& text, const Head& head, const HeadLine& first_row,
+void take_header_from_comments(Text& text, const Head& head, const HeadLine& first_row,
                                const Shape& shape, Layout& layout) {
   const auto cells_of = [&](int number) {
     const auto comment = std::find_if(head.comments.begin(), head.comments.end(),
@@ -319,7 +285,7 @@ void take_header_from_comments(const Text& text, const Head& head, const HeadLin
   }
 }
 
-Layout find_layout(const Text& text, const Head& head, const Shape& shape) {
+Layout find_layout(Text& text, const Head& head, const Shape& shape) {
   // Up to the nearest line of text. Rows that it passes hold a text by mistake or are ragged; they
   // stay rows, so that reading them says so.
   const std::vector<HeadLine>& lines = head.lines;
@@ -647,10 +613,42 @@ std::vector<std::string> Table::column_names() const {
   return names;
 }
 
-Table read_csv(const std::string& path) {
-  const Text text = read_file(path);
-  const std::string_view all(text.begin(), text.size);
-  const char* begin = text.begin() + (all.starts_with("\xEF\xBB\xBF") ? 3 : 0);
+std::string read_csv_text(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) {
+    throw InputError({path}, "this is a directory", "a text file of columns");
+  }
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
+                                                             &std::fclose);
+  if (!file) {
+    throw InputError({path}, std::string("cannot open the file: ") + std::strerror(errno));
+  }
+  // The size is only a first guess: a pipe has none, and a log may still be growing.
+  std::error_code no_size;
+  const std::uintmax_t guess = std::filesystem::file_size(path, no_size);
+  std::string text(std::max<std::size_t>(no_size ? 0 : static_cast<std::size_t>(guess), 4096) + 1,
+                   '\0');
+  std::size_t size = 0;
+  for (;;) {
+    size += std::fread(text.data() + size, 1, text.size() - size, file.get());
+    if (size < text.size()) break;
+    // Not a text, and perhaps without an end (/dev/zero); parse_csv() says so.
+    if (text.find('\0') < 4096) break;
+    text.resize(2 * text.size());
+  }
+  if (std::ferror(file.get()) != 0) {
+    throw InputError({path}, std::string("cannot read the file: ") + std::strerror(errno));
+  }
+  text.resize(size);
+  return text;
+}
+
+Table read_csv(const std::string& path) { return parse_csv(read_csv_text(path), path); }
+
+Table parse_csv(std::string bytes, const std::string& path) {
+  Text text{std::move(bytes)};
+  if (!text.bytes.empty() && text.bytes.back() != '\n') text.bytes += '\n';
+  const char* begin = text.begin() + (text.bytes.starts_with("\xEF\xBB\xBF") ? 3 : 0);
   if (is_blank_text({begin, text.end()})) {
     throw InputError({path}, "the file is empty", "a header line and rows of numbers");
   }

@@ -77,4 +77,8 @@ std::string quoted_excerpt(std::string_view text);
 ///   is not closed, a binary file, or more than 10000 columns.
 Table read_csv(const std::string& path);
 
+/// The two steps of it: the file's bytes, and what they say. @param path  for messages
+std::string read_csv_text(const std::string& path);
+Table parse_csv(std::string text, const std::string& path);
+
 }  // namespace identikal

@@ -3,11 +3,11 @@
 
 #include <memory>
 
+#include "jobs/quantity.h"
+#include "jobs/run.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/quantity.h"
-#include "command/run.h"
-#include "command/verbs.h"
 #include "identify/filter/pictures.h"
 #include "identify/result/csv.h"
 #include "identify/result/estimated_model.h"
@@ -21,21 +21,18 @@ struct ShapingOptions {
   RecordingOptions recordings;
   ResultOptions result;
   std::string noise = "both", hold_out = "30%";
-  long order = 4;
+  std::int64_t order = 4;
   std::int64_t seed = 1;
 };
 
-ShapeOptions shape_options(const ShapingOptions& given, Progress& progress) {
+ShapeOptions shape_options(const ShapingOptions& given, const Call& call) {
   ShapeOptions out;
   out.most_order = static_cast<int>(given.order);
   out.seed = static_cast<std::uint64_t>(given.seed);
   if (given.noise == "process") out.source = NoiseSource::process;
   if (given.noise == "measurement") out.source = NoiseSource::measurement;
   out.hold_out = hold_out_share(given.hold_out);
-  out.progress = [&](const std::string& what) {
-    progress.show(what);
-    return true;
-  };
+  out.progress = [&](const std::string& what) { return report_progress(call, what); };
   return out;
 }
 
@@ -64,17 +61,15 @@ std::vector<ResultFile> files_of(const ModelFile& model, ShapeResult& result) {
   return files;
 }
 
-int shape_noise(const ShapingOptions& options, const std::string& command) {
-  const Run run{"shape", command, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb);
+Outcome shape_noise(const ShapingOptions& options, Call& call) {
+  const Run run{"shape", call, options.model.file, {}, options.result};
+  ModelFile model = load_model(options.model, run.verb, call.inputs);
   require_linear(model, run.verb);
-  Progress progress(options.result.quiet);
-  const ShapeOptions of_search = shape_options(options, progress);
-  const Recordings recordings = load_recordings(options.recordings, model, run.verb);
+  const ShapeOptions of_search = shape_options(options, call);
+  const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
   ShapeResult result = shape(model, recordings.data, of_search);
-  progress.clear();
-  if (wants_pictures(options.result)) {
+  if (run.wants_pictures()) {
     picture_filter(result.model ? *result.model : model, recordings.data, result.estimate);
   }
   const std::vector<ResultFile> files = files_of(model, result);
@@ -83,9 +78,9 @@ int shape_noise(const ShapingOptions& options, const std::string& command) {
 
 }  // namespace
 
-Verb shape_verb(CLI::App& app) {
+Verb shape_verb() {
   const auto options = std::make_shared<ShapingOptions>();
-  CLI::App& verb = add_verb(app, "shape", "Detect coloured noise and fit a shaping filter.");
+  Verb verb{"shape", "Detect coloured noise and fit a shaping filter."};
   add_model(verb, options->model);
   add_recordings(verb, options->recordings);
   add_settings(verb, options->model);
@@ -97,8 +92,8 @@ Verb shape_verb(CLI::App& app) {
   add_text(verb, "--hold-out", options->hold_out,
            "Hold out the last share of each recording to compare the filters on.");
   add_seed(verb, options->seed, "Seed of the random starts.");
-  return {"shape",
-          [options](const std::string& command) { return shape_noise(*options, command); }};
+  verb.run = [options](Call& call) { return shape_noise(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -5,12 +5,12 @@
 #include <memory>
 #include <optional>
 
+#include "jobs/output_files.h"
+#include "jobs/quantity.h"
+#include "jobs/run.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/output_files.h"
-#include "command/quantity.h"
-#include "command/run.h"
-#include "command/verbs.h"
 #include "identify/simulation/manoeuvres.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
@@ -26,7 +26,7 @@ struct SimulateOptions {
   std::string folder;
   std::int64_t seed = 1;
   std::vector<std::string> signals;
-  long rows = 0;
+  std::int64_t rows = 0;
   std::string manoeuvre, speed, rate, duration, snr;
   std::vector<std::string> manoeuvre_settings;
 };
@@ -121,12 +121,12 @@ Simulated simulate_filter(const SimulateOptions& options, const ModelFile& model
              : simulate_linear(model, options.rows, given, seed);
 }
 
-int simulate(const SimulateOptions& options) {
-  ModelFile model = load_model(options.model, "simulate");
+Outcome simulate(const SimulateOptions& options, Call& call) {
+  ModelFile model = load_model(options.model, "simulate", call.inputs);
   std::optional<Dataset> inputs;
-  std::vector<std::string> read = model_and_included(options.model.file);
+  std::vector<std::string> read = model_and_included(options.model.file, call.inputs);
   if (!options.inputs.empty()) {
-    const std::vector<Table> files = read_files(options.inputs);
+    const std::vector<Table> files = read_files(options.inputs, call.inputs);
     inputs = load_data(files, model, parse_range(options.range), false);
     for (const Table& file : files) read.push_back(file.path);
     take_period(model, *inputs);
@@ -138,24 +138,24 @@ int simulate(const SimulateOptions& options) {
           ? simulate_vehicle(model, manoeuvre_request(options), inputs ? &*inputs : nullptr,
                              signal_to_noise(options.snr), static_cast<std::uint64_t>(options.seed))
           : simulate_filter(options, model, std::move(inputs));
+  Outcome out;
   if (options.folder.empty()) {
-    print(simulated.csv);
-    return 0;
+    out.text = simulated.csv;
+    return out;
   }
   write_files(in_folder(options.folder, {{"simulated.csv", simulated.csv}}), read);
-  print(fmt::format("{} rows written to {}\n", simulated.rows,
-                    (std::filesystem::path(options.folder) / "simulated.csv").string()));
-  for (const std::string& note : simulated.notes) print(fmt::format("{}\n", note));
-  return 0;
+  out.text = fmt::format("{} rows written to {}\n", simulated.rows,
+                         (std::filesystem::path(options.folder) / "simulated.csv").string());
+  for (const std::string& note : simulated.notes) out.text += note + "\n";
+  return out;
 }
 
 }  // namespace
 
-Verb simulate_verb(CLI::App& app) {
+Verb simulate_verb() {
   const auto options = std::make_shared<SimulateOptions>();
-  CLI::App& verb =
-      add_verb(app, "simulate", "Simulate a recording whose truth is known; without -o, print it.",
-               manoeuvre_help());
+  Verb verb{"simulate", "Simulate a recording whose truth is known; without -o, print it.",
+            manoeuvre_help()};
   add_model(verb, options->model);
   add_input_recording(verb, options->inputs);
   add_output(verb, options->folder);
@@ -176,7 +176,8 @@ Verb simulate_verb(CLI::App& app) {
   add_text(verb, "--snr", options->snr,
            "Vehicle: Add noise of this signal-to-noise ratio in dB, e.g. 30dB, to every output "
            "instead of the model file's noise.");
-  return {"simulate", [options](const std::string&) { return simulate(*options); }};
+  verb.run = [options](Call& call) { return simulate(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

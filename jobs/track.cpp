@@ -3,10 +3,10 @@
 
 #include <memory>
 
+#include "jobs/run.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/run.h"
-#include "command/verbs.h"
 #include "identify/regression/track.h"
 #include "identify/vehicle/track.h"
 #include "lib/base/error.h"
@@ -19,7 +19,7 @@ struct TrackOptions {
   RecordingOptions recordings;
   ResultOptions result;
   bool adaptive = false;
-  long particles = 0;
+  std::int64_t particles = 0;
   std::int64_t seed = 1;
 };
 
@@ -34,55 +34,52 @@ void check_options(const TrackOptions& options, const ModelFile& model) {
 }
 
 Estimate track_noise(const TrackOptions& given, const ModelFile& model, const Dataset& recording,
-                     Progress& progress) {
+                     const Call& call) {
   NoiseTrackOptions options;
   options.adaptive = given.adaptive;
   if (given.particles > 0) options.draws = given.particles;
   options.seed = static_cast<std::uint64_t>(given.seed);
   options.progress = [&](Eigen::Index sample, Eigen::Index of) {
-    if (sample % 100 == 0) progress.show(fmt::format("sample {} of {}", sample, of));
-    return true;
+    if (sample % 100 != 0) return true;
+    const double share = static_cast<double>(sample) / static_cast<double>(of);
+    return report_progress(call, fmt::format("sample {} of {}", sample, of), share);
   };
   return track(model, recording, options);
 }
 
-Estimate track_coefficients(const ModelFile& model, const Dataset& recording, Progress& progress) {
-  return track_regression(model, recording, [&](const std::string& what) {
-    progress.show(what);
-    return true;
-  });
+Estimate track_coefficients(const ModelFile& model, const Dataset& recording, const Call& call) {
+  return track_regression(model, recording,
+                          [&](const std::string& what) { return report_progress(call, what); });
 }
 
-int track_recording(const TrackOptions& options, const std::string& command) {
-  const Run run{"track", command, options.model.file, {}, options.result};
-  ModelFile model = load_any_model(options.model);
+Outcome track_recording(const TrackOptions& options, Call& call) {
+  const Run run{"track", call, options.model.file, {}, options.result};
+  ModelFile model = load_any_model(options.model, call.inputs);
   check_options(options, model);
-  const Recordings recordings = load_recordings(options.recordings, model, run.verb);
+  const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   const Dataset& recording = recordings.data.front();
   take_period(model, recording);
-  Progress progress(options.result.quiet);
   Estimate estimate;
   switch (model.form) {
     case ModelFile::Form::single_track:
       estimate = track_vehicle(model, recording);
       break;
     case ModelFile::Form::regression:
-      estimate = track_coefficients(model, recording, progress);
+      estimate = track_coefficients(model, recording, call);
       break;
     default:
-      estimate = track_noise(options, model, recording, progress);
+      estimate = track_noise(options, model, recording, call);
   }
-  progress.clear();
   return finish(run, recordings, estimate);
 }
 
 }  // namespace
 
-Verb track_verb(CLI::App& app) {
+Verb track_verb() {
   const auto options = std::make_shared<TrackOptions>();
-  CLI::App& verb = add_verb(
-      app, "track",
-      "Estimate sample by sample: Q and R of a filter, a regression's coefficients, a vehicle.");
+  Verb verb{
+      "track",
+      "Estimate sample by sample: Q and R of a filter, a regression's coefficients, a vehicle."};
   add_model(verb, options->model);
   options->recordings.files.resize(1);
   add_argument(verb, "DATA", options->recordings.files.front(), "Recording (CSV).");
@@ -95,8 +92,8 @@ Verb track_verb(CLI::App& app) {
              "Number of filters that run in parallel.", "400");
   add_old_number(verb, "--draws", "--particles", options->particles, 10, 1000000);
   add_seed(verb, options->seed, "Seed of the particles.");
-  return {"track",
-          [options](const std::string& command) { return track_recording(*options, command); }};
+  verb.run = [options](Call& call) { return track_recording(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -5,7 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "command/options.h"
+#include "jobs/inputs.h"
+#include "jobs/options.h"
+
 #include "identify/estimate/estimate.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/model_file.h"
@@ -22,14 +24,12 @@ void require_linear(const ModelFile& model, const std::string& job);
 void require_filter(const ModelFile& model, const std::string& job);
 
 /// The model file with --from, --set and --filter applied; never a regression. @throws InputError
-ModelFile load_model(const ModelOptions& options, const std::string& verb);
+ModelFile load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs);
 /// The same, for the verb that takes regressions too.
-ModelFile load_any_model(const ModelOptions& options);
-/// Does this argument look like a model file rather than a recording?
-bool is_model(const std::string& path);
+ModelFile load_any_model(const ModelOptions& options, Inputs& inputs);
 
 /// The files that one DATA argument names, read. @throws InputError
-std::vector<Table> read_files(const std::string& argument);
+std::vector<Table> read_files(const std::string& argument, Inputs& inputs);
 /// One recording, or several where the model file says that time restarts or rows are left out.
 /// @throws InputError
 std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile& model,
@@ -48,20 +48,21 @@ struct Recordings {
   std::vector<Warning> warnings;  ///< of how they go with the model
 
   /// What was loaded from the files of one argument.
-  void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range);
+  void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range,
+           Inputs& inputs);
 };
 /// Those of all DATA arguments. @throws InputError
 Recordings load_recordings(const RecordingOptions& options, const ModelFile& model,
-                           const std::string& verb);
+                           const std::string& verb, Inputs& inputs);
 /// A model file that names no sampling period has the recording's.
 void take_period(ModelFile& model, const Dataset& data);
 /// The files that a result rests on, and its own: nothing is to be written over them.
 /// @param named  the result as the command line names it
 std::vector<std::string> files_of(const StoredResult& result, const std::string& named);
 /// Those of --from; none without it.
-std::vector<std::string> files_of_origin(const ModelOptions& options);
+std::vector<std::string> files_of_origin(const ModelOptions& options, Inputs& inputs);
 /// Warnings where the result of --from is doubtful, or one of another model file.
-std::vector<Warning> warnings_of_origin(const ModelOptions& options);
+std::vector<Warning> warnings_of_origin(const ModelOptions& options, Inputs& inputs);
 /// A linear model has one sampling period. @throws InputError when that of `other` is another
 void check_period(const ModelFile& model, const Dataset& first, const Dataset& other);
 
@@ -69,6 +70,6 @@ void check_period(const ModelFile& model, const Dataset& first, const Dataset& o
 /// The record of a file that is one recording says which range is left.
 /// @throws InputError
 std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& model,
-                              const TimeRange& range, Recordings& recordings);
+                              const TimeRange& range, Recordings& recordings, Inputs& inputs);
 
 }  // namespace identikal

@@ -3,9 +3,10 @@
 
 #include <memory>
 
-#include "command/compare.h"
-#include "command/filter_estimation.h"
-#include "command/verbs.h"
+#include "jobs/compare.h"
+#include "jobs/filter_estimation.h"
+#include "jobs/verbs.h"
+
 #include "identify/filter/pictures.h"
 #include "lib/base/error.h"
 
@@ -19,34 +20,33 @@ struct CheckOptions {
   bool compare = false;  // as it was typed before there was 'compare' for models
 };
 
-int compare(const CheckOptions& given, const std::string& command) {
+Outcome compare(const CheckOptions& given, Call& call) {
   if (!given.result.page.empty()) {
     throw InputError({}, "--report does not apply to a comparison", "'check' of one model");
   }
   CompareOptions options{given.model, given.recordings, given.result};
   options.recordings.files.insert(options.recordings.files.begin(), options.model.file);
   options.result.has_page = false;
-  return compare_models(options, command);
+  return compare_models(options, call);
 }
 
-int check(const CheckOptions& options, const std::string& command) {
-  if (options.compare) return compare(options, command);
-  const Run run{"check", command, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb);
+Outcome check(const CheckOptions& options, Call& call) {
+  if (options.compare) return compare(options, call);
+  const Run run{"check", call, options.model.file, {}, options.result};
+  ModelFile model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
-  const Recordings recordings = load_recordings(options.recordings, model, run.verb);
+  const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
   Estimate estimate = check(model, recordings.data);
-  if (wants_pictures(run.options)) picture_filter(model, recordings.data, estimate);
+  if (run.wants_pictures()) picture_filter(model, recordings.data, estimate);
   return finish(run, recordings, estimate);
 }
 
 }  // namespace
 
-Verb check_verb(CLI::App& app) {
+Verb check_verb() {
   const auto options = std::make_shared<CheckOptions>();
-  CLI::App& verb =
-      add_verb(app, "check", "Test whether a filter is optimal; exit status 1 when it is not.");
+  Verb verb{"check", "Test whether a filter is optimal; exit status 1 when it is not."};
   add_model(verb, options->model);
   add_recordings(verb, options->recordings);
   add_settings(verb, options->model);
@@ -54,7 +54,8 @@ Verb check_verb(CLI::App& app) {
   add_result_with_page(verb, options->result);
   add_filter_choice(verb, options->model);
   add_old_flag(verb, "--compare", "the verb 'compare'", options->compare);
-  return {"check", [options](const std::string& command) { return check(*options, command); }};
+  verb.run = [options](Call& call) { return check(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -1,13 +1,13 @@
-#include "command/load.h"
+#include "jobs/load.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
 
+#include "jobs/quantity.h"
 #include <fmt/format.h>
 
-#include "command/quantity.h"
 #include "identify/model/model_file.h"
 #include "identify/model/row_selection.h"
 #include "identify/result/file.h"
@@ -42,9 +42,9 @@ void require_filter(const ModelFile& model, const std::string& job) {
 
 namespace {
 
-ModelFile with_options(ModelFile model, const ModelOptions& options) {
+ModelFile with_options(ModelFile model, const ModelOptions& options, Inputs& inputs) {
   if (!options.from.empty()) {
-    const StoredResult result = read_stored_result(options.from);
+    const StoredResult result = inputs.result(options.from);
     set_values(model, result.estimate, result.path);
   }
   refuse_twice("--set", options.settings);
@@ -61,22 +61,23 @@ ModelFile with_options(ModelFile model, const ModelOptions& options) {
 
 }  // namespace
 
-ModelFile load_any_model(const ModelOptions& options) {
-  return with_options(read_model_file(options.file), options);
+ModelFile load_any_model(const ModelOptions& options, Inputs& inputs) {
+  return with_options(parse_model_file(inputs.model_text(options.file), options.file), options,
+                      inputs);
 }
 
-ModelFile load_model(const ModelOptions& options, const std::string& verb) {
-  ModelFile model = read_model_file(options.file);
+ModelFile load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs) {
+  ModelFile model = parse_model_file(inputs.model_text(options.file), options.file);
   if (model.form == ModelFile::Form::regression) {
     throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", verb),
                      "identikal track MODEL DATA");
   }
-  return with_options(std::move(model), options);
+  return with_options(std::move(model), options, inputs);
 }
 
-std::vector<Table> read_files(const std::string& argument) {
+std::vector<Table> read_files(const std::string& argument, Inputs& inputs) {
   std::vector<Table> out;
-  for (const std::string& path : joined_files(argument)) out.push_back(read_csv(path));
+  for (const std::string& path : joined_files(argument)) out.push_back(inputs.table(path));
   return out;
 }
 
@@ -223,8 +224,8 @@ void warn_of_repeated(Recordings& recordings) {
 }
 
 // Is what is held out among what is fitted?
-void warn_of_own(const std::string& held_out, Recordings& recordings) {
-  const std::string sha256 = sha256_of_file(held_out);
+void warn_of_own(const std::string& held_out, Inputs& inputs, Recordings& recordings) {
+  const std::string sha256 = inputs.sha256(held_out);
   const bool fitted =
       std::any_of(recordings.records.begin(), recordings.records.end(),
                   [&](const InputRecord& record) { return record.sha256 == sha256; });
@@ -250,15 +251,15 @@ std::vector<std::string> files_of(const StoredResult& result, const std::string&
   return out;
 }
 
-std::vector<std::string> files_of_origin(const ModelOptions& options) {
+std::vector<std::string> files_of_origin(const ModelOptions& options, Inputs& inputs) {
   if (options.from.empty()) return {};
-  return files_of(read_stored_result(options.from), options.from);
+  return files_of(inputs.result(options.from), options.from);
 }
 
-std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
+std::vector<Warning> warnings_of_origin(const ModelOptions& options, Inputs& inputs) {
   std::vector<Warning> warnings;
   if (options.from.empty()) return warnings;
-  const StoredResult result = read_stored_result(options.from);
+  const StoredResult result = inputs.result(options.from);
   const Estimate& e = result.estimate;
   if (e.status != Status::ok) {
     warnings.push_back(
@@ -268,7 +269,7 @@ std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
          fmt::format("{} is itself {}: {}", options.from, to_string(e.status), e.message),
          ""});
   }
-  if (e.model_file && e.model_file->sha256 != sha256_of_file(options.file)) {
+  if (e.model_file && e.model_file->sha256 != inputs.sha256(options.file)) {
     warnings.push_back(
         {"model_changed",
          Severity::warning,
@@ -283,14 +284,14 @@ std::vector<Warning> warnings_of_origin(const ModelOptions& options) {
 }
 
 void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
-                     const TimeRange& range) {
+                     const TimeRange& range, Inputs& inputs) {
   long rows = 0;
   for (const Dataset& run : runs) {
     rows += static_cast<long>(run.size()) - static_cast<long>(run.absent.size());
   }
   for (const Table& file : files) {
     records.push_back({file.path,
-                       sha256_of_file(file.path),
+                       inputs.sha256(file.path),
                        static_cast<long>(file.rows),
                        rows,
                        {range.from, range.to}});
@@ -313,27 +314,22 @@ void check_period(const ModelFile& model, const Dataset& first, const Dataset& o
       "a discrete-time model belongs to one sampling period");
 }
 
-bool is_model(const std::string& path) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  return ending == ".yaml" || ending == ".yml";
-}
-
 Recordings load_recordings(const RecordingOptions& options, const ModelFile& model,
-                           const std::string& verb) {
+                           const std::string& verb, Inputs& inputs) {
   const TimeRange range = parse_range(options.range);
   Recordings out;
   for (const std::string& path : options.files) {
-    if (is_model(path)) {
+    if (inputs.is_model(path)) {
       throw InputError(
           {path, 0, 0}, "a model file where recordings are expected",
           fmt::format("'identikal {} {} DATA...'", verb, verb == "validate" ? "RESULT" : "MODEL"),
           "'identikal compare A.yaml B.yaml DATA' ranks several models");
     }
-    const std::vector<Table> files = read_files(path);
+    const std::vector<Table> files = read_files(path, inputs);
     std::vector<Dataset> runs = load_runs(files, model, range);
     warn_of_starts(model, runs, out.warnings);
     warn_of_step(model, files.front(), out.warnings);
-    out.add(std::move(runs), files, range);
+    out.add(std::move(runs), files, range, inputs);
     check_period(model, out.data.front(), out.data.back());
   }
   warn_of_repeated(out);
@@ -341,14 +337,14 @@ Recordings load_recordings(const RecordingOptions& options, const ModelFile& mod
 }
 
 std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& model,
-                              const TimeRange& range, Recordings& recordings) {
+                              const TimeRange& range, Recordings& recordings, Inputs& inputs) {
   std::vector<HeldOut> out;
   if (hold_out.empty()) return out;
   if (!hold_out.ends_with('%')) {
-    const std::vector<Table> files = read_files(hold_out);
+    const std::vector<Table> files = read_files(hold_out, inputs);
     for (const Table& file : files) {
       recordings.held_out_files.push_back(file.path);
-      warn_of_own(file.path, recordings);
+      warn_of_own(file.path, inputs, recordings);
     }
     for (Dataset& run : load_runs(files, model, range)) out.push_back({std::move(run), 0});
     return out;

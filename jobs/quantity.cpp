@@ -1,4 +1,4 @@
-#include "command/quantity.h"
+#include "jobs/quantity.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,11 +4,11 @@
 #include <memory>
 #include <optional>
 
+#include "jobs/quantity.h"
+#include "jobs/run.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/quantity.h"
-#include "command/run.h"
-#include "command/verbs.h"
 #include "identify/simulation/simulate.h"
 #include "lib/base/error.h"
 
@@ -19,7 +19,7 @@ struct BoundRequest {
   ModelOptions model;
   std::string inputs, range;  // a recording of the inputs
   ResultOptions result;
-  long rows = 0, runs = 0;
+  std::int64_t rows = 0, runs = 0;
   std::string accuracy;
   std::vector<std::string> signals;
   std::int64_t seed = 1;
@@ -54,18 +54,18 @@ void check_options(const BoundRequest& request, bool nonlinear) {
   }
 }
 
-int bound(const BoundRequest& request, const std::string& command) {
-  const Run run{"bound", command, request.model.file, {}, request.result};
-  ModelFile model = load_model(request.model, run.verb);
+Outcome bound(const BoundRequest& request, Call& call) {
+  const Run run{"bound", call, request.model.file, {}, request.result};
+  ModelFile model = load_model(request.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   const bool nonlinear = model.form == ModelFile::Form::nonlinear;
   Recordings recordings;
   std::optional<Dataset> planned;
   if (!request.inputs.empty()) {
-    const std::vector<Table> files = read_files(request.inputs);
+    const std::vector<Table> files = read_files(request.inputs, call.inputs);
     const TimeRange range = parse_range(request.range);
     planned = load_data(files, model, range, false);
-    recordings.add({*planned}, files, range);
+    recordings.add({*planned}, files, range, call.inputs);
   }
   check_options(request, nonlinear);
   if (!planned && (nonlinear || !request.signals.empty())) {
@@ -84,11 +84,10 @@ int bound(const BoundRequest& request, const std::string& command) {
 
 }  // namespace
 
-Verb bound_verb(CLI::App& app) {
+Verb bound_verb() {
   const auto request = std::make_shared<BoundRequest>();
-  CLI::App& verb = add_verb(
-      app, "bound",
-      "Compute the Cramer-Rao bound: the best that any estimator can do, before any data.");
+  Verb verb{"bound",
+            "Compute the Cramer-Rao bound: the best that any estimator can do, before any data."};
   add_model(verb, request->model, "Model file (YAML); its values are taken as the truth.");
   add_input_recording(verb, request->inputs);
   add_number(verb, "-n,--rows", request->rows, 1, 1000000000,
@@ -105,7 +104,8 @@ Verb bound_verb(CLI::App& app) {
   add_result(verb, request->result);
   add_quiet(verb, request->result.quiet);
   add_filter_choice(verb, request->model);
-  return {"bound", [request](const std::string& command) { return bound(*request, command); }};
+  verb.run = [request](Call& call) { return bound(*request, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -1,12 +1,8 @@
-#include "command/run.h"
+#include "jobs/run.h"
 
 #include <algorithm>
-#include <cstdio>
-#include <filesystem>
-#include <iostream>
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include "identify/model/included_files.h"
 #include "identify/model/yaml_reader.h"
@@ -22,47 +18,34 @@
 
 namespace identikal {
 
-void print(const std::string& text) {
-  std::cout << text << std::flush;
-  if (!std::cout) throw OutputError("standard output: cannot write");
+bool report_progress(const Call& call, const std::string& what, double share, double value) {
+  return !call.progress || call.progress(what, share, value);
 }
 
-Progress::Progress(bool quiet) : shown_(!quiet && isatty(STDERR_FILENO) != 0) {}
-
-void Progress::show(const std::string& text) {
-  if (!shown_) return;
-  fmt::print(stderr, "\r\033[K{}", text);
-  std::fflush(stderr);
-  dirty_ = true;
-}
-
-void Progress::clear() {
-  if (dirty_) fmt::print(stderr, "\r\033[K");
-  dirty_ = false;
+void notice(const Call& call, const std::string& line) {
+  if (call.notice) call.notice(line);
 }
 
 double Run::seconds() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-bool wants_pictures(const ResultOptions& options) {
-  return options.has_page && (!options.page.empty() || !options.folder.empty());
+bool Run::wants_pictures() const {
+  return options.has_page && (!options.page.empty() || !options.folder.empty() || call.wants_page);
 }
 
-std::vector<std::string> model_and_included(const std::string& path) {
-  std::error_code unknown;
-  if (!std::filesystem::is_regular_file(path, unknown)) return {path};  // a pipe is read once
-  std::vector<std::string> out = included_files(read_yaml_text(path), path);
+std::vector<std::string> model_and_included(const std::string& path, Inputs& inputs) {
+  std::vector<std::string> out = included_files(inputs.model_text(path), path);
   out.push_back(path);
   return out;
 }
 
 namespace {
 
-ModelSource model_source(const std::string& path) {
-  const std::string text = text_of_file(path);
-  ModelSource out{path, sha256_of_text(text), text, {}};
-  for (const std::string& included : included_files(read_yaml_text(path), path)) {
+ModelSource model_source(const std::string& path, Inputs& inputs) {
+  const std::string& text = inputs.model_text(path);
+  ModelSource out{path, inputs.sha256(path), text, {}};
+  for (const std::string& included : included_files(text, path)) {
     out.included.push_back({included, sha256_of_file(included)});
   }
   return out;
@@ -74,7 +57,7 @@ std::vector<std::string> files_read(const Run& run, const Recordings& recordings
   std::vector<std::string> models = run.models;
   if (!run.model.empty()) models.push_back(run.model);
   for (const std::string& model : models) {
-    const std::vector<std::string> files = model_and_included(model);
+    const std::vector<std::string> files = model_and_included(model, run.call.inputs);
     out.insert(out.end(), files.begin(), files.end());
   }
   for (const InputRecord& record : recordings.records) out.push_back(record.path);
@@ -121,33 +104,49 @@ std::vector<ResultFile> folder_files(const Estimate& estimate, const std::string
 
 }  // namespace
 
-int finish(const Run& run, const Recordings& recordings, Estimate& estimate,
-           const std::vector<ResultFile>& more_files) {
+void add_series(const Series& series, Outcome& out) {
+  if (series.time.size() == 0) return;
+  out.series.push_back({"time", series.time});
+  out.series.push_back({"measured", series.measured.transpose()});
+  out.series.push_back({"predicted", series.predicted.transpose()});
+  out.series.push_back({"innovations", (series.measured - series.predicted).transpose()});
+  if (series.standardised.size() == 0) return;
+  out.series.push_back({"standardised", series.standardised.transpose()});
+}
+
+Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
+               const std::vector<ResultFile>& more_files) {
   const ResultOptions& options = run.options;
+  Inputs& inputs = run.call.inputs;
   estimate.verb = run.verb;
-  if (!estimate.model_file && !run.model.empty()) estimate.model_file = model_source(run.model);
+  if (!estimate.model_file && !run.model.empty()) {
+    estimate.model_file = model_source(run.model, inputs);
+  }
   add_inputs(estimate, recordings);
   add_warnings(estimate, recordings);
-  const std::string json = result_json(estimate, options.strict, run.seconds());
-  std::string page_data;
-  if (wants_pictures(options)) {
-    page_data = report_data_json(report_data(estimate, recordings.data, recordings.held_out,
-                                             {run.command, run.model, sha256_of_file(run.model)}),
-                                 json);
+  Outcome out;
+  out.json = result_json(estimate, options.strict, run.seconds());
+  if (run.wants_pictures()) {
+    out.page_data =
+        report_data_json(report_data(estimate, recordings.data, recordings.held_out,
+                                     {run.call.command, run.model, inputs.sha256(run.model)}),
+                         out.json);
   }
   std::vector<OutputFile> written;
   if (!options.page.empty()) {
-    written.push_back({options.page, report_page(json, page_data), "--report"});
+    written.push_back({options.page, report_page(out.json, out.page_data), "--report"});
   }
   if (!options.folder.empty()) {
-    std::vector<ResultFile> files = folder_files(estimate, json, page_data);
+    std::vector<ResultFile> files = folder_files(estimate, out.json, out.page_data);
     files.insert(files.end(), more_files.begin(), more_files.end());
     const std::vector<OutputFile> of_folder = in_folder(options.folder, files);
     written.insert(written.end(), of_folder.begin(), of_folder.end());
   }
   if (!written.empty()) write_files(written, files_read(run, recordings));
-  print(options.json ? json : console_report(estimate));
-  return exit_code(estimate, options.strict);
+  if (run.call.wants_series) add_series(estimate.series, out);
+  out.text = options.json ? out.json : console_report(estimate);
+  out.exit_code = exit_code(estimate, options.strict);
+  return out;
 }
 
 }  // namespace identikal

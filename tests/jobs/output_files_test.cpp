@@ -1,4 +1,4 @@
-#include "command/output_files.h"
+#include "jobs/output_files.h"
 
 #include <filesystem>
 #include <fstream>

@@ -3,11 +3,11 @@
 
 #include <memory>
 
+#include "jobs/filter_estimation.h"
+#include "jobs/quantity.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/filter_estimation.h"
-#include "command/quantity.h"
-#include "command/verbs.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -20,7 +20,7 @@ struct FitOptions {
   SearchOptions search;
   std::string method;  // of a vehicle; empty: output-error
   bool robust = false, reject_outliers = false;
-  long bootstrap = 0;
+  std::int64_t bootstrap = 0;
 };
 
 VehicleFitOptions::Method vehicle_method(const std::string& name) {
@@ -29,36 +29,34 @@ VehicleFitOptions::Method vehicle_method(const std::string& name) {
   return VehicleFitOptions{}.method;
 }
 
-int fit_a_vehicle(const FitOptions& given, const Run& run, const ModelFile& model) {
+Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const ModelFile& model) {
   if (given.reject_outliers) {
     throw InputError({model.path, 0, 0}, "--reject-outliers does not apply to a vehicle",
                      "--robust");
   }
-  Recordings recordings = load_recordings(given.recordings, model, run.verb);
+  Recordings recordings = load_recordings(given.recordings, model, run.verb, run.call.inputs);
   VehicleFitOptions options;
-  options.search.starts = static_cast<int>(given.search.number_of_starts());
+  options.search.starts = given.search.number_of_starts();
   options.search.seed = static_cast<std::uint64_t>(given.search.seed);
   options.search.robust = given.robust;
   options.bootstrap = static_cast<int>(given.bootstrap);
-  options.pictures = wants_pictures(given.result);
+  options.pictures = run.wants_pictures();
   options.method = vehicle_method(given.method);
   for (const HeldOut& held :
-       hold_out(given.search.hold_out, model, parse_range(given.recordings.range), recordings)) {
+       hold_out(given.search.hold_out, model, parse_range(given.recordings.range), recordings,
+                run.call.inputs)) {
     options.hold_out.push_back(samples_from(held.recording, held.from));
   }
   recordings.held_out = options.hold_out;
-  Progress progress(given.result.quiet);
   options.search.progress = [&](int iteration, double) {
-    progress.show(fmt::format("fitting the vehicle: iteration {}", iteration));
-    return true;
+    return report_progress(run.call, fmt::format("fitting the vehicle: iteration {}", iteration));
   };
   Estimate estimate = fit_vehicle(model, recordings.data, options);
-  progress.clear();
   return finish(run, recordings, estimate);
 }
 
 // Free physical parameters of a filter are found by the same likelihood as its noise.
-int fit_a_filter(const FitOptions& given, const Run& run, ModelFile model) {
+Outcome fit_a_filter(const FitOptions& given, const Run& run, ModelFile model) {
   for (const auto& [is_given, option] :
        {std::pair{given.bootstrap > 0, std::string("--bootstrap")},
         std::pair{!given.method.empty(), "--method " + given.method}}) {
@@ -66,28 +64,30 @@ int fit_a_filter(const FitOptions& given, const Run& run, ModelFile model) {
     throw InputError({model.path, 0, 0}, option + " does not apply to a filter",
                      "model: single-track", "a filter is fitted by maximum likelihood");
   }
-  if (given.robust) say_renamed("--robust of a filter", "--reject-outliers");
-  Progress progress(given.result.quiet);
+  if (given.robust) {
+    notice(run.call,
+           "--robust of a filter is called --reject-outliers now; the next version will not know "
+           "the old name");
+  }
   const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
-    return tune_ml(of, recordings, likelihood_options(given.search, given.result, progress));
+    return tune_ml(of, recordings, likelihood_options(given.search, run));
   };
   return estimate_filter(run, std::move(model), given.recordings, given.search.hold_out,
-                         given.reject_outliers || given.robust, progress, estimator);
+                         given.reject_outliers || given.robust, estimator);
 }
 
-int fit(const FitOptions& options, const std::string& command) {
-  const Run run{"fit", command, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb);
+Outcome fit(const FitOptions& options, Call& call) {
+  const Run run{"fit", call, options.model.file, {}, options.result};
+  ModelFile model = load_model(options.model, run.verb, call.inputs);
   return model.form == ModelFile::Form::single_track ? fit_a_vehicle(options, run, model)
                                                      : fit_a_filter(options, run, std::move(model));
 }
 
 }  // namespace
 
-Verb fit_verb(CLI::App& app) {
+Verb fit_verb() {
   const auto options = std::make_shared<FitOptions>();
-  CLI::App& verb =
-      add_verb(app, "fit", "Estimate the physical parameters of a vehicle or of a filter's model.");
+  Verb verb{"fit", "Estimate the physical parameters of a vehicle or of a filter's model."};
   add_model(verb, options->model);
   add_recordings(verb, options->recordings);
   add_settings(verb, options->model);
@@ -106,7 +106,8 @@ Verb fit_verb(CLI::App& app) {
            "Filter: Find samples that are outliers and leave them out.");
   add_number(verb, "--bootstrap", options->bootstrap, 20, 100000,
              "Vehicle: Standard errors by a block bootstrap of this many draws, e.g. 500.");
-  return {"fit", [options](const std::string& command) { return fit(*options, command); }};
+  verb.run = [options](Call& call) { return fit(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -3,11 +3,11 @@
 
 #include <memory>
 
+#include "jobs/quantity.h"
+#include "jobs/run.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/quantity.h"
-#include "command/run.h"
-#include "command/verbs.h"
 #include "identify/result/estimated_model.h"
 #include "identify/result/file.h"
 #include "lib/base/error.h"
@@ -45,9 +45,9 @@ void refuse_what_estimates_nothing(const StoredResult& result, const ModelFile& 
   }
 }
 
-int validate_result(const ValidationOptions& given, const std::string& command) {
-  const StoredResult result = read_stored_result(given.result_path);
-  const Run run{"validate", command, "", files_of(result, given.result_path), given.result};
+Outcome validate_result(const ValidationOptions& given, Call& call) {
+  const StoredResult result = call.inputs.result(given.result_path);
+  const Run run{"validate", call, "", files_of(result, given.result_path), given.result};
   const ModelFile model = estimated_model(result.estimate, result.path);
   refuse_what_estimates_nothing(result, model);
   const bool vehicle = model.form == ModelFile::Form::single_track;
@@ -58,7 +58,7 @@ int validate_result(const ValidationOptions& given, const std::string& command) 
   ValidateOptions options;
   options.robust = given.robust;
   if (!given.least_fit.empty()) options.least_fit = least_fit(given.least_fit);
-  const Recordings recordings = load_recordings(given.recordings, model, run.verb);
+  const Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
   Estimate estimate =
       validate(result.estimate, model, recordings.data, recordings.records, options);
   return finish(run, recordings, estimate);
@@ -66,11 +66,11 @@ int validate_result(const ValidationOptions& given, const std::string& command) 
 
 }  // namespace
 
-Verb validate_verb(CLI::App& app) {
+Verb validate_verb() {
   const auto options = std::make_shared<ValidationOptions>();
-  CLI::App& verb = add_verb(app, "validate",
-                            "Score a result on other data without a refit; exit status 1 when it "
-                            "does not hold.");
+  Verb verb{"validate",
+            "Score a result on other data without a refit; exit status 1 when it "
+            "does not hold."};
   add_argument(verb, "RESULT", options->result_path,
                "Result to validate: result.json, or its folder.");
   add_recordings(verb, options->recordings);
@@ -82,8 +82,8 @@ Verb validate_verb(CLI::App& app) {
            "Vehicle: Take the noise to follow Student's t instead of a normal distribution.");
   add_range(verb, options->recordings.range);
   add_result(verb, options->result);
-  return {"validate",
-          [options](const std::string& command) { return validate_result(*options, command); }};
+  verb.run = [options](Call& call) { return validate_result(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <memory>
 
+#include "jobs/filter_estimation.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/filter_estimation.h"
-#include "command/verbs.h"
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
@@ -37,14 +37,14 @@ struct TuneOptions {
   SearchOptions search;
   std::string method = "ml", evaluation = kAutomatic;
   bool reject_outliers = false;
-  long lags = 0, draws = 0;
+  std::int64_t lags = 0, draws = 0;
   bool iterate = false, min_rank = false, full_matrix = false;
 
   bool is_als() const { return method == "als" || method == "als-weighted"; }
 };
 
 Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
-                            const std::vector<Dataset>& recordings, Progress&) {
+                            const std::vector<Dataset>& recordings, const Run&) {
   NoiseAlsOptions options;
   options.weighted = given.method == "als-weighted";
   options.lags = given.lags;
@@ -55,19 +55,20 @@ Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
 }
 
 Estimate by_posterior(const TuneOptions& given, const ModelFile& model,
-                      const std::vector<Dataset>& recordings, Progress& progress) {
+                      const std::vector<Dataset>& recordings, const Run& run) {
   NoiseBayesOptions options;
   if (given.draws > 0) options.draws = given.draws;
   options.seed = static_cast<std::uint64_t>(given.search.seed);
   options.progress = [&](double temperature) {
-    progress.show(fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature));
-    return true;
+    return report_progress(run.call,
+                           fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature),
+                           temperature);
   };
   return tune_bayes(model, recordings, options);
 }
 
-NoiseMlOptions ml_options(const TuneOptions& given, Progress& progress) {
-  NoiseMlOptions options = likelihood_options(given.search, given.result, progress);
+NoiseMlOptions ml_options(const TuneOptions& given, const Run& run) {
+  NoiseMlOptions options = likelihood_options(given.search, run);
   for (const Evaluation& each : evaluations()) {
     if (given.evaluation == each.name) options.path = each.path;
   }
@@ -75,20 +76,20 @@ NoiseMlOptions ml_options(const TuneOptions& given, Progress& progress) {
 }
 
 Estimate by_likelihood(const TuneOptions& given, const ModelFile& model,
-                       const std::vector<Dataset>& recordings, Progress& progress) {
-  return tune_ml(model, recordings, ml_options(given, progress));
+                       const std::vector<Dataset>& recordings, const Run& run) {
+  return tune_ml(model, recordings, ml_options(given, run));
 }
 
 Estimate by_both(const TuneOptions& given, const ModelFile& model,
-                 const std::vector<Dataset>& recordings, Progress& progress) {
-  return tune_auto(model, recordings, ml_options(given, progress));
+                 const std::vector<Dataset>& recordings, const Run& run) {
+  return tune_auto(model, recordings, ml_options(given, run));
 }
 
 struct Method {
   std::string name, what;
   bool linear_only;
   Estimate (*run)(const TuneOptions& given, const ModelFile& model,
-                  const std::vector<Dataset>& recordings, Progress& progress);
+                  const std::vector<Dataset>& recordings, const Run& run);
 };
 
 // What --method may be: help and dispatch follow.
@@ -137,20 +138,19 @@ void check_method(const TuneOptions& options, const ModelFile& model) {
   }
 }
 
-int tune(const TuneOptions& options, const std::string& command) {
-  const Run run{"tune", command, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb);
+Outcome tune(const TuneOptions& options, Call& call) {
+  const Run run{"tune", call, options.model.file, {}, options.result};
+  ModelFile model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   check_method(options, model);
-  Progress progress(options.result.quiet);
   const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
-    return method_of(options).run(options, of, recordings, progress);
+    return method_of(options).run(options, of, recordings, run);
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,
-                         options.reject_outliers, progress, estimator);
+                         options.reject_outliers, estimator);
 }
 
-void add_evaluation(CLI::App& verb, std::string& evaluation) {
+void add_evaluation(Verb& verb, std::string& evaluation) {
   std::vector<std::string> names;
   std::vector<std::pair<std::string, std::string>> old_names;
   for (const Evaluation& each : evaluations()) {
@@ -165,10 +165,9 @@ void add_evaluation(CLI::App& verb, std::string& evaluation) {
 
 }  // namespace
 
-Verb tune_verb(CLI::App& app) {
+Verb tune_verb() {
   const auto options = std::make_shared<TuneOptions>();
-  CLI::App& verb =
-      add_verb(app, "tune", "Estimate the noise covariances Q and R of a Kalman filter.");
+  Verb verb{"tune", "Estimate the noise covariances Q and R of a Kalman filter."};
   add_model(verb, options->model);
   add_recordings(verb, options->recordings);
   add_settings(verb, options->model);
@@ -198,7 +197,8 @@ Verb tune_verb(CLI::App& app) {
   add_flag(verb, "--full-matrix", options->full_matrix,
            "als: Fit the whole matrix of autocovariances instead of one column.");
   add_evaluation(verb, options->evaluation);
-  return {"tune", [options](const std::string& command) { return tune(*options, command); }};
+  verb.run = [options](Call& call) { return tune(*options, call); };
+  return verb;
 }
 
 }  // namespace identikal

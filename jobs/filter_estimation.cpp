@@ -1,8 +1,8 @@
-#include "command/filter_estimation.h"
+#include "jobs/filter_estimation.h"
 
+#include "jobs/quantity.h"
 #include <fmt/format.h>
 
-#include "command/quantity.h"
 #include "identify/filter/outliers.h"
 #include "identify/filter/pictures.h"
 #include "identify/filter/recordings_check.h"
@@ -25,27 +25,26 @@ void validate_on(const std::vector<HeldOut>& held_out, const ModelFile& model,
 
 }  // namespace
 
-NoiseMlOptions likelihood_options(const SearchOptions& search, const ResultOptions& result,
-                                  Progress& progress) {
+NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;
-  options.starts = static_cast<int>(search.number_of_starts());
+  options.starts = search.number_of_starts();
   options.seed = static_cast<std::uint64_t>(search.seed);
-  options.pictures = wants_pictures(result);
-  options.progress = [&progress, starts = options.starts](int start, int iteration, double L) {
-    progress.show(fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}", start, starts,
-                              iteration, L));
-    return true;
+  options.pictures = run.wants_pictures();
+  options.progress = [&run, starts = options.starts](int start, int iteration, double L) {
+    const std::string what = fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}",
+                                         start, starts, iteration, L);
+    return report_progress(run.call, what, static_cast<double>(start - 1) / starts, L);
   };
   return options;
 }
 
-int estimate_filter(const Run& run, ModelFile model, const RecordingOptions& options,
-                    const std::string& held_out, bool reject_outliers, Progress& progress,
-                    const FilterEstimator& estimator) {
-  Recordings recordings = load_recordings(options, model, run.verb);
+Outcome estimate_filter(const Run& run, ModelFile model, const RecordingOptions& options,
+                        const std::string& held_out, bool reject_outliers,
+                        const FilterEstimator& estimator) {
+  Recordings recordings = load_recordings(options, model, run.verb, run.call.inputs);
   take_period(model, recordings.data.front());
   const std::vector<HeldOut> held =
-      hold_out(held_out, model, parse_range(options.range), recordings);
+      hold_out(held_out, model, parse_range(options.range), recordings, run.call.inputs);
   for (const HeldOut& each : held) {
     check_inputs({each.recording});
     check_period(model, recordings.data.front(), each.recording);
@@ -54,8 +53,7 @@ int estimate_filter(const Run& run, ModelFile model, const RecordingOptions& opt
   Estimate estimate =
       reject_outliers ? tune_robust(model, recordings.data, estimated) : estimated(recordings.data);
   if (!held.empty()) validate_on(held, model, recordings, estimate);
-  if (wants_pictures(run.options)) picture_filter(model, recordings.data, estimate);
-  progress.clear();
+  if (run.wants_pictures()) picture_filter(model, recordings.data, estimate);
   return finish(run, recordings, estimate);
 }
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "command/options.h"
+#include "jobs/verb.h"
 
 namespace identikal {
 
@@ -15,8 +15,7 @@ struct CompareOptions {
 };
 
 /// Ranks the models among the files by their likelihood on the recordings among them.
-/// @return the exit code
 /// @throws InputError
-int compare_models(const CompareOptions& options, const std::string& command);
+Outcome compare_models(const CompareOptions& options, Call& call);
 
 }  // namespace identikal

@@ -1,14 +1,14 @@
 // compare: which of several results of one recording, or of several models, is the best?
-#include "command/compare.h"
+#include "jobs/compare.h"
 
 #include <algorithm>
 #include <filesystem>
 #include <memory>
 
+#include "jobs/run.h"
+#include "jobs/verbs.h"
 #include <fmt/format.h>
 
-#include "command/run.h"
-#include "command/verbs.h"
 #include "identify/optimality/compare_filters.h"
 #include "identify/report/console.h"
 #include "identify/result/file.h"
@@ -19,8 +19,8 @@
 namespace identikal {
 namespace {
 
-int compare_results_of(const CompareOptions& options, const std::string& command) {
-  const Run run{"compare", command, "", {}, options.result};
+Outcome compare_results_of(const CompareOptions& options, Call& call) {
+  const Run run{"compare", call, "", {}, options.result};
   for (const auto& [given, name] : {std::pair{!options.model.settings.empty(), "--set"},
                                     std::pair{!options.model.filter.empty(), "--filter"},
                                     std::pair{!options.recordings.range.empty(), "--range"},
@@ -31,12 +31,14 @@ int compare_results_of(const CompareOptions& options, const std::string& command
   }
   std::vector<StoredResult> results;
   for (const std::string& path : options.recordings.files) {
-    results.push_back(read_stored_result(path));
+    results.push_back(call.inputs.result(path));
   }
   const Estimate estimate = compare_results(results);
-  print(options.result.json ? result_json(estimate, options.result.strict, run.seconds())
-                            : console_report(estimate));
-  return exit_code(estimate, options.result.strict);
+  Outcome out;
+  out.json = result_json(estimate, options.result.strict, run.seconds());
+  out.text = options.result.json ? out.json : console_report(estimate);
+  out.exit_code = exit_code(estimate, options.result.strict);
+  return out;
 }
 
 // Results hold no rows: models are ranked on recordings alone.
@@ -52,11 +54,12 @@ void refuse_results(const std::vector<std::string>& recordings) {
 
 }  // namespace
 
-int compare_models(const CompareOptions& options, const std::string& command) {
-  Run run{"compare", command, "", {}, options.result};
+Outcome compare_models(const CompareOptions& options, Call& call) {
+  Run run{"compare", call, "", {}, options.result};
   RecordingOptions data = options.recordings;
   const auto first_recording =
-      std::stable_partition(data.files.begin(), data.files.end(), is_model);
+      std::stable_partition(data.files.begin(), data.files.end(),
+                            [&](const std::string& file) { return call.inputs.is_model(file); });
   run.models.assign(data.files.begin(), first_recording);
   data.files.erase(data.files.begin(), first_recording);
   if (data.files.empty()) {
@@ -70,8 +73,8 @@ int compare_models(const CompareOptions& options, const std::string& command) {
   refuse_results(data.files);
   for (const std::string& path : run.models) {
     each.file = path;
-    models.push_back(load_model(each, run.verb));
-    loaded = load_recordings(data, models.back(), run.verb);
+    models.push_back(load_model(each, run.verb, call.inputs));
+    loaded = load_recordings(data, models.back(), run.verb, call.inputs);
     take_period(models.back(), loaded.data.front());
     recordings.push_back(loaded.data);
   }
@@ -79,12 +82,12 @@ int compare_models(const CompareOptions& options, const std::string& command) {
   return finish(run, loaded, estimate);
 }
 
-Verb compare_verb(CLI::App& app) {
+Verb compare_verb() {
   const auto options = std::make_shared<CompareOptions>();
-  CLI::App& verb = add_verb(
-      app, "compare",
+  Verb verb{
+      "compare",
       "Rank results of one recording (AIC, BIC, likelihood ratios of nested models), or models by "
-      "their likelihood on recordings.");
+      "their likelihood on recordings."};
   add_arguments(verb, "FILES", options->recordings.files,
                 "Two or more results (result.json, or its folder), or models and recordings: "
                 "A.yaml B.yaml DATA.");
@@ -92,12 +95,14 @@ Verb compare_verb(CLI::App& app) {
   add_range(verb, options->recordings.range);
   add_result(verb, options->result);
   add_filter_choice(verb, options->model);
-  return {"compare", [options](const std::string& command) {
-            const std::vector<std::string>& files = options->recordings.files;
-            return std::any_of(files.begin(), files.end(), is_model)
-                       ? compare_models(*options, command)
-                       : compare_results_of(*options, command);
-          }};
+  verb.run = [options](Call& call) {
+    const std::vector<std::string>& files = options->recordings.files;
+    const bool models = std::any_of(files.begin(), files.end(), [&](const std::string& file) {
+      return call.inputs.is_model(file);
+    });
+    return models ? compare_models(*options, call) : compare_results_of(*options, call);
+  };
+  return verb;
 }
 
 }  // namespace identikal

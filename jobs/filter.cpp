@@ -1,0 +1,118 @@
+// filter: which states and innovations has a filter on these recordings?
+#include <memory>
+#include <sstream>
+#include <utility>
+
+#include "jobs/run.h"
+#include "jobs/verbs.h"
+
+#include "identify/filter/run.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+struct FilterOptions {
+  ModelOptions model;
+  RecordingOptions recordings;
+  ResultOptions result;
+  bool smooth = false;
+  std::int64_t lag = -1;  // below 0: none
+};
+
+// States alone, for a program that reads standard input; warnings go where they disturb nobody.
+Outcome states_alone(const Run& run, const ModelFile& model, const Recordings& recordings,
+                     const FilterRun& states) {
+  std::ostringstream csv;
+  write_states_csv(csv, model, recordings.data, states);
+  for (const std::vector<Warning>* warnings : {&recordings.warnings, &states.estimate.warnings}) {
+    for (const Warning& w : *warnings) {
+      if (w.severity == Severity::note) continue;
+      notice(run.call, to_string(w.severity) + ": " + w.text);
+    }
+  }
+  Outcome out;
+  out.text = std::move(csv).str();
+  out.exit_code = exit_code(states.estimate, run.options.strict);
+  return out;
+}
+
+// A row per sample, recordings one after the other, in SI.
+void add_states(const FilterRun& states, Outcome& out) {
+  Eigen::Index rows = 0;
+  for (const SmootherResult& each : states.states) rows += each.x.cols();
+  const Eigen::Index n = states.states.front().x.rows();
+  NamedSeries x{"states", {}}, sd{"state_sd", {}};
+  x.values.resize(rows, n);
+  sd.values.resize(rows, n);
+  Eigen::Index row = 0;
+  for (const SmootherResult& each : states.states) {
+    x.values.middleRows(row, each.x.cols()) = each.x.transpose();
+    sd.values.middleRows(row, each.x.cols()) = each.sd.transpose();
+    row += each.x.cols();
+  }
+  out.series.push_back(std::move(x));
+  out.series.push_back(std::move(sd));
+}
+
+Outcome filter(const FilterOptions& given, Call& call) {
+  const Run run{"filter", call, given.model.file, files_of_origin(given.model, call.inputs),
+                given.result};
+  if (given.smooth && given.lag >= 0) {
+    throw InputError({}, "--smooth and --lag", "one of them",
+                     "--smooth takes the whole recording, --lag N what came up to N samples later");
+  }
+  ModelFile model = load_model(given.model, run.verb, call.inputs);
+  require_filter(model, run.verb);
+  Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
+  const std::vector<Warning> origin = warnings_of_origin(given.model, call.inputs);
+  recordings.warnings.insert(recordings.warnings.begin(), origin.begin(), origin.end());
+  take_period(model, recordings.data.front());
+  FilterRunOptions options;
+  if (given.smooth) options.lag.reset();
+  if (given.lag >= 0) options.lag = given.lag;
+  FilterRun states = filter_recordings(model, recordings.data, options);
+  if (given.result.folder.empty() && !given.result.json) {
+    return states_alone(run, model, recordings, states);
+  }
+  std::vector<ResultFile> files;
+  if (!given.result.folder.empty()) {
+    std::ostringstream of_states, of_innovations;
+    write_states_csv(of_states, model, recordings.data, states);
+    write_innovations_csv(of_innovations, recordings.data, states);
+    files.push_back({"states.csv", std::move(of_states).str()});
+    files.push_back({"innovations.csv", std::move(of_innovations).str()});
+  }
+  const Series innovations = std::exchange(states.estimate.series, {});  // innovations.csv says it
+  Outcome out = finish(run, recordings, states.estimate, files);
+  if (call.wants_series) {
+    add_series(innovations, out);
+    add_states(states, out);
+  }
+  return out;
+}
+
+}  // namespace
+
+Verb filter_verb() {
+  const auto options = std::make_shared<FilterOptions>();
+  Verb verb{
+      "filter",
+      "Write filtered or smoothed states and innovations as CSV; without -o, print the states."};
+  add_model(verb, options->model);
+  add_recordings(verb, options->recordings);
+  add_flag(verb, "--smooth", options->smooth, "Estimate the states from the whole recording.");
+  add_number(verb, "--lag", options->lag, 0, 1000000,
+             "Estimate each state from what was recorded up to this many samples later.");
+  add_folder(verb, "--from", options->model.from,
+             "Take the values that 'tune' or 'fit' has found: the result that -o has written.");
+  add_settings(verb, options->model);
+  add_range(verb, options->recordings.range);
+  add_result(verb, options->result);
+  add_quiet(verb, options->result.quiet);
+  add_filter_choice(verb, options->model);
+  verb.run = [options](Call& call) { return filter(*options, call); };
+  return verb;
+}
+
+}  // namespace identikal

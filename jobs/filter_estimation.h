@@ -1,0 +1,25 @@
+// How do verbs estimate what is free in a Kalman filter's model?
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "jobs/run.h"
+
+#include "identify/noise/ml.h"
+
+namespace identikal {
+
+/// Of the search for the greatest likelihood. It refers to the run.
+NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run);
+
+using FilterEstimator =
+    std::function<Estimate(const ModelFile& model, const std::vector<Dataset>& recordings)>;
+
+/// Loads the recordings, estimates, validates on what is held out, and finishes.
+/// @param reject_outliers  samples that are outliers are found and left out
+Outcome estimate_filter(const Run& run, ModelFile model, const RecordingOptions& options,
+                        const std::string& held_out, bool reject_outliers,
+                        const FilterEstimator& estimator);
+
+}  // namespace identikal

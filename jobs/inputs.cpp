@@ -1,0 +1,88 @@
+#include "jobs/inputs.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "identify/model/yaml_reader.h"
+#include "identify/result/file_digest.h"
+
+namespace identikal {
+namespace {
+
+// Of names and samples, which is all that a recording in memory has.
+std::string sha256_of_samples(const Table& table) {
+  std::string bytes;
+  for (const Column& column : table.columns) {
+    bytes += column.name + "\n" + column.unit + "\n";
+    bytes.append(reinterpret_cast<const char*>(column.values.data()),
+                 column.values.size() * sizeof(double));
+  }
+  return sha256_of_text(bytes);
+}
+
+}  // namespace
+
+void Inputs::keep_text(const std::string& name, std::string text) {
+  kept_[name].text = std::move(text);
+}
+
+void Inputs::keep_table(const std::string& name, Table table) {
+  kept_[name].table = std::make_shared<const Table>(std::move(table));
+}
+
+void Inputs::keep_result(const std::string& name, std::string json, std::string page_data) {
+  kept_[name] = {std::move(json), std::move(page_data), "", nullptr, true};
+}
+
+bool Inputs::is_in_memory(const std::string& name) const { return kept_.contains(name); }
+
+bool Inputs::is_model(const std::string& name) const {
+  if (const auto kept = kept_.find(name); kept != kept_.end()) {
+    return !kept->second.table && !kept->second.result;
+  }
+  const std::string ending = std::filesystem::path(name).extension().string();
+  return ending == ".yaml" || ending == ".yml";
+}
+
+const std::string& Inputs::model_text(const std::string& name) {
+  if (is_in_memory(name)) return kept_.at(name).text;
+  Input& input = read_[name];
+  if (input.sha256.empty()) {
+    input.text = read_yaml_text(name);
+    input.sha256 = sha256_of_text(input.text);
+  }
+  return input.text;
+}
+
+const Table& Inputs::table(const std::string& name) {
+  if (const auto kept = kept_.find(name); kept != kept_.end() && kept->second.table) {
+    return *kept->second.table;
+  }
+  Input& input = read_[name];
+  if (!input.table) {
+    std::string text = read_csv_text(name);
+    input.sha256 = sha256_of_text(text);
+    input.table = std::make_shared<const Table>(parse_csv(std::move(text), name));
+  }
+  return *input.table;
+}
+
+StoredResult Inputs::result(const std::string& name) {
+  if (!is_in_memory(name)) return read_stored_result(name);
+  StoredResult result;
+  result.path = name;
+  result.text = kept_.at(name).text;
+  result.data = kept_.at(name).page_data;
+  return parse_stored_result(std::move(result));
+}
+
+std::string Inputs::sha256(const std::string& name) {
+  if (is_in_memory(name)) {
+    const Input& kept = kept_.at(name);
+    return kept.table ? sha256_of_samples(*kept.table) : sha256_of_text(kept.text);
+  }
+  const auto read = read_.find(name);
+  return read != read_.end() ? read->second.sha256 : sha256_of_file(name);
+}
+
+}  // namespace identikal

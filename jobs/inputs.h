@@ -1,0 +1,45 @@
+// What does a job read? Files, or what a program has in memory under a name: each is read once, so that what is parsed is
+// what is hashed and kept.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+
+#include "identify/result/file.h"
+#include "lib/data/csv.h"
+
+namespace identikal {
+
+class Inputs {
+ public:
+  /// From here on the name stands for this text: a model.
+  void keep_text(const std::string& name, std::string text);
+  /// From here on the name stands for this recording.
+  void keep_table(const std::string& name, Table table);
+  /// From here on the name stands for this result. @param page_data  kReportDataFile's text
+  void keep_result(const std::string& name, std::string json, std::string page_data);
+
+  /// A text in memory that is no result, or a file whose name ends like that of a model file.
+  bool is_model(const std::string& name) const;
+  /// A model file's bytes. @throws InputError as read_yaml_text()
+  const std::string& model_text(const std::string& name);
+  /// @throws InputError as read_csv()
+  const Table& table(const std::string& name);
+  /// @throws InputError as read_stored_result()
+  StoredResult result(const std::string& name);
+  /// SHA-256 of what was read, or of the samples that a program gave, in hexadecimal.
+  std::string sha256(const std::string& name);
+
+ private:
+  struct Input {
+    std::string text, page_data, sha256;
+    std::shared_ptr<const Table> table;
+    bool result = false;
+  };
+  bool is_in_memory(const std::string& name) const;
+
+  std::map<std::string, Input> read_, kept_;
+};
+
+}  // namespace identikal

@@ -1,0 +1,57 @@
+// What is a verb: tune, fit, check, ...? Its options, what it does with them, and what comes out.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "jobs/inputs.h"
+#include "jobs/options.h"
+#include <Eigen/Core>
+
+#include "identify/estimate/none.h"
+
+namespace identikal {
+
+/// Numbers of a result beyond its JSON: a row per sample.
+struct NamedSeries {
+  std::string name;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values;
+};
+
+/// What whoever calls a verb hands over beside its options.
+struct Call {
+  Inputs inputs;
+  std::string command;  ///< the command line as typed, for the page
+  /// Called while it works. @return false to stop with the best so far
+  std::function<bool(const std::string& what, double share, double value)> progress;
+  bool wants_series = false, wants_page = false;
+  std::function<void(const std::string& line)> notice;  ///< takes remarks on how it was called
+};
+
+/// @param share  of the work that is done, @param value  of the objective; kNone: not known
+/// @return false when the caller wants to stop
+bool report_progress(const Call& call, const std::string& what, double share = kNone,
+                     double value = kNone);
+
+struct Outcome {
+  int exit_code = 0;
+  std::string text;                 ///< for people, or JSON where the options ask for it
+  std::string json;                 ///< the result, of verbs that have one
+  std::string page_data;            ///< what the page draws beyond it (identify/report/page_data.h)
+  std::string states_text;          ///< of the verb filter: states as CSV, which it prints instead
+  std::vector<NamedSeries> series;  ///< where the call asks for them
+};
+
+struct Verb {
+  std::string name;
+  std::string help;         ///< a sentence
+  std::string footer = {};  ///< of the help, below the options
+  std::vector<Option> options = {};
+  /// Works with the options that were taken. Files that they name are written, all or none.
+  /// @throws InputError for a mistake in options, model or data, OutputError where a result cannot
+  ///   be written
+  std::function<Outcome(Call& call)> run = {};
+};
+
+}  // namespace identikal
