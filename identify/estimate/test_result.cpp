@@ -24,6 +24,21 @@ TestResult reported_figure(std::string id, std::string channel, double value, bo
   return out;
 }
 
+TestResult chi_square_test(std::string id, std::string channel, const ChiSquareStatistic& q,
+                           double level) {
+  std::array<double, 2> interval{kNone, kNone};
+  if (q.dof > 0.0) interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
+  return test_result(std::move(id), std::move(channel), q.value, interval,
+                     chi_square_upper_tail(q.value, q.dof), level);
+}
+
+TestResult f_test(std::string id, std::string channel, const FStatistic& f, double level) {
+  std::array<double, 2> interval{kNone, kNone};
+  if (f.dof > 0.0) interval = {0.0, f_quantile(1.0 - level, f.dof, f.dof_rest)};
+  return test_result(std::move(id), std::move(channel), f.value, interval,
+                     f_upper_tail(f.value, f.dof, f.dof_rest), level);
+}
+
 TestResult nis_test(const ChiSquareStatistic& nis, double level) {
   const double upper = chi_square_upper_tail(nis.value, nis.dof);
   TestResult out = test_result("nis", "", nis.value / nis.dof,
@@ -35,16 +50,11 @@ TestResult nis_test(const ChiSquareStatistic& nis, double level) {
 }
 
 TestResult ljung_box_test(const std::string& channel, const ChiSquareStatistic& q, double level) {
-  std::array<double, 2> interval{kNone, kNone};
-  if (q.dof > 0.0) interval = {0.0, chi_square_quantile(1.0 - level, q.dof)};
-  return test_result("ljung_box", channel, q.value, interval, chi_square_upper_tail(q.value, q.dof),
-                     level);
+  return chi_square_test("ljung_box", channel, q, level);
 }
 
 TestResult input_test(const std::string& channel, const FStatistic& f, double level) {
-  return test_result("input_correlation", channel, f.value,
-                     {0.0, f_quantile(1.0 - level, f.dof, f.dof_rest)},
-                     f_upper_tail(f.value, f.dof, f.dof_rest), level);
+  return f_test("input_correlation", channel, f, level);
 }
 
 }  // namespace identikal

@@ -17,6 +17,11 @@ TestResult test_result(std::string id, std::string channel, double value,
 /// A figure that stands among the tests: of no distribution, and `pass` is the caller's to say.
 TestResult reported_figure(std::string id, std::string channel, double value, bool pass);
 
+/// Of a statistic with a distribution, which fails where it is large; `dof` > 0, or no interval.
+TestResult chi_square_test(std::string id, std::string channel, const ChiSquareStatistic& q,
+                           double level);
+TestResult f_test(std::string id, std::string channel, const FStatistic& f, double level);
+
 /// Mean normalised innovation squared, two-sided: chi-square with `nis.dof` > 0 degrees of freedom
 /// over them.
 TestResult nis_test(const ChiSquareStatistic& nis, double level);

@@ -26,54 +26,39 @@ using Eigen::VectorXd;
 constexpr int kPairLags = 5, kInputLags = 10, kHighestOrder = 10;
 constexpr double kConditionLevel = 0.01;
 
-// A test of the family: its share of the error, and how its value becomes a p-value and an
-// interval.
+// A test of the family, its share of the error, and what it is judged by.
 struct Member {
   TestResult result;
   double share = 0.0;
-  enum class Law { chi_square, chi_square_mean, f } law = Law::chi_square;
-  double dof = 0.0, dof_rest = 0.0;
+  enum class Law { chi_square, nis, f } law = Law::chi_square;
+  FStatistic statistic;
 };
 
 void judge(Member& member, double level) {
   TestResult& t = member.result;
-  t.level = level;
-  const double dof = member.dof;
+  const FStatistic& f = member.statistic;
   switch (member.law) {
     case Member::Law::chi_square:
-      t.p = chi_square_upper_tail(t.value, dof);
-      t.interval = {0.0, chi_square_quantile(1.0 - level, dof)};
+      t = chi_square_test(t.id, t.channel, {f.value, f.dof}, level);
       break;
-    case Member::Law::chi_square_mean: {
-      const double upper = chi_square_upper_tail(t.value * dof, dof);
-      t.p = std::min(1.0, 2.0 * std::min(upper, 1.0 - upper));
-      t.interval = {chi_square_quantile(0.5 * level, dof) / dof,
-                    chi_square_quantile(1.0 - 0.5 * level, dof) / dof};
+    case Member::Law::nis:
+      t = nis_test({f.value, f.dof}, level);
       break;
-    }
     case Member::Law::f:
-      t.p = f_upper_tail(t.value, dof, member.dof_rest);
-      t.interval = {0.0, f_quantile(1.0 - level, dof, member.dof_rest)};
+      t = f_test(t.id, t.channel, f, level);
       break;
   }
-  t.pass = t.value >= t.interval[0] && t.value <= t.interval[1];
+  t.level = level;
+}
+
+Member member(const char* id, const std::string& channel, const FStatistic& statistic, double share,
+              Member::Law law = Member::Law::f) {
+  return {reported_figure(id, channel, statistic.value, true), share, law, statistic};
 }
 
 Member member(const char* id, const std::string& channel, const ChiSquareStatistic& statistic,
-              double share) {
-  Member out;
-  out.result = reported_figure(id, channel, statistic.value, true);
-  out.dof = statistic.dof;
-  out.share = share;
-  return out;
-}
-
-Member member(const char* id, const std::string& channel, const FStatistic& statistic,
-              double share) {
-  Member out = member(id, channel, ChiSquareStatistic{statistic.value, statistic.dof}, share);
-  out.law = Member::Law::f;
-  out.dof_rest = statistic.dof_rest;
-  return out;
+              double share, Member::Law law = Member::Law::chi_square) {
+  return member(id, channel, FStatistic{statistic.value, statistic.dof, 0.0}, share, law);
 }
 
 // "1 (0.21), 3 (-0.12)": lags whose autocorrelation leaves its own 1 % band, or the largest.
@@ -257,9 +242,7 @@ Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& r
     family.push_back(member("score", "", score.statistic, 0.6));
   }
   family.push_back(member("portmanteau", "", portmanteau(e, std::min(kPairLags, most)), 0.2));
-  const ChiSquareStatistic nis = normalised_innovation_squared(e);
-  family.push_back(member("nis", "", ChiSquareStatistic{nis.value / nis.dof, nis.dof}, 0.05));
-  family.back().law = Member::Law::chi_square_mean;
+  family.push_back(member("nis", "", normalised_innovation_squared(e), 0.05, Member::Law::nis));
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const VectorXd channel = e.row(static_cast<Index>(i)).transpose();
     family.push_back(member("ljung_box", outputs[i].name, ljung_box(channel, lags), 0.05 / ny));
@@ -279,8 +262,9 @@ Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& r
     }
   }
 
-  std::erase_if(family,
-                [](const Member& m) { return !std::isfinite(m.result.value) || !(m.dof > 0.0); });
+  std::erase_if(family, [](const Member& m) {
+    return !std::isfinite(m.result.value) || !(m.statistic.dof > 0.0);
+  });
   double shares = 0.0;
   for (const Member& m : family) shares += m.share;
   for (Member& m : family) {
