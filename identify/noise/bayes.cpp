@@ -113,9 +113,11 @@ PosteriorPoints by_sampling(const ParameterPrior& prior, const Density& log_like
   return out;
 }
 
-// Where the weights of sorted values reach p.
-double quantile(const Eigen::Ref<const VectorXd>& value, const VectorXd& weight,
-                const std::vector<Index>& order, double p) {
+// Where the weights of sorted values reach p. Not lib/base/quantile.h: a point of the posterior
+// stands at the middle of its weight, so that of equal weights this is Hyndman & Fan's type 5; type
+// 7 has no form for weights that are not equal.
+double weighted_quantile(const Eigen::Ref<const VectorXd>& value, const VectorXd& weight,
+                         const std::vector<Index>& order, double p) {
   double sum = 0.0, before = 0.0, at = value[order.front()];
   for (const Index i : order) {
     const double middle = sum + 0.5 * weight[i];
@@ -184,8 +186,8 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
     std::sort(order.begin(), order.end(),
               [&value](Index a, Index b) { return value[a] < value[b]; });
     p.se = sd[i] / unit;
-    p.ci95 = {quantile(value, points.weight, order, 0.025) / unit,
-              quantile(value, points.weight, order, 0.975) / unit};
+    p.ci95 = {weighted_quantile(value, points.weight, order, 0.025) / unit,
+              weighted_quantile(value, points.weight, order, 0.975) / unit};
     const Eigen::ArrayXd spread =
         points.coordinates.row(i).transpose().array() - coordinate_mean[i];
     const double width = std::sqrt((spread.square() * points.weight.array()).sum());

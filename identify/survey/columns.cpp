@@ -8,10 +8,12 @@
 
 #include <fmt/format.h>
 
+#include "identify/survey/internal/aligned_signals.h"
 #include "identify/survey/internal/column_names.h"
 #include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
 #include "lib/base/median.h"
+#include "lib/base/quantile.h"
 #include "lib/data/units.h"
 #include "lib/statistics/paired_correlation.h"
 
@@ -141,16 +143,8 @@ PairedCorrelation likeness(const VectorXd& x, const VectorXd& y) {
   return out;
 }
 
-double high_quantile(const VectorXd& x) {
-  std::vector<double> values;
-  for (const double v : x) {
-    if (!std::isnan(v)) values.push_back(std::abs(v));
-  }
-  if (values.empty()) return kNaN;
-  const auto at = static_cast<std::ptrdiff_t>(0.98 * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[at];
-}
+// Nearly the largest size, so that single wild samples do not count.
+double high_quantile(const VectorXd& x) { return quantile(surveying::present(x.cwiseAbs()), 0.98); }
 
 // How far a number lies outside a range, in factors (logarithm).
 double outside(double value, double low, double high) {

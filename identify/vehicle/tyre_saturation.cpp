@@ -7,6 +7,7 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/vehicle/internal/robust_noise.h"
+#include "lib/base/quantile.h"
 
 namespace identikal {
 namespace {
@@ -29,12 +30,6 @@ Eigen::VectorXd with_saturation(const VehicleProblem& linear, const Eigen::Vecto
   Eigen::VectorXd out(z.size() + 2);
   out << z.head(k), inverse_saturation, z.tail(z.size() - k);
   return out;
-}
-
-double quantile_95(std::vector<double> values) {
-  const auto at = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[at];
 }
 
 }  // namespace
@@ -82,8 +77,8 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     slips[0].push_back(std::abs(motion.slip_front));
     slips[1].push_back(std::abs(motion.slip_rear));
   });
-  out.front.slip = quantile_95(slips[0]);
-  out.rear.slip = quantile_95(slips[1]);
+  out.front.slip = quantile(slips[0], 0.95);
+  out.rear.slip = quantile(slips[1], 0.95);
   // A car that slides sideways most of the time explains a wrong model, not a tyre.
   if (std::max(out.front.slip, out.rear.slip) > kLargestSlip) return out;
   out.refitted = true;

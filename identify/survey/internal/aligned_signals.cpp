@@ -7,6 +7,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
+#include "lib/base/quantile.h"
 #include "lib/data/units.h"
 
 namespace identikal::surveying {
@@ -22,14 +23,7 @@ std::vector<double> present(const VectorXd& x) {
   return out;
 }
 
-double quantile_of(std::vector<double> values, double p) {
-  if (values.empty()) return kNaN;
-  const auto at = static_cast<std::ptrdiff_t>(p * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[at];
-}
-
-double quantile_of(const VectorXd& x, double p) { return quantile_of(present(x), p); }
+double quantile_of(const VectorXd& x, double p) { return quantile(present(x), p); }
 
 double quantum_of(const VectorXd& x) {
   std::vector<double> values = present(x);

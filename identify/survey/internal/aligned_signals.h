@@ -23,8 +23,7 @@ inline constexpr double kSmoothing = 0.3;  ///< [s]: kinematics are compared on 
 /// The samples that are there.
 std::vector<double> present(const Eigen::VectorXd& x);
 
-/// The value at share p of them in order; NaN of none.
-double quantile_of(std::vector<double> values, double p);
+/// quantile() of the samples that are there; NaN of none.
 double quantile_of(const Eigen::VectorXd& x, double p);
 
 /// The least step between two values; NaN where there is none.

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "lib/base/constants.h"
+#include "lib/base/quantile.h"
 #include "lib/statistics/spectrum.h"
 
 namespace identikal::surveying {
@@ -57,7 +58,7 @@ void measure_turning(Scene& scene) {
   out.steady = fast > 0 ? steady / fast : kNaN;
   for (std::size_t k = 0; k < out.speed.size(); ++k) {
     constexpr double kAt[] = {0.0, 0.05, 0.5, 0.95, 1.0};
-    out.speed[k] = quantile_of(speeds, kAt[k]);
+    out.speed[k] = quantile(speeds, kAt[k]);
   }
 }
 
@@ -67,7 +68,7 @@ void measure_frequencies(Scene& scene) {
   const VectorXd moving = while_driving(scene, scene.on[SignalKind::steering], kSlowestTest);
   const Index n = moving.size() - (moving.size() > 512 ? moving.size() % 256 : 0);
   const std::vector<double> known = present(moving.head(n));
-  if (n < 64 || known.size() < 64 || quantile_of(known, 0.0) == quantile_of(known, 1.0)) return;
+  if (n < 64 || known.size() < 64 || quantile(known, 0.0) == quantile(known, 1.0)) return;
   const Spectrum spectrum = multitaper(moving.head(n).transpose(), 3);
   double all = 0.0, half_hertz = 0.0, more = 0.0;
   for (Index k = 0; k < spectrum.omega.size(); ++k) {
@@ -110,7 +111,7 @@ void measure_straight_running(Scene& scene) {
         const double x = scene.on[kind][i];
         if (straight[i] && !std::isnan(x)) values.push_back(x);
       }
-      entry.straight = quantile_of(std::move(values), 0.5) / unit_scale(scene.signal(kind));
+      entry.straight = quantile(std::move(values), 0.5) / unit_scale(scene.signal(kind));
     }
   }
 }

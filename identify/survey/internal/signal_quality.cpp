@@ -8,6 +8,8 @@
 
 #include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
+#include "lib/base/quantile.h"
+#include "lib/data/units.h"
 
 namespace identikal::surveying {
 
@@ -62,7 +64,7 @@ std::vector<Index> leaps(const VectorXd& t, const VectorXd& x) {
   }
   std::vector<Index> out;
   if (off.size() < 30) return out;
-  const double usual = quantile_of(off, 0.5), often = quantile_of(off, 0.95);
+  const double usual = quantile(off, 0.5), often = quantile(off, 0.95);
   const double range = quantile_of(x, 0.95) - quantile_of(x, 0.05);
   for (std::size_t i = 0; i < off.size(); ++i) {
     if (off[i] > 20.0 * usual && off[i] > 6.0 * often && off[i] > 0.3 * range) {
@@ -102,7 +104,7 @@ void list_signals(const VehicleSignals& signals, Scene& scene) {
       continue;
     }
     if (!used) continue;
-    const double spread = (quantile_of(values, 0.95) - quantile_of(values, 0.05)) / 3.3 / scale;
+    const double spread = (quantile(values, 0.95) - quantile(values, 0.05)) / 3.3 / scale;
     if (held.of_moving > 0.4) {
       scene.add_finding(
           "held_samples", Severity::warning, {s.column},
@@ -194,7 +196,7 @@ void check_stuck(Scene& scene) {
       if (std::isnan(x[i]) || scene.time[end - 1] - scene.time[i] < 1.0) continue;
       const auto during = present(while_driving(scene, y, kSlowestTest).segment(i, end - i));
       if (during.size() < 8) continue;
-      const double moved = quantile_of(during, 0.95) - quantile_of(during, 0.05);
+      const double moved = quantile(during, 0.95) - quantile(during, 0.05);
       if (moved < (0.4 + 2.0 / steps) * range) continue;
       frozen += scene.time[end - 1] - scene.time[i];
       if (std::isnan(begin)) begin = scene.time[i];
