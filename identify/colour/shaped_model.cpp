@@ -170,7 +170,7 @@ std::string in_quotes(const std::string& text) {
 
 // As the value of the key `prior`, in the parameter's unit; empty without one.
 std::string prior_text(const Parameter& p) {
-  const Unit unit = parse_unit(p.unit).value_or(Unit{});
+  const Unit unit = unit_or_dimensionless(p.unit);
   const std::string a = number_text(unit.from_si(p.prior.a));
   const std::string b = number_text(unit.from_si(p.prior.b));
   switch (p.prior.kind) {
@@ -276,7 +276,7 @@ std::string model_text(const ModelFile& model, const std::vector<std::string>& c
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {
     const Parameter& p = model.parameters[i];
     if (is_block(static_cast<int>(i))) continue;
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(p.unit);
     std::string line =
         fmt::format("  {}: {{value: {}", p.name, number_text(unit.from_si(p.scalar())));
     if (std::isfinite(p.min)) line += fmt::format(", min: {}", number_text(unit.from_si(p.min)));

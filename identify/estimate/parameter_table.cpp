@@ -8,10 +8,7 @@ namespace identikal {
 
 using Eigen::Index;
 
-double unit_scale(const std::string& unit) {
-  const auto parsed = parse_unit(unit);
-  return parsed ? parsed->scale : 1.0;
-}
+double unit_scale(const std::string& unit) { return unit_or_dimensionless(unit).scale; }
 
 void list_parameters(Estimate& estimate, const ParameterSet& start, const ParameterSet& end) {
   const ReportedEntries before = reported_entries(start), after = reported_entries(end);
@@ -20,7 +17,7 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
     EstimatedParameter p;
     p.name = after.names[i];
     p.unit = after.units[i];
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(p.unit);
     p.value = unit.from_si(after.value[at]);
     p.start = unit.from_si(before.value[at]);
     const Parameter& parameter = end[after.parameter[i]];

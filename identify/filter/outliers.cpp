@@ -260,7 +260,7 @@ Estimate tune_robust(
     Eigen::VectorXd entries = free_entries(model.parameters);
     Index i = 0;
     for (const EstimatedParameter& p : out.parameters) {
-      if (!p.fixed) entries[i++] = parse_unit(p.unit).value_or(Unit{}).to_si(p.value);
+      if (!p.fixed) entries[i++] = unit_or_dimensionless(p.unit).to_si(p.value);
     }
     const std::vector<Outlier> found =
         find_outliers(model, with_entries(model.parameters, entries), recordings);

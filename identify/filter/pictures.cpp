@@ -40,7 +40,7 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
     const Eigen::VectorXd mean = system.C * filter.x_pred.col(k) + system.D * u.col(k);
     const MatrixXd Sigma = system.C * filter.P_pred[k] * system.C.transpose() + system.R;
     for (Index i = 0; i < mean.size(); ++i) {
-      const Unit unit = parse_unit(data.outputs[i].unit).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(data.outputs[i].unit);
       out.simulation(i, at + t) = unit.from_si(mean[i]);
       out.simulation_sd(i, at + t) = std::sqrt(std::max(0.0, Sigma(i, i))) / unit.scale;
     }
@@ -52,7 +52,7 @@ void simulate(const ModelFile& model, const ParameterSet& parameters, const Data
               Pictures& out) {
   const MatrixXd y = simulated_outputs(model, parameters, data);
   for (Index i = 0; i < y.rows(); ++i) {
-    const Unit unit = parse_unit(data.outputs[i].unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(data.outputs[i].unit);
     for (Index t = 0; t < y.cols(); ++t) {
       out.simulation(i, at + t) = std::isfinite(y(i, t)) ? unit.from_si(y(i, t)) : kNone;
     }

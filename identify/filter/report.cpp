@@ -106,7 +106,7 @@ void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const J
   series.standardised = all.standardised;
   for (std::size_t n = 0; n < outputs.size(); ++n) {
     const auto i = static_cast<Index>(n);
-    const Unit unit = parse_unit(outputs[n].unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(outputs[n].unit);
     series.channels.push_back(outputs[n].name);
     series.units.push_back(outputs[n].unit);
     estimate.one_step.push_back(

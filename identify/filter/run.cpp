@@ -39,7 +39,7 @@ std::vector<NamedState> named_states(const ModelFile& model) {
     NamedState state{fmt::format("x{}", i + 1), "", Unit{}};
     if (!model.states.empty()) {
       const StateName& named = model.states[i];
-      out.push_back({named.name, named.unit, parse_unit(named.unit).value_or(Unit{})});
+      out.push_back({named.name, named.unit, unit_or_dimensionless(named.unit)});
       continue;
     }
     for (Index j = 0; j < system.outputs(); ++j) {
@@ -47,7 +47,7 @@ std::vector<NamedState> named_states(const ModelFile& model) {
                          system.D.row(j).isZero(0.0);
       if (!shown) continue;
       const ChannelSource& output = model.outputs[j];
-      state = {output.name, output.unit, parse_unit(output.unit).value_or(Unit{})};
+      state = {output.name, output.unit, unit_or_dimensionless(output.unit)};
       break;
     }
     out.push_back(std::move(state));

@@ -45,7 +45,7 @@ ModelFile at_the_cut(const ModelFile& model, const ParameterSet& parameters, con
 MatrixXd in_units(const MatrixXd& y, const std::vector<Channel>& outputs) {
   MatrixXd out = y;
   for (Index i = 0; i < y.rows(); ++i) {
-    const Unit unit = parse_unit(outputs[i].unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(outputs[i].unit);
     out.row(i) = (y.row(i).array() - unit.offset) / unit.scale;
   }
   return out.array().isFinite().select(out, kNone);

@@ -33,7 +33,7 @@ void check_unit(const std::string& unit, const std::string& like, const Location
 }
 
 std::string in_unit_of(const Parameter& parameter, double value) {
-  const double shown = parse_unit(parameter.unit).value_or(Unit{}).from_si(value);
+  const double shown = unit_or_dimensionless(parameter.unit).from_si(value);
   return fmt::format("{:.6g}{}{}", shown, parameter.unit.empty() ? "" : " ", parameter.unit);
 }
 

@@ -66,7 +66,7 @@ Estimate check(const ModelFile& given, const std::vector<Dataset>& recordings) {
     std::string values;
     for (std::size_t i = 0; i < to.names.size(); ++i) {
       if (better.parameters[to.parameter[i]].fixed) continue;
-      const Unit unit = parse_unit(to.units[i]).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(to.units[i]);
       values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
                             unit.from_si(to.value[i]));
     }

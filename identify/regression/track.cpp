@@ -22,7 +22,7 @@ using Eigen::VectorXd;
 MatrixXd in_channel_units(const MatrixXd& si, const std::vector<Channel>& channels) {
   MatrixXd out = si;
   for (Index i = 0; i < out.rows(); ++i) {
-    const auto unit = parse_unit(channels[i].unit).value_or(Unit{});
+    const auto unit = unit_or_dimensionless(channels[i].unit);
     for (Index t = 0; t < out.cols(); ++t) out(i, t) = unit.from_si(si(i, t));
   }
   return out;

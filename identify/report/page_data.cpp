@@ -124,7 +124,7 @@ RecordingSheet sheet_of(const Dataset& data) {
   if (out.gaps.size() > kMostGaps) out.gaps.resize(kMostGaps);
   const auto add = [&](const std::vector<Channel>& channels, const MatrixXd& X, bool input) {
     for (std::size_t n = 0; n < channels.size(); ++n) {
-      const Unit unit = parse_unit(channels[n].unit).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(channels[n].unit);
       RecordingSheet::ChannelSheet sheet;
       sheet.name = channels[n].name;
       sheet.unit = channels[n].unit;
@@ -366,7 +366,7 @@ void add_inputs(const std::vector<Dataset>& recordings, const std::vector<Datase
   if (recordings.empty() || rows_of(recordings) != fitted) return;
   const bool held_too = rows_of(held_out) == columns.rows - fitted;
   for (std::size_t n = 0; n < recordings[0].inputs.size(); ++n) {
-    const Unit unit = parse_unit(recordings[0].inputs[n].unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(recordings[0].inputs[n].unit);
     VectorXd x = VectorXd::Constant(columns.rows, kNone);
     Index at = 0;
     const auto append = [&](const std::vector<Dataset>& parts) {

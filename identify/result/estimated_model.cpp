@@ -93,7 +93,7 @@ class Editor {
 // The number that stands for a scalar: at a bound the one that the user wrote there, for its value
 // in SI may round to either side of the bound.
 std::string scalar_text(const Parameter& p, const YamlNode* node) {
-  const double value = parse_unit(p.unit).value_or(Unit{}).from_si(p.scalar());
+  const double value = unit_or_dimensionless(p.unit).from_si(p.scalar());
   for (const char* key : {"min", "max"}) {
     if (node == nullptr || node->kind != YamlNode::Kind::mapping) break;
     const YamlNode* bound = find(*node, key);

@@ -30,8 +30,8 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
                        did_you_mean(p.name, known.names));
     }
     const auto i = static_cast<std::size_t>(at - known.names.begin());
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
-    if (!same_dimension(unit, parse_unit(known.units[i]).value_or(Unit{}))) {
+    const Unit unit = unit_or_dimensionless(p.unit);
+    if (!same_dimension(unit, unit_or_dimensionless(known.units[i]))) {
       const auto named = [](const std::string& text) { return text.empty() ? "no unit" : text; };
       throw InputError(here, fmt::format("'{}' is in {}", p.name, named(p.unit)),
                        fmt::format("{}, as in {}", named(known.units[i]), model.path));

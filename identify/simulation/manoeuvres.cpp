@@ -18,8 +18,6 @@ using Eigen::VectorXd;
 
 constexpr double kSourceRatio = 21.0;  // of the steering, Sladká (2010), table 8.1
 
-Unit unit_of(const std::string& text) { return parse_unit(text).value_or(Unit{}); }
-
 std::vector<ManoeuvreSetting> course_settings() {
   const CarBody body;
   return {{"width", "m", body.width, "of the car without mirrors: the gates follow from it"},
@@ -50,8 +48,8 @@ std::vector<Manoeuvre> known_manoeuvres() {
            "open loop: a smooth swing of steering out of the lane and one back",
            60.0,
            7.0,
-           {{"amplitude", "deg", unit_of("deg").from_si(open.amplitude), "of the steering wheel",
-             false},
+           {{"amplitude", "deg", unit_or_dimensionless("deg").from_si(open.amplitude),
+             "of the steering wheel", false},
             {"start", "s", open.start, "of the first swing", false},
             {"period", "s", open.period, "of each swing"},
             {"pause", "s", open.pause, "between them", false}}},
@@ -125,21 +123,26 @@ struct Resolved {
   const Manoeuvre& manoeuvre;
   const ManoeuvreRequest& request;
 
-  double speed() const { return request.speed.value_or(unit_of("km/h").to_si(manoeuvre.speed)); }
+  double speed() const {
+    return request.speed.value_or(unit_or_dimensionless("km/h").to_si(manoeuvre.speed));
+  }
   double operator[](const std::string& name) const {
     const auto given = request.settings.find(name);
     const ManoeuvreSetting& setting = find_setting(manoeuvre, name);
-    return given != request.settings.end() ? given->second
-                                           : unit_of(setting.unit).to_si(setting.value);
+    return given != request.settings.end()
+               ? given->second
+               : unit_or_dimensionless(setting.unit).to_si(setting.value);
   }
 };
 
 std::string described(const Resolved& what) {
-  std::string out = fmt::format("manoeuvre: {} ({}), {:.6g} km/h", what.manoeuvre.name,
-                                what.manoeuvre.standard, unit_of("km/h").from_si(what.speed()));
+  std::string out =
+      fmt::format("manoeuvre: {} ({}), {:.6g} km/h", what.manoeuvre.name, what.manoeuvre.standard,
+                  unit_or_dimensionless("km/h").from_si(what.speed()));
   for (const ManoeuvreSetting& s : what.manoeuvre.settings) {
-    out += fmt::format(", {} = {:.6g}{}", s.name, unit_of(s.unit).from_si(what[s.name]),
-                       s.unit.empty() ? "" : " " + s.unit);
+    out +=
+        fmt::format(", {} = {:.6g}{}", s.name, unit_or_dimensionless(s.unit).from_si(what[s.name]),
+                    s.unit.empty() ? "" : " " + s.unit);
   }
   return out;
 }

@@ -51,7 +51,7 @@ void record(const std::vector<ChannelSource>& sources, const VectorXd& time,
       return c.name == column_name(source);
     });
     if (column == columns.end()) continue;
-    const Unit unit = parse_unit(column->unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(column->unit);
     if (source.delay != 0.0) {
       column->values = interpolate_linearly(time, column->values, time.array() - source.delay,
                                             kBridgedPeriods * own_period(time, column->values));
@@ -73,7 +73,7 @@ std::string csv_text(const ModelFile& model, std::uint64_t seed,
   for (const ReportedEntries entries = reported_entries(model.parameters);
        const std::string& name : entries.names) {
     const auto i = static_cast<std::size_t>(&name - entries.names.data());
-    const Unit unit = parse_unit(entries.units[i]).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(entries.units[i]);
     out += fmt::format("# truth: {} = {:.10g} {}\n", name, unit.from_si(entries.value[i]),
                        entries.units[i]);
   }
@@ -85,7 +85,7 @@ std::string csv_text(const ModelFile& model, std::uint64_t seed,
   const Index rows = columns.empty() ? 0 : columns[0].values.size();
   for (Index t = 0; t < rows; ++t) {
     for (std::size_t c = 0; c < columns.size(); ++c) {
-      const Unit unit = parse_unit(columns[c].unit).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(columns[c].unit);
       out += fmt::format("{}{:.10g}", c > 0 ? "," : "", unit.from_si(columns[c].values[t]));
     }
     out += "\n";

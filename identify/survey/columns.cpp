@@ -249,9 +249,9 @@ void Guess::choose_units() {
   for (const std::string& uv : choices(speed)) {
     for (const std::string& ur : choices(r)) {
       for (const std::string& ua : choices(ay)) {
-        const double sv = parse_unit(uv).value_or(Unit{}).scale;
-        const double sr = parse_unit(ur).value_or(Unit{}).scale;
-        const double sa = parse_unit(ua).value_or(Unit{}).scale;
+        const double sv = unit_or_dimensionless(uv).scale;
+        const double sr = unit_or_dimensionless(ur).scale;
+        const double sa = unit_or_dimensionless(ua).scale;
         double cost = outside(sv * top_v, 1.0, 90.0) + outside(sr * top_r, 0.02, 2.0) +
                       outside(sa * top_ay, 0.2, 25.0);
         // Without lateral acceleration: the one that vx and r imply.
@@ -480,7 +480,7 @@ VehicleSignal Guess::signal_of(const ColumnCandidate& c) {
   s.at_wheel = at_wheel_;
   s.axis = c.words.any({"down", "right"}) ? -1.0 : 1.0;
   s.time = clocks_[c.file].time;
-  s.value = raw_values(*c.column) * parse_unit(s.unit).value_or(Unit{}).scale;
+  s.value = raw_values(*c.column) * unit_or_dimensionless(s.unit).scale;
   return s;
 }
 

@@ -323,7 +323,7 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
     if (std::find(free.begin(), free.end(), parameter) == free.end()) continue;
     for (const EstimatedParameter& p : estimate.parameters) {
       if (p.name != name_of(parameter)) continue;
-      const Unit unit = parse_unit(p.unit).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(p.unit);
       text += fmt::format(" {} {:.4g} {},", p.name, unit.from_si(saturation.saturating[parameter]),
                           p.unit);
     }

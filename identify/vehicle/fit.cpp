@@ -41,7 +41,7 @@ void list_parameters(const ModelFile& model, Estimate& estimate) {
     result.name = given.name;
     result.unit = given.unit;
     result.fixed = given.fixed;
-    const Unit unit = parse_unit(given.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(given.unit);
     result.start = unit.from_si(given.scalar());
     result.bounds = {unit.from_si(given.min), unit.from_si(given.max)};
     result.value = result.start;
@@ -62,7 +62,7 @@ void report_values(const VehicleUnknowns& unknowns, const VehicleParameters<doub
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     const UserValue user = in_user_terms(unknowns.free[i], p[unknowns.free[i]]);
-    result.value = parse_unit(result.unit).value_or(Unit{}).from_si(user.value);
+    result.value = unit_or_dimensionless(result.unit).from_si(user.value);
   }
 }
 

@@ -15,7 +15,7 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z) {
   series.predicted = series.measured;
   std::vector<Unit> units;
   for (const VehicleRun::Output& output : run.outputs) {
-    units.push_back(parse_unit(output.unit).value_or(Unit{}));
+    units.push_back(unit_or_dimensionless(output.unit));
     series.channels.push_back(output.name);
     series.units.push_back(output.unit);
   }

@@ -158,7 +158,7 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
     } else if (lowest == highest) {
       const auto unit = parse_unit(output.unit);
       trouble = fmt::format("output '{}' is constant at {:.6g} {}", output.name,
-                            unit ? unit->from_si(lowest) : lowest, output.unit);
+                            unit_or_dimensionless(output.unit).from_si(lowest), output.unit);
     }
     if (trouble.empty()) {
       rows.push_back(std::move(y));

@@ -305,6 +305,8 @@ std::optional<Unit> parse_unit(std::string_view text) {
   return UnitParser(trimmed).parse();
 }
 
+Unit unit_or_dimensionless(std::string_view text) { return parse_unit(text).value_or(Unit{}); }
+
 std::string si_unit(const Unit& unit) {
   constexpr std::array<const char*, 5> kNames{"m", "kg", "s", "A", "K"};
   std::string out;

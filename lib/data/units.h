@@ -28,6 +28,11 @@ struct Unit {
 /// @return nothing when the text is not a unit.
 std::optional<Unit> parse_unit(std::string_view text);
 
+/// parse_unit(), and where the text is not a unit the one without dimension and of scale 1: numbers
+/// are then taken as they stand. For units that were checked when they were read, and for columns
+/// that may carry any text.
+Unit unit_or_dimensionless(std::string_view text);
+
 /// The SI unit of the same kind, as "m kg s^-2"; empty when it has no dimension.
 std::string si_unit(const Unit& unit);
 

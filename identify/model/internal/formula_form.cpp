@@ -34,7 +34,7 @@ struct Symbols {
                        "a name of its own",
                        fmt::format("the first is on line {}, column {}", first.line, first.column));
     }
-    add_known(name.text, dimension_of(parse_unit(unit).value_or(Unit{})), name.at);
+    add_known(name.text, dimension_of(unit_or_dimensionless(unit)), name.at);
   }
   void add_known(const std::string& name, const Dimension& dimension, const Location& place) {
     names.push_back(name);

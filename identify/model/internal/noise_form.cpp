@@ -26,7 +26,7 @@ std::vector<Dimension> parameter_dimensions(const NamedParameters& parameters) {
   std::vector<Dimension> out;
   for (std::size_t i = 0; i < parameters.names.size(); ++i) {
     const std::string& unit = parameters.set[i].unit;
-    out.push_back(dimension_of(parse_unit(unit).value_or(Unit{})));
+    out.push_back(dimension_of(unit_or_dimensionless(unit)));
     out.back().plain = unit.empty();
   }
   return out;
@@ -68,7 +68,7 @@ struct Gathered {
     const std::string& text = text_of(node, what);
     const std::optional<Quantity> quantity = split_quantity(text);
     if (quantity && (quantity->unit.empty() || parse_unit(quantity->unit))) {
-      const Unit unit = parse_unit(quantity->unit).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(quantity->unit);
       if (!quantity->unit.empty() && with_units && !fits(dimension_of(unit), wanted)) {
         throw InputError(node.at, fmt::format("{} is {}", what, describe(node)),
                          in_words(wanted) + ", or a number in SI");

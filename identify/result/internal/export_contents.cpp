@@ -43,7 +43,7 @@ std::vector<StructMember> members_of(const Estimate& e, bool vehicle) {
   std::vector<StructMember> out;
   for (const EstimatedParameter& p : e.parameters) {
     if (is_straight(p)) continue;
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(p.unit);
     // Only a number that stays the same keeps its last digit.
     const bool same = unit.scale == 1.0 && unit.offset == 0.0;
     std::string si = vehicle ? vehicle_unit(p.name) : same ? p.unit : si_unit(unit);

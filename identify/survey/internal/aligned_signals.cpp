@@ -48,9 +48,7 @@ std::string shown(double value) { return fmt::format("{:.3g}", value); }
 
 std::string percent(double share) { return fmt::format("{:.0f} %", 100.0 * share); }
 
-double unit_scale(const VehicleSignal& signal) {
-  return parse_unit(signal.unit).value_or(Unit{}).scale;
-}
+double unit_scale(const VehicleSignal& signal) { return unit_or_dimensionless(signal.unit).scale; }
 
 bool Scene::found(std::string_view code) const {
   return std::any_of(out.findings.begin(), out.findings.end(),

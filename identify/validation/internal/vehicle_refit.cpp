@@ -97,7 +97,7 @@ Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknow
     out.flat.row(i) = here.null_space.row(judged[i]) * unknowns.scale[at] * slope[i];
     const EstimatedParameter& of_result = *reported(result, parameter);
     own[i] = of_result.se / of_result.value;
-    const Unit unit = parse_unit(of_result.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(of_result.unit);
     VehicleRefit::Change change;
     change.name = of_result.name;
     change.unit = of_result.unit;

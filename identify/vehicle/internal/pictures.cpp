@@ -127,7 +127,7 @@ void picture_profiles(const VehicleSearch& found, Estimate& estimate) {
     const auto i = static_cast<Index>(n);
     const VehicleParameter parameter = problem.unknowns.free[n];
     const double at = found.best.z[i] * problem.unknowns.scale[i];
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(p.unit);
     const double slope = std::abs(in_user_terms(parameter, at).slope) / unit.scale;
     VehicleProblem held = problem;
     VectorXd z = found.best.z;

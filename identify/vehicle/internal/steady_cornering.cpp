@@ -139,7 +139,7 @@ void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate&
   const auto se = [&](Eigen::Index i) { return std::sqrt(found.covariance(i, i)); };
   estimate.derived.push_back({"i L", "m", found.value[0], se(0)});
   estimate.derived.push_back({"i K", "rad/(m/s^2)", found.value[1], se(1)});
-  const Unit unit = parse_unit(model.inputs[0].unit).value_or(Unit{});
+  const Unit unit = unit_or_dimensionless(model.inputs[0].unit);
   if (found.with_offset) {
     estimate.derived.push_back(
         {"steering_offset", model.inputs[0].unit, found.value[2] / unit.scale, se(2) / unit.scale});

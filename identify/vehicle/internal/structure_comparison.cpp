@@ -60,7 +60,7 @@ Alternative fit_alternative(const VehicleSearch& original, const VehicleRun& run
     const VehicleParameter parameter = original.problem.unknowns.free[i];
     if (parameter != kCf && parameter != kCr && parameter != kYawInertia) continue;
     const EstimatedParameter& p = estimate.parameters[original.problem.unknowns.position[i]];
-    const Unit unit = parse_unit(p.unit).value_or(Unit{});
+    const Unit unit = unit_or_dimensionless(p.unit);
     out.text += fmt::format(", {} {:.4g} {} (was {:.4g})", p.name, unit.from_si(out.p[parameter]),
                             p.unit, p.value);
   }

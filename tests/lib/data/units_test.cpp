@@ -206,6 +206,15 @@ TEST(Units, AnythingElseIsNoUnit) {
   EXPECT_FALSE(parse_unit(std::string(99, '(')));
 }
 
+TEST(Units, NumbersInWhatIsNoUnitStayAsTheyAre) {
+  EXPECT_EQ(unit_or_dimensionless("km/h").scale, parse_unit("km/h")->scale);
+  EXPECT_EQ(unit_or_dimensionless("degC").to_si(1.0), 274.15);
+  const Unit unit = unit_or_dimensionless("counts of the converter");
+  EXPECT_EQ(unit.to_si(3.7), 3.7);
+  EXPECT_EQ(unit.from_si(3.7), 3.7);
+  EXPECT_TRUE(same_dimension(unit, *parse_unit("")));
+}
+
 TEST(Units, NearestUnitHelpsWithTypingMistakes) {
   EXPECT_EQ(nearest_unit("degr"), "deg");
   EXPECT_EQ(nearest_unit("km/hh"), "km/h");
