@@ -156,7 +156,6 @@ void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::Matr
     if (output.samples == 0) {
       trouble = fmt::format("output '{}' has no sample in the rows used", output.name);
     } else if (lowest == highest) {
-      const auto unit = parse_unit(output.unit);
       trouble = fmt::format("output '{}' is constant at {:.6g} {}", output.name,
                             unit_or_dimensionless(output.unit).from_si(lowest), output.unit);
     }
@@ -231,7 +230,7 @@ void require_shape(const ModelFile& model, const Dataset& data) {
     throw InputError(
         in(data), fmt::format("rows are {:.6g} s apart", data.dt),
         fmt::format("at most {:g} s: a car's yaw motion is over within a second", kLongestStep),
-        "is the time column in ms? Its unit belongs into its header or the model");
+        "if the time column is in ms, write unit: ms under 'time' in the model file");
   }
 }
 

@@ -17,7 +17,8 @@ using Eigen::Index;
 using Eigen::VectorXd;
 namespace {
 
-constexpr double kStanding = 0.3;  // [m/s]
+constexpr double kStanding = 0.3;      // [m/s]
+constexpr double kFastestCar = 120.0;  // [m/s]
 
 // Runs of one value: those up to half a second long are held samples, longer ones a quantity at
 // rest.
@@ -163,11 +164,14 @@ void measure_speed(Scene& scene) {
                     scene.speed_name, reversing * scene.step),
         "use_when: \"vx > 3\" leaves reversing out; if the car drives forward there, scale: -1");
   }
-  if (known > 0 && quantile_of(scene.speed, 0.99) > 120.0) {
+  const double fastest = quantile_of(scene.speed, 0.99);
+  if (known > 0 && fastest > kFastestCar) {
     scene.add_finding(
         "units_speed", Severity::serious, {},
-        fmt::format("{} reaches {:.0f} m/s", scene.speed_name, quantile_of(scene.speed, 0.99)),
-        "is it in km/h? Its unit belongs into the mapping");
+        fmt::format("{} reaches {:.0f} m/s, expected at most {:.0f} m/s ({:.0f} km/h) of a car",
+                    scene.speed_name, fastest, kFastestCar,
+                    unit_or_dimensionless("km/h").from_si(kFastestCar)),
+        "if the file has it in km/h, write unit: km/h for this column in the model file");
   }
 }
 
