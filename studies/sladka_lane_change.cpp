@@ -40,8 +40,8 @@ ModelFile sladka2010_model(const std::vector<std::string>& outputs) {
     p.fixed = true;
     return p;
   };
-  const auto sought = [&](const char* name, const char* unit, double start, double min,
-                          double max) {
+  const auto unknown = [&](const char* name, const char* unit, double start, double min,
+                           double max) {
     Parameter p = parameter(name, unit, start);
     p.fixed = false;
     p.min = min;
@@ -56,9 +56,9 @@ ModelFile sladka2010_model(const std::vector<std::string>& outputs) {
                       parameter("a", "m", car[kA]),
                       parameter("b", "m", car[kB]),
                       parameter("steering_ratio", "", car[kSteeringRatio]),
-                      sought("Iz", "kg m^2", car[kYawInertia], 800.0, 6000.0),
-                      sought("Cf", "N/rad", 8e4, 1e4, 4e5),
-                      sought("Cr", "N/rad", 8e4, 1e4, 4e5)};
+                      unknown("Iz", "kg m^2", car[kYawInertia], 800.0, 6000.0),
+                      unknown("Cf", "N/rad", 8e4, 1e4, 4e5),
+                      unknown("Cr", "N/rad", 8e4, 1e4, 4e5)};
   model.inputs.resize(2);
   model.inputs[0].name = "steering_wheel_angle";
   model.inputs[1].name = "vx";

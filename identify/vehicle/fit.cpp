@@ -480,14 +480,14 @@ bool is_answered_by_steady_cornering(const ModelFile& model, const VehicleRun& r
 
 void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& run,
                      const VehicleUnknowns& unknowns) {
-  const std::size_t sought = unknowns.free.size() + 2 * run.segments.size();
+  const std::size_t unknown = unknowns.free.size() + 2 * run.segments.size();
   Eigen::Index samples = 0;
   for (const VehicleRun::Output& output : run.outputs) samples += output.samples;
-  if (samples > static_cast<Eigen::Index>(sought)) return;
+  if (samples > static_cast<Eigen::Index>(unknown)) return;
   throw InputError(
       Location{recordings.front().name, 0, 0},
       fmt::format("{} samples of the outputs for {} unknowns (parameters and initial states)",
-                  samples, sought),
+                  samples, unknown),
       "more samples than unknowns");
 }
 

@@ -42,10 +42,10 @@ double median_size(const VectorXd& v) {
 
 // The balances as rows of one regression, two for each point of time: force, then moment.
 struct BalanceRows {
-  std::vector<VehicleParameter> sought;  // the coefficients
-  MatrixXd phi;                          // sought x 2n [m/s^2]
-  VectorXd y;                            // 2n [m/s^2]
-  double moment = 0.0;                   // what m r' is multiplied with in a moment row [m]
+  std::vector<VehicleParameter> unknown;  // the coefficients
+  MatrixXd phi;                           // unknown x 2n [m/s^2]
+  VectorXd y;                             // 2n [m/s^2]
+  double moment = 0.0;                    // what m r' is multiplied with in a moment row [m]
 };
 
 // Coefficients are changes relative to the values in p; what is not estimated goes to the other
@@ -72,7 +72,7 @@ BalanceRows rows_of(const VehicleBalances& balances, const VehicleUnknowns& unkn
     const auto& free = unknowns.free;
     if (std::find(free.begin(), free.end(), kOrder[i]) == free.end()) continue;
     picked.push_back(i);
-    out.sought.push_back(kOrder[i]);
+    out.unknown.push_back(kOrder[i]);
   }
   out.phi = all(picked, Eigen::all);
   out.y = std::move(y);
@@ -170,7 +170,7 @@ struct TrackedParameters {
 TrackedParameters report_time_history(const VehicleUnknowns& unknowns, const BalanceRows& rows,
                                       const VectorXd& time, const RegressionHistory& track,
                                       Estimate& estimate) {
-  const auto count = static_cast<Index>(rows.sought.size());
+  const auto count = static_cast<Index>(rows.unknown.size());
   TimeHistory& history = estimate.time_history.emplace();
   history.mean.resize(count, time.size());
   history.sd.resize(count, time.size());
@@ -178,14 +178,14 @@ TrackedParameters report_time_history(const VehicleUnknowns& unknowns, const Bal
   out.scale.resize(count);
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& reported = estimate.parameters[unknowns.position[i]];
-    const auto hit = std::find(rows.sought.begin(), rows.sought.end(), unknowns.free[i]);
-    if (hit == rows.sought.end()) {
+    const auto hit = std::find(rows.unknown.begin(), rows.unknown.end(), unknowns.free[i]);
+    if (hit == rows.unknown.end()) {
       out.held += (out.held.empty() ? "" : ", ") + reported.name;
       reported.fixed = true;
       continue;
     }
     const auto k = static_cast<Index>(out.order.size());
-    const Index coefficient = hit - rows.sought.begin();
+    const Index coefficient = hit - rows.unknown.begin();
     out.order.push_back(coefficient);
     out.scale[k] = unknowns.value[unknowns.free[i]] / unit_scale(reported.unit);
     history.names.push_back(reported.name);
@@ -262,7 +262,7 @@ Estimate track_vehicle(const ModelFile& given, const Dataset& recording) {
   const VehicleRun run = usable_run(model, {recording});
   const VehicleBalances balances = tracked_balances(model, recording, run, unknowns.value);
   const BalanceRows rows = rows_of(balances, unknowns);
-  if (rows.sought.empty()) {
+  if (rows.unknown.empty()) {
     throw InputError({model.path, 0, 0}, "none of Cf, Cr and Iz is free",
                      "one of them as {value: ..., min: ..., max: ...}");
   }
@@ -298,7 +298,7 @@ Estimate track_vehicle(const ModelFile& given, const Dataset& recording) {
        "the standard errors do not include that bias",
        "take values from 'identikal fit'");
   warn_of_regression(estimate, every_second(by_row.standardised, 0), past.is_shortest());
-  conclude_track(static_cast<Index>(rows.sought.size()), balances.time.size(), estimate);
+  conclude_track(static_cast<Index>(rows.unknown.size()), balances.time.size(), estimate);
   return estimate;
 }
 

@@ -215,13 +215,13 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
   VehicleUnknowns out;
   out.value = neutral_vehicle();
   out.curve = model.vehicle.curve;
-  std::vector<std::size_t> sought;
+  std::vector<std::size_t> unknown;
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {
     const Parameter& given = model.parameters[i];
     const auto parameter = checked_parameter(model, given);
     if (!parameter) continue;
     out.value[*parameter] = from_user_terms(*parameter, given.scalar());
-    if (!given.fixed) sought.push_back(i);
+    if (!given.fixed) unknown.push_back(i);
   }
   for (int i = 0; i < kVehicleParameters; ++i) {
     const auto parameter = static_cast<VehicleParameter>(i);
@@ -232,7 +232,7 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
     }
   }
   // Typical sizes need the values of all.
-  for (const std::size_t i : sought) set_free_as_given(model, i, out);
+  for (const std::size_t i : unknown) set_free_as_given(model, i, out);
   return out;
 }
 

@@ -30,8 +30,8 @@ def run(name, seed):
         subprocess.run(steps[0], check=True, **quiet)
         subprocess.run(f"{steps[1]} --seed {seed}", check=True, **quiet)
         known = truth(pathlib.Path(folder) / "demo" / "simulated.csv")
-        sought = {"pendulum": ["l", "d"], "battery": ["Q", "R0", "R1", "C1"]}[name]
-        off = " ".join(f"--set {p}={1.2 * known[p]}" for p in sought)
+        unknown = {"pendulum": ["l", "d"], "battery": ["Q", "R0", "R1", "C1"]}[name]
+        off = " ".join(f"--set {p}={1.2 * known[p]}" for p in unknown)
         fit = subprocess.run(f"{steps[2]} --json --starts 1 {off}", **quiet)
     result = json.loads(fit.stdout)
     return {p["name"]: (p["value"], p["se"], p.get("profile95") or p["ci95"], known[p["name"]], fit.returncode)

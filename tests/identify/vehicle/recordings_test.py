@@ -29,7 +29,7 @@ def body(m, a, b, *others):
     return [f"m: {m} kg", f"a: {a} m", f"b: {b} m", *others]
 
 
-def sought(Iz, Cf, Cr):
+def unknown(Iz, Cf, Cr):
     return [f"Iz: {{value: {Iz} kg m^2}}", f"Cf: {{value: {Cf} N/rad}}", f"Cr: {{value: {Cr} N/rad}}"]
 
 
@@ -46,27 +46,27 @@ def lateral(r, vy):
 
 
 RACE_CAR = car("race car", "t, unit: s",
-               body(982, 1.33, 1.07, "steering_offset: {value: 0 rad}", "mounting_angle: {value: 0 rad}") + sought(1400, 8e4, 8e4),
+               body(982, 1.33, 1.07, "steering_offset: {value: 0 rad}", "mounting_angle: {value: 0 rad}") + unknown(1400, 8e4, 8e4),
                steered_at_road("delta", "vx"), lateral("yawRate", "vy"), "tyre: {curve: tanh}")
 
 
 def by_wire(*more):
     return car("by-wire car", "t, unit: s",
-               body(1659, 1.044, 1.424, "Iz: 2447 kg m^2", *sought(0, 1e5, 1e5)[1:], *more),
+               body(1659, 1.044, 1.424, "Iz: 2447 kg m^2", *unknown(0, 1e5, 1e5)[1:], *more),
                steered_at_road("deltaMeasured_rad", "Ux_mps"), lateral("r_radps", "Uy_mps"), "use_when: vx > 3")
 
 
-CIRCLES = car("circles", "t, unit: s, runs: restart", body(700, 1, 1, "steering_ratio: 20") + sought(700, 3e4, 3e4),
+CIRCLES = car("circles", "t, unit: s, runs: restart", body(700, 1, 1, "steering_ratio: 20") + unknown(700, 3e4, 3e4),
               steered_by_wheel("swa_cmd_rad", "rad", "v_ins_mps", "m/s"), "r: {column: yaw_rate_rps, unit: rad/s, scale: -1}",
               "use_when: vx > 1")
-CHIRP = car("chirp", "TIME, unit: s", body(1600, 1.029375, 1.715625, "steering_ratio: 20") + sought(2800, 1e5, 1e5),
+CHIRP = car("chirp", "TIME, unit: s", body(1600, 1.029375, 1.715625, "steering_ratio: 20") + unknown(2800, 1e5, 1e5),
             steered_by_wheel("STEER", "deg", "SPEED", "km/h"), "r: {column: YAWVEL, unit: deg/s}")
-SLALOM = car("slalom", "INS_time_sec, unit: s", body(1900, 1.4, 1.4, "steering_ratio: 15") + sought(3000, 1e5, 1e5),
+SLALOM = car("slalom", "INS_time_sec, unit: s", body(1900, 1.4, 1.4, "steering_ratio: 15") + unknown(3000, 1e5, 1e5),
              steered_by_wheel("SW_pos_obd", "deg", "speedo_obd", "km/h"),
              "r: {column: yaw_rate, unit: deg/s}, ay: {column: LatAcc_obd, unit: m/s^2}")
-HIGHWAY = car("highway", "t, unit: s", body(1700, 1.2, 1.46, "steering_ratio: 16") + sought(2900, 1e5, 1e5),
+HIGHWAY = car("highway", "t, unit: s", body(1700, 1.2, 1.46, "steering_ratio: 16") + unknown(2900, 1e5, 1e5),
               steered_by_wheel("steering_wheel_deg", "deg", "speed_mps", "m/s"), "r: {column: gyro_down, unit: rad/s, scale: -1}")
-AUTONOMOUS = car("autonomous race car", "time, unit: s", body(790, 1.72, 1.25) + sought(1000, 1e5, 1e5),
+AUTONOMOUS = car("autonomous race car", "time, unit: s", body(790, 1.72, 1.25) + unknown(1000, 1e5, 1e5),
                  steered_at_road("delta", "vx"), lateral("omega", "vy"), "use_when: vx > 5")
 
 
