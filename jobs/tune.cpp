@@ -19,14 +19,15 @@ const char* const kAutomatic = "automatic";
 // How the likelihood is evaluated: as --evaluation says it today, and as --path said it.
 struct Evaluation {
   std::string name, old_name;
-  Path path;
+  EvaluationMethod method;
 };
 
 const std::vector<Evaluation>& evaluations() {
-  static const std::vector<Evaluation> all = {{kAutomatic, "automatic", Path::automatic},
-                                              {"time-varying", "direct", Path::direct},
-                                              {"steady-state", "steady", Path::steady},
-                                              {"autocovariances", "compressed", Path::compressed}};
+  static const std::vector<Evaluation> all = {
+      {kAutomatic, "automatic", EvaluationMethod::automatic},
+      {"time-varying", "direct", EvaluationMethod::time_varying},
+      {"steady-state", "steady", EvaluationMethod::steady_state},
+      {"autocovariances", "compressed", EvaluationMethod::autocovariances}};
   return all;
 }
 
@@ -70,7 +71,7 @@ Estimate by_posterior(const TuneOptions& given, const ModelFile& model,
 NoiseMlOptions ml_options(const TuneOptions& given, const Run& run) {
   NoiseMlOptions options = likelihood_options(given.search, run);
   for (const Evaluation& each : evaluations()) {
-    if (given.evaluation == each.name) options.path = each.path;
+    if (given.evaluation == each.name) options.evaluation = each.method;
   }
   return options;
 }

@@ -26,8 +26,9 @@ bool admissible(const StateSpace& model) {
 }  // namespace
 
 RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
-                                           const std::vector<Dataset>& recordings, Path path)
-    : model_(model), path_(path) {
+                                           const std::vector<Dataset>& recordings,
+                                           EvaluationMethod method)
+    : model_(model), method_(method) {
   for (const Parameter& p : model.parameters) {
     curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
   }
@@ -58,7 +59,7 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
   const Likelihood& result = nonlinear_
                                  ? nonlinear_->evaluate(at, with_gradient)
                                  : engine_.evaluate(system_, model_.linear.initial,
-                                                    with_gradient ? derivatives_ : none_, path_);
+                                                    with_gradient ? derivatives_ : none_, method_);
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
 
@@ -98,7 +99,7 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
 FilterStatus RecordingsLikelihood::status_at_start() {
   if (!set_system(model_.parameters, false)) return FilterStatus::indefinite;
   if (nonlinear_) return nonlinear_->evaluate(model_.parameters, false).status;
-  return engine_.evaluate(system_, model_.linear.initial, none_, path_).status;
+  return engine_.evaluate(system_, model_.linear.initial, none_, method_).status;
 }
 
 }  // namespace identikal

@@ -21,12 +21,12 @@ namespace identikal {
 class RecordingsLikelihood {
  public:
   RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
-                       Path path = Path::automatic);
+                       EvaluationMethod method = EvaluationMethod::automatic);
   /// Neither may be a temporary.
   RecordingsLikelihood(const ModelFile& model, std::vector<Dataset>&& recordings,
-                       Path path = Path::automatic) = delete;
+                       EvaluationMethod method = EvaluationMethod::automatic) = delete;
   RecordingsLikelihood(ModelFile&& model, const std::vector<Dataset>& recordings,
-                       Path path = Path::automatic) = delete;
+                       EvaluationMethod method = EvaluationMethod::automatic) = delete;
 
   /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
   /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable
@@ -48,14 +48,14 @@ class RecordingsLikelihood {
   /// undefined.
   Eigen::MatrixXd score_products(const ParameterSet& at);
 
-  const PathTaken& path_taken() const { return engine_.path_taken(); }
+  const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
 
  private:
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
 
   const ModelFile& model_;
-  Path path_;
+  EvaluationMethod method_;
   bool curved_ = false;
   bool constant_derivatives_ = false;
   std::optional<NonlinearRecordings> nonlinear_;

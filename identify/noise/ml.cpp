@@ -275,12 +275,12 @@ struct Maximum {
   const LikelihoodProblem& problem;
   const Solution& best;
   const ParameterSet& end;  // the parameters there
-  Path path;                // of an evaluation
+  EvaluationMethod method;  // of an evaluation
   Index samples;            // measured values
 
   bool profiles_are_cheap() const {
     constexpr Index kCheap = 20000;  // samples
-    return path == Path::compressed || samples <= kCheap;
+    return method == EvaluationMethod::autocovariances || samples <= kCheap;
   }
 };
 
@@ -375,22 +375,22 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
   }
 }
 
-std::string evaluation_method(Path path) {
-  switch (path) {
-    case Path::compressed:
+std::string evaluation_method(EvaluationMethod method) {
+  switch (method) {
+    case EvaluationMethod::autocovariances:
       return "sample_autocovariances";
-    case Path::steady:
+    case EvaluationMethod::steady_state:
       return "steady_state_filter";
-    case Path::direct:
-    case Path::automatic:
+    case EvaluationMethod::time_varying:
+    case EvaluationMethod::automatic:
       break;
   }
   return "time_varying_filter";
 }
 
 // How the likelihood at the maximum was evaluated, and what a person should know about it.
-void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
-  estimate.objective.evaluation_method = evaluation_method(taken.path);
+void report_evaluation(Estimate& estimate, const EvaluationTaken& taken, EvaluationMethod asked) {
+  estimate.objective.evaluation_method = evaluation_method(taken.method);
   if (taken.fallback == FallbackReason::none || taken.fallback == FallbackReason::not_requested)
     return;
   estimate.objective.evaluation_reason = describe(taken.fallback);
@@ -398,11 +398,11 @@ void report_path(Estimate& estimate, const PathTaken& taken, Path asked) {
     estimate.objective.evaluation_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
   }
   const bool expected =
-      taken.fallback == FallbackReason::short_segment && asked != Path::compressed;
-  if (expected || taken.path == Path::compressed) return;
+      taken.fallback == FallbackReason::short_segment && asked != EvaluationMethod::autocovariances;
+  if (expected || taken.method == EvaluationMethod::autocovariances) return;
   warn(estimate, Severity::note, "evaluation_method", {},
        fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
-                   taken.path == Path::steady ? "steady-state" : "time-varying",
+                   taken.method == EvaluationMethod::steady_state ? "steady-state" : "time-varying",
                    estimate.objective.evaluation_reason));
 }
 
@@ -420,7 +420,7 @@ Estimate tune_ml(const ModelFile& given, const std::vector<Dataset>& recordings,
   estimate.objective.method = "ml";
   check_recordings(model, recordings);
 
-  RecordingsLikelihood likelihood(model, recordings, options.path);
+  RecordingsLikelihood likelihood(model, recordings, options.evaluation);
   if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
     refuse_filter(model, recordings, start);
   }
@@ -441,10 +441,10 @@ Estimate tune_ml(const ModelFile& given, const std::vector<Dataset>& recordings,
   objective.starts = found.tried;
   objective.starts_at_optimum = found.agree;
   judge(estimate, likelihood, problem, end, found.best);
-  report_path(estimate, likelihood.path_taken(), options.path);
+  report_evaluation(estimate, likelihood.evaluation_taken(), options.evaluation);
   limit_boundary(estimate, problem, found.best);
   const bool converged = found.best.summary.usable();
-  const Maximum maximum{problem, found.best, end, likelihood.path_taken().path,
+  const Maximum maximum{problem, found.best, end, likelihood.evaluation_taken().method,
                         samples_present(recordings)};
   if (options.profiles && converged) profile(estimate, maximum);
   if (options.pictures) estimate.pictures.searches = found.paths;

@@ -15,7 +15,7 @@ namespace identikal {
 struct NoiseMlOptions {
   int starts = 5;          ///< optimisations: the file's start, then scattered ones
   std::uint64_t seed = 1;  ///< of the scattered starts
-  Path path = Path::automatic;
+  EvaluationMethod evaluation = EvaluationMethod::automatic;
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap
   bool pictures = false;  ///< searches and profiles as curves, Estimate::pictures
   /// Called after every iteration; return false to stop: the best so far, not converged.

@@ -88,7 +88,7 @@ struct LikelihoodEngine::Recordings {
   std::unique_ptr<SegmentKernel> kernel;
   Index kernel_states = -1;
   Likelihood result;
-  PathTaken taken;
+  EvaluationTaken taken;
 
   FallbackReason prepare_kernel(const StateSpace& model, InitialState initial,
                                 const std::vector<StateSpace>& derivatives);
@@ -96,16 +96,16 @@ struct LikelihoodEngine::Recordings {
   FallbackReason fallback_of(const RecursionOptions& options) const;
 };
 
-const char* to_string(Path path) {
-  switch (path) {
-    case Path::automatic:
+const char* to_string(EvaluationMethod method) {
+  switch (method) {
+    case EvaluationMethod::automatic:
       return "automatic";
-    case Path::direct:
-      return "direct";
-    case Path::steady:
-      return "steady";
-    case Path::compressed:
-      return "compressed";
+    case EvaluationMethod::time_varying:
+      return "time-varying";
+    case EvaluationMethod::steady_state:
+      return "steady-state";
+    case EvaluationMethod::autocovariances:
+      return "autocovariances";
   }
   return "";
 }
@@ -165,7 +165,7 @@ MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState 
   return sum;
 }
 
-const PathTaken& LikelihoodEngine::path_taken() const { return recordings_->taken; }
+const EvaluationTaken& LikelihoodEngine::evaluation_taken() const { return recordings_->taken; }
 
 // The kernel for this model, or why gapless segments cannot go through one.
 FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
@@ -209,7 +209,7 @@ FallbackReason LikelihoodEngine::Recordings::fallback_of(const RecursionOptions&
 
 const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialState initial,
                                              const std::vector<StateSpace>& derivatives,
-                                             Path path) {
+                                             EvaluationMethod method) {
   Recordings& r = *recordings_;
   if (r.all.empty()) throw std::invalid_argument("likelihood: there is no recording");
   check_shapes(model, initial, derivatives);
@@ -222,9 +222,10 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   out.value = 0.0;
   out.gradient.setZero(k);
   out.information.setZero(k, k);
-  r.taken = PathTaken{};
+  r.taken = EvaluationTaken{};
 
-  const bool kernel_may = path == Path::automatic || path == Path::compressed;
+  const bool kernel_may =
+      method == EvaluationMethod::automatic || method == EvaluationMethod::autocovariances;
   const FallbackReason why =
       kernel_may ? r.prepare_kernel(model, initial, derivatives) : FallbackReason::not_requested;
   const bool by_kernel = why == FallbackReason::none;
@@ -239,7 +240,7 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
       }
     }
     RecursionOptions options;
-    options.constant_gain = path != Path::direct;
+    options.constant_gain = method != EvaluationMethod::time_varying;
     options.segments = &recording.segments;
     if (by_kernel) options.kernel = r.kernel.get();
     const Likelihood one =
@@ -258,9 +259,10 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   }
   if (!by_kernel) r.taken.fallback = why;
   if (2 * compressed > total) {
-    r.taken.path = Path::compressed;
+    r.taken.method = EvaluationMethod::autocovariances;
   } else {
-    r.taken.path = path == Path::direct ? Path::direct : Path::steady;
+    r.taken.method = method == EvaluationMethod::time_varying ? EvaluationMethod::time_varying
+                                                              : EvaluationMethod::steady_state;
   }
   if (!(std::isfinite(out.value) && out.gradient.allFinite() && out.information.allFinite())) {
     out.status = FilterStatus::not_finite;

@@ -13,14 +13,14 @@
 namespace identikal {
 
 /// Evaluation methods of the same log-likelihood.
-enum class Path {
-  automatic,   ///< the cheapest that is exact for the model and the recording
-  direct,      ///< the full recursion at every sample
-  steady,      ///< constant gain once covariance and derivatives have settled to rounding
-  compressed,  ///< gapless segments from their sample autocovariances, at a cost that does not
-               ///< depend on their length
+enum class EvaluationMethod {
+  automatic,        ///< the cheapest that is exact for the model and the recording
+  time_varying,     ///< the full recursion at every sample
+  steady_state,     ///< constant gain once covariance and derivatives have settled to rounding
+  autocovariances,  ///< gapless segments from their sample autocovariances, at a cost that does
+                    ///< not depend on their length
 };
-const char* to_string(Path path);
+const char* to_string(EvaluationMethod method);
 
 /// Why a part of the recordings was not evaluated from sample autocovariances.
 enum class FallbackReason {
@@ -41,8 +41,9 @@ enum class FallbackReason {
 /// A sentence for people.
 const char* describe(FallbackReason fallback);
 
-struct PathTaken {
-  Path path = Path::direct;  ///< the method that most samples were evaluated by
+struct EvaluationTaken {
+  /// Which most samples were evaluated by.
+  EvaluationMethod method = EvaluationMethod::time_varying;
   FallbackReason fallback = FallbackReason::none;
   double pole = 0.0;  ///< largest absolute eigenvalue of A - K C; 0 when not computed
 };
@@ -72,20 +73,20 @@ class LikelihoodEngine {
   ///   N [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + tr(M dK_i Sigma dK_j') ]
   /// when all parameters are of the noise, else with the sums that the recording supplied for x, z
   /// from its own start on, less what is not known of that start
-  /// (lib/filter/internal/compressed_information.h). No memory is allocated from the second evaluation
-  /// of a model of up to 6 states on, when all parameters are of the noise and Path::compressed is
-  /// possible.
+  /// (lib/filter/internal/compressed_information.h). No memory is allocated from the second
+  /// evaluation of a model of up to 6 states on, when all parameters are of the noise and
+  /// EvaluationMethod::autocovariances is possible.
   /// @throws std::invalid_argument when shapes disagree or there is no recording.
   const Likelihood& evaluate(const StateSpace& model, InitialState initial,
                              const std::vector<StateSpace>& derivatives = {},
-                             Path path = Path::automatic);
+                             EvaluationMethod method = EvaluationMethod::automatic);
 
   /// The sum over all recordings of score_products() in lib/filter/kalman.h; empty when a filter
   /// does not run.
   Eigen::MatrixXd score_products(const StateSpace& model, InitialState initial,
                                  const std::vector<StateSpace>& derivatives) const;
 
-  const PathTaken& path_taken() const;  ///< of the last evaluation
+  const EvaluationTaken& evaluation_taken() const;  ///< of the last evaluation
 
  private:
   struct Recordings;

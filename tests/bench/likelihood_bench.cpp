@@ -84,7 +84,8 @@ double roof() {
   return value;
 }
 
-void evaluate(benchmark::State& state, int number, Index N, Path path, bool derivatives) {
+void evaluate(benchmark::State& state, int number, Index N, EvaluationMethod method,
+              bool derivatives) {
   const MatiskoSystem system = system_of(number);
   const MatrixXd &y = recording(number, N), u(0, y.cols());
   const StateSpace m = true_system(system);
@@ -92,15 +93,15 @@ void evaluate(benchmark::State& state, int number, Index N, Path path, bool deri
                              : std::vector<StateSpace>{};
   LikelihoodEngine engine;
   engine.add_recording(y, u);
-  engine.evaluate(m, InitialState::stationary, d, path);
-  if (engine.path_taken().path != path) state.SkipWithError("another path ran");
+  engine.evaluate(m, InitialState::stationary, d, method);
+  if (engine.evaluation_taken().method != method) state.SkipWithError("another method ran");
   for (auto _ : state) {
-    benchmark::DoNotOptimize(engine.evaluate(m, InitialState::stationary, d, path).value);
+    benchmark::DoNotOptimize(engine.evaluate(m, InitialState::stationary, d, method).value);
   }
   const auto samples = static_cast<double>(y.cols());
   state.counters["ns_per_sample"] = benchmark::Counter(
       samples * 1e-9, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
-  if (path == Path::steady && !derivatives) {
+  if (method == EvaluationMethod::steady_state && !derivatives) {
     state.counters["of_fma_roof"] = benchmark::Counter(
         samples * floor_per_sample(m) / roof(), benchmark::Counter::kIsIterationInvariantRate);
   }
@@ -150,7 +151,7 @@ void register_files() {
       fit(state, number, 0, true);
     })->Unit(benchmark::kMicrosecond);
     benchmark::RegisterBenchmark(("file/value/" + name).c_str(), [=](benchmark::State& state) {
-      evaluate(state, number, 0, Path::compressed, false);
+      evaluate(state, number, 0, EvaluationMethod::autocovariances, false);
     })->Unit(benchmark::kMicrosecond);
   }
 }
@@ -162,12 +163,15 @@ void register_all() {
   for (const int number : {1, 6, 7, 0}) {
     for (const Index N : {1000L, 10000L, 100000L, 1000000L, 10000000L}) {
       const std::string at = std::string(label(number)) + "/N:" + std::to_string(N);
-      for (const Path path : {Path::direct, Path::steady, Path::compressed}) {
-        if (path == Path::direct && N > 100000) continue;  // its cost is proportional to N
+      for (const EvaluationMethod method :
+           {EvaluationMethod::time_varying, EvaluationMethod::steady_state,
+            EvaluationMethod::autocovariances}) {
+        if (method == EvaluationMethod::time_varying && N > 100000)
+          continue;  // its cost is proportional to N
         for (const bool derivatives : {false, true}) {
           const std::string what = derivatives ? "all/" : "value/";
-          named(what + to_string(path) + "/" + at, [=](benchmark::State& state) {
-            evaluate(state, number, N, path, derivatives);
+          named(what + to_string(method) + "/" + at, [=](benchmark::State& state) {
+            evaluate(state, number, N, method, derivatives);
           })->Unit(benchmark::kMicrosecond);
         }
       }

@@ -142,11 +142,11 @@ TEST_F(FormulaForm, System7AsFormulasTakesTheCompressedPath) {
   RecordingsLikelihood formulas(model, recordings);
   const Likelihood* found = formulas.evaluate(model.parameters, true);
   ASSERT_NE(found, nullptr);
-  EXPECT_EQ(formulas.path_taken().path, Path::compressed);
-  RecordingsLikelihood direct(model, recordings, Path::direct);
+  EXPECT_EQ(formulas.evaluation_taken().method, EvaluationMethod::autocovariances);
+  RecordingsLikelihood direct(model, recordings, EvaluationMethod::time_varying);
   const Likelihood* expected = direct.evaluate(model.parameters, true);
   std::printf("System 7 as formulas: path %s, log-likelihood %.10g, %.1e from the direct path\n",
-              to_string(formulas.path_taken().path), found->value,
+              to_string(formulas.evaluation_taken().method), found->value,
               found->value / expected->value - 1.0);
   EXPECT_NEAR(found->value / expected->value, 1.0, 1e-9);
 }

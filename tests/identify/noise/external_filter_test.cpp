@@ -109,7 +109,7 @@ TEST(ExternalFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
   const ModelFile start = tracking_model(0.02, 0.0018);
   const Estimate own = fit_external_filter(start.parameters, run);
   NoiseMlOptions direct;  // whose information has the sample's own terms, as the differences have
-  direct.path = Path::direct;
+  direct.evaluation = EvaluationMethod::time_varying;
   const Estimate built_in = tune_ml(start, {data}, direct);
   ASSERT_EQ(own.status, Status::ok);
   ASSERT_EQ(built_in.status, Status::ok);

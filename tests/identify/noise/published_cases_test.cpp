@@ -205,8 +205,8 @@ class LaterLikelihood {
   LaterLikelihood(const ModelFile& model, const Dataset& data, Index first)
       : all_{data},
         before_{data},
-        of_all_(model, all_, Path::direct),
-        of_before_(model, cut(before_, first), Path::direct) {}
+        of_all_(model, all_, EvaluationMethod::time_varying),
+        of_before_(model, cut(before_, first), EvaluationMethod::time_varying) {}
 
   LikelihoodProblem problem() {
     LikelihoodProblem out = of_all_.problem();

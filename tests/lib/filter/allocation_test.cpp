@@ -39,7 +39,8 @@ TEST(Allocation, NoneInsideAnEvaluation) {
       LikelihoodEngine engine;
       engine.add_recording(y, u);
       engine.evaluate(m, InitialState::stationary, derivatives);
-      ASSERT_EQ(engine.path_taken().path, Path::compressed) << n << " " << ny;
+      ASSERT_EQ(engine.evaluation_taken().method, EvaluationMethod::autocovariances)
+          << n << " " << ny;
       allocations = 0;
       counting = true;
       const double value = engine.evaluate(m, InitialState::stationary, derivatives).value;

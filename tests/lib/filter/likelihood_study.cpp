@@ -1,4 +1,5 @@
-// Agreement of the likelihood's paths on long recordings, and definiteness over a million samples.
+// Agreement of the likelihood's evaluation methods on long recordings, and definiteness over a
+// million samples.
 #include <cmath>
 #include <cstdio>
 
@@ -27,10 +28,12 @@ TEST(LikelihoodStudy, PathsAgreeOnLongRecordings) {
     for (int i = 0; i < 3; ++i) derivatives.push_back(random_direction(random, m));
     LikelihoodEngine engine;
     engine.add_recording(y, u);
-    const Likelihood full = engine.evaluate(m, InitialState::stationary, derivatives, Path::direct);
-    for (const Path path : {Path::steady, Path::compressed}) {
-      const Likelihood l = engine.evaluate(m, InitialState::stationary, derivatives, path);
-      ASSERT_EQ(engine.path_taken().path, path);
+    const Likelihood full =
+        engine.evaluate(m, InitialState::stationary, derivatives, EvaluationMethod::time_varying);
+    for (const EvaluationMethod method :
+         {EvaluationMethod::steady_state, EvaluationMethod::autocovariances}) {
+      const Likelihood l = engine.evaluate(m, InitialState::stationary, derivatives, method);
+      ASSERT_EQ(engine.evaluation_taken().method, method);
       value = std::max(value, std::abs(l.value / full.value - 1.0));
       gradient = std::max(gradient, (l.gradient - full.gradient).cwiseAbs().maxCoeff() /
                                         full.gradient.cwiseAbs().maxCoeff());
@@ -51,12 +54,14 @@ TEST(LikelihoodStudy, StaysDefiniteOverAMillionSamples) {
     m.R = scale * Eigen::Vector2d(1.5, 3.0).asDiagonal().toDenseMatrix();
     LikelihoodEngine engine;
     engine.add_recording(y, u);
-    const Likelihood full = engine.evaluate(m, InitialState::stationary, {}, Path::direct);
+    const Likelihood full =
+        engine.evaluate(m, InitialState::stationary, {}, EvaluationMethod::time_varying);
     ASSERT_EQ(full.status, FilterStatus::ok) << scale;
     const Likelihood automatic = engine.evaluate(m, InitialState::stationary);
     ASSERT_EQ(automatic.status, FilterStatus::ok) << scale;
-    printf("R x %.0e: %.6f by the full recursion, %.1e from it on the %s path\n", scale, full.value,
-           automatic.value / full.value - 1.0, to_string(engine.path_taken().path));
+    printf("R x %.0e: %.6f by the full recursion, %.1e from it by %s\n", scale,
+           full.value, automatic.value / full.value - 1.0,
+           to_string(engine.evaluation_taken().method));
     EXPECT_LT(std::abs(automatic.value / full.value - 1.0), 1e-9);
   }
 }

@@ -62,14 +62,16 @@ double relative(const MatrixXd& a, const MatrixXd& b) {
 struct Differences {
   double value = 0.0, gradient = 0.0, information = 0.0;
 };
-Differences compare(const LikelihoodCase& c, InitialState initial, Path path, Path* taken) {
+Differences compare(const LikelihoodCase& c, InitialState initial, EvaluationMethod method,
+                    EvaluationMethod* taken) {
   LikelihoodEngine engine;
   engine.add_recording(c.y, c.u);
-  const Likelihood fast = engine.evaluate(c.model, initial, c.derivatives, path);
-  *taken = engine.path_taken().path;
+  const Likelihood fast = engine.evaluate(c.model, initial, c.derivatives, method);
+  *taken = engine.evaluation_taken().method;
   LikelihoodEngine reference;
   reference.add_recording(c.y, c.u);
-  const Likelihood full = reference.evaluate(c.model, initial, c.derivatives, Path::direct);
+  const Likelihood full =
+      reference.evaluate(c.model, initial, c.derivatives, EvaluationMethod::time_varying);
   EXPECT_EQ(fast.status, full.status);
   if (full.status != FilterStatus::ok) {
     // A state that is forgotten before it is seen.
@@ -86,10 +88,11 @@ TEST(Likelihood, PathsAgree) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     const LikelihoodCase c = random_case(seed, 2000, seed % 2 == 0);
     for (const InitialState initial : kStarts) {
-      for (const Path path : {Path::steady, Path::automatic}) {
-        Path taken;
-        const Differences d = compare(c, initial, path, &taken);
-        compressed += taken == Path::compressed;
+      for (const EvaluationMethod method :
+           {EvaluationMethod::steady_state, EvaluationMethod::automatic}) {
+        EvaluationMethod taken;
+        const Differences d = compare(c, initial, method, &taken);
+        compressed += taken == EvaluationMethod::autocovariances;
         Differences& w = worst[static_cast<int>(taken) - 1];
         w = {std::max(w.value, d.value), std::max(w.gradient, d.gradient),
              std::max(w.information, d.information)};
@@ -99,10 +102,11 @@ TEST(Likelihood, PathsAgree) {
     }
   }
   EXPECT_GT(compressed, 25);
-  for (const Path path : {Path::steady, Path::compressed}) {
-    const Differences& w = worst[static_cast<int>(path) - 1];
+  for (const EvaluationMethod method :
+       {EvaluationMethod::steady_state, EvaluationMethod::autocovariances}) {
+    const Differences& w = worst[static_cast<int>(method) - 1];
     printf("%s: value %.1e, gradient %.1e, information %.1e of the full recursion's\n",
-           to_string(path), w.value, w.gradient, w.information);
+           to_string(method), w.value, w.gradient, w.information);
   }
 }
 
@@ -117,9 +121,9 @@ TEST(Likelihood, GapsSplitTheRecordingIntoSegments) {
     knock_out(c.y, 1570, 1, 0);
     knock_out(c.y, 2999, 1, -1);
     for (const InitialState initial : kStarts) {
-      Path taken;
-      const Differences d = compare(c, initial, Path::automatic, &taken);
-      compressed += taken == Path::compressed;
+      EvaluationMethod taken;
+      const Differences d = compare(c, initial, EvaluationMethod::automatic, &taken);
+      compressed += taken == EvaluationMethod::autocovariances;
       worst.value = std::max(worst.value, d.value);
       worst.gradient = std::max(worst.gradient, d.gradient);
       EXPECT_LT(d.value, 1e-10) << seed;
@@ -147,7 +151,7 @@ TEST(Likelihood, CompressedEqualsTheJointDensityOfAShortRecord) {
     for (const InitialState initial : kStarts) {
       if (initial == InitialState::diffuse && n > ny) continue;  // forgotten before it is seen
       const Likelihood l = engine.evaluate(c.model, initial);
-      if (engine.path_taken().path != Path::compressed) continue;
+      if (engine.evaluation_taken().method != EvaluationMethod::autocovariances) continue;
       ASSERT_EQ(l.status, FilterStatus::ok);
       ++compressed;
       VectorXd x0 = VectorXd::Zero(n);
@@ -175,7 +179,7 @@ TEST(Likelihood, CompressedGradientMatchesDifferences) {
     engine.add_recording(c.y, c.u);
     for (const InitialState initial : kStarts) {
       const Likelihood l = engine.evaluate(c.model, initial, c.derivatives);
-      if (engine.path_taken().path != Path::compressed) continue;
+      if (engine.evaluation_taken().method != EvaluationMethod::autocovariances) continue;
       VectorXd differences(l.gradient.size());
       for (Index i = 0; i < differences.size(); ++i) {
         const auto at = [&](double h) {
@@ -224,7 +228,7 @@ TEST(Likelihood, CompressedInformationIsTheCovarianceOfTheScore) {
       LikelihoodEngine engine;
       engine.add_recording(y, u);
       const Likelihood l = engine.evaluate(m, InitialState::given, d);
-      ASSERT_EQ(engine.path_taken().path, Path::compressed);
+      ASSERT_EQ(engine.evaluation_taken().method, EvaluationMethod::autocovariances);
       scores.col(run) = l.gradient;
       information += l.information / runs;
     }
@@ -253,9 +257,9 @@ TEST(Likelihood, SlowFiltersFallBackAndSaySo) {
   engine.add_recording(y, u);
   const Likelihood l = engine.evaluate(m, InitialState::diffuse);
   EXPECT_EQ(l.status, FilterStatus::ok);
-  EXPECT_EQ(engine.path_taken().path, Path::steady);
-  EXPECT_EQ(engine.path_taken().fallback, FallbackReason::long_memory);
-  EXPECT_NEAR(engine.path_taken().pole, 0.999, 1e-5);
+  EXPECT_EQ(engine.evaluation_taken().method, EvaluationMethod::steady_state);
+  EXPECT_EQ(engine.evaluation_taken().fallback, FallbackReason::long_memory);
+  EXPECT_NEAR(engine.evaluation_taken().pole, 0.999, 1e-5);
   EXPECT_NEAR(l.value, log_likelihood(m, InitialState::diffuse, y, u).value, 1e-6);
 }
 
@@ -297,7 +301,8 @@ void expect_same(const StateSpace& m, InitialState initial, const MatrixXd& y, c
                  double gradient_tolerance = 1e-6) {
   LikelihoodEngine engine;
   engine.add_recording(y, u);
-  const Likelihood direct = engine.evaluate(m, initial, derivatives, Path::direct);
+  const Likelihood direct =
+      engine.evaluate(m, initial, derivatives, EvaluationMethod::time_varying);
   ASSERT_EQ(direct.status, FilterStatus::ok);
   const Likelihood automatic = engine.evaluate(m, initial, derivatives);
   ASSERT_EQ(automatic.status, FilterStatus::ok);
@@ -344,9 +349,10 @@ TEST(Likelihood, ASwingFromAKnownStartIsInformation) {
       if (gap) knock_out(y, 20, 3, -1);
       LikelihoodEngine engine;
       engine.add_recording(y, u);
-      const MatrixXd direct = engine.evaluate(m, InitialState::given, d, Path::direct).information;
+      const MatrixXd direct =
+          engine.evaluate(m, InitialState::given, d, EvaluationMethod::time_varying).information;
       const MatrixXd compressed = engine.evaluate(m, InitialState::given, d).information;
-      ASSERT_EQ(engine.path_taken().path, Path::compressed);
+      ASSERT_EQ(engine.evaluation_taken().method, EvaluationMethod::autocovariances);
       const VectorXd scale = direct.diagonal().cwiseSqrt().cwiseInverse();
       const MatrixXd error = scale.asDiagonal() * (compressed - direct) * scale.asDiagonal();
       printf("swing %.1f%s: information %.1e of the full recursion's apart\n", swing,
@@ -402,7 +408,7 @@ TEST(Likelihood, CancellationIsSeen) {
     const MatrixXd y = simulate_outputs(random, m, u, 2000);
     StateSpace by_Q = zero_like(m);
     by_Q.Q.setOnes();
-    // At 1e-8 the condition of Sigma, 4e8, takes half of all digits on every path.
+    // At 1e-8 the condition of Sigma, 4e8, takes half of all digits by every method.
     expect_same(m, InitialState::stationary, y, u, {by_Q}, 0.2, R < 1e-7 ? 1e-5 : 1e-6);
   }
 }
@@ -421,8 +427,10 @@ TEST(Likelihood, AVarianceAtZeroStillHasADerivative) {
   by_Q.Q.setIdentity();
   LikelihoodEngine engine;
   engine.add_recording(y, u);
-  const Likelihood direct = engine.evaluate(m, InitialState::given, {by_Q}, Path::direct);
-  const Likelihood steady = engine.evaluate(m, InitialState::given, {by_Q}, Path::steady);
+  const Likelihood direct =
+      engine.evaluate(m, InitialState::given, {by_Q}, EvaluationMethod::time_varying);
+  const Likelihood steady =
+      engine.evaluate(m, InitialState::given, {by_Q}, EvaluationMethod::steady_state);
   EXPECT_LT(relative(steady.gradient, direct.gradient), 1e-9);
   EXPECT_LT(relative(steady.information, direct.information), 1e-9);
 }
@@ -440,10 +448,11 @@ TEST(Likelihood, DiffuseStartsDoNotDependOnTheUnitsOfTheStates) {
     StateSpace other = m;  // the second state counted in `unit`
     other.A(0, 1) *= unit;
     other.G(1, 1) /= unit;
-    for (const Path path : {Path::direct, Path::compressed}) {
+    for (const EvaluationMethod method :
+         {EvaluationMethod::time_varying, EvaluationMethod::autocovariances}) {
       LikelihoodEngine engine;
       engine.add_recording(y, u);
-      const Likelihood l = engine.evaluate(other, InitialState::diffuse, {}, path);
+      const Likelihood l = engine.evaluate(other, InitialState::diffuse, {}, method);
       ASSERT_EQ(l.status, FilterStatus::ok) << unit;
       // A diffuse density is one per unit of the states.
       EXPECT_NEAR(l.value + std::log(unit), expected, 1e-9 * std::abs(expected)) << unit;
@@ -461,13 +470,14 @@ TEST(Likelihood, RefusesShapesThatDisagree) {
   StateSpace no_start = c.model, larger = c.model;
   no_start.x0.resize(0);
   larger.A = MatrixXd::Zero(1 + larger.A.rows(), 1 + larger.A.rows());
-  for (const Path path : {Path::direct, Path::automatic}) {
-    EXPECT_THROW(engine.evaluate(no_start, InitialState::given, {}, path), std::invalid_argument);
-    EXPECT_THROW(engine.evaluate(c.model, InitialState::given, {no_start}, path),
+  for (const EvaluationMethod method :
+       {EvaluationMethod::time_varying, EvaluationMethod::automatic}) {
+    EXPECT_THROW(engine.evaluate(no_start, InitialState::given, {}, method), std::invalid_argument);
+    EXPECT_THROW(engine.evaluate(c.model, InitialState::given, {no_start}, method),
                  std::invalid_argument);
-    EXPECT_THROW(engine.evaluate(c.model, InitialState::stationary, {larger}, path),
+    EXPECT_THROW(engine.evaluate(c.model, InitialState::stationary, {larger}, method),
                  std::invalid_argument);
-    EXPECT_THROW(engine.evaluate(StateSpace(), InitialState::stationary, {}, path),
+    EXPECT_THROW(engine.evaluate(StateSpace(), InitialState::stationary, {}, method),
                  std::invalid_argument);
   }
 }
