@@ -59,9 +59,8 @@ TEST(LikelihoodStudy, StaysDefiniteOverAMillionSamples) {
     ASSERT_EQ(full.status, FilterStatus::ok) << scale;
     const Likelihood automatic = engine.evaluate(m, InitialState::stationary);
     ASSERT_EQ(automatic.status, FilterStatus::ok) << scale;
-    printf("R x %.0e: %.6f by the full recursion, %.1e from it by %s\n", scale,
-           full.value, automatic.value / full.value - 1.0,
-           to_string(engine.evaluation_taken().method));
+    printf("R x %.0e: %.6f by the full recursion, %.1e from it by %s\n", scale, full.value,
+           automatic.value / full.value - 1.0, to_string(engine.evaluation_taken().method));
     EXPECT_LT(std::abs(automatic.value / full.value - 1.0), 1e-9);
   }
 }
