@@ -26,7 +26,7 @@ struct InfoOptions {
   bool vehicle = false, json = false;
 };
 
-Estimate surveyed(const std::vector<Table>& files, const std::optional<ModelFile>& model,
+Estimate surveyed(const std::vector<Table>& files, const std::optional<Model>& model,
                   const TimeRange& range, Inputs& inputs) {
   Estimate estimate;
   estimate.verb = "info";
@@ -49,13 +49,13 @@ Estimate surveyed(const std::vector<Table>& files, const std::optional<ModelFile
 }
 
 // A survey of each recording, as a person or a program reads it.
-Outcome survey_vehicles(const InfoOptions& options, const std::optional<ModelFile>& model,
+Outcome survey_vehicles(const InfoOptions& options, const std::optional<Model>& model,
                         const std::vector<std::string>& recordings, Inputs& inputs) {
   if (options.json && recordings.size() > 1) {
     throw InputError({}, fmt::format("{} recordings with --json", recordings.size()), "one");
   }
-  if (model && model->form != ModelFile::Form::single_track) {
-    throw InputError({model->path, 0, 0}, "--vehicle with a linear model", "model: single-track");
+  if (model && !is_vehicle(*model)) {
+    throw InputError({model->source, 0, 0}, "--vehicle with a linear model", "model: single-track");
   }
   Outcome out;
   for (const std::string& argument : recordings) {
@@ -73,7 +73,7 @@ Outcome survey_vehicles(const InfoOptions& options, const std::optional<ModelFil
   return out;
 }
 
-std::string columns_text(const std::string& argument, const std::optional<ModelFile>& model,
+std::string columns_text(const std::string& argument, const std::optional<Model>& model,
                          const TimeRange& range, Inputs& inputs) {
   std::string text;
   const std::vector<Table> files = read_files(argument, inputs);
@@ -93,7 +93,7 @@ std::string columns_text(const std::string& argument, const std::optional<ModelF
 Outcome info(const InfoOptions& options, Call& call) {
   Inputs& inputs = call.inputs;
   std::vector<std::string> recordings = options.files;
-  std::optional<ModelFile> model;
+  std::optional<Model> model;
   if (const auto file =
           std::find_if(recordings.begin(), recordings.end(),
                        [&](const std::string& name) { return inputs.is_model(name); });

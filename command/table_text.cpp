@@ -117,7 +117,7 @@ std::string table_text(const Table& table) {
   return out;
 }
 
-std::string channels_text(const ModelFile& model, const Dataset& data) {
+std::string channels_text(const Model& model, const Dataset& data) {
   std::string out =
       fmt::format("\n{} takes {} rows, step {:.6g} s, from {:.6g} s to {:.6g} s\n", model.name,
                   data.size(), data.dt, data.time[0], data.time[data.size() - 1]);

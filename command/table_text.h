@@ -15,6 +15,6 @@ std::string table_text(const Table& table);
 
 /// What the model takes from the recording: channels in SI with range and excitation.
 /// @throws InputError as make_dataset()
-std::string channels_text(const ModelFile& model, const Dataset& data);
+std::string channels_text(const Model& model, const Dataset& data);
 
 }  // namespace identikal

@@ -2,6 +2,7 @@
 // through the extended Kalman filter. The data are made here, so that the truth is known.
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/noise/ml.h"
@@ -28,9 +29,9 @@ struct Pendulum {
 int main() {
   using namespace identikal;
   using Eigen::MatrixXd;
-  ModelFile model;
-  model.form = ModelFile::Form::nonlinear;
-  model.formulas.model = make_nonlinear_model(trace(Pendulum(), {2, 1, 4, 1}), Derivatives::second);
+  Model model;
+  FormulaModel pendulum;
+  pendulum.equations = make_nonlinear_model(trace(Pendulum(), {2, 1, 4, 1}), Derivatives::second);
   const std::pair<const char*, double> values[] = {
       {"length", 0.8}, {"friction", 0.3}, {"q", 0.02}, {"r", 1e-4}};
   for (const auto& [name, value] : values) {
@@ -40,7 +41,7 @@ int main() {
     p.min = 0.0;
     model.parameters.push_back(p);
   }
-  LinearModel& noise = model.linear;  // q disturbs the rate, r is the sensor's
+  LinearModel& noise = pendulum.noise;  // q disturbs the rate, r is the sensor's
   noise.A.constant = noise.G.constant = MatrixXd::Identity(2, 2);
   noise.Q.constant = MatrixXd::Zero(2, 2);
   noise.Q.entries = {{1, 1, 2, 1.0}};
@@ -50,6 +51,7 @@ int main() {
   noise.P0.constant = 0.01 * MatrixXd::Identity(2, 2);
   noise.initial = InitialState::given;
   noise.noise = ProcessNoise::density;
+  model.form = std::move(pendulum);
 
   Dataset data;
   data.dt = 0.02;

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    const ModelFile model = read_model_file(argv[1]);
+    const Model model = read_model_file(argv[1]);
     const Dataset data = make_dataset(read_csv(argv[2]), model.time, model.inputs, model.outputs);
     const Estimate estimate = fit_vehicle(model, data);
     for (const EstimatedParameter& p : estimate.parameters) {

@@ -14,12 +14,12 @@ int main(int argc, char** argv) {
   }
   try {
     // x(t+1) = x + w, y = x + v: a level that wanders and is measured with an error.
-    const ModelFile level = linear_model()
-                                .A(1)
-                                .C(1)
-                                .process_noise(variance("q", 1000))
-                                .measurement_noise(variance("r", 1000))
-                                .diffuse();
+    const Model level = linear_model()
+                            .A(1)
+                            .C(1)
+                            .process_noise(variance("q", 1000))
+                            .measurement_noise(variance("r", 1000))
+                            .diffuse();
     const Table file = read_csv(argv[1]);
     const Dataset years = recording(level, file.find("volume")->values, 1.0);
     const Estimate estimate = tune_ml(level, {years});

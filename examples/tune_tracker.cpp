@@ -10,13 +10,13 @@ namespace {
 
 identikal::Estimate tuned_tracker(const Eigen::VectorXd& positions, double dt) {
   using namespace identikal;
-  const ModelFile tracker = linear_model()
-                                .A({{1, dt}, {0, 1}})
-                                .G({{dt * dt / 2}, {dt}})
-                                .C({{1, 0}})
-                                .process_noise(variance("q"))
-                                .measurement_noise(variance("r"))
-                                .diffuse();
+  const Model tracker = linear_model()
+                            .A({{1, dt}, {0, 1}})
+                            .G({{dt * dt / 2}, {dt}})
+                            .C({{1, 0}})
+                            .process_noise(variance("q"))
+                            .measurement_noise(variance("r"))
+                            .diffuse();
   return tune_ml(tracker, {recording(tracker, positions, dt)});
 }
 

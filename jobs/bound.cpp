@@ -56,9 +56,9 @@ void check_options(const BoundRequest& request, bool nonlinear) {
 
 Outcome bound(const BoundRequest& request, Call& call) {
   const Run run{"bound", call, request.model.file, {}, request.result};
-  ModelFile model = load_model(request.model, run.verb, call.inputs);
+  Model model = load_model(request.model, run.verb, call.inputs);
   require_filter(model, run.verb);
-  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  const bool nonlinear = is_formula_model(model);
   Recordings recordings;
   std::optional<Dataset> planned;
   if (!request.inputs.empty()) {

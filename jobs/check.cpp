@@ -33,7 +33,7 @@ Outcome compare(const CheckOptions& given, Call& call) {
 Outcome check(const CheckOptions& options, Call& call) {
   if (options.compare) return compare(options, call);
   const Run run{"check", call, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb, call.inputs);
+  Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());

@@ -66,7 +66,7 @@ Outcome compare_models(const CompareOptions& options, Call& call) {
     throw InputError({}, "no recording on the command line",
                      "identikal compare A.yaml B.yaml DATA");
   }
-  std::vector<ModelFile> models;
+  std::vector<Model> models;
   std::vector<std::vector<Dataset>> recordings;
   Recordings loaded;
   ModelOptions each = options.model;

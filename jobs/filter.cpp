@@ -21,7 +21,7 @@ struct FilterOptions {
 };
 
 // States alone, for a program that reads standard input; warnings go where they disturb nobody.
-Outcome states_alone(const Run& run, const ModelFile& model, const Recordings& recordings,
+Outcome states_alone(const Run& run, const Model& model, const Recordings& recordings,
                      const FilterRun& states) {
   std::ostringstream csv;
   write_states_csv(csv, model, recordings.data, states);
@@ -62,7 +62,7 @@ Outcome filter(const FilterOptions& given, Call& call) {
     throw InputError({}, "--smooth and --lag", "one of them",
                      "--smooth takes the whole recording, --lag N what came up to N samples later");
   }
-  ModelFile model = load_model(given.model, run.verb, call.inputs);
+  Model model = load_model(given.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
   const std::vector<Warning> origin = warnings_of_origin(given.model, call.inputs);

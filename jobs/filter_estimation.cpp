@@ -11,8 +11,8 @@
 namespace identikal {
 namespace {
 
-void validate_on(const std::vector<HeldOut>& held_out, const ModelFile& model,
-                 Recordings& recordings, Estimate& estimate) {
+void validate_on(const std::vector<HeldOut>& held_out, const Model& model, Recordings& recordings,
+                 Estimate& estimate) {
   report_hold_out(estimate, model, held_out);
   for (const HeldOut& held : held_out) {
     recordings.held_out.push_back(samples_from(held.recording, held.from));
@@ -38,7 +38,7 @@ NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   return options;
 }
 
-Outcome estimate_filter(const Run& run, ModelFile model, const RecordingOptions& options,
+Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& options,
                         const std::string& held_out, bool reject_outliers,
                         const FilterEstimator& estimator) {
   Recordings recordings = load_recordings(options, model, run.verb, run.call.inputs);

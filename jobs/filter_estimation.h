@@ -14,11 +14,11 @@ namespace identikal {
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run);
 
 using FilterEstimator =
-    std::function<Estimate(const ModelFile& model, const std::vector<Dataset>& recordings)>;
+    std::function<Estimate(const Model& model, const std::vector<Dataset>& recordings)>;
 
 /// Loads the recordings, estimates, validates on what is held out, and finishes.
 /// @param reject_outliers  samples that are outliers are found and left out
-Outcome estimate_filter(const Run& run, ModelFile model, const RecordingOptions& options,
+Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& options,
                         const std::string& held_out, bool reject_outliers,
                         const FilterEstimator& estimator);
 

@@ -29,9 +29,9 @@ VehicleFitOptions::Method vehicle_method(const std::string& name) {
   return VehicleFitOptions{}.method;
 }
 
-Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const ModelFile& model) {
+Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& model) {
   if (given.reject_outliers) {
-    throw InputError({model.path, 0, 0}, "--reject-outliers does not apply to a vehicle",
+    throw InputError({model.source, 0, 0}, "--reject-outliers does not apply to a vehicle",
                      "--robust");
   }
   Recordings recordings = load_recordings(given.recordings, model, run.verb, run.call.inputs);
@@ -56,12 +56,12 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const ModelFile& 
 }
 
 // Free physical parameters of a filter are found by the same likelihood as its noise.
-Outcome fit_a_filter(const FitOptions& given, const Run& run, ModelFile model) {
+Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
   for (const auto& [is_given, option] :
        {std::pair{given.bootstrap > 0, std::string("--bootstrap")},
         std::pair{!given.method.empty(), "--method " + given.method}}) {
     if (!is_given) continue;
-    throw InputError({model.path, 0, 0}, option + " does not apply to a filter",
+    throw InputError({model.source, 0, 0}, option + " does not apply to a filter",
                      "model: single-track", "a filter is fitted by maximum likelihood");
   }
   if (given.robust) {
@@ -69,7 +69,7 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, ModelFile model) {
            "--robust of a filter is called --reject-outliers now; the next version will not know "
            "the old name");
   }
-  const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
+  const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     return tune_ml(of, recordings, likelihood_options(given.search, run));
   };
   return estimate_filter(run, std::move(model), given.recordings, given.search.hold_out,
@@ -78,9 +78,9 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, ModelFile model) {
 
 Outcome fit(const FitOptions& options, Call& call) {
   const Run run{"fit", call, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb, call.inputs);
-  return model.form == ModelFile::Form::single_track ? fit_a_vehicle(options, run, model)
-                                                     : fit_a_filter(options, run, std::move(model));
+  Model model = load_model(options.model, run.verb, call.inputs);
+  return is_vehicle(model) ? fit_a_vehicle(options, run, model)
+                           : fit_a_filter(options, run, std::move(model));
 }
 
 }  // namespace

@@ -20,29 +20,28 @@
 
 namespace identikal {
 
-void require_linear(const ModelFile& model, const std::string& job) {
-  if (model.form == ModelFile::Form::linear) return;
-  const bool vehicle = model.form == ModelFile::Form::single_track;
-  throw InputError({model.path, 0, 0},
+void require_linear(const Model& model, const std::string& job) {
+  if (is_linear(model)) return;
+  const bool vehicle = is_vehicle(model);
+  throw InputError({model.source, 0, 0},
                    fmt::format("'{}' takes a linear model, this {}", job,
                                vehicle ? "is a vehicle" : "one is not linear in its states"),
                    "a model with A, C, Q, R, or formulas that are linear in states and inputs",
                    vehicle ? "use 'fit'" : "");
 }
 
-void require_filter(const ModelFile& model, const std::string& job) {
-  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) return;
-  throw InputError(
-      {model.path, 0, 0},
-      fmt::format("'{}' takes the model of a filter, this is a {}", job,
-                  model.form == ModelFile::Form::single_track ? "vehicle" : "regression"),
-      "a model with A, C, Q, R, or formulas",
-      model.form == ModelFile::Form::single_track ? "use 'fit'" : "use 'track'");
+void require_filter(const Model& model, const std::string& job) {
+  if (has_filter(model)) return;
+  throw InputError({model.source, 0, 0},
+                   fmt::format("'{}' takes the model of a filter, this is a {}", job,
+                               is_vehicle(model) ? "vehicle" : "regression"),
+                   "a model with A, C, Q, R, or formulas",
+                   is_vehicle(model) ? "use 'fit'" : "use 'track'");
 }
 
 namespace {
 
-ModelFile with_options(ModelFile model, const ModelOptions& options, Inputs& inputs) {
+Model with_options(Model model, const ModelOptions& options, Inputs& inputs) {
   if (!options.from.empty()) {
     const StoredResult result = inputs.result(options.from);
     set_values(model, result.estimate, result.path);
@@ -50,26 +49,26 @@ ModelFile with_options(ModelFile model, const ModelOptions& options, Inputs& inp
   refuse_twice("--set", options.settings);
   for (const std::string& assignment : options.settings) set_parameter(model, assignment);
   if (!options.filter.empty()) {
-    if (model.form != ModelFile::Form::nonlinear) {
+    if (!is_formula_model(model)) {
       throw InputError({}, "--filter does not apply to this model", "a nonlinear model",
                        "the Kalman filter of a linear one is exact");
     }
-    model.formulas.filter = nonlinear_method(options.filter, {});
+    as_formulas(model).filter = nonlinear_method(options.filter, {});
   }
   return model;
 }
 
 }  // namespace
 
-ModelFile load_any_model(const ModelOptions& options, Inputs& inputs) {
+Model load_any_model(const ModelOptions& options, Inputs& inputs) {
   return with_options(parse_model_file(inputs.model_text(options.file), options.file), options,
                       inputs);
 }
 
-ModelFile load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs) {
-  ModelFile model = parse_model_file(inputs.model_text(options.file), options.file);
-  if (model.form == ModelFile::Form::regression) {
-    throw InputError({model.path, 0, 0}, fmt::format("'{}' takes no regression", verb),
+Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs) {
+  Model model = parse_model_file(inputs.model_text(options.file), options.file);
+  if (is_regression(model)) {
+    throw InputError({model.source, 0, 0}, fmt::format("'{}' takes no regression", verb),
                      "identikal track MODEL DATA");
   }
   return with_options(std::move(model), options, inputs);
@@ -81,7 +80,7 @@ std::vector<Table> read_files(const std::string& argument, Inputs& inputs) {
   return out;
 }
 
-std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile& model,
+std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& model,
                                const TimeRange& range, bool with_outputs) {
   if (model.time.restarts && files.size() > 1) {
     throw InputError(model.time.at, "runs: restart with files that are joined",
@@ -95,8 +94,7 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile&
                                 with_outputs ? model.outputs : no_outputs, range);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
     const bool as_recorded =
-        model.form == ModelFile::Form::single_track ||
-        (model.form == ModelFile::Form::nonlinear && model.formulas.model.continuous);
+        is_vehicle(model) || (is_formula_model(model) && as_formulas(model).equations.continuous);
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;
       data = on_uniform_grid(data, step);
@@ -113,7 +111,7 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile&
   return out;
 }
 
-Dataset load_data(const std::vector<Table>& files, const ModelFile& model, const TimeRange& range,
+Dataset load_data(const std::vector<Table>& files, const Model& model, const TimeRange& range,
                   bool with_outputs) {
   std::vector<Dataset> runs = load_runs(files, model, range, with_outputs);
   if (runs.size() > 1) {
@@ -127,14 +125,14 @@ namespace {
 
 // A start that is given, or one at rest, belongs to a recording's begin; a filter that begins
 // elsewhere takes it too.
-void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
+void warn_of_starts(const Model& model, const std::vector<Dataset>& runs,
                     std::vector<Warning>& warnings) {
-  const bool filters =
-      model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear;
+  if (!has_filter(model)) return;
+  const InitialState initial = noise_model(model).initial;
   const bool driven = !model.inputs.empty();
-  const bool of_the_begin = model.linear.initial == InitialState::given ||
-                            (model.linear.initial == InitialState::stationary && driven);
-  if (!filters || !of_the_begin) return;
+  const bool of_the_begin =
+      initial == InitialState::given || (initial == InitialState::stationary && driven);
+  if (!of_the_begin) return;
   struct Starts {
     std::size_t count = 0;
     std::string text;
@@ -171,7 +169,7 @@ void warn_of_starts(const ModelFile& model, const std::vector<Dataset>& runs,
 }
 
 // Without a column of time stamps rows are a step apart: does the file have another one?
-void warn_of_step(const ModelFile& model, const Table& table, std::vector<Warning>& warnings) {
+void warn_of_step(const Model& model, const Table& table, std::vector<Warning>& warnings) {
   if (!model.time.column.empty() || !(model.time.step > 0.0) || table.rows < 2) return;
   const auto read = [&](const Column& column) {
     const auto is_it = [&](const ChannelSource& c) { return c.column == column.name; };
@@ -300,12 +298,12 @@ void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
   for (Dataset& run : runs) data.push_back(std::move(run));
 }
 
-void take_period(ModelFile& model, const Dataset& data) {
-  if (model.time.step == 0.0) model.linear.dt = data.dt;
+void take_period(Model& model, const Dataset& data) {
+  if (has_filter(model) && model.time.step == 0.0) noise_model(model).dt = data.dt;
 }
 
-void check_period(const ModelFile& model, const Dataset& first, const Dataset& other) {
-  const bool any = model.form != ModelFile::Form::linear || model.time.step > 0.0;
+void check_period(const Model& model, const Dataset& first, const Dataset& other) {
+  const bool any = !is_linear(model) || model.time.step > 0.0;
   if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
   throw InputError(
       {other.name, 0, 0},
@@ -314,7 +312,7 @@ void check_period(const ModelFile& model, const Dataset& first, const Dataset& o
       "a discrete-time model belongs to one sampling period");
 }
 
-Recordings load_recordings(const RecordingOptions& options, const ModelFile& model,
+Recordings load_recordings(const RecordingOptions& options, const Model& model,
                            const std::string& verb, Inputs& inputs) {
   const TimeRange range = parse_range(options.range);
   Recordings out;
@@ -336,7 +334,7 @@ Recordings load_recordings(const RecordingOptions& options, const ModelFile& mod
   return out;
 }
 
-std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& model,
+std::vector<HeldOut> hold_out(const std::string& hold_out, const Model& model,
                               const TimeRange& range, Recordings& recordings, Inputs& inputs) {
   std::vector<HeldOut> out;
   if (hold_out.empty()) return out;

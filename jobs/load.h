@@ -19,23 +19,23 @@ namespace identikal {
 
 /// @param job  that the model is for, "tune --method als"; named in the message
 /// @throws InputError
-void require_linear(const ModelFile& model, const std::string& job);
+void require_linear(const Model& model, const std::string& job);
 /// A model whose filter is to run: matrices or formulas. @throws InputError
-void require_filter(const ModelFile& model, const std::string& job);
+void require_filter(const Model& model, const std::string& job);
 
 /// The model file with --from, --set and --filter applied; never a regression. @throws InputError
-ModelFile load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs);
+Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs);
 /// The same, for the verb that takes regressions too.
-ModelFile load_any_model(const ModelOptions& options, Inputs& inputs);
+Model load_any_model(const ModelOptions& options, Inputs& inputs);
 
 /// The files that one DATA argument names, read. @throws InputError
 std::vector<Table> read_files(const std::string& argument, Inputs& inputs);
 /// One recording, or several where the model file says that time restarts or rows are left out.
 /// @throws InputError
-std::vector<Dataset> load_runs(const std::vector<Table>& files, const ModelFile& model,
+std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& model,
                                const TimeRange& range, bool with_outputs = true);
 /// The same where there has to be one.
-Dataset load_data(const std::vector<Table>& files, const ModelFile& model, const TimeRange& range,
+Dataset load_data(const std::vector<Table>& files, const Model& model, const TimeRange& range,
                   bool with_outputs = true);
 
 struct Recordings {
@@ -52,10 +52,10 @@ struct Recordings {
            Inputs& inputs);
 };
 /// Those of all DATA arguments. @throws InputError
-Recordings load_recordings(const RecordingOptions& options, const ModelFile& model,
+Recordings load_recordings(const RecordingOptions& options, const Model& model,
                            const std::string& verb, Inputs& inputs);
 /// A model file that names no sampling period has the recording's.
-void take_period(ModelFile& model, const Dataset& data);
+void take_period(Model& model, const Dataset& data);
 /// The files that a result rests on, and its own: nothing is to be written over them.
 /// @param named  the result as the command line names it
 std::vector<std::string> files_of(const StoredResult& result, const std::string& named);
@@ -64,12 +64,12 @@ std::vector<std::string> files_of_origin(const ModelOptions& options, Inputs& in
 /// Warnings where the result of --from is doubtful, or one of another model file.
 std::vector<Warning> warnings_of_origin(const ModelOptions& options, Inputs& inputs);
 /// A linear model has one sampling period. @throws InputError when that of `other` is another
-void check_period(const ModelFile& model, const Dataset& first, const Dataset& other);
+void check_period(const Model& model, const Dataset& first, const Dataset& other);
 
 /// --hold-out: the last share of every recording, which is taken from it, or another recording.
 /// The record of a file that is one recording says which range is left.
 /// @throws InputError
-std::vector<HeldOut> hold_out(const std::string& hold_out, const ModelFile& model,
+std::vector<HeldOut> hold_out(const std::string& hold_out, const Model& model,
                               const TimeRange& range, Recordings& recordings, Inputs& inputs);
 
 }  // namespace identikal

@@ -37,7 +37,7 @@ ShapeOptions shape_options(const ShapingOptions& given, const Call& call) {
 }
 
 // The spectra, and the models that the filter's states have joined.
-std::vector<ResultFile> files_of(const ModelFile& model, ShapeResult& result) {
+std::vector<ResultFile> files_of(const Model& model, ShapeResult& result) {
   std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
   if (result.model) {
     const Shaping& s = *result.estimate.shaping;
@@ -63,7 +63,7 @@ std::vector<ResultFile> files_of(const ModelFile& model, ShapeResult& result) {
 
 Outcome shape_noise(const ShapingOptions& options, Call& call) {
   const Run run{"shape", call, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb, call.inputs);
+  Model model = load_model(options.model, run.verb, call.inputs);
   require_linear(model, run.verb);
   const ShapeOptions of_search = shape_options(options, call);
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);

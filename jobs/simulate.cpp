@@ -103,7 +103,7 @@ void check_options(const SimulateOptions& options, bool vehicle, bool inputs) {
   }
 }
 
-Simulated simulate_filter(const SimulateOptions& options, const ModelFile& model,
+Simulated simulate_filter(const SimulateOptions& options, const Model& model,
                           std::optional<Dataset> inputs) {
   if (!inputs && options.rows < 1) {
     throw InputError({}, "the number of rows is missing", "-n ROWS");
@@ -112,17 +112,16 @@ Simulated simulate_filter(const SimulateOptions& options, const ModelFile& model
     refuse_twice("--input", options.signals);
     inputs = signal_inputs(model, options.signals, options.rows);
   } else if (!options.signals.empty()) {
-    throw InputError({model.path, 0, 0}, "the model has no inputs", "no --input");
+    throw InputError({model.source, 0, 0}, "the model has no inputs", "no --input");
   }
   const auto seed = static_cast<std::uint64_t>(options.seed);
   const Dataset* given = inputs ? &*inputs : nullptr;
-  return model.form == ModelFile::Form::nonlinear
-             ? simulate_nonlinear(model, options.rows, given, seed)
-             : simulate_linear(model, options.rows, given, seed);
+  return is_formula_model(model) ? simulate_nonlinear(model, options.rows, given, seed)
+                                 : simulate_linear(model, options.rows, given, seed);
 }
 
 Outcome simulate(const SimulateOptions& options, Call& call) {
-  ModelFile model = load_model(options.model, "simulate", call.inputs);
+  Model model = load_model(options.model, "simulate", call.inputs);
   std::optional<Dataset> inputs;
   std::vector<std::string> read = model_and_included(options.model.file, call.inputs);
   if (!options.inputs.empty()) {
@@ -131,7 +130,7 @@ Outcome simulate(const SimulateOptions& options, Call& call) {
     for (const Table& file : files) read.push_back(file.path);
     take_period(model, *inputs);
   }
-  const bool vehicle = model.form == ModelFile::Form::single_track;
+  const bool vehicle = is_vehicle(model);
   check_options(options, vehicle, inputs.has_value());
   const Simulated simulated =
       vehicle

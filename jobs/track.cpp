@@ -23,9 +23,9 @@ struct TrackOptions {
   std::int64_t seed = 1;
 };
 
-void check_options(const TrackOptions& options, const ModelFile& model) {
-  if (model.form == ModelFile::Form::nonlinear) require_linear(model, "track");
-  const bool noise = model.form == ModelFile::Form::linear;
+void check_options(const TrackOptions& options, const Model& model) {
+  if (is_formula_model(model)) require_linear(model, "track");
+  const bool noise = is_linear(model);
   if (noise || (!options.adaptive && options.particles == 0)) return;
   throw InputError({},
                    fmt::format("{} does not apply to this model",
@@ -33,7 +33,7 @@ void check_options(const TrackOptions& options, const ModelFile& model) {
                    "a model with A, C, Q, R", "the model file says how the past is forgotten");
 }
 
-Estimate track_noise(const TrackOptions& given, const ModelFile& model, const Dataset& recording,
+Estimate track_noise(const TrackOptions& given, const Model& model, const Dataset& recording,
                      const Call& call) {
   NoiseTrackOptions options;
   options.adaptive = given.adaptive;
@@ -47,28 +47,25 @@ Estimate track_noise(const TrackOptions& given, const ModelFile& model, const Da
   return track(model, recording, options);
 }
 
-Estimate track_coefficients(const ModelFile& model, const Dataset& recording, const Call& call) {
+Estimate track_coefficients(const Model& model, const Dataset& recording, const Call& call) {
   return track_regression(model, recording,
                           [&](const std::string& what) { return report_progress(call, what); });
 }
 
 Outcome track_recording(const TrackOptions& options, Call& call) {
   const Run run{"track", call, options.model.file, {}, options.result};
-  ModelFile model = load_any_model(options.model, call.inputs);
+  Model model = load_any_model(options.model, call.inputs);
   check_options(options, model);
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   const Dataset& recording = recordings.data.front();
   take_period(model, recording);
   Estimate estimate;
-  switch (model.form) {
-    case ModelFile::Form::single_track:
-      estimate = track_vehicle(model, recording);
-      break;
-    case ModelFile::Form::regression:
-      estimate = track_coefficients(model, recording, call);
-      break;
-    default:
-      estimate = track_noise(options, model, recording, call);
+  if (is_vehicle(model)) {
+    estimate = track_vehicle(model, recording);
+  } else if (is_regression(model)) {
+    estimate = track_coefficients(model, recording, call);
+  } else {
+    estimate = track_noise(options, model, recording, call);
   }
   return finish(run, recordings, estimate);
 }

@@ -44,7 +44,7 @@ struct TuneOptions {
   bool is_als() const { return method == "als" || method == "als-weighted"; }
 };
 
-Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
+Estimate by_autocovariances(const TuneOptions& given, const Model& model,
                             const std::vector<Dataset>& recordings, const Run&) {
   NoiseAlsOptions options;
   options.weighted = given.method == "als-weighted";
@@ -55,7 +55,7 @@ Estimate by_autocovariances(const TuneOptions& given, const ModelFile& model,
   return tune_als(model, recordings, options);
 }
 
-Estimate by_posterior(const TuneOptions& given, const ModelFile& model,
+Estimate by_posterior(const TuneOptions& given, const Model& model,
                       const std::vector<Dataset>& recordings, const Run& run) {
   NoiseBayesOptions options;
   if (given.draws > 0) options.draws = given.draws;
@@ -76,12 +76,12 @@ NoiseMlOptions ml_options(const TuneOptions& given, const Run& run) {
   return options;
 }
 
-Estimate by_likelihood(const TuneOptions& given, const ModelFile& model,
+Estimate by_likelihood(const TuneOptions& given, const Model& model,
                        const std::vector<Dataset>& recordings, const Run& run) {
   return tune_ml(model, recordings, ml_options(given, run));
 }
 
-Estimate by_both(const TuneOptions& given, const ModelFile& model,
+Estimate by_both(const TuneOptions& given, const Model& model,
                  const std::vector<Dataset>& recordings, const Run& run) {
   return tune_auto(model, recordings, ml_options(given, run));
 }
@@ -89,7 +89,7 @@ Estimate by_both(const TuneOptions& given, const ModelFile& model,
 struct Method {
   std::string name, what;
   bool linear_only;
-  Estimate (*run)(const TuneOptions& given, const ModelFile& model,
+  Estimate (*run)(const TuneOptions& given, const Model& model,
                   const std::vector<Dataset>& recordings, const Run& run);
 };
 
@@ -109,7 +109,7 @@ const Method& method_of(const TuneOptions& options) {
                        [&](const Method& method) { return method.name == options.method; });
 }
 
-void check_method(const TuneOptions& options, const ModelFile& model) {
+void check_method(const TuneOptions& options, const Model& model) {
   if (method_of(options).linear_only) require_linear(model, "tune --method " + options.method);
   const bool als = options.is_als(), bayes = options.method == "bayes";
   const bool chosen = options.evaluation != kAutomatic;
@@ -129,7 +129,7 @@ void check_method(const TuneOptions& options, const ModelFile& model) {
                      fmt::format("{} does not apply to --method {}", each.option, options.method),
                      each.expected);
   }
-  if (model.form == ModelFile::Form::nonlinear && chosen) {
+  if (is_formula_model(model) && chosen) {
     throw InputError({}, "--evaluation does not apply to this model", "a linear model",
                      "the likelihood of a nonlinear one is evaluated in one way");
   }
@@ -141,10 +141,10 @@ void check_method(const TuneOptions& options, const ModelFile& model) {
 
 Outcome tune(const TuneOptions& options, Call& call) {
   const Run run{"tune", call, options.model.file, {}, options.result};
-  ModelFile model = load_model(options.model, run.verb, call.inputs);
+  Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   check_method(options, model);
-  const auto estimator = [&](const ModelFile& of, const std::vector<Dataset>& recordings) {
+  const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     return method_of(options).run(options, of, recordings, run);
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,

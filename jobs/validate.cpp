@@ -34,8 +34,8 @@ double least_fit(const std::string& text) {
   return percent;
 }
 
-void refuse_what_estimates_nothing(const StoredResult& result, const ModelFile& model) {
-  if (model.form == ModelFile::Form::regression) {
+void refuse_what_estimates_nothing(const StoredResult& result, const Model& model) {
+  if (is_regression(model)) {
     throw InputError({result.path, 0, 0}, "a result about a regression",
                      "a result of tune, check or fit");
   }
@@ -48,9 +48,9 @@ void refuse_what_estimates_nothing(const StoredResult& result, const ModelFile& 
 Outcome validate_result(const ValidationOptions& given, Call& call) {
   const StoredResult result = call.inputs.result(given.result_path);
   const Run run{"validate", call, "", files_of(result, given.result_path), given.result};
-  const ModelFile model = estimated_model(result.estimate, result.path);
+  const Model model = estimated_model(result.estimate, result.path);
   refuse_what_estimates_nothing(result, model);
-  const bool vehicle = model.form == ModelFile::Form::single_track;
+  const bool vehicle = is_vehicle(model);
   if (!vehicle) require_filter(model, run.verb);
   if (given.robust && !vehicle) {
     throw InputError({}, "--robust does not apply to a filter", "a result about a vehicle");

@@ -29,7 +29,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // The parameters at their maximum likelihood, from where they are.
-ModelFile tuned(ModelFile model, const Dataset& data) {
+Model tuned(Model model, const Dataset& data) {
   const std::vector<Dataset> recordings{data};
   RecordingsLikelihood likelihood(model, recordings);
   const Solution best = maximise(likelihood.problem(), coordinates(model.parameters));
@@ -56,20 +56,20 @@ std::string horizons_line(const std::string& what, const VectorXd& values, const
 StudyReport table_11(const StudyOptions& options) {
   constexpr Index kTuned = 3000, kFresh = 30000;
   const StateSpace truth = system_with_damped_sine_noise();
-  const ModelFile base = model_without_noise_filter();
+  const Model base = model_without_noise_filter();
   const auto count = static_cast<Index>(kHorizons.size());
   MatrixXd best(count, options.runs), shaped = best, white = best;
   repeat(options, 0, [&](int run, Random& random) {
     const Dataset data = recording(truth, InitialState::given, kTuned, random);
     const Dataset fresh = recording(truth, InitialState::given, kFresh, random);
     best.col(run) = rms_errors(truth, InitialState::given, fresh);
-    const ModelFile plain = tuned(base, data);
+    const Model plain = tuned(base, data);
     white.col(run) =
-        rms_errors(instantiate(plain.linear, plain.parameters), InitialState::diffuse, fresh);
+        rms_errors(instantiate(as_linear(plain), plain.parameters), InitialState::diffuse, fresh);
     const ShapeResult result = shape(base, {data});
-    const ModelFile& model = result.model ? *result.model : plain;
+    const Model& model = result.model ? *result.model : plain;
     shaped.col(run) =
-        rms_errors(instantiate(model.linear, model.parameters), InitialState::diffuse, fresh);
+        rms_errors(instantiate(as_linear(model), model.parameters), InitialState::diffuse, fresh);
   });
   const auto mean = [](const MatrixXd& m) { return VectorXd(m.rowwise().mean()); };
   StudyReport out;
@@ -101,18 +101,18 @@ StudyReport table_11(const StudyOptions& options) {
 
 // The canonical form (5.30) of (5.28): the colour of (5.29), its coefficients known, in the process
 // noise, in the measurement noise, nowhere.
-std::array<ModelFile, 3> configurations() {
+std::array<Model, 3> configurations() {
   constexpr double kMeasurement = 0.001;
-  const ModelFile base = model_of({(MatrixXd(2, 2) << 1.7, 1, -0.86, 0).finished(),
-                                   Eigen::Vector2d(0.65, -0.535), Eigen::RowVector2d(1, 0)},
-                                  0.05, kMeasurement);
+  const Model base = model_of({(MatrixXd(2, 2) << 1.7, 1, -0.86, 0).finished(),
+                               Eigen::Vector2d(0.65, -0.535), Eigen::RowVector2d(1, 0)},
+                              0.05, kMeasurement);
   // (5.29) as 1 + (0.552 z - 0.1932) / (z^2 - 0.6 z + 0.86).
   const ShapingFilter whole{Eigen::Vector2d(-0.6, 0.86), Eigen::Vector2d(-0.048, 0.6668)};
   const ShapingFilter coloured{whole.a, VectorXd::Constant(1, -0.35)};
   const auto with_known_filter = [&](NoiseSource place) {
     const bool in_process = place == NoiseSource::process;
-    ModelFile out = with_shaping_filters(
-        base, place, {{0, in_process ? whole : coloured, 0.05 * 0.552 * 0.552}});
+    Model out = with_shaping_filters(base, place,
+                                     {{0, in_process ? whole : coloured, 0.05 * 0.552 * 0.552}});
     for (Parameter& p : out.parameters) {
       const bool coefficient =
           p.name.find("_a") != std::string::npos || p.name.find("_b") != std::string::npos;
@@ -129,17 +129,17 @@ constexpr std::array kConfigurations{"coloured process noise", "coloured measure
 // Trace of the covariance of the prediction error of the system's own two states.
 StudyReport table_of_states(bool process, const StudyOptions& options) {
   constexpr Index kSamples = 20000, kSettled = 200;
-  const std::array<ModelFile, 3> filters = configurations();
-  const ModelFile& generator = filters[process ? 0 : 1];
-  const StateSpace truth = instantiate(generator.linear, generator.parameters);
+  const std::array<Model, 3> filters = configurations();
+  const Model& generator = filters[process ? 0 : 1];
+  const StateSpace truth = instantiate(as_linear(generator), generator.parameters);
   MatrixXd trace(3, options.runs);
   repeat(options, process ? 0 : 1, [&](int run, Random& random) {
     MatrixXd x;
     const Dataset data = recording(truth, InitialState::stationary, kSamples, random, &x);
     for (std::size_t f = 0; f < filters.size(); ++f) {
-      const ModelFile model = tuned(filters[f], data);
-      const FilterResult filter = kalman_filter(instantiate(model.linear, model.parameters),
-                                                model.linear.initial, data.y, data.u);
+      const Model model = tuned(filters[f], data);
+      const FilterResult filter = kalman_filter(instantiate(as_linear(model), model.parameters),
+                                                as_linear(model).initial, data.y, data.u);
       const MatrixXd error =
           (x.bottomRows(2) - filter.x_pred.bottomRows(2)).rightCols(kSamples - kSettled);
       trace(static_cast<Index>(f), run) = error.squaredNorm() / static_cast<double>(error.cols());
@@ -181,12 +181,12 @@ StudyReport figure_12(const StudyOptions& options) {
   const StateSpace truth = system_with_damped_sine_noise();
   const Dataset data = recording(truth, InitialState::given, kTuned, random);
   const Dataset fresh = recording(truth, InitialState::given, kSettled + kShown, random);
-  const ModelFile white = tuned(model_without_noise_filter(), data);
+  const Model white = tuned(model_without_noise_filter(), data);
   const ShapeResult found = shape(model_without_noise_filter(), {data});
-  const ModelFile& shaped = found.model ? *found.model : white;
-  const auto predicted = [&](const ModelFile& model) {
-    const StateSpace m = instantiate(model.linear, model.parameters);
-    const FilterResult filter = kalman_filter(m, model.linear.initial, fresh.y, fresh.u);
+  const Model& shaped = found.model ? *found.model : white;
+  const auto predicted = [&](const Model& model) {
+    const StateSpace m = instantiate(as_linear(model), model.parameters);
+    const FilterResult filter = kalman_filter(m, as_linear(model).initial, fresh.y, fresh.u);
     VectorXd out(kShown);
     for (Index t = 0; t < kShown; ++t) {
       VectorXd x = filter.x_pred.col(kSettled + t - kAhead + 1);
@@ -227,14 +227,14 @@ StudyReport figure_12(const StudyOptions& options) {
 // Figure 13: |X_i / Y| from the output to the predicted states of the system.
 StudyReport figure_13(const StudyOptions& options) {
   constexpr Index kSamples = 20000, kFrequencies = 300;
-  const std::array<ModelFile, 3> filters = configurations();
+  const std::array<Model, 3> filters = configurations();
   Random random(options.seed);
   const Dataset data = recording(filters[0], kSamples, random);
   const VectorXd omega = VectorXd::LinSpaced(kFrequencies, 0.01, std::numbers::pi);
   std::array<MatrixXd, 3> gain;
   for (std::size_t f = 0; f < filters.size(); ++f) {
-    const ModelFile model = tuned(filters[f], data);
-    const StateSpace m = instantiate(model.linear, model.parameters);
+    const Model model = tuned(filters[f], data);
+    const StateSpace m = instantiate(as_linear(model), model.parameters);
     const MatrixXd K = steady_state(m)->K;
     const MatrixXd F = m.A - K * m.C;
     gain[f].resize(2, kFrequencies);

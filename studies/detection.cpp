@@ -31,7 +31,7 @@ constexpr Index kRecorded = 8200;
 // One recording; Q and R, which the source does not give, are 1.
 struct DetectionExperiment {
   PublishedSystem system = oscillating_system();
-  ModelFile truth;
+  Model truth;
   Dataset data;
 };
 DetectionExperiment experiment(bool coloured, const StudyOptions& options) {
@@ -83,7 +83,7 @@ StudyReport autocorrelation_figure(bool coloured, const StudyOptions& options) {
     const auto& [K, Sigma] = *fit.innovation;
     out.text += fmt::format("k = {:.3f}, {:.3f}, R_eps = {:.3f}", K(0), K(1), Sigma(0));
     if (!coloured) {
-      const auto steady = *steady_state(instantiate(made.truth.linear, made.truth.parameters));
+      const auto steady = *steady_state(instantiate(as_linear(made.truth), made.truth.parameters));
       out.text +=
           fmt::format(" (true: {:.3f}, {:.3f}, {:.3f})", steady.K(0), steady.K(1), steady.Sigma(0));
     }
@@ -169,7 +169,8 @@ SpectrumOfOutput spectrum_of_output(const DetectionExperiment& made) {
   for (Index k = 0; k < out.omega.size(); ++k) {
     out.level[k] = measured.S[k](0, 0).real();
   }
-  out.expected = true_spectrum(instantiate(made.truth.linear, made.truth.parameters), out.omega);
+  out.expected =
+      true_spectrum(instantiate(as_linear(made.truth), made.truth.parameters), out.omega);
   out.base = base_functions(made.system.A, made.system.C, out.omega);
   const ShapingState filter = shaping_state(oscillating_noise_filter());
   out.filter_base = base_functions(filter.A, filter.c, out.omega);

@@ -29,21 +29,21 @@ using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 // x+ = a x + w, y = x + v, at these variances.
-ModelFile scalar_model(double a, double q, double r) {
+Model scalar_model(double a, double q, double r) {
   const MatrixXd one = MatrixXd::Ones(1, 1);
   return model_of({a * one, one, one}, q, r);
 }
 
 // The Fisher information of `samples` outputs about Q and R.
-Eigen::Matrix2d information_of(const ModelFile& truth, Index samples) {
-  return expected_information(instantiate(truth.linear, truth.parameters), truth.linear.initial,
-                              samples, model_derivatives(truth.linear, truth.parameters),
-                              MatrixXd())
+Eigen::Matrix2d information_of(const Model& truth, Index samples) {
+  return expected_information(instantiate(as_linear(truth), truth.parameters),
+                              as_linear(truth).initial, samples,
+                              model_derivatives(as_linear(truth), truth.parameters), MatrixXd())
       .total;
 }
 
 // The log-likelihood at (q(i), r(j)).
-MatrixXd log_likelihoods(const ModelFile& model, const Dataset& data, const VectorXd& q,
+MatrixXd log_likelihoods(const Model& model, const Dataset& data, const VectorXd& q,
                          const VectorXd& r) {
   const std::vector<Dataset> recordings{data};
   RecordingsLikelihood likelihood(model, recordings);
@@ -129,7 +129,7 @@ Panel map_of(const VectorXd& q, const VectorXd& r, const MatrixXd& share, const 
 }
 
 StudyReport figure_4(const StudyOptions& options) {
-  const ModelFile truth = scalar_model(kMapA, kMapQ, kMapR);
+  const Model truth = scalar_model(kMapA, kMapQ, kMapR);
   const VectorXd q = VectorXd::LinSpaced(80, 0.25, 20.0), r = q;
   const double segment = 1.0 / (1.0 - kMapA * kMapA), y = std::sqrt(segment * kMapQ + kMapR);
   Random random(options.seed);
@@ -167,7 +167,7 @@ StudyReport figure_4(const StudyOptions& options) {
 
 StudyReport figure_5(const StudyOptions& options) {
   constexpr Index kSamples = 2000;
-  const ModelFile truth = scalar_model(kMapA, kMapQ, kMapR);
+  const Model truth = scalar_model(kMapA, kMapQ, kMapR);
   const VectorXd q = VectorXd::LinSpaced(80, 0.075, 6.0), r = VectorXd::LinSpaced(80, 6.1, 14.0);
   StudyOptions once = options;
   once.runs = 1;
@@ -219,10 +219,10 @@ StudyReport figure_6(const StudyOptions&) {
   MatrixXd by_q(kSide, kSide), by_r(kSide, kSide), gain(kSide, kSide);
   for (Index i = 0; i < kSide; ++i) {
     for (Index j = 0; j < kSide; ++j) {
-      const ModelFile model = scalar_model(kA, q[i], r[j]);
+      const Model model = scalar_model(kA, q[i], r[j]);
       const auto steady =
-          steady_gain_sensitivity(instantiate(model.linear, model.parameters),
-                                  model_derivatives(model.linear, model.parameters));
+          steady_gain_sensitivity(instantiate(as_linear(model), model.parameters),
+                                  model_derivatives(as_linear(model), model.parameters));
       gain(i, j) = steady->K(0, 0);
       by_q(i, j) = steady->K_theta[0](0, 0);
       by_r(i, j) = steady->K_theta[1](0, 0);
@@ -264,7 +264,7 @@ constexpr std::array<Index, 7> kLengths = {50, 100, 200, 500, 1000, 2000, 5000};
 
 struct Estimator {
   const char* name;
-  std::function<Vector2d(const ModelFile& truth, const Dataset& data)> run;
+  std::function<Vector2d(const Model& truth, const Dataset& data)> run;
 };
 
 Vector2d of(const Estimate& estimate) {
@@ -272,7 +272,7 @@ Vector2d of(const Estimate& estimate) {
 }
 
 // The most probable point of 80 x 80 in equal ratios.
-Vector2d on_grid(const ModelFile& truth, const Dataset& data, double low, double high) {
+Vector2d on_grid(const Model& truth, const Dataset& data, double low, double high) {
   const VectorXd side = logarithmic(80, low, high);
   Index i = 0, j = 0;
   log_likelihoods(truth, data, side, side).maxCoeff(&i, &j);
@@ -283,21 +283,19 @@ const std::vector<Estimator>& estimators() {
   const auto unknown = [] { return scalar_model(kBoundA, 1.0, 1.0); };
   static const std::vector<Estimator> all = {
       {"ALS, optimal gain, 15 lags",
-       [](const ModelFile& truth, const Dataset& data) {
+       [](const Model& truth, const Dataset& data) {
          NoiseAlsOptions options;
          options.weighted = false;
          options.lags = 15;
          return of(tune_als(truth, {data}, options));
        }},
-      {"ALS, weighted", [unknown](const ModelFile&,
-                                  const Dataset& data) { return of(tune_als(unknown(), {data})); }},
+      {"ALS, weighted",
+       [unknown](const Model&, const Dataset& data) { return of(tune_als(unknown(), {data})); }},
       {"Bayes, grid 0.1 to 10",
-       [](const ModelFile& truth, const Dataset& data) { return on_grid(truth, data, 0.1, 10.0); }},
+       [](const Model& truth, const Dataset& data) { return on_grid(truth, data, 0.1, 10.0); }},
       {"Bayes, grid 0.1 to 100",
-       [](const ModelFile& truth, const Dataset& data) {
-         return on_grid(truth, data, 0.1, 100.0);
-       }},
-      {"maximum likelihood", [unknown](const ModelFile&, const Dataset& data) {
+       [](const Model& truth, const Dataset& data) { return on_grid(truth, data, 0.1, 100.0); }},
+      {"maximum likelihood", [unknown](const Model&, const Dataset& data) {
          NoiseMlOptions options;
          options.starts = 1;
          return of(tune_ml(unknown(), {data}, options));
@@ -311,7 +309,7 @@ struct EstimateMoments {
   Eigen::RowVectorXd at_edge;  // runs whose Q, on the grid to 10, is that
 };
 
-EstimateMoments moments_of_estimates(const ModelFile& truth, const StudyOptions& options) {
+EstimateMoments moments_of_estimates(const Model& truth, const StudyOptions& options) {
   const auto methods = static_cast<Index>(estimators().size());
   const auto lengths = static_cast<Index>(kLengths.size());
   std::vector<MatrixXd> runs(static_cast<std::size_t>(options.runs));
@@ -345,7 +343,7 @@ struct Bounds {
 };
 
 // @param unknown  0: Q, figure 14; 1: R, figure 15; so below
-Bounds bounds_of(const ModelFile& truth, int unknown) {
+Bounds bounds_of(const Model& truth, int unknown) {
   const auto lengths = static_cast<Index>(kLengths.size());
   const double true_value = unknown == 0 ? kBoundQ : kBoundR;
   Bounds out{VectorXd(lengths), VectorXd(lengths), VectorXd(lengths)};
@@ -447,7 +445,7 @@ std::string csv_of_bounds(int unknown, const EstimateMoments& moments, const Bou
 }
 
 StudyReport figure_of_bounds(int unknown, const StudyOptions& options) {
-  const ModelFile truth = scalar_model(kBoundA, kBoundQ, kBoundR);
+  const Model truth = scalar_model(kBoundA, kBoundQ, kBoundR);
   const EstimateMoments moments = moments_of_estimates(truth, options);
   const Bounds bounds = bounds_of(truth, unknown);
   StudyReport out;
@@ -464,11 +462,11 @@ StudyReport figure_3(const StudyOptions& options) {
       (MatrixXd(4, 4) << 0.85, 1, 0, 0, 0, -0.6, 1, 0, -0.2, 0, 0.8, -1, 0, 0, 0, 0.9).finished();
   const PublishedSystem system{A, MatrixXd::Identity(4, 4), Eigen::RowVector4d(1, 0.8, -1, 0)};
   const VectorXd true_values = (VectorXd(5) << 10, 3, 4, 2, 1).finished();
-  const ModelFile start = model_of(system, 0.01, 100.0);
-  const ModelFile truth = with_variances(start, true_values);
+  const Model start = model_of(system, 0.01, 100.0);
+  const Model truth = with_variances(start, true_values);
   const auto gain = [&](const VectorXd& variances) {
-    const ModelFile at = with_variances(start, variances);
-    return MatrixXd(steady_state(instantiate(at.linear, at.parameters))->K);
+    const Model at = with_variances(start, variances);
+    return MatrixXd(steady_state(instantiate(as_linear(at), at.parameters))->K);
   };
   const MatrixXd optimal = gain(true_values);
   MatrixXd distance(options.runs, kSamples);

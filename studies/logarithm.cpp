@@ -115,7 +115,7 @@ struct Stiffnesses {
   DiscreteFit discrete;
 };
 
-Stiffnesses stiffnesses(const SingleTrack<>& car, const ModelFile& model, const TrueDrive& truth,
+Stiffnesses stiffnesses(const SingleTrack<>& car, const Model& model, const TrueDrive& truth,
                         const Dataset& data) {
   Stiffnesses out;
   out.by_method.setConstant(kNaN);
@@ -178,7 +178,7 @@ std::string explanation(const DiscreteFit& clean, double C, const MatrixXd& one_
 StudyReport logarithm_study(const StudyOptions& options) {
   const SingleTrack<> car = linear_car(sladka2010_car());
   const TrueDrive truth = true_drive(SevereLaneChange{}, kSpeed, kSpeed);
-  const ModelFile model = sladka2010_model();
+  const Model model = sladka2010_model();
   MatrixXd Cf(options.runs, kMethods), Cr = Cf;
   MatrixXd one_step(options.runs, 2), bound(options.runs, 2);
   VectorXd real(options.runs);

@@ -107,12 +107,12 @@ TuningExperiment table_2() {
   return out;
 }
 
-ModelFile model_of(StateSpace system, const Tuning& tuning) {
+Model model_of(StateSpace system, const Tuning& tuning) {
   system.Q = tuning.Q;
   system.R = tuning.R;
-  ModelFile out;
-  out.path = "study";
-  out.linear = constant_model(system, InitialState::stationary);
+  Model out;
+  out.source = "study";
+  as_linear(out) = constant_model(system, InitialState::stationary);
   return out;
 }
 
@@ -194,10 +194,11 @@ struct Counts {
 
 void run(const StateSpace& truth, const Tuning& tuning, Index samples, Random& random,
          Counts& counts) {
-  const ModelFile model = model_of(truth, tuning);
+  const Model model = model_of(truth, tuning);
   const Dataset data = recording(truth, InitialState::stationary, samples, random);
-  const FilterResult filter = kalman_filter(instantiate(model.linear, {}), model.linear.initial,
-                                            data.y, data.u, Keep::innovations);
+  const FilterResult filter =
+      kalman_filter(instantiate(as_linear(model), {}), as_linear(model).initial, data.y, data.u,
+                    Keep::innovations);
   const MatrixXd& e = filter.standardised;
   const Autocovariances Y = sample_autocovariances(e, kPublishedLags + 1, Divisor::equal_variance);
   const Autocovariances gamma = autocorrelations(Y);
@@ -284,15 +285,16 @@ struct Decisions {
 
 Decisions decide(const StateSpace& truth, const Tuning& tuning, std::uint64_t stream,
                  const StudyOptions& options) {
-  const ModelFile model = model_of(truth, tuning);
+  const Model model = model_of(truth, tuning);
   Decisions out;
   out.optimal_power.resize(options.runs);
   out.power.resize(options.runs);
   for (std::vector<Stop>& each : out.stops) each.resize(static_cast<std::size_t>(options.runs));
   repeat(options, stream, [&](int run, Random& random) {
     const Dataset data = recording(truth, InitialState::stationary, kDecisionSamples, random);
-    const FilterResult filter = kalman_filter(instantiate(model.linear, {}), model.linear.initial,
-                                              data.y, data.u, Keep::innovations);
+    const FilterResult filter =
+        kalman_filter(instantiate(as_linear(model), {}), as_linear(model).initial, data.y, data.u,
+                      Keep::innovations);
     const MatrixXd& e = filter.standardised;
     out.power[run] = filter.e.squaredNorm();
     out.optimal_power[run] =

@@ -48,10 +48,10 @@ PublishedSystem published_system(int number) {
   }
 }
 
-ModelFile model_of(const PublishedSystem& system, double q0, double r0) {
-  ModelFile out;
-  out.path = "study";
-  LinearModel& m = out.linear;
+Model model_of(const PublishedSystem& system, double q0, double r0) {
+  Model out;
+  out.source = "study";
+  LinearModel& m = as_linear(out);
   const Index n = system.A.rows(), nw = system.G.cols(), ny = system.C.rows();
   m.A.constant = system.A;
   m.G.constant = system.G;
@@ -77,7 +77,7 @@ ModelFile model_of(const PublishedSystem& system, double q0, double r0) {
   return out;
 }
 
-ModelFile with_variances(ModelFile model, const VectorXd& variances) {
+Model with_variances(Model model, const VectorXd& variances) {
   model.parameters = with_entries(std::move(model.parameters), variances);
   return model;
 }
@@ -107,11 +107,11 @@ StateSpace system_with_damped_sine_noise() {
   return m;
 }
 
-ModelFile model_without_noise_filter() {
-  ModelFile out = model_of({(MatrixXd(2, 2) << 1.94, 1, -0.94, 0).finished(),
-                            Eigen::Vector2d(0.008, -0.0724), Eigen::RowVector2d(1, 0)},
-                           0.05, 0.05);
-  out.linear.initial = InitialState::diffuse;
+Model model_without_noise_filter() {
+  Model out = model_of({(MatrixXd(2, 2) << 1.94, 1, -0.94, 0).finished(),
+                        Eigen::Vector2d(0.008, -0.0724), Eigen::RowVector2d(1, 0)},
+                       0.05, 0.05);
+  as_linear(out).initial = InitialState::diffuse;
   return out;
 }
 
@@ -127,9 +127,9 @@ Dataset recording(const StateSpace& system, InitialState initial, Index samples,
   return out;
 }
 
-Dataset recording(const ModelFile& model, Index samples, Random& random) {
-  return recording(instantiate(model.linear, model.parameters), model.linear.initial, samples,
-                   random);
+Dataset recording(const Model& model, Index samples, Random& random) {
+  return recording(instantiate(as_linear(model), model.parameters), as_linear(model).initial,
+                   samples, random);
 }
 
 }  // namespace identikal

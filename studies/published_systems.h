@@ -20,10 +20,10 @@ struct PublishedSystem {
 PublishedSystem published_system(int number);
 
 /// The system with Q and R free and diagonal, started at q0 and r0 times identity.
-ModelFile model_of(const PublishedSystem& system, double q0, double r0);
+Model model_of(const PublishedSystem& system, double q0, double r0);
 
 /// The model with these variances, Q's first.
-ModelFile with_variances(ModelFile model, const Eigen::VectorXd& variances);
+Model with_variances(Model model, const Eigen::VectorXd& variances);
 
 /// (5.17), and (5.21) with its zero at -8 moved inside the unit circle, which leaves the spectrum's
 /// shape.
@@ -34,7 +34,7 @@ ShapingFilter oscillating_noise_filter();
 StateSpace system_with_damped_sine_noise();
 
 /// The part of (5.26) behind its noise filter, poles at 1 and 0.94, Q and R as model_of(), diffuse.
-ModelFile model_without_noise_filter();
+Model model_without_noise_filter();
 
 /// A recording of the system, without inputs.
 /// @param states  receives x(1) ... x(samples) as columns, when not nullptr
@@ -42,6 +42,6 @@ Dataset recording(const StateSpace& system, InitialState initial, Eigen::Index s
                   Random& random, Eigen::MatrixXd* states = nullptr);
 
 /// A recording of the model at its own values.
-Dataset recording(const ModelFile& model, Eigen::Index samples, Random& random);
+Dataset recording(const Model& model, Eigen::Index samples, Random& random);
 
 }  // namespace identikal

@@ -30,7 +30,7 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
   return out;
 }
 
-ModelFile sladka2010_model(const std::vector<std::string>& outputs) {
+Model sladka2010_model(const std::vector<std::string>& outputs) {
   const VehicleParameters<double> car = sladka2010_car();
   const auto parameter = [](const char* name, const char* unit, double value) {
     Parameter p;
@@ -48,10 +48,10 @@ ModelFile sladka2010_model(const std::vector<std::string>& outputs) {
     p.max = max;
     return p;
   };
-  ModelFile model;
-  model.path = "car.yaml";
+  Model model;
+  model.source = "car.yaml";
   model.name = "lane change";
-  model.form = ModelFile::Form::single_track;
+  model.form = VehicleModel();
   model.parameters = {parameter("m", "kg", car[kMass]),
                       parameter("a", "m", car[kA]),
                       parameter("b", "m", car[kB]),

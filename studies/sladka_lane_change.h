@@ -27,6 +27,6 @@ TrueDrive true_drive(const SevereLaneChange& manoeuvre, double from_speed, doubl
 /// A model file for that car, in SI: mass, lengths and steering ratio known; Iz free from its true
 /// value, Cf and Cr free from 8e4 N/rad; inputs steering_wheel_angle and vx.
 /// @param outputs  of "r", "vy", "ay", "beta"
-ModelFile sladka2010_model(const std::vector<std::string>& outputs = {"r", "vy"});
+Model sladka2010_model(const std::vector<std::string>& outputs = {"r", "vy"});
 
 }  // namespace identikal

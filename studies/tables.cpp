@@ -178,7 +178,7 @@ VectorXd drawn_and_moved(const MatrixXd& points, const VectorXd& weight, double 
 struct MonteCarlo {
   VectorXd map, mean;
 };
-MonteCarlo published_monte_carlo(const ModelFile& model, const Dataset& data, Random& random) {
+MonteCarlo published_monte_carlo(const Model& model, const Dataset& data, Random& random) {
   constexpr int kSide = 20, kIterations = 15;
   constexpr double kLow = 0.01, kHigh = 15.0, kPerturbation = 0.012;
   const std::vector<Dataset> recordings = {data};
@@ -264,13 +264,13 @@ using Outcomes = std::vector<std::pair<std::string, VectorXd>>;
 // state, covariance and probability of its nearest neighbour (4.35, 4.36). What the source leaves
 // open, the points for more than two unknowns and the length of the beginning, is ours: log-uniform
 // in (0.01, 15) and 200 samples.
-MonteCarlo published_recursive_monte_carlo(const ModelFile& model, const Dataset& data,
+MonteCarlo published_recursive_monte_carlo(const Model& model, const Dataset& data,
                                            Random& random) {
   constexpr Index kPoints = 400, kReplaced = 8, kBeginning = 200;
   constexpr double kLow = 0.01, kHigh = 15.0, kPerturbation = 0.012;
   const Index k = free_entries(model.parameters).size();
   const auto system = [&](const VectorXd& theta) {
-    return instantiate(model.linear, with_entries(model.parameters, theta));
+    return instantiate(as_linear(model), with_entries(model.parameters, theta));
   };
   MatrixXd points(k, kPoints);
   FilterBank bank = filter_bank(system(VectorXd::Ones(k)), kPoints);
@@ -313,7 +313,7 @@ MonteCarlo published_recursive_monte_carlo(const ModelFile& model, const Dataset
 
 Outcomes estimates_of(const PublishedSystem& system, const Experiment& experiment,
                       const Dataset& data, Random& random) {
-  const ModelFile model = model_of(system, 1.0, 1.0);
+  const Model model = model_of(system, 1.0, 1.0);
   Outcomes out;
   for (const Published& row : experiment.rows) {
     AlsSetting als{};
@@ -344,7 +344,7 @@ std::string run_experiment(const PublishedSystem& system, const Experiment& expe
                            const StudyOptions& options, std::uint64_t stream) {
   const auto k = static_cast<Index>(experiment.truth.size());
   const VectorXd truth = Eigen::Map<const VectorXd>(experiment.truth.data(), k);
-  const ModelFile true_model = with_variances(model_of(system, 1.0, 1.0), truth);
+  const Model true_model = with_variances(model_of(system, 1.0, 1.0), truth);
   std::vector<Outcomes> runs(static_cast<std::size_t>(options.runs));
   repeat(options, stream, [&](int run, Random& random) {
     const Dataset data = recording(true_model, experiment.samples, random);

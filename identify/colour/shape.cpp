@@ -66,12 +66,12 @@ double bic_of(double log_likelihood, Index unknowns, Index samples) {
 // A structure with its maximum likelihood.
 struct Candidate {
   ShapingStructure structure;
-  ModelFile model;  // its parameters are at the maximum
+  Model model;  // its parameters are at the maximum
   double log_likelihood = kNone;
   double bic = kNone;
 };
 
-std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOptions& options) {
+std::vector<ShapingStructure> structures(const Model& model, const ShapeOptions& options) {
   std::vector<ShapingStructure> out;
   const auto add = [&](NoiseSource where, Index channels) {
     if (options.source && *options.source != where) return;
@@ -84,20 +84,21 @@ std::vector<ShapingStructure> structures(const ModelFile& model, const ShapeOpti
     }
     for (const std::vector<Index>& set : sets) out.push_back({where, set, 1});
   };
-  add(NoiseSource::process, model.linear.G.constant.cols());
-  add(NoiseSource::measurement, model.linear.C.constant.rows());
+  add(NoiseSource::process, as_linear(model).G.constant.cols());
+  add(NoiseSource::measurement, as_linear(model).C.constant.rows());
   return out;
 }
 
 // Root mean square errors over the samples of each recording from a share on, in SI; ny x horizons.
-MatrixXd prediction_rms(const ModelFile& model, const std::vector<Dataset>& recordings,
+MatrixXd prediction_rms(const Model& model, const std::vector<Dataset>& recordings,
                         const std::vector<int>& horizons, double from) {
-  const StateSpace m = instantiate(model.linear, model.parameters);
+  const LinearModel& linear = as_linear(model);
+  const StateSpace m = instantiate(linear, model.parameters);
   PredictionErrors all;
   for (const Dataset& data : recordings) {
     const auto begin = static_cast<Index>(from * static_cast<double>(data.size()));
     const PredictionErrors one =
-        prediction_errors(m, model.linear.initial, data.y, data.u, horizons, begin);
+        prediction_errors(m, linear.initial, data.y, data.u, horizons, begin);
     if (all.count.size() == 0) {
       all = one;
     } else {
@@ -108,11 +109,12 @@ MatrixXd prediction_rms(const ModelFile& model, const std::vector<Dataset>& reco
   return all.rms();
 }
 
-double log_likelihood_of(const ModelFile& model, const std::vector<Dataset>& recordings) {
-  const StateSpace m = instantiate(model.linear, model.parameters);
+double log_likelihood_of(const Model& model, const std::vector<Dataset>& recordings) {
+  const LinearModel& linear = as_linear(model);
+  const StateSpace m = instantiate(linear, model.parameters);
   double out = 0.0;
   for (const Dataset& data : recordings) {
-    const Likelihood one = log_likelihood(m, model.linear.initial, data.y, data.u);
+    const Likelihood one = log_likelihood(m, linear.initial, data.y, data.u);
     if (one.status != FilterStatus::ok) return kNone;
     out += one.value;
   }
@@ -122,7 +124,7 @@ double log_likelihood_of(const ModelFile& model, const std::vector<Dataset>& rec
 // The log-likelihood behind the first samples. With a diffuse start a model with more states leaves
 // out more samples, and what it leaves out has a unit: without the same beginning taken from both,
 // likelihoods of two models could not be compared.
-double comparable_log_likelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
+double comparable_log_likelihood(const Model& model, const std::vector<Dataset>& recordings,
                                  Index beginning) {
   if (beginning == 0) return log_likelihood_of(model, recordings);
   std::vector<Dataset> first;
@@ -141,9 +143,9 @@ std::vector<Dataset> first_parts(const std::vector<Dataset>& recordings, double 
 
 // Where the outputs' spectrum has the peak that belongs to the slowest of the filters' poles
 // [rad/s]; kNone where there is none.
-double output_peak(const ModelFile& model, const std::vector<Shaping::Pole>& poles, double dt) {
+double output_peak(const Model& model, const std::vector<Shaping::Pole>& poles, double dt) {
   if (poles.empty()) return kNone;
-  const StateSpace m = instantiate(model.linear, model.parameters);
+  const StateSpace m = instantiate(as_linear(model), model.parameters);
   const Index n = m.states();
   const MatrixXcd C = m.C.cast<std::complex<double>>();
   const MatrixXcd noise = (m.G * m.Q * m.G.transpose()).cast<std::complex<double>>();
@@ -170,7 +172,7 @@ double output_peak(const ModelFile& model, const std::vector<Shaping::Pole>& pol
   return omega / dt;
 }
 
-std::string channel_names(const ModelFile& model, const ShapingStructure& structure) {
+std::string channel_names(const Model& model, const ShapingStructure& structure) {
   std::string out;
   for (const Index c : structure.channels) {
     if (!out.empty()) out += ", ";
@@ -181,12 +183,12 @@ std::string channel_names(const ModelFile& model, const ShapingStructure& struct
 }
 
 // The longest recording. Throws where no filter can be put into the model, or all are too short.
-const Dataset& longest_recording(const ModelFile& model, const std::vector<Dataset>& recordings,
+const Dataset& longest_recording(const Model& model, const std::vector<Dataset>& recordings,
                                  const ShapeOptions& options) {
   if (structures(model, options).empty()) {
     const NoiseSource source = options.source.value_or(NoiseSource::process);
     throw InputError(
-        {model.path, 0, 0},
+        {model.source, 0, 0},
         "no shaping filter can be put into this model: " + shaping_fault(model, source),
         "a discrete-time model, 'initial: stationary' or 'diffuse'");
   }
@@ -195,7 +197,7 @@ const Dataset& longest_recording(const ModelFile& model, const std::vector<Datas
   const auto longest = std::max_element(
       recordings.begin(), recordings.end(),
       [&](const Dataset& a, const Dataset& b) { return measured(a) < measured(b); });
-  const Index fewest = kFewest + 2 * model.linear.A.constant.rows();
+  const Index fewest = kFewest + 2 * as_linear(model).A.constant.rows();
   if (measured(*longest) < fewest) {
     throw InputError(
         {longest->name, 0, 0},
@@ -207,17 +209,16 @@ const Dataset& longest_recording(const ModelFile& model, const std::vector<Datas
 }
 
 // Samples that determine any shaped model's diffuse start: twice the states of the largest.
-Index undetermined_beginning(const ModelFile& model, int most_order) {
-  if (model.linear.initial != InitialState::diffuse) return 0;
-  const Index channels = std::max(model.linear.G.constant.cols(), model.linear.C.constant.rows());
-  return 2 * (model.linear.A.constant.rows() + most_order * channels);
+Index undetermined_beginning(const LinearModel& model, int most_order) {
+  if (model.initial != InitialState::diffuse) return 0;
+  const Index channels = std::max(model.G.constant.cols(), model.C.constant.rows());
+  return 2 * (model.A.constant.rows() + most_order * channels);
 }
 
 // Every structure fitted to the spectrum, each order from what the lower one has found; the
 // smallest BIC first.
-std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
-                                            const ModelFile& model, const ShapeOptions& options,
-                                            Stages& stages) {
+std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum, const Model& model,
+                                            const ShapeOptions& options, Stages& stages) {
   std::vector<SpectralSolution> out;
   for (ShapingStructure structure : structures(model, options)) {
     SpectralSolution lower;
@@ -246,7 +247,7 @@ std::vector<SpectralSolution> spectral_fits(const InnovationSpectrum& spectrum,
 }
 
 // The most promising of each noise source at their maximum likelihood; the smallest BIC first.
-std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dataset>& recordings,
+std::vector<Candidate> most_likely(const Model& start, const std::vector<Dataset>& recordings,
                                    const std::vector<SpectralSolution>& fits, Index beginning,
                                    Stages& stages) {
   constexpr std::size_t kEach = 3;
@@ -262,7 +263,7 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
       if (s.bic > first + kHopeless) continue;
       ++taken;
       if (!stages.begin(fmt::format("likelihood: order {}", s.structure.order))) return {};
-      std::optional<ModelFile> shaped =
+      std::optional<Model> shaped =
           maximise_shaped(shaped_start(start, s), s.structure, recordings);
       if (!shaped) continue;
       const double L = comparable_log_likelihood(*shaped, recordings, beginning);
@@ -277,7 +278,7 @@ std::vector<Candidate> most_likely(const ModelFile& start, const std::vector<Dat
 }
 
 // Maximum likelihood without the warning that sends to this verb.
-Estimate tuned(const ModelFile& model, const std::vector<Dataset>& recordings, int starts,
+Estimate tuned(const Model& model, const std::vector<Dataset>& recordings, int starts,
                std::uint64_t seed, Stages& stages) {
   NoiseMlOptions options;
   options.progress = [&](int, int, double) { return stages.go_on(); };
@@ -314,17 +315,16 @@ std::optional<Winner> first_determined(const std::vector<Candidate>& candidates,
 }
 
 // Both tuned on the first part of each recording, compared on the last.
-void compare_held_out(const ModelFile& white, const Candidate& best,
+void compare_held_out(const Model& white, const Candidate& best,
                       const std::vector<Dataset>& recordings, double hold_out, Shaping& report) {
   const std::vector<Dataset> first = first_parts(recordings, 1.0 - hold_out);
-  ModelFile white_first = white;
+  Model white_first = white;
   RecordingsLikelihood likelihood(white, first);
   const Solution refit = maximise(likelihood.problem(), coordinates(white.parameters));
   if (std::isfinite(refit.summary.objective)) {
     white_first.parameters = with_coordinates(white.parameters, refit.x);
   }
-  const ModelFile best_first =
-      maximise_shaped(best.model, best.structure, first).value_or(best.model);
+  const Model best_first = maximise_shaped(best.model, best.structure, first).value_or(best.model);
   report.horizons = {1, 2, 4, 8, 16};
   report.without = prediction_rms(white_first, recordings, report.horizons, 1.0 - hold_out);
   report.with = prediction_rms(best_first, recordings, report.horizons, 1.0 - hold_out);
@@ -341,15 +341,16 @@ void compare_held_out(const ModelFile& white, const Candidate& best,
 
 // The model, with coloured process noise, as one with coloured measurement noise: A, C and G as
 // numbers, the rest and its parameters as they are.
-std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_states) {
+std::optional<Model> same_outputs(const Model& shaped, Index filter_states) {
   const auto m =
-      colour_in_measurement(instantiate(shaped.linear, shaped.parameters), filter_states);
+      colour_in_measurement(instantiate(as_linear(shaped), shaped.parameters), filter_states);
   if (!m) return std::nullopt;
-  ModelFile out = shaped;
+  Model out = shaped;
   out.name += ", coloured measurement noise";
-  out.linear.A = constant_matrix(m->A);
-  out.linear.C = constant_matrix(m->C);
-  out.linear.G = constant_matrix(m->G);
+  LinearModel& linear = as_linear(out);
+  linear.A = constant_matrix(m->A);
+  linear.C = constant_matrix(m->C);
+  linear.G = constant_matrix(m->G);
   // Parameters that stood in these alone are gone.
   out.parameters.clear();
   std::vector<int> place(shaped.parameters.size(), -1);
@@ -361,8 +362,7 @@ std::optional<ModelFile> same_outputs(const ModelFile& shaped, Index filter_stat
     }
     parameter = to;
   };
-  for (ParametrisedMatrix* matrix :
-       {&out.linear.B, &out.linear.D, &out.linear.Q, &out.linear.R, &out.linear.S}) {
+  for (ParametrisedMatrix* matrix : {&linear.B, &linear.D, &linear.Q, &linear.R, &linear.S}) {
     for (ParametrisedMatrix::Entry& entry : matrix->entries) keep(entry.parameter);
     if (matrix->block >= 0) keep(matrix->block);
   }
@@ -408,20 +408,20 @@ void judge(const Candidate& best, const std::vector<Candidate>& candidates, cons
 // The model without filters, tuned.
 struct WhiteModel {
   Estimate estimate;
-  ModelFile model;  // its parameters are at the maximum
+  Model model;  // its parameters are at the maximum
   InnovationWhiteness whiteness;
   MatrixXd innovations;
   double bic = kNone;
 };
 
-ModelFile linear_model_of(const ModelFile& written) {
-  ModelFile model = written;
-  model.linear = with_known_formulas_as_numbers(model.linear, model.parameters);
-  if (model.linear.formulas.empty() && !model.linear.offset) return model;
-  throw InputError({model.path, 0, 0},
-                   model.linear.offset
-                       ? "the model has constants alongside states and inputs"
-                       : "the model is not linear in the parameters to be estimated",
+Model linear_model_of(const Model& written) {
+  Model model = written;
+  LinearModel& linear = as_linear(model);
+  linear = with_known_formulas_as_numbers(linear, model.parameters);
+  if (linear.formulas.empty() && !linear.offset) return model;
+  throw InputError({model.source, 0, 0},
+                   linear.offset ? "the model has constants alongside states and inputs"
+                                 : "the model is not linear in the parameters to be estimated",
                    "entries that are sums of multiples of parameters",
                    "'fit' or 'tune' first, then fix what is not noise");
 }
@@ -433,9 +433,9 @@ void report_white_spectrum(const MatrixXd& innovations, Index first, double dt, 
   report.band = seen.band;
 }
 
-WhiteModel tune_white(const ModelFile& model, const std::vector<Dataset>& recordings,
-                      Index beginning, std::uint64_t seed, Stages& stages, Shaping& report) {
-  const double dt = model.linear.dt;
+WhiteModel tune_white(const Model& model, const std::vector<Dataset>& recordings, Index beginning,
+                      std::uint64_t seed, Stages& stages, Shaping& report) {
+  const double dt = as_linear(model).dt;
   for (const Channel& channel : recordings[0].outputs) {
     report.channels.push_back(channel.name);
     report.units.push_back(channel.unit);
@@ -476,10 +476,10 @@ void report_structure(const Winner& winner, double dt, Shaping& report) {
   }
 }
 
-ShapeResult with_filter(Winner winner, const ModelFile& model, const WhiteModel& white,
+ShapeResult with_filter(Winner winner, const Model& model, const WhiteModel& white,
                         const std::vector<Candidate>& candidates, Shaping report) {
   const Candidate& best = *winner.candidate;
-  const double dt = model.linear.dt;
+  const double dt = as_linear(model).dt;
   ShapeResult out;
   out.estimate = std::move(winner.estimate);
   out.model = best.model;
@@ -504,12 +504,12 @@ ShapeResult with_filter(Winner winner, const ModelFile& model, const WhiteModel&
 
 }  // namespace
 
-ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordings,
+ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
                   const ShapeOptions& options) {
-  const ModelFile model = checked(linear_model_of(written), recordings);
+  const Model model = checked(linear_model_of(written), recordings);
   Stages stages(options);
   const Dataset& longest = longest_recording(model, recordings, options);
-  const Index beginning = undetermined_beginning(model, options.most_order);
+  const Index beginning = undetermined_beginning(as_linear(model), options.most_order);
   Shaping report;
   WhiteModel white = tune_white(model, recordings, beginning, options.seed, stages, report);
   const auto end_here = [&](Status status, std::string message) {
@@ -529,7 +529,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   }
 
   InnovationSpectrum spectrum = innovation_spectrum(white.model, longest);
-  const ModelFile start = with_raised_variances(white.model, spectrum);
+  const Model start = with_raised_variances(white.model, spectrum);
   const std::vector<SpectralSolution> fits = spectral_fits(spectrum, model, options, stages);
   const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, stages);
   if (stages.stopped()) return as_stopped();
@@ -550,7 +550,7 @@ ShapeResult shape(const ModelFile& written, const std::vector<Dataset>& recordin
   }
   if (!stages.begin("held-out comparison")) return as_stopped();
   compare_held_out(white.model, *winner->candidate, recordings, options.hold_out, report);
-  report_structure(*winner, model.linear.dt, report);
+  report_structure(*winner, as_linear(model).dt, report);
   return with_filter(std::move(*winner), model, white, candidates, std::move(report));
 }
 

@@ -22,12 +22,12 @@ struct ShapeOptions {
 };
 
 struct ShapeResult {
-  Estimate estimate;               ///< of the model chosen; Estimate::shaping has the comparison
-  std::optional<ModelFile> model;  ///< with its filters and values; nothing when noise is white
+  Estimate estimate;           ///< of the model chosen; Estimate::shaping has the comparison
+  std::optional<Model> model;  ///< with its filters and values; nothing when noise is white
   /// Of a model with coloured process noise: the one with coloured measurement noise that has the
   /// very same outputs (lib/model/equivalent_noise.h), as numbers. Nothing when filter and system
   /// share a pole.
-  std::optional<ModelFile> in_measurement;
+  std::optional<Model> in_measurement;
 };
 
 /// 1. The white model is tuned (identify/noise/ml.h). Is something left? Ljung-Box of every channel's
@@ -52,7 +52,7 @@ struct ShapeResult {
 /// Stopped by the caller, the result is the white model's, as not converged.
 /// Sources: Matisko (2013), chapter 5; Whittle (1953).
 /// @throws InputError as tune_ml(), and where the model cannot take a filter
-ShapeResult shape(const ModelFile& model, const std::vector<Dataset>& recordings,
+ShapeResult shape(const Model& model, const std::vector<Dataset>& recordings,
                   const ShapeOptions& options = {});
 
 }  // namespace identikal

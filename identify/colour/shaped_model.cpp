@@ -49,7 +49,7 @@ bool is_full(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {
 }
 
 // A matrix-valued parameter without correlations as entries of scalar ones; the block goes.
-void split_block(ModelFile& model, ParametrisedMatrix& matrix, const std::string& letter) {
+void split_block(Model& model, ParametrisedMatrix& matrix, const std::string& letter) {
   if (matrix.block < 0) return;
   const auto at = static_cast<std::size_t>(matrix.block);
   const Parameter block = model.parameters[at];
@@ -70,7 +70,7 @@ void split_block(ModelFile& model, ParametrisedMatrix& matrix, const std::string
   }
   // The parameters behind it move up.
   model.parameters.erase(model.parameters.begin() + static_cast<long>(at));
-  LinearModel& m = model.linear;
+  LinearModel& m = as_linear(model);
   for (ParametrisedMatrix* each : {&m.A, &m.B, &m.C, &m.D, &m.G, &m.Q, &m.R, &m.S, &m.x0, &m.P0}) {
     if (each->block > static_cast<int>(at)) --each->block;
     for (ParametrisedMatrix::Entry& e : each->entries)
@@ -80,8 +80,8 @@ void split_block(ModelFile& model, ParametrisedMatrix& matrix, const std::string
 
 }  // namespace
 
-std::string shaping_fault(const ModelFile& model, NoiseSource source) {
-  const LinearModel& m = model.linear;
+std::string shaping_fault(const Model& model, NoiseSource source) {
+  const LinearModel& m = as_linear(model);
   if (m.continuous) return "the model is in continuous time; shaping filters are sampled";
   if (m.initial == InitialState::given) {
     return "the initial state is given; say 'stationary' or 'diffuse'";
@@ -92,16 +92,16 @@ std::string shaping_fault(const ModelFile& model, NoiseSource source) {
   return "";
 }
 
-ModelFile with_shaping_filters(const ModelFile& model, NoiseSource source,
-                               const std::vector<ShapedChannel>& channels) {
+Model with_shaping_filters(const Model& model, NoiseSource source,
+                           const std::vector<ShapedChannel>& channels) {
   if (const std::string fault = shaping_fault(model, source); !fault.empty()) {
     throw std::invalid_argument("with_shaping_filters: " + fault);
   }
   const bool process = source == NoiseSource::process;
-  ModelFile out = model;
-  if (!process) split_block(out, out.linear.Q, "q");
-  const LinearModel base = out.linear;
-  LinearModel& m = out.linear;
+  Model out = model;
+  if (!process) split_block(out, as_linear(out).Q, "q");
+  const LinearModel base = as_linear(out);
+  LinearModel& m = as_linear(out);
   Index nf = 0;
   for (const ShapedChannel& c : channels) nf += c.filter.order();
   const auto extra = process ? Index{0} : static_cast<Index>(channels.size());
@@ -254,7 +254,7 @@ std::string channels_text(const char* key, const std::vector<ChannelSource>& cha
 
 }  // namespace
 
-std::string model_text(const ModelFile& model, const std::vector<std::string>& comment) {
+std::string model_text(const Model& model, const std::vector<std::string>& comment) {
   std::string out;
   for (const std::string& line : comment) out += "# " + line + "\n";
   out += fmt::format("identikal: 1\nname: {}\n", in_quotes(model.name));
@@ -266,7 +266,7 @@ std::string model_text(const ModelFile& model, const std::vector<std::string>& c
   if (model.time.step > 0.0) time += fmt::format(", step: {} s", number_text(model.time.step));
   out += "time: {" + time + "}\n";
   std::string parameters;
-  const LinearModel& m = model.linear;
+  const LinearModel& m = as_linear(model);
   const auto is_block = [&m](int p) {
     for (const ParametrisedMatrix* each : {&m.Q, &m.R, &m.S, &m.P0}) {
       if (each->block == p) return true;

@@ -24,18 +24,18 @@ struct ShapedChannel {
 };
 
 /// Why the model cannot take such a filter; empty when it can.
-std::string shaping_fault(const ModelFile& model, NoiseSource source);
+std::string shaping_fault(const Model& model, NoiseSource source);
 
 /// The model with states [f; x], f those of the filters (lib/model/shaping_filter.h). The
 /// parameters are the model's own, then of every channel the variance (measurement), a_1 ..., b_1
 /// ..., free. A diagonal Q becomes one parameter per variance where coloured measurement noise is
 /// added.
 /// @throws std::invalid_argument where shaping_fault() is not empty
-ModelFile with_shaping_filters(const ModelFile& model, NoiseSource source,
-                               const std::vector<ShapedChannel>& channels);
+Model with_shaping_filters(const Model& model, NoiseSource source,
+                           const std::vector<ShapedChannel>& channels);
 
 /// The model as text that read_model_file() reads: matrices, free parameters with their values.
 /// @param comment  lines for the head, without "# "
-std::string model_text(const ModelFile& model, const std::vector<std::string>& comment);
+std::string model_text(const Model& model, const std::vector<std::string>& comment);
 
 }  // namespace identikal

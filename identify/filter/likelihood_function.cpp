@@ -12,7 +12,7 @@ namespace identikal {
 
 // The likelihood refers to the model and to the recordings, which therefore keep their places.
 struct LikelihoodFunction::State {
-  State(ModelFile with, std::vector<Dataset> of)
+  State(Model with, std::vector<Dataset> of)
       : model(std::move(with)), recordings(std::move(of)), likelihood(model, recordings) {
     const ReportedEntries entries = reported_entries(model.parameters);
     for (std::size_t i = 0; i < entries.names.size(); ++i) {
@@ -20,7 +20,7 @@ struct LikelihoodFunction::State {
     }
   }
 
-  ModelFile model;
+  Model model;
   std::vector<Dataset> recordings;
   RecordingsLikelihood likelihood;
   std::vector<std::string> names;
@@ -28,22 +28,20 @@ struct LikelihoodFunction::State {
 
 namespace {
 
-ModelFile filter_model(const ModelFile& model, const std::vector<Dataset>& recordings) {
-  const bool is_filter =
-      model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear;
-  if (!is_filter) {
-    throw InputError({model.path, 0, 0}, "this model has no filter, and so no likelihood",
+Model filter_model(const Model& model, const std::vector<Dataset>& recordings) {
+  if (!has_filter(model)) {
+    throw InputError({model.source, 0, 0}, "this model has no filter, and so no likelihood",
                      "matrices or formulas with noise");
   }
-  ModelFile out = checked(model, recordings);
+  Model out = checked(model, recordings);
   check_inputs(recordings);
   return out;
 }
 
 }  // namespace
 
-LikelihoodFunction::LikelihoodFunction(const ModelFile& model, std::vector<Dataset> recordings) {
-  ModelFile filter = filter_model(model, recordings);
+LikelihoodFunction::LikelihoodFunction(const Model& model, std::vector<Dataset> recordings) {
+  Model filter = filter_model(model, recordings);
   state_ = std::make_unique<State>(std::move(filter), std::move(recordings));
 }
 LikelihoodFunction::~LikelihoodFunction() = default;

@@ -39,7 +39,7 @@ class LikelihoodFunction {
  public:
   /// @throws std::invalid_argument as checked() (identify/model/check.h); InputError for a vehicle,
   ///   a regression, and inputs with gaps
-  LikelihoodFunction(const ModelFile& model, std::vector<Dataset> recordings);
+  LikelihoodFunction(const Model& model, std::vector<Dataset> recordings);
   ~LikelihoodFunction();
   LikelihoodFunction(LikelihoodFunction&&) noexcept;
   LikelihoodFunction& operator=(LikelihoodFunction&&) noexcept;

@@ -23,27 +23,29 @@ SmootherResult filtered_states(const FilterResult& filter) {
 
 }  // namespace
 
-FilterResult run_filter(const ModelFile& model, const ParameterSet& parameters,
+FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, Keep keep) {
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     return nonlinear_filter(model, parameters, recording, keep);
   }
-  return kalman_filter(instantiate(model.linear, parameters), model.linear.initial, recording.y,
-                       model_inputs(model.linear, recording.u), keep);
+  const LinearModel& linear = as_linear(model);
+  return kalman_filter(instantiate(linear, parameters), linear.initial, recording.y,
+                       model_inputs(linear, recording.u), keep);
 }
 
-SmootherResult run_smoother(const ModelFile& model, const ParameterSet& parameters,
+SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
                             const Dataset& recording, std::optional<Index> lag) {
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     return lag == Index{0}
                ? filtered_states(nonlinear_filter(model, parameters, recording, Keep::everything))
                : nonlinear_smoother(model, parameters, recording, lag);
   }
-  const StateSpace system = instantiate(model.linear, parameters);
-  const Eigen::MatrixXd u = model_inputs(model.linear, recording.u);
-  return lag ? smooth_with_lag(system, model.linear.initial, recording.y, u, *lag,
+  const LinearModel& linear = as_linear(model);
+  const StateSpace system = instantiate(linear, parameters);
+  const Eigen::MatrixXd u = model_inputs(linear, recording.u);
+  return lag ? smooth_with_lag(system, linear.initial, recording.y, u, *lag,
                                SmootherKeep::deviations)
-             : smooth(system, model.linear.initial, recording.y, u, SmootherKeep::deviations);
+             : smooth(system, linear.initial, recording.y, u, SmootherKeep::deviations);
 }
 
 }  // namespace identikal

@@ -14,12 +14,12 @@ namespace identikal {
 
 /// kalman_filter() of a linear model, nonlinear_filter() of another, from the model's start.
 /// @param model  of the form linear or nonlinear
-FilterResult run_filter(const ModelFile& model, const ParameterSet& parameters,
+FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, Keep keep = Keep::everything);
 
 /// smooth() or nonlinear_smoother(), standard deviations without covariances.
 /// @param lag  given what was recorded up to so many samples later: 0 filters. None: given all
-SmootherResult run_smoother(const ModelFile& model, const ParameterSet& parameters,
+SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
                             const Dataset& recording, std::optional<Eigen::Index> lag);
 
 }  // namespace identikal

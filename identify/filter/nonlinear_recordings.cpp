@@ -14,8 +14,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-VectorXd formula_parameters(const ModelFile& model, const ParameterSet& at) {
-  VectorXd out(model.formulas.model.parameters);
+VectorXd formula_parameters(const FormulaModel& model, const ParameterSet& at) {
+  VectorXd out(model.equations.parameters);
   for (Index i = 0; i < out.size(); ++i) out[i] = at[i].scalar();
   return out;
 }
@@ -30,85 +30,85 @@ FilterNoise noise_derivative(const StateSpace& written, const StateSpace& d) {
   return {moved + moved.transpose() + written.G * d.Q * written.G.transpose(), d.R, d.x0, d.P0};
 }
 
-std::vector<FilterDirection> directions(const ModelFile& model, const ParameterSet& at,
+std::vector<FilterDirection> directions(const FormulaModel& model, const ParameterSet& at,
                                         const StateSpace& written) {
   std::vector<FilterDirection> out;
   const std::vector<EntryDerivative> entries = entry_derivatives(at);
-  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
+  const std::vector<StateSpace> derivatives = model_derivatives(model.noise, at);
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const int parameter = entries[i].parameter;
-    out.push_back({parameter < model.formulas.model.parameters ? parameter : -1,
+    out.push_back({parameter < model.equations.parameters ? parameter : -1,
                    noise_derivative(written, derivatives[i])});
   }
   return out;
 }
 
-NonlinearFilterOptions filter_options(const ModelFile& model) {
+NonlinearFilterOptions filter_options(const FormulaModel& model) {
   NonlinearFilterOptions out;
-  out.method = model.formulas.filter;
-  out.noise = model.linear.noise;
+  out.method = model.filter;
+  out.noise = model.noise.noise;
   return out;
 }
 
 // What `integration_step` asks for; one each in discrete time.
-std::optional<IntegrationSteps> steps_of_file(const ModelFile& model, const Dataset& recording) {
-  const FormulaSettings& settings = model.formulas;
-  const bool continuous = settings.model.continuous;
-  if (continuous && !(settings.longest_step > 0.0)) return std::nullopt;
-  const double longest = continuous ? settings.longest_step : kInfinity;
+std::optional<IntegrationSteps> steps_of_file(const Model& model, const Dataset& recording) {
+  const FormulaModel& formulas = as_formulas(model);
+  const bool continuous = formulas.equations.continuous;
+  if (continuous && !(formulas.longest_step > 0.0)) return std::nullopt;
+  const double longest = continuous ? formulas.longest_step : kInfinity;
   const Index N = recording.size();
   const double widest =
       N < 2 ? 0.0 : (recording.time.tail(N - 1) - recording.time.head(N - 1)).maxCoeff();
   if (widest > kMostSteps * longest) {
-    throw InputError({model.path, 0, 0},
+    throw InputError({model.source, 0, 0},
                      fmt::format("integration_step {:.3g} s makes {:.3g} steps between two samples "
                                  "of '{}'",
                                  longest, widest / longest, recording.name),
                      fmt::format("at most {}", kMostSteps), "a longer step, or none");
   }
   IntegrationSteps out;
-  out.steps = input_nodes(recording.time, recording.u, settings.inputs, longest).steps;
+  out.steps = input_nodes(recording.time, recording.u, formulas.inputs, longest).steps;
   return out;
 }
 
-InputNodes nodes_in(const ModelFile& model, const Dataset& recording,
+InputNodes nodes_in(const FormulaModel& model, const Dataset& recording,
                     const std::vector<int>& steps) {
-  return input_nodes(recording.time, recording.u, model.formulas.inputs, steps);
+  return input_nodes(recording.time, recording.u, model.inputs, steps);
 }
 
 // For the filter with these values.
-InputNodes filter_nodes(const ModelFile& model, const ParameterSet& at, const Dataset& recording) {
-  return nodes_in(model, recording, integration_of(model, at, recording).steps);
+InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording) {
+  return nodes_in(as_formulas(model), recording, integration_of(model, at, recording).steps);
 }
 
 // For the motion without noise from x.
-IntegrationSteps motion_steps(const ModelFile& model, const ParameterSet& at,
-                              const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
+IntegrationSteps motion_steps(const Model& model, const ParameterSet& at, const Dataset& recording,
+                              const Eigen::Ref<const VectorXd>& x) {
   if (auto given = steps_of_file(model, recording)) return *given;
-  return integration_steps(model.formulas.model, formula_parameters(model, at), x, recording.time,
-                           recording.u, model.formulas.inputs);
+  const FormulaModel& formulas = as_formulas(model);
+  return integration_steps(formulas.equations, formula_parameters(formulas, at), x, recording.time,
+                           recording.u, formulas.inputs);
 }
 
 }  // namespace
 
-IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
+IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
                                 const Dataset& recording) {
-  const FormulaSettings& settings = model.formulas;
+  const FormulaModel& formulas = as_formulas(model);
   if (auto given = steps_of_file(model, recording)) return *given;
-  return integration_steps(settings.model, formula_parameters(model, at),
-                           noise_of(written_matrices(model.linear, at)), recording.time,
-                           recording.u, settings.inputs, recording.y, filter_options(model));
+  return integration_steps(formulas.equations, formula_parameters(formulas, at),
+                           noise_of(written_matrices(formulas.noise, at)), recording.time,
+                           recording.u, formulas.inputs, recording.y, filter_options(formulas));
 }
 
-NonlinearRecordings::NonlinearRecordings(const ModelFile& model,
-                                         const std::vector<Dataset>& recordings)
+NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<Dataset>& recordings)
     : model_(model),
       recordings_(recordings),
-      memory_(make_memory(model.formulas.model)),
-      options_(filter_options(model)) {
+      memory_(make_memory(as_formulas(model).equations)),
+      options_(filter_options(as_formulas(model))) {
   for (const Dataset& recording : recordings) {
     steps_.push_back(integration_of(model, model.parameters, recording).steps);
-    inputs_.push_back(nodes_in(model, recording, steps_.back()));
+    inputs_.push_back(nodes_in(as_formulas(model), recording, steps_.back()));
   }
 }
 
@@ -121,7 +121,7 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
       here = here || needed[k] > steps_[i][k];
       steps_[i][k] = std::max(steps_[i][k], needed[k]);
     }
-    if (here) inputs_[i] = nodes_in(model_, recordings_[i], steps_[i]);
+    if (here) inputs_[i] = nodes_in(as_formulas(model_), recordings_[i], steps_[i]);
     halved = halved || here;
   }
   return halved;
@@ -129,11 +129,12 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
 
 const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
                                                 MatrixXd* score_products) {
-  const StateSpace written = written_matrices(model_.linear, at);
+  const FormulaModel& model = as_formulas(model_);
+  const StateSpace written = written_matrices(model.noise, at);
   const FilterNoise noise = noise_of(written);
-  const VectorXd p = formula_parameters(model_, at);
+  const VectorXd p = formula_parameters(model, at);
   const std::vector<FilterDirection> by =
-      with_derivatives ? directions(model_, at, written) : std::vector<FilterDirection>{};
+      with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
   const auto k = static_cast<Index>(by.size());
   sum_.status = FilterStatus::ok;
   sum_.value = 0.0;
@@ -143,8 +144,8 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
   MatrixXd products;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     const Likelihood one =
-        nonlinear_likelihood(model_.formulas.model, memory_, p, noise, by, inputs_[i],
-                             recordings_[i].y, options_, score_products ? &products : nullptr);
+        nonlinear_likelihood(model.equations, memory_, p, noise, by, inputs_[i], recordings_[i].y,
+                             options_, score_products ? &products : nullptr);
     sum_.status = one.status;
     if (one.status != FilterStatus::ok) return sum_;
     sum_.value += one.value;
@@ -156,25 +157,27 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
   return sum_;
 }
 
-NonlinearRealisation simulate_nonlinear_outputs(const ModelFile& model, const Dataset& recording,
+NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Dataset& recording,
                                                 Random& random) {
-  const FilterNoise noise = noise_of(written_matrices(model.linear, model.parameters));
+  const FormulaModel& formulas = as_formulas(model);
+  const FilterNoise noise = noise_of(written_matrices(formulas.noise, model.parameters));
   const IntegrationSteps steps = motion_steps(model, model.parameters, recording, noise.x0);
   if (steps.status == StepStatus::not_finite) {
-    throw InputError({model.path, 0, 0},
+    throw InputError({model.source, 0, 0},
                      fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
                                  recording.time[steps.sample], describe(steps.status)),
                      "values from which the model can be simulated",
                      "other values, or time: {integration_step: ...}");
   }
   return simulate_nonlinear_outputs(
-      model.formulas.model, formula_parameters(model, model.parameters), noise, model.linear.noise,
-      nodes_in(model, recording, steps.steps), random);
+      formulas.equations, formula_parameters(formulas, model.parameters), noise,
+      formulas.noise.noise, nodes_in(formulas, recording, steps.steps), random);
 }
 
-MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
-                            const Dataset& recording, const Eigen::Ref<const VectorXd>& x) {
-  FilterNoise noise = zero_noise(model.formulas.model);
+MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Dataset& recording,
+                            const Eigen::Ref<const VectorXd>& x) {
+  const FormulaModel& formulas = as_formulas(model);
+  FilterNoise noise = zero_noise(formulas.equations);
   noise.x0 = x;
   IntegrationSteps steps = motion_steps(model, at, recording, x);
   // Where it diverges any number does to show it.
@@ -182,26 +185,28 @@ MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
     steps.steps.assign(static_cast<std::size_t>(std::max<Index>(recording.size() - 1, 0)), 1);
   }
   Random unused(1);
-  return simulate_nonlinear_outputs(model.formulas.model, formula_parameters(model, at), noise,
+  return simulate_nonlinear_outputs(formulas.equations, formula_parameters(formulas, at), noise,
                                     ProcessNoise::per_sample,
-                                    nodes_in(model, recording, steps.steps), unused)
+                                    nodes_in(formulas, recording, steps.steps), unused)
       .y;
 }
 
-FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
-                              const Dataset& recording, Keep keep) {
-  return nonlinear_filter(model.formulas.model, formula_parameters(model, at),
-                          noise_of(written_matrices(model.linear, at)),
-                          filter_nodes(model, at, recording), recording.y, filter_options(model),
+FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
+                              Keep keep) {
+  const FormulaModel& formulas = as_formulas(model);
+  return nonlinear_filter(formulas.equations, formula_parameters(formulas, at),
+                          noise_of(written_matrices(formulas.noise, at)),
+                          filter_nodes(model, at, recording), recording.y, filter_options(formulas),
                           keep);
 }
 
-SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,
+SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& at,
                                   const Dataset& recording, std::optional<Index> lag) {
-  return nonlinear_smoother(model.formulas.model, formula_parameters(model, at),
-                            noise_of(written_matrices(model.linear, at)),
-                            filter_nodes(model, at, recording), recording.y, filter_options(model),
-                            lag, SmootherKeep::deviations);
+  const FormulaModel& formulas = as_formulas(model);
+  return nonlinear_smoother(formulas.equations, formula_parameters(formulas, at),
+                            noise_of(written_matrices(formulas.noise, at)),
+                            filter_nodes(model, at, recording), recording.y,
+                            filter_options(formulas), lag, SmootherKeep::deviations);
 }
 
 }  // namespace identikal

@@ -18,14 +18,14 @@ namespace identikal {
 /// How many steps the integration takes between samples: as many as the filter with these values
 /// needs (lib/nonlinear/integration_steps.h), or as the file says.
 /// @throws InputError when the file says too many
-IntegrationSteps integration_of(const ModelFile& model, const ParameterSet& at,
+IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
                                 const Dataset& recording);
 
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
 /// one per thread.
 class NonlinearRecordings {
  public:
-  NonlinearRecordings(const ModelFile& model, const std::vector<Dataset>& recordings);
+  NonlinearRecordings(const Model& model, const std::vector<Dataset>& recordings);
 
   /// The sum over all recordings of nonlinear_likelihood(), each from the model's start, by the
   /// free entries where requested. Valid until the next call.
@@ -39,7 +39,7 @@ class NonlinearRecordings {
   bool refine(const ParameterSet& at);
 
  private:
-  const ModelFile& model_;
+  const Model& model_;
   const std::vector<Dataset>& recordings_;
   std::vector<std::vector<int>> steps_;
   std::vector<InputNodes> inputs_;
@@ -50,20 +50,20 @@ class NonlinearRecordings {
 
 /// A recording with this one's times and inputs, drawn from the model at its own values.
 /// @throws std::invalid_argument when a covariance is not positive semidefinite
-NonlinearRealisation simulate_nonlinear_outputs(const ModelFile& model, const Dataset& recording,
+NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Dataset& recording,
                                                 Random& random);
 
 /// What the outputs would be without noise, from the state x at the first sample; SI, ny x N.
-Eigen::MatrixXd noise_free_outputs(const ModelFile& model, const ParameterSet& at,
+Eigen::MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at,
                                    const Dataset& recording,
                                    const Eigen::Ref<const Eigen::VectorXd>& x);
 
 /// The filter's run over one recording.
-FilterResult nonlinear_filter(const ModelFile& model, const ParameterSet& at,
-                              const Dataset& recording, Keep keep);
+FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
+                              Keep keep);
 
 /// The smoother's, deviations only. @param lag  as lib/nonlinear/smoother.h has it
-SmootherResult nonlinear_smoother(const ModelFile& model, const ParameterSet& at,
+SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& at,
                                   const Dataset& recording, std::optional<Eigen::Index> lag);
 
 }  // namespace identikal

@@ -33,7 +33,7 @@ constexpr double kSerious = 0.05;  // share of the innovations' power
 constexpr double kSeen = 1e-6;
 
 // Of every recording; innovations are missing where the filter does not run.
-std::vector<FilterResult> filtered(const ModelFile& model, const ParameterSet& parameters,
+std::vector<FilterResult> filtered(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings) {
   std::vector<FilterResult> out;
   for (const Dataset& data : recordings) {
@@ -57,10 +57,10 @@ double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd Filte
 }
 
 // How long a disturbed prediction stays disturbed.
-Index memory(const ModelFile& model, const ParameterSet& parameters) {
+Index memory(const Model& model, const ParameterSet& parameters) {
   constexpr Index kMost = 1000, kNonlinear = 100;
-  if (model.form == ModelFile::Form::nonlinear) return kNonlinear;
-  const StateSpace system = instantiate(model.linear, parameters);
+  if (is_formula_model(model)) return kNonlinear;
+  const StateSpace system = instantiate(as_linear(model), parameters);
   const auto steady = steady_state(system);
   if (!steady) return kMost;
   const MatrixXd F = system.A - steady->K * system.C;
@@ -74,7 +74,7 @@ Index memory(const ModelFile& model, const ParameterSet& parameters) {
 }
 
 // find_outliers(), where the filters of the recordings are known already.
-std::vector<Outlier> outliers_of(const ModelFile& model, const ParameterSet& parameters,
+std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& parameters,
                                  const std::vector<Dataset>& recordings,
                                  std::vector<FilterResult> now) {
   constexpr int kMostPasses = 200;
@@ -131,7 +131,7 @@ std::string first_times(const std::vector<Dataset>& recordings,
   return out + (outliers.size() > kShown ? ", ..." : "");
 }
 
-void warn_of_outliers(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+void warn_of_outliers(Estimate& estimate, const Model& model, const ParameterSet& parameters,
                       const std::vector<Dataset>& recordings,
                       const std::vector<FilterResult>& filters) {
   const std::vector<Outlier> outliers = outliers_of(model, parameters, recordings, filters);
@@ -165,7 +165,7 @@ void warn_of_outliers(Estimate& estimate, const ModelFile& model, const Paramete
 }
 
 // Innovations with a mean: what constant in the outputs would give it?
-void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+void warn_of_offset(Estimate& estimate, const Model& model, const ParameterSet& parameters,
                     const std::vector<Dataset>& recordings,
                     const std::vector<FilterResult>& filters) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
@@ -187,8 +187,8 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
   // The states take a constant of this output in: the innovations do not show it.
   Eigen::Array<bool, Eigen::Dynamic, 1> hidden =
       Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(ny, false);
-  const bool linear = model.form == ModelFile::Form::linear;
-  const StateSpace system = instantiate(model.linear, parameters);
+  const bool linear = is_linear(model);
+  const StateSpace system = instantiate(noise_model(model), parameters);
   if (const auto steady = linear ? steady_state(system) : std::nullopt) {
     const Index n = system.states();
     const MatrixXd F = system.A - steady->K * system.C;
@@ -229,7 +229,7 @@ void warn_of_offset(Estimate& estimate, const ModelFile& model, const ParameterS
 
 }  // namespace
 
-std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
+std::vector<Outlier> find_outliers(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings) {
   return outliers_of(model, parameters, recordings, filtered(model, parameters, recordings));
 }
@@ -240,7 +240,7 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
   return recordings;
 }
 
-void warn_of_outliers_and_offset(Estimate& estimate, const ModelFile& model,
+void warn_of_outliers_and_offset(Estimate& estimate, const Model& model,
                                  const ParameterSet& parameters,
                                  const std::vector<Dataset>& recordings,
                                  const std::vector<FilterResult>& filters) {
@@ -249,7 +249,7 @@ void warn_of_outliers_and_offset(Estimate& estimate, const ModelFile& model,
 }
 
 Estimate tune_robust(
-    const ModelFile& model, const std::vector<Dataset>& recordings,
+    const Model& model, const std::vector<Dataset>& recordings,
     const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator) {
   constexpr int kMostPasses = 10;
   std::vector<Outlier> left_out;

@@ -21,7 +21,7 @@ struct Outlier {
 /// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. An outlier disturbs the
 /// filter for a while; so one is looked for at a time in every segment as long as the filter's
 /// memory, taken out, and the filter run again.
-std::vector<Outlier> find_outliers(const ModelFile& model, const ParameterSet& parameters,
+std::vector<Outlier> find_outliers(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings);
 
 /// The recordings with these samples missing.
@@ -31,7 +31,7 @@ std::vector<Dataset> without(std::vector<Dataset> recordings, const std::vector<
 /// explain it. Serious, so that the result is not to be trusted, when they make up more than 5 %
 /// of the innovations' power: by that much the noise is overestimated.
 /// @param filters  of each recording, at these parameters (identify/filter/report.h)
-void warn_of_outliers_and_offset(Estimate& estimate, const ModelFile& model,
+void warn_of_outliers_and_offset(Estimate& estimate, const Model& model,
                                  const ParameterSet& parameters,
                                  const std::vector<Dataset>& recordings,
                                  const std::vector<FilterResult>& filters);
@@ -39,7 +39,7 @@ void warn_of_outliers_and_offset(Estimate& estimate, const ModelFile& model,
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
 /// no more are found. The result's warning "outliers_left_out" names them.
 Estimate tune_robust(
-    const ModelFile& model, const std::vector<Dataset>& recordings,
+    const Model& model, const std::vector<Dataset>& recordings,
     const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator);
 
 }  // namespace identikal

@@ -48,7 +48,7 @@ void forecast(const StateSpace& system, InitialState initial, const LinearModel&
 }
 
 // The model on its own; columns from `at` of the pictures.
-void simulate(const ModelFile& model, const ParameterSet& parameters, const Dataset& data, Index at,
+void simulate(const Model& model, const ParameterSet& parameters, const Dataset& data, Index at,
               Pictures& out) {
   const MatrixXd y = simulated_outputs(model, parameters, data);
   for (Index i = 0; i < y.rows(); ++i) {
@@ -61,7 +61,7 @@ void simulate(const ModelFile& model, const ParameterSet& parameters, const Data
 
 }  // namespace
 
-void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+void picture_filter(const Model& model, const std::vector<Dataset>& recordings,
                     Estimate& estimate) {
   Pictures& out = estimate.pictures;
   const Series& series = estimate.series;
@@ -74,10 +74,11 @@ void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordin
   out.simulation_sd = out.simulation;
   Index at = 0;
   for (const Dataset& data : recordings) {
-    if (model.form == ModelFile::Form::nonlinear) {
+    if (is_formula_model(model)) {
       simulate(model, end, data, at, out);
     } else {
-      forecast(instantiate(model.linear, end), model.linear.initial, model.linear, data, at, out);
+      const LinearModel& linear = as_linear(model);
+      forecast(instantiate(linear, end), linear.initial, linear, data, at, out);
     }
     at += data.size();
   }

@@ -18,8 +18,7 @@ namespace identikal {
 /// recording, without deviation.
 /// @param model       its parameters at the start
 /// @param recordings  those that `estimate.series` shows, in its order
-void picture_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
-                    Estimate& estimate);
+void picture_filter(const Model& model, const std::vector<Dataset>& recordings, Estimate& estimate);
 
 inline constexpr double kForecastFrom = 0.7;  ///< share of a recording
 

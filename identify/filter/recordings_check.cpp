@@ -20,10 +20,10 @@ Index samples_present(const std::vector<Dataset>& recordings) {
   return samples;
 }
 
-void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings) {
+void check_recordings(const Model& model, const std::vector<Dataset>& recordings) {
   const Index unknowns = coordinates(model.parameters).size();
   if (unknowns == 0) {
-    throw InputError({model.path, 0, 0}, "nothing is free to be estimated",
+    throw InputError({model.source, 0, 0}, "nothing is free to be estimated",
                      "at least one parameter with {value: ...} or a structured Q or R",
                      "use 'check' to test a filter whose noise is given");
   }

@@ -15,7 +15,7 @@ Eigen::Index samples_present(const std::vector<Dataset>& recordings);
 
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording
-void check_recordings(const ModelFile& model, const std::vector<Dataset>& recordings);
+void check_recordings(const Model& model, const std::vector<Dataset>& recordings);
 
 /// @throws InputError when an input has gaps; std::invalid_argument without a recording
 void check_inputs(const std::vector<Dataset>& recordings);

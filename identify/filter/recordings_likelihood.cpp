@@ -25,31 +25,31 @@ bool admissible(const StateSpace& model) {
 
 }  // namespace
 
-RecordingsLikelihood::RecordingsLikelihood(const ModelFile& model,
+RecordingsLikelihood::RecordingsLikelihood(const Model& model,
                                            const std::vector<Dataset>& recordings,
                                            EvaluationMethod method)
     : model_(model), method_(method) {
   for (const Parameter& p : model.parameters) {
     curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
   }
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     nonlinear_.emplace(model, recordings);
     return;
   }
-  constant_derivatives_ =
-      !model.linear.continuous && is_linear_in_parameters(model.linear, model.parameters);
-  derivatives_ = model_derivatives(model.linear, model.parameters);
-  for (const Dataset& data : recordings) inputs_.push_back(model_inputs(model.linear, data.u));
+  const LinearModel& linear = as_linear(model);
+  constant_derivatives_ = !linear.continuous && is_linear_in_parameters(linear, model.parameters);
+  derivatives_ = model_derivatives(linear, model.parameters);
+  for (const Dataset& data : recordings) inputs_.push_back(model_inputs(linear, data.u));
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     engine_.add_recording(recordings[i].y, inputs_[i]);
   }
 }
 
 bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivatives) {
-  instantiate(model_.linear, at, system_);
+  instantiate(noise_model(model_), at, system_);
   if (!admissible(system_)) return false;
   if (with_derivatives && !constant_derivatives_) {
-    derivatives_ = model_derivatives(model_.linear, at);
+    derivatives_ = model_derivatives(noise_model(model_), at);
   }
   return true;
 }
@@ -58,7 +58,7 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
   if (!set_system(at, with_gradient && !nonlinear_)) return nullptr;
   const Likelihood& result = nonlinear_
                                  ? nonlinear_->evaluate(at, with_gradient)
-                                 : engine_.evaluate(system_, model_.linear.initial,
+                                 : engine_.evaluate(system_, as_linear(model_).initial,
                                                     with_gradient ? derivatives_ : none_, method_);
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
@@ -90,7 +90,7 @@ LikelihoodProblem RecordingsLikelihood::problem() {
 
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
   if (!set_system(at, !nonlinear_)) return {};
-  if (!nonlinear_) return engine_.score_products(system_, model_.linear.initial, derivatives_);
+  if (!nonlinear_) return engine_.score_products(system_, as_linear(model_).initial, derivatives_);
   MatrixXd out;
   if (nonlinear_->evaluate(at, true, &out).status != FilterStatus::ok) return {};
   return out;
@@ -99,7 +99,7 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
 FilterStatus RecordingsLikelihood::status_at_start() {
   if (!set_system(model_.parameters, false)) return FilterStatus::indefinite;
   if (nonlinear_) return nonlinear_->evaluate(model_.parameters, false).status;
-  return engine_.evaluate(system_, model_.linear.initial, none_, method_).status;
+  return engine_.evaluate(system_, as_linear(model_).initial, none_, method_).status;
 }
 
 }  // namespace identikal

@@ -20,12 +20,12 @@ namespace identikal {
 /// recordings; one per thread.
 class RecordingsLikelihood {
  public:
-  RecordingsLikelihood(const ModelFile& model, const std::vector<Dataset>& recordings,
+  RecordingsLikelihood(const Model& model, const std::vector<Dataset>& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic);
   /// Neither may be a temporary.
-  RecordingsLikelihood(const ModelFile& model, std::vector<Dataset>&& recordings,
+  RecordingsLikelihood(const Model& model, std::vector<Dataset>&& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic) = delete;
-  RecordingsLikelihood(ModelFile&& model, const std::vector<Dataset>& recordings,
+  RecordingsLikelihood(Model&& model, const std::vector<Dataset>& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic) = delete;
 
   /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
@@ -54,7 +54,7 @@ class RecordingsLikelihood {
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
 
-  const ModelFile& model_;
+  const Model& model_;
   EvaluationMethod method_;
   bool curved_ = false;
   bool constant_derivatives_ = false;

@@ -129,10 +129,10 @@ const char* initial_name(InitialState initial) {
 }
 
 // What the columns of B and D belong to, but for the next sample's.
-std::vector<SteadyFilter::Channel> input_channels(const ModelFile& model, const std::string& when) {
+std::vector<SteadyFilter::Channel> input_channels(const Model& model, const std::string& when) {
   std::vector<SteadyFilter::Channel> out;
   for (const ChannelSource& input : model.inputs) out.push_back({input.name + when, input.unit});
-  if (model.linear.offset) out.push_back({"1", ""});
+  if (as_linear(model).offset) out.push_back({"1", ""});
   return out;
 }
 
@@ -158,7 +158,7 @@ struct Failure {
   }
 };
 
-Failure first_failure(const ModelFile& model, const std::vector<Dataset>& recordings,
+Failure first_failure(const Model& model, const std::vector<Dataset>& recordings,
                       FilterStatus status) {
   const auto ends_so = [&](const Dataset& data) {
     return run_filter(model, model.parameters, data, Keep::innovations).status == status;
@@ -177,7 +177,7 @@ Failure first_failure(const ModelFile& model, const std::vector<Dataset>& record
 }
 
 // Where the likelihood is not as smooth as the search takes it to be, or not the model's own.
-void warn_of_integration(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+void warn_of_integration(Estimate& estimate, const Model& model, const ParameterSet& parameters,
                          const std::vector<Dataset>& recordings) {
   double largest = 0.0;
   std::string where;
@@ -226,16 +226,18 @@ std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
   return out;
 }
 
-void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
                    FilterStatus status) {
-  const Location here{model.path, 0, 0};
-  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+  const Location here{model.source, 0, 0};
+  const bool nonlinear = is_formula_model(model);
   if (status == FilterStatus::unstable) {
     throw InputError(
         here,
-        fmt::format(
-            "the filter starts stationary, and A has an eigenvalue of size {:.6g}",
-            instantiate(model.linear, model.parameters).A.eigenvalues().cwiseAbs().maxCoeff()),
+        fmt::format("the filter starts stationary, and A has an eigenvalue of size {:.6g}",
+                    instantiate(noise_model(model), model.parameters)
+                        .A.eigenvalues()
+                        .cwiseAbs()
+                        .maxCoeff()),
         "a stable A: every eigenvalue inside the unit circle",
         "say 'initial: diffuse' where nothing is known of the state");
   }
@@ -246,7 +248,7 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
     case FilterStatus::unstable:
       break;
     case FilterStatus::indefinite:
-      if (const auto fault = fault_at(model.linear, model.parameters)) {
+      if (const auto fault = fault_at(noise_model(model), model.parameters)) {
         throw InputError(here, fault->text);
       }
       throw InputError(
@@ -277,16 +279,17 @@ void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recording
   throw InputError(here, "the filter cannot run");
 }
 
-void report_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters) {
-  const StateSpace written = written_matrices(model.linear, parameters);
+void report_noise(Estimate& estimate, const Model& model, const ParameterSet& parameters) {
+  const LinearModel& noise = noise_model(model);
+  const StateSpace written = written_matrices(noise, parameters);
   estimate.noise.Q = written.Q;
   estimate.noise.R = written.R;
   if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
-  const bool density = model.linear.noise == ProcessNoise::density;
+  const bool density = noise.noise == ProcessNoise::density;
   estimate.noise.Q_kind = density ? "density" : "per-sample";
-  if (model.form == ModelFile::Form::nonlinear) return;
+  if (is_formula_model(model)) return;
   SteadyFilter filter;
-  filter.model = instantiate(model.linear, parameters);
+  filter.model = instantiate(noise, parameters);
   filter.inputs = input_channels(model, "");
   if (filter.model.inputs() > static_cast<Index>(filter.inputs.size())) {  // held linearly
     const auto next = input_channels(model, " of the next sample");
@@ -313,31 +316,31 @@ void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordin
   report_tests(estimate, recordings, filters);
 }
 
-std::vector<FilterResult> report_filter(Estimate& estimate, const ModelFile& model,
+std::vector<FilterResult> report_filter(Estimate& estimate, const Model& model,
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings) {
   report_noise(estimate, model, parameters);
   if (estimate.filter) {
-    take_units(estimate.filter->inputs, recordings[0].inputs, model.linear.offset);
+    take_units(estimate.filter->inputs, recordings[0].inputs, as_linear(model).offset);
     take_units(estimate.filter->outputs, recordings[0].outputs, false);
   }
   std::vector<FilterResult> filters;
   estimate.objective.log_likelihood = 0.0;
-  estimate.objective.initial = initial_name(model.linear.initial);
-  if (model.form == ModelFile::Form::nonlinear) {
-    estimate.objective.filter = to_string(model.formulas.filter);
+  estimate.objective.initial = initial_name(noise_model(model).initial);
+  if (is_formula_model(model)) {
+    estimate.objective.filter = to_string(as_formulas(model).filter);
   }
   for (const Dataset& data : recordings) {
     filters.push_back(run_filter(model, parameters, data, Keep::innovations));
     if (filters.back().status != FilterStatus::ok) {
-      ModelFile here = model;
+      Model here = model;
       here.parameters = parameters;
       refuse_filter(here, recordings, filters.back().status);
     }
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }
   report_innovations(estimate, recordings, filters);
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     warn_of_integration(estimate, model, parameters, recordings);
     report_simulation(estimate, model, parameters, recordings);
   }

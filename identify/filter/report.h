@@ -14,11 +14,11 @@ namespace identikal {
 
 /// The model's values do not make a filter for these recordings: says why.
 /// @throws InputError always
-[[noreturn]] void refuse_filter(const ModelFile& model, const std::vector<Dataset>& recordings,
+[[noreturn]] void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
                                 FilterStatus status);
 
 /// Q, R, S and the steady state of the filter.
-void report_noise(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters);
+void report_noise(Estimate& estimate, const Model& model, const ParameterSet& parameters);
 
 /// One-step fit, tests and series of innovations that one filter per recording has left. The tests
 /// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation
@@ -30,7 +30,7 @@ void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordin
 /// above, the log-likelihood and, of a nonlinear model, the fit of its simulation.
 /// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
-std::vector<FilterResult> report_filter(Estimate& estimate, const ModelFile& model,
+std::vector<FilterResult> report_filter(Estimate& estimate, const Model& model,
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings);
 

@@ -32,8 +32,8 @@ struct NamedState {
   Unit si;
 };
 
-std::vector<NamedState> named_states(const ModelFile& model) {
-  const StateSpace system = instantiate(model.linear, model.parameters);
+std::vector<NamedState> named_states(const Model& model) {
+  const StateSpace system = instantiate(noise_model(model), model.parameters);
   std::vector<NamedState> out;
   for (Index i = 0; i < system.states(); ++i) {
     NamedState state{fmt::format("x{}", i + 1), "", Unit{}};
@@ -118,12 +118,11 @@ std::string what_was_done(const FilterRunOptions& options) {
 
 }  // namespace
 
-FilterRun filter_recordings(const ModelFile& given, const std::vector<Dataset>& recordings,
+FilterRun filter_recordings(const Model& given, const std::vector<Dataset>& recordings,
                             const FilterRunOptions& options) {
-  const ModelFile model = checked(given, recordings);
-  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
-  if (model.form != ModelFile::Form::linear && !nonlinear) {
-    throw std::invalid_argument("filter_recordings: " + model.path + " is no filter");
+  const Model model = checked(given, recordings);
+  if (!has_filter(model)) {
+    throw std::invalid_argument("filter_recordings: " + model.source + " is no filter");
   }
   check_inputs(recordings);
   FilterRun out;
@@ -154,8 +153,8 @@ FilterRun filter_recordings(const ModelFile& given, const std::vector<Dataset>& 
   return out;
 }
 
-void write_states_csv(std::ostream& out, const ModelFile& model,
-                      const std::vector<Dataset>& recordings, const FilterRun& run) {
+void write_states_csv(std::ostream& out, const Model& model, const std::vector<Dataset>& recordings,
+                      const FilterRun& run) {
   const std::vector<NamedState> states = named_states(model);
   CsvLines lines(out, recordings.size() > 1);
   for (const NamedState& state : states) {

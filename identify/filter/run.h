@@ -30,15 +30,15 @@ struct FilterRun {
 /// @param model  of the form linear or nonlinear
 /// @throws InputError for an input with gaps, and where the filter cannot run;
 ///   std::invalid_argument for a model of another form
-FilterRun filter_recordings(const ModelFile& model, const std::vector<Dataset>& recordings,
+FilterRun filter_recordings(const Model& model, const std::vector<Dataset>& recordings,
                             const FilterRunOptions& options);
 
 /// Time as recorded [s], and of every state its value and standard deviation. States that formulas
 /// name are called and measured so; else a state that an output shows as it is has that output's
 /// name and unit, and the others are x1, x2, ... in SI. Empty cells while a diffuse start is not
 /// determined. Several recordings follow each other, their number in the first column.
-void write_states_csv(std::ostream& out, const ModelFile& model,
-                      const std::vector<Dataset>& recordings, const FilterRun& run);
+void write_states_csv(std::ostream& out, const Model& model, const std::vector<Dataset>& recordings,
+                      const FilterRun& run);
 
 /// Time, and of every output the innovation, its standard deviation, and the standardised
 /// innovation (lib/filter/kalman.h), in the outputs' units. Empty where nothing was measured.

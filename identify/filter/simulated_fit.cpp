@@ -26,15 +26,16 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // The model, known to be in this state before the first measurement.
-ModelFile started_at(ModelFile model, const VectorXd& x, const MatrixXd& P) {
-  model.linear.initial = InitialState::given;
-  model.linear.x0 = constant_matrix(x);
-  model.linear.P0 = constant_matrix(P);
+Model started_at(Model model, const VectorXd& x, const MatrixXd& P) {
+  LinearModel& start = noise_model(model);
+  start.initial = InitialState::given;
+  start.x0 = constant_matrix(x);
+  start.P0 = constant_matrix(P);
   return model;
 }
 
 // The model where the held-out rows begin.
-ModelFile at_the_cut(const ModelFile& model, const ParameterSet& parameters, const HeldOut& held) {
+Model at_the_cut(const Model& model, const ParameterSet& parameters, const HeldOut& held) {
   if (held.from == 0) return model;
   const FilterResult before =
       run_filter(model, parameters, first_samples(held.recording, held.from + 1));
@@ -67,13 +68,13 @@ std::vector<ChannelFit> fits_of(const std::vector<Channel>& outputs, const Matri
   return out;
 }
 
-MatrixXd simulated_from(const ModelFile& model, const ParameterSet& parameters,
+MatrixXd simulated_from(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, VectorXd x) {
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     return noise_free_outputs(model, parameters, recording, x);
   }
-  const StateSpace system = instantiate(model.linear, parameters);
-  const MatrixXd u = model_inputs(model.linear, recording.u);
+  const StateSpace system = instantiate(as_linear(model), parameters);
+  const MatrixXd u = model_inputs(as_linear(model), recording.u);
   MatrixXd out(system.outputs(), recording.size());
   for (Index t = 0; t < recording.size(); ++t) {
     out.col(t) = system.C * x + system.D * u.col(t);
@@ -99,17 +100,17 @@ void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
 
 }  // namespace
 
-MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& parameters,
+MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                            const Dataset& recording) {
   const SmootherResult known = run_smoother(model, parameters, recording, std::nullopt);
   const bool runs = known.status == FilterStatus::ok && known.x.col(0).allFinite();
   const VectorXd x =
-      runs ? VectorXd(known.x.col(0)) : written_matrices(model.linear, parameters).x0;
+      runs ? VectorXd(known.x.col(0)) : written_matrices(noise_model(model), parameters).x0;
   const MatrixXd out = simulated_from(model, parameters, recording, x);
   return out.array().isFinite().select(out, kInfinity);
 }
 
-void report_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+void report_simulation(Estimate& estimate, const Model& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings) {
   MatrixXd y, errors;
   for (const Dataset& data : recordings) {
@@ -119,8 +120,7 @@ void report_simulation(Estimate& estimate, const ModelFile& model, const Paramet
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
 }
 
-void report_hold_out(Estimate& estimate, const ModelFile& model,
-                     const std::vector<HeldOut>& held_out) {
+void report_hold_out(Estimate& estimate, const Model& model, const std::vector<HeldOut>& held_out) {
   const ParameterSet end = parameters_of(estimate, model.parameters);
   const std::vector<Channel>& outputs = held_out[0].recording.outputs;
   MatrixXd y, innovations, standardised, simulated;
@@ -133,7 +133,7 @@ void report_hold_out(Estimate& estimate, const ModelFile& model,
   };
   for (const HeldOut& held : held_out) {
     const Dataset data = samples_from(held.recording, held.from);
-    ModelFile here;
+    Model here;
     FilterResult filter;
     // The estimate stands whatever these rows are.
     try {

@@ -16,11 +16,11 @@ namespace identikal {
 /// run, the model's start): nothing of the recording enters but through that state.
 /// @param model  of the form linear or nonlinear
 /// @return SI, ny x N; infinite where the motion diverges
-Eigen::MatrixXd simulated_outputs(const ModelFile& model, const ParameterSet& parameters,
+Eigen::MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                                   const Dataset& recording);
 
 /// Fills `simulation` with the fit of these simulations.
-void report_simulation(Estimate& estimate, const ModelFile& model, const ParameterSet& parameters,
+void report_simulation(Estimate& estimate, const Model& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings);
 
 /// Rows from `from` on were not fitted to; those before were.
@@ -33,7 +33,6 @@ struct HeldOut {
 /// fitted, and the pictures of held-out rows. The filter goes on from what it knows of the state at
 /// the first of them; where nothing was before, from the model's start.
 /// @param estimate  of this model; its parameters are taken, its data are the rows before
-void report_hold_out(Estimate& estimate, const ModelFile& model,
-                     const std::vector<HeldOut>& held_out);
+void report_hold_out(Estimate& estimate, const Model& model, const std::vector<HeldOut>& held_out);
 
 }  // namespace identikal

@@ -138,14 +138,14 @@ YamlNode noise_covariance(const NoiseCovariance& given, std::size_t size, YamlNo
 }
 
 // A mistake in the tree is the caller's, who has no file to look at.
-ModelFile finished(YamlNode model, const std::string& name) {
+Model finished(YamlNode model, const std::string& name) {
   if (find(model, "name") == nullptr) append(model, "name", scalar(name));
   append(model, "identikal", scalar("1"));
   const bool stepped =
       find(model, "time") != nullptr && find(*find(model, "time"), "step") != nullptr;
   if (!stepped) at(at(model, "time"), "column") = scalar("t");
   try {
-    ModelFile out = model_of(model);
+    Model out = model_of(model);
     if (!stepped) out.time.column.clear();
     return out;
   } catch (const InputError& error) {
@@ -273,7 +273,7 @@ LinearModelBuilder& LinearModelBuilder::name(const std::string& text) {
   return *this;
 }
 
-LinearModelBuilder::operator ModelFile() const {
+LinearModelBuilder::operator Model() const {
   YamlNode model = model_;
   const YamlNode* A = find(model, "A");
   const YamlNode* C = find(model, "C");
@@ -367,7 +367,7 @@ FormulaModelBuilder& FormulaModelBuilder::name(const std::string& text) {
   return *this;
 }
 
-FormulaModelBuilder::operator ModelFile() const {
+FormulaModelBuilder::operator Model() const {
   YamlNode model = model_;
   at(at(model, "time"), "kind") = scalar(discrete_ ? "discrete" : "continuous");
   if (const YamlNode* states = find(model, "states")) {
@@ -428,7 +428,7 @@ VehicleModelBuilder& VehicleModelBuilder::name(const std::string& text) {
   return *this;
 }
 
-VehicleModelBuilder::operator ModelFile() const {
+VehicleModelBuilder::operator Model() const {
   YamlNode model = model_;
   append(model, "model", scalar("single-track"));
   append(at(model, "inputs"), steering_, channel(steering_));

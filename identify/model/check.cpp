@@ -20,10 +20,6 @@ template <typename... Parts>
   throw std::invalid_argument(fmt::format(text, std::forward<Parts>(parts)...));
 }
 
-bool is_filter(const ModelFile& model) {
-  return model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear;
-}
-
 void check_parameters(const ParameterSet& parameters) {
   for (const Parameter& p : parameters) {
     if (p.value.size() == 0) refuse("parameter '{}' has no value", p.name);
@@ -90,62 +86,64 @@ void check_symmetric(const char* name, const MatrixXd& value) {
 }
 
 // Models that a program fills by hand may leave their channels without names.
-Index inputs_of(const ModelFile& model) {
-  if (!model.inputs.empty()) return static_cast<Index>(model.inputs.size());
-  if (model.form == ModelFile::Form::nonlinear) return model.formulas.model.inputs;
-  return model.linear.B.constant.cols() - (model.linear.offset ? 1 : 0);
+Index inputs_of(const Model& model) {
+  if (!model.inputs.empty() || !has_filter(model)) return static_cast<Index>(model.inputs.size());
+  if (is_formula_model(model)) return as_formulas(model).equations.inputs;
+  const LinearModel& linear = as_linear(model);
+  return linear.B.constant.cols() - (linear.offset ? 1 : 0);
 }
 
-Index outputs_of(const ModelFile& model) {
-  if (!model.outputs.empty()) return static_cast<Index>(model.outputs.size());
-  return model.form == ModelFile::Form::nonlinear ? model.formulas.model.outputs
-                                                  : model.linear.C.constant.rows();
+Index outputs_of(const Model& model) {
+  if (!model.outputs.empty() || !has_filter(model)) return static_cast<Index>(model.outputs.size());
+  return is_formula_model(model) ? as_formulas(model).equations.outputs
+                                 : as_linear(model).C.constant.rows();
 }
 
 // In the order in which one matrix determines the size of the next. Of a nonlinear model A, B, C
 // and D hold sizes alone.
-void check_matrices(const ModelFile& model) {
-  const LinearModel& linear = model.linear;
+void check_matrices(const Model& model) {
+  const LinearModel& m = noise_model(model);
   const ParameterSet& p = model.parameters;
   const std::pair<const char*, const ParametrisedMatrix*> all[] = {
-      {"A", &linear.A}, {"B", &linear.B}, {"C", &linear.C}, {"D", &linear.D},   {"G", &linear.G},
-      {"Q", &linear.Q}, {"R", &linear.R}, {"S", &linear.S}, {"x0", &linear.x0}, {"P0", &linear.P0}};
+      {"A", &m.A}, {"B", &m.B}, {"C", &m.C}, {"D", &m.D},   {"G", &m.G},
+      {"Q", &m.Q}, {"R", &m.R}, {"S", &m.S}, {"x0", &m.x0}, {"P0", &m.P0}};
   for (const auto& [name, matrix] : all) check_entries(name, *matrix, p);
-  const Index n = rows_of(linear.A, p);
+  const Index n = rows_of(m.A, p);
   if (n == 0) refuse("the model has no states: A is 0 x 0");
-  check_size("A", linear.A, p, n, n, "states x states");
-  const bool is_linear = model.form == ModelFile::Form::linear;
+  check_size("A", m.A, p, n, n, "states x states");
+  const bool linear = is_linear(model);
   const Index ny = outputs_of(model);
   if (ny == 0) refuse("the model has no outputs");
-  const Index nu = columns_of(linear.B, p);
-  if (is_linear) {
-    check_size("C", linear.C, p, ny, n, "outputs x states");
-    check_size("B", linear.B, p, n, nu, "states x inputs");
-    check_size("D", linear.D, p, ny, nu, "outputs x inputs");
+  const Index nu = columns_of(m.B, p);
+  if (linear) {
+    check_size("C", m.C, p, ny, n, "outputs x states");
+    check_size("B", m.B, p, n, nu, "states x inputs");
+    check_size("D", m.D, p, ny, nu, "outputs x inputs");
   }
-  const Index nw = columns_of(linear.G, p);
-  check_size("G", linear.G, p, n, nw, "states x process noises");
-  check_size("Q", linear.Q, p, nw, nw, "process noises x process noises");
-  check_size("R", linear.R, p, ny, ny, "outputs x outputs");
-  if (is_linear) check_size("S", linear.S, p, nw, ny, "process noises x outputs");
-  if (linear.initial == InitialState::given) {
-    check_size("x0", linear.x0, p, n, 1, "states x 1");
-    check_size("P0", linear.P0, p, n, n, "states x states");
+  const Index nw = columns_of(m.G, p);
+  check_size("G", m.G, p, n, nw, "states x process noises");
+  check_size("Q", m.Q, p, nw, nw, "process noises x process noises");
+  check_size("R", m.R, p, ny, ny, "outputs x outputs");
+  if (linear) check_size("S", m.S, p, nw, ny, "process noises x outputs");
+  if (m.initial == InitialState::given) {
+    check_size("x0", m.x0, p, n, 1, "states x 1");
+    check_size("P0", m.P0, p, n, n, "states x states");
   }
 }
 
 // A free parameter that nothing depends on has no estimate.
-void refuse_unused(const ModelFile& model) {
-  const LinearModel& m = model.linear;
+void refuse_unused(const Model& model) {
+  const LinearModel& m = noise_model(model);
   std::vector<bool> used(model.parameters.size(), false);
   for (const ParametrisedMatrix* matrix :
        {&m.A, &m.B, &m.C, &m.D, &m.G, &m.Q, &m.R, &m.S, &m.x0, &m.P0}) {
     for (const int i : parameters_in(*matrix)) used[i] = true;
   }
-  const NonlinearModel& formulas = model.formulas.model;
-  for (std::size_t i = 0; model.form == ModelFile::Form::nonlinear && i < formulas.column.size();
-       ++i) {
-    if (formulas.column[i] != NonlinearModel::kInNoFormula) used[i] = true;
+  if (is_formula_model(model)) {
+    const std::vector<Index>& column = as_formulas(model).equations.column;
+    for (std::size_t i = 0; i < column.size(); ++i) {
+      if (column[i] != NonlinearModel::kInNoFormula) used[i] = true;
+    }
   }
   for (std::size_t i = 0; i < used.size(); ++i) {
     if (used[i] || model.parameters[i].fixed) continue;
@@ -153,15 +151,15 @@ void refuse_unused(const ModelFile& model) {
   }
 }
 
-void check_filter(const ModelFile& model) {
+void check_filter(const Model& model) {
   check_matrices(model);
   refuse_unused(model);
-  const StateSpace at = model.form == ModelFile::Form::linear
-                            ? written_matrices(model.linear, model.parameters)
-                            : instantiate(model.linear, model.parameters);
+  const LinearModel& noise = noise_model(model);
+  const StateSpace at = is_linear(model) ? written_matrices(noise, model.parameters)
+                                         : instantiate(noise, model.parameters);
   check_symmetric("Q", at.Q);
   check_symmetric("R", at.R);
-  if (const std::optional<ModelFault> fault = fault_at(model.linear, model.parameters)) {
+  if (const std::optional<ModelFault> fault = fault_at(noise, model.parameters)) {
     refuse("{}", fault->text);
   }
 }
@@ -182,9 +180,10 @@ void check_time(const Dataset& data) {
   }
 }
 
-void check_period(const ModelFile& model, const Dataset& data) {
+void check_period(const Model& model, const Dataset& data) {
   const double step = model.time.step;
-  if (!(step > 0.0) || model.formulas.irregular) return;
+  const bool irregular = is_formula_model(model) && as_formulas(model).irregular;
+  if (!(step > 0.0) || irregular) return;
   if (std::abs(data.dt - step) <= 0.01 * step) return;
   refuse("the recording is sampled every {} s, the model every {} s", data.dt, step);
 }
@@ -207,12 +206,12 @@ LinearModel with_defaults(LinearModel model) {
 
 }  // namespace
 
-void check_model(const ModelFile& model) {
+void check_model(const Model& model) {
   check_parameters(model.parameters);
-  if (is_filter(model)) check_filter(model);
+  if (has_filter(model)) check_filter(model);
 }
 
-void check_recording(const ModelFile& model, const Dataset& data) {
+void check_recording(const Model& model, const Dataset& data) {
   if (data.y.rows() == 0)
     refuse("the recording has no outputs; the model has {}", outputs_of(model));
   if (data.y.rows() != outputs_of(model)) {
@@ -238,11 +237,12 @@ void check_recording(const ModelFile& model, const Dataset& data) {
   if (data.u.array().isInf().any()) refuse("a sample of the inputs is infinite");
 }
 
-ModelFile checked(ModelFile model, const std::vector<Dataset>& recordings) {
+Model checked(Model model, const std::vector<Dataset>& recordings) {
   if (recordings.empty()) throw std::invalid_argument("there is no recording");
-  if (is_filter(model)) model.linear = with_defaults(std::move(model.linear));
+  const bool filter = has_filter(model);
+  if (filter) noise_model(model) = with_defaults(std::move(noise_model(model)));
   for (const Dataset& recording : recordings) check_recording(model, recording);
-  if (model.time.step == 0.0) model.linear.dt = recordings.front().dt;
+  if (filter && model.time.step == 0.0) noise_model(model).dt = recordings.front().dt;
   check_model(model);
   return model;
 }

@@ -13,17 +13,17 @@ namespace identikal {
 ///   is free and that nothing uses, a matrix of another size than A and C ask for, an entry outside
 ///   of its matrix, NaN, Q or R that is not symmetric or not positive semidefinite, [Q S; S' R]
 ///   that is indefinite
-void check_model(const ModelFile& model);
+void check_model(const Model& model);
 
 /// @throws std::invalid_argument, with both sizes, for a number of channels other than the model's,
 ///   no sample, a time axis of another length than the samples, that is missing, not finite or does
 ///   not rise, a sampling period that is not above 0 or other than the model's, samples that are
 ///   infinite
-void check_recording(const ModelFile& model, const Dataset& recording);
+void check_recording(const Model& model, const Dataset& recording);
 
 /// Both, and the model as a job uses it: a linear model that gives no sampling period has the
 /// recordings', matrices that were left empty are zero (B, D, S) or the identity (G).
 /// @throws std::invalid_argument as both, and without a recording
-ModelFile checked(ModelFile model, const std::vector<Dataset>& recordings);
+Model checked(Model model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -27,21 +28,8 @@ struct SensorPosition {
   double angle = 0.0;
 };
 
-/// What the built-in single-track vehicle needs beyond its parameters.
-struct VehicleSettings {
-  /// The input is the road-wheel angle, and steering_ratio is not used.
-  bool steering_at_road_wheel = false;
-  std::map<std::string, SensorPosition> sensors;  ///< by output name
-  std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
-  double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
-  TyreCurve curve = TyreCurve::linear;            ///< of both axles
-};
-
-/// SI unit of a vehicle's parameter as people write it, "N/rad"; empty where it has none.
-std::string vehicle_unit(const std::string& parameter);
-
-/// How recursive least squares runs. What is not given is chosen from the recording.
-struct RegressionSettings {
+/// Recursive least squares of one output. What is not given is chosen from the recording.
+struct RegressionModel {
   std::optional<Eigen::Index> inputs, feedback;  ///< orders (lib/regression/lagged_regressors.h)
   std::optional<double> forgetting;              ///< lambda
   std::optional<double> delta;                   ///< P(0) = I / delta
@@ -50,23 +38,31 @@ struct RegressionSettings {
   bool reset = false;  ///< lambda drops for one sample when a change is found
 };
 
-/// A state that formulas name.
-struct StateName {
-  std::string name;
-  std::string unit;  ///< the user's; empty: none
+/// The built-in single-track vehicle. Its parameters are the model's; inputs[0] is the steering
+/// angle, inputs[1] is vx, outputs are any of r, vy, ay, beta.
+struct VehicleModel {
+  /// The input is the road-wheel angle, and steering_ratio is not used.
+  bool steering_at_road_wheel = false;
+  std::map<std::string, SensorPosition> sensors;  ///< by output name
+  std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
+  double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
+  TyreCurve curve = TyreCurve::linear;            ///< of both axles
+  RegressionModel tracking;                       ///< forgetting, memory and reset of `track`
 };
 
-/// How the formulas of a model file are used.
-struct FormulaSettings {
+/// SI unit of a vehicle's parameter as people write it, "N/rad"; empty where it has none.
+std::string vehicle_unit(const std::string& parameter);
+
+/// Formulas that are not linear, or whose samples or inputs no linear model takes.
+struct FormulaModel {
+  /// With second derivatives. Its parameters are the first of the ParameterSet.
+  NonlinearModel equations;
+  /// G, Q, R, x0 and P0 alone, and what Q is; A, B, C and D hold sizes.
+  LinearModel noise;
   InputPath inputs = InputPath::constant;
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
   NonlinearMethod filter = NonlinearMethod::extended;
-  /// Condition on the inputs under which a row is used; its symbols are states, then inputs.
-  std::optional<Expression> use_when;
-  /// Form::nonlinear, with second derivatives. Its parameters are the first of the ParameterSet;
-  /// what noise and start depend on is in `linear`.
-  NonlinearModel model;
 };
 
 /// As the command line and results name it.
@@ -74,20 +70,51 @@ const char* to_string(NonlinearMethod method);
 /// @throws InputError at this place for another word
 NonlinearMethod nonlinear_method(const std::string& name, const Location& at);
 
-struct ModelFile {
-  enum class Form { linear, nonlinear, single_track, regression };
-  std::string path;
+/// A state that formulas name.
+struct StateName {
   std::string name;
-  Form form = Form::linear;
+  std::string unit;  ///< the user's; empty: none
+};
+
+/// What is estimated, tested or filtered: read from a file (model_file.h), stated by a program
+/// (builder.h) or filled by hand.
+struct Model {
+  std::string name;
+  /// How messages name it: the path of its file, or empty. No part of what the model means.
+  std::string source;
   TimeSource time;
   ParameterSet parameters;
-  std::vector<ChannelSource> inputs;   ///< single-track: [0] is the steering angle, [1] is vx
-  std::vector<ChannelSource> outputs;  ///< single-track: any of r, vy, ay, beta; regression: one
-  LinearModel linear;                  ///< Form::linear; Form::nonlinear: G, Q, R, x0 and P0 alone
-  std::vector<StateName> states;       ///< of a model that is written as formulas; else empty
-  FormulaSettings formulas;            ///< the same
-  VehicleSettings vehicle;             ///< Form::single_track only
-  RegressionSettings regression;       ///< Form::regression; Form::single_track when tracked
+  std::vector<ChannelSource> inputs;
+  std::vector<ChannelSource> outputs;  ///< of a regression: one
+  /// Of a model that is written as formulas, which is a LinearModel where they are linear; else
+  /// empty.
+  std::vector<StateName> states;
+  /// The same: condition on the inputs under which a row is used; its symbols are states, then
+  /// inputs.
+  std::optional<Expression> use_when;
+  std::variant<LinearModel, FormulaModel, VehicleModel, RegressionModel> form;
 };
+
+bool is_linear(const Model& model);
+bool is_formula_model(const Model& model);  ///< a FormulaModel; linear formulas are no such thing
+bool is_vehicle(const Model& model);
+bool is_regression(const Model& model);
+/// A linear model or formulas: there are states, noise, and so a filter.
+bool has_filter(const Model& model);
+
+/// The model's form. @throws std::logic_error, naming both, when it has another
+const LinearModel& as_linear(const Model& model);
+LinearModel& as_linear(Model& model);
+const FormulaModel& as_formulas(const Model& model);
+FormulaModel& as_formulas(Model& model);
+const VehicleModel& as_vehicle(const Model& model);
+VehicleModel& as_vehicle(Model& model);
+const RegressionModel& as_regression(const Model& model);
+RegressionModel& as_regression(Model& model);
+
+/// Noise and start of a model that has a filter: the linear model itself, or what stands beside the
+/// formulas. @throws std::logic_error for another
+const LinearModel& noise_model(const Model& model);
+LinearModel& noise_model(Model& model);
 
 }  // namespace identikal

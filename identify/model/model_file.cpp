@@ -30,19 +30,20 @@ const std::vector<std::string> kVehicleKeys = {"sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
 const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics"};
 
-TimeSource read_time(const YamlNode& root, ModelFile::Form form, bool formulas) {
+// Of the model, its form alone is known.
+TimeSource read_time(const YamlNode& root, const Model& model, bool formulas) {
   const YamlNode& node =
       required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
   std::vector<std::string> keys = {"kind", "step", "column", "unit", "runs"};
-  if (form == ModelFile::Form::linear) keys.emplace_back("inputs");
+  if (is_linear(model)) keys.emplace_back("inputs");
   if (formulas) keys.insert(keys.end(), {"sampling", "integration_step"});
   check_keys(node, "time", keys);
   if (const YamlNode* kind = find(node, "kind")) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
-    if (!continuous && form == ModelFile::Form::single_track) {
+    if (!continuous && is_vehicle(model)) {
       throw InputError(kind->at, "kind is 'discrete'", "continuous: the vehicle's equations are");
     }
-    if (continuous && form == ModelFile::Form::regression) {
+    if (continuous && is_regression(model)) {
       throw InputError(kind->at, "kind is 'continuous'", "discrete: a regression is over samples");
     }
   }
@@ -77,7 +78,7 @@ TimeSource read_time(const YamlNode& root, ModelFile::Form form, bool formulas) 
 }
 
 // Throws at the first key that models of this form do not have.
-void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
+void refuse_foreign_keys(const YamlNode& root, const Model& model) {
   const auto refuse = [&root](const std::vector<std::string>& keys, const char* what) {
     for (const std::string& key : keys) {
       if (find(root, key) == nullptr) continue;
@@ -86,7 +87,7 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
       throw InputError(at->at, fmt::format("'{}' {}", key, what));
     }
   };
-  if (form == ModelFile::Form::linear) {
+  if (is_linear(model)) {
     refuse(kVehicleKeys, "belongs to model: single-track");
     refuse(kRegressionKeys, "belongs to model: regression");
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
@@ -94,7 +95,7 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
     } else {
       refuse({"let", "use_when"}, "belongs to a model with dynamics");
     }
-  } else if (form == ModelFile::Form::single_track) {
+  } else if (is_vehicle(model)) {
     refuse(kLinearKeys, "does not belong to model: single-track");
     refuse(kFormulaKeys, "does not belong to model: single-track");
   } else {
@@ -107,15 +108,15 @@ void refuse_foreign_keys(const YamlNode& root, ModelFile::Form form) {
 
 }  // namespace
 
-ModelFile read_model_file(const std::string& path) {
+Model read_model_file(const std::string& path) {
   return parse_model_file(read_yaml_text(path), path);
 }
 
-ModelFile parse_model_file(const std::string& text, const std::string& path) {
+Model parse_model_file(const std::string& text, const std::string& path) {
   return model_of(parse_with_included(text, path), path);
 }
 
-ModelFile model_of(const YamlNode& root, const std::string& path) {
+Model model_of(const YamlNode& root, const std::string& path) {
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
@@ -126,22 +127,25 @@ ModelFile model_of(const YamlNode& root, const std::string& path) {
   word_of(required(root, "identikal", top, "identikal: 1, the version of the format"), "identikal",
           {"1"});
 
-  ModelFile out;
-  out.path = path;
+  Model out;
+  out.source = path;
   const YamlNode* name = find(root, "name");
   out.name = name == nullptr ? std::filesystem::path(path).stem().string() : text_of(*name, "name");
   if (const YamlNode* model = find(root, "model")) {
-    const bool vehicle = word_of(*model, "model", {"single-track", "regression"}) == "single-track";
-    out.form = vehicle ? ModelFile::Form::single_track : ModelFile::Form::regression;
+    if (word_of(*model, "model", {"single-track", "regression"}) == "single-track") {
+      out.form = VehicleModel();
+    } else {
+      out.form = RegressionModel();
+    }
   }
-  refuse_foreign_keys(root, out.form);
+  refuse_foreign_keys(root, out);
   const bool formulas = find(root, "dynamics") != nullptr || find(root, "states") != nullptr;
-  out.time = read_time(root, out.form, formulas);
+  out.time = read_time(root, out, formulas);
   if (formulas) {
     read_formulas(root, out);
-  } else if (out.form == ModelFile::Form::linear) {
+  } else if (is_linear(out)) {
     read_linear(root, out);
-  } else if (out.form == ModelFile::Form::single_track) {
+  } else if (is_vehicle(out)) {
     read_vehicle(root, out);
   } else {
     read_regression(root, out);
@@ -149,7 +153,7 @@ ModelFile model_of(const YamlNode& root, const std::string& path) {
   return out;
 }
 
-void set_parameter(ModelFile& model, const std::string& assignment) {
+void set_parameter(Model& model, const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
   const std::string what = in_quotes(assignment);
   if (equals == std::string::npos) throw InputError({}, what, "NAME=VALUE");
@@ -163,7 +167,7 @@ void set_parameter(ModelFile& model, const std::string& assignment) {
     throw InputError({}, fmt::format("{}: the model has no parameter {}", what, in_quotes(name)),
                      "", did_you_mean(name, known));
   }
-  if (name == "steering_ratio" && model.vehicle.steering_at_road_wheel) {
+  if (name == "steering_ratio" && is_vehicle(model) && as_vehicle(model).steering_at_road_wheel) {
     throw InputError({}, what + ": the input road_wheel_angle makes no use of it");
   }
   Parameter changed = model.parameters[index];
@@ -174,18 +178,18 @@ void set_parameter(ModelFile& model, const std::string& assignment) {
   const double value = si_value(parse_quantity(text, {}, what), changed.unit, {}, what);
   changed.value = value * Eigen::MatrixXd::Identity(changed.value.rows(), changed.value.cols());
   if (changed.domain == Domain::scalar) {
-    const bool vehicle = model.form == ModelFile::Form::single_track;
-    const std::vector<ParameterRule> rules = vehicle_rules(model.vehicle.curve);
+    std::vector<ParameterRule> rules;
+    if (is_vehicle(model)) rules = vehicle_rules(as_vehicle(model).curve);
     const auto rule = std::find_if(rules.begin(), rules.end(),
                                    [&](const ParameterRule& each) { return each.name == name; });
-    check_value(changed, vehicle && rule != rules.end() ? &*rule : nullptr, {});
+    check_value(changed, rule != rules.end() ? &*rule : nullptr, {});
   } else if (const std::string fault = domain_fault(changed); !fault.empty()) {
     throw InputError({}, fmt::format("{}: the matrix {}", what, fault));
   }
   ParameterSet parameters = model.parameters;
   parameters[index] = std::move(changed);
-  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) {
-    if (const std::optional<ModelFault> fault = fault_at(model.linear, parameters)) {
+  if (has_filter(model)) {
+    if (const std::optional<ModelFault> fault = fault_at(noise_model(model), parameters)) {
       throw InputError({}, fmt::format("{}: {} then", what, fault->text));
     }
   }

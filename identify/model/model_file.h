@@ -13,17 +13,17 @@ namespace identikal {
 /// keys, a value of the
 ///   wrong kind, wrong matrix sizes, unknown parameter names (the nearest is offered), unknown
 ///   units, NaN or infinite numbers, negative variances, a start outside its bounds.
-ModelFile read_model_file(const std::string& path);
+Model read_model_file(const std::string& path);
 
 /// The same from the file's text. @param path  for messages, and a name where the text has none
-ModelFile parse_model_file(const std::string& text, const std::string& path);
+Model parse_model_file(const std::string& text, const std::string& path);
 
 /// What a tree of keys and values means, as parse_model_file() has read one.
-ModelFile model_of(const YamlNode& root, const std::string& path = "");
+Model model_of(const YamlNode& root, const std::string& path = "");
 
 /// Applies "NAME=VALUE" from the command line to the value (the start, when the parameter is free).
 /// VALUE is in the model file's unit for that parameter or carries a unit of its own ("80 kN/rad").
 /// @throws InputError for an unknown name, an unreadable value, or a value outside the bounds.
-void set_parameter(ModelFile& model, const std::string& assignment);
+void set_parameter(Model& model, const std::string& assignment);
 
 }  // namespace identikal

@@ -47,14 +47,14 @@ PriorCoordinate number(const Prior& prior, double min, double max) {
 }
 
 // The prior that is used where the model file gives none.
-Prior prior_of(const ModelFile& model, const Parameter& p, double start, bool variance) {
+Prior prior_of(const Model& model, const Parameter& p, double start, bool variance) {
   constexpr double kDecades = 1e4;
   if (p.prior.kind != Prior::Kind::none) return p.prior;
   if (variance && start > 0.0) {
     return {Prior::Kind::log_uniform, start / kDecades, start * kDecades};
   }
   if (std::isfinite(p.min) && std::isfinite(p.max)) return {Prior::Kind::uniform, p.min, p.max};
-  throw InputError({model.path, 0, 0},
+  throw InputError({model.source, 0, 0},
                    fmt::format("parameter '{}' has no prior, and none follows from its {}", p.name,
                                variance ? "start, which is zero" : "bounds"),
                    "prior: {uniform: [LOW, HIGH]}, {normal: {mean: M, sd: S}} or, for a variance, "
@@ -138,7 +138,7 @@ VectorXd ParameterPrior::draw(Random& random) const {
   return out;
 }
 
-ParameterPrior parameter_prior(const ModelFile& model) {
+ParameterPrior parameter_prior(const Model& model) {
   ParameterPrior out;
   const ReportedEntries all = reported_entries(model.parameters);
   for (std::size_t e = 0; e < all.names.size(); ++e) {

@@ -43,7 +43,7 @@ struct ParameterPrior {
 };
 
 /// @throws InputError when a number that is no variance has neither prior nor two finite bounds
-ParameterPrior parameter_prior(const ModelFile& model);
+ParameterPrior parameter_prior(const Model& model);
 
 /// The free entries (lib/model/parameter.h) that coordinates `x` stand for. @param parameters  of
 /// the model whose prior it is

@@ -54,8 +54,7 @@ Samples::Samples(std::span<const double> channel)
     : values(Eigen::Map<const Eigen::RowVectorXd>(channel.data(),
                                                   static_cast<Index>(channel.size()))) {}
 
-Dataset recording(const ModelFile& model, const Samples& y, const SampleTimes& time,
-                  const Samples& u) {
+Dataset recording(const Model& model, const Samples& y, const SampleTimes& time, const Samples& u) {
   Dataset out;
   out.name = "recording";
   out.y = y.values;
@@ -77,8 +76,7 @@ Dataset recording(const ModelFile& model, const Samples& y, const SampleTimes& t
   return out;
 }
 
-Dataset recording(const ModelFile& model,
-                  const std::vector<std::pair<std::string, Samples>>& channels,
+Dataset recording(const Model& model, const std::vector<std::pair<std::string, Samples>>& channels,
                   const SampleTimes& time) {
   Samples y, u;
   y.values = rows_named(model.outputs, channels);

@@ -51,7 +51,7 @@ struct SampleTimes {
 /// @param u  inputs x N; none for a model without inputs
 /// @throws std::invalid_argument when a number of channels or of samples is another than the
 ///   model's or the outputs' (both are named), or as check_recording() (identify/model/check.h)
-Dataset recording(const ModelFile& model, const Samples& y, const SampleTimes& time,
+Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
                   const Samples& u = {});
 
 /// The same with channels by name, in any order; those that the model does not have are left out.
@@ -60,8 +60,7 @@ Dataset recording(const ModelFile& model, const Samples& y, const SampleTimes& t
 ///       car, {{"r", r}, {"vy", vy}, {"steering_wheel_angle", swa}, {"vx", vx}}, 0.01);
 ///
 /// @throws std::invalid_argument as above, and for a channel of the model that is missing
-Dataset recording(const ModelFile& model,
-                  const std::vector<std::pair<std::string, Samples>>& channels,
+Dataset recording(const Model& model, const std::vector<std::pair<std::string, Samples>>& channels,
                   const SampleTimes& time);
 
 }  // namespace identikal

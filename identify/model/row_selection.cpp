@@ -8,9 +8,9 @@ namespace identikal {
 
 using Eigen::Index;
 
-std::vector<Dataset> usable_segments(const ModelFile& model, Dataset recording) {
-  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
-  const std::optional<Expression>& use_when = model.formulas.use_when;
+std::vector<Dataset> usable_segments(const Model& model, Dataset recording) {
+  const bool nonlinear = is_formula_model(model);
+  const std::optional<Expression>& use_when = model.use_when;
   if (!nonlinear && !use_when) return {std::move(recording)};
   std::vector<double> symbols(model.states.size() + model.inputs.size());
   std::string gap = recording.begins;  // what stands before a segment

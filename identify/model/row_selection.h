@@ -12,6 +12,6 @@ namespace identikal {
 /// that starts from the model's initial state. Without either, the recording itself. Segments of
 /// one row are left out. What was left out is said in the notes of the first.
 /// @throws InputError when no segment is left
-std::vector<Dataset> usable_segments(const ModelFile& model, Dataset recording);
+std::vector<Dataset> usable_segments(const Model& model, Dataset recording);
 
 }  // namespace identikal

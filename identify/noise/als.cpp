@@ -97,10 +97,10 @@ VectorXd times_in_full_matrix(Index lags, Index ny) {
 
 class Als {
  public:
-  Als(const ModelFile& model, const std::vector<Dataset>& recordings)
-      : linear_(model.linear),
+  Als(const Model& model, const std::vector<Dataset>& recordings)
+      : linear_(as_linear(model)),
         parameters_(model.parameters),
-        basis_(model_derivatives(model.linear, model.parameters)) {
+        basis_(model_derivatives(linear_, model.parameters)) {
     const VectorXd zero = VectorXd::Zero(static_cast<Index>(basis_.size()));
     fixed_ = instantiate(linear_, with_entries(parameters_, zero));
     for (const StateSpace& d : basis_) joint_basis_.push_back(joint_covariance(d));
@@ -264,13 +264,13 @@ Fit fit_under_gain(const Als& als, Regression regression, const MatrixXd& L, boo
   return out;
 }
 
-[[noreturn]] void refuse_gain(const ModelFile& model) {
-  throw InputError({model.path, 0, 0}, "the model's Q and R give no stable filter",
+[[noreturn]] void refuse_gain(const Model& model) {
+  throw InputError({model.source, 0, 0}, "the model's Q and R give no stable filter",
                    "a start from which every state is seen by the outputs or decays",
                    "give Q and R a positive start");
 }
 
-Fit fit(const ModelFile& model, const Als& als, const std::vector<Dataset>& recordings,
+Fit fit(const Model& model, const Als& als, const std::vector<Dataset>& recordings,
         const NoiseAlsOptions& options) {
   constexpr int kMostGains = 20;
   const auto steady = steady_state(als.at(free_entries(model.parameters)));
@@ -347,7 +347,7 @@ void warn_of_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<Matri
   }
 }
 
-void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& model,
+void judge(Estimate& estimate, const Als& als, const Fit& fit, const Model& model,
            const std::vector<Dataset>& recordings) {
   const InteriorParameters inside = interior_parameters(estimate, at_boundary(fit, als.blocks()));
   const Regression& r = fit.regression;
@@ -371,7 +371,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const ModelFile& 
   }
   // Inputs tell nothing about noise.
   const ExpectedInformation bound =
-      expected_information(system, model.linear.initial, samples, derivatives, MatrixXd());
+      expected_information(system, as_linear(model).initial, samples, derivatives, MatrixXd());
   if (bound.status != FilterStatus::ok) return;
   const auto covariance = scaled_inverse(unit.asDiagonal() * bound.total * unit.asDiagonal(), 1e-9);
   for (Index j = 0; j < k && covariance; ++j) {
@@ -404,23 +404,23 @@ void reduce_rank(Estimate& estimate, const Als& als, Fit& fit) {
 
 }  // namespace
 
-Estimate tune_als(const ModelFile& given, const std::vector<Dataset>& recordings,
+Estimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
                   const NoiseAlsOptions& options) {
-  const ModelFile model = checked(given, recordings);
+  const Model model = checked(given, recordings);
   check_recordings(model, recordings);
-  if (!is_linear_in_parameters(model.linear, model.parameters)) {
-    throw InputError({model.path, 0, 0}, "als is linear in what it seeks, and the model is not",
+  if (!is_linear_in_parameters(as_linear(model), model.parameters)) {
+    throw InputError({model.source, 0, 0}, "als is linear in what it seeks, and the model is not",
                      "Q, R and S that are sums of multiples of parameters",
                      "variances instead of standard deviations, or --method ml");
   }
   const Als als(model, recordings);
   if (!std::all_of(als.basis().begin(), als.basis().end(), changes_only_noise)) {
-    throw InputError({model.path, 0, 0}, "als estimates noise, and other parameters are free",
+    throw InputError({model.source, 0, 0}, "als estimates noise, and other parameters are free",
                      "free entries of Q, R and S only", "fix the others, or use --method ml");
   }
   const Index ny = als.fixed().outputs(), rows = std::max(options.lags, kFewestLags) * ny * ny;
   if (rows > kMostRowsAsked) {
-    throw InputError({model.path, 0, 0},
+    throw InputError({model.source, 0, 0},
                      fmt::format("{} autocovariances of {} outputs are {} numbers to weigh",
                                  std::max(options.lags, kFewestLags), ny, rows),
                      fmt::format("no more than {}", kMostRowsAsked),

@@ -22,7 +22,7 @@ struct Second {
   std::string reason;
 };
 
-Second second_opinion(const ModelFile& model, const std::vector<Dataset>& recordings) {
+Second second_opinion(const Model& model, const std::vector<Dataset>& recordings) {
   try {
     Estimate als = tune_als(model, recordings);
     if (als.status == Status::ok) return {als, ""};
@@ -47,15 +47,15 @@ ParameterSet start_from(const ParameterSet& parameters, const Estimate& als) {
 
 }  // namespace
 
-Estimate tune_auto(const ModelFile& given, const std::vector<Dataset>& recordings,
+Estimate tune_auto(const Model& given, const std::vector<Dataset>& recordings,
                    const NoiseMlOptions& options) {
-  const ModelFile model = checked(given, recordings);
+  const Model model = checked(given, recordings);
   constexpr double kApart = 4.0;
   const Second second = second_opinion(model, recordings);
-  ModelFile started = model;
+  Model started = model;
   if (second.estimate) {
     const ParameterSet start = start_from(model.parameters, *second.estimate);
-    if (!fault_at(model.linear, start)) started.parameters = start;
+    if (!fault_at(noise_model(model), start)) started.parameters = start;
   }
   Estimate out = tune_ml(started, recordings, options);
   out.objective.method = "auto";

@@ -17,7 +17,7 @@ namespace identikal {
 /// of two estimates, one of them efficient, has the variance se_als^2 - se_ml^2 (Hausman 1978); the
 /// warning asks for four standard errors of the larger.
 /// @throws InputError as tune_ml()
-Estimate tune_auto(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_auto(const Model& model, const std::vector<Dataset>& recordings,
                    const NoiseMlOptions& options = {});
 
 }  // namespace identikal

@@ -133,7 +133,7 @@ double weighted_quantile(const Eigen::Ref<const VectorXd>& value, const VectorXd
 
 }  // namespace
 
-PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& recordings,
+PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& recordings,
                           const NoiseBayesOptions& options) {
   const ParameterPrior prior = parameter_prior(model);
   RecordingsLikelihood likelihood(model, recordings);
@@ -154,7 +154,7 @@ PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& re
   return out;
 }
 
-void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
+void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
                       const std::string& method) {
   constexpr double kAsWide = 0.9;   // of the prior's standard deviation
   constexpr double kAtEdge = 0.02;  // of the prior's range
@@ -221,9 +221,9 @@ void report_posterior(Estimate& estimate, const ModelFile& model, const Posterio
   estimate.covariance_kind = "the posterior";
 }
 
-Estimate tune_bayes(const ModelFile& given, const std::vector<Dataset>& recordings,
+Estimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
                     const NoiseBayesOptions& options) {
-  const ModelFile model = checked(given, recordings);
+  const Model model = checked(given, recordings);
   check_recordings(model, recordings);
   const PosteriorPoints points = posterior(model, recordings, options);
   if (!points.summary.usable()) {

@@ -33,19 +33,19 @@ struct PosteriorPoints {
 
 /// The posterior of all free parameters under parameter_prior() (identify/model/parameter_prior.h).
 /// @throws InputError as parameter_prior()
-PosteriorPoints posterior(const ModelFile& model, const std::vector<Dataset>& recordings,
+PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& recordings,
                           const NoiseBayesOptions& options = {});
 
 /// What every Bayesian estimator says of its posterior: of each parameter the mean, the standard
 /// deviation, the central 95 % credible interval and the most probable point; correlation; and
 /// which parameters have a posterior as wide as their prior (not identifiable).
-void report_posterior(Estimate& estimate, const ModelFile& model, const PosteriorPoints& points,
+void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
                       const std::string& method);
 
 /// The posterior of the recordings' noise and the filter at its mean. Source: Matisko (2013),
 /// sections 4.4 and 4.5, with proper moves instead of (4.31): see solvers/sample.h.
 /// @throws InputError as check_recordings() and posterior()
-Estimate tune_bayes(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_bayes(const Model& model, const std::vector<Dataset>& recordings,
                     const NoiseBayesOptions& options = {});
 
 }  // namespace identikal

@@ -71,13 +71,13 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
   estimate.message = "converged";
 }
 
-void report_excess_error(Estimate& estimate, const ModelFile& model, const ParameterSet& at) {
+void report_excess_error(Estimate& estimate, const Model& model, const ParameterSet& at) {
   ExcessMeanSquareError& loss = estimate.excess_mean_square_error.emplace();
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     loss.reason = "a nonlinear model has no steady filter";
     return;
   }
-  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, at);
+  const std::vector<StateSpace> derivatives = model_derivatives(as_linear(model), at);
   if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) {
     loss.reason = "parameters other than noise are free";
     return;
@@ -113,7 +113,7 @@ void report_excess_error(Estimate& estimate, const ModelFile& model, const Param
     loss.reason = "every estimate is zero";
     return;
   }
-  const StateSpace system = instantiate(model.linear, at);
+  const StateSpace system = instantiate(as_linear(model), at);
   const auto gain = steady_gain_sensitivity(system, known);
   if (!gain) {
     loss.reason = "there is no steady filter";
@@ -129,7 +129,7 @@ void report_excess_error(Estimate& estimate, const ModelFile& model, const Param
   }
 }
 
-void report_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
+void report_noise_estimate(Estimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings) {
   const ReportedEntries entries = reported_entries(end);
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {

@@ -30,12 +30,12 @@ void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
 
 /// What the errors of the parameters cost the filter (lib/filter/information.h), from their
 /// standard errors and correlations as the estimate has them; or why that has no answer.
-void report_excess_error(Estimate& estimate, const ModelFile& model, const ParameterSet& at);
+void report_excess_error(Estimate& estimate, const Model& model, const ParameterSet& at);
 
 /// Intervals of variances end at zero; what the errors cost; the filter at `end`, its tests and AIC
 /// and BIC; a warning for innovations that are not white.
 /// @throws InputError when the filter cannot run
-void report_noise_estimate(Estimate& estimate, const ModelFile& model, const ParameterSet& end,
+void report_noise_estimate(Estimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings);
 
 /// A result with a serious warning is untrusted.

@@ -408,12 +408,12 @@ void report_evaluation(Estimate& estimate, const EvaluationTaken& taken, Evaluat
 
 }  // namespace
 
-Estimate tune_ml(const ModelFile& given, const std::vector<Dataset>& recordings,
+Estimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
                  const NoiseMlOptions& options) {
   if (options.starts < 1) {
     throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
   }
-  const ModelFile model = checked(given, recordings);
+  const Model model = checked(given, recordings);
   const ParameterSet& parameters = model.parameters;
   Estimate estimate;
   estimate.model_name = model.name;

@@ -30,7 +30,7 @@ struct NoiseMlOptions {
 /// (2012), section 7.3.
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording
-Estimate tune_ml(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate tune_ml(const Model& model, const std::vector<Dataset>& recordings,
                  const NoiseMlOptions& options = {});
 
 }  // namespace identikal

@@ -27,8 +27,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // The filter is a bank of one shared A, C: only noise may be free.
-void refuse_free_dynamics(const ModelFile& model) {
-  const std::vector<StateSpace> derivatives = model_derivatives(model.linear, model.parameters);
+void refuse_free_dynamics(const Model& model) {
+  const std::vector<StateSpace> derivatives = model_derivatives(as_linear(model), model.parameters);
   const ReportedEntries entries = reported_entries(model.parameters);
   std::size_t free = 0;
   for (std::size_t e = 0; e < entries.names.size(); ++e) {
@@ -36,7 +36,7 @@ void refuse_free_dynamics(const ModelFile& model) {
     const StateSpace& d = derivatives[free++];
     if (!changes_dynamics(d) && d.x0.isZero(0.0) && d.P0.isZero(0.0)) continue;
     throw InputError(
-        {model.path, 0, 0}, fmt::format("'{}' is free and is not noise", entries.names[e]),
+        {model.source, 0, 0}, fmt::format("'{}' is free and is not noise", entries.names[e]),
         "'track' follows Q, R and S of a known model", "fix it, or estimate it with 'tune'");
   }
 }
@@ -48,12 +48,12 @@ struct Samples {
   Index lead = 0;  // samples that a diffuse start takes to determine the state
 };
 
-FilterStart start_of_recording(const ModelFile& model, const Samples& samples,
+FilterStart start_of_recording(const Model& model, const Samples& samples,
                                const StateSpace& system) {
   MatrixXd y = samples.data.y.leftCols(samples.lead + 1);
   y.col(samples.lead).setConstant(kNone);
   const FilterResult filter =
-      kalman_filter(system, model.linear.initial, y, samples.u.leftCols(samples.lead + 1));
+      kalman_filter(system, as_linear(model).initial, y, samples.u.leftCols(samples.lead + 1));
   if (filter.status != FilterStatus::ok) {
     return {VectorXd::Zero(system.states()), MatrixXd::Zero(system.states(), system.states()),
             -kInfinity};
@@ -61,23 +61,24 @@ FilterStart start_of_recording(const ModelFile& model, const Samples& samples,
   return {filter.x_pred.col(samples.lead), filter.P_pred.back(), filter.log_likelihood};
 }
 
-Samples samples_of(const ModelFile& model, const Dataset& data) {
-  Samples out{data, model_inputs(model.linear, data.u), 0};
-  const FilterResult filter = kalman_filter(instantiate(model.linear, model.parameters),
-                                            model.linear.initial, data.y, out.u, Keep::innovations);
+Samples samples_of(const Model& model, const Dataset& data) {
+  const LinearModel& linear = as_linear(model);
+  Samples out{data, model_inputs(linear, data.u), 0};
+  const FilterResult filter = kalman_filter(instantiate(linear, model.parameters), linear.initial,
+                                            data.y, out.u, Keep::innovations);
   if (filter.status != FilterStatus::ok) refuse_filter(model, {data}, filter.status);
   out.lead = filter.first_proper;
   return out;
 }
 
-NoiseProblem learning_problem(const ModelFile& model, const ParameterPrior& prior,
+NoiseProblem learning_problem(const Model& model, const ParameterPrior& prior,
                               std::function<FilterStart(const StateSpace&)> start) {
   NoiseProblem problem;
-  problem.shared = instantiate(model.linear, model.parameters);
+  problem.shared = instantiate(as_linear(model), model.parameters);
   problem.draw_prior = [&prior](Random& random) { return prior.draw(random); };
   problem.log_prior = [&prior](const VectorXd& x) { return prior.log_density(x); };
   problem.noise = [&model, &prior](const VectorXd& x) {
-    return instantiate(model.linear,
+    return instantiate(as_linear(model),
                        with_entries(model.parameters, entries_at(prior, model.parameters, x)));
   };
   problem.start = std::move(start);
@@ -85,18 +86,20 @@ NoiseProblem learning_problem(const ModelFile& model, const ParameterPrior& prio
 }
 
 // The file's own noise: one draw, without coordinates.
-NoiseProblem known_problem(const ModelFile& model,
+NoiseProblem known_problem(const Model& model,
                            std::function<FilterStart(const StateSpace&)> start) {
   NoiseProblem problem;
-  problem.shared = instantiate(model.linear, model.parameters);
+  problem.shared = instantiate(as_linear(model), model.parameters);
   problem.draw_prior = [](Random&) { return VectorXd(0); };
   problem.log_prior = [](const VectorXd&) { return 0.0; };
-  problem.noise = [&model](const VectorXd&) { return instantiate(model.linear, model.parameters); };
+  problem.noise = [&model](const VectorXd&) {
+    return instantiate(as_linear(model), model.parameters);
+  };
   problem.start = std::move(start);
   return problem;
 }
 
-MatrixXd entries_of_draws(const ModelFile& model, const ParameterPrior& prior,
+MatrixXd entries_of_draws(const Model& model, const ParameterPrior& prior,
                           const RecursivePosterior& posterior) {
   const VectorXd own = free_entries(model.parameters);
   MatrixXd out(own.size(), posterior.draws.cols());
@@ -139,17 +142,17 @@ std::vector<ParameterSet> neighbours(const ParameterSet& present) {
 // The test for a change: filters with other noise, and Shiryaev-Roberts statistics of each.
 class ChangeTest {
  public:
-  ChangeTest(const ModelFile& model, const ParameterPrior& prior, const Samples& samples,
+  ChangeTest(const Model& model, const ParameterPrior& prior, const Samples& samples,
              double threshold, Random& random)
       : model_(model), threshold_(threshold) {
     constexpr Index kFromPrior = 200;
     near_ = static_cast<Index>(neighbours(model.parameters).size());
     const Index members = near_ + kFromPrior;
-    bank_ = filter_bank(instantiate(model.linear, model.parameters), members);
+    bank_ = filter_bank(instantiate(as_linear(model), model.parameters), members);
     for (Index i = near_; i < members; ++i) {
       const VectorXd x = prior.draw(random);
       const StateSpace noise = instantiate(
-          model.linear, with_entries(model.parameters, entries_at(prior, model.parameters, x)));
+          as_linear(model), with_entries(model.parameters, entries_at(prior, model.parameters, x)));
       const FilterStart start = start_of_recording(model, samples, noise);
       set_noise(bank_, i, noise);
       set_state(bank_, i, start.x, start.P);
@@ -167,7 +170,7 @@ class ChangeTest {
   void centre_on(const ParameterSet& present, const Mixture& state) {
     const std::vector<ParameterSet> sets = neighbours(present);
     for (Index i = 0; i < near_; ++i) {
-      set_noise(bank_, i, instantiate(model_.linear, sets[i]));
+      set_noise(bank_, i, instantiate(as_linear(model_), sets[i]));
       set_state(bank_, i, state.x, state.P);
     }
   }
@@ -218,7 +221,7 @@ class ChangeTest {
   }
 
  private:
-  const ModelFile& model_;
+  const Model& model_;
   double threshold_;
   Index near_ = 0;
   FilterBank bank_;
@@ -257,9 +260,9 @@ void shorten(NoiseTrack& track, Index samples) {
   track.log_alarm = track.log_alarm.head(samples).eval();
 }
 
-NoiseTrack empty_track(const ModelFile& model, const Dataset& recording, Index lead,
+NoiseTrack empty_track(const Model& model, const Dataset& recording, Index lead,
                        double log_threshold) {
-  const Index N = recording.size(), n = model.linear.A.constant.rows(), ny = recording.y.rows();
+  const Index N = recording.size(), n = as_linear(model).A.constant.rows(), ny = recording.y.rows();
   const Index k = free_entries(model.parameters).size();
   NoiseTrack out;
   out.mean.resize(k, N);
@@ -278,7 +281,7 @@ NoiseTrack empty_track(const ModelFile& model, const Dataset& recording, Index l
 // The posterior of the noise as it goes through a recording, begun again where a change is found.
 class Learner {
  public:
-  Learner(const ModelFile& model, const Dataset& recording, const NoiseTrackOptions& options)
+  Learner(const Model& model, const Dataset& recording, const NoiseTrackOptions& options)
       : model_(model),
         recording_(recording),
         options_(options),
@@ -376,7 +379,7 @@ class Learner {
     for (Index s = since; s <= found; ++s) learn(s);
   }
 
-  const ModelFile& model_;
+  const Model& model_;
   const Dataset& recording_;
   const NoiseTrackOptions& options_;
   ParameterPrior prior_;
@@ -391,7 +394,7 @@ class Learner {
 
 }  // namespace
 
-NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
+NoiseTrack track_noise(const Model& model, const Dataset& recording,
                        const NoiseTrackOptions& options) {
   refuse_free_dynamics(model);
   Learner learner(model, recording, options);
@@ -440,8 +443,8 @@ void warn_of_size(Estimate& estimate, bool adaptive) {
 
 }  // namespace
 
-Estimate track(const ModelFile& given, const Dataset& whole, const NoiseTrackOptions& options) {
-  const ModelFile model = checked(given, {whole});
+Estimate track(const Model& given, const Dataset& whole, const NoiseTrackOptions& options) {
+  const Model model = checked(given, {whole});
   check_recordings(model, {whole});
   const NoiseTrack course = track_noise(model, whole, options);
   const bool stopped = course.posterior.summary.termination == Termination::stopped;

@@ -58,14 +58,13 @@ struct NoiseTrack {
 /// Unlike a test of whiteness it sees noise that changes its size alone, and needs no window.
 /// Source: Matisko (2013), sections 3.3.4 and 4.6.
 /// @throws InputError where the filter cannot run, or something other than noise is free
-NoiseTrack track_noise(const ModelFile& model, const Dataset& recording,
+NoiseTrack track_noise(const Model& model, const Dataset& recording,
                        const NoiseTrackOptions& options = {});
 
 /// The same as a result: the noise at the end with its credible intervals, the changes, the
 /// innovations of the filter as it was at each sample, and the whole course
 /// (Estimate::time_history).
 /// @throws InputError as check_recordings() and track_noise()
-Estimate track(const ModelFile& model, const Dataset& recording,
-               const NoiseTrackOptions& options = {});
+Estimate track(const Model& model, const Dataset& recording, const NoiseTrackOptions& options = {});
 
 }  // namespace identikal

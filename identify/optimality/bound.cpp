@@ -130,19 +130,19 @@ VectorXd complete_variance(const StateSpace& system, const std::vector<StateSpac
   return out;
 }
 
-RecordingInformation information_of_linear(const ModelFile& model, const BoundOptions& options,
+RecordingInformation information_of_linear(const Model& model, const BoundOptions& options,
                                            const Dataset* inputs,
                                            const std::vector<StateSpace>& derivatives) {
-  const StateSpace system = instantiate(model.linear, model.parameters);
-  const MatrixXd u = inputs != nullptr ? model_inputs(model.linear, inputs->u) : MatrixXd();
+  const LinearModel& linear = as_linear(model);
+  const StateSpace system = instantiate(linear, model.parameters);
+  const MatrixXd u = inputs != nullptr ? model_inputs(linear, inputs->u) : MatrixXd();
   const ExpectedInformation information =
-      expected_information(system, model.linear.initial, options.samples, derivatives, u);
+      expected_information(system, linear.initial, options.samples, derivatives, u);
   if (information.status != FilterStatus::ok) {
-    throw InputError({model.path, 0, 0}, describe(information.status),
-                     "values of a filter that runs",
-                     model.linear.initial == InitialState::stationary
-                         ? "say 'initial: diffuse' where A is not stable"
-                         : "");
+    throw InputError(
+        {model.source, 0, 0}, describe(information.status), "values of a filter that runs",
+        linear.initial == InitialState::stationary ? "say 'initial: diffuse' where A is not stable"
+                                                   : "");
   }
   RecordingInformation out;
   out.total = information.total;
@@ -158,7 +158,7 @@ RecordingInformation information_of_linear(const ModelFile& model, const BoundOp
   return out;
 }
 
-RecordingInformation information_of_nonlinear(const ModelFile& model, const BoundOptions& options,
+RecordingInformation information_of_nonlinear(const Model& model, const BoundOptions& options,
                                               const Dataset& inputs, Bound& bound) {
   Random random(options.seed);
   std::vector<MatrixXd> each;
@@ -169,7 +169,7 @@ RecordingInformation information_of_nonlinear(const ModelFile& model, const Boun
     NonlinearRecordings likelihood(model, recording);
     const Likelihood& at = likelihood.evaluate(model.parameters, true);
     if (at.status != FilterStatus::ok) {
-      throw InputError({model.path, 0, 0},
+      throw InputError({model.source, 0, 0},
                        fmt::format("simulated recording {} of {}: {}", run + 1, options.runs,
                                    describe(at.status)),
                        "values of a filter that runs");
@@ -257,8 +257,8 @@ VectorXd free_units(const Estimate& estimate) {
 
 }  // namespace
 
-Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dataset* inputs) {
-  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
+Estimate bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs) {
+  const bool nonlinear = is_formula_model(model);
   if (nonlinear && (inputs == nullptr || options.runs < 2)) {
     throw std::invalid_argument(
         fmt::format("bound_of: a nonlinear model needs a recording's times and inputs, and 2 or "
@@ -266,7 +266,7 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
                     options.runs));
   }
   if (free_entries(model.parameters).size() == 0) {
-    throw InputError({model.path, 0, 0}, "nothing is free, so there is nothing to bound",
+    throw InputError({model.source, 0, 0}, "nothing is free, so there is nothing to bound",
                      "at least one parameter with {value: ...} or a structured Q or R");
   }
   Estimate estimate;
@@ -280,7 +280,7 @@ Estimate bound_of(const ModelFile& model, const BoundOptions& options, const Dat
   const RecordingInformation information =
       nonlinear ? information_of_nonlinear(model, options, *inputs, bound)
                 : information_of_linear(model, options, inputs,
-                                        model_derivatives(model.linear, model.parameters));
+                                        model_derivatives(as_linear(model), model.parameters));
   const VectorXd unit = free_units(estimate);
   const auto in_units = [&unit](const MatrixXd& J) {
     return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());

@@ -24,11 +24,10 @@ constexpr Index kFewestInnovations = 20;
 
 }  // namespace
 
-Estimate check(const ModelFile& given, const std::vector<Dataset>& recordings) {
-  const ModelFile model = checked(given, recordings);
-  const bool nonlinear = model.form == ModelFile::Form::nonlinear;
-  if (model.form != ModelFile::Form::linear && !nonlinear) {
-    throw InputError({model.path, 0, 0},
+Estimate check(const Model& given, const std::vector<Dataset>& recordings) {
+  const Model model = checked(given, recordings);
+  if (!has_filter(model)) {
+    throw InputError({model.source, 0, 0},
                      "'check' tests a Kalman filter, this model is a vehicle without noise",
                      "a model with Q and R", "'fit' tests the residuals itself");
   }
@@ -54,7 +53,7 @@ Estimate check(const ModelFile& given, const std::vector<Dataset>& recordings) {
   estimate.tests = std::move(found.tests);
   estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
   const Retuned better = retuned(with_free_noise(model), recordings);
-  if (nonlinear) {
+  if (is_formula_model(model)) {
     estimate.notes.emplace_back(
         "no excess mean-square error: a nonlinear model has no steady filter; its tests take the "
         "innovations for Gaussian");

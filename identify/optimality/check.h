@@ -17,6 +17,6 @@ namespace identikal {
 /// model is linear; a nonlinear one has no steady filter to compare with.
 /// @throws InputError for a vehicle or a regression, an output that never changes, an
 /// input with gaps, or too few innovations
-Estimate check(const ModelFile& model, const std::vector<Dataset>& recordings);
+Estimate check(const Model& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -33,7 +33,7 @@ struct Scored {
   VectorXd squares;  // e' Sigma^-1 e of each sample; NaN where none is present
 };
 
-Scored scored(const ModelFile& model, const std::vector<Dataset>& recordings) {
+Scored scored(const Model& model, const std::vector<Dataset>& recordings) {
   Scored out;
   Estimate described;
   const std::vector<FilterResult> filters =
@@ -70,14 +70,14 @@ double difference(const Scored& a, const Scored& best) {
   return variance > 0.0 ? normal_two_sided(gap / std::sqrt(variance)) : 0.0;
 }
 
-void check_models(const std::vector<ModelFile>& models) {
+void check_models(const std::vector<Model>& models) {
   if (models.size() < 2) {
     throw InputError({}, "one filter cannot be compared", "identikal compare A.yaml B.yaml DATA");
   }
-  for (const ModelFile& model : models) {
-    if (model.form != ModelFile::Form::linear && model.form != ModelFile::Form::nonlinear) {
-      const bool vehicle = model.form == ModelFile::Form::single_track;
-      throw InputError({model.path, 0, 0},
+  for (const Model& model : models) {
+    if (!has_filter(model)) {
+      const bool vehicle = is_vehicle(model);
+      throw InputError({model.source, 0, 0},
                        fmt::format("'compare' ranks Kalman filters, this is a {}",
                                    vehicle ? "vehicle" : "regression"),
                        "a model with Q and R");
@@ -87,8 +87,8 @@ void check_models(const std::vector<ModelFile>& models) {
     };
     if (!std::equal(model.outputs.begin(), model.outputs.end(), models[0].outputs.begin(),
                     models[0].outputs.end(), same)) {
-      throw InputError({model.path, 0, 0},
-                       "its outputs are other columns or units than those of " + models[0].path,
+      throw InputError({model.source, 0, 0},
+                       "its outputs are other columns or units than those of " + models[0].source,
                        "the same measurements in the same order",
                        "likelihoods of different data cannot be compared");
     }
@@ -97,12 +97,12 @@ void check_models(const std::vector<ModelFile>& models) {
 
 }  // namespace
 
-Estimate compare_filters(const std::vector<ModelFile>& models,
+Estimate compare_filters(const std::vector<Model>& models,
                          const std::vector<std::vector<Dataset>>& recordings) {
   check_models(models);
   std::vector<Scored> all;
   for (std::size_t i = 0; i < models.size(); ++i) {
-    const ModelFile model = checked(models[i], recordings[i]);
+    const Model model = checked(models[i], recordings[i]);
     check_channels(recordings[i]);
     all.push_back(scored(model, recordings[i]));
   }
@@ -129,7 +129,7 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   out.notes.emplace_back("rank log-likelihood  to best      p Q mean  Q max    AR opt file");
   for (std::size_t rank = 0; rank < order.size(); ++rank) {
     const Scored& s = all[order[rank]];
-    const std::string& path = models[order[rank]].path;
+    const std::string& path = models[order[rank]].source;
     TestResult likelihood = reported_figure("log_likelihood", path, s.log_likelihood, rank == 0);
     likelihood.p = difference(s, best);
     out.tests.push_back(likelihood);
@@ -154,7 +154,7 @@ Estimate compare_filters(const std::vector<ModelFile>& models,
   out.notes.emplace_back("opt: passes the tests of 'check'");
   const double p = difference(all[order[1]], best);
   out.message =
-      fmt::format("{} has the highest likelihood{}", models[order[0]].path,
+      fmt::format("{} has the highest likelihood{}", models[order[0]].source,
                   p < kFamilyError ? "" : fmt::format(", but not significantly (p = {:.2g})", p));
   return out;
 }

@@ -27,7 +27,7 @@ namespace identikal {
 /// @param recordings  of each model: its own view of the same files
 /// @throws InputError for fewer than two models, a vehicle, a regression, and outputs that differ
 /// Source: Matisko (2013), (3.23) to (3.25).
-Estimate compare_filters(const std::vector<ModelFile>& models,
+Estimate compare_filters(const std::vector<Model>& models,
                          const std::vector<std::vector<Dataset>>& recordings);
 
 }  // namespace identikal

@@ -224,7 +224,7 @@ void report_sequential(const MatrixXd& e, Optimality& out) {
 
 }  // namespace
 
-Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& recordings,
+Optimality test_optimality(const Model& model, const std::vector<Dataset>& recordings,
                            const std::vector<FilterResult>& filters) {
   Optimality out;
   const std::vector<Channel>& outputs = recordings[0].outputs;

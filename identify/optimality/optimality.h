@@ -41,7 +41,7 @@ struct Optimality {
 /// means that the p-values are approximate. On recordings that Q and R were tuned on the score is
 /// zero by construction; a fair verdict takes others.
 /// @param filters  of each recording, at the model's own values
-Optimality test_optimality(const ModelFile& model, const std::vector<Dataset>& recordings,
+Optimality test_optimality(const Model& model, const std::vector<Dataset>& recordings,
                            const std::vector<FilterResult>& filters);
 
 }  // namespace identikal

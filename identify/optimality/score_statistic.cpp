@@ -20,8 +20,7 @@ using Eigen::VectorXd;
 
 constexpr int kSteps = 10;
 
-void make_free(ModelFile& model, ParametrisedMatrix& matrix, const char* name,
-               const MatrixXd& value) {
+void make_free(Model& model, ParametrisedMatrix& matrix, const char* name, const MatrixXd& value) {
   if (value.size() == 0) return;
   Parameter p;
   p.name = name;
@@ -46,12 +45,13 @@ double predicted_loss(const StateSpace& present, const StateSpace& better) {
 
 }  // namespace
 
-ModelFile with_free_noise(const ModelFile& model) {
+Model with_free_noise(const Model& model) {
   std::set<int> noise;
-  for (const ParametrisedMatrix* matrix : {&model.linear.Q, &model.linear.R, &model.linear.S}) {
+  const LinearModel& given = noise_model(model);
+  for (const ParametrisedMatrix* matrix : {&given.Q, &given.R, &given.S}) {
     for (const int p : parameters_in(*matrix)) noise.insert(p);
   }
-  ModelFile out = model;
+  Model out = model;
   bool any = false;
   for (std::size_t i = 0; i < out.parameters.size(); ++i) {
     Parameter& p = out.parameters[i];
@@ -59,13 +59,13 @@ ModelFile with_free_noise(const ModelFile& model) {
     any = any || !p.fixed;
   }
   if (any) return out;
-  const StateSpace written = written_matrices(model.linear, model.parameters);
-  make_free(out, out.linear.Q, "Q", written.Q);
-  make_free(out, out.linear.R, "R", written.R);
+  const StateSpace written = written_matrices(given, model.parameters);
+  make_free(out, noise_model(out).Q, "Q", written.Q);
+  make_free(out, noise_model(out).R, "R", written.R);
   return out;
 }
 
-ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset>& recordings) {
+ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& recordings) {
   ScoreStatistic out;
   const ReportedEntries entries = reported_entries(model.parameters);
   std::vector<double> values;
@@ -107,7 +107,7 @@ ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset
   return out;
 }
 
-Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings) {
+Retuned retuned(const Model& model, const std::vector<Dataset>& recordings) {
   Retuned out;
   RecordingsLikelihood likelihood(model, recordings);
   const LikelihoodProblem problem = likelihood.problem();
@@ -122,12 +122,12 @@ Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings) 
   }
   out.parameters = with_coordinates(model.parameters, solution.x);
   out.gain = solution.summary.objective - solution.summary.initial_objective;
-  if (model.form == ModelFile::Form::nonlinear) {
+  if (is_formula_model(model)) {
     out.loss = kNone;
     return out;
   }
-  out.loss = predicted_loss(instantiate(model.linear, model.parameters),
-                            instantiate(model.linear, out.parameters));
+  out.loss = predicted_loss(instantiate(as_linear(model), model.parameters),
+                            instantiate(as_linear(model), out.parameters));
   return out;
 }
 

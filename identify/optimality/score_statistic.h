@@ -16,7 +16,7 @@ namespace identikal {
 
 /// The model with the entries of its noise as the only free parameters: those that the file leaves
 /// free in Q, R and S, or, where it leaves none, all entries of Q and of R.
-ModelFile with_free_noise(const ModelFile& model);
+Model with_free_noise(const Model& model);
 
 struct ScoreStatistic {
   FilterStatus status = FilterStatus::ok;  ///< else the rest is empty
@@ -35,7 +35,7 @@ struct ScoreStatistic {
 /// It has no power against faults of the model that no noise explains.
 /// @param model  as with_free_noise() returns it
 /// @throws std::invalid_argument when nothing is free
-ScoreStatistic score_statistic(const ModelFile& model, const std::vector<Dataset>& recordings);
+ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& recordings);
 
 /// Where a few steps of scoring lead from the present noise, and what staying costs.
 struct Retuned {
@@ -50,6 +50,6 @@ struct Retuned {
 /// anywhere, not an estimate: no convergence is asked for. For a filter that is
 /// optimal the loss is what chance makes of it.
 /// @param model  as with_free_noise() returns it
-Retuned retuned(const ModelFile& model, const std::vector<Dataset>& recordings);
+Retuned retuned(const Model& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -93,7 +93,7 @@ Refined refine(const MatrixXd& phi, const VectorXd& y, Index lead, const Refined
 
 }  // namespace
 
-RegressionChoice choose_regression(const RegressionSettings& settings,
+RegressionChoice choose_regression(const RegressionModel& settings,
                                    const Eigen::Ref<const MatrixXd>& u,
                                    const Eigen::Ref<const VectorXd>& y, const std::string& data,
                                    const std::function<bool(const RegressionOrder&)>& progress) {

@@ -41,7 +41,7 @@ struct RegressionChoice {
 /// Source: Rissanen (1986), IMA J. Math. Control Inform. 3; Wei (1992), Ann. Statist. 20, for
 /// consistency.
 RegressionChoice choose_regression(
-    const RegressionSettings& settings, const Eigen::Ref<const Eigen::MatrixXd>& u,
+    const RegressionModel& settings, const Eigen::Ref<const Eigen::MatrixXd>& u,
     const Eigen::Ref<const Eigen::VectorXd>& y, const std::string& data,
     const std::function<bool(const RegressionOrder&)>& progress = {});
 

@@ -168,7 +168,7 @@ void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool s
   }
 }
 
-Forgetting forgetting_of(const RegressionSettings& settings, double lambda) {
+Forgetting forgetting_of(const RegressionModel& settings, double lambda) {
   Forgetting out;
   out.factor = settings.forgetting.value_or(lambda);
   out.memory = settings.memory;
@@ -197,18 +197,18 @@ std::string describe_forgetting(const Forgetting& forgetting, const RegressionHi
                    forgetting.samples_per_false_alarm);
 }
 
-Estimate track_regression(const ModelFile& model, const Dataset& recording,
+Estimate track_regression(const Model& model, const Dataset& recording,
                           const std::function<bool(const std::string&)>& progress) {
   check_recording(model, recording);
   const MatrixXd u = in_channel_units(recording.u, recording.inputs);
   const VectorXd y = in_channel_units(recording.y, recording.outputs).row(0).transpose();
-  const RegressionChoice choice =
-      choose_regression(model.regression, u, y, recording.name, [&](const RegressionOrder& order) {
+  const RegressionChoice choice = choose_regression(
+      as_regression(model), u, y, recording.name, [&](const RegressionOrder& order) {
         return !progress || progress(fmt::format("order {} of the inputs, {} of the feedback",
                                                  order.inputs, order.feedback));
       });
   const LaggedRows rows = lagged_rows(u, y, choice.order);
-  const Forgetting forgetting = forgetting_of(model.regression, choice.forgetting);
+  const Forgetting forgetting = forgetting_of(as_regression(model), choice.forgetting);
   const RegressionHistory course =
       run_recursive_least_squares(rows.phi, rows.y, choice.delta, forgetting);
 

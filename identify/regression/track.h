@@ -20,7 +20,7 @@ namespace identikal {
 /// file's columns. What the model leaves open is chosen first (identify/regression/order.h).
 /// Samples whose regressors are not complete are left out, and the coefficients stay meanwhile.
 /// @throws InputError when there are too few complete samples
-Estimate track_regression(const ModelFile& model, const Dataset& recording,
+Estimate track_regression(const Model& model, const Dataset& recording,
                           const std::function<bool(const std::string&)>& progress = {});
 
 /// Text for the console on how the past was forgotten, shared by all that track coefficients.
@@ -45,6 +45,6 @@ std::vector<TimeHistory::Change> reported_changes(
 void warn_of_regression(Estimate& estimate, const Eigen::VectorXd& standardised, bool shortest);
 
 /// As the settings have it; lambda where they do not.
-Forgetting forgetting_of(const RegressionSettings& settings, double lambda);
+Forgetting forgetting_of(const RegressionModel& settings, double lambda);
 
 }  // namespace identikal

@@ -21,7 +21,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-ModelFile started_model(const Estimate& result, const std::string& path) {
+Model started_model(const Estimate& result, const std::string& path) {
   if (!result.model_file) {
     throw InputError({path, 0, 0}, "holds no model file", "a result of tune, check or fit",
                      "run the job again with -o");
@@ -152,18 +152,18 @@ void put_matrix(const Parameter& p, const YamlNode& body, Editor& editor) {
 
 }  // namespace
 
-ModelFile estimated_model(const Estimate& result, const std::string& path) {
-  ModelFile model = started_model(result, path);
+Model estimated_model(const Estimate& result, const std::string& path) {
+  Model model = started_model(result, path);
   set_values(model, result, path);
-  if (result.filter) model.linear.dt = result.filter->model.dt;
+  if (result.filter && has_filter(model)) noise_model(model).dt = result.filter->model.dt;
   return model;
 }
 
 std::optional<std::string> estimated_model_text(const Estimate& result, const std::string& path) {
-  const ModelFile started = started_model(result, path), model = estimated_model(result, path);
+  const Model started = started_model(result, path), model = estimated_model(result, path);
   const std::string& source = result.model_file->text;
   const std::string text = source.starts_with("\xEF\xBB\xBF") ? source.substr(3) : source;
-  const YamlNode root = parse_yaml(text, model.path);
+  const YamlNode root = parse_yaml(text, model.source);
   const YamlNode* parameters = find(root, "parameters");
   const bool includes = find(root, "include") != nullptr;
   Editor editor(text);
@@ -185,9 +185,9 @@ std::optional<std::string> estimated_model_text(const Estimate& result, const st
   std::optional<std::string> out = editor.edited();
   if (!out) return out;
   // What was edited has to read as what was meant.
-  ModelFile again;
+  Model again;
   try {
-    again = parse_model_file(*out, model.path);
+    again = parse_model_file(*out, model.source);
   } catch (const InputError&) {
     return std::nullopt;
   }

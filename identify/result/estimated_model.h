@@ -15,7 +15,7 @@ namespace identikal {
 /// @param path  of the result, for messages
 /// @throws InputError when the result holds no model file, one that includes a file that is gone or
 ///   has changed, or parameters that are not the model's
-ModelFile estimated_model(const Estimate& result, const std::string& path);
+Model estimated_model(const Estimate& result, const std::string& path);
 
 /// The text of the model file with the values of estimated_model() where it has its starts; all
 /// else stays as the user wrote it. Values beyond what the recording showed stay at their start. A

@@ -15,7 +15,7 @@
 
 namespace identikal {
 
-void set_values(ModelFile& model, const Estimate& result, const std::string& path) {
+void set_values(Model& model, const Estimate& result, const std::string& path) {
   const Location here{path, 0, 0};
   const std::string hint = "a result of this model, as '-o' wrote it";
   ParameterSet all = model.parameters;
@@ -26,7 +26,7 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
   for (const EstimatedParameter& p : result.parameters) {
     const auto at = std::find(known.names.begin(), known.names.end(), p.name);
     if (at == known.names.end()) {
-      throw InputError(here, fmt::format("{} has no parameter '{}'", model.path, p.name), hint,
+      throw InputError(here, fmt::format("{} has no parameter '{}'", model.source, p.name), hint,
                        did_you_mean(p.name, known.names));
     }
     const auto i = static_cast<std::size_t>(at - known.names.begin());
@@ -34,7 +34,7 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
     if (!same_dimension(unit, unit_or_dimensionless(known.units[i]))) {
       const auto named = [](const std::string& text) { return text.empty() ? "no unit" : text; };
       throw InputError(here, fmt::format("'{}' is in {}", p.name, named(p.unit)),
-                       fmt::format("{}, as in {}", named(known.units[i]), model.path));
+                       fmt::format("{}, as in {}", named(known.units[i]), model.source));
     }
     if (std::isnan(p.value)) {
       throw InputError(here, fmt::format("'{}' has no value", p.name), hint);
@@ -46,19 +46,19 @@ void set_values(ModelFile& model, const Estimate& result, const std::string& pat
     const Parameter& p = model.parameters[known.parameter[i]];
     if (given[i] || p.fixed) continue;
     throw InputError(
-        here, fmt::format("has no value of '{}', which {} seeks", known.names[i], model.path),
+        here, fmt::format("has no value of '{}', which {} seeks", known.names[i], model.source),
         hint);
   }
   all = with_entries(std::move(all), entries);
   for (std::size_t i = 0; i < all.size(); ++i) all[i].fixed = model.parameters[i].fixed;
-  if (model.form == ModelFile::Form::linear || model.form == ModelFile::Form::nonlinear) {
-    if (const std::optional<ModelFault> fault = fault_at(model.linear, all)) {
+  if (has_filter(model)) {
+    if (const std::optional<ModelFault> fault = fault_at(noise_model(model), all)) {
       throw InputError(here, fault->text + " with the values of this result", hint);
     }
   }
   model.parameters = std::move(all);
-  if (model.form == ModelFile::Form::nonlinear && !result.objective.filter.empty()) {
-    model.formulas.filter = nonlinear_method(result.objective.filter, here);
+  if (is_formula_model(model) && !result.objective.filter.empty()) {
+    as_formulas(model).filter = nonlinear_method(result.objective.filter, here);
   }
 }
 

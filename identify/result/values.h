@@ -12,6 +12,6 @@ namespace identikal {
 /// @param path  of the result, for messages
 /// @throws InputError when the result lacks a free parameter or an entry of a matrix, has one that
 ///   the model has not, a unit of another kind, no value, or values that make no model
-void set_values(ModelFile& model, const Estimate& result, const std::string& path);
+void set_values(Model& model, const Estimate& result, const std::string& path);
 
 }  // namespace identikal

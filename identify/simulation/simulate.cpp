@@ -63,9 +63,8 @@ void record(const std::vector<ChannelSource>& sources, const VectorXd& time,
   }
 }
 
-std::string csv_text(const ModelFile& model, std::uint64_t seed,
-                     const std::vector<std::string>& notes, const VectorXd& time,
-                     std::vector<OutputColumn> columns) {
+std::string csv_text(const Model& model, std::uint64_t seed, const std::vector<std::string>& notes,
+                     const VectorXd& time, std::vector<OutputColumn> columns) {
   record(model.inputs, time, columns);
   record(model.outputs, time, columns);
   std::string out = fmt::format("# simulated from '{}', seed {}\n", model.name, seed);
@@ -93,7 +92,7 @@ std::string csv_text(const ModelFile& model, std::uint64_t seed,
   return out;
 }
 
-OutputColumn time_column(const ModelFile& model, const VectorXd& time) {
+OutputColumn time_column(const Model& model, const VectorXd& time) {
   return {model.time.column.empty() ? "time" : model.time.column,
           model.time.unit.empty() ? "s" : model.time.unit, time};
 }
@@ -104,7 +103,7 @@ VectorXd sample_times(const Dataset* inputs, Index N, double step) {
              : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
 }
 
-double sampling_period(const ModelFile& model) {
+double sampling_period(const Model& model) {
   if (model.time.step > 0.0) return model.time.step;
   throw InputError(model.time.at, "the sampling period is not known",
                    "time: {step: 0.1 s}, or a recording that holds the inputs");
@@ -112,8 +111,8 @@ double sampling_period(const ModelFile& model) {
 
 // Outputs and inputs as the recorder writes them. Columns that the model names by number must stand
 // where it says, so time comes last.
-std::string csv_of(const ModelFile& model, std::uint64_t seed, const MatrixXd& y,
-                   const Dataset* inputs, const VectorXd& time) {
+std::string csv_of(const Model& model, std::uint64_t seed, const MatrixXd& y, const Dataset* inputs,
+                   const VectorXd& time) {
   std::vector<OutputColumn> columns;
   for (Index i = 0; i < y.rows(); ++i) {
     const ChannelSource& source = model.outputs[i];
@@ -152,20 +151,21 @@ Dataset refined(const Dataset& recording, InputPath path, int pieces) {
 
 }  // namespace
 
-Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inputs,
+Simulated simulate_linear(const Model& model, Index rows, const Dataset* inputs,
                           std::uint64_t seed) {
-  const StateSpace system = instantiate(model.linear, model.parameters);
-  const Location at{model.path, 0, 0};
+  const LinearModel& linear = as_linear(model);
+  const StateSpace system = instantiate(linear, model.parameters);
+  const Location at{model.source, 0, 0};
   if (!model.inputs.empty() && inputs == nullptr) {
     throw InputError(at, "the model has inputs", "a recording that holds them",
                      "add it to the command line");
   }
   const Index N = inputs != nullptr ? inputs->size() : rows;
   Random random(seed);
-  const MatrixXd u = model_inputs(model.linear, inputs != nullptr ? inputs->u : MatrixXd(0, N));
+  const MatrixXd u = model_inputs(linear, inputs != nullptr ? inputs->u : MatrixXd(0, N));
   MatrixXd y;
   try {
-    y = simulate_outputs(system, model.linear.initial, u, N, random);
+    y = simulate_outputs(system, linear.initial, u, N, random);
   } catch (const std::invalid_argument&) {
     throw InputError(
         at, "the model cannot be simulated",
@@ -174,7 +174,7 @@ Simulated simulate_linear(const ModelFile& model, Index rows, const Dataset* inp
   return {csv_of(model, seed, y, inputs, sample_times(inputs, N, system.dt)), N, {}};
 }
 
-Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& signals, Index rows) {
+Dataset signal_inputs(const Model& model, const std::vector<std::string>& signals, Index rows) {
   if (rows < 1) throw InputError({}, "the number of rows to simulate is missing", "-n ROWS");
   const double step = sampling_period(model);
   Dataset out;
@@ -218,15 +218,16 @@ Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& si
   return out;
 }
 
-MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Random& random) {
-  const Location at{model.path, 0, 0};
+MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random& random) {
+  const Location at{model.source, 0, 0};
   const Index N = recording.size();
   if (!recording.u.allFinite()) {
     throw InputError({recording.name, 0, 0}, "an input is missing in some row",
                      "every input in every row", "select rows with --range");
   }
-  const int pieces = model.formulas.model.continuous ? 10 : 1;
-  const Dataset fine = refined(recording, model.formulas.inputs, pieces);
+  const FormulaModel& formulas = as_formulas(model);
+  const int pieces = formulas.equations.continuous ? 10 : 1;
+  const Dataset fine = refined(recording, formulas.inputs, pieces);
   NonlinearRealisation found;
   try {
     found = simulate_nonlinear_outputs(model, fine, random);
@@ -245,7 +246,7 @@ MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Ran
   return y;
 }
 
-Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* inputs,
+Simulated simulate_nonlinear(const Model& model, Index rows, const Dataset* inputs,
                              std::uint64_t seed) {
   const Index N = inputs != nullptr ? inputs->size() : rows;
   Dataset recording;
@@ -257,8 +258,9 @@ Simulated simulate_nonlinear(const ModelFile& model, Index rows, const Dataset* 
   return {csv_of(model, seed, y, inputs, recording.time), N, {}};
 }
 
-Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
+Simulated simulate_vehicle(const Model& model, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
+  const VehicleModel& car_model = as_vehicle(model);
   const VehicleUnknowns vehicle = vehicle_unknowns(model);
   const SingleTrack<> car = linear_car(vehicle.value);
   DrivenRecord driven;
@@ -271,21 +273,21 @@ Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& reque
     }
     driven = drive_inputs(vehicle.curve, vehicle.value, inputs->time, angle, vx);
   } else {
-    driven = drive_manoeuvre(request, vehicle.curve, vehicle.value,
-                             model.vehicle.steering_at_road_wheel);
+    driven =
+        drive_manoeuvre(request, vehicle.curve, vehicle.value, car_model.steering_at_road_wheel);
   }
   const Index N = driven.time.size();
   std::vector<OutputColumn> columns{time_column(model, driven.time)};
   columns.push_back({column_name(model.inputs[0]), model.inputs[0].unit, driven.steering});
   columns.push_back({column_name(model.inputs[1]), model.inputs[1].unit, driven.vx});
   const std::size_t first = columns.size();
-  std::vector<double> sd = model.vehicle.measurement_sd;
+  std::vector<double> sd = car_model.measurement_sd;
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
     const ChannelSource& source = model.outputs[i];
     VehicleSensor sensor;
     sensor.quantity = *vehicle_quantity(source.name);
-    const auto position = model.vehicle.sensors.find(source.name);
-    if (position != model.vehicle.sensors.end()) {
+    const auto position = car_model.sensors.find(source.name);
+    if (position != car_model.sensors.end()) {
       sensor.x = position->second.x;
       sensor.y = position->second.y;
       sensor.angle = position->second.angle;

@@ -30,24 +30,24 @@ struct Simulated {
 /// @param inputs  recording that holds the model's inputs; may be null when it has none
 /// @throws InputError when inputs are needed, an initial state does not exist, or noise is not
 /// positive semidefinite
-Simulated simulate_linear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
+Simulated simulate_linear(const Model& model, Eigen::Index rows, const Dataset* inputs,
                           std::uint64_t seed);
 
 /// The same of a nonlinear model. In continuous time the process noise enters ten times between two
 /// samples, so that the truth does not share the filter's straight lines.
 /// @throws InputError also when the motion diverges, or no sampling period is known
-Simulated simulate_nonlinear(const ModelFile& model, Eigen::Index rows, const Dataset* inputs,
+Simulated simulate_nonlinear(const Model& model, Eigen::Index rows, const Dataset* inputs,
                              std::uint64_t seed);
 
 /// Outputs of a nonlinear model at the times and inputs of a recording, as simulate_nonlinear()
 /// draws them; SI, ny x N.
 /// @throws InputError when an input is missing, noise is not positive semidefinite or the motion
 /// diverges
-Eigen::MatrixXd simulated_outputs(const ModelFile& model, const Dataset& recording, Random& random);
+Eigen::MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random& random);
 
 /// Inputs from formulas of the time, "NAME=FORMULA" in SI, at the model's sampling period.
 /// @throws InputError when an input has none, a name is unknown, or no period or length is given
-Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& signals,
+Dataset signal_inputs(const Model& model, const std::vector<std::string>& signals,
                       Eigen::Index rows);
 
 /// The vehicle through a manoeuvre (identify/simulation/manoeuvres.h) or under recorded inputs,
@@ -57,7 +57,7 @@ Dataset signal_inputs(const ModelFile& model, const std::vector<std::string>& si
 /// @param snr     signal-to-noise ratio [dB]
 /// @throws InputError when there is neither `snr` nor an sd for an output in the model file, and as
 ///   drive_manoeuvre() does
-Simulated simulate_vehicle(const ModelFile& model, const ManoeuvreRequest& request,
+Simulated simulate_vehicle(const Model& model, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed);
 
 }  // namespace identikal

@@ -49,7 +49,7 @@ std::string si_unit(SignalKind kind) {
   return "";
 }
 
-VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data) {
+VehicleSignals vehicle_signals(const Model& model, const Dataset& data) {
   VehicleSignals out;
   out.name = data.name;
   out.time_column = model.time.column;
@@ -79,7 +79,7 @@ VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data) {
   return out;
 }
 
-VehicleSignals vehicle_signals(const ModelFile& model, const std::vector<Dataset>& runs) {
+VehicleSignals vehicle_signals(const Model& model, const std::vector<Dataset>& runs) {
   VehicleSignals out;
   for (const Dataset& run : runs) {
     VehicleSignals next = vehicle_signals(model, run);

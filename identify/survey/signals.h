@@ -45,11 +45,11 @@ struct VehicleSignals {
 };
 
 /// The channels of a recording as a model file maps them.
-VehicleSignals vehicle_signals(const ModelFile& model, const Dataset& data);
+VehicleSignals vehicle_signals(const Model& model, const Dataset& data);
 
 /// The same of several runs, one after the other: far enough apart that nothing is interpolated
 /// across, nor compared with the run before.
-VehicleSignals vehicle_signals(const ModelFile& model, const std::vector<Dataset>& runs);
+VehicleSignals vehicle_signals(const Model& model, const std::vector<Dataset>& runs);
 
 /// The samples inside the range, which counts from the earliest sample of all.
 VehicleSignals within(const VehicleSignals& signals, const TimeRange& range);

@@ -31,10 +31,11 @@ namespace {
 using Eigen::Index;
 
 // The result's figures belong to its sampling period, unless the noise is one of continuous time.
-void check_period(const Estimate& result, const ModelFile& model,
+void check_period(const Estimate& result, const Model& model,
                   const std::vector<Dataset>& recordings) {
-  const bool any_period = model.linear.continuous && model.linear.noise == ProcessNoise::density;
-  if (any_period || !result.filter) return;
+  if (!result.filter) return;
+  const LinearModel& noise = noise_model(model);
+  if (noise.continuous && noise.noise == ProcessNoise::density) return;
   const double dt = result.filter->model.dt;
   for (const Dataset& data : recordings) {
     if (std::abs(data.dt - dt) <= 1e-6 * dt || model.time.step > 0.0) continue;
@@ -98,7 +99,7 @@ struct UnseenTests {
   }
 
   // Of other values of the parameters, by the score; none where the data determine no value.
-  std::optional<TestResult> score(const ModelFile& model,
+  std::optional<TestResult> score(const Model& model,
                                   const std::vector<Dataset>& recordings) const {
     if (estimated.empty()) return std::nullopt;
     RecordingsLikelihood likelihood(model, recordings);
@@ -163,9 +164,8 @@ std::string failed_tests(const std::vector<TestResult>& tests) {
   return out;
 }
 
-void test_unseen(const Estimate& result, const ModelFile& model,
-                 const std::vector<Dataset>& recordings, const std::vector<FilterResult>& filters,
-                 Estimate& estimate) {
+void test_unseen(const Estimate& result, const Model& model, const std::vector<Dataset>& recordings,
+                 const std::vector<FilterResult>& filters, Estimate& estimate) {
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const auto& outputs = recordings[0].outputs;
@@ -204,10 +204,10 @@ void test_unseen(const Estimate& result, const ModelFile& model,
                                     : "it does not hold on these data: rejected by " + failed;
 }
 
-Estimate validate_filter(const Estimate& result, const ModelFile& written,
+Estimate validate_filter(const Estimate& result, const Model& written,
                          const std::vector<Dataset>& recordings) {
   check_period(result, written, recordings);
-  const ModelFile model = checked(written, recordings);
+  const Model model = checked(written, recordings);
   check_channels(recordings);
   Estimate out;
   out.model_name = model.name;
@@ -224,7 +224,7 @@ Estimate validate_filter(const Estimate& result, const ModelFile& written,
   return out;
 }
 
-Estimate validate_car(const Estimate& result, const ModelFile& model,
+Estimate validate_car(const Estimate& result, const Model& model,
                       const std::vector<Dataset>& recordings, bool robust) {
   Estimate out;
   out.model_name = model.name;
@@ -377,10 +377,10 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
 
 }  // namespace
 
-Estimate validate(const Estimate& result, const ModelFile& model,
+Estimate validate(const Estimate& result, const Model& model,
                   const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
                   const ValidateOptions& options) {
-  const bool vehicle = model.form == ModelFile::Form::single_track;
+  const bool vehicle = is_vehicle(model);
   Estimate out = vehicle ? validate_car(result, model, recordings, options.robust)
                          : validate_filter(result, model, recordings);
   const std::vector<ChannelFit>& fits = vehicle ? out.simulation : out.one_step;

@@ -35,7 +35,7 @@ struct ValidateOptions {
 /// @param recordings  of the model's channels
 /// @param inputs      the files that the recordings come from
 /// @throws InputError when the recordings cannot be used with the model
-Estimate validate(const Estimate& result, const ModelFile& model,
+Estimate validate(const Estimate& result, const Model& model,
                   const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
                   const ValidateOptions& options = {});
 

@@ -187,7 +187,7 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
   }
 }
 
-void check_by_survey(const ModelFile& model, const std::vector<Dataset>& recordings,
+void check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
                      Estimate& estimate) {
   // The survey compares kinematics only, without lever arms and without a model of the car: a good
   // fit is evidence against what it suspects.
@@ -219,7 +219,7 @@ void check_by_survey(const ModelFile& model, const std::vector<Dataset>& recordi
   }
 }
 
-void check_hold_out_by_survey(const ModelFile& model, const std::vector<Dataset>& hold_out,
+void check_hold_out_by_survey(const Model& model, const std::vector<Dataset>& hold_out,
                               Estimate& estimate) {
   for (const Dataset& data : hold_out) {
     for (Warning& finding : survey(vehicle_signals(model, data)).findings) {

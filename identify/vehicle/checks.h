@@ -33,12 +33,12 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
 /// What the survey (identify/survey/survey.h) finds wrong with the recordings as the model file
 /// maps them: units, swapped or stuck channels, clocks, outliers, reversing. What the fit leaves
 /// out by itself, or reports itself, is not repeated.
-void check_by_survey(const ModelFile& model, const std::vector<Dataset>& recordings,
+void check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
                      Estimate& estimate);
 
 /// The same for held-out recordings, signs too, with the file named: the fit does not depend on
 /// them, so that it is a warning at most. What the fitted recordings have too is not repeated.
-void check_hold_out_by_survey(const ModelFile& model, const std::vector<Dataset>& hold_out,
+void check_hold_out_by_survey(const Model& model, const std::vector<Dataset>& hold_out,
                               Estimate& estimate);
 
 /// Held-out data that the car predicts much worse than what it was fitted to.

@@ -35,7 +35,7 @@ namespace identikal {
 namespace {
 
 /// The model file's parameters in its units; free ones still stand at their start.
-void list_parameters(const ModelFile& model, Estimate& estimate) {
+void list_parameters(const Model& model, Estimate& estimate) {
   for (const Parameter& given : model.parameters) {
     EstimatedParameter result;
     result.name = given.name;
@@ -430,7 +430,7 @@ void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, E
 
 /// A fit with what its reports and checks need.
 struct VehicleFit {
-  const ModelFile& model;
+  const Model& model;
   const std::vector<Dataset>& recordings;
   const VehicleFitOptions& options;
   VehicleSearch found;
@@ -444,12 +444,11 @@ struct VehicleFit {
   }
 };
 
-Estimate begun(const ModelFile& model, const std::vector<Dataset>& recordings,
-               const VehicleRun& run) {
+Estimate begun(const Model& model, const std::vector<Dataset>& recordings, const VehicleRun& run) {
   Estimate out;
   out.verb = "fit";
   out.model_name = model.name;
-  out.tyre_curve = name_of(model.vehicle.curve);
+  out.tyre_curve = name_of(as_vehicle(model).curve);
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     out.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
                           static_cast<long>(run.used_of[i])});
@@ -461,7 +460,7 @@ Estimate begun(const ModelFile& model, const std::vector<Dataset>& recordings,
 }
 
 /// Steady-state cornering without sideslip, both stiffnesses free: fills the answer that it has.
-bool is_answered_by_steady_cornering(const ModelFile& model, const VehicleRun& run,
+bool is_answered_by_steady_cornering(const Model& model, const VehicleRun& run,
                                      const VehicleUnknowns& unknowns, Estimate& estimate) {
   // With sideslip, or one stiffness known, a circle determines the stiffnesses.
   const bool open = unknowns.find(kCf) >= 0 && unknowns.find(kCr) >= 0 &&
@@ -570,7 +569,7 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, E
     check_tyres(problem, test_tyre_saturation(problem, fit.found.best, fit.covariance), estimate);
   }
   check_whiteness(fit.covariance, estimate);
-  check_steering_gain(problem, fit.covariance, p, fit.model.vehicle.steering_at_road_wheel,
+  check_steering_gain(problem, fit.covariance, p, as_vehicle(fit.model).steering_at_road_wheel,
                       estimate);
   if (other_forms && !misread(estimate)) {
     compare_alternatives(fit.found, fit.options.search, estimate);
@@ -584,13 +583,13 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, E
 // The order, in which each step reads what those before it filled: the optimum; reports, of which
 // verdicts and fits are what the checks judge by; findings; their order, causes before
 // consequences; the conclusion from the findings that are left; pictures of it all.
-Estimate fit_vehicle(const ModelFile& given, const std::vector<Dataset>& recordings,
+Estimate fit_vehicle(const Model& given, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options) {
   if (options.search.starts < 1) {
     throw std::invalid_argument(
         fmt::format("{} starts; expected at least 1", options.search.starts));
   }
-  const ModelFile model = checked(given, recordings);
+  const Model model = checked(given, recordings);
   if (options.search.robust && options.method == VehicleFitOptions::Method::prediction_error) {
     throw InputError({}, "--robust with --method prediction-error",
                      "--method trajectory: the gain would carry outliers into the state");

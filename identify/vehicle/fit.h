@@ -44,9 +44,9 @@ struct VehicleFitOptions {
 /// @throws InputError for trajectory with a bootstrap or a relaxation length, for prediction_error
 ///   with robust noise, and when the recording or the model cannot be used at all: too few rows,
 ///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
-Estimate fit_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+Estimate fit_vehicle(const Model& model, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options = {});
-inline Estimate fit_vehicle(const ModelFile& model, const Dataset& recording,
+inline Estimate fit_vehicle(const Model& model, const Dataset& recording,
                             const VehicleFitOptions& options = {}) {
   return fit_vehicle(model, std::vector<Dataset>{recording}, options);
 }

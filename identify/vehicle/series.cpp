@@ -60,7 +60,7 @@ std::vector<ChannelFit> channel_fits(const Series& series, bool robust) {
   return out;
 }
 
-Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+Series validate_vehicle(const Model& model, const std::vector<Dataset>& recordings,
                         const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
                         bool robust) {
   const VehicleRun run = usable_run(model, recordings);

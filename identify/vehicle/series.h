@@ -20,7 +20,7 @@ std::vector<ChannelFit> channel_fits(const Series& series, bool robust);
 /// @param unknowns  of the fit; its curve and the parameters `p` make the car
 /// @param robust    noise with outliers, as in the fit
 /// @throws InputError when a recording holds no usable segment
-Series validate_vehicle(const ModelFile& model, const std::vector<Dataset>& recordings,
+Series validate_vehicle(const Model& model, const std::vector<Dataset>& recordings,
                         const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
                         bool robust);
 

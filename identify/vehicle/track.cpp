@@ -113,12 +113,13 @@ RegressionHistory after_both(const RegressionHistory& rows) {
   return out;
 }
 
-VehicleBalances tracked_balances(const ModelFile& model, const Dataset& recording,
+VehicleBalances tracked_balances(const Model& model, const Dataset& recording,
                                  const VehicleRun& run, const VehicleParameters<double>& p) {
   VehicleBalances out = vehicle_balances(run, p);
   const Index n = out.time.size();
   if (n == 0 && (run.find(VehicleQuantity::r) < 0 || run.outputs.size() < 2)) {
-    throw InputError({model.path, 0, 0}, "the outputs do not show the balances of force and moment",
+    throw InputError({model.source, 0, 0},
+                     "the outputs do not show the balances of force and moment",
                      "r and one of vy, beta and ay");
   }
   if (n < kFewestMeans) {
@@ -148,7 +149,7 @@ struct TrackForgetting {
   }
 };
 
-TrackForgetting track_forgetting(const RegressionSettings& settings, const BalanceRows& rows) {
+TrackForgetting track_forgetting(const RegressionModel& settings, const BalanceRows& rows) {
   TrackForgetting out;
   out.chosen = !settings.forgetting && settings.memory == 0.0;
   double factor = 1.0;
@@ -256,17 +257,17 @@ void conclude_track(Index count, Index means, Estimate& estimate) {
 
 }  // namespace
 
-Estimate track_vehicle(const ModelFile& given, const Dataset& recording) {
-  const ModelFile model = checked(given, {recording});
+Estimate track_vehicle(const Model& given, const Dataset& recording) {
+  const Model model = checked(given, {recording});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {recording});
   const VehicleBalances balances = tracked_balances(model, recording, run, unknowns.value);
   const BalanceRows rows = rows_of(balances, unknowns);
   if (rows.unknown.empty()) {
-    throw InputError({model.path, 0, 0}, "none of Cf, Cr and Iz is free",
+    throw InputError({model.source, 0, 0}, "none of Cf, Cr and Iz is free",
                      "one of them as {value: ..., min: ..., max: ...}");
   }
-  const TrackForgetting past = track_forgetting(model.regression, rows);
+  const TrackForgetting past = track_forgetting(as_vehicle(model).tracking, rows);
   const RegressionHistory by_row =
       run_recursive_least_squares(rows.phi, rows.y, kSoftConstraint, past.per_row());
   const RegressionHistory track = after_both(by_row);

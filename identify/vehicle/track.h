@@ -13,7 +13,7 @@ namespace identikal {
 /// linear in those of Cf, Cr and Iz that are free. (One after the other, Iz from forces that are
 /// estimated, costs a factor 2.5 to 4 in their errors.) The second is weighted so that both leave
 /// residuals of one median size over the recording. Coefficients are relative to the file's values,
-/// P(0) = I / delta, delta = 0.01 (m/s^2)^2. Forgetting as ModelFile::regression has it, per mean;
+/// P(0) = I / delta, delta = 0.01 (m/s^2)^2. Forgetting as Model::regression has it, per mean;
 /// without it by choose_forgetting(), with a memory of 5 s or more.
 ///
 /// Noise of the sensors is noise of the regressors here, which biases the values: it follows a
@@ -21,6 +21,6 @@ namespace identikal {
 /// @throws InputError when no row is usable, the outputs do not show the balances, none of the
 /// three
 ///   is free, or the rows are too few
-Estimate track_vehicle(const ModelFile& model, const Dataset& recording);
+Estimate track_vehicle(const Model& model, const Dataset& recording);
 
 }  // namespace identikal

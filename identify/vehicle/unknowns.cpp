@@ -70,14 +70,14 @@ std::vector<std::string> parameter_names() {
 /// Which parameter this is.
 /// @return nothing for a steering ratio that an angle at the road wheels does not have
 /// @throws InputError when the vehicle does not have it, or it cannot have this value
-std::optional<VehicleParameter> checked_parameter(const ModelFile& model, const Parameter& given) {
-  const Location at{model.path, 0, 0};
+std::optional<VehicleParameter> checked_parameter(const Model& model, const Parameter& given) {
+  const Location at{model.source, 0, 0};
   const auto parameter = vehicle_parameter(given.name);
   if (!parameter) {
     throw InputError(at, "parameter '" + given.name + "'", "one of the single-track vehicle's",
                      did_you_mean(given.name, parameter_names()));
   }
-  if (*parameter == kSteeringRatio && model.vehicle.steering_at_road_wheel) {
+  if (*parameter == kSteeringRatio && as_vehicle(model).steering_at_road_wheel) {
     if (given.fixed) return std::nullopt;
     throw InputError(at, "steering_ratio is to be fitted, but the angle is that of the road wheel",
                      "", "fit steering_gain instead");
@@ -95,7 +95,7 @@ std::optional<VehicleParameter> checked_parameter(const ModelFile& model, const 
 }
 
 /// The range that the model file allows: bounds, and those of the prior.
-std::pair<double, double> allowed_range(const ModelFile& model, const Parameter& given) {
+std::pair<double, double> allowed_range(const Model& model, const Parameter& given) {
   double low = given.min, high = given.max;
   if (given.prior.kind == Prior::Kind::uniform || given.prior.kind == Prior::Kind::log_uniform) {
     low = std::max(low, given.prior.a);
@@ -104,7 +104,7 @@ std::pair<double, double> allowed_range(const ModelFile& model, const Parameter&
   if (given.prior.kind == Prior::Kind::log_normal) {
     if (!(given.scalar() > 0.0)) {
       throw InputError(
-          {model.path, 0, 0},
+          {model.source, 0, 0},
           fmt::format("parameter '{}' starts at {:g}, where its log-normal prior does not reach",
                       given.name, given.scalar()),
           "a start above 0");
@@ -115,7 +115,7 @@ std::pair<double, double> allowed_range(const ModelFile& model, const Parameter&
 }
 
 /// Sets the parameter free with prior and bounds of the model file.
-void set_free_as_given(const ModelFile& model, std::size_t position, VehicleUnknowns& out) {
+void set_free_as_given(const Model& model, std::size_t position, VehicleUnknowns& out) {
   const Parameter& given = model.parameters[position];
   const VehicleParameter parameter = *vehicle_parameter(given.name);
   set_free(out, parameter);
@@ -211,10 +211,10 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
   }
 }
 
-VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
+VehicleUnknowns vehicle_unknowns(const Model& model) {
   VehicleUnknowns out;
   out.value = neutral_vehicle();
-  out.curve = model.vehicle.curve;
+  out.curve = as_vehicle(model).curve;
   std::vector<std::size_t> unknown;
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {
     const Parameter& given = model.parameters[i];
@@ -226,7 +226,7 @@ VehicleUnknowns vehicle_unknowns(const ModelFile& model) {
   for (int i = 0; i < kVehicleParameters; ++i) {
     const auto parameter = static_cast<VehicleParameter>(i);
     if (std::isnan(out.value[parameter])) {
-      throw InputError({model.path, 0, 0},
+      throw InputError({model.source, 0, 0},
                        fmt::format("parameter '{}' is missing", name_of(parameter)),
                        "a value or a start for it");
     }

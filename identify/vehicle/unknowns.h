@@ -49,7 +49,7 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter);
 /// Reads the parameters of the model file; what it does not name is neutral (neutral_vehicle()).
 /// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a
 /// mass, length, inertia, stiffness or steering ratio that is not positive
-VehicleUnknowns vehicle_unknowns(const ModelFile& model);
+VehicleUnknowns vehicle_unknowns(const Model& model);
 
 /// The unknowns with tyres of another curve, with largest forces free if it has any.
 VehicleUnknowns with_curve(VehicleUnknowns unknowns, TyreCurve curve);

@@ -24,7 +24,7 @@ constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
 
 Location in(const Dataset& data) { return Location{data.name, 0, 0}; }
 
-VehicleRun::Output output_of(const ModelFile& model, const Dataset& data, std::size_t index) {
+VehicleRun::Output output_of(const Model& model, const Dataset& data, std::size_t index) {
   const std::string& name = model.outputs[index].name;
   const auto quantity = vehicle_quantity(name);
   if (!quantity) {
@@ -36,14 +36,13 @@ VehicleRun::Output output_of(const ModelFile& model, const Dataset& data, std::s
   output.channel = static_cast<Eigen::Index>(index);
   output.unit = index < data.outputs.size() ? data.outputs[index].unit : "";
   output.sensor.quantity = *quantity;
-  if (const auto at = model.vehicle.sensors.find(name); at != model.vehicle.sensors.end()) {
+  const VehicleModel& vehicle = as_vehicle(model);
+  if (const auto at = vehicle.sensors.find(name); at != vehicle.sensors.end()) {
     output.sensor.x = at->second.x;
     output.sensor.y = at->second.y;
     output.sensor.angle = at->second.angle;
   }
-  if (index < model.vehicle.measurement_sd.size()) {
-    output.given_sd = model.vehicle.measurement_sd[index];
-  }
+  if (index < vehicle.measurement_sd.size()) output.given_sd = vehicle.measurement_sd[index];
   return output;
 }
 
@@ -134,7 +133,7 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
 
 /// Takes over the samples of the outputs, leaves out those that are dead.
 /// @param all  outputs of the model x rows of all recordings
-void pick_outputs(const ModelFile& model, const Dataset& data, const Eigen::MatrixXd& all,
+void pick_outputs(const Model& model, const Dataset& data, const Eigen::MatrixXd& all,
                   VehicleRun& run) {
   std::string dead;
   std::vector<Eigen::VectorXd> rows;
@@ -198,7 +197,7 @@ void require_steering(const Dataset& data, VehicleRun& run) {
 }
 
 /// What no car does is a mark for a missing value, or a wrong unit; its squares might overflow.
-void require_possible(const ModelFile& model, const Dataset& data) {
+void require_possible(const Model& model, const Dataset& data) {
   constexpr double kImpossible = 1e6;  // in SI, of any channel
   for (const bool input : {true, false}) {
     const Eigen::MatrixXd& values = input ? data.u : data.y;
@@ -216,7 +215,7 @@ void require_possible(const ModelFile& model, const Dataset& data) {
   }
 }
 
-void require_shape(const ModelFile& model, const Dataset& data) {
+void require_shape(const Model& model, const Dataset& data) {
   if (data.u.rows() != 2 || data.u.cols() != data.size()) {
     throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
                      "two: the steering angle, then vx");
@@ -243,11 +242,11 @@ Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
   return -1;
 }
 
-VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings) {
+VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings) {
   if (recordings.empty()) throw std::invalid_argument("there is no recording");
   VehicleRun run;
   Losses lost;
-  const double min_speed = std::max(model.vehicle.min_speed, kSlowestModel);
+  const double min_speed = std::max(as_vehicle(model).min_speed, kSlowestModel);
   Eigen::Index N = 0;
   for (const Dataset& data : recordings) N += data.size();
   run.time.resize(N);

@@ -49,6 +49,6 @@ struct VehicleRun {
 /// that are dead. A segment never reaches from one recording into the next.
 /// @throws InputError when a recording holds nothing usable or the steering never moves;
 ///   std::invalid_argument without a recording
-VehicleRun usable_run(const ModelFile& model, const std::vector<Dataset>& recordings);
+VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -28,7 +28,7 @@ MatiskoSystem system_of(int number) {
   Random random(6);
   const StateSpace m = random_model(random, 6, 0, 3, 6);
   MatiskoSystem out = matisko_system(7);
-  LinearModel& linear = out.model.linear;
+  LinearModel& linear = as_linear(out.model);
   linear.A.constant = m.A;
   linear.B.constant = m.B;
   linear.C.constant = m.C;
@@ -89,7 +89,7 @@ void evaluate(benchmark::State& state, int number, Index N, EvaluationMethod met
   const MatiskoSystem system = system_of(number);
   const MatrixXd &y = recording(number, N), u(0, y.cols());
   const StateSpace m = true_system(system);
-  const auto d = derivatives ? model_derivatives(system.model.linear, system.model.parameters)
+  const auto d = derivatives ? model_derivatives(as_linear(system.model), system.model.parameters)
                              : std::vector<StateSpace>{};
   LikelihoodEngine engine;
   engine.add_recording(y, u);

@@ -55,7 +55,7 @@ std::string listed(const VehicleParameters<double>& p) {
 }
 
 void bench(const char* model_path, const char* data_path) {
-  const ModelFile model = read_model_file(model_path);
+  const Model model = read_model_file(model_path);
   const Dataset data = make_dataset(read_csv(data_path), model.time, model.inputs, model.outputs);
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {data});

@@ -48,19 +48,22 @@ noise: {process: {variance: {x1: q, x2: 0.2}}, measurement: {variance: {y1: r, y
 initial: {mean: {x1: 1, x2: 0}, sd: {x1: 1, x2: 0.5}}
 )";
 
-ModelFile two_states(ModelFile::Form form) {
+enum class Form { linear, formulas };
+
+Model two_states(Form form) {
   std::string text = kTwoCoupled;
-  if (form == ModelFile::Form::nonlinear) {
+  if (form == Form::formulas) {
     text.replace(text.find("0.1*x1\""), 6, "0.1*max(x1, -1e9)");
   }
-  ModelFile model = parse_model_file(text, "two_states.yaml");
-  if (model.form != form) throw std::logic_error("two_states: another form");
+  Model model = parse_model_file(text, "two_states.yaml");
+  if (is_linear(model) != (form == Form::linear))
+    throw std::logic_error("two_states: another form");
   return model;
 }
 
 // One recording of the truth, with the inputs seen and a tenth of the outputs missing.
 Dataset two_states_recording(Index N, std::uint64_t seed) {
-  const ModelFile model = two_states(ModelFile::Form::nonlinear);
+  const Model model = two_states(Form::formulas);
   Random random(seed);
   Dataset out;
   out.name = "two_states.csv";
@@ -110,18 +113,17 @@ std::vector<double> csv_numbers(const std::string& text) {
 }
 
 TEST(NonlinearJobs, FilterAndSmootherWriteTheLinearOnesFiles) {
-  const ModelFile linear = two_states(ModelFile::Form::linear),
-                  extended = two_states(ModelFile::Form::nonlinear);
+  const Model linear = two_states(Form::linear), extended = two_states(Form::formulas);
   const std::vector<Dataset> recordings{two_states_recording(80, 1), two_states_recording(40, 2)};
   for (const NonlinearMethod method :
        {NonlinearMethod::extended, NonlinearMethod::iterated, NonlinearMethod::unscented}) {
     for (const std::optional<Index> lag :
          {std::optional<Index>(0), std::optional<Index>(3), std::optional<Index>()}) {
-      ModelFile general = extended;
-      general.formulas.filter = method;
+      Model general = extended;
+      as_formulas(general).filter = method;
       const FilterRun a = filter_recordings(linear, recordings, {lag}),
                       b = filter_recordings(general, recordings, {lag});
-      const auto states = [&](const ModelFile& model, const FilterRun& run) {
+      const auto states = [&](const Model& model, const FilterRun& run) {
         std::ostringstream out;
         write_states_csv(out, model, recordings, run);
         return csv_numbers(out.str());
@@ -150,8 +152,7 @@ TEST(NonlinearJobs, FilterAndSmootherWriteTheLinearOnesFiles) {
 TEST(NonlinearJobs, CheckGivesTheLinearOnesTests) {
   const std::vector<Dataset> recordings{two_states_recording(400, 3)};
   for (const double r : {1.0, 3.0}) {
-    ModelFile linear = two_states(ModelFile::Form::linear),
-              general = two_states(ModelFile::Form::nonlinear);
+    Model linear = two_states(Form::linear), general = two_states(Form::formulas);
     set_parameter(linear, "r=" + std::to_string(r));
     set_parameter(general, "r=" + std::to_string(r));
     const Estimate a = check(linear, recordings), b = check(general, recordings);
@@ -171,14 +172,14 @@ TEST(NonlinearJobs, CheckGivesTheLinearOnesTests) {
 
 TEST(NonlinearJobs, CompareRanksThemAlike) {
   const std::vector<Dataset> recordings{two_states_recording(300, 4)};
-  const auto ranked = [&](ModelFile::Form form) {
-    ModelFile better = two_states(form), worse = better;
-    better.path = "better.yaml";
-    worse.path = "worse.yaml";
+  const auto ranked = [&](Form form) {
+    Model better = two_states(form), worse = better;
+    better.source = "better.yaml";
+    worse.source = "worse.yaml";
     set_parameter(worse, "q=3");
     return compare_filters({worse, better}, {recordings, recordings});
   };
-  const Estimate a = ranked(ModelFile::Form::linear), b = ranked(ModelFile::Form::nonlinear);
+  const Estimate a = ranked(Form::linear), b = ranked(Form::formulas);
   EXPECT_EQ(a.message, b.message);
   EXPECT_EQ(a.message.find("better.yaml"), 0U);
   expect_same_tests(a, b, 1e-7);
@@ -188,12 +189,12 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
   const Dataset whole = two_states_recording(500, 5), other = two_states_recording(200, 6);
   const Index cut = 350;
   Estimate estimates[2];
-  for (const ModelFile::Form form : {ModelFile::Form::linear, ModelFile::Form::nonlinear}) {
-    const ModelFile model = two_states(form);
+  for (const Form form : {Form::linear, Form::formulas}) {
+    const Model model = two_states(form);
     NoiseMlOptions options;
     options.starts = 1;
     options.profiles = false;
-    Estimate& e = estimates[form == ModelFile::Form::linear ? 0 : 1];
+    Estimate& e = estimates[form == Form::linear ? 0 : 1];
     e = tune_ml(model, {first_samples(whole, cut)}, options);
     ASSERT_EQ(e.status, Status::ok);
     report_hold_out(e, model, {{whole, cut}, {other, 0}});
@@ -207,10 +208,10 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
 
   // The held-out rows of one recording, by hand: the filter runs through, the likelihood of what
   // follows is that of all less that of what came before.
-  const ModelFile model = two_states(ModelFile::Form::nonlinear);
+  const Model model = two_states(Form::formulas);
   Estimate e = estimates[1];
   report_hold_out(e, model, {{whole, cut}});
-  ModelFile found = model;
+  Model found = model;
   for (std::size_t i = 0; i < 3; ++i) {
     found.parameters[i].value(0, 0) = e.parameters[i].value;
   }
@@ -229,7 +230,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
 
   Estimate validated[2];
   for (int i = 0; i < 2; ++i) {
-    ModelFile there = two_states(i == 0 ? ModelFile::Form::linear : ModelFile::Form::nonlinear);
+    Model there = two_states(i == 0 ? Form::linear : Form::formulas);
     for (std::size_t p = 0; p < 3; ++p) {
       there.parameters[p].value(0, 0) = estimates[0].parameters[p].value;
     }
@@ -251,7 +252,7 @@ TEST(NonlinearJobs, AFreeRunNeedsNothingButTheFirstState) {
   put("0.1*x1\"", "0.1*sin(x1)\"");
   put("variance: {x1: q, x2: 0.2}", "variance: {x1: 1e-30*q, x2: 0}");
   put("variance: {y1: r, y2: 0.5}", "variance: {y1: 1e-10*r, y2: 1e-10}");
-  const ModelFile model = parse_model_file(text, "sine.yaml");
+  const Model model = parse_model_file(text, "sine.yaml");
   Dataset data = two_states_recording(60, 7);
   Random random(1);
   data.y = simulated_outputs(model, data, random);
@@ -267,8 +268,8 @@ TEST(NonlinearJobs, TheBoundIsTheLinearOnes) {
   BoundOptions options;
   options.samples = 300;
   options.runs = 100;
-  const Estimate a = bound_of(two_states(ModelFile::Form::linear), options, &planned),
-                 b = bound_of(two_states(ModelFile::Form::nonlinear), options, &planned);
+  const Estimate a = bound_of(two_states(Form::linear), options, &planned),
+                 b = bound_of(two_states(Form::formulas), options, &planned);
   EXPECT_EQ(a.bound->simulated, 0);
   EXPECT_EQ(b.bound->simulated, 100);
   ASSERT_LT(b.bound->simulation_se, 0.02);
@@ -296,7 +297,7 @@ TEST(NonlinearJobs, ScoresScatterAsTheBoundSays) {
   put("x2: 0.2}", "x2: 0.002}");
   put("y2: 0.5}", "y2: 0.005}");
   put("sd: {x1: 1, x2: 0.5}", "sd: {x1: 0.1, x2: 0.05}");
-  const ModelFile model = parse_model_file(text, "sine.yaml");
+  const Model model = parse_model_file(text, "sine.yaml");
   Dataset data = two_states_recording(200, 9);
   BoundOptions options;
   options.samples = 200;

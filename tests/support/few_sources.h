@@ -17,7 +17,7 @@ namespace identikal {
 inline MatiskoSystem few_sources(Eigen::Index n, Eigen::Index rank, std::uint64_t seed) {
   MatiskoSystem out;
   Random random(seed);
-  LinearModel& m = out.model.linear;
+  LinearModel& m = as_linear(out.model);
   out.model.name = "few sources";
   out.samples = 2000;
   m.A.constant = random_matrix(random, n, n);

@@ -16,13 +16,13 @@ namespace identikal {
 struct MatiskoSystem {
   int number = 0;  ///< 0 = not one of the source's
   Eigen::Index samples;
-  ModelFile model;        ///< every variance starts at 1
+  Model model;            ///< every variance starts at 1
   Eigen::VectorXd truth;  ///< diagonal of Q, then of R
 };
 
 /// What follows from A, G, C and the variances.
 inline void complete(MatiskoSystem& system, const Eigen::VectorXd& q, const Eigen::VectorXd& r) {
-  LinearModel& m = system.model.linear;
+  LinearModel& m = as_linear(system.model);
   const Eigen::Index n = m.A.constant.rows(), ny = m.C.constant.rows();
   m.B.constant.resize(n, 0);
   m.D.constant.resize(ny, 0);
@@ -45,7 +45,7 @@ inline MatiskoSystem matisko_system(int number) {
   using Eigen::MatrixXd;
   MatiskoSystem out;
   out.number = number;
-  LinearModel& m = out.model.linear;
+  LinearModel& m = as_linear(out.model);
   out.model.name = "System " + std::to_string(number);
   Eigen::VectorXd q, r;
   const MatrixXd four =
@@ -85,7 +85,7 @@ inline MatiskoSystem matisko_system(int number) {
 /// The adaptive filter of section 3.4, example 2.
 inline MatiskoSystem matisko_adaptive() {
   MatiskoSystem out;
-  LinearModel& m = out.model.linear;
+  LinearModel& m = as_linear(out.model);
   out.model.name = "adaptive";
   out.samples = 2000;
   m.A.constant =
@@ -102,7 +102,7 @@ inline MatiskoSystem matisko_adaptive() {
 /// A double integrator, position measured: Zhang et al. (2020), IEEE Access 8, case 1.
 inline MatiskoSystem zhang_kinematic() {
   MatiskoSystem out;
-  LinearModel& m = out.model.linear;
+  LinearModel& m = as_linear(out.model);
   out.model.name = "kinematic";
   out.samples = 1000;
   m.A.constant = (Eigen::MatrixXd(2, 2) << 1, 0.1, 0, 1).finished();
@@ -117,7 +117,7 @@ inline MatiskoSystem zhang_kinematic() {
 /// An inertial navigation system: Mehra (1970), IEEE Trans. Automatic Control 15.
 inline MatiskoSystem mehra_inertial() {
   MatiskoSystem out;
-  LinearModel& m = out.model.linear;
+  LinearModel& m = as_linear(out.model);
   out.model.name = "inertial";
   out.samples = 10000;
   m.A.constant = (Eigen::MatrixXd(5, 5) << 0.75, -1.74, -0.3, 0, -0.15, 0.09, 0.91, -0.0015, 0,
@@ -143,14 +143,14 @@ inline MatiskoSystem started_at(MatiskoSystem system, double q, double r) {
 
 /// The model at its true values.
 inline StateSpace true_system(const MatiskoSystem& system) {
-  return instantiate(system.model.linear, with_entries(system.model.parameters, system.truth));
+  return instantiate(as_linear(system.model), with_entries(system.model.parameters, system.truth));
 }
 
 /// A realisation that starts stationary, or at zero where there is no stationary state.
 inline Eigen::MatrixXd simulate_matisko(const MatiskoSystem& system, Random& random) {
   const StateSpace m = true_system(system);
   Eigen::VectorXd x = Eigen::VectorXd::Zero(m.states());
-  if (system.model.linear.initial == InitialState::stationary) {
+  if (as_linear(system.model).initial == InitialState::stationary) {
     const Eigen::MatrixXd P = *solve_discrete_lyapunov(m.A, m.G * m.Q * m.G.transpose());
     x = semidefinite_factor(P) * random.normal(m.states());
   }

@@ -14,7 +14,7 @@
 namespace identikal {
 
 struct NoiseChangeCase {
-  ModelFile model;        ///< starts at the values before the change
+  Model model;            ///< starts at the values before the change
   Eigen::VectorXd after;  ///< free entries after it
   Dataset data;
 };
@@ -35,7 +35,7 @@ inline NoiseChangeCase system_with_change(const MatiskoSystem& system, Eigen::In
   Eigen::MatrixXd y(m.outputs(), before + behind);
   for (Eigen::Index t = 0; t < y.cols(); ++t) {
     if (t == before) {
-      m = instantiate(out.model.linear, with_entries(out.model.parameters, out.after));
+      m = instantiate(as_linear(out.model), with_entries(out.model.parameters, out.after));
     }
     y.col(t) = m.C * x + semidefinite_factor(m.R) * random.normal(m.outputs());
     x = (m.A * x + m.G * semidefinite_factor(m.Q) * random.normal(m.Q.rows())).eval();

@@ -38,8 +38,8 @@ struct NoiseStudy {
 /// The Cramer-Rao standard deviations at the truth.
 inline Eigen::VectorXd bound_sd(const MatiskoSystem& system) {
   const ExpectedInformation information = expected_information(
-      true_system(system), system.model.linear.initial, system.samples,
-      model_derivatives(system.model.linear, system.model.parameters), Eigen::MatrixXd());
+      true_system(system), as_linear(system.model).initial, system.samples,
+      model_derivatives(as_linear(system.model), system.model.parameters), Eigen::MatrixXd());
   return information.total.inverse().diagonal().cwiseSqrt();
 }
 
@@ -56,7 +56,7 @@ inline double predicted_spread(const StateSpace& truth, const StateSpace& tuned)
 /// 50 recordings of a system from the reference data.
 inline std::vector<Eigen::MatrixXd> reference_recordings(const MatiskoSystem& system) {
   const Table table = read_csv(shared_file("noise/sys" + std::to_string(system.number) + ".csv"));
-  const Eigen::Index ny = system.model.linear.C.constant.rows();
+  const Eigen::Index ny = as_linear(system.model).C.constant.rows();
   std::vector<Eigen::MatrixXd> out;
   for (std::size_t c = 0; c < table.columns.size(); c += static_cast<std::size_t>(ny)) {
     Eigen::MatrixXd y(ny, static_cast<Eigen::Index>(table.rows));
@@ -101,8 +101,8 @@ inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
                          static_cast<double>(runs);
     }
     out.indefinite += (estimates.col(run).array() < 0.0).any();
-    const StateSpace tuned =
-        instantiate(system.model.linear, with_entries(system.model.parameters, estimates.col(run)));
+    const StateSpace tuned = instantiate(as_linear(system.model),
+                                         with_entries(system.model.parameters, estimates.col(run)));
     const double loss = predicted_spread(truth, tuned) / optimal - 1.0;
     out.mean_loss += loss / static_cast<double>(runs);
     squares += loss * loss / static_cast<double>(runs);

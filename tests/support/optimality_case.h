@@ -15,10 +15,10 @@
 namespace identikal {
 
 /// All matrices as numbers, nothing free.
-inline ModelFile fixed_model(const StateSpace& system) {
-  ModelFile out;
-  out.path = "filter.yaml";
-  out.linear = constant_model(system, InitialState::stationary);
+inline Model fixed_model(const StateSpace& system) {
+  Model out;
+  out.source = "filter.yaml";
+  as_linear(out) = constant_model(system, InitialState::stationary);
   for (Eigen::Index i = 0; i < system.outputs(); ++i) {
     ChannelSource source;
     source.name = source.column = "y" + std::to_string(i + 1);
@@ -44,9 +44,9 @@ inline Dataset recording_of(const StateSpace& truth, Eigen::Index samples, Rando
   return out;
 }
 
-inline FilterResult innovations_of(const ModelFile& model, const Dataset& data) {
-  return kalman_filter(instantiate(model.linear, model.parameters), model.linear.initial, data.y,
-                       data.u, Keep::innovations);
+inline FilterResult innovations_of(const Model& model, const Dataset& data) {
+  return kalman_filter(instantiate(as_linear(model), model.parameters), as_linear(model).initial,
+                       data.y, data.u, Keep::innovations);
 }
 
 }  // namespace identikal

@@ -26,8 +26,8 @@ inline Dataset dataset_of(const Eigen::MatrixXd& y) {
 }
 
 // A scalar model x+ = a x + w, y = x + v with Q and R free.
-inline ModelFile scalar_model(double a, double q, double r) {
-  ModelFile model;
+inline Model scalar_model(double a, double q, double r) {
+  Model model;
   model.name = "scalar";
   Parameter parameter;
   parameter.min = 0.0;
@@ -37,7 +37,7 @@ inline ModelFile scalar_model(double a, double q, double r) {
   parameter.name = "r";
   parameter.value = Eigen::MatrixXd::Constant(1, 1, r);
   model.parameters.push_back(parameter);
-  LinearModel& linear = model.linear;
+  LinearModel& linear = as_linear(model);
   linear.A.constant = Eigen::MatrixXd::Constant(1, 1, a);
   linear.B.constant.resize(1, 0);
   linear.C.constant = linear.G.constant = Eigen::MatrixXd::Identity(1, 1);

@@ -36,7 +36,7 @@ std::vector<std::pair<Index, Index>> polynomials(const ShapingStructure& structu
 
 // Free variances times their factors: the diagonal of a matrix-valued parameter, or the scalar that
 // stands first on the diagonal.
-void scale_variances(ModelFile& model, const ParametrisedMatrix& matrix, const VectorXd& factor) {
+void scale_variances(Model& model, const ParametrisedMatrix& matrix, const VectorXd& factor) {
   if (matrix.block >= 0) {
     Parameter& p = model.parameters[matrix.block];
     const VectorXd root = factor.cwiseSqrt();
@@ -60,15 +60,15 @@ void scale_variances(ModelFile& model, const ParametrisedMatrix& matrix, const V
 
 }  // namespace
 
-ModelFile shaped_start(const ModelFile& base, const SpectralSolution& spectral) {
-  ModelFile scaled = base;
-  scale_variances(scaled, base.linear.Q, spectral.scale_Q);
-  scale_variances(scaled, base.linear.R, spectral.scale_R);
+Model shaped_start(const Model& base, const SpectralSolution& spectral) {
+  Model scaled = base;
+  scale_variances(scaled, as_linear(base).Q, spectral.scale_Q);
+  scale_variances(scaled, as_linear(base).R, spectral.scale_R);
   return with_shaping_filters(scaled, spectral.structure.source, spectral.channels);
 }
 
-std::optional<ModelFile> maximise_shaped(const ModelFile& shaped, const ShapingStructure& structure,
-                                         const std::vector<Dataset>& recordings) {
+std::optional<Model> maximise_shaped(const Model& shaped, const ShapingStructure& structure,
+                                     const std::vector<Dataset>& recordings) {
   RecordingsLikelihood likelihood(shaped, recordings);
   const LikelihoodProblem plain = likelihood.problem();
   VectorXd z = coordinates(shaped.parameters);
@@ -102,7 +102,7 @@ std::optional<ModelFile> maximise_shaped(const ModelFile& shaped, const ShapingS
   for (const auto& [begin, length] : parts) {
     solution.x.segment(begin, length) = stable_polynomial(solution.x.segment(begin, length));
   }
-  ModelFile out = shaped;
+  Model out = shaped;
   out.parameters = with_coordinates(shaped.parameters, solution.x);
   return out;
 }

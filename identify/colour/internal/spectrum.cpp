@@ -259,17 +259,18 @@ std::vector<VectorXd> pole_starts(Index order, const std::vector<double>& peak,
 
 }  // namespace
 
-InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& recording) {
+InnovationSpectrum innovation_spectrum(const Model& white, const Dataset& recording) {
   constexpr Index kBins = 250;
   constexpr int kTapers = 3;
-  const StateSpace m = instantiate(white.linear, white.parameters);
+  const LinearModel& linear = as_linear(white);
+  const StateSpace m = instantiate(linear, white.parameters);
   const auto steady = steady_state(m);
   if (!steady) {
-    throw InputError({white.path, 0, 0}, "the filter of the tuned model has no steady state",
+    throw InputError({white.source, 0, 0}, "the filter of the tuned model has no steady state",
                      "a model whose unstable states the outputs show and the noise moves");
   }
   const FilterResult filter =
-      kalman_filter(m, white.linear.initial, recording.y, recording.u, Keep::innovations);
+      kalman_filter(m, linear.initial, recording.y, recording.u, Keep::innovations);
   InnovationSpectrum out;
   out.measured =
       binned(multitaper(filter.e.rightCols(filter.e.cols() - filter.first_proper), kTapers), kBins);
@@ -290,7 +291,7 @@ InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& re
   return out;
 }
 
-ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
+Model with_raised_variances(Model white, InnovationSpectrum& spectrum) {
   constexpr double kNothing = 1e-3, kRaised = 0.1;  // of the innovations' variance
   const Index nw = spectrum.Q.rows(), ny = spectrum.R.rows();
   VectorXd power = VectorXd::Zero(ny), gain = VectorXd::Zero(nw);  // means over frequency
@@ -323,9 +324,10 @@ ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum) {
       p.value(0, 0) = std::clamp(kRaised * most, p.min, p.max);
     }
   };
-  raise(white.linear.R, power);
-  raise(white.linear.Q, VectorXd::Constant(nw, power.sum()).cwiseQuotient(gain));
-  const StateSpace m = instantiate(white.linear, white.parameters);
+  const LinearModel& linear = as_linear(white);
+  raise(linear.R, power);
+  raise(linear.Q, VectorXd::Constant(nw, power.sum()).cwiseQuotient(gain));
+  const StateSpace m = instantiate(linear, white.parameters);
   spectrum.Q = m.Q;
   spectrum.R = m.R;
   return white;

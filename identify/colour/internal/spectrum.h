@@ -49,11 +49,11 @@ struct InnovationSpectrum {
 /// @param white  discrete time; its parameters are at the values it was tuned to
 /// @throws InputError where its filter has no steady state; std::invalid_argument for a recording
 ///   shorter than a spectrum (lib/statistics/spectrum.h)
-InnovationSpectrum innovation_spectrum(const ModelFile& white, const Dataset& recording);
+InnovationSpectrum innovation_spectrum(const Model& white, const Dataset& recording);
 
 /// The model with variances raised that it was tuned to next to nothing: searches in their
 /// logarithms would never leave zero. @param spectrum  receives the raised Q and R too
-ModelFile with_raised_variances(ModelFile white, InnovationSpectrum& spectrum);
+Model with_raised_variances(Model white, InnovationSpectrum& spectrum);
 
 /// Whittle's (1953) likelihood, -sum_k n_k (log det S_e + tr S_e^-1 measured), with H Q H* for Q or
 /// R + H q H* for R; gradient and Fisher information exact. Coordinates: logarithms of factors of

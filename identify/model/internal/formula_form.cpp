@@ -53,7 +53,7 @@ auto in_formula(const YamlNode& node, Body&& body) {
   }
 }
 
-void read_states(const YamlNode& node, ModelFile& out, Symbols& symbols) {
+void read_states(const YamlNode& node, Model& out, Symbols& symbols) {
   if (node.kind == YamlNode::Kind::list) {
     symbols.with_units = false;
     for (const YamlNode& name : node.items) {
@@ -96,7 +96,7 @@ std::vector<const YamlNode*> channel_names(const YamlNode& node) {
 // Reads the formulas of one model file.
 class FormulaReader {
  public:
-  FormulaReader(const YamlNode& root, ModelFile& out)
+  FormulaReader(const YamlNode& root, Model& out)
       : root_(root), out_(out), parameters_(read_named_parameters(root)) {}
 
   void read() {
@@ -116,11 +116,12 @@ class FormulaReader {
     read_dynamics();
     const PhysicalNames physical{state_names(), read_outputs(), symbols_.with_units};
     decide_form();
-    read_noise(root_, physical, parameters_, out_.linear);
+    LinearModel& noise = noise_model(out_);
+    read_noise(root_, physical, parameters_, noise);
     // What is read into a nonlinear model's matrices is used as it is, not sampled.
-    if (out_.form == ModelFile::Form::nonlinear) out_.linear.continuous = false;
+    if (is_formula_model(out_)) noise.continuous = false;
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
-    read_initial(root_, physical, parameters_, out_.linear);
+    read_initial(root_, physical, parameters_, noise);
     refuse_what_only_linear_models_have();
     read_use_when();
     refuse_unused_definitions();
@@ -144,7 +145,6 @@ class FormulaReader {
     const YamlNode& time = required(root_, "time", "the model file", "");
     const YamlNode& kind = required(time, "kind", "time", "kind: continuous, or kind: discrete");
     formulas_.continuous = text_of(kind, "kind") == "continuous";
-    FormulaSettings& settings = out_.formulas;
     const auto only_continuous = [&](const YamlNode& node) {
       if (formulas_.continuous) return;
       throw InputError(node.at, "a discrete-time model has nothing between samples",
@@ -153,21 +153,21 @@ class FormulaReader {
     if (const YamlNode* inputs = find(time, "inputs")) {
       only_continuous(*inputs);
       const std::string& path = word_of(*inputs, "inputs", {"zoh", "foh", "pchip"});
-      settings.inputs = path == "zoh"   ? InputPath::constant
+      general_.inputs = path == "zoh"   ? InputPath::constant
                         : path == "foh" ? InputPath::linear
                                         : InputPath::pchip;
     }
     if (const YamlNode* sampling = find(time, "sampling")) {
       only_continuous(*sampling);
-      settings.irregular = word_of(*sampling, "sampling", {"regular", "irregular"}) == "irregular";
-      if (settings.irregular && out_.time.column.empty()) {
+      general_.irregular = word_of(*sampling, "sampling", {"regular", "irregular"}) == "irregular";
+      if (general_.irregular && out_.time.column.empty()) {
         throw InputError(sampling->at, "irregular sampling without time stamps", "column: NAME");
       }
     }
     if (const YamlNode* step = find(time, "integration_step")) {
       only_continuous(*step);
-      settings.longest_step = read_si(*step, "s", "integration_step");
-      if (!(settings.longest_step > 0.0)) {
+      general_.longest_step = read_si(*step, "s", "integration_step");
+      if (!(general_.longest_step > 0.0)) {
         throw InputError(step->at, "integration_step is " + describe(*step), "a time above 0");
       }
     }
@@ -302,31 +302,29 @@ class FormulaReader {
   }
 
   void decide_form() {
-    FormulaSettings& settings = out_.formulas;
     std::optional<LinearModel> linear =
         in_formula(*find(root_, "dynamics"), [&] { return linear_model_of(formulas_); });
-    if (linear && !settings.irregular && settings.inputs != InputPath::pchip &&
-        settings.longest_step == 0.0) {
-      out_.form = ModelFile::Form::linear;
-      out_.linear = std::move(*linear);
-      out_.linear.hold =
-          settings.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
-      if (out_.time.step > 0.0) out_.linear.dt = out_.time.step;
+    if (linear && !general_.irregular && general_.inputs != InputPath::pchip &&
+        general_.longest_step == 0.0) {
+      linear->hold = general_.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
+      if (out_.time.step > 0.0) linear->dt = out_.time.step;
+      out_.form = std::move(*linear);
       return;
     }
-    out_.form = ModelFile::Form::nonlinear;
     std::vector<bool> known;
     for (const Parameter& p : parameters_.set) known.push_back(p.fixed);
-    settings.model = in_formula(*find(root_, "dynamics"), [&] {
+    general_.equations = in_formula(*find(root_, "dynamics"), [&] {
       return make_nonlinear_model(formulas_, Derivatives::second, known);
     });
     // Noise and start alone; their sizes follow from these.
-    out_.linear.continuous = formulas_.continuous;
-    out_.linear.A.constant.setZero(formulas_.states, formulas_.states);
-    out_.linear.B.constant.setZero(formulas_.states, 0);
+    LinearModel& noise = general_.noise;
+    noise.continuous = formulas_.continuous;
+    noise.A.constant.setZero(formulas_.states, formulas_.states);
+    noise.B.constant.setZero(formulas_.states, 0);
     const auto ny = static_cast<Eigen::Index>(out_.outputs.size());
-    out_.linear.C.constant.setZero(ny, formulas_.states);
-    out_.linear.D.constant.setZero(ny, 0);
+    noise.C.constant.setZero(ny, formulas_.states);
+    noise.D.constant.setZero(ny, 0);
+    out_.form = std::move(general_);
   }
 
   void read_use_when() {
@@ -345,23 +343,23 @@ class FormulaReader {
     if (symbols_.with_units) {
       in_formula(*node, [&] { return dimension_of(condition, symbols_.dimensions); });
     }
-    out_.formulas.use_when = condition;
+    out_.use_when = condition;
   }
 
   void refuse_what_only_linear_models_have() const {
-    if (out_.form == ModelFile::Form::nonlinear) {
-      if (out_.linear.initial != InitialState::given) {
-        throw InputError(find(root_, "initial")->at, "a nonlinear model has no such start",
-                         "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
-      }
-      if (!out_.linear.S.constant.isZero(0.0) || !parameters_in(out_.linear.S).empty()) {
-        throw InputError(find(root_, "S")->at, "S belongs to linear models", "no S");
-      }
+    if (!is_formula_model(out_)) return;
+    const LinearModel& noise = noise_model(out_);
+    if (noise.initial != InitialState::given) {
+      throw InputError(find(root_, "initial")->at, "a nonlinear model has no such start",
+                       "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
+    }
+    if (!noise.S.constant.isZero(0.0) || !parameters_in(noise.S).empty()) {
+      throw InputError(find(root_, "S")->at, "S belongs to linear models", "no S");
     }
   }
 
   void check_start() {
-    const std::optional<ModelFault> fault = fault_at(out_.linear, parameters_.set);
+    const std::optional<ModelFault> fault = fault_at(noise_model(out_), parameters_.set);
     if (!fault) return;
     const YamlNode* node = find(root_, fault->key);
     if (node == nullptr) node = find(root_, fault->key == "initial" ? "initial" : "noise");
@@ -370,15 +368,16 @@ class FormulaReader {
   }
 
   const YamlNode& root_;
-  ModelFile& out_;
+  Model& out_;
   NamedParameters parameters_;
   Symbols symbols_;
   int first_parameter_ = 0;
   ModelFormulas formulas_;
+  FormulaModel general_;  // until the form is decided
 };
 
 }  // namespace
 
-void read_formulas(const YamlNode& root, ModelFile& out) { FormulaReader(root, out).read(); }
+void read_formulas(const YamlNode& root, Model& out) { FormulaReader(root, out).read(); }
 
 }  // namespace identikal

@@ -16,6 +16,6 @@ namespace identikal {
 /// and decides the form: linear when the formulas are so whatever the parameters are, and neither
 /// irregular sampling nor smooth inputs ask for more; else nonlinear. Units are checked before
 /// anything runs, unless the states are a list without any.
-void read_formulas(const YamlNode& root, ModelFile& out);
+void read_formulas(const YamlNode& root, Model& out);
 
 }  // namespace identikal

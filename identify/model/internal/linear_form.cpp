@@ -10,7 +10,7 @@
 
 namespace identikal {
 
-void read_linear(const YamlNode& root, ModelFile& out) {
+void read_linear(const YamlNode& root, Model& out) {
   NamedParameters parameters = read_named_parameters(root);
   const std::string top = "the model file";
   out.outputs = read_channels(required(root, "outputs", top, "outputs: [{name: y, column: y}]"),
@@ -21,7 +21,7 @@ void read_linear(const YamlNode& root, ModelFile& out) {
   const auto ny = static_cast<Eigen::Index>(out.outputs.size());
   const auto nu = static_cast<Eigen::Index>(out.inputs.size());
 
-  LinearModel& model = out.linear;
+  LinearModel& model = as_linear(out);
   const YamlNode& A = required(root, "A", top, "A: a list of rows, states x states");
   model.A = read_matrix(A, "A", {kAnySize, kAnySize, "states x states"}, parameters, model);
   const Eigen::Index n = model.A.constant.rows();

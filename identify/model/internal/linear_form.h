@@ -7,6 +7,6 @@
 namespace identikal {
 
 /// Fills parameters, inputs, outputs and the linear model; the model's time is read already.
-void read_linear(const YamlNode& root, ModelFile& out);
+void read_linear(const YamlNode& root, Model& out);
 
 }  // namespace identikal

@@ -27,16 +27,13 @@ std::optional<Eigen::Index> read_order(const YamlNode& node, const char* key, do
   return static_cast<Eigen::Index>(*number);
 }
 
-}  // namespace
-
-RegressionSettings read_regression_settings(const YamlNode& root, ModelFile::Form form) {
-  RegressionSettings out;
+// The key `regression`, with orders and delta or without.
+RegressionModel read_settings(const YamlNode& root, bool whole) {
+  RegressionModel out;
   const YamlNode* node = find(root, "regression");
   if (node == nullptr) return out;
   std::vector<std::string> keys = {"forgetting", "memory", "reset"};
-  if (form == ModelFile::Form::regression) {
-    keys.insert(keys.end(), {"inputs", "feedback", "delta"});
-  }
+  if (whole) keys.insert(keys.end(), {"inputs", "feedback", "delta"});
   check_keys(*node, "regression", keys);
   if (const YamlNode* given = find(*node, "inputs")) out.inputs = read_order(*given, "inputs", 1.0);
   if (const YamlNode* given = find(*node, "feedback")) {
@@ -77,7 +74,11 @@ RegressionSettings read_regression_settings(const YamlNode& root, ModelFile::For
   return out;
 }
 
-void read_regression(const YamlNode& root, ModelFile& out) {
+}  // namespace
+
+RegressionModel read_tracking(const YamlNode& root) { return read_settings(root, false); }
+
+void read_regression(const YamlNode& root, Model& out) {
   const std::string top = "the model file";
   out.inputs = read_channels(
       required(root, "inputs", top, "inputs: {steer: {column: swa, unit: deg}}"), "inputs", {});
@@ -93,7 +94,7 @@ void read_regression(const YamlNode& root, ModelFile& out) {
     throw InputError(outputs.at, fmt::format("{} is an input and the output", input.name),
                      "names of their own");
   }
-  out.regression = read_regression_settings(root, out.form);
+  out.form = read_settings(root, true);
 }
 
 }  // namespace identikal

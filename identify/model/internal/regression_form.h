@@ -7,10 +7,10 @@
 
 namespace identikal {
 
-/// Fills inputs, outputs and settings; the model's time is read already.
-void read_regression(const YamlNode& root, ModelFile& out);
+/// Fills inputs, outputs and the regression; the model's time is read already.
+void read_regression(const YamlNode& root, Model& out);
 
-/// The key `regression`; of a vehicle it holds forgetting, memory and reset alone.
-RegressionSettings read_regression_settings(const YamlNode& root, ModelFile::Form form);
+/// The key `regression` of a vehicle, which holds forgetting, memory and reset alone.
+RegressionModel read_tracking(const YamlNode& root);
 
 }  // namespace identikal

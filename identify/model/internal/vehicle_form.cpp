@@ -147,14 +147,14 @@ double read_min_speed(const YamlNode& node) {
   return value;
 }
 
-void read_sensors(const YamlNode& root, ModelFile& out) {
+void read_sensors(const YamlNode& root, Model& out) {
   const YamlNode* node = find(root, "sensors");
   if (node == nullptr) return;
   check_keys(*node, "sensors", names_of(out.outputs));
   for (std::size_t i = 0; i < node->items.size(); ++i) {
     const YamlNode& item = node->items[i];
     check_keys(item, in_quotes(node->keys[i].text), {"x", "y", "angle"});
-    SensorPosition& position = out.vehicle.sensors[node->keys[i].text];
+    SensorPosition& position = as_vehicle(out).sensors[node->keys[i].text];
     if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
     if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
     if (const YamlNode* angle = find(item, "angle")) {
@@ -163,8 +163,8 @@ void read_sensors(const YamlNode& root, ModelFile& out) {
   }
 }
 
-void read_measurement_noise(const YamlNode& root, ModelFile& out) {
-  std::vector<double>& result = out.vehicle.measurement_sd;
+void read_measurement_noise(const YamlNode& root, Model& out) {
+  std::vector<double>& result = as_vehicle(out).measurement_sd;
   result.assign(out.outputs.size(), kNaN);
   const YamlNode* node = find(root, "noise");
   if (node == nullptr) return;
@@ -199,7 +199,7 @@ std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
   return out;
 }
 
-void read_vehicle(const YamlNode& root, ModelFile& out) {
+void read_vehicle(const YamlNode& root, Model& out) {
   const std::string top = "the model file";
   const std::string inputs_example =
       "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
@@ -212,7 +212,7 @@ void read_vehicle(const YamlNode& root, ModelFile& out) {
     throw InputError(inputs.at, "inputs are not one steering angle and vx",
                      "one of steering_wheel_angle and road_wheel_angle, and vx");
   }
-  VehicleSettings& vehicle = out.vehicle;
+  VehicleModel& vehicle = as_vehicle(out);
   vehicle.steering_at_road_wheel = out.inputs[0].name == "road_wheel_angle";
   out.outputs =
       read_channels(required(root, "outputs", top, "outputs: {r: {column: ..., unit: deg/s}}"),
@@ -230,7 +230,7 @@ void read_vehicle(const YamlNode& root, ModelFile& out) {
   if (const YamlNode* use_when = find(root, "use_when")) {
     vehicle.min_speed = read_min_speed(*use_when);
   }
-  out.regression = read_regression_settings(root, out.form);
+  vehicle.tracking = read_tracking(root);
 }
 
 std::string vehicle_unit(const std::string& parameter) {

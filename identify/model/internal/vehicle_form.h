@@ -13,8 +13,8 @@ namespace identikal {
 /// The parameters of a car with tyres of this curve.
 std::vector<ParameterRule> vehicle_rules(TyreCurve curve);
 
-/// Fills inputs, outputs, parameters and settings of the vehicle.
+/// Fills inputs, outputs, parameters and the vehicle.
 /// @throws InputError at line and column
-void read_vehicle(const YamlNode& root, ModelFile& out);
+void read_vehicle(const YamlNode& root, Model& out);
 
 }  // namespace identikal

@@ -64,8 +64,8 @@ std::vector<SteadyFilter::Channel> channels_of(const std::vector<ChannelSource>&
 
 void add_formulas(ExportContents& to, const StoredResult& result) {
   const Estimate& e = result.estimate;
-  const ModelFile model = estimated_model(e, result.path);
-  const StateSpace written = written_matrices(model.linear, model.parameters);
+  const Model model = estimated_model(e, result.path);
+  const StateSpace written = written_matrices(noise_model(model), model.parameters);
   const bool density = e.noise.Q_kind == "density";
   for (const StateName& state : model.states) to.states.push_back({state.name, state.unit});
   to.outputs = channels_of(model.outputs);

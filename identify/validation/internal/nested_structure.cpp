@@ -40,17 +40,17 @@ bool same_noise(const StateSpace& a, const StateSpace& b) {
          same_numbers(a.P0, b.P0);
 }
 
-NestedStructure same_matrices(const ModelFile& small, const ModelFile& large) {
-  const StateSpace a = instantiate(small.linear, small.parameters);
-  const StateSpace b = instantiate(large.linear, large.parameters);
+NestedStructure same_matrices(const Model& small, const Model& large) {
+  const StateSpace a = instantiate(as_linear(small), small.parameters);
+  const StateSpace b = instantiate(as_linear(large), large.parameters);
   if (a.states() != b.states()) return NestedStructure::unknown;
   const bool same = same_numbers(a.A, b.A) && same_numbers(a.B, b.B) && same_numbers(a.C, b.C) &&
                     same_numbers(a.D, b.D) && same_noise(a, b);
   return same ? NestedStructure::same : NestedStructure::other;
 }
 
-VectorXd scalars(const ModelFile& model) {
-  VectorXd out(model.formulas.model.parameters);
+VectorXd scalars(const Model& model) {
+  VectorXd out(as_formulas(model).equations.parameters);
   for (Index i = 0; i < out.size(); ++i) {
     out[i] = model.parameters[i].scalar();
   }
@@ -58,9 +58,9 @@ VectorXd scalars(const ModelFile& model) {
 }
 
 // One step from x, and the outputs there.
-VectorXd value_at(const ModelFile& file, VectorXd x, const VectorXd& u) {
+VectorXd value_at(const Model& file, VectorXd x, const VectorXd& u) {
   constexpr double kStep = 0.01;  // [s]
-  const NonlinearModel& model = file.formulas.model;
+  const NonlinearModel& model = as_formulas(file).equations;
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, scalars(file));
   VectorXd out(model.outputs + model.states);
@@ -72,15 +72,16 @@ VectorXd value_at(const ModelFile& file, VectorXd x, const VectorXd& u) {
   return out;
 }
 
-NestedStructure same_formulas(const ModelFile& small, const ModelFile& large) {
+NestedStructure same_formulas(const Model& small, const Model& large) {
   constexpr int kPoints = 20;
-  const NonlinearModel &a = small.formulas.model, &b = large.formulas.model;
+  const FormulaModel &one_model = as_formulas(small), &other_model = as_formulas(large);
+  const NonlinearModel &a = one_model.equations, &b = other_model.equations;
   if (a.states != b.states || a.inputs != b.inputs) return NestedStructure::unknown;
   const bool settings = a.continuous == b.continuous && a.outputs == b.outputs &&
-                        small.formulas.filter == large.formulas.filter &&
-                        small.formulas.inputs == large.formulas.inputs;
-  if (!settings || !same_noise(written_matrices(small.linear, small.parameters),
-                               written_matrices(large.linear, large.parameters))) {
+                        one_model.filter == other_model.filter &&
+                        one_model.inputs == other_model.inputs;
+  if (!settings || !same_noise(written_matrices(one_model.noise, small.parameters),
+                               written_matrices(other_model.noise, large.parameters))) {
     return NestedStructure::other;
   }
   Random random(1);
@@ -102,8 +103,8 @@ NestedStructure same_formulas(const ModelFile& small, const ModelFile& large) {
   return compared > 0 ? NestedStructure::same : NestedStructure::unknown;
 }
 
-NestedStructure same_vehicle(const ModelFile& small, const ModelFile& large) {
-  const VehicleSettings &a = small.vehicle, &b = large.vehicle;
+// Is vehicle b what vehicle a is, or more?
+NestedStructure same_vehicle(const VehicleModel& a, const VehicleModel& b) {
   const auto same_sensor = [](const auto& x, const auto& y) {
     return x.first == y.first && x.second.x == y.second.x && x.second.y == y.second.y &&
            x.second.angle == y.second.angle;
@@ -121,13 +122,13 @@ NestedStructure same_vehicle(const ModelFile& small, const ModelFile& large) {
 NestedStructure structure_at(const StoredResult& small, const StoredResult& large) {
   if (!small.estimate.model_file || !large.estimate.model_file) return NestedStructure::unknown;
   try {
-    const ModelFile a = estimated_model(small.estimate, small.path);
-    ModelFile b = estimated_model(large.estimate, large.path);
-    if (a.form != b.form) return NestedStructure::unknown;
+    const Model a = estimated_model(small.estimate, small.path);
+    Model b = estimated_model(large.estimate, large.path);
+    if (a.form.index() != b.form.index()) return NestedStructure::unknown;
     if (!same_channels(a.inputs, b.inputs) || !same_channels(a.outputs, b.outputs)) {
       return NestedStructure::other;
     }
-    if (a.form == ModelFile::Form::single_track) return same_vehicle(a, b);
+    if (is_vehicle(a)) return same_vehicle(as_vehicle(a), as_vehicle(b));
     Estimate there = large.estimate;
     for (EstimatedParameter& p : there.parameters) {
       const auto& of_small = small.estimate.parameters;
@@ -136,7 +137,7 @@ NestedStructure structure_at(const StoredResult& small, const StoredResult& larg
       p.value = at == of_small.end() ? 0.0 : at->value;
     }
     set_values(b, there, large.path);
-    return a.form == ModelFile::Form::nonlinear ? same_formulas(a, b) : same_matrices(a, b);
+    return is_formula_model(a) ? same_formulas(a, b) : same_matrices(a, b);
   } catch (const InputError&) {  // a file that it included is gone; no model at these values
     return NestedStructure::unknown;
   }

@@ -36,7 +36,7 @@ bool of_the_car(VehicleParameter parameter) {
 }
 
 /// Those that the result has estimated, free between the widest bounds; the others known.
-VehicleUnknowns estimated_unknowns(const Estimate& result, const ModelFile& model) {
+VehicleUnknowns estimated_unknowns(const Estimate& result, const Model& model) {
   const VehicleUnknowns written = vehicle_unknowns(model);
   VehicleUnknowns out;
   out.value = written.value;
@@ -151,7 +151,7 @@ std::vector<double> moves_between(const Series& old, const Series& refitted) {
 
 }  // namespace
 
-VehicleRefit refit_vehicle(const Estimate& result, const ModelFile& model,
+VehicleRefit refit_vehicle(const Estimate& result, const Model& model,
                            const std::vector<Dataset>& recordings, bool robust) {
   VehicleRefit out;
   const VehicleUnknowns unknowns = estimated_unknowns(result, model);

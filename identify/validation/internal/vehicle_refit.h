@@ -42,7 +42,7 @@ struct VehicleRefit {
 /// The noise is taken as large as it is here.
 /// @param model  estimated_model() of the result
 /// Sources: Wald (1943); Hotelling (1931) for V that is itself an estimate.
-VehicleRefit refit_vehicle(const Estimate& result, const ModelFile& model,
+VehicleRefit refit_vehicle(const Estimate& result, const Model& model,
                            const std::vector<Dataset>& recordings, bool robust);
 
 }  // namespace identikal

@@ -37,6 +37,6 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
                                             double bias_r = 0.0);
 
 /// Fills the answer for a steady recording: the two products, no parameter.
-void report_steady(const ModelFile& model, const SteadyTurning& found, Estimate& estimate);
+void report_steady(const Model& model, const SteadyTurning& found, Estimate& estimate);
 
 }  // namespace identikal

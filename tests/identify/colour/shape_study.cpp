@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 // Of 1000 tests at 5 % between 31 and 71 reject, but for one set in 400; fewer where the tests are
 // conservative.
 TEST(ShapeStudy, WhiteNoiseIsTakenForWhite) {
-  const ModelFile model = model_of(oscillating_system(), 1.0, 1.0);
+  const Model model = model_of(oscillating_system(), 1.0, 1.0);
   constexpr int kRuns = 1000;
   Random random(31);
   int coloured = 0;
@@ -42,8 +42,8 @@ TEST(ShapeStudy, WhiteNoiseIsTakenForWhite) {
 // The peak of (5.17) driven through (5.21): by its formula at 1.2278 rad/s; 1.19 is what the source
 // reads from its figure.
 TEST(ShapeStudy, ThePublishedColourIsFound) {
-  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
-  const ModelFile truth =
+  const Model base = model_of(oscillating_system(), 1.0, 1.0);
+  const Model truth =
       with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   constexpr int kRuns = 500;
   Random random(32);
@@ -83,22 +83,23 @@ TEST(ShapeStudy, PredictsAsWellAsTheTrueModel) {
   int close = 0, found = 0;
   for (int run = 0; run < kRuns; ++run) {
     const Dataset data = recording(truth, InitialState::given, 3000, random);
-    const ModelFile model = model_without_noise_filter();
+    const Model model = model_without_noise_filter();
     const ShapeResult result = shape(model, {data});
     if (!result.model) continue;
     ++found;
-    const VectorXd shaped = errors_on(instantiate(result.model->linear, result.model->parameters),
-                                      result.model->linear.initial, fresh);
+    const VectorXd shaped =
+        errors_on(instantiate(as_linear(*result.model), result.model->parameters),
+                  as_linear(*result.model).initial, fresh);
     shaped_mean += shaped / kRuns;
     close += (shaped.array() < 1.05 * best.array()).all();
     NoiseMlOptions one;
     one.profiles = false;
     const Estimate white = tune_ml(model, {data}, one);
-    ModelFile tuned = model;
+    Model tuned = model;
     tuned.parameters = with_entries(
         model.parameters, Eigen::Vector2d(white.parameters[0].value, white.parameters[1].value));
     white_mean +=
-        errors_on(instantiate(tuned.linear, tuned.parameters), InitialState::diffuse, fresh) /
+        errors_on(instantiate(as_linear(tuned), tuned.parameters), InitialState::diffuse, fresh) /
         kRuns;
   }
   const auto line = [](const char* what, const VectorXd& v) {
@@ -119,9 +120,9 @@ TEST(ShapeStudy, PredictsAsWellAsTheTrueModel) {
 
 // Poles of a known filter: standard deviation over the bound at the truth.
 TEST(ShapeStudy, ParametersReachTheBound) {
-  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
+  const Model base = model_of(oscillating_system(), 1.0, 1.0);
   const ShapingFilter filter{Eigen::Vector2d(-0.6, 0.84), VectorXd(0)};
-  const ModelFile truth = with_shaping_filters(base, NoiseSource::process, {{0, filter, 1.0}});
+  const Model truth = with_shaping_filters(base, NoiseSource::process, {{0, filter, 1.0}});
   constexpr int kRuns = 200;
   Random random(34);
   MatrixXd estimates(2, kRuns);
@@ -147,8 +148,8 @@ TEST(ShapeStudy, ParametersReachTheBound) {
 }
 
 TEST(ShapeStudy, Speed) {
-  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
-  const ModelFile truth =
+  const Model base = model_of(oscillating_system(), 1.0, 1.0);
+  const Model truth =
       with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   Random random(35);
   const Dataset data = recording(truth, 10000, random);

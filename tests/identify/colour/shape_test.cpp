@@ -46,14 +46,14 @@ MatrixXcd output_spectrum(const StateSpace& m, double omega) {
 
 TEST(ShapedModel, HasTheSpectrumOfItsFilters) {
   const MatiskoSystem system = matisko_system(7);
-  ModelFile base = system.model;
+  Model base = system.model;
   base.parameters = with_entries(base.parameters, system.truth);
   const ShapingFilter first{Eigen::Vector3d(-0.6, 0.84, 0.1), Eigen::Vector2d(0.5, -0.2)};
   const ShapingFilter second{VectorXd::Constant(1, -0.9), VectorXd(0)};
-  const StateSpace plain = instantiate(base.linear, base.parameters);
+  const StateSpace plain = instantiate(as_linear(base), base.parameters);
   for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
-    const ModelFile shaped = with_shaping_filters(base, place, {{1, first, 2.5}, {0, second, 0.7}});
-    const StateSpace m = instantiate(shaped.linear, shaped.parameters);
+    const Model shaped = with_shaping_filters(base, place, {{1, first, 2.5}, {0, second, 0.7}});
+    const StateSpace m = instantiate(as_linear(shaped), shaped.parameters);
     ASSERT_EQ(m.states(), 8);
     for (const double omega : {0.1, 0.9, 2.0, 3.0}) {
       const std::complex<double> h1 = response(first, omega), h2 = response(second, omega);
@@ -76,7 +76,7 @@ TEST(ShapedModel, HasTheSpectrumOfItsFilters) {
 
 TEST(ShapedModel, TheFileGivesItBack) {
   const MatiskoSystem system = matisko_system(7);
-  ModelFile base = system.model;
+  Model base = system.model;
   base.parameters = with_entries(base.parameters, system.truth);
   base.time.step = 1.0;
   for (const char* name : {"y1", "y2"}) {
@@ -86,14 +86,14 @@ TEST(ShapedModel, TheFileGivesItBack) {
   }
   const ShapingFilter filter{Eigen::Vector2d(-0.6, 0.84), VectorXd::Constant(1, 0.125)};
   for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
-    const ModelFile shaped = with_shaping_filters(base, place, {{1, filter, 2.5}});
+    const Model shaped = with_shaping_filters(base, place, {{1, filter, 2.5}});
     const std::filesystem::path path =
         std::filesystem::temp_directory_path() / "identikal_shaped_model_test.yaml";
     std::ofstream(path) << model_text(shaped, {"a comment"});
-    const ModelFile back = read_model_file(path.string());
+    const Model back = read_model_file(path.string());
     std::filesystem::remove(path);
-    const StateSpace a = instantiate(shaped.linear, shaped.parameters);
-    const StateSpace b = instantiate(back.linear, back.parameters);
+    const StateSpace a = instantiate(as_linear(shaped), shaped.parameters);
+    const StateSpace b = instantiate(as_linear(back), back.parameters);
     EXPECT_LT((a.A - b.A).norm() + (a.C - b.C).norm() + (a.G - b.G).norm(), 1e-10);
     EXPECT_LT((a.Q - b.Q).norm() + (a.R - b.R).norm(), 1e-10);
     EXPECT_EQ(coordinates(shaped.parameters).size(), coordinates(back.parameters).size());
@@ -101,20 +101,20 @@ TEST(ShapedModel, TheFileGivesItBack) {
 }
 
 TEST(ShapedModel, SaysWhatItCannotTake) {
-  ModelFile model = model_of(oscillating_system(), 1.0, 1.0);
+  Model model = model_of(oscillating_system(), 1.0, 1.0);
   EXPECT_EQ(shaping_fault(model, NoiseSource::process), "");
-  model.linear.continuous = true;
+  as_linear(model).continuous = true;
   EXPECT_NE(shaping_fault(model, NoiseSource::process), "");
   EXPECT_THROW(with_shaping_filters(model, NoiseSource::process, {}), std::invalid_argument);
 }
 
 TEST(ShapedModel, ItsNamesAreNobodyElses) {
-  ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
+  Model base = model_of(oscillating_system(), 1.0, 1.0);
   base.name = "it's \"5.17\"";
   base.time.step = 1.0;
   base.outputs[0].name = base.outputs[0].column = "y \"1\": 'a'";
   base.parameters[1].name = "w1_a1";
-  const ModelFile shaped =
+  const Model shaped =
       with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   std::set<std::string> names;
   for (const Parameter& p : shaped.parameters) names.insert(p.name);
@@ -122,7 +122,7 @@ TEST(ShapedModel, ItsNamesAreNobodyElses) {
   const std::filesystem::path path =
       std::filesystem::temp_directory_path() / "identikal_shaped_names_test.yaml";
   std::ofstream(path) << model_text(shaped, {});
-  const ModelFile back = read_model_file(path.string());
+  const Model back = read_model_file(path.string());
   std::filesystem::remove(path);
   EXPECT_EQ(back.name, base.name);
   EXPECT_EQ(back.outputs[0].column, base.outputs[0].column);
@@ -161,9 +161,9 @@ std::vector<MatrixXcd> innovation_spectrum_at(const InnovationSpectrum& seen,
 
 TEST(ShapingSpectrum, GradientAndInformationAreExact) {
   const MatiskoSystem system = matisko_system(7);
-  ModelFile white = system.model;
+  Model white = system.model;
   white.parameters = with_entries(white.parameters, system.truth);
-  white.path = "white.yaml";
+  white.source = "white.yaml";
   Random random(11);
   const Dataset data = recording(white, 600, random);
   InnovationSpectrum spectrum = innovation_spectrum(white, data);
@@ -206,7 +206,7 @@ TEST(ShapingSpectrum, GradientAndInformationAreExact) {
 }
 
 TEST(Shape, WhiteNoiseIsLeftAlone) {
-  ModelFile truth = model_of(oscillating_system(), 1.0, 1.0);
+  Model truth = model_of(oscillating_system(), 1.0, 1.0);
   Random random(3);
   const Dataset data = recording(truth, 3000, random);
   const ShapeResult result = shape(truth, {data});
@@ -218,8 +218,8 @@ TEST(Shape, WhiteNoiseIsLeftAlone) {
 
 // At whatever stage: no filter then, and the white model is what there is.
 TEST(Shape, StopsWhenTold) {
-  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
-  const ModelFile truth =
+  const Model base = model_of(oscillating_system(), 1.0, 1.0);
+  const Model truth =
       with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   Random random(4);
   const Dataset data = recording(truth, 1000, random);
@@ -246,8 +246,8 @@ TEST(Shape, StopsWhenTold) {
 
 TEST(Shape, FindsThePublishedFilter) {
   // (5.17) with process noise through (5.21): a peak at 1.19 rad/s.
-  const ModelFile base = model_of(oscillating_system(), 1.0, 1.0);
-  const ModelFile truth =
+  const Model base = model_of(oscillating_system(), 1.0, 1.0);
+  const Model truth =
       with_shaping_filters(base, NoiseSource::process, {{0, oscillating_noise_filter(), 1.0}});
   Random random(4);
   const Dataset data = recording(truth, 4000, random);
@@ -265,16 +265,16 @@ TEST(Shape, FindsThePublishedFilter) {
   EXPECT_EQ(s.order, 2);
   EXPECT_NEAR(s.output_peak, 1.194, 0.04);
   // As good a likelihood as the truth's has, or better.
-  const double L = log_likelihood(instantiate(truth.linear, truth.parameters), truth.linear.initial,
-                                  data.y, data.u)
+  const double L = log_likelihood(instantiate(as_linear(truth), truth.parameters),
+                                  as_linear(truth).initial, data.y, data.u)
                        .value;
   EXPECT_GT(result.estimate.objective.log_likelihood, L);
   EXPECT_LT(s.with(0, 0), s.without(0, 0));
   // The other place has the same likelihood.
   ASSERT_TRUE(result.in_measurement.has_value());
-  const auto likelihood = [&](const ModelFile& model) {
-    return log_likelihood(instantiate(model.linear, model.parameters), model.linear.initial, data.y,
-                          data.u)
+  const auto likelihood = [&](const Model& model) {
+    return log_likelihood(instantiate(as_linear(model), model.parameters), as_linear(model).initial,
+                          data.y, data.u)
         .value;
   };
   EXPECT_NEAR(likelihood(*result.in_measurement), likelihood(*result.model), 1e-6);
@@ -305,7 +305,7 @@ TEST(Shape, TheOutputsUnitDoesNotMatter) {
   // With a diffuse start a likelihood has a unit: the choice must not hang on it.
   Random random(6);
   Dataset data = recording(system_with_damped_sine_noise(), InitialState::given, 1500, random);
-  ModelFile model = model_without_noise_filter();
+  Model model = model_without_noise_filter();
   ShapeOptions options;
   options.most_order = 2;
   const ShapeResult metres = shape(model, {data}, options);

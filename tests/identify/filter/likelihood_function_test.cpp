@@ -19,7 +19,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-ModelFile first_order() {
+Model first_order() {
   return linear_model()
       .parameter("a", 0.8)
       .A("a")
@@ -44,7 +44,7 @@ double dense(const VectorXd& y, double a, double q, double r) {
 
 TEST(LikelihoodFunction, IsTheDenseDensityWithItsGradient) {
   const VectorXd y = Random(4).normal(60);
-  const ModelFile model = first_order();
+  const Model model = first_order();
   LikelihoodFunction likelihood(model, {recording(model, y, 1.0)});
   EXPECT_THAT(likelihood.names(), testing::ElementsAre("a", "q", "r"));
   const VectorXd p = likelihood.start();
@@ -65,7 +65,7 @@ TEST(LikelihoodFunction, IsTheDenseDensityWithItsGradient) {
 }
 
 TEST(LikelihoodFunction, SaysWhereItIsNotDefined) {
-  const ModelFile model = first_order();
+  const Model model = first_order();
   LikelihoodFunction likelihood(model, {recording(model, Random(4).normal(60), 1.0)});
   EXPECT_FALSE(likelihood(Eigen::Vector3d(0.8, -1.0, 1.3)).defined);
   EXPECT_FALSE(likelihood(Eigen::Vector3d(1.5, 0.7, 1.3)).defined);  // no stationary start
@@ -74,7 +74,7 @@ TEST(LikelihoodFunction, SaysWhereItIsNotDefined) {
 }
 
 TEST(LikelihoodFunction, MovesWithItsData) {
-  const ModelFile model = first_order();
+  const Model model = first_order();
   LikelihoodFunction one(model, {recording(model, Random(4).normal(60), 1.0)});
   const double before = one(one.start()).log_likelihood;
   LikelihoodFunction other = std::move(one);

@@ -31,15 +31,15 @@ std::string message_of(const std::function<void()>& call) {
   return "nothing was thrown";
 }
 
-void expect_equal(const ModelFile& one, const ModelFile& other) {
-  const StateSpace a = instantiate(one.linear, one.parameters);
-  const StateSpace b = instantiate(other.linear, other.parameters);
+void expect_equal(const Model& one, const Model& other) {
+  const StateSpace a = instantiate(noise_model(one), one.parameters);
+  const StateSpace b = instantiate(noise_model(other), other.parameters);
   for (const auto& [x, y] :
        {std::pair{a.A, b.A}, std::pair{a.B, b.B}, std::pair{a.C, b.C}, std::pair{a.D, b.D},
         std::pair{a.G, b.G}, std::pair{a.Q, b.Q}, std::pair{a.R, b.R}, std::pair{a.S, b.S}}) {
     EXPECT_EQ(x, y);
   }
-  EXPECT_EQ(one.linear.initial, other.linear.initial);
+  EXPECT_EQ(noise_model(one).initial, noise_model(other).initial);
   ASSERT_EQ(one.parameters.size(), other.parameters.size());
   for (std::size_t i = 0; i < one.parameters.size(); ++i) {
     const Parameter &p = one.parameters[i], &q = other.parameters[i];
@@ -80,16 +80,16 @@ initial: diffuse
 
 TEST(LinearModelBuilder, TakesFormulasAndEigenExpressions) {
   const Eigen::RowVector2d C(1.0, 0.0);
-  const ModelFile model = linear_model()
-                              .parameter("tau", 2.0, {0.1, 10.0})
-                              .known("k", 3.0)
-                              .A({{"-1/tau", 0}, {1, "-k"}})
-                              .B(MatrixXd::Identity(2, 1) * 0.5)
-                              .C(2.0 * C)
-                              .process_noise(variances({{"q1", 1.0}, {"q2", 0.1}}))
-                              .measurement_noise(1e-5)
-                              .continuous()
-                              .step(0.05);
+  const Model model = linear_model()
+                          .parameter("tau", 2.0, {0.1, 10.0})
+                          .known("k", 3.0)
+                          .A({{"-1/tau", 0}, {1, "-k"}})
+                          .B(MatrixXd::Identity(2, 1) * 0.5)
+                          .C(2.0 * C)
+                          .process_noise(variances({{"q1", 1.0}, {"q2", 0.1}}))
+                          .measurement_noise(1e-5)
+                          .continuous()
+                          .step(0.05);
   expect_equal(model, parse_model_file(R"(
 identikal: 1
 time: {kind: continuous, step: 0.05}
@@ -109,12 +109,12 @@ R: [[1e-5]]
 TEST(LinearModelBuilder, EveryBitOfANumberArrives) {
   Random random(5);
   const MatrixXd A = 0.1 * random.normal(9).reshaped(3, 3);
-  const ModelFile model = linear_model()
-                              .A(A)
-                              .C(MatrixXd::Identity(1, 3))
-                              .process_noise(full_covariance(MatrixXd::Identity(3, 3)))
-                              .measurement_noise(1.0 / 3.0);
-  EXPECT_EQ(instantiate(model.linear, model.parameters).A, A);
+  const Model model = linear_model()
+                          .A(A)
+                          .C(MatrixXd::Identity(1, 3))
+                          .process_noise(full_covariance(MatrixXd::Identity(3, 3)))
+                          .measurement_noise(1.0 / 3.0);
+  EXPECT_EQ(instantiate(as_linear(model), model.parameters).A, A);
   EXPECT_EQ(model.parameters[0].domain, Domain::positive_definite);
 }
 
@@ -128,7 +128,7 @@ TEST(LinearModelBuilder, TunesATracker) {
     position += 0.1 * speed + 0.005 * acceleration;
     speed += 0.1 * acceleration;
   }
-  const ModelFile model = tracker();
+  const Model model = tracker();
   const Estimate estimate = tune_ml(model, {recording(model, y, 0.1)});
   EXPECT_EQ(estimate.status, Status::ok);
   for (const auto& [i, truth] : {std::pair{0, 0.09}, std::pair{1, 0.25}}) {
@@ -141,7 +141,7 @@ TEST(LinearModelBuilder, TunesATracker) {
 TEST(LinearModelBuilder, MistakesAreNamed) {
   const double nan = std::nan("");
   const auto built = [](const LinearModelBuilder& builder) {
-    return message_of([&] { (void)static_cast<ModelFile>(builder); });
+    return message_of([&] { (void)static_cast<Model>(builder); });
   };
   EXPECT_THAT(built(linear_model().C(1).process_noise(1).measurement_noise(1)),
               HasSubstr("the model has no A"));
@@ -162,21 +162,21 @@ TEST(LinearModelBuilder, MistakesAreNamed) {
 }
 
 TEST(FormulaModelBuilder, SaysTheSameAsAFile) {
-  const ModelFile model = formula_model()
-                              .state("phi", "w")
-                              .state("w", "-g/l*sin(phi) - d*w + torque/l")
-                              .input("torque")
-                              .output("angle", "phi")
-                              .parameter("l", 0.8, {0.1, 5})
-                              .parameter("d", 0.3, {0})
-                              .parameter("q", 0.02, {0})
-                              .parameter("r", 1e-4, {0})
-                              .process_variance("w", "q")
-                              .measurement_variance("angle", "r")
-                              .initial("phi", 0.3, 0.1)
-                              .initial("w", 0, 0.2)
-                              .step(0.02);
-  const ModelFile file = parse_model_file(R"(
+  const Model model = formula_model()
+                          .state("phi", "w")
+                          .state("w", "-g/l*sin(phi) - d*w + torque/l")
+                          .input("torque")
+                          .output("angle", "phi")
+                          .parameter("l", 0.8, {0.1, 5})
+                          .parameter("d", 0.3, {0})
+                          .parameter("q", 0.02, {0})
+                          .parameter("r", 1e-4, {0})
+                          .process_variance("w", "q")
+                          .measurement_variance("angle", "r")
+                          .initial("phi", 0.3, 0.1)
+                          .initial("w", 0, 0.2)
+                          .step(0.02);
+  const Model file = parse_model_file(R"(
 identikal: 1
 time: {kind: continuous, step: 0.02}
 parameters: {l: {value: 0.8, min: 0.1, max: 5}, d: {value: 0.3, min: 0}, q: {value: 0.02, min: 0}, r: {value: 1e-4, min: 0}}
@@ -187,27 +187,27 @@ outputs: {angle: {column: angle, equals: phi}}
 noise: {process: {kind: density, variance: {w: q}}, measurement: {variance: {angle: r}}}
 initial: {mean: {phi: 0.3, w: 0}, sd: {phi: 0.1, w: 0.2}}
 )",
-                                          "file.yaml");
-  EXPECT_EQ(model.form, ModelFile::Form::nonlinear);
+                                      "file.yaml");
+  EXPECT_TRUE(is_formula_model(model));
   expect_equal(model, file);
-  EXPECT_EQ(model.formulas.model.rates.start, file.formulas.model.rates.start);
-  EXPECT_THAT(message_of([] { (void)static_cast<ModelFile>(formula_model().state("x", "-x*")); }),
+  EXPECT_EQ(as_formulas(model).equations.rates.start, as_formulas(file).equations.rates.start);
+  EXPECT_THAT(message_of([] { (void)static_cast<Model>(formula_model().state("x", "-x*")); }),
               testing::Not(HasSubstr("nothing was thrown")));
 }
 
 TEST(VehicleModelBuilder, FitsFromVectors) {
-  const ModelFile car = vehicle_model()
-                            .known("m", 1446)
-                            .known("a", 0.987)
-                            .known("b", 1.525)
-                            .known("steering_ratio", 21)
-                            .parameter("Iz", 2000, {800, 6000})
-                            .parameter("Cf", 8e4, {1e4, 4e5})
-                            .parameter("Cr", 8e4, {1e4, 4e5})
-                            .output("r", 0.01)
-                            .output("vy", 0.03);
-  EXPECT_EQ(car.form, ModelFile::Form::single_track);
-  const ModelFile file =
+  const Model car = vehicle_model()
+                        .known("m", 1446)
+                        .known("a", 0.987)
+                        .known("b", 1.525)
+                        .known("steering_ratio", 21)
+                        .parameter("Iz", 2000, {800, 6000})
+                        .parameter("Cf", 8e4, {1e4, 4e5})
+                        .parameter("Cr", 8e4, {1e4, 4e5})
+                        .output("r", 0.01)
+                        .output("vy", 0.03);
+  EXPECT_TRUE(is_vehicle(car));
+  const Model file =
       read_model_file(std::string(IDENTIKAL_SOURCE_DIR) + "/examples/severe_lane_change.yaml");
   const Dataset data =
       make_dataset(read_csv(std::string(IDENTIKAL_SOURCE_DIR) + "/data/severe_lane_change.csv"),
@@ -227,10 +227,9 @@ TEST(VehicleModelBuilder, FitsFromVectors) {
     if (p.fixed) continue;
     EXPECT_NEAR(p.value, q.value, 1e-3 * q.se) << p.name;
   }
-  EXPECT_THAT(message_of([] {
-                (void)static_cast<ModelFile>(vehicle_model().known("m", 1446).output("r"));
-              }),
-              HasSubstr("parameters"));
+  EXPECT_THAT(
+      message_of([] { (void)static_cast<Model>(vehicle_model().known("m", 1446).output("r")); }),
+      HasSubstr("parameters"));
 }
 
 }  // namespace

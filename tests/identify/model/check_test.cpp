@@ -30,12 +30,12 @@ using testing::HasSubstr;
 
 // One state that is moved by an input, and its recording.
 struct Case {
-  ModelFile model = linear_model()
-                        .A(0.9)
-                        .B(0.5)
-                        .C(1)
-                        .process_noise(variance("q"))
-                        .measurement_noise(variance("r"));
+  Model model = linear_model()
+                    .A(0.9)
+                    .B(0.5)
+                    .C(1)
+                    .process_noise(variance("q"))
+                    .measurement_noise(variance("r"));
   Dataset data;
 
   Case() {
@@ -114,19 +114,19 @@ TEST(Check, ChannelsGoWithTheModel) {
 }
 
 TEST(Check, MatricesHaveTheirSizes) {
-  expect_refused([](Case& c) { c.model.linear.A.constant(0, 0) = std::nan(""); },
+  expect_refused([](Case& c) { as_linear(c.model).A.constant(0, 0) = std::nan(""); },
                  "A has an entry that is not finite");
-  expect_refused([](Case& c) { c.model.linear.A.constant.resize(0, 0); }, "A is 0 x 0");
-  expect_refused([](Case& c) { c.model.linear.C.constant.resize(1, 3); },
+  expect_refused([](Case& c) { as_linear(c.model).A.constant.resize(0, 0); }, "A is 0 x 0");
+  expect_refused([](Case& c) { as_linear(c.model).C.constant.resize(1, 3); },
                  "C is 1 x 3; expected 1 x 1");
-  expect_refused([](Case& c) { c.model.linear.Q.entries[0].row = 4; },
+  expect_refused([](Case& c) { as_linear(c.model).Q.entries[0].row = 4; },
                  "Q is 1 x 1, and an entry is given for row 5, column 1");
-  expect_refused([](Case& c) { c.model.linear.Q.entries[0].parameter = 9; },
+  expect_refused([](Case& c) { as_linear(c.model).Q.entries[0].parameter = 9; },
                  "Q refers to parameter 10 of 2");
-  expect_refused([](Case& c) { c.model.linear.S.constant(0, 0) = 5.0; }, "Q, R and S");
+  expect_refused([](Case& c) { as_linear(c.model).S.constant(0, 0) = 5.0; }, "Q, R and S");
   expect_refused(
       [](Case& c) {
-        LinearModel& m = c.model.linear;
+        LinearModel& m = as_linear(c.model);
         m.A.constant = 0.5 * MatrixXd::Identity(2, 2);
         m.B.constant.setZero(2, 1);
         m.C.constant.setOnes(1, 2);
@@ -139,9 +139,9 @@ TEST(Check, MatricesHaveTheirSizes) {
 
 TEST(Check, MatricesLeftEmptyHaveTheirDefaults) {
   Case c;
-  c.model.linear.D.constant.resize(0, 0);
-  c.model.linear.G.constant.resize(0, 0);
-  c.model.linear.S.constant.resize(0, 0);
+  as_linear(c.model).D.constant.resize(0, 0);
+  as_linear(c.model).G.constant.resize(0, 0);
+  as_linear(c.model).S.constant.resize(0, 0);
   EXPECT_EQ(tune_ml(c.model, {c.data}).objective.log_likelihood,
             tune_ml(Case().model, {c.data}).objective.log_likelihood);
 }
@@ -153,15 +153,15 @@ TEST(Check, StartsAreCounted) {
     options.starts = starts;
     EXPECT_THROW(tune_ml(c.model, {c.data}, options), std::invalid_argument);
   }
-  const ModelFile car = vehicle_model()
-                            .known("m", 1446)
-                            .known("a", 1)
-                            .known("b", 1.5)
-                            .known("steering_ratio", 21)
-                            .parameter("Iz", 2000)
-                            .parameter("Cf", 8e4)
-                            .parameter("Cr", 8e4)
-                            .output("r");
+  const Model car = vehicle_model()
+                        .known("m", 1446)
+                        .known("a", 1)
+                        .known("b", 1.5)
+                        .known("steering_ratio", 21)
+                        .parameter("Iz", 2000)
+                        .parameter("Cf", 8e4)
+                        .parameter("Cr", 8e4)
+                        .output("r");
   VehicleFitOptions options;
   options.search.starts = 0;
   const Dataset drive = recording(car, MatrixXd::Zero(1, 50), 0.1, MatrixXd::Ones(2, 50));

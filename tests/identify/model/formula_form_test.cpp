@@ -79,7 +79,7 @@ class FormulaForm : public testing::Test {
                   .string()) {}
   ~FormulaForm() override { std::filesystem::remove(path_); }
 
-  ModelFile read(const std::string& text) const {
+  Model read(const std::string& text) const {
     std::ofstream(path_, std::ios::binary) << text;
     return read_model_file(path_);
   }
@@ -97,14 +97,14 @@ class FormulaForm : public testing::Test {
 };
 
 TEST_F(FormulaForm, APendulumIsNonlinear) {
-  const ModelFile model = read(kPendulum);
-  EXPECT_EQ(model.form, ModelFile::Form::nonlinear);
+  const Model model = read(kPendulum);
+  EXPECT_TRUE(is_formula_model(model));
   ASSERT_EQ(model.states.size(), 2U);
   EXPECT_EQ(model.states[1].name, "w");
   EXPECT_EQ(model.states[1].unit, "rad/s");
-  EXPECT_EQ(model.formulas.model.states, 2);
-  EXPECT_EQ(model.formulas.model.parameters, 5);
-  const StateSpace noise = written_matrices(model.linear, model.parameters);
+  EXPECT_EQ(as_formulas(model).equations.states, 2);
+  EXPECT_EQ(as_formulas(model).equations.parameters, 5);
+  const StateSpace noise = written_matrices(noise_model(model), model.parameters);
   const double degree = 3.14159265358979323846 / 180.0;
   EXPECT_TRUE(noise.x0.isApprox(Eigen::Vector2d(20.0 * degree, 0.1), 1e-14));
   EXPECT_NEAR(noise.P0(0, 0), 25.0 * degree * degree, 1e-15);
@@ -112,32 +112,32 @@ TEST_F(FormulaForm, APendulumIsNonlinear) {
   EXPECT_EQ(noise.Q(0, 0), 0.0);
   EXPECT_NEAR(noise.Q(1, 1), 0.04, 1e-15);
   EXPECT_NEAR(noise.R(0, 0), 0.25 * degree * degree, 1e-18);
-  EXPECT_EQ(model.linear.noise, ProcessNoise::density);
+  EXPECT_EQ(noise_model(model).noise, ProcessNoise::density);
 }
 
 TEST_F(FormulaForm, System7AsFormulasIsTheSameLinearModel) {
-  const ModelFile model = read(kSystem7);
-  ASSERT_EQ(model.form, ModelFile::Form::linear);
-  const StateSpace s = instantiate(model.linear, model.parameters);
+  const Model model = read(kSystem7);
+  ASSERT_TRUE(is_linear(model));
+  const StateSpace s = instantiate(as_linear(model), model.parameters);
   EXPECT_EQ(s.A,
             (MatrixXd(4, 4) << 0.9, 0, 1, 1, 0, -0.8, 0, -1, 0, -0.1, 0.85, 1, -0.2, 0, 0, -0.9)
                 .finished());
   EXPECT_EQ(s.C, (MatrixXd(2, 4) << 1, 0, 0, 1, 0, 1, 1, 0).finished());
   EXPECT_EQ(s.Q.diagonal(), Eigen::Vector3d(10, 3, 7));
   EXPECT_EQ(s.B.cols(), 0);
-  EXPECT_TRUE(is_linear_in_parameters(model.linear, model.parameters));
+  EXPECT_TRUE(is_linear_in_parameters(as_linear(model), model.parameters));
 }
 
 TEST_F(FormulaForm, System7AsFormulasTakesTheCompressedPath) {
-  const ModelFile model = read(kSystem7);
+  const Model model = read(kSystem7);
   Random random(7);
   Dataset data;
   data.name = "system7";
   data.dt = 1.0;
   data.time = Eigen::VectorXd::LinSpaced(3000, 0.0, 2999.0);
   data.u.resize(0, 3000);
-  data.y = simulate_outputs(instantiate(model.linear, model.parameters), InitialState::stationary,
-                            MatrixXd(), 3000, random);
+  data.y = simulate_outputs(instantiate(as_linear(model), model.parameters),
+                            InitialState::stationary, MatrixXd(), 3000, random);
   const std::vector<Dataset> recordings{data};
   RecordingsLikelihood formulas(model, recordings);
   const Likelihood* found = formulas.evaluate(model.parameters, true);
@@ -152,7 +152,7 @@ TEST_F(FormulaForm, System7AsFormulasTakesTheCompressedPath) {
 }
 
 TEST_F(FormulaForm, AThermalNetworkIsLinearWithAnOffset) {
-  const ModelFile model = read(R"(identikal: 1
+  const Model model = read(R"(identikal: 1
 time: {kind: continuous, step: 1 min, inputs: foh}
 parameters:
   R: {value: 2 K/W, min: 0.1}
@@ -166,10 +166,10 @@ outputs: {inside: {column: T, unit: degC, equals: T}}
 noise: {measurement: {variance: {inside: r}}}
 initial: {mean: {T: 20 degC}, sd: {T: 2 K}}
 )");
-  ASSERT_EQ(model.form, ModelFile::Form::linear);
-  EXPECT_TRUE(model.linear.offset);
-  EXPECT_EQ(model.linear.hold, InputHold::linear);
-  const StateSpace s = written_matrices(model.linear, model.parameters);
+  ASSERT_TRUE(is_linear(model));
+  EXPECT_TRUE(as_linear(model).offset);
+  EXPECT_EQ(as_linear(model).hold, InputHold::linear);
+  const StateSpace s = written_matrices(as_linear(model), model.parameters);
   EXPECT_NEAR(s.A(0, 0), -1e-4, 1e-18);
   EXPECT_NEAR(s.B(0, 1), 1e-4 * 280.15, 1e-15);
   EXPECT_NEAR(s.x0[0], 293.15, 1e-12);
@@ -178,11 +178,9 @@ initial: {mean: {T: 20 degC}, sd: {T: 2 K}}
 TEST_F(FormulaForm, SmoothInputsAndIrregularSamplesTakeTheGeneralFilter) {
   const std::string text =
       with(with(kPendulum, "sin(phi)", "phi"), "use_when: \"torque < 3\"\n", "");
-  EXPECT_EQ(read(text).form, ModelFile::Form::linear);
-  EXPECT_EQ(read(with(text, "step: 20 ms", "step: 20 ms, inputs: pchip")).form,
-            ModelFile::Form::nonlinear);
-  EXPECT_EQ(read(with(text, "step: 20 ms", "column: t, sampling: irregular")).form,
-            ModelFile::Form::nonlinear);
+  EXPECT_TRUE(is_linear(read(text)));
+  EXPECT_TRUE(is_formula_model(read(with(text, "step: 20 ms", "step: 20 ms, inputs: pchip"))));
+  EXPECT_TRUE(is_formula_model(read(with(text, "step: 20 ms", "column: t, sampling: irregular"))));
 }
 
 struct FormulaMistake {
@@ -248,7 +246,7 @@ TEST_F(FormulaForm, FilesMayIncludeOthers) {
   std::string text = with(kPendulum, "  m: 0.5 kg\n", "");
   text = with(text, "let:\n  J: m*l^2\n", "");
   const std::string name = std::filesystem::path(common).filename().string();
-  const ModelFile model = read("include: " + name + "\n" + text);
+  const Model model = read("include: " + name + "\n" + text);
   EXPECT_EQ(model.parameters[find_parameter(model.parameters, "m")].scalar(), 0.5);
   EXPECT_EQ(model.parameters[find_parameter(model.parameters, "l")].scalar(), 0.8);
   EXPECT_THAT(refusal("include: absent.yaml\n" + text), HasSubstr("1:10: include 'absent.yaml'"));
@@ -263,7 +261,7 @@ TEST_F(FormulaForm, FilesMayIncludeOthers) {
 }
 
 TEST_F(FormulaForm, RowsThatCannotBeUsedSplitTheRecording) {
-  const ModelFile model = read(kPendulum);
+  const Model model = read(kPendulum);
   Dataset data;
   data.name = "swing.csv";
   data.dt = 0.02;

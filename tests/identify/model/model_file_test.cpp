@@ -74,7 +74,7 @@ class ModelFileTest : public testing::Test {
                   .string()) {}
   ~ModelFileTest() override { std::filesystem::remove(path_); }
 
-  ModelFile read(const std::string& text) const {
+  Model read(const std::string& text) const {
     std::ofstream(path_, std::ios::binary) << text;
     return read_model_file(path_);
   }
@@ -93,7 +93,7 @@ class ModelFileTest : public testing::Test {
   std::string path_;
 };
 
-std::string error_of_setting(ModelFile model, const std::string& assignment) {
+std::string error_of_setting(Model model, const std::string& assignment) {
   try {
     set_parameter(model, assignment);
   } catch (const InputError& error) {
@@ -106,7 +106,7 @@ std::string example(const std::string& name) {
   return std::string(IDENTIKAL_SOURCE_DIR) + "/examples/" + name;
 }
 
-const Parameter& named(const ModelFile& model, const std::string& name) {
+const Parameter& named(const Model& model, const std::string& name) {
   const int index = find_parameter(model.parameters, name);
   if (index < 0) throw std::logic_error("no parameter " + name);
   return model.parameters[index];
@@ -126,10 +126,10 @@ Eigen::MatrixXd matrix(std::initializer_list<std::initializer_list<double>> rows
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST_F(ModelFileTest, ReadsTheNileExample) {
-  const ModelFile model = read_model_file(example("nile.yaml"));
-  EXPECT_EQ(model.form, ModelFile::Form::linear);
+  const Model model = read_model_file(example("nile.yaml"));
+  EXPECT_TRUE(is_linear(model));
   EXPECT_EQ(model.name, "Nile");
-  EXPECT_EQ(model.path, example("nile.yaml"));
+  EXPECT_EQ(model.source, example("nile.yaml"));
   EXPECT_EQ(model.time.step, 1.0);
   EXPECT_EQ(model.time.column, "");
   ASSERT_EQ(model.parameters.size(), 2U);
@@ -138,8 +138,8 @@ TEST_F(ModelFileTest, ReadsTheNileExample) {
   EXPECT_EQ(model.parameters[0].min, 0.0);
   EXPECT_FALSE(model.parameters[0].fixed);
   EXPECT_EQ(model.parameters[1].scalar(), 1000.0);
-  EXPECT_EQ(model.linear.initial, InitialState::diffuse);
-  const StateSpace at = instantiate(model.linear, model.parameters);
+  EXPECT_EQ(as_linear(model).initial, InitialState::diffuse);
+  const StateSpace at = instantiate(as_linear(model), model.parameters);
   check_shapes(at);
   EXPECT_EQ(at.A, matrix({{1}}));
   EXPECT_EQ(at.G, matrix({{1}}));
@@ -150,23 +150,23 @@ TEST_F(ModelFileTest, ReadsTheNileExample) {
   EXPECT_EQ(model.outputs[0].name, "level");
   EXPECT_EQ(model.outputs[0].column, "volume");
   EXPECT_EQ(model.outputs[0].unit, "");
-  EXPECT_EQ(model.outputs[0].at.path, model.path);
+  EXPECT_EQ(model.outputs[0].at.path, model.source);
   EXPECT_EQ(model.outputs[0].at.line, 15);
   EXPECT_EQ(model.outputs[0].at.column, 33);
 }
 
 TEST_F(ModelFileTest, ReadsTheSystem7Example) {
-  const ModelFile model = read_model_file(example("system7.yaml"));
+  const Model model = read_model_file(example("system7.yaml"));
   ASSERT_EQ(model.parameters.size(), 2U);
   EXPECT_EQ(model.parameters[0].name, "Q");
   EXPECT_EQ(model.parameters[0].domain, Domain::diagonal);
   EXPECT_EQ(model.parameters[0].value, Eigen::MatrixXd::Identity(3, 3));
   EXPECT_EQ(model.parameters[1].name, "R");
   EXPECT_EQ(model.parameters[1].value, Eigen::MatrixXd::Identity(2, 2));
-  EXPECT_EQ(model.linear.Q.block, 0);
-  EXPECT_EQ(model.linear.R.block, 1);
-  EXPECT_EQ(model.linear.initial, InitialState::stationary);
-  const StateSpace at = instantiate(model.linear, model.parameters);
+  EXPECT_EQ(as_linear(model).Q.block, 0);
+  EXPECT_EQ(as_linear(model).R.block, 1);
+  EXPECT_EQ(as_linear(model).initial, InitialState::stationary);
+  const StateSpace at = instantiate(as_linear(model), model.parameters);
   check_shapes(at);
   EXPECT_EQ(at.A,
             matrix({{0.9, 0, 1, 1}, {0, -0.8, 0, -1}, {0, -0.1, 0.85, 1}, {-0.2, 0, 0, -0.9}}));
@@ -177,8 +177,8 @@ TEST_F(ModelFileTest, ReadsTheSystem7Example) {
 }
 
 TEST_F(ModelFileTest, ReadsTheLaneChangeExample) {
-  const ModelFile model = read_model_file(example("severe_lane_change.yaml"));
-  EXPECT_EQ(model.form, ModelFile::Form::single_track);
+  const Model model = read_model_file(example("severe_lane_change.yaml"));
+  EXPECT_TRUE(is_vehicle(model));
   std::vector<std::string> names, free;
   for (const Parameter& p : model.parameters) {
     names.push_back(p.name);
@@ -199,13 +199,13 @@ TEST_F(ModelFileTest, ReadsTheLaneChangeExample) {
   EXPECT_EQ(model.outputs[0].name, "r");
   EXPECT_EQ(model.outputs[0].si_unit, "rad/s");
   EXPECT_EQ(model.outputs[1].name, "vy");
-  EXPECT_THAT(model.vehicle.measurement_sd, ElementsAre(0.01, 0.03));
-  EXPECT_EQ(model.vehicle.min_speed, 5.0);
-  EXPECT_FALSE(model.vehicle.steering_at_road_wheel);
+  EXPECT_THAT(as_vehicle(model).measurement_sd, ElementsAre(0.01, 0.03));
+  EXPECT_EQ(as_vehicle(model).min_speed, 5.0);
+  EXPECT_FALSE(as_vehicle(model).steering_at_road_wheel);
 }
 
 TEST_F(ModelFileTest, VehicleValuesAreSiAndKeepTheUsersUnit) {
-  const ModelFile model = read(kVehicle);
+  const Model model = read(kVehicle);
   EXPECT_DOUBLE_EQ(named(model, "a").scalar(), 0.987);
   EXPECT_EQ(named(model, "a").unit, "mm");
   EXPECT_TRUE(named(model, "a").fixed);
@@ -226,9 +226,9 @@ TEST_F(ModelFileTest, VehicleValuesAreSiAndKeepTheUsersUnit) {
   EXPECT_EQ(model.inputs[0].at.line, 13);
   EXPECT_EQ(model.outputs[0].column, "3");
   EXPECT_EQ(model.outputs[1].unit, "");
-  EXPECT_EQ(model.vehicle.min_speed, 3.0);
-  ASSERT_EQ(model.vehicle.measurement_sd.size(), 2U);
-  EXPECT_TRUE(std::isnan(model.vehicle.measurement_sd[0]));
+  EXPECT_EQ(as_vehicle(model).min_speed, 3.0);
+  ASSERT_EQ(as_vehicle(model).measurement_sd.size(), 2U);
+  EXPECT_TRUE(std::isnan(as_vehicle(model).measurement_sd[0]));
   EXPECT_EQ(model.time.column, "t");
   EXPECT_EQ(model.time.at.line, 4);
 }
@@ -244,15 +244,15 @@ TEST_F(ModelFileTest, VehicleOptions) {
   text = replaced(text, "steering_wheel_angle", "road_wheel_angle");
   text =
       replaced(text, "time: {column: t, unit: s}", "time: {kind: continuous, step: 10, unit: ms}");
-  const ModelFile model = read(text);
+  const Model model = read(text);
   EXPECT_THAT(model.name, HasSubstr("model_file_")) << "without a name, the file's";
-  EXPECT_DOUBLE_EQ(model.vehicle.min_speed, 5.0);
-  EXPECT_DOUBLE_EQ(model.vehicle.sensors.at("vy").x, 0.2);
-  EXPECT_DOUBLE_EQ(model.vehicle.sensors.at("vy").y, -0.1);
-  EXPECT_EQ(model.vehicle.sensors.at("r").y, 0.0);
-  EXPECT_TRUE(std::isnan(model.vehicle.measurement_sd[0]));
-  EXPECT_DOUBLE_EQ(model.vehicle.measurement_sd[1], 0.03);
-  EXPECT_TRUE(model.vehicle.steering_at_road_wheel);
+  EXPECT_DOUBLE_EQ(as_vehicle(model).min_speed, 5.0);
+  EXPECT_DOUBLE_EQ(as_vehicle(model).sensors.at("vy").x, 0.2);
+  EXPECT_DOUBLE_EQ(as_vehicle(model).sensors.at("vy").y, -0.1);
+  EXPECT_EQ(as_vehicle(model).sensors.at("r").y, 0.0);
+  EXPECT_TRUE(std::isnan(as_vehicle(model).measurement_sd[0]));
+  EXPECT_DOUBLE_EQ(as_vehicle(model).measurement_sd[1], 0.03);
+  EXPECT_TRUE(as_vehicle(model).steering_at_road_wheel);
   EXPECT_EQ(model.inputs[0].name, "road_wheel_angle");
   EXPECT_EQ(named(model, "steering_ratio").scalar(), 1.0);
   EXPECT_TRUE(named(model, "steering_ratio").fixed);
@@ -264,43 +264,43 @@ TEST_F(ModelFileTest, VehicleOptions) {
 }
 
 TEST_F(ModelFileTest, LinearDefaults) {
-  const ModelFile model = read(kLinear);
-  const StateSpace at = instantiate(model.linear, model.parameters);
+  const Model model = read(kLinear);
+  const StateSpace at = instantiate(as_linear(model), model.parameters);
   check_shapes(at);
   EXPECT_EQ(at.G, Eigen::MatrixXd::Identity(2, 2));
   EXPECT_EQ(at.S, Eigen::MatrixXd::Zero(2, 1));
   EXPECT_EQ(at.B.cols(), 0);
   EXPECT_EQ(at.Q, matrix({{2, 0}, {0, 1}}));
   EXPECT_EQ(at.dt, 0.5);
-  EXPECT_EQ(model.linear.initial, InitialState::stationary);
+  EXPECT_EQ(as_linear(model).initial, InitialState::stationary);
   EXPECT_TRUE(named(model, "r").fixed) << "a bare number is known";
   EXPECT_EQ(named(model, "r").min, 0.0) << "a variance";
   EXPECT_EQ(named(model, "q").max, kInfinity);
 }
 
 TEST_F(ModelFileTest, EntriesAreMultiplesOfParameters) {
-  const ModelFile model = read(
+  const Model model = read(
       replaced(replaced(kLinear, "  r: 3\n", "  r: {value: 3, fixed: true}\n  å_1: {value: 0.5}\n"),
                "[[0.9, 0.1], [0, 0.5]]", "[[-å_1, 2*å_1], [å_1 * -3, -1e-1*å_1]]"));
-  const StateSpace at = instantiate(model.linear, model.parameters);
+  const StateSpace at = instantiate(as_linear(model), model.parameters);
   EXPECT_EQ(at.A, matrix({{-0.5, 1}, {-1.5, -0.05}}));
   EXPECT_EQ(named(model, "å_1").min, -kInfinity);
   EXPECT_FALSE(named(model, "å_1").fixed);
   EXPECT_TRUE(named(model, "r").fixed);
-  EXPECT_EQ(model.linear.A.entries.size(), 4U);
+  EXPECT_EQ(as_linear(model).A.entries.size(), 4U);
 }
 
 TEST_F(ModelFileTest, EntriesAreSumsOfMultiplesOfParameters) {
   // Q = q1 B1 + q2 B2, and an A whose entries share a parameter.
-  const ModelFile m = read(replaced(
+  const Model m = read(replaced(
       replaced(
           replaced(kLinear, "q: {value: 2, min: 0}", "q1: {value: 2}\n  q2e: {value: 1, min: 0}"),
           "[[q, 0], [0, 1]]", "[[q1 + 2*q2e, q2e - 1e-1*q1], [-0.1*q1+q2e, q1 + 2e+0]]"),
       "[[0.9, 0.1], [0, 0.5]]", "[[0.9 - 0.2*q2e-.1, 0.1], [0, 1 -0.5 * q2e]]"));
-  const StateSpace at = instantiate(m.linear, m.parameters);
+  const StateSpace at = instantiate(as_linear(m), m.parameters);
   EXPECT_TRUE(at.Q.isApprox((Eigen::Matrix2d() << 4, 0.8, 0.8, 4).finished(), 1e-15)) << at.Q;
   EXPECT_TRUE(at.A.isApprox((Eigen::Matrix2d() << 0.6, 0.1, 0, 0.5).finished(), 1e-15)) << at.A;
-  const std::vector<StateSpace> d = model_derivatives(m.linear, m.parameters);
+  const std::vector<StateSpace> d = model_derivatives(as_linear(m), m.parameters);
   EXPECT_TRUE(d[0].Q.isApprox((Eigen::Matrix2d() << 1, -0.1, -0.1, 1).finished(), 1e-15));
   EXPECT_TRUE(d[1].Q.isApprox((Eigen::Matrix2d() << 2, 1, 1, 0).finished(), 1e-15));
   EXPECT_TRUE(d[1].A.isApprox((Eigen::Matrix2d() << -0.2, 0, 0, -0.5).finished(), 1e-15));
@@ -318,8 +318,8 @@ TEST_F(ModelFileTest, Priors) {
   EXPECT_DOUBLE_EQ(prior("{uniform: [1, 2 m]}").b, 2.0);
   EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").a, 0.005);
   EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").b, 3.0);
-  const ModelFile m = read(replaced(replaced(kLinear, "[[r]]", "[[q + r]]"), "[[q, 0], [0, 1]]",
-                                    "{structure: diagonal, prior: {log-uniform: [0.01, 15]}}"));
+  const Model m = read(replaced(replaced(kLinear, "[[r]]", "[[q + r]]"), "[[q, 0], [0, 1]]",
+                                "{structure: diagonal, prior: {log-uniform: [0.01, 15]}}"));
   EXPECT_EQ(m.parameters.back().prior.kind, Prior::Kind::log_uniform);
   EXPECT_EQ(m.parameters.back().prior.b, 15.0);
 }
@@ -330,19 +330,19 @@ TEST_F(ModelFileTest, InputsHeldBetweenSamples) {
                                     "outputs:",
                                     "B: [[1], [2]]\nD: [[3]]\ninputs: [{name: u, column: u}]\n"
                                     "noise: {process: per-sample}\noutputs:");
-  const ModelFile m = read(text);
-  EXPECT_EQ(m.linear.hold, InputHold::linear);
-  const StateSpace at = instantiate(m.linear, m.parameters);
+  const Model m = read(text);
+  EXPECT_EQ(as_linear(m).hold, InputHold::linear);
+  const StateSpace at = instantiate(as_linear(m), m.parameters);
   EXPECT_EQ(at.inputs(), 2);
   EXPECT_EQ(at.D, Eigen::RowVector2d(3, 0));
-  EXPECT_EQ(model_inputs(m.linear, Eigen::RowVector3d(1, 5, 7)),
+  EXPECT_EQ(model_inputs(as_linear(m), Eigen::RowVector3d(1, 5, 7)),
             (Eigen::MatrixXd(2, 3) << 1, 5, 7, 5, 7, 7).finished());
-  EXPECT_EQ(read(replaced(text, "foh", "zoh")).linear.hold, InputHold::constant);
+  EXPECT_EQ(as_linear(read(replaced(text, "foh", "zoh"))).hold, InputHold::constant);
 }
 
 TEST_F(ModelFileTest, ParameterUnitsOfTheLinearFormAreConverted) {
-  const ModelFile model = read(replaced(kLinear, "{value: 2, min: 0}",
-                                        "{value: 4 cm, min: 1, max: 1 m, role: process-noise}"));
+  const Model model = read(replaced(kLinear, "{value: 2, min: 0}",
+                                    "{value: 4 cm, min: 1, max: 1 m, role: process-noise}"));
   EXPECT_DOUBLE_EQ(named(model, "q").scalar(), 0.04);
   EXPECT_DOUBLE_EQ(named(model, "q").min, 0.01);
   EXPECT_DOUBLE_EQ(named(model, "q").max, 1.0);
@@ -350,11 +350,11 @@ TEST_F(ModelFileTest, ParameterUnitsOfTheLinearFormAreConverted) {
 }
 
 TEST_F(ModelFileTest, InputsWithBAndD) {
-  const ModelFile model =
+  const Model model =
       read(replaced(kLinear, "C:",
                     "inputs: {u1: {column: a}, u2: {column: b, unit: km/h}}\n"
                     "B: [[1, q], [0, 2]]\nD: [[0, 7]]\nS: [[0.1], [0]]\nG: [[2, 0], [0, 1]]\nC:"));
-  const StateSpace at = instantiate(model.linear, model.parameters);
+  const StateSpace at = instantiate(as_linear(model), model.parameters);
   check_shapes(at);
   EXPECT_EQ(at.B, matrix({{1, 2}, {0, 2}}));
   EXPECT_EQ(at.D, matrix({{0, 7}}));
@@ -365,9 +365,9 @@ TEST_F(ModelFileTest, InputsWithBAndD) {
 }
 
 TEST_F(ModelFileTest, BIsNeededOnlyWithInputsAndDDefaultsToZero) {
-  const ModelFile model =
+  const Model model =
       read(replaced(kLinear, "C:", "inputs: [{name: u, column: 2}]\nB:\n  - [1]\n  - [0]\nC:"));
-  EXPECT_EQ(instantiate(model.linear, model.parameters).D, matrix({{0}}));
+  EXPECT_EQ(instantiate(as_linear(model), model.parameters).D, matrix({{0}}));
 }
 
 TEST_F(ModelFileTest, StructuredCovariances) {
@@ -394,15 +394,15 @@ TEST_F(ModelFileTest, StructuredCovariances) {
   };
   for (const Case& c : cases) {
     SCOPED_TRACE(c.text);
-    const ModelFile model = read(
+    const Model model = read(
         replaced(replaced(kLinear, "[[q, 0], [0, 1]]", c.text), "  q: {value: 2, min: 0}\n", ""));
-    ASSERT_EQ(model.linear.Q.block, 1);
+    ASSERT_EQ(as_linear(model).Q.block, 1);
     const Parameter& Q = model.parameters[1];
     EXPECT_EQ(Q.name, "Q");
     EXPECT_EQ(Q.domain, c.domain);
     EXPECT_EQ(Q.value, c.value);
     EXPECT_EQ(Q.fixed, c.fixed);
-    EXPECT_EQ(instantiate(model.linear, model.parameters).Q, c.value);
+    EXPECT_EQ(instantiate(as_linear(model), model.parameters).Q, c.value);
   }
 }
 
@@ -416,16 +416,16 @@ TEST_F(ModelFileTest, InitialStates) {
   const auto with = [&](const std::string& initial) {
     return read(kLinear + "initial: " + initial + "\n");
   };
-  EXPECT_EQ(with("diffuse").linear.initial, InitialState::diffuse);
-  EXPECT_EQ(with("stationary").linear.initial, InitialState::stationary);
-  const ModelFile by_sd = with("{mean: [1, -q], sd: [2, 0]}");
-  EXPECT_EQ(by_sd.linear.initial, InitialState::given);
-  const StateSpace at = instantiate(by_sd.linear, by_sd.parameters);
+  EXPECT_EQ(as_linear(with("diffuse")).initial, InitialState::diffuse);
+  EXPECT_EQ(as_linear(with("stationary")).initial, InitialState::stationary);
+  const Model by_sd = with("{mean: [1, -q], sd: [2, 0]}");
+  EXPECT_EQ(as_linear(by_sd).initial, InitialState::given);
+  const StateSpace at = instantiate(as_linear(by_sd), by_sd.parameters);
   check_shapes(at);
   EXPECT_EQ(at.x0, Eigen::Vector2d(1, -2));
   EXPECT_EQ(at.P0, matrix({{4, 0}, {0, 0}}));
-  const ModelFile by_covariance = with("{mean: [0, 0], covariance: [[2, 1], [1, 2]]}");
-  EXPECT_EQ(instantiate(by_covariance.linear, by_covariance.parameters).P0,
+  const Model by_covariance = with("{mean: [0, 0], covariance: [[2, 1], [1, 2]]}");
+  EXPECT_EQ(instantiate(as_linear(by_covariance), by_covariance.parameters).P0,
             matrix({{2, 1}, {1, 2}}));
 }
 
@@ -445,12 +445,12 @@ TEST_F(ModelFileTest, TimeForms) {
 }
 
 TEST_F(ModelFileTest, ConstantsAndScalarsMakeAModelToo) {
-  const ModelFile model = read(
+  const Model model = read(
       "identikal: 1\ntime: {step: 1}\nA: 0.5\nC: 1\nQ: 1\nR: 0\nnoise: {process: per-sample}\n"
       "outputs: {\"\\u00fd\": {column: y}}\n");
   EXPECT_TRUE(model.parameters.empty());
   EXPECT_EQ(model.outputs[0].name, "ý");
-  EXPECT_EQ(instantiate(model.linear, model.parameters).A, matrix({{0.5}}));
+  EXPECT_EQ(instantiate(as_linear(model), model.parameters).A, matrix({{0.5}}));
 }
 
 struct Mistake {
@@ -997,7 +997,7 @@ TEST_F(ModelFileTest, TooLargeModelsAreRefused) {
 // ---- setting parameters ----
 
 TEST_F(ModelFileTest, SetParameterTakesTheParametersUnitOrItsOwn) {
-  ModelFile model = read(kVehicle);
+  Model model = read(kVehicle);
   set_parameter(model, "Cf=90");
   EXPECT_DOUBLE_EQ(named(model, "Cf").scalar(), 9e4);
   set_parameter(model, " Cf = 85000 N/rad ");
@@ -1011,29 +1011,29 @@ TEST_F(ModelFileTest, SetParameterTakesTheParametersUnitOrItsOwn) {
 }
 
 TEST_F(ModelFileTest, SetParameterOfALinearModel) {
-  ModelFile model = read(kLinear);
+  Model model = read(kLinear);
   set_parameter(model, "q=1e6");
-  EXPECT_EQ(instantiate(model.linear, model.parameters).Q(0, 0), 1e6);
+  EXPECT_EQ(instantiate(as_linear(model), model.parameters).Q(0, 0), 1e6);
   set_parameter(model, "q=0");
   EXPECT_EQ(named(model, "q").scalar(), 0.0);
-  ModelFile structured =
+  Model structured =
       read(replaced(replaced(kLinear, "[[q, 0], [0, 1]]", "{structure: scaled-identity}"),
                     "  q: {value: 2, min: 0}\n", ""));
   set_parameter(structured, "Q=7");
-  EXPECT_EQ(instantiate(structured.linear, structured.parameters).Q, matrix({{7, 0}, {0, 7}}));
+  EXPECT_EQ(instantiate(as_linear(structured), structured.parameters).Q, matrix({{7, 0}, {0, 7}}));
 }
 
 TEST_F(ModelFileTest, SetParameterErrors) {
-  const ModelFile vehicle = read(kVehicle);
-  const ModelFile road = read(replaced(replaced(kVehicle, "  steering_ratio: 21\n", ""),
-                                       "steering_wheel_angle", "road_wheel_angle"));
-  const ModelFile linear = read(replaced(kLinear, "[[q, 0], [0, 1]]", "[[q, 1], [1, 1]]"));
-  const ModelFile full =
+  const Model vehicle = read(kVehicle);
+  const Model road = read(replaced(replaced(kVehicle, "  steering_ratio: 21\n", ""),
+                                   "steering_wheel_angle", "road_wheel_angle"));
+  const Model linear = read(replaced(kLinear, "[[q, 0], [0, 1]]", "[[q, 1], [1, 1]]"));
+  const Model full =
       read(replaced(replaced(kLinear, "  q: {value: 2, min: 0}\n  r: 3\n", "  q: 1\n"),
                     "Q: [[q, 0], [0, 1]]\nR: [[r]]",
                     "Q: {structure: full}\nR: {structure: full}\nS: [[q], [0]]"));
   struct Case {
-    const ModelFile& model;
+    const Model& model;
     const char* assignment;
     const char* expected;
   };
@@ -1062,7 +1062,7 @@ TEST_F(ModelFileTest, SetParameterErrors) {
 }
 
 TEST_F(ModelFileTest, AFailedSettingChangesNothing) {
-  ModelFile model = read(replaced(kLinear, "[[q, 0], [0, 1]]", "[[q, 1], [1, 1]]"));
+  Model model = read(replaced(kLinear, "[[q, 0], [0, 1]]", "[[q, 1], [1, 1]]"));
   EXPECT_THROW(set_parameter(model, "q=0.5"), InputError);
   EXPECT_EQ(named(model, "q").scalar(), 2.0);
 }
@@ -1175,8 +1175,8 @@ TEST_F(ModelFileTest, RandomModelsAreReadBackAsWritten) {
       text += parts.back();
     }
 
-    const ModelFile model = read(text);
-    const StateSpace at = instantiate(model.linear, model.parameters);
+    const Model model = read(text);
+    const StateSpace at = instantiate(as_linear(model), model.parameters);
     check_shapes(at);
     EXPECT_EQ(at.A, truth.A);
     EXPECT_EQ(at.B, truth.B);
@@ -1324,7 +1324,7 @@ TEST_F(ModelFileTest, DamagedFilesAreReadOrRefused) {
     }
     SCOPED_TRACE(text);
     try {
-      ModelFile model = read(text);
+      Model model = read(text);
       ++accepted;
       ASSERT_FALSE(model.outputs.empty());
       const Eigen::VectorXd start = coordinates(model.parameters);
@@ -1332,8 +1332,8 @@ TEST_F(ModelFileTest, DamagedFilesAreReadOrRefused) {
       ASSERT_TRUE(start.allFinite());
       ASSERT_TRUE((start.array() >= box.lower.array()).all() &&
                   (start.array() <= box.upper.array()).all());
-      if (model.form == ModelFile::Form::linear) {
-        const StateSpace at = instantiate(model.linear, model.parameters);
+      if (is_linear(model)) {
+        const StateSpace at = instantiate(as_linear(model), model.parameters);
         check_shapes(at);
         ASSERT_EQ(at.outputs(), static_cast<Eigen::Index>(model.outputs.size()));
         ASSERT_EQ(at.inputs(), static_cast<Eigen::Index>(model.inputs.size()));

@@ -157,7 +157,7 @@ TEST(NoiseAlsStudy, ExpectedLossIsWhatTheFiltersLose) {
     const MatiskoSystem system = matisko_system(number);
     const std::vector<Eigen::MatrixXd> recordings =
         simulated_recordings(system, 400, static_cast<std::uint64_t>(500 + number));
-    ModelFile truth = system.model;
+    Model truth = system.model;
     truth.parameters = with_entries(truth.parameters, system.truth);
     BoundOptions options;
     options.samples = system.samples;
@@ -209,7 +209,7 @@ TEST(NoiseAlsStudy, FindsTheNumberOfSources) {
 // Huber's proposal 2), and then least squares as in als.
 Eigen::Vector2d huber_als(const MatiskoSystem& system, const Eigen::MatrixXd& y, double c,
                           Index lags) {
-  const StateSpace m = instantiate(system.model.linear, system.model.parameters);
+  const StateSpace m = instantiate(as_linear(system.model), system.model.parameters);
   const Eigen::MatrixXd L = steady_state(m)->K;
   const Index first = 20;
   const Eigen::VectorXd e =
@@ -308,7 +308,7 @@ TEST(NoiseAlsStudy, OutliersLeftOutOrClipped) {
 MatiskoSystem large_system(bool full) {
   Random random(1);
   MatiskoSystem out;
-  LinearModel& m = out.model.linear;
+  LinearModel& m = as_linear(out.model);
   out.model.name = "100 states";
   out.samples = 10000;
   m.A.constant = random_matrix(random, 100, 100);

@@ -110,7 +110,7 @@ TEST(TuneAls, FullMatrixEqualsTheKroneckerForm) {
     const MatiskoSystem system = matisko_system(number);
     Random random(static_cast<std::uint64_t>(number));
     const MatrixXd y = simulate_matisko(system, random);
-    const StateSpace m = instantiate(system.model.linear, system.model.parameters);
+    const StateSpace m = instantiate(as_linear(system.model), system.model.parameters);
     const Index lags = 6, ny = m.outputs(), nw = m.Q.rows();
     NoiseAlsOptions options;
     options.weighted = false;
@@ -158,7 +158,7 @@ TEST(TuneAls, AnswersWithWhatItsErrorsCost) {
   const Estimate estimate = tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
   ASSERT_TRUE(estimate.excess_mean_square_error.has_value());
   EXPECT_EQ(estimate.excess_mean_square_error->reason, "");
-  ModelFile truth = system.model;
+  Model truth = system.model;
   truth.parameters = with_entries(truth.parameters, system.truth);
   BoundOptions options;
   options.samples = system.samples;
@@ -175,7 +175,7 @@ TEST(TuneAls, AnswersWithWhatItsErrorsCost) {
 TEST(ExcessMeanSquareError, IsNotKnownWhereItHasNoGround) {
   MatiskoSystem system = matisko_system(6);
   system.model.parameters[0].domain = Domain::positive_definite;
-  LinearModel& linear = system.model.linear;
+  LinearModel& linear = as_linear(system.model);
   linear.C.constant = Eigen::RowVector2d(1.0, 0.0);
   linear.D.constant.resize(1, 0);
   linear.S.constant = MatrixXd::Zero(2, 1);
@@ -188,13 +188,13 @@ TEST(ExcessMeanSquareError, IsNotKnownWhereItHasNoGround) {
   EXPECT_NE(flat.excess_mean_square_error->reason.find("do not determine"), std::string::npos)
       << flat.excess_mean_square_error->reason;
 
-  ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  Model model = scalar_model(0.5, 1.0, 1.0);
   Parameter a = model.parameters[0];
   a.name = "a";
   a.value(0, 0) = 0.5;
   model.parameters.push_back(a);
-  model.linear.A.constant.setZero();
-  model.linear.A.entries = {{0, 0, 2, 1.0}};
+  as_linear(model).A.constant.setZero();
+  as_linear(model).A.entries = {{0, 0, 2, 1.0}};
   const Estimate free = bound_of(model, options, nullptr);
   ASSERT_TRUE(free.excess_mean_square_error.has_value());
   EXPECT_TRUE(std::isnan(free.excess_mean_square_error->relative));

@@ -20,7 +20,7 @@ bool disagrees(const Estimate& estimate) {
 // The maximum is that of tune_ml() from the model's own start, far from it.
 TEST(NoiseAuto, FindsTheMaximumOfTheLikelihood) {
   const Dataset data = dataset_of(simulate_scalar(0.8, 1.0, 2.0, 2000, 5));
-  const ModelFile model = scalar_model(0.8, 0.05, 20.0);
+  const Model model = scalar_model(0.8, 0.05, 20.0);
   const Estimate both = tune_auto(model, {data}), alone = tune_ml(model, {data});
   ASSERT_EQ(both.status, Status::ok) << both.message;
   EXPECT_EQ(both.objective.method, "auto");
@@ -34,15 +34,15 @@ TEST(NoiseAuto, FindsTheMaximumOfTheLikelihood) {
 
 // Where autocovariance least squares has no answer, the result is that of the likelihood alone.
 TEST(NoiseAuto, SaysWhyThereIsNoSecondOpinion) {
-  ModelFile model = scalar_model(0.8, 1.0, 1.0);
+  Model model = scalar_model(0.8, 1.0, 1.0);
   Parameter a = model.parameters.front();
   a.name = "a";
   a.value(0, 0) = 0.8;
   a.min = 0.0;
   a.max = 0.99;
   model.parameters.push_back(a);
-  model.linear.A.entries = {{0, 0, 2, 1.0}};
-  model.linear.A.constant.setZero();
+  as_linear(model).A.entries = {{0, 0, 2, 1.0}};
+  as_linear(model).A.constant.setZero();
   const Estimate out = tune_auto(model, {dataset_of(simulate_scalar(0.8, 1.0, 2.0, 1000, 6))});
   EXPECT_THAT(out.notes, testing::Contains(testing::HasSubstr("no second opinion")));
   EXPECT_FALSE(disagrees(out));

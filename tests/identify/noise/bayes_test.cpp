@@ -81,7 +81,7 @@ TEST(NoiseBayes, FullCovariancesStayDefiniteAndFindTheTruth) {
 TEST(NoiseBayes, SaysWhatOnlyThePriorKnows) {
   // Two noises into one output: of their shares nothing is known but their sum.
   MatiskoSystem system = matisko_system(1);
-  LinearModel& m = system.model.linear;
+  LinearModel& m = as_linear(system.model);
   const MatiskoSystem truth = matisko_system(1);
   m.Q.block = -1;
   m.R.block = -1;

@@ -47,8 +47,8 @@ class Tracker {
   double P_[3] = {4.0, 0.0, 1.0};
 };
 
-ModelFile tracking_model(double q, double r) {
-  ModelFile model;
+Model tracking_model(double q, double r) {
+  Model model;
   model.name = "tracker";
   for (const auto& [name, value] : {std::pair{"q", q}, std::pair{"r", r}}) {
     Parameter p;
@@ -57,7 +57,7 @@ ModelFile tracking_model(double q, double r) {
     p.min = 0.0;
     model.parameters.push_back(p);
   }
-  LinearModel& m = model.linear;
+  LinearModel& m = as_linear(model);
   m.A.constant = (MatrixXd(2, 2) << 1, kPeriod, 0, 1).finished();
   m.B.constant.resize(2, 0);
   m.C.constant = Eigen::RowVector2d(1, 0);
@@ -74,14 +74,14 @@ ModelFile tracking_model(double q, double r) {
 }
 
 Dataset tracked(double q, double r, Eigen::Index N) {
-  const ModelFile truth = tracking_model(q, r);
+  const Model truth = tracking_model(q, r);
   Random random(5);
   Dataset data;
   data.name = "track";
   data.dt = kPeriod;
   data.time = VectorXd::LinSpaced(N, 0.0, kPeriod * static_cast<double>(N - 1));
   data.u.resize(0, N);
-  data.y = simulate_outputs(instantiate(truth.linear, truth.parameters), InitialState::given,
+  data.y = simulate_outputs(instantiate(as_linear(truth), truth.parameters), InitialState::given,
                             MatrixXd(), N, random);
   data.outputs = {{"position", "m"}};
   return data;
@@ -106,7 +106,7 @@ TEST(ExternalFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
     return out;
   };
   // A hundred times too calm, fifty times too sure of its sensor.
-  const ModelFile start = tracking_model(0.02, 0.0018);
+  const Model start = tracking_model(0.02, 0.0018);
   const Estimate own = fit_external_filter(start.parameters, run);
   NoiseMlOptions direct;  // whose information has the sample's own terms, as the differences have
   direct.evaluation = EvaluationMethod::time_varying;
@@ -129,7 +129,7 @@ TEST(ExternalFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
 }
 
 TEST(ExternalFilter, AFilterThatDoesNotRunIsRefused) {
-  const ModelFile start = tracking_model(1.0, 1.0);
+  const Model start = tracking_model(1.0, 1.0);
   EXPECT_THROW(
       fit_external_filter(start.parameters, [](const ParameterSet&) { return std::nullopt; }),
       std::invalid_argument);

@@ -43,7 +43,7 @@ TEST(NoiseMlStudy, ReachesTheBoundAndCovers) {
 
 TEST(NoiseMlStudy, FullCovarianceFindsTheTruth) {
   // System 6 with full Q (and so a Cholesky factor for coordinates), N = 3000.
-  ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  Model model = scalar_model(0.5, 1.0, 1.0);
   model.parameters.clear();
   Parameter block;
   block.name = "Q";
@@ -52,7 +52,7 @@ TEST(NoiseMlStudy, FullCovarianceFindsTheTruth) {
   model.parameters.push_back(block);
   block.name = "R";
   model.parameters.push_back(block);
-  LinearModel& m = model.linear;
+  LinearModel& m = as_linear(model);
   m.A.constant = (MatrixXd(2, 2) << 0.8, 1, 0, -0.9).finished();
   m.B.constant.resize(2, 0);
   m.C.constant = m.G.constant = MatrixXd::Identity(2, 2);

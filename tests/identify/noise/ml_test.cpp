@@ -26,7 +26,7 @@ std::string in_tree(const std::string& path) {
 TEST(NoiseMl, NileWithGaps) {
   // Durbin & Koopman (2012), section 2.7: years 21-40 and 61-80 missing. Maximum recomputed with
   // KFAS.
-  const ModelFile model = read_model_file(in_tree("examples/nile.yaml"));
+  const Model model = read_model_file(in_tree("examples/nile.yaml"));
   Dataset data =
       make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
   data.y.middleCols(20, 20).setConstant(std::nan(""));
@@ -66,14 +66,14 @@ TEST(NoiseMl, PublishedMaxima) {
   for (const Published& c : cases) {
     IDENTIKAL_NEEDS_SHARED_FILE(c.file);
     const bool file = *c.model != '\0';
-    ModelFile model = file ? read_model_file(in_tree(c.model)) : scalar_model(0.5, 1.0, 1.0);
+    Model model = file ? read_model_file(in_tree(c.model)) : scalar_model(0.5, 1.0, 1.0);
     if (!file) model.outputs = {{"y", "1", "", "", {}}}, model.time.step = 1.0;
     const Dataset data =
         make_dataset(read_csv(shared_file(c.file)), model.time, model.inputs, model.outputs);
     const Eigen::VectorXd truth = Eigen::Map<const Eigen::VectorXd>(
         c.truth.data(), static_cast<Eigen::Index>(c.truth.size()));
     const Likelihood at_truth =
-        log_likelihood(instantiate(model.linear, with_coordinates(model.parameters, truth)),
+        log_likelihood(instantiate(as_linear(model), with_coordinates(model.parameters, truth)),
                        InitialState::stationary, data.y, data.u);
     std::printf("%s: at the truth %.10f\n", c.file, at_truth.value);
     EXPECT_NEAR(at_truth.value, c.at_truth, 1e-6);
@@ -92,7 +92,7 @@ TEST(NoiseMl, PublishedMaxima) {
 }
 
 TEST(NoiseMl, StopsWhenToldWithTheBestSoFar) {
-  const ModelFile model = read_model_file(in_tree("examples/nile.yaml"));
+  const Model model = read_model_file(in_tree("examples/nile.yaml"));
   const Dataset data =
       make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
   for (const int last_start : {1, 2}) {
@@ -136,13 +136,13 @@ TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
 }
 
 TEST(NoiseMl, ProfileIntervalsEndWhereTheLikelihoodHasFallenByHalfAChiSquare) {
-  ModelFile model = scalar_model(0.9, 1.0, 1.0);
+  Model model = scalar_model(0.9, 1.0, 1.0);
   const Dataset data = dataset_of(simulate_scalar(0.9, 1.0, 2.0, 300, 5));
   const Estimate best = tune_ml(model, {data});
   ASSERT_EQ(best.status, Status::ok);
   for (std::size_t i = 0; i < 2; ++i) {
     for (const double end : best.parameters[i].profile95) {
-      ModelFile held = model;
+      Model held = model;
       held.parameters[i].value(0, 0) = end;
       held.parameters[i].fixed = true;
       const double drop =
@@ -163,7 +163,7 @@ TEST(NoiseMl, SandwichAllowsForHeavyTails) {
     const double u = random.uniform() - 0.5;
     y(0, t) = -std::copysign(std::log(1.0 - 2.0 * std::abs(u)), u) / std::sqrt(2.0);
   }
-  ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  Model model = scalar_model(0.5, 1.0, 1.0);
   model.parameters[0].value(0, 0) = 0.0;
   model.parameters[0].fixed = true;
   const Estimate e = tune_ml(model, {dataset_of(y)});
@@ -174,18 +174,18 @@ TEST(NoiseMl, SandwichAllowsForHeavyTails) {
 }
 
 TEST(NoiseMl, RefusesInWords) {
-  ModelFile model = scalar_model(0.5, 1.0, 1.0);
+  Model model = scalar_model(0.5, 1.0, 1.0);
   EXPECT_THROW(tune_ml(model, {}), std::invalid_argument);
-  ModelFile outside = model;
-  outside.linear.Q.entries = {{3, 0, 0, 1.0}};
+  Model outside = model;
+  as_linear(outside).Q.entries = {{3, 0, 0, 1.0}};
   EXPECT_THROW(tune_ml(outside, {dataset_of(MatrixXd::Random(1, 100))}), std::invalid_argument);
-  outside.linear.Q.entries = {{0, 0, 7, 1.0}};
+  as_linear(outside).Q.entries = {{0, 0, 7, 1.0}};
   EXPECT_THROW(tune_ml(outside, {dataset_of(MatrixXd::Random(1, 100))}), std::invalid_argument);
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Constant(1, 100, 3.0))}), InputError);
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 2))}), InputError);
   model.parameters[0].fixed = model.parameters[1].fixed = true;
   EXPECT_THROW(tune_ml(model, {dataset_of(MatrixXd::Random(1, 100))}), InputError);
-  const auto message = [](const ModelFile& m, const Dataset& data) {
+  const auto message = [](const Model& m, const Dataset& data) {
     try {
       tune_ml(m, {data});
     } catch (const InputError& error) {

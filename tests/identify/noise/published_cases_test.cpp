@@ -87,10 +87,10 @@ void expect_not_beaten(const std::string& what, double maximum, double at_printe
 }
 
 // One output, nothing in it yet; the state starts at zero, exactly known unless told otherwise.
-ModelFile empty_model(const std::string& name, Index n, Index nw, Index nu = 0) {
-  ModelFile model;
+Model empty_model(const std::string& name, Index n, Index nw, Index nu = 0) {
+  Model model;
   model.name = name;
-  LinearModel& m = model.linear;
+  LinearModel& m = as_linear(model);
   m.A.constant = m.P0.constant = MatrixXd::Zero(n, n);
   m.B.constant = MatrixXd::Zero(n, nu);
   m.C.constant = MatrixXd::Zero(1, n);
@@ -103,7 +103,7 @@ ModelFile empty_model(const std::string& name, Index n, Index nw, Index nu = 0) 
   return model;
 }
 
-int add_parameter(ModelFile& model, const std::string& name, double value, bool variance = false) {
+int add_parameter(Model& model, const std::string& name, double value, bool variance = false) {
   Parameter p;
   p.name = name;
   p.value = MatrixXd::Constant(1, 1, value);
@@ -114,9 +114,9 @@ int add_parameter(ModelFile& model, const std::string& name, double value, bool 
 
 // AR(p) in companion form with a regression on the inputs:
 // y = beta' u + z,  z = phi_1 z(t-1) + ... + w.  Parameters: phi, beta, sigma2.
-ModelFile autoregression(Index p, Index regressors) {
-  ModelFile model = empty_model("AR", p, 1, regressors);
-  LinearModel& m = model.linear;
+Model autoregression(Index p, Index regressors) {
+  Model model = empty_model("AR", p, 1, regressors);
+  LinearModel& m = as_linear(model);
   for (int i = 0; i < p; ++i) {
     m.A.entries.push_back({0, i, add_parameter(model, "phi" + std::to_string(i + 1), 0.1), 1.0});
     if (i > 0) m.A.constant(i, i - 1) = 1.0;
@@ -131,9 +131,9 @@ ModelFile autoregression(Index p, Index regressors) {
 
 // ARMA(1,1) about a mean, Hamilton's form: z = phi z(t-1) + w,  y = mean + z + theta z(t-1).
 // Parameters: phi, theta, mean, sigma2.
-ModelFile arma_hamilton() {
-  ModelFile model = empty_model("ARMA", 2, 1, 1);
-  LinearModel& m = model.linear;
+Model arma_hamilton() {
+  Model model = empty_model("ARMA", 2, 1, 1);
+  LinearModel& m = as_linear(model);
   m.A.entries = {{0, 0, add_parameter(model, "phi", 0.5), 1.0}};
   m.C.entries = {{0, 1, add_parameter(model, "theta", 0.1), 1.0}};
   m.D.entries = {{0, 0, add_parameter(model, "mean", 1.0), 1.0}};
@@ -143,9 +143,9 @@ ModelFile arma_hamilton() {
 }
 
 // The same process with one state and one noise for state and output: Q = R = S.
-ModelFile arma_innovations() {
-  ModelFile model = empty_model("ARMA", 1, 1, 1);
-  LinearModel& m = model.linear;
+Model arma_innovations() {
+  Model model = empty_model("ARMA", 1, 1, 1);
+  LinearModel& m = as_linear(model);
   m.A.entries = {{0, 0, add_parameter(model, "phi", 0.5), 1.0}};
   m.G.entries = {{0, 0, 0, 1.0}, {0, 0, add_parameter(model, "theta", 0.1), 1.0}};
   m.D.entries = {{0, 0, add_parameter(model, "mean", 1.0), 1.0}};
@@ -156,9 +156,9 @@ ModelFile arma_innovations() {
 }
 
 // Random walk plus noise. Parameters: r, q.
-ModelFile local_level() {
-  ModelFile model = empty_model("local level", 1, 1);
-  LinearModel& m = model.linear;
+Model local_level() {
+  Model model = empty_model("local level", 1, 1);
+  LinearModel& m = as_linear(model);
   m.A.constant(0, 0) = m.C.constant(0, 0) = m.G.constant(0, 0) = 1.0;
   m.R.entries = {{0, 0, add_parameter(model, "r", 10000.0, true), 1.0}};
   m.Q.entries = {{0, 0, add_parameter(model, "q", 1000.0, true), 1.0}};
@@ -181,17 +181,18 @@ MatrixXd differences(const MatrixXd& y, Index lag) {
   return y.rightCols(y.cols() - lag) - y.leftCols(y.cols() - lag);
 }
 
-double value_at(const ModelFile& model, const Dataset& data, const std::vector<double>& at) {
+double value_at(const Model& model, const Dataset& data, const std::vector<double>& at) {
   const VectorXd x = Eigen::Map<const VectorXd>(at.data(), static_cast<Index>(at.size()));
   LikelihoodEngine engine;
   engine.add_recording(data.y, data.u);
-  const Likelihood& l = engine.evaluate(
-      instantiate(model.linear, with_coordinates(model.parameters, x)), model.linear.initial);
+  const Likelihood& l =
+      engine.evaluate(instantiate(as_linear(model), with_coordinates(model.parameters, x)),
+                      as_linear(model).initial);
   EXPECT_EQ(l.status, FilterStatus::ok) << describe(l.status);
   return l.value;
 }
 
-Estimate maximum_of(const ModelFile& model, const Dataset& data, int starts = 5) {
+Estimate maximum_of(const Model& model, const Dataset& data, int starts = 5) {
   NoiseMlOptions options;
   options.starts = starts;
   const Estimate e = tune_ml(model, {data}, options);
@@ -202,7 +203,7 @@ Estimate maximum_of(const ModelFile& model, const Dataset& data, int starts = 5)
 // The log-likelihood of the samples from `first` on, given those before: a difference of two.
 class LaterLikelihood {
  public:
-  LaterLikelihood(const ModelFile& model, const Dataset& data, Index first)
+  LaterLikelihood(const Model& model, const Dataset& data, Index first)
       : all_{data},
         before_{data},
         of_all_(model, all_, EvaluationMethod::time_varying),
@@ -275,7 +276,7 @@ TEST(PublishedCases, NileLocalLevel) {
   const Json& c = published("nile_local_level_diffuse");
   const Json& L = c["loglik_conventions"];
   const Dataset data = recording(row(c["y"]));
-  const ModelFile model = local_level();
+  const Model model = local_level();
   const std::vector<double> mle = {c["mle"]["sigma2_eps"], c["mle"]["sigma2_eta"]};
 
   // Ours is Durbin & Koopman's, without log 2 pi of the one diffuse observation.
@@ -283,7 +284,7 @@ TEST(PublishedCases, NileLocalLevel) {
   expect_printed("Nile, KFAS diffuse", value, L["diffuse_without_log2pi_of_diffuse_obs_KFAS"]);
   expect_printed("Nile, + log 2 pi of the diffuse observation", value - 0.5 * kLog2Pi,
                  L["full_n_log2pi_statsmodels_exact_diffuse"]);
-  const StateSpace system = instantiate(model.linear, model.parameters);
+  const StateSpace system = instantiate(as_linear(model), model.parameters);
   expect_printed("Nile, KFAS marginal", value + marginal_minus_diffuse(system, data.size()),
                  L["KFAS_marginal"]);
 
@@ -304,27 +305,27 @@ TEST(PublishedCases, NileLocalLevelWithOtherStarts) {
   const auto N = static_cast<double>(data.size());
 
   // R's StructTS: x(0) = y(1) with 1e4 times the variance of y, one step before the first sample.
-  ModelFile model = local_level();
-  model.linear.initial = InitialState::given;
-  model.linear.P0.entries = model.linear.Q.entries;
-  model.linear.x0.constant(0, 0) = data.y(0, 0);
-  model.linear.P0.constant(0, 0) =
+  Model model = local_level();
+  as_linear(model).initial = InitialState::given;
+  as_linear(model).P0.entries = as_linear(model).Q.entries;
+  as_linear(model).x0.constant(0, 0) = data.y(0, 0);
+  as_linear(model).P0.constant(0, 0) =
       1e4 * (data.y.array() - data.y.mean()).square().sum() / (N - 1.0);
   Estimate e = maximum_of(model, data);
   expect_printed("Nile, R StructTS", e.objective.log_likelihood, L["StructTS_R"]);
 
   // dlm: x(0) ~ N(0, 1e7), the negative without log 2 pi.
-  model.linear.x0.constant(0, 0) = 0.0;
-  model.linear.P0.constant(0, 0) = 1e7;
+  as_linear(model).x0.constant(0, 0) = 0.0;
+  as_linear(model).P0.constant(0, 0) = 1e7;
   e = maximum_of(model, data);
   expect_printed("Nile, dlm", -e.objective.log_likelihood - 0.5 * N * kLog2Pi,
                  L["dlm_C0_1e7_negll_no_2pi"]);
 
   // MARSS: x(1) itself unknown and not random. Its two searches stop at different values, so
   // neither is the maximum.
-  model.linear.P0.entries.clear();
-  model.linear.P0.constant(0, 0) = 0.0;
-  model.linear.x0.entries = {{0, 0, add_parameter(model, "x1", 1000.0), 1.0}};
+  as_linear(model).P0.entries.clear();
+  as_linear(model).P0.constant(0, 0) = 0.0;
+  as_linear(model).x0.entries = {{0, 0, add_parameter(model, "x1", 1000.0), 1.0}};
   e = maximum_of(model, data);
   for (const char* search : {"MARSS_x0_estimated_EM", "MARSS_x0_estimated_BFGS"}) {
     print("Nile, " + std::string(search), e.objective.log_likelihood, L[search]);
@@ -333,8 +334,8 @@ TEST(PublishedCases, NileLocalLevelWithOtherStarts) {
 
   // x(1) ~ N(0, 1e6), the first sample not counted.
   model = local_level();
-  model.linear.initial = InitialState::given;
-  model.linear.P0.constant(0, 0) = 1e6;
+  as_linear(model).initial = InitialState::given;
+  as_linear(model).P0.constant(0, 0) = 1e6;
   LaterLikelihood later(model, data, 1);
   // statsmodels' default search stops early, at 15078 and 1479.
   expect_printed("Nile, statsmodels approximately diffuse",
@@ -352,12 +353,12 @@ TEST(PublishedCases, NileConcentrated) {
   const Json& c = published("nile_local_level_diffuse");
   const Dataset data = recording(row(c["y"]));
   const auto proper = static_cast<double>(data.size() - 1);
-  const ModelFile model = local_level();
+  const Model model = local_level();
   for (const auto& [key, line] :
        c["recomputed_here"]["table2_1_concentrated_no_constants"].items()) {
     const double q = std::stod(key);
     const StateSpace unit =
-        instantiate(model.linear, with_coordinates(model.parameters, Eigen::Vector2d(1.0, q)));
+        instantiate(as_linear(model), with_coordinates(model.parameters, Eigen::Vector2d(1.0, q)));
     const FilterResult f = kalman_filter(unit, InitialState::diffuse, data.y, data.u);
     const double scale =
         f.standardised.rightCols(data.size() - f.first_proper).squaredNorm() / proper;
@@ -378,15 +379,15 @@ TEST(PublishedCases, NileWithGaps) {
   Dataset data = recording(row(published("nile_local_level_diffuse")["y"]));
   data.y.middleCols(20, 20).setConstant(std::nan(""));
   data.y.middleCols(60, 20).setConstant(std::nan(""));
-  ModelFile model = local_level();
+  Model model = local_level();
   const std::vector<double> mle = {c["mle"]["sigma2_eps"], c["mle"]["sigma2_eta"]};
   expect_printed("Nile with gaps, KFAS", value_at(model, data, mle), c["loglik_diffuse_KFAS"]);
   const Estimate e = maximum_of(model, data);
   expect_printed("Nile with gaps, maximum", e.objective.log_likelihood, c["loglik_diffuse_KFAS"]);
   expect_estimates(e, mle);
   // x(1) ~ N(0, 1e6), the first sample not counted.
-  model.linear.initial = InitialState::given;
-  model.linear.P0.constant(0, 0) = 1e6;
+  as_linear(model).initial = InitialState::given;
+  as_linear(model).P0.constant(0, 0) = 1e6;
   const Solution s = LaterLikelihood(model, data, 1).maximum_from(coordinates(model.parameters));
   expect_cut_off("Nile with gaps, StateSpaceModels.jl", s.summary.objective,
                  c["loglik_approx_diffuse_StateSpaceModels_jl"]);
@@ -398,8 +399,8 @@ TEST(PublishedCases, Clark1987) {
   const Json& p = c["parameters"];
   const MatrixXd y = row(c["y"]).array().log();
   const Index first = c["start_obs_for_loglik"].get<Index>() - 1;
-  ModelFile model = empty_model("Clark", 4, 4);
-  LinearModel& m = model.linear;
+  Model model = empty_model("Clark", 4, 4);
+  LinearModel& m = as_linear(model);
   m.initial = InitialState::given;
   m.A.constant << 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1;
   m.C.constant << 1, 1, 0, 0;
@@ -455,7 +456,7 @@ TEST(PublishedCases, WholesalePricesAr3) {
   const Json& c = published("stata_wpi1_ar3");
   const Json& x = c["expected"];
   const Dataset data = recording(differences(row(c["y"]), 1));
-  const ModelFile model = autoregression(3, 0);
+  const Model model = autoregression(3, 0);
   std::vector<double> at = x["params_ar"];
   at.push_back(x["params_variance"][0]);
   const double value = value_at(model, data, at);
@@ -477,7 +478,7 @@ TEST(PublishedCases, WholesalePricesArma) {
   const std::vector<double> at = {x["params_ar"][0], x["params_ma"][0], x["params_mean"][0],
                                   x["params_variance"][0]};
   for (const bool hamilton : {true, false}) {
-    const ModelFile model = hamilton ? arma_hamilton() : arma_innovations();
+    const Model model = hamilton ? arma_hamilton() : arma_innovations();
     const std::string name = hamilton ? "wpi1 ARMA(1,1)" : "wpi1 ARMA(1,1), Q = R = S";
     const double value = value_at(model, data, at);
     expect_printed(name + ", Stata", value, x["loglike"]);
@@ -496,9 +497,9 @@ TEST(PublishedCases, WholesalePricesArmaDiffuse) {
   const std::vector<Dataset> data = {recording_about_mean(differences(row(c["y"]), 1))};
   const Eigen::Vector4d at(x["params_ar"][0], x["params_ma"][0], x["params_mean"][0],
                            x["params_variance"][0]);
-  ModelFile model = arma_hamilton();
-  model.linear.initial = InitialState::given;
-  model.linear.P0.constant = x["initial_variance"].get<double>() * MatrixXd::Identity(2, 2);
+  Model model = arma_hamilton();
+  as_linear(model).initial = InitialState::given;
+  as_linear(model).P0.constant = x["initial_variance"].get<double>() * MatrixXd::Identity(2, 2);
   const double value = value_at(model, data[0], {at.begin(), at.end()});
   expect_printed("wpi1 ARMA(1,1) diffuse, Stata", value, x["loglike"]);
   RecordingsLikelihood likelihood(model, data);
@@ -518,8 +519,8 @@ TEST(PublishedCases, AirlineModel) {
   const Json& x = c["expected"];
   // (1 + theta B)(1 + Theta B^12) as a cascade, m = e + theta e(t-1), y = m + Theta m(t-12), is
   // linear in the two numbers where their product is not.
-  ModelFile model = empty_model("airline", 14, 1);
-  LinearModel& m = model.linear;
+  Model model = empty_model("airline", 14, 1);
+  LinearModel& m = as_linear(model);
   m.A.entries = {{1, 0, add_parameter(model, "theta", -0.1), 1.0}};
   m.C.entries = {{0, 13, add_parameter(model, "Theta", -0.1), 1.0}};
   m.Q.entries = {{0, 0, add_parameter(model, "sigma2", 0.01, true), 1.0}};
@@ -539,7 +540,7 @@ TEST(PublishedCases, AirlineModel) {
   expect_estimates(e, at);
 }
 
-void expect_arima(const std::string& name, ModelFile model, const Dataset& data,
+void expect_arima(const std::string& name, Model model, const Dataset& data,
                   const std::vector<double>& at, const Json& loglik) {
   const double value = value_at(model, data, at);
   expect_printed(name + ", R", value, loglik);
@@ -565,7 +566,7 @@ TEST(PublishedCases, RArima) {
   MatrixXd u = MatrixXd::Ones(2, y.cols());
   u.row(1) = Eigen::RowVectorXd::LinSpaced(y.cols(), 1875.0 - 1920.0,
                                            1875.0 - 1921.0 + static_cast<double>(y.cols()));
-  ModelFile model = autoregression(2, 2);
+  Model model = autoregression(2, 2);
   model.parameters[2].value(0, 0) = 570.0;  // feet, not 1
   expect_arima("LakeHuron AR(2)", model, recording(y, u),
                {x["ar"][0], x["ar"][1], x["intercept"], x["slope"], x["sigma2"]}, x["loglik"]);
@@ -578,8 +579,8 @@ TEST(PublishedCases, AirPassengersBasicStructuralModel) {
   // The same passengers as Stata's air2.
   const Dataset data = recording(row(published("stata_air2_stationary")["y"]).array().log());
   // Level, slope, and 11 seasonal effects that sum to noise.
-  ModelFile model = empty_model("basic structural", 13, 3);
-  LinearModel& m = model.linear;
+  Model model = empty_model("basic structural", 13, 3);
+  LinearModel& m = as_linear(model);
   m.initial = InitialState::diffuse;
   m.A.constant(0, 0) = m.A.constant(0, 1) = m.A.constant(1, 1) = 1.0;
   m.A.constant.block(2, 2, 1, 11).setConstant(-1.0);
@@ -640,7 +641,7 @@ TEST(PublishedCases, SimulatedSystems) {
     engine.add_recording(data.y, data.u);
     const Likelihood& l =
         engine.evaluate(true_system(system), InitialState::stationary,
-                        model_derivatives(system.model.linear, system.model.parameters));
+                        model_derivatives(as_linear(system.model), system.model.parameters));
     expect_printed(name + ", at the truth", l.value, c["loglik_at_truth"]);
     // By the logarithms; the complex step's digits end at about the eighth.
     const Json& score = c["score_log_params_at_truth_TMB_AD"];

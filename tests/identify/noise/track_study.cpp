@@ -97,7 +97,8 @@ TEST(NoiseTrackStudy, FalseAlarmsAreRarerThanStated) {
 TEST(NoiseTrackStudy, AdaptiveFilterConvergesFromAPoorStart) {
   const MatiskoSystem system = matisko_adaptive();
   const MatrixXd optimal = steady_state(true_system(system))->K;
-  const MatrixXd start = steady_state(instantiate(system.model.linear, system.model.parameters))->K;
+  const MatrixXd start =
+      steady_state(instantiate(as_linear(system.model), system.model.parameters))->K;
   constexpr int kRuns = 20;
   double at[4] = {0, 0, 0, 0};
   double ml_like = 0.0;
@@ -109,8 +110,9 @@ TEST(NoiseTrackStudy, AdaptiveFilterConvergesFromAPoorStart) {
         track_noise(system.model, dataset_of(simulate_matisko(system, random)), options);
     const Index times[] = {49, 199, 499, 1999};
     for (int i = 0; i < 4; ++i) {
-      const auto steady = steady_state(instantiate(
-          system.model.linear, with_entries(system.model.parameters, track.mean.col(times[i]))));
+      const auto steady = steady_state(
+          instantiate(as_linear(system.model),
+                      with_entries(system.model.parameters, track.mean.col(times[i]))));
       ASSERT_TRUE(steady.has_value());
       at[i] += (steady->K - optimal).norm() / kRuns;
     }

@@ -95,8 +95,8 @@ TEST(NoiseTrack, AnOutlierIsNoChange) {
 }
 
 TEST(NoiseTrack, DiffuseStartAndMissingSamples) {
-  ModelFile model = scalar_model(1.0, 1.0, 1.0);
-  model.linear.initial = InitialState::diffuse;
+  Model model = scalar_model(1.0, 1.0, 1.0);
+  as_linear(model).initial = InitialState::diffuse;
   for (Parameter& p : model.parameters) p.prior = {Prior::Kind::log_uniform, 1e-3, 1e3};
   Random random(4);
   MatrixXd y(1, 400);
@@ -152,8 +152,8 @@ TEST(NoiseTrack, RefusesWhatIsNotNoise) {
   a.min = 0.0;
   a.max = 0.9;
   system.model.parameters.push_back(a);
-  system.model.linear.A.constant.setZero();
-  system.model.linear.A.entries = {{0, 0, 2, 1.0}};
+  as_linear(system.model).A.constant.setZero();
+  as_linear(system.model).A.entries = {{0, 0, 2, 1.0}};
   EXPECT_THROW(track(system.model, data), InputError);
 }
 

@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 TEST(BoundStudy, GainAndInnovationVarianceReachTheirBound) {
   constexpr double kA = 0.9;
   constexpr int kRuns = 1000, kSamples = 1000;
-  const ModelFile model = scalar_model(kA, 1.0, 1.0);
+  const Model model = scalar_model(kA, 1.0, 1.0);
   BoundOptions options;
   options.samples = kSamples;
   const Bound::InnovationForm form = bound_of(model, options, nullptr).bound->innovation_form;
@@ -31,8 +31,8 @@ TEST(BoundStudy, GainAndInnovationVarianceReachTheirBound) {
     const MatrixXd y =
         simulate_scalar(kA, 1.0, 1.0, kSamples, 4000 + static_cast<std::uint64_t>(run));
     const Estimate e = tune_ml(model, {dataset_of(y)}, one);
-    const ModelFile tuned = scalar_model(kA, e.parameters[0].value, e.parameters[1].value);
-    const auto steady = steady_state(instantiate(tuned.linear, tuned.parameters));
+    const Model tuned = scalar_model(kA, e.parameters[0].value, e.parameters[1].value);
+    const auto steady = steady_state(instantiate(as_linear(tuned), tuned.parameters));
     ASSERT_TRUE(steady);
     found.col(run) << steady->K(0, 0), steady->Sigma(0, 0);
   }

@@ -20,8 +20,8 @@ namespace {
 
 using Eigen::Index;
 
-ModelFile true_model(const MatiskoSystem& system, Domain domain) {
-  ModelFile model = system.model;
+Model true_model(const MatiskoSystem& system, Domain domain) {
+  Model model = system.model;
   model.parameters = with_entries(model.parameters, system.truth);
   for (Parameter& p : model.parameters) p.domain = domain;
   return model;
@@ -68,7 +68,7 @@ TEST(BoundOf, EqualsTheReferenceToFourDigits) {
 }
 
 TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
-  const ModelFile model = true_model(matisko_system(1), Domain::diagonal);
+  const Model model = true_model(matisko_system(1), Domain::diagonal);
   BoundOptions options;
   options.samples = 1000;
   options.accuracy = 0.1;
@@ -88,15 +88,15 @@ TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
 // x' = -k x + w, density q, every 0.1 s: with x observed a variance is known to q sqrt(2 / N), and
 // nothing is said of k, which the sampled noise depends on too.
 TEST(BoundOf, KnownStatesSayOfContinuousNoiseWhatTheySayOfSampledNoise) {
-  ModelFile model;
-  model.path = "decay.yaml";
+  Model model;
+  model.source = "decay.yaml";
   for (const auto& [name, value] : {std::pair{"k", 2.0}, {"q", 3.0}, {"r", 0.1}}) {
     Parameter p;
     p.name = name;
     p.value = Eigen::MatrixXd::Constant(1, 1, value);
     model.parameters.push_back(p);
   }
-  LinearModel& linear = model.linear;
+  LinearModel& linear = as_linear(model);
   const Eigen::MatrixXd one = Eigen::MatrixXd::Ones(1, 1), zero = Eigen::MatrixXd::Zero(1, 1);
   for (ParametrisedMatrix* M : {&linear.A, &linear.Q, &linear.R, &linear.S}) M->constant = zero;
   linear.B.constant = Eigen::MatrixXd::Zero(1, 0);
@@ -121,7 +121,7 @@ TEST(BoundOf, KnownStatesSayOfContinuousNoiseWhatTheySayOfSampledNoise) {
 
 TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
   const MatiskoSystem system = matisko_system(7);
-  const ModelFile model = true_model(system, Domain::diagonal);
+  const Model model = true_model(system, Domain::diagonal);
   BoundOptions options;
   options.samples = 3000;
   const Estimate estimate = bound_of(model, options, nullptr);
@@ -130,7 +130,7 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
     up[i] *= 1.0 + 1e-5;
     down[i] *= 1.0 - 1e-5;
     const auto gain = [&](const Eigen::VectorXd& at) {
-      return steady_state(instantiate(model.linear, with_entries(model.parameters, at)))->K;
+      return steady_state(instantiate(as_linear(model), with_entries(model.parameters, at)))->K;
     };
     const Eigen::MatrixXd change = (gain(up) - gain(down)) * (0.01 / 2e-5);
     EXPECT_LT((estimate.bound->gain_change[i] - change).norm(), 1e-9);
@@ -141,7 +141,7 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
 // (6.45), carried over, is below it.
 TEST(BoundOf, InnovationFormOfOneStateIsTheSameBound) {
   const MatiskoSystem system = matisko_system(1);
-  const ModelFile model = true_model(system, Domain::diagonal);
+  const Model model = true_model(system, Domain::diagonal);
   BoundOptions options;
   options.samples = 100000;
   const Estimate estimate = bound_of(model, options, nullptr);
@@ -155,7 +155,7 @@ TEST(BoundOf, InnovationFormOfOneStateIsTheSameBound) {
   // Differences in place of the derivatives of the Riccati equation.
   const auto filter = [&](double q, double r) {
     const auto s = steady_state(
-        instantiate(model.linear, with_entries(model.parameters, Eigen::Vector2d(q, r))));
+        instantiate(as_linear(model), with_entries(model.parameters, Eigen::Vector2d(q, r))));
     return Eigen::Vector2d(s->K(0, 0), s->Sigma(0, 0));
   };
   Eigen::Matrix2d T;
@@ -193,9 +193,9 @@ TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
   for (const double se : form.published_se) EXPECT_TRUE(std::isnan(se));
   // A state that no output shows.
   MatiskoSystem hidden = matisko_system(6);
-  hidden.model.linear.A.constant = Eigen::Vector2d(0.5, 0.4).asDiagonal();
-  hidden.model.linear.C.constant = Eigen::MatrixXd::Identity(2, 2);
-  hidden.model.linear.C.constant(1, 1) = 0.0;
+  as_linear(hidden.model).A.constant = Eigen::Vector2d(0.5, 0.4).asDiagonal();
+  as_linear(hidden.model).C.constant = Eigen::MatrixXd::Identity(2, 2);
+  as_linear(hidden.model).C.constant(1, 1) = 0.0;
   const Estimate blind = bound_of(true_model(hidden, Domain::diagonal), options, nullptr);
   EXPECT_TRUE(blind.bound->innovation_form.K_se.array().isNaN().all());
   EXPECT_NEAR(blind.bound->innovation_form.Sigma_se(1, 1), 3.0 * std::sqrt(2.0 / 3000.0), 1e-9);
@@ -204,8 +204,8 @@ TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
 TEST(BoundOf, WhatNoRecordingDetermines) {
   // Two noises into one output: only their sum shows.
   MatiskoSystem system = matisko_system(1);
-  system.model.linear.G.constant = Eigen::RowVector2d(1.0, 1.0);
-  system.model.linear.S.constant = Eigen::MatrixXd::Zero(2, 1);
+  as_linear(system.model).G.constant = Eigen::RowVector2d(1.0, 1.0);
+  as_linear(system.model).S.constant = Eigen::MatrixXd::Zero(2, 1);
   system.model.parameters[0].value = Eigen::MatrixXd::Identity(2, 2);
   BoundOptions options;
   options.samples = 1000;

@@ -34,7 +34,7 @@ StateSpace three_outputs() {
 // verdict, the others in quotes are as published.
 std::map<std::string, double> alarms(const StateSpace& truth, const StateSpace& tuned, Index N,
                                      int seeds) {
-  const ModelFile model = fixed_model(tuned);
+  const Model model = fixed_model(tuned);
   std::map<std::string, double> out, count;
   for (std::uint64_t seed = 1; seed <= static_cast<std::uint64_t>(seeds); ++seed) {
     Random random(seed);
@@ -100,7 +100,7 @@ TEST(OptimalityStudy, Power) {
 TEST(OptimalityStudy, Speed) {
   const StateSpace truth = three_outputs();
   Random random(1);
-  const ModelFile model = fixed_model(truth);
+  const Model model = fixed_model(truth);
   const Dataset data = recording_of(truth, 1000000, random);
   const FilterResult filter = innovations_of(model, data);
   const std::clock_t begin = std::clock();  // of this process: one core, whoever else uses it

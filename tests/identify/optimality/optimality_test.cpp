@@ -30,16 +30,16 @@ StateSpace white_system(double R) {
   return m;
 }
 
-ModelFile free_R(double R) {
-  ModelFile model = fixed_model(white_system(R));
+Model free_R(double R) {
+  Model model = fixed_model(white_system(R));
   Parameter p;
   p.name = "r";
-  p.value = model.linear.R.constant;
+  p.value = as_linear(model).R.constant;
   p.min = 0.0;
   model.parameters.push_back(p);
-  model.linear.R = {};
-  model.linear.R.constant = MatrixXd::Zero(1, 1);
-  model.linear.R.entries.push_back({0, 0, 0, 1.0});
+  as_linear(model).R = {};
+  as_linear(model).R.constant = MatrixXd::Zero(1, 1);
+  as_linear(model).R.entries.push_back({0, 0, 0, 1.0});
   return model;
 }
 
@@ -67,7 +67,7 @@ TEST(ScoreStatistic, OfOneVarianceIsExact) {
 
 TEST(ScoreStatistic, WhatTheFileLeavesFreeElseAllOfQAndR) {
   EXPECT_EQ(coordinates(with_free_noise(free_R(1.0)).parameters).size(), 1);
-  const ModelFile all = with_free_noise(fixed_model(matisko_example_1()));
+  const Model all = with_free_noise(fixed_model(matisko_example_1()));
   EXPECT_EQ(reported_entries(all.parameters).names,
             (std::vector<std::string>{"Q(1,1)", "Q(2,1)", "Q(2,2)", "R(1,1)"}));
 }
@@ -86,7 +86,7 @@ TEST(ScoreStatistic, FlatDirectionsAreNotCounted) {
 TEST(Optimality, LevelsMakeFivePercent) {
   Random random(3);
   StateSpace truth = matisko_example_1();
-  const ModelFile model = fixed_model(truth);
+  const Model model = fixed_model(truth);
   const Dataset data = recording_of(truth, 500, random);
   const Optimality out = test_optimality(model, {data}, {innovations_of(model, data)});
   double sum = 0.0;
@@ -143,7 +143,7 @@ TEST(Optimality, SaysWhichChannelFollowsWhichInput) {
 
 TEST(Optimality, NothingIsSaidOfNothing) {
   Random random(6);
-  const ModelFile model = fixed_model(matisko_example_1());
+  const Model model = fixed_model(matisko_example_1());
   const Dataset good = recording_of(matisko_example_1(), 100, random);
   Dataset constant = good, missing = good, brief = good;
   constant.y.setConstant(3.0);
@@ -163,10 +163,10 @@ TEST(Optimality, NothingIsSaidOfNothing) {
 TEST(Compare, RanksByLikelihood) {
   Random random(7);
   const Dataset data = recording_of(matisko_example_1(), 1000, random);
-  std::vector<ModelFile> models;
+  std::vector<Model> models;
   for (const int tuning : {1, 0, 2}) {
     models.push_back(fixed_model(matisko_example_1_tuning(tuning)));
-    models.back().path = std::to_string(tuning) + ".yaml";
+    models.back().source = std::to_string(tuning) + ".yaml";
   }
   const Estimate out = compare_filters(models, {{data}, {data}, {data}});
   EXPECT_EQ(out.tests[0].channel, "0.yaml");

@@ -49,11 +49,11 @@ Dataset as_recording(const ArxRun& s) {
   return data;
 }
 
-ModelFile regression_model() {
-  ModelFile model;
-  model.path = "regression.yaml";
+Model regression_model() {
+  Model model;
+  model.source = "regression.yaml";
   model.name = "regression";
-  model.form = ModelFile::Form::regression;
+  model.form = RegressionModel();
   model.inputs = {{"steer", "steer", "deg", "", {}}};
   model.outputs = {{"v", "v", "km/h", "", {}}};
   return model;
@@ -106,15 +106,15 @@ TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
     s.u(0, t) = 1.0 + 0.1 * random.normal();
     s.y[t] = s.u(0, t) + error;
   }
-  ModelFile model = regression_model();
-  model.regression.inputs = 1;
-  model.regression.feedback = 0;
+  Model model = regression_model();
+  as_regression(model).inputs = 1;
+  as_regression(model).feedback = 0;
   const Estimate estimate = track_regression(model, as_recording(s));
   EXPECT_NE(testing::warning(estimate, "coloured_errors"), nullptr);
   EXPECT_NE(testing::warning(estimate, "short_memory"), nullptr);
   EXPECT_GE(testing::derived(estimate, "forgetting")->value, 0.8 - 1e-9);
-  model.regression.feedback = 1;
-  model.regression.inputs = 2;
+  as_regression(model).feedback = 1;
+  as_regression(model).inputs = 2;
   const Estimate complete = track_regression(model, as_recording(s));
   EXPECT_TRUE(complete.warnings.empty());
 }
@@ -132,10 +132,10 @@ TEST(TrackRegression, StopsWhenTold) {
 TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
   const ArxRun s = second_order(3, 2000, 0.5);
   Dataset data = as_recording(s);
-  ModelFile model = regression_model();
-  model.regression.inputs = model.regression.feedback = 2;
-  model.regression.forgetting = 1.0;
-  model.regression.delta = 1e-6;
+  Model model = regression_model();
+  as_regression(model).inputs = as_regression(model).feedback = 2;
+  as_regression(model).forgetting = 1.0;
+  as_regression(model).delta = 1e-6;
   const Estimate estimate = track_regression(model, data);
   EXPECT_EQ(estimate.status, Status::ok);
   ASSERT_EQ(estimate.parameters.size(), 4U);
@@ -164,9 +164,9 @@ TEST(TrackRegression, MissingSamplesAreLeftOutAndSaid) {
   const ArxRun s = second_order(4, 400, 0.5);
   Dataset data = as_recording(s);
   data.y(0, 100) = data.u(0, 200) = std::numeric_limits<double>::quiet_NaN();
-  ModelFile model = regression_model();
-  model.regression.inputs = 1;
-  model.regression.feedback = 2;
+  Model model = regression_model();
+  as_regression(model).inputs = 1;
+  as_regression(model).feedback = 2;
   const Estimate estimate = track_regression(model, data);
   // Without y(100): rows 100 to 102; without u(200): row 200.
   EXPECT_EQ(estimate.inputs[0].used, 400 - 2 - 4);
@@ -181,8 +181,8 @@ TEST(TrackRegression, WhatIsNotExcitedIsSaid) {
   ArxRun s = second_order(5, 400, 0.5);
   Dataset data = as_recording(s);
   data.u.setZero();
-  ModelFile model = regression_model();
-  model.regression.inputs = model.regression.feedback = 1;
+  Model model = regression_model();
+  as_regression(model).inputs = as_regression(model).feedback = 1;
   const Estimate estimate = track_regression(model, data);
   EXPECT_EQ(estimate.status, Status::rejected);
   EXPECT_EQ(estimate.parameters[0].verdict, Verdict::unexcited);
@@ -219,9 +219,9 @@ Dataset four_lane_changes(double factor, std::uint64_t seed) {
 
 TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
   const testing::TrueCar car;
-  ModelFile model = testing::sladka2010_model();
-  model.regression.forgetting = 0.96;
-  model.regression.reset = true;
+  Model model = testing::sladka2010_model();
+  as_vehicle(model).tracking.forgetting = 0.96;
+  as_vehicle(model).tracking.reset = true;
   const Estimate estimate = track_vehicle(model, four_lane_changes(0.6, 7));
   EXPECT_EQ(estimate.status, Status::ok);
   ASSERT_TRUE(estimate.time_history.has_value());
@@ -249,7 +249,7 @@ TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
 TEST(TrackVehicle, KnowsWhatItCannotTrack) {
   const Dataset data = testing::lane_change({}, 100.0, {"r"});
   EXPECT_THROW(track_vehicle(testing::sladka2010_model({"r"}), data), InputError);
-  ModelFile model = testing::sladka2010_model();
+  Model model = testing::sladka2010_model();
   for (Parameter& p : model.parameters) p.fixed = true;
   EXPECT_THROW(track_vehicle(model, testing::lane_change({}, 100.0)), InputError);
   // A stiffness that is known stays as it is.

@@ -55,7 +55,7 @@ outputs: [{name: "ÜÖ", column: y}]
   EXPECT_THAT(*text, HasSubstr("{\"a\": {value: 0.1, min: 0.1, max: 0.9}, k: 0.25}"));
   EXPECT_THAT(*text, HasSubstr("    [3.25, 0]\nR: {start: [[0.3333333333333333]],"));
   EXPECT_THAT(*text, HasSubstr("# a comment: with {braces}, [brackets]\n"));
-  const ModelFile model = parse_model_file(*text, "again.yaml");
+  const Model model = parse_model_file(*text, "again.yaml");
   EXPECT_EQ(model.parameters[0].scalar(), 0.1);
   EXPECT_FALSE(model.parameters[0].fixed);
   EXPECT_TRUE(model.parameters[1].fixed);
@@ -73,7 +73,7 @@ TEST(EstimatedModel, ASingularMatrixIsFixed) {
                       values),
         "result.json");
     ASSERT_TRUE(text) << Q;
-    const ModelFile model = parse_model_file(*text, "again.yaml");
+    const Model model = parse_model_file(*text, "again.yaml");
     EXPECT_TRUE(model.parameters[2].fixed) << *text;
     EXPECT_EQ(model.parameters[2].value(1, 0), 2.0);
     EXPECT_FALSE(model.parameters[3].fixed);

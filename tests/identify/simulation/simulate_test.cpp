@@ -18,14 +18,14 @@ namespace {
 
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
-ModelFile car_model() {
-  ModelFile model = sladka2010_model({"r", "vy", "ay"});
+Model car_model() {
+  Model model = sladka2010_model({"r", "vy", "ay"});
   for (Parameter& p : model.parameters) {
     if (p.name == "Cf" || p.name == "Cr") p.value.setConstant(88107.7);
   }
   for (ChannelSource& source : model.outputs) source.column = source.name;
   for (ChannelSource& source : model.inputs) source.column = source.name;
-  model.vehicle.measurement_sd.assign(3, std::nan(""));
+  as_vehicle(model).measurement_sd.assign(3, std::nan(""));
   return model;
 }
 
@@ -110,7 +110,7 @@ TEST(Manoeuvres, MistakesAreSaid) {
 // The realised ratio scatters by 20 log10(e) sqrt(1 / 2N) dB: 0.14 dB here; five of them, 1 false
 // alarm in a million.
 TEST(SimulateVehicle, SignalToNoiseRatioIsRealised) {
-  const ModelFile model = car_model();
+  const Model model = car_model();
   ManoeuvreRequest request;
   request.rate = 280.0;  // 1960 rows
   const Eigen::MatrixXd clean = rows_of(simulate_vehicle(model, request, nullptr, 300.0, 1).csv);
@@ -123,7 +123,7 @@ TEST(SimulateVehicle, SignalToNoiseRatioIsRealised) {
 }
 
 TEST(SimulateVehicle, NoiseHasToBeGiven) {
-  ModelFile model = car_model();
+  Model model = car_model();
   const auto message = [&model] {
     try {
       simulate_vehicle(model, {}, nullptr, std::nullopt, 1);
@@ -133,7 +133,7 @@ TEST(SimulateVehicle, NoiseHasToBeGiven) {
     return std::string();
   };
   EXPECT_NE(message().find("--snr"), std::string::npos);
-  model.vehicle.measurement_sd = {0.01, 0.03, 0.1};
+  as_vehicle(model).measurement_sd = {0.01, 0.03, 0.1};
   EXPECT_EQ(message(), "");
 }
 

@@ -253,7 +253,7 @@ TEST(VehicleSurvey, TheMappingOfTheModelFileIsTheStart) {
   Dataset data = drive_around();
   come_late(data, data.u, 0, 0.4);
   data.y.row(kAy) *= -1.0;
-  ModelFile model = testing::sladka2010_model(kAll);
+  Model model = testing::sladka2010_model(kAll);
   model.inputs[0].delay = 0.3;
   model.outputs[kAy].scale = -2.0;
   model.outputs[kAy].offset = 0.5;
@@ -351,7 +351,7 @@ TEST(VehicleSurvey, SteadyCirclesTellTwoProductsOnly) {
 TEST(VehicleSurvey, FalseAlarmsOnCleanData) {
   int drives = 0, lane_changes = 0, bare = 0;
   constexpr double rates[] = {10.0, 20.0, 50.0, 200.0};
-  const ModelFile model =
+  const Model model =
       read_model_file(std::string(IDENTIKAL_SOURCE_DIR) + "/examples/severe_lane_change.yaml");
   const std::string path = ::testing::TempDir() + "/identikal_survey.csv";
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {

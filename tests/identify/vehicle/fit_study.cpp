@@ -32,7 +32,7 @@ struct Tally {
 
 /// Statistics of fits to `clean` with fresh noise, in shares of the truth.
 Tally study(const char* title, const Dataset& clean, int runs) {
-  const ModelFile model = sladka2010_model();
+  const Model model = sladka2010_model();
   Tally tally;
   tally.runs = runs;
   double sum[kNames] = {}, squares[kNames] = {};
@@ -111,7 +111,7 @@ TEST(VehicleFitStudy, LaneChangeOnTheToolsOwnPath) {
 // force must.
 TEST(VehicleFitStudy, TyreSaturationAlarm) {
   constexpr int kRuns = 200;
-  const ModelFile model = sladka2010_model();
+  const Model model = sladka2010_model();
   TrueCar soft;
   soft.inverse_saturation_f = 1.0 / std::pow(8000.0, 2);
   soft.inverse_saturation_r = 1.0 / std::pow(5000.0, 2);

@@ -42,7 +42,7 @@ void expect_no_pretence(const Estimate& estimate) {
   EXPECT_FALSE(estimate.message.empty());
 }
 
-std::string refusal(const ModelFile& model, const Dataset& data) {
+std::string refusal(const Model& model, const Dataset& data) {
   try {
     fit_vehicle(model, data);
   } catch (const InputError& error) {
@@ -128,7 +128,7 @@ TEST(VehicleFit, StartValueDecidesNothing) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 3);
   const Estimate reference = fit_vehicle(sladka2010_model(), data);
   for (const double start : {1.2e4, 3.9e5}) {
-    ModelFile model = sladka2010_model();
+    Model model = sladka2010_model();
     for (Parameter& p : model.parameters) {
       if (p.name == "Cf") p.value(0, 0) = start;
       if (p.name == "Cr") p.value(0, 0) = 4.1e5 - start;
@@ -150,7 +150,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
       with_noise(lane_change({}, 100.0, {"r", "vy", "ay", "beta"}), {0.01, 0.03, 0.1, 0.003}, 4);
   for (const std::vector<std::string>& outputs :
        {std::vector<std::string>{"r", "vy"}, {"r", "beta"}, {"r", "ay"}, {"r", "vy", "ay"}}) {
-    ModelFile model = sladka2010_model(outputs);
+    Model model = sladka2010_model(outputs);
     Dataset part = data;
     part.outputs.clear();
     part.y.resize(static_cast<Eigen::Index>(outputs.size()), data.size());
@@ -169,7 +169,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
     EXPECT_NEAR(p[kCr], 88107.7, 0.15 * 88107.7) << outputs.back();
     EXPECT_NEAR(p[kYawInertia], 2319.0, 0.3 * 2319.0) << outputs.back();
   }
-  ModelFile model = sladka2010_model({"r"});
+  Model model = sladka2010_model({"r"});
   Dataset part = data;
   part.outputs.resize(1);
   part.y.conservativeResize(1, Eigen::NoChange);
@@ -191,7 +191,7 @@ TEST(VehicleFit, YawRateAlone) {
 TEST(VehicleFit, SpeaksTheUsersUnits) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 6);
   const Estimate si = fit_vehicle(sladka2010_model(), data);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     if (p.name == "Cf") p.unit = "kN/rad";
   }
@@ -286,9 +286,9 @@ TEST(VehicleFit, SensorsAndSteering) {
   }
   data.y.row(0).array() += 0.004;  // bias
   data = with_noise(data, {0.003, 0.02, 0.1, 0.002}, 9);
-  ModelFile model = sladka2010_model({"r", "vy", "ay", "beta"});
-  model.vehicle.sensors["ay"] = ay_at;
-  model.vehicle.sensors["beta"] = beta_at;
+  Model model = sladka2010_model({"r", "vy", "ay", "beta"});
+  as_vehicle(model).sensors["ay"] = ay_at;
+  as_vehicle(model).sensors["beta"] = beta_at;
   model.parameters.push_back(unknown("steering_gain", "", 1.0));
   model.parameters.push_back(unknown("steering_offset", "deg", 0.0));
   model.parameters.push_back(unknown("bias_r", "rad/s", 0.0));
@@ -307,7 +307,7 @@ TEST(VehicleFit, SensorsAndSteering) {
 
 TEST(VehicleFit, MassIsNeverFoundFromSteering) {
   const Dataset data = with_noise(lane_change({}, 100.0, {"r", "vy", "ay"}), {0.01, 0.03, 0.1}, 10);
-  ModelFile model = sladka2010_model({"r", "vy", "ay"});
+  Model model = sladka2010_model({"r", "vy", "ay"});
   for (Parameter& p : model.parameters) {
     if (p.name == "m") p = unknown("m", "kg", 1300.0, 500.0, 4000.0);
   }
@@ -332,7 +332,7 @@ TEST(VehicleFit, MassIsNeverFoundFromSteering) {
 
 TEST(VehicleFit, SaysWhenSomethingIsNotExcited) {
   const Dataset data = with_noise(lane_change({}, 50.0), {0.01, 0.03}, 11);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   model.parameters.push_back(unknown("bias_ay", "m/s^2", 0.0));  // no ay is measured
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "bias_ay").verdict, Verdict::unexcited);
@@ -344,7 +344,7 @@ TEST(VehicleFit, SaysWhenSomethingIsNotExcited) {
 
 TEST(VehicleFit, BoundsAreReportedNotDressedUp) {
   const Dataset data = with_noise(lane_change({}, 50.0), {0.01, 0.03}, 12);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     if (p.name == "Cr") p.max = 8.2e4;
   }
@@ -360,13 +360,13 @@ TEST(VehicleFit, BoundsAreReportedNotDressedUp) {
 
 TEST(VehicleFit, GivenNoiseIsUsedAndChecked) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 13);
-  ModelFile model = sladka2010_model();
-  model.vehicle.measurement_sd = {0.01, kMissing};
+  Model model = sladka2010_model();
+  as_vehicle(model).measurement_sd = {0.01, kMissing};
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(derived(fit, "sd(r)")->value, 0.01);
   EXPECT_NEAR(derived(fit, "sd(vy)")->value, 0.03, 0.004);
   EXPECT_EQ(warning(fit, "noise_differs"), nullptr);
-  model.vehicle.measurement_sd = {0.001, 0.03};
+  as_vehicle(model).measurement_sd = {0.001, 0.03};
   ASSERT_NE(warning(fit_vehicle(model, data), "noise_differs"), nullptr);
 }
 
@@ -392,7 +392,7 @@ TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
 
 TEST(VehicleFit, FlippedSignsAreSeen) {
   Dataset data = with_noise(lane_change({}, 100.0, {"r", "vy", "ay"}), {0.01, 0.03, 0.1}, 15);
-  const ModelFile model = sladka2010_model({"r", "vy", "ay"});
+  const Model model = sladka2010_model({"r", "vy", "ay"});
   EXPECT_EQ(warning(fit_vehicle(model, data), "sign_ay"), nullptr);
   Dataset flipped = data;
   flipped.y.row(2) *= -1.0;
@@ -418,7 +418,7 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
 // Without an accelerometer no kinematics show the sign of vy or beta, but the fit does.
 TEST(VehicleFit, WrongSignOfSideslipIsNamed) {
   for (const std::string& name : {std::string("vy"), std::string("beta")}) {
-    const ModelFile model = sladka2010_model({"r", name});
+    const Model model = sladka2010_model({"r", name});
     const double sd = name == "vy" ? 0.03 : 0.002;
     const Dataset data = with_noise(lane_change({}, 100.0, {"r", name}), {0.01, sd}, 15);
     EXPECT_EQ(warning(fit_vehicle(model, data), "wrong_sign"), nullptr);
@@ -444,7 +444,7 @@ TEST(VehicleFit, SignsOfHeldOutDataAreSeen) {
             [](double t) { return 17.0 + 5.0 * std::sin(0.3 * t); }),
         {0.01, 0.03, 0.1}, seed);
   };
-  const ModelFile model = sladka2010_model({"r", "vy", "ay"});
+  const Model model = sladka2010_model({"r", "vy", "ay"});
   VehicleFitOptions options;
   options.hold_out = {drive(2)};
   const Estimate clean = fit_vehicle(model, drive(1), options);
@@ -473,8 +473,8 @@ TEST(VehicleFit, ImplausibleValuesAreSaid) {
 // The initial state is read off a sensor that is turned: without noise nothing is left to correct.
 TEST(VehicleFit, InitialSideslipOfATurnedSensor) {
   for (const std::string& name : {std::string("vy"), std::string("beta")}) {
-    ModelFile model = sladka2010_model({"r", name});
-    model.vehicle.sensors[name] = {0.4, -0.2, 0.05};
+    Model model = sladka2010_model({"r", name});
+    as_vehicle(model).sensors[name] = {0.4, -0.2, 0.05};
     model.parameters.push_back(known("mounting_angle", "rad", 0.03));
     const Dataset drive = record(
         {}, uniform_time(5.0, 100.0), {"r", "vy"}, [](double t) { return 0.5 * std::sin(2.0 * t); },
@@ -508,7 +508,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   EXPECT_EQ(fit.status, Status::untrusted);
   EXPECT_LT(parameter(fit, "Cr").value, 0.9 * 88107.7);
 
-  const ModelFile model = sladka2010_model();
+  const Model model = sladka2010_model();
   const VehicleRun run = usable_run(model, {data});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleProblem problem = make_vehicle_problem(run, unknowns, {300.0});
@@ -542,7 +542,7 @@ TEST(VehicleFit, OutliersBendNoTyre) {
       // Where the car turns hard, the sensor sometimes reads too little.
       if (std::abs(data.y(0, t)) > 0.15 && random.uniform() < 0.1) data.y(0, t) *= 0.3;
     }
-    const ModelFile model = sladka2010_model();
+    const Model model = sladka2010_model();
     const VehicleRun run = usable_run(model, {data});
     const VehicleUnknowns unknowns = vehicle_unknowns(model);
     VehicleProblem problem = make_vehicle_problem(run, unknowns, {300.0});
@@ -563,7 +563,7 @@ TEST(VehicleFit, OutliersBendNoTyre) {
 
 TEST(VehicleFit, NothingFreeIsASimulation) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 18);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     p.fixed = true;
     if (p.name == "Cf" || p.name == "Cr") p.value(0, 0) = 88107.7;
@@ -579,8 +579,8 @@ TEST(VehicleFit, NothingFreeIsASimulation) {
 TEST(VehicleFit, RoadWheelAngleNeedsNoRatio) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 19);
   data.u.row(0) /= 21.0;
-  ModelFile model = sladka2010_model();
-  model.vehicle.steering_at_road_wheel = true;
+  Model model = sladka2010_model();
+  as_vehicle(model).steering_at_road_wheel = true;
   std::erase_if(model.parameters, [](const Parameter& p) { return p.name == "steering_ratio"; });
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 4.0 * parameter(fit, "Cf").se);
@@ -689,7 +689,7 @@ TEST(VehicleFitRefuses, ImpossibleNumbers) {
 // A log-normal prior keeps a parameter above 0, wherever the file lets it go.
 TEST(VehicleFit, PriorOfALogarithm) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   model.parameters.push_back(unknown("steering_gain", "", 1.0));
   model.parameters.back().prior = {Prior::Kind::log_normal, 1.0, 1.02};
   const Estimate fit = fit_vehicle(model, data);
@@ -702,8 +702,8 @@ TEST(VehicleFit, PriorOfALogarithm) {
 TEST(VehicleFit, NothingFittedIsSaid) {
   Dataset data = lane_change({}, 100.0);
   data.u.row(0) *= 1e5;
-  ModelFile model = sladka2010_model();
-  model.vehicle.curve = TyreCurve::linear;
+  Model model = sladka2010_model();
+  as_vehicle(model).curve = TyreCurve::linear;
   for (Parameter& p : model.parameters) {
     if (p.name == "steering_ratio") p.value(0, 0) = 1e-300;
   }
@@ -718,7 +718,7 @@ TEST(VehicleFit, NothingFittedIsSaid) {
 
 TEST(VehicleFitRefuses, ModelsThatDoNotFit) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   model.parameters.push_back(known("Cq", "N/rad", 1.0));
   EXPECT_THAT(refusal(model, data), HasSubstr("parameter 'Cq'"));
   model = sladka2010_model();
@@ -792,7 +792,7 @@ TEST(VehicleFitRecordings, Chirp) {
   const Dataset data =
       read_recording(shared_file(file), "TIME", {"steering_wheel_angle", "STEER", "deg", kDegree},
                      {"vx", "SPEED", "km/h", 1.0 / 3.6}, {{"r", "YAWVEL", "deg/s", kDegree}});
-  ModelFile model = sladka2010_model({"r"});
+  Model model = sladka2010_model({"r"});
   constexpr double kWheelbase = 2.745;
   model.parameters = {known("m", "kg", 1600.0),
                       known("a", "m", 600.0 / 1600.0 * kWheelbase),
@@ -825,8 +825,8 @@ TEST(VehicleFitRecordings, RaceCar) {
   const Dataset data = read_recording(
       shared_file(file), "t", {"road_wheel_angle", "delta", "rad", 1.0}, {"vx", "vx", "m/s", 1.0},
       {{"r", "yawRate", "rad/s", 1.0}, {"vy", "vy", "m/s", 1.0}});
-  ModelFile model = sladka2010_model();
-  model.vehicle.steering_at_road_wheel = true;
+  Model model = sladka2010_model();
+  as_vehicle(model).steering_at_road_wheel = true;
   model.parameters = {known("m", "kg", 982.0),     known("a", "m", 1.33),
                       known("b", "m", 1.07),       unknown("Iz", "kg m^2", 1400.0),
                       unknown("Cf", "N/rad", 8e4), unknown("Cr", "N/rad", 8e4)};

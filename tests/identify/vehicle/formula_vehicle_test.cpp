@@ -66,12 +66,12 @@ TEST(FormulaVehicle, EqualsTheBuiltInSingleTrack) {
                             ("formula_vehicle_" + std::to_string(getpid()) + ".yaml"))
                                .string();
   std::ofstream(path) << kCarAsFormulas;
-  const ModelFile formulas = read_model_file(path);
+  const Model formulas = read_model_file(path);
   std::filesystem::remove(path);
   const std::vector<Dataset> recording = usable_segments(
       formulas, make_dataset(table, formulas.time, formulas.inputs, formulas.outputs));
 
-  const ModelFile built_in = read_model_file(root + "/examples/severe_lane_change.yaml");
+  const Model built_in = read_model_file(root + "/examples/severe_lane_change.yaml");
   const VehicleRun run =
       usable_run(built_in, {make_dataset(table, built_in.time, built_in.inputs, built_in.outputs)});
   const VehicleUnknowns unknowns = vehicle_unknowns(built_in);

@@ -24,15 +24,14 @@ namespace {
 using ::testing::HasSubstr;
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
-Parameter* find(ModelFile& model, const std::string& name) {
+Parameter* find(Model& model, const std::string& name) {
   for (Parameter& p : model.parameters) {
     if (p.name == name) return &p;
   }
   return nullptr;
 }
 
-ModelFile with_free(ModelFile model, const std::string& name, const std::string& unit,
-                    double start) {
+Model with_free(Model model, const std::string& name, const std::string& unit, double start) {
   model.parameters.push_back(unknown(name, unit, start));
   return model;
 }
@@ -48,8 +47,8 @@ Dataset hard_lane_change() {
 // 40 seeds: every interval at 95 %, so that 5 misses or more of 40 for one parameter happen in 5 %
 // of such tests, and in none of the five at 22 %; the seeds are fixed.
 TEST(VehicleModel, TanhTyreComesBack) {
-  ModelFile model = sladka2010_model();
-  model.vehicle.curve = TyreCurve::tanh;
+  Model model = sladka2010_model();
+  as_vehicle(model).curve = TyreCurve::tanh;
   model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
   const Dataset clean = hard_lane_change();
   const std::pair<const char*, double> truth[] = {
@@ -79,8 +78,8 @@ TEST(VehicleModel, TanhTyreComesBack) {
 
 // A tyre that is linear: its largest force is not there to be found, and nothing is pretended.
 TEST(VehicleModel, NoSaturationIsSaid) {
-  ModelFile model = sladka2010_model();
-  model.vehicle.curve = TyreCurve::tanh;
+  Model model = sladka2010_model();
+  as_vehicle(model).curve = TyreCurve::tanh;
   model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
   const Estimate fit = fit_vehicle(model, with_noise(lane_change({}, 100.0), {0.01, 0.03}, 5));
   for (const char* name : {"Cf", "Cr"}) {
@@ -104,8 +103,8 @@ TEST(VehicleModel, NoSaturationIsSaid) {
 // axles at their bound.
 TEST(VehicleModel, NoSaturationOfAnyCurve) {
   for (const TyreCurve curve : {TyreCurve::tanh, TyreCurve::fiala, TyreCurve::magic_formula}) {
-    ModelFile model = sladka2010_model();
-    model.vehicle.curve = curve;
+    Model model = sladka2010_model();
+    as_vehicle(model).curve = curve;
     model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
     int straight = 0, said = 0;
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
@@ -153,7 +152,7 @@ TEST(VehicleModel, DelayIsFoundOrSaid) {
 }
 
 TEST(VehicleModel, DelayIsSaidBesideAFreeRatio) {
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   find(model, "steering_ratio")->fixed = false;
   find(model, "steering_ratio")->prior = {Prior::Kind::normal, 21.0, 0.1};
   EXPECT_NE(warning(fit_vehicle(model, late_steering(0.08)), "steering_delay"), nullptr);
@@ -162,7 +161,7 @@ TEST(VehicleModel, DelayIsSaidBesideAFreeRatio) {
 // What is shown as simulated is what was fitted, wherever the delay began.
 TEST(VehicleModel, ReplayFollowsAFittedDelay) {
   const Dataset data = late_steering(0.08);
-  const ModelFile model = with_free(sladka2010_model(), "steering_delay", "s", 0.5);
+  const Model model = with_free(sladka2010_model(), "steering_delay", "s", 0.5);
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {data});
   const VehicleProblem problem =
@@ -184,7 +183,7 @@ TEST(VehicleModel, ReplayFollowsAFittedDelay) {
 
 // A parameter that the prior alone determines keeps its standard error, however errors are taken.
 TEST(VehicleModel, PriorsErrorIsKept) {
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   find(model, "m")->fixed = false;
   find(model, "m")->prior = {Prior::Kind::normal, 1446.0, 50.0};
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
@@ -249,7 +248,7 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
   const double wrong =
       parameter(fit_vehicle(sladka2010_model(), data, without_second_opinion()), "Cf").value;
   ASSERT_GT(std::abs(wrong - 88107.7), 2000.0);
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   Parameter& Cf = *find(model, "Cf");
   (wrong < 88107.7 ? Cf.max : Cf.min) = 0.5 * (wrong + 88107.7);
   Cf.value(0, 0) = wrong;
@@ -281,7 +280,7 @@ TEST(VehicleModel, PriorCountsAsAMeasurement) {
   const Estimate plain = fit_vehicle(sladka2010_model(), data);
   const double value = parameter(plain, "Iz").value, se = parameter(plain, "Iz").se;
   for (const bool logarithm : {false, true}) {
-    ModelFile model = sladka2010_model();
+    Model model = sladka2010_model();
     const double away = value + 4.0 * se;
     find(model, "Iz")->prior = logarithm ? Prior{Prior::Kind::log_normal, away, std::exp(se / away)}
                                          : Prior{Prior::Kind::normal, away, se};

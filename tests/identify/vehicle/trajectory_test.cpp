@@ -17,10 +17,10 @@ namespace {
 
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
-ModelFile known_car(double sd_r, double sd_vy) {
-  ModelFile model = sladka2010_model();
+Model known_car(double sd_r, double sd_vy) {
+  Model model = sladka2010_model();
   for (Parameter& p : model.parameters) p.fixed = true;
-  model.vehicle.measurement_sd = {sd_r, sd_vy};
+  as_vehicle(model).measurement_sd = {sd_r, sd_vy};
   return model;
 }
 
@@ -198,7 +198,7 @@ TEST(VehicleTrajectory, ExchangedChannelsGiveNoAnswer) {
 }
 
 TEST(VehicleTrajectory, RefusesForcesThatAreStates) {
-  ModelFile model = sladka2010_model();
+  Model model = sladka2010_model();
   model.parameters.push_back(unknown("relaxation_length", "m", 0.3));
   VehicleFitOptions options = without_second_opinion();
   options.method = VehicleFitOptions::Method::trajectory;

@@ -9,7 +9,7 @@
 int main(int argc, char** argv) {
   using namespace identikal;
   if (argc != 3) return 2;
-  const ModelFile model = read_model_file(argv[1]);
+  const Model model = read_model_file(argv[1]);
   const Dataset data = make_dataset(read_csv(argv[2]), model.time, model.inputs, model.outputs);
   const Estimate estimate = tune_ml(model, {data});
   std::printf("identikal %s\n", IDENTIKAL_VERSION);
