@@ -12,7 +12,7 @@ esac
 ./prepare.sh $(cat packages.txt) libgtest-dev libgmock-dev libbenchmark-dev clang clang-format libclang-rt-dev \
   python3 python3-jsonschema python3-numpy chromium chromium-driver pkg-config
 
-find lib solvers identify studies jobs command tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
+find lib solvers identify studies jobs interface command tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
   xargs -0 clang-format --dry-run --Werror
 
 # With --slow every file is compiled by itself and without the precompiled header, and so has to include what it uses.

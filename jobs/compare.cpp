@@ -36,6 +36,7 @@ Outcome compare_results_of(const CompareOptions& options, Call& call) {
   const Estimate estimate = compare_results(results);
   Outcome out;
   out.json = result_json(estimate, options.result.strict, run.seconds());
+  out.message = to_string(estimate.status) + ": " + estimate.message;
   out.text = options.result.json ? out.json : console_report(estimate);
   out.exit_code = exit_code(estimate, options.result.strict);
   return out;

@@ -20,6 +20,7 @@ class Inputs {
   /// From here on the name stands for this result. @param page_data  kReportDataFile's text
   void keep_result(const std::string& name, std::string json, std::string page_data);
 
+  bool is_in_memory(const std::string& name) const;
   /// A text in memory that is no result, or a file whose name ends like that of a model file.
   bool is_model(const std::string& name) const;
   /// A model file's bytes. @throws InputError as read_yaml_text()
@@ -37,7 +38,6 @@ class Inputs {
     std::shared_ptr<const Table> table;
     bool result = false;
   };
-  bool is_in_memory(const std::string& name) const;
 
   std::map<std::string, Input> read_, kept_;
 };

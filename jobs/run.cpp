@@ -144,6 +144,7 @@ Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
   }
   if (!written.empty()) write_files(written, files_read(run, recordings));
   if (run.call.wants_series) add_series(estimate.series, out);
+  out.message = to_string(estimate.status) + ": " + estimate.message;
   out.text = options.json ? out.json : console_report(estimate);
   out.exit_code = exit_code(estimate, options.strict);
   return out;

@@ -120,6 +120,19 @@ Simulated simulate_filter(const SimulateOptions& options, const Model& model,
                                  : simulate_linear(model, options.rows, given, seed);
 }
 
+// Its columns, as they are written.
+NamedSeries simulated_series(const std::string& csv) {
+  const Table table = parse_csv(csv, "simulated.csv");
+  NamedSeries out{"simulated", {}};
+  out.values.resize(static_cast<Eigen::Index>(table.rows),
+                    static_cast<Eigen::Index>(table.columns.size()));
+  for (std::size_t j = 0; j < table.columns.size(); ++j) {
+    out.values.col(static_cast<Eigen::Index>(j)) = Eigen::Map<const Eigen::VectorXd>(
+        table.columns[j].values.data(), static_cast<Eigen::Index>(table.rows));
+  }
+  return out;
+}
+
 Outcome simulate(const SimulateOptions& options, Call& call) {
   Model model = load_model(options.model, "simulate", call.inputs);
   std::optional<Dataset> inputs;
@@ -138,6 +151,7 @@ Outcome simulate(const SimulateOptions& options, Call& call) {
                              signal_to_noise(options.snr), static_cast<std::uint64_t>(options.seed))
           : simulate_filter(options, model, std::move(inputs));
   Outcome out;
+  if (call.wants_series) out.series.push_back(simulated_series(simulated.csv));
   if (options.folder.empty()) {
     out.text = simulated.csv;
     return out;

@@ -39,7 +39,7 @@ struct Outcome {
   std::string text;                 ///< for people, or JSON where the options ask for it
   std::string json;                 ///< the result, of verbs that have one
   std::string page_data;            ///< what the page draws beyond it (identify/report/page_data.h)
-  std::string states_text;          ///< of the verb filter: states as CSV, which it prints instead
+  std::string message;              ///< of a result, its status and why: "ok: converged"
   std::vector<NamedSeries> series;  ///< where the call asks for them
 };
 

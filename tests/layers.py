@@ -18,6 +18,7 @@ ORDER = {
                  "simulation", "validation", "optimality"],
     "studies": [""],
     "jobs": [""],
+    "interface": [""],
     "command": [""],
 }
 MOST_FLOORS = 7
@@ -27,11 +28,11 @@ ONLY_IN = {
     r"nlopt": r"solvers/nlopt_backend\.cpp",
     r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel)\.cpp",
     r"CLI/": r"command/.*",
-    r"nlohmann/": r"identify/(result|report)/(.*\.cpp|internal/.*\.h)",
+    r"nlohmann/": r"(identify/(result|report)/(.*\.cpp|internal/.*\.h)|interface/.*\.cpp)",
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",
     r"boost/": r"identify/estimate/distribution\.cpp",
     r"openssl/": r"identify/result/file_digest\.cpp",
-    r"fmt/": r"(identify|studies|jobs|command)/.*\.cpp",
+    r"fmt/": r"(identify|studies|jobs|interface|command)/.*\.cpp",
 }
 
 place = {f"{house}/{room}".rstrip("/"): (i, j)

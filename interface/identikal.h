@@ -1,0 +1,94 @@
+/* Identikal for programs in C, and in any language that can call C: fit a model to recordings, tune a Kalman
+   filter, run it sample by sample.
+
+     ik_recording nile = {.y = volume, .rows = 100, .ny = 1};
+     ik_result* result = NULL;
+     int code = ik_run("tune", model_yaml, &nile, 1, NULL, 0, "{\"starts\": 1}", NULL, &result);
+     puts(code == 0 ? ik_result_json(result) : ik_result_message(result));
+     ik_result_free(result);
+
+   Functions may be called from several threads at once; one result or filter belongs to one thread at a time.
+   Texts are UTF-8 and end in a zero byte; what a result gives stays valid until it is freed. Numbers are in SI
+   unless a unit is given. Pointers that may be NULL say so. */
+#ifndef IDENTIKAL_H
+#define IDENTIKAL_H
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(__GNUC__)
+#define IK_API __attribute__((visibility("default")))
+#else
+#define IK_API
+#endif
+
+/* Samples of one recording, a row per sample; NaN where a value is missing. */
+typedef struct {
+  const double* time; /* rows, rising [s]; NULL: `step` apart, or as far as the model says */
+  const double* y;    /* rows x ny, row by row: the outputs */
+  const double* u;    /* rows x nu: the inputs; NULL where nu is 0 */
+  size_t rows, ny, nu;
+  double step;              /* [s]; 0: not given */
+  const char* const* names; /* ny + nu columns as the model calls them, outputs first; NULL: y and u
+                               hold the model's channels in its order */
+  const char* const* units; /* ny + nu, each NULL where the model's unit holds; NULL: all hold */
+} ik_recording;
+
+typedef struct ik_result ik_result;
+
+/* What ik_run() calls while it works. */
+typedef struct {
+  size_t size; /* sizeof(ik_callbacks) */
+  /* what: a line for people; share: of the work that is done; value: of the objective; NaN: not known.
+     Answers 0 to stop with the best so far. */
+  int (*progress)(void* user, const char* what, double share, double value);
+  void* user;
+} ik_callbacks;
+
+/* Runs a verb of the command line: tune, fit, check, shape, track, filter, bound, simulate, validate, compare.
+
+   model_yaml  the text of a model file; NULL for validate, and for compare of results
+   recordings  `count` of them; of bound and simulate one of the inputs, or none
+   previous    the results that the verb starts from: validate has one, compare two or more; of filter its
+               values are taken. NULL where previous_count is 0
+   options     a JSON object whose keys are the long options of the command line without dashes:
+               {"starts": 1, "robust": true, "set": ["Cf=80 kN/rad"]}; NULL: none
+   callbacks   may be NULL
+   result      is set whatever happens, so that it can say why; may be NULL; ik_result_free()
+
+   Answers the exit status of the command line: 0 done and usable, 1 rejected, 2 a mistake in the arguments, 3
+   not converged, 4 strict and there are warnings, 5 an internal error or a file that cannot be written. */
+IK_API int ik_run(const char* verb, const char* model_yaml, const ik_recording* recordings,
+                  size_t count, const ik_result* const* previous, size_t previous_count,
+                  const char* options_json, const ik_callbacks* callbacks, ik_result** result);
+
+/* The result as JSON (docs/file-formats.md); of simulate the recording as CSV; empty after a mistake. */
+IK_API const char* ik_result_json(const ik_result* result);
+
+/* One line: the status and why, or what is wrong with the arguments. */
+IK_API const char* ik_result_message(const ik_result* result);
+
+/* A row per sample, row by row, in the channels' units: "time", "measured", "predicted", "innovations",
+   "standardised"; of filter also "states" and "state_sd", in SI; of simulate "simulated". NULL, and no rows,
+   where the result has no such series. rows and cols may be NULL. */
+IK_API const double* ik_result_series(const ik_result* result, const char* name, size_t* rows,
+                                      size_t* cols);
+
+/* The result as one HTML page; the first time its pictures are computed, for which the job runs again. Empty
+   where a verb has no page. */
+IK_API const char* ik_result_report_html(ik_result* result);
+
+/* NULL is ignored. */
+IK_API void ik_result_free(ik_result* result);
+
+/* "0.1.0" */
+IK_API const char* ik_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

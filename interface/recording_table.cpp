@@ -1,0 +1,124 @@
+#include "interface/recording_table.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+// A column that was given as one of rows of `width` numbers.
+Column column_of(const std::string& name, const std::string& unit, const double* values,
+                 std::size_t rows, std::size_t width) {
+  Column out;
+  out.name = out.header = name;
+  out.unit = unit;
+  out.values.resize(rows);
+  for (std::size_t row = 0; row < rows; ++row) out.values[row] = values[row * width];
+  out.missing = static_cast<std::size_t>(
+      std::count_if(out.values.begin(), out.values.end(), [](double x) { return std::isnan(x); }));
+  return out;
+}
+
+void check_pointers(const ik_recording& given, const std::string& name) {
+  const auto refuse = [&](const char* what, const char* expected) {
+    throw InputError({name, 0, 0}, what, expected);
+  };
+  if (given.rows == 0) refuse("has no rows", "one at least");
+  if (given.ny > 0 && given.y == nullptr) refuse("y is NULL", "rows x ny numbers");
+  if (given.nu > 0 && given.u == nullptr) refuse("u is NULL", "rows x nu numbers");
+  for (const double* values : {given.y, given.u}) {
+    const std::size_t width = values == given.y ? given.ny : given.nu;
+    for (std::size_t i = 0; values != nullptr && i < given.rows * width; ++i) {
+      if (std::isinf(values[i])) {
+        throw InputError({name, 0, 0}, fmt::format("row {} holds an infinite value", i / width),
+                         "numbers, NaN where a value is missing");
+      }
+    }
+  }
+}
+
+// The model's channels, in its order, or the names that were given.
+std::vector<std::string> column_names(const ik_recording& given, const ModelFile& model,
+                                      const std::string& name, bool with_outputs) {
+  std::vector<std::string> out;
+  const std::size_t columns = given.ny + given.nu;
+  if (given.names != nullptr) {
+    for (std::size_t i = 0; i < columns; ++i) {
+      if (given.names[i] == nullptr) {
+        throw InputError({name, 0, 0}, fmt::format("name {} of {} is NULL", i, columns), "a text");
+      }
+      out.emplace_back(given.names[i]);
+    }
+    return out;
+  }
+  const std::size_t outputs = with_outputs ? model.outputs.size() : given.ny;
+  if (given.ny != outputs || given.nu != model.inputs.size()) {
+    throw InputError({name, 0, 0}, fmt::format("{} outputs and {} inputs", given.ny, given.nu),
+                     fmt::format("{} and {}, as the model has", with_outputs ? outputs : 0,
+                                 model.inputs.size()));
+  }
+  for (std::size_t i = 0; i < outputs && with_outputs; ++i) out.push_back(model.outputs[i].column);
+  for (std::size_t i = out.size(); i < given.ny; ++i) out.push_back(fmt::format("y{}", i + 1));
+  for (const ChannelSource& input : model.inputs) out.push_back(input.column);
+  return out;
+}
+
+// As the model's time column; without one it has a step of its own, which is not to be contradicted.
+void add_time(const ik_recording& given, const ModelFile& model, const std::string& name,
+              Table& table) {
+  const double step =
+      given.time != nullptr && given.rows > 1
+          ? (given.time[given.rows - 1] - given.time[0]) / static_cast<double>(given.rows - 1)
+          : given.step;
+  if (model.time.column.empty()) {
+    if (step != 0.0 && std::abs(step - model.time.step) > 1e-6 * model.time.step) {
+      throw InputError({name, 0, 0}, fmt::format("samples are {:.6g} s apart", step),
+                       fmt::format("{:.6g} s, the model's step", model.time.step),
+                       "a model with 'time: {column: t}' takes times as they are");
+    }
+    return;
+  }
+  std::vector<double> times;
+  if (given.time != nullptr) {
+    times.assign(given.time, given.time + given.rows);
+  } else {
+    const double between = given.step != 0.0 ? given.step : model.time.step;
+    if (!(between > 0.0) || !std::isfinite(between)) {
+      throw InputError({name, 0, 0}, "neither times nor a step", "one of them, above 0");
+    }
+    for (std::size_t row = 0; row < given.rows; ++row) {
+      times.push_back(static_cast<double>(row) * between);
+    }
+  }
+  table.columns.insert(table.columns.begin(),
+                       column_of(model.time.column, "s", times.data(), given.rows, 1));
+}
+
+}  // namespace
+
+Table recording_table(const ik_recording& given, const ModelFile& model, const std::string& name,
+                      bool with_outputs) {
+  check_pointers(given, name);
+  const std::vector<std::string> names = column_names(given, model, name, with_outputs);
+  Table table;
+  table.path = name;
+  table.rows = given.rows;
+  table.has_header = true;
+  table.line_runs = {{0, 1}};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const char* unit = given.units != nullptr ? given.units[i] : nullptr;
+    const bool output = i < given.ny;
+    table.columns.push_back(column_of(names[i], unit != nullptr ? unit : "",
+                                      output ? given.y + i : given.u + (i - given.ny), given.rows,
+                                      output ? given.ny : given.nu));
+  }
+  add_time(given, model, name, table);
+  return table;
+}
+
+}  // namespace identikal

@@ -1,0 +1,274 @@
+#include "interface/run.h"
+
+#include <algorithm>
+#include <exception>
+#include <memory>
+#include <new>
+#include <stdexcept>
+#include <vector>
+
+#include "interface/json_options.h"
+#include "interface/recording_table.h"
+#include "jobs/verbs.h"
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "identify/model/model_file.h"
+#include "identify/report/page.h"
+#include "identify/result/estimated_model.h"
+#include "lib/base/error.h"
+#include "lib/base/nearest_name.h"
+#include "lib/version.h"
+
+namespace identikal {
+
+std::string model_name_in_memory() { return "<model>"; }
+
+std::string recording_name_in_memory(std::size_t index) {
+  return fmt::format("<recording {}>", index + 1);
+}
+
+std::string result_name_in_memory(std::size_t index) {
+  return fmt::format("<result {}>", index + 1);
+}
+
+void guarded(ik_result& result, const std::function<void()>& work) noexcept {
+  try {
+    try {
+      work();
+    } catch (const InputError& error) {
+      result.code = 2;
+      result.message = error.what();
+    } catch (const OutputError& error) {
+      result.code = 5;
+      result.message = error.what();
+    } catch (const std::invalid_argument& error) {
+      result.code = 2;
+      result.message = error.what();
+    } catch (const std::bad_alloc&) {
+      result.code = 5;
+      result.message = "out of memory";
+    } catch (const std::exception& error) {
+      result.code = 5;
+      result.message = fmt::format("internal error: {}; please report it", error.what());
+    }
+  } catch (...) {  // no memory for the message
+    result.code = 5;
+  }
+}
+
+namespace {
+
+using MakeVerb = Verb (*)();
+
+struct NamedVerb {
+  const char* name;
+  MakeVerb make;
+};
+
+constexpr NamedVerb kVerbs[] = {{"tune", tune_verb},         {"fit", fit_verb},
+                                {"check", check_verb},       {"shape", shape_verb},
+                                {"track", track_verb},       {"filter", filter_verb},
+                                {"bound", bound_verb},       {"simulate", simulate_verb},
+                                {"validate", validate_verb}, {"compare", compare_verb}};
+
+Verb verb_called(const std::string& name) {
+  std::vector<std::string> names;
+  for (const NamedVerb& each : kVerbs) {
+    if (name == each.name) return each.make();
+    names.emplace_back(each.name);
+  }
+  throw InputError({}, fmt::format("unknown verb '{}'", name),
+                   fmt::format("one of {}", fmt::join(names, ", ")), did_you_mean(name, names));
+}
+
+// The arguments of ik_run(), none of them checked.
+struct Arguments {
+  const char* model_yaml;
+  const ik_recording* recordings;
+  std::size_t count;
+  const ik_result* const* previous;
+  std::size_t previous_count;
+};
+
+void check_arguments(const Arguments& given, const std::string& verb) {
+  if (given.count > 0 && given.recordings == nullptr) {
+    throw InputError({}, fmt::format("recordings is NULL and count is {}", given.count),
+                     "an array of them");
+  }
+  for (std::size_t i = 0; i < given.previous_count; ++i) {
+    const bool there = given.previous != nullptr && given.previous[i] != nullptr;
+    if (there && !given.previous[i]->outcome.json.empty()) continue;
+    throw InputError({}, fmt::format("previous result {} {}", i + 1, there ? "is none" : "is NULL"),
+                     "what ik_run() has given with code 0, 1, 3 or 4");
+  }
+  const bool of_results = verb == "validate" || (verb == "compare" && given.model_yaml == nullptr);
+  if (of_results && given.model_yaml != nullptr) {
+    throw InputError({}, "validate with a model", "a previous result, which holds its model");
+  }
+  if (!of_results && given.model_yaml == nullptr) {
+    throw InputError({}, "model_yaml is NULL", "the text of a model file");
+  }
+  const std::size_t least = verb == "validate" ? 1 : verb == "compare" && of_results ? 2 : 0;
+  const std::size_t most = verb == "compare" ? (of_results ? 1000 : 0)
+                                             : (verb == "validate" || verb == "filter" ? 1 : 0);
+  if (given.previous_count < least || given.previous_count > most) {
+    throw InputError(
+        {}, fmt::format("{} previous results for '{}'", given.previous_count, verb),
+        least == most ? fmt::format("{}", least) : fmt::format("from {} to {}", least, most));
+  }
+}
+
+// The model says which columns a recording has.
+ModelFile model_of_recordings(const Arguments& given, const std::string& verb, Inputs& inputs) {
+  if (verb == "validate") {
+    const StoredResult result = inputs.result(result_name_in_memory(0));
+    return estimated_model(result.estimate, result.path);
+  }
+  if (given.model_yaml == nullptr) return {};
+  const std::string name = model_name_in_memory();
+  return parse_model_file(inputs.model_text(name), name);
+}
+
+void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs) {
+  if (given.model_yaml != nullptr) inputs.keep_text(model_name_in_memory(), given.model_yaml);
+  for (std::size_t i = 0; i < given.previous_count; ++i) {
+    const Outcome& outcome = given.previous[i]->outcome;
+    inputs.keep_result(result_name_in_memory(i), outcome.json, outcome.page_data);
+  }
+  if (given.count == 0) return;
+  const ModelFile model = model_of_recordings(given, verb, inputs);
+  const bool with_outputs = verb != "bound" && verb != "simulate";
+  for (std::size_t i = 0; i < given.count; ++i) {
+    const std::string name = recording_name_in_memory(i);
+    inputs.keep_table(name, recording_table(given.recordings[i], model, name, with_outputs));
+  }
+}
+
+// What the command line takes as arguments.
+void take_arguments(const Verb& verb, const Inputs& inputs) {
+  const auto names = [&](std::string (*name)(std::size_t)) {
+    std::vector<std::string> out;
+    while (inputs.is_in_memory(name(out.size()))) out.push_back(name(out.size()));
+    return out;
+  };
+  const std::vector<std::string> recordings = names(recording_name_in_memory);
+  const std::vector<std::string> results = names(result_name_in_memory);
+  for (const Option& option : verb.options) {
+    std::vector<std::string> values;
+    if (option.names == "MODEL") values = {model_name_in_memory()};
+    if (option.names == "RESULT" || option.names == "--from") values = results;
+    if (option.names == "DATA") values = recordings;
+    if (option.names == "FILES") {
+      values = results;
+      if (inputs.is_in_memory(model_name_in_memory())) values.push_back(model_name_in_memory());
+      values.insert(values.end(), recordings.begin(), recordings.end());
+    }
+    if (option.is_argument() && option.required && values.empty()) {
+      throw InputError({}, fmt::format("'{}' without a recording", verb.name), "one at least");
+    }
+    if (!option.is_list() && values.size() > 1) {
+      throw InputError({}, fmt::format("'{}' with {} recordings", verb.name, values.size()), "one");
+    }
+    for (const std::string& value : values) take(option, value);
+  }
+}
+
+void ask_for_json(const Verb& verb) {
+  for (const Option& option : verb.options) {
+    if (option.names == "--json") take(option, "");
+  }
+}
+
+Outcome run_again(const ik_result& result, bool wants_page,
+                  const std::function<bool(const std::string&, double, double)>& progress) {
+  const Verb verb = verb_called(result.verb);
+  take_arguments(verb, result.inputs);
+  ask_for_json(verb);
+  take_json_options(verb, result.options);
+  Call call;
+  call.inputs = result.inputs;
+  call.wants_page = wants_page;
+  call.wants_series = true;
+  call.progress = progress;
+  return verb.run(call);
+}
+
+void run(ik_result& result, const Arguments& given, const ik_callbacks* callbacks) {
+  check_arguments(given, verb_called(result.verb).name);
+  keep_inputs(given, result.verb, result.inputs);
+  std::function<bool(const std::string&, double, double)> progress;
+  if (callbacks != nullptr && callbacks->size >= sizeof(ik_callbacks) && callbacks->progress) {
+    progress = [callbacks](const std::string& what, double share, double value) {
+      return callbacks->progress(callbacks->user, what.c_str(), share, value) != 0;
+    };
+  }
+  result.outcome = run_again(result, false, progress);
+  result.code = result.outcome.exit_code;
+  result.message = result.outcome.message;
+}
+
+}  // namespace
+}  // namespace identikal
+
+using identikal::guarded;
+using identikal::InputError;
+
+int ik_run(const char* verb, const char* model_yaml, const ik_recording* recordings, size_t count,
+           const ik_result* const* previous, size_t previous_count, const char* options_json,
+           const ik_callbacks* callbacks, ik_result** result) {
+  std::unique_ptr<ik_result> out(new (std::nothrow) ik_result);
+  if (!out) {
+    if (result != nullptr) *result = nullptr;
+    return 5;
+  }
+  guarded(*out, [&] {
+    if (verb == nullptr) throw InputError({}, "verb is NULL", "tune, fit, ...");
+    out->verb = verb;
+    out->options = options_json != nullptr ? options_json : "{}";
+    identikal::run(*out, {model_yaml, recordings, count, previous, previous_count}, callbacks);
+  });
+  const int code = out->code;
+  if (result != nullptr) *result = out.release();
+  return code;
+}
+
+const char* ik_result_json(const ik_result* result) {
+  if (result == nullptr) return "";
+  const identikal::Outcome& outcome = result->outcome;
+  return outcome.json.empty() ? outcome.text.c_str() : outcome.json.c_str();
+}
+
+const char* ik_result_message(const ik_result* result) {
+  return result == nullptr ? "there is no result" : result->message.c_str();
+}
+
+const double* ik_result_series(const ik_result* result, const char* name, size_t* rows,
+                               size_t* cols) {
+  if (rows != nullptr) *rows = 0;
+  if (cols != nullptr) *cols = 0;
+  if (result == nullptr || name == nullptr) return nullptr;
+  for (const identikal::NamedSeries& series : result->outcome.series) {
+    if (series.name != name) continue;
+    if (rows != nullptr) *rows = static_cast<size_t>(series.values.rows());
+    if (cols != nullptr) *cols = static_cast<size_t>(series.values.cols());
+    return series.values.data();
+  }
+  return nullptr;
+}
+
+const char* ik_result_report_html(ik_result* result) {
+  if (result == nullptr || result->outcome.json.empty()) return "";
+  if (!result->page.empty()) return result->page.c_str();
+  ik_result problem;
+  guarded(problem, [&] {
+    const identikal::Outcome drawn = identikal::run_again(*result, true, {});
+    if (drawn.page_data.empty()) return;
+    result->page = identikal::report_page(drawn.json, drawn.page_data);
+  });
+  return result->page.c_str();
+}
+
+void ik_result_free(ik_result* result) { delete result; }
+
+const char* ik_version(void) { return IDENTIKAL_VERSION; }
