@@ -8,7 +8,7 @@ cd "$(dirname "$0")"
 [ -f build/build.ninja ] || [ -f build/Makefile ] ||
   packaging/with_progress.sh build.log "Configuring" \
     cmake --preset release -G "$(packaging/generator.sh)" -DIDENTIKAL_BUILD_TESTS=OFF -DIDENTIKAL_BUILD_BENCH=OFF
-packaging/with_progress.sh build.log "Building" cmake --build build -j "$(nproc)" --target identikal command_reference
+packaging/with_progress.sh build.log "Building" cmake --build build -j "$(nproc)" --target identikal identikal_c command_reference
 build/identikal tune examples/nile.yaml data/nile.csv -o out/nile --report out/report_noise.html
 echo
 build/identikal fit examples/severe_lane_change.yaml data/severe_lane_change.csv -o out/severe_lane_change \

@@ -43,7 +43,7 @@ void check_pointers(const ik_recording& given, const std::string& name) {
 }
 
 // The model's channels, in its order, or the names that were given.
-std::vector<std::string> column_names(const ik_recording& given, const ModelFile& model,
+std::vector<std::string> column_names(const ik_recording& given, const Model& model,
                                       const std::string& name, bool with_outputs) {
   std::vector<std::string> out;
   const std::size_t columns = given.ny + given.nu;
@@ -68,19 +68,25 @@ std::vector<std::string> column_names(const ik_recording& given, const ModelFile
   return out;
 }
 
-// As the model's time column; without one it has a step of its own, which is not to be contradicted.
-void add_time(const ik_recording& given, const ModelFile& model, const std::string& name,
+// A model without a time column has a step of its own, which times may not contradict.
+void check_step(const ik_recording& given, const Model& model, const std::string& name) {
+  const double step = model.time.step;
+  const auto refuse = [&](double between) {
+    throw InputError({name, 0, 0}, fmt::format("samples are {:.6g} s apart", between),
+                     fmt::format("{:.6g} s, the model's step", step),
+                     "a model with 'time: {column: t}' takes times as they are");
+  };
+  for (std::size_t row = 1; given.time != nullptr && row < given.rows; ++row) {
+    const double between = given.time[row] - given.time[row - 1];
+    if (!(std::abs(between - step) <= 0.01 * step)) refuse(between);
+  }
+  if (given.step != 0.0 && !(std::abs(given.step - step) <= 1e-6 * step)) refuse(given.step);
+}
+
+void add_time(const ik_recording& given, const Model& model, const std::string& name,
               Table& table) {
-  const double step =
-      given.time != nullptr && given.rows > 1
-          ? (given.time[given.rows - 1] - given.time[0]) / static_cast<double>(given.rows - 1)
-          : given.step;
   if (model.time.column.empty()) {
-    if (step != 0.0 && std::abs(step - model.time.step) > 1e-6 * model.time.step) {
-      throw InputError({name, 0, 0}, fmt::format("samples are {:.6g} s apart", step),
-                       fmt::format("{:.6g} s, the model's step", model.time.step),
-                       "a model with 'time: {column: t}' takes times as they are");
-    }
+    check_step(given, model, name);
     return;
   }
   std::vector<double> times;
@@ -101,7 +107,7 @@ void add_time(const ik_recording& given, const ModelFile& model, const std::stri
 
 }  // namespace
 
-Table recording_table(const ik_recording& given, const ModelFile& model, const std::string& name,
+Table recording_table(const ik_recording& given, const Model& model, const std::string& name,
                       bool with_outputs) {
   check_pointers(given, name);
   const std::vector<std::string> names = column_names(given, model, name, with_outputs);

@@ -120,7 +120,7 @@ void check_arguments(const Arguments& given, const std::string& verb) {
 }
 
 // The model says which columns a recording has.
-ModelFile model_of_recordings(const Arguments& given, const std::string& verb, Inputs& inputs) {
+Model model_of_recordings(const Arguments& given, const std::string& verb, Inputs& inputs) {
   if (verb == "validate") {
     const StoredResult result = inputs.result(result_name_in_memory(0));
     return estimated_model(result.estimate, result.path);
@@ -137,7 +137,7 @@ void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs
     inputs.keep_result(result_name_in_memory(i), outcome.json, outcome.page_data);
   }
   if (given.count == 0) return;
-  const ModelFile model = model_of_recordings(given, verb, inputs);
+  const Model model = model_of_recordings(given, verb, inputs);
   const bool with_outputs = verb != "bound" && verb != "simulate";
   for (std::size_t i = 0; i < given.count; ++i) {
     const std::string name = recording_name_in_memory(i);

@@ -60,7 +60,7 @@ drive. Every number comes with its error, its Cramer-Rao bound, and a verdict
 on whether the data determine it at all.")
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libidentikal-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libeigen3-dev (>= 3.4), libceres-dev (>= 2.1), \
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "identikal (= ${PROJECT_VERSION}), libeigen3-dev (>= 3.4), libceres-dev (>= 2.1), \
 libnlopt-dev, libhwy-dev, libyaml-cpp-dev, libfmt-dev, libssl-dev")
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS identikal)
 set(CPACK_COMPONENT_DEV_DESCRIPTION

@@ -274,10 +274,9 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
                     [&](const auto& c) { return c.name == channel.name; })) {
       throw InputError(name.at, fmt::format("{} names {} twice", what, in_quotes(channel.name)));
     }
-    const YamlNode& column = required(item, "column", in_quotes(channel.name),
-                                      "column: NAME or number, from 1, in the file");
-    channel.column = text_of(column, "column");
-    channel.at = column.at;
+    const YamlNode* column = find(item, "column");
+    channel.column = column != nullptr ? text_of(*column, "column") : channel.name;
+    channel.at = column != nullptr ? column->at : name.at;
     if (const YamlNode* unit = find(item, "unit")) {
       channel.unit = text_of(*unit, "unit");
       check_unit(channel.unit, rules.empty() ? channel.unit : channel.si_unit, unit->at,

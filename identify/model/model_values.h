@@ -73,8 +73,9 @@ struct ChannelRule {
   const char* name;
   const char* si_unit;
 };
-/// A list of {name, column, unit, scale, offset, delay}, or a mapping of name: {column, ...}. An
-/// offset with a unit needs the channel's `unit`, which it is converted to.
+/// A list of {name, column, unit, scale, offset, delay}, or a mapping of name: {column, ...}; a
+/// column that is not named is called as the channel. An offset with a unit needs the channel's
+/// `unit`, which it is converted to.
 /// @param rules        the names that may occur; none: any name, any unit
 /// @param with_equals  a channel may have the key 'equals', which the caller reads
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,

@@ -30,7 +30,7 @@ def check_consumer(program, share, version):
 
 
 def build_consumers(cmake, prefix, folder, version):
-    """By find_package and by pkg-config; and flags that would crash it are refused."""
+    """By find_package and by pkg-config, for this very machine too; flags that would crash it are refused; and in C."""
     share = prefix / "share/identikal"
     run(cmake, "-S", CONSUMER, "-B", folder / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
     run(cmake, "--build", folder / "build")
@@ -44,9 +44,19 @@ def build_consumers(cmake, prefix, folder, version):
     run("g++", "-O1", CONSUMER / "main.cpp", "-o", plain, *flags)
     check_consumer(plain, share, version)
     if platform.machine() == "x86_64":
-        wide = subprocess.run(["g++", "-mavx2", "-fsyntax-only", CONSUMER / "main.cpp", *flags], capture_output=True, text=True)
-        if wide.returncode == 0 or "baseline instruction set" not in wide.stderr:
-            sys.exit(f"-mavx2 is not refused: {wide.stderr}")
+        wide = folder / "wide"
+        run("g++", "-O2", "-march=native", CONSUMER / "main.cpp", "-o", wide, *flags)
+        check_consumer(wide, share, version)
+        misaligned = [flag for flag in flags if "EIGEN_MAX_ALIGN" not in flag]
+        refused = subprocess.run(["g++", "-mavx2", "-fsyntax-only", CONSUMER / "main.cpp", *misaligned], capture_output=True, text=True)
+        if refused.returncode == 0 or "-DEIGEN_MAX_ALIGN_BYTES=16" not in refused.stderr:
+            sys.exit(f"-mavx2 with another alignment is not refused: {refused.stderr}")
+    in_c = folder / "in_c"
+    flags = run("pkg-config", "--cflags", "--libs", "identikal-c", env=pc_environment(prefix)).split()
+    run("gcc", "-std=c99", "-Wall", "-Werror", ROOT / "examples/tune_tracker.c", "-o", in_c, *flags,
+        f"-Wl,-rpath,{next(prefix.glob('lib/**/libidentikal.so')).parent}")
+    if "innovations" not in run(in_c):
+        sys.exit(f"{in_c} prints no innovations")
 
 
 def pc_environment(prefix):

@@ -278,6 +278,12 @@ TEST_F(ModelFileTest, LinearDefaults) {
   EXPECT_EQ(named(model, "q").max, kInfinity);
 }
 
+TEST_F(ModelFileTest, AColumnIsCalledAsItsChannel) {
+  const Model model = read(replaced(kLinear, "{name: y, column: level}", "{name: y}"));
+  EXPECT_EQ(model.outputs.front().column, "y");
+  EXPECT_EQ(model.outputs.front().at.column, 18);
+}
+
 TEST_F(ModelFileTest, EntriesAreMultiplesOfParameters) {
   const Model model = read(
       replaced(replaced(kLinear, "  r: 3\n", "  r: {value: 3, fixed: true}\n  å_1: {value: 0.5}\n"),
@@ -741,8 +747,6 @@ constexpr Mistake kLinearMistakes[] = {
      "scale, offset, delay; did you mean 'column'?"},
     {"outputs: [{name: y, column: level}]", "outputs: [{column: level}]",
      "11:11: 'name' is missing in outputs; expected name: NAME of the channel"},
-    {"outputs: [{name: y, column: level}]", "outputs: [{name: y}]",
-     "11:11: 'column' is missing in 'y'; expected column: NAME or number, from 1, in the file"},
     {"column: level", "column: level, unit: m/ss",
      "11:42: 'y' has the unknown unit 'm/ss'; did you mean 'm/s'?"},
     {"column: level", "column: level, equals: r",
@@ -857,8 +861,6 @@ constexpr Mistake kVehicleMistakes[] = {
     {"unit: deg/s", "unit: deg", "14:32: 'r' is in 'deg'; expected a unit like 'rad/s'"},
     {"vy: {column: vy}", "vz: {column: vy}",
      "14:40: unknown key 'vz' in outputs; expected one of r, vy, ay, beta; did you mean 'vy'?"},
-    {"{column: 3, unit: deg/s}", "{unit: deg/s}",
-     "14:14: 'column' is missing in 'r'; expected column: NAME or number, from 1, in the file"},
     {"model: single-track", "model: single-track\nsensors: {ay: {x: 0.2 m}}",
      "4:11: unknown key 'ay' in sensors; expected one of r, vy; did you mean 'vy'?"},
     {"model: single-track", "model: single-track\nsensors: {vy: {x: 0.2 s}}",

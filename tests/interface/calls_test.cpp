@@ -1,0 +1,209 @@
+// Does ik_run() take whatever a program hands over?
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "interface/identikal.h"
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace {
+
+using testing::HasSubstr;
+
+const char* const kLevel = R"(
+identikal: 1
+time: {kind: discrete, step: 1 s}
+outputs: {y: {}}
+parameters:
+  q: {value: 1, min: 0, max: 1e6}
+  r: {value: 1, min: 0, max: 1e6}
+A: [[1]]
+C: [[1]]
+Q: [[q]]
+R: [[r]]
+initial: diffuse
+)";
+
+std::vector<double> walk(std::size_t rows) {
+  std::vector<double> y(rows);
+  double level = 0.0;
+  unsigned state = 12345;
+  const auto noise = [&] {
+    state = 1664525u * state + 1013904223u;
+    return static_cast<double>(state >> 8) / (1u << 24) - 0.5;
+  };
+  for (double& value : y) {
+    level += noise();
+    value = level + 2.0 * noise();
+  }
+  return y;
+}
+
+ik_recording recording_of(const std::vector<double>& y) {
+  ik_recording out{};
+  out.y = y.data();
+  out.rows = y.size();
+  out.ny = 1;
+  return out;
+}
+
+struct Result {
+  ik_result* handle = nullptr;
+  int code = -1;
+  Result(const Result&) = delete;
+  Result& operator=(const Result&) = delete;
+  Result(const char* verb, const char* model, const std::vector<ik_recording>& recordings,
+         const char* options = nullptr, const std::vector<const ik_result*>& previous = {}) {
+    code = ik_run(verb, model, recordings.data(), recordings.size(), previous.data(),
+                  previous.size(), options, nullptr, &handle);
+  }
+  ~Result() { ik_result_free(handle); }
+  std::string json() const { return ik_result_json(handle); }
+  std::string message() const { return ik_result_message(handle); }
+};
+
+TEST(Calls, TuneAndWhatItGives) {
+  const std::vector<double> y = walk(200);
+  const Result tuned("tune", kLevel, {recording_of(y)}, R"({"starts": 1})");
+  EXPECT_EQ(tuned.code, 0) << tuned.message();
+  EXPECT_THAT(tuned.json(), HasSubstr("\"log_likelihood\""));
+  std::size_t rows = 0, cols = 0;
+  const double* measured = ik_result_series(tuned.handle, "measured", &rows, &cols);
+  ASSERT_EQ(rows, y.size());
+  ASSERT_EQ(cols, 1u);
+  EXPECT_EQ(std::vector<double>(measured, measured + rows), y);
+  EXPECT_EQ(ik_result_series(tuned.handle, "no such", &rows, &cols), nullptr);
+  EXPECT_EQ(rows, 0u);
+  EXPECT_THAT(ik_result_report_html(tuned.handle), HasSubstr("</html>"));
+}
+
+TEST(Calls, EveryMistakeIsOneLine) {
+  const std::vector<double> y = walk(50);
+  const ik_recording good = recording_of(y);
+  ik_recording empty = good, none = good, two = good, infinite = good, backwards = good;
+  empty.rows = 0;
+  none.y = nullptr;
+  two.ny = 2;
+  two.rows = 25;
+  std::vector<double> with_infinity = y;
+  with_infinity[7] = std::numeric_limits<double>::infinity();
+  infinite.y = with_infinity.data();
+  std::vector<double> times(y.size(), 0.0);
+  backwards.time = times.data();
+  const char* const no_names[] = {nullptr};
+  ik_recording nameless = good;
+  nameless.names = no_names;
+  ik_recording other_step = good;
+  other_step.step = 0.5;
+  const Result nothing("tune", kLevel, {});
+  struct Case {
+    const char *verb, *model, *options;
+    std::vector<ik_recording> recordings;
+    const char* says;
+  };
+  const Case cases[] = {
+      {nullptr, kLevel, nullptr, {good}, "verb is NULL"},
+      {"tun", kLevel, nullptr, {good}, "did you mean 'tune'"},
+      {"info", kLevel, nullptr, {good}, "unknown verb 'info'"},
+      {"tune", nullptr, nullptr, {good}, "model_yaml is NULL"},
+      {"tune", "", nullptr, {good}, "<model>"},
+      {"tune", "identikal: 1\nA: [[1]]\n", nullptr, {good}, "<model>"},
+      {"tune", kLevel, nullptr, {}, "without a recording"},
+      {"tune", kLevel, "[]", {good}, "no JSON object"},
+      {"tune", kLevel, "{", {good}, "no JSON object"},
+      {"tune", kLevel, R"({"start": 1})", {good}, "unknown option 'start'"},
+      {"tune", kLevel, R"({"json": true})", {good}, "unknown option 'json'"},
+      {"tune", kLevel, R"({"starts": 0})", {good}, "a whole number from 1 to 1000"},
+      {"tune", kLevel, R"({"starts": 1.5})", {good}, "a whole number from 1 to 1000"},
+      {"tune", kLevel, R"({"starts": null})", {good}, "a text or a number"},
+      {"tune", kLevel, R"({"iterate": 1})", {good}, "true or false"},
+      {"tune", kLevel, R"({"range": ["1:2", "3:4"]})", {good}, "one value"},
+      {"tune", kLevel, nullptr, {empty}, "has no rows"},
+      {"tune", kLevel, nullptr, {none}, "y is NULL"},
+      {"tune", kLevel, nullptr, {two}, "2 outputs and 0 inputs"},
+      {"tune", kLevel, nullptr, {infinite}, "row 7 holds an infinite value"},
+      {"tune", kLevel, nullptr, {backwards}, "0 s apart"},
+      {"tune", kLevel, nullptr, {nameless}, "name 0 of 1 is NULL"},
+      {"tune", kLevel, nullptr, {other_step}, "the model's step"},
+      {"track", kLevel, nullptr, {good, good}, "with 2 recordings"},
+      {"validate", kLevel, nullptr, {good}, "validate with a model"},
+      {"validate", nullptr, nullptr, {good}, "0 previous results"},
+      {"compare", nullptr, nullptr, {}, "0 previous results"},
+  };
+  for (const Case& c : cases) {
+    const Result result(c.verb, c.model, c.recordings, c.options);
+    EXPECT_EQ(result.code, 2) << c.says << ": " << result.message();
+    EXPECT_THAT(result.message(), HasSubstr(c.says));
+    EXPECT_EQ(result.message().find('\n'), std::string::npos) << result.message();
+    EXPECT_EQ(result.json(), "");
+  }
+  EXPECT_EQ(ik_run("tune", kLevel, nullptr, 3, nullptr, 0, nullptr, nullptr, nullptr), 2);
+  EXPECT_EQ(ik_run("tune", kLevel, &good, 1, nullptr, 3, nullptr, nullptr, nullptr), 2);
+  EXPECT_STREQ(ik_result_json(nullptr), "");
+  EXPECT_EQ(ik_result_series(nullptr, "time", nullptr, nullptr), nullptr);
+  EXPECT_STREQ(ik_result_report_html(nullptr), "");
+  ik_result_free(nullptr);
+}
+
+TEST(Calls, AFailedResultIsNoPreviousOne) {
+  const std::vector<double> y = walk(50);
+  const Result failed("tune", kLevel, {});
+  const Result validated("validate", nullptr, {recording_of(y)}, nullptr, {failed.handle});
+  EXPECT_EQ(validated.code, 2);
+  EXPECT_THAT(validated.message(), HasSubstr("previous result 1 is none"));
+}
+
+TEST(Calls, ACallbackStops) {
+  const std::vector<double> y = walk(100);
+  const ik_recording recording = recording_of(y);
+  int calls = 0;
+  ik_callbacks callbacks{};
+  callbacks.size = sizeof callbacks;
+  callbacks.user = &calls;
+  callbacks.progress = [](void* user, const char* what, double, double) {
+    ++*static_cast<int*>(user);
+    return std::strlen(what) > 0 ? 0 : 1;
+  };
+  ik_result* result = nullptr;
+  ik_run("tune", kLevel, &recording, 1, nullptr, 0, nullptr, &callbacks, &result);
+  EXPECT_EQ(calls, 1);
+  EXPECT_THAT(ik_result_message(result), HasSubstr("stopped by the caller"));
+  ik_result_free(result);
+}
+
+// What several threads compute is what one computes, to the last bit.
+TEST(Calls, ThreadsAgree) {
+  const char* const verbs[] = {"tune", "check", "filter", "bound", "track", "simulate"};
+  const char* const options[] = {
+      R"({"starts": 1})",     nullptr,          nullptr, R"({"rows": 50})",
+      R"({"particles": 20})", R"({"rows": 20})"};
+  constexpr int kThreads = 8, kJobs = 6;
+  const std::vector<double> y = walk(60);
+  const auto job = [&](int i) {
+    const int verb = i % 6;
+    const bool recorded = verb != 3 && verb != 5;
+    const Result result(
+        verbs[verb], kLevel,
+        recorded ? std::vector<ik_recording>{recording_of(y)} : std::vector<ik_recording>{},
+        options[verb]);
+    const std::string json = result.json();
+    return std::to_string(result.code) + json.substr(0, json.find("timing_s"));
+  };
+  std::vector<std::string> serial;
+  for (int i = 0; i < kJobs; ++i) serial.push_back(job(i));
+  std::vector<std::thread> threads;
+  std::vector<int> wrong(kThreads, 0);
+  for (int thread = 0; thread < kThreads; ++thread) {
+    threads.emplace_back([&, thread] {
+      for (int i = 0; i < kJobs; ++i) wrong[thread] += job(i + thread) != serial[(i + thread) % 6];
+    });
+  }
+  for (std::thread& each : threads) each.join();
+  for (int thread = 0; thread < kThreads; ++thread) EXPECT_EQ(wrong[thread], 0) << thread;
+}
+
+}  // namespace

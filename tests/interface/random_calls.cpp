@@ -1,0 +1,158 @@
+// Calls ik_run() with whatever comes: random verbs, models, sizes, NaN, NULL. random_calls [COUNT] [SEED]
+// Prints how often each code came; a crash, a leak or a hang is for whoever watches it (valgrind, a sanitizer).
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <random>
+#include <string_view>
+#include <vector>
+
+#include "interface/identikal.h"
+
+namespace {
+
+struct NamedVerb {
+  const char* name;
+  std::vector<const char*> options;
+};
+const NamedVerb kVerbs[] = {
+    {"tune",
+     {nullptr, R"({"starts": 1})", R"({"method": "als"})", R"({"hold-out": "30%"})",
+      R"({"starts": 1, "reject-outliers": true})"}},
+    {"fit", {nullptr, R"({"starts": 1, "set": ["q=2"]})"}},
+    {"check", {nullptr, R"({"set": "q=nan"})", R"({"strict": true})"}},
+    {"shape", {R"({"order": 1})"}},
+    {"track", {R"({"particles": 10})", R"({"particles": 10, "adaptive": true})"}},
+    {"filter", {nullptr, R"({"smooth": true})", R"({"lag": 2})", R"({"range": "1:2"})"}},
+    {"bound", {R"({"rows": 5})", R"({"rows": 50, "accuracy": "10%"})", nullptr}},
+    {"simulate", {R"({"rows": 5})", R"#({"rows": 9, "seed": 3, "input": ["u=sin(t)"]})#", nullptr}},
+    {"validate", {nullptr, R"({"fit": "50%"})"}},
+    {"compare", {nullptr}},
+    {"info", {nullptr}},
+    {"", {nullptr}},
+    {"t\xff", {nullptr}}};
+const char* const kOddOptions[] = {
+    "", "{", "[[[[", R"({"starts": -1})", R"({"no": 1})", R"({"set": [[]]})"};
+
+struct KnownModel {
+  const char* text;
+  std::size_t outputs, inputs;
+};
+const KnownModel kModels[] = {
+    {"identikal: 1\ntime: {kind: discrete, step: 1 s}\noutputs: {y: {}}\nparameters: {q: {value: "
+     "1, min: 0, max: 1e6}, "
+     "r: {value: 1, min: 0, max: 1e6}}\nA: [[1]]\nC: [[1]]\nQ: [[q]]\nR: [[r]]\ninitial: diffuse\n",
+     1, 0},
+    {"identikal: 1\ntime: {kind: discrete, column: t, unit: s}\ninputs: {u: {}}\noutputs: {y1: {}, "
+     "y2: {}}\nparameters: "
+     "{q: {value: 1, min: 0, max: 1e6}, d: {value: 0.9, min: 0, max: 0.99}}\nA: [[1, 0.1], [0, "
+     "d]]\nB: [[0], [1]]\n"
+     "C: [[1, 0], [0, 1]]\nQ: [[q, 0], [0, q]]\nR: [[1, 0], [0, 1]]\ninitial: diffuse\n",
+     2, 1},
+    {"identikal: 1\ntime: {kind: continuous, column: t}\nstates: [x]\ndynamics: {x: -k*x + "
+     "u}\ninputs: {u: "
+     "{}}\noutputs: {y: "
+     "{equals: x^2}}\n"
+     "parameters: {k: {value: 1, min: 0, max: 5}}\nQ: [[0.1]]\nR: [[1]]\ninitial: {x: {value: 1, "
+     "sd: 1}}\n",
+     1, 1},
+    {"identikal: 1\nmodel: single-track\ntime: {column: t}\n", 1, 2},
+    {"identikal: 1\n", 1, 0},
+    {"", 0, 0},
+    {"{[", 0, 0},
+    {"a: &a [*a]\n", 1, 0},
+    {nullptr, 0, 0}};
+const double kOdd[] = {0.0,
+                       1.0,
+                       -1e300,
+                       1e-310,
+                       std::numeric_limits<double>::quiet_NaN(),
+                       std::numeric_limits<double>::infinity()};
+
+struct Dice {
+  std::mt19937 engine;
+  std::size_t below(std::size_t n) { return engine() % n; }
+  template <typename Items>
+  auto one_of(const Items& items) {
+    return items[below(std::size(items))];
+  }
+};
+
+std::vector<double> samples(Dice& dice, std::size_t n) {
+  std::vector<double> out(n);
+  const bool odd = dice.below(4) == 0;
+  for (double& value : out) {
+    value = static_cast<double>(dice.below(2000)) / 100.0 - 10.0;
+    if (odd && dice.below(5) == 0) value = dice.one_of(kOdd);
+  }
+  return out;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const long count = argc > 1 ? std::atol(argv[1]) : 2000;
+  Dice dice{std::mt19937(argc > 2 ? static_cast<unsigned>(std::atol(argv[2])) : 1)};
+  std::array<long, 6> codes{};
+  ik_result* kept = nullptr;  // a result of before, for those that start from one
+  for (long i = 0; i < count; ++i) {
+    const bool wild = dice.below(4) == 0;  // else most things fit together
+    const NamedVerb& verb = kVerbs[dice.below(wild ? std::size(kVerbs) : 10)];
+    const auto is = [&](std::string_view name) { return verb.name == name; };
+    const KnownModel& model = kModels[dice.below(wild ? std::size(kModels) : 3)];
+    const std::size_t rows = wild ? dice.below(30) : 5 + dice.below(60);
+    const std::size_t ny = wild ? dice.below(3) : model.outputs;
+    const std::size_t nu = wild ? dice.below(2) : model.inputs;
+    const bool inputs_alone = !wild && (is("bound") || is("simulate"));
+    const std::vector<double> y = samples(dice, rows * ny + 1), u = samples(dice, rows * nu + 1);
+    std::vector<double> time = samples(dice, rows + 1);
+    if (!wild) {
+      for (std::size_t k = 0; k < time.size(); ++k) time[k] = static_cast<double>(k);
+    }
+    ik_recording recording{};
+    if (!wild || dice.below(5) != 0) recording.y = y.data();
+    if (!wild || dice.below(5) != 0) recording.u = u.data();
+    if (!wild || dice.below(3) == 0) recording.time = time.data();
+    recording.rows = rows;
+    recording.ny = inputs_alone ? 0 : ny;
+    recording.nu = nu;
+    if (wild && dice.below(2) == 0) recording.step = dice.one_of(kOdd);
+    const char* const names[] = {"y", dice.below(2) == 0 ? "t" : nullptr, "u", ""};
+    const char* const units[] = {dice.below(2) == 0 ? "m" : "nonsense", nullptr, "s", ""};
+    if (wild && dice.below(3) == 0) recording.names = names;
+    if (dice.below(8) == 0) recording.units = units;
+    const ik_result* const previous[] = {kept, wild && dice.below(2) == 0 ? nullptr : kept};
+    const bool of_results = is("validate") || is("compare");
+    const std::size_t previous_count = wild             ? dice.below(3)
+                                       : is("validate") ? 1
+                                       : is("compare")  ? 2
+                                                        : 0;
+    const char* const options =
+        wild && dice.below(2) == 0 ? dice.one_of(kOddOptions) : dice.one_of(verb.options);
+    ik_result* result = nullptr;
+    const std::size_t recordings =
+        wild                                                                 ? dice.below(2)
+        : (inputs_alone && (nu == 0 || options != nullptr)) || is("compare") ? 0
+                                                                             : 1;
+    const int code = ik_run(verb.name, of_results && !wild ? nullptr : model.text,
+                            wild && dice.below(5) == 0 ? nullptr : &recording, recordings,
+                            wild && dice.below(5) == 0 ? nullptr : previous, previous_count,
+                            options, nullptr, dice.below(10) != 0 ? &result : nullptr);
+    if (code < 0 || code > 5) return std::printf("code %d\n", code), 1;
+    ++codes[static_cast<std::size_t>(code)];
+    if (code == 5) std::printf("call %ld: %s\n", i, ik_result_message(result));
+    std::size_t series_rows = 0, cols = 0;
+    ik_result_series(result, "innovations", &series_rows, &cols);
+    if (dice.below(200) == 0) ik_result_report_html(result);
+    if (result != nullptr && code == 0 && dice.below(3) == 0) std::swap(kept, result);
+    ik_result_free(result);
+  }
+  ik_result_free(kept);
+  std::printf("%ld calls: codes", count);
+  for (std::size_t code = 0; code < codes.size(); ++code)
+    std::printf(" %zu: %ld", code, codes[code]);
+  std::printf("\n");
+  return codes[5] == 0 ? 0 : 1;
+}
