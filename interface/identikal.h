@@ -84,6 +84,40 @@ IK_API const char* ik_result_report_html(ik_result* result);
 /* NULL is ignored. */
 IK_API void ik_result_free(ik_result* result);
 
+/* A Kalman filter that takes one sample after the other:
+
+     ik_filter* filter = NULL;
+     if (ik_filter_open(tuned, NULL, &filter) != 0) puts(ik_filter_message(filter));
+     while (receive(y, u)) ik_filter_step(filter, y, u, state, sd, innovation);
+     ik_filter_free(filter);
+
+   Its numbers are those of the verb filter for the whole recording, to 1e-12. */
+typedef struct ik_filter ik_filter;
+
+/* result: of tune, fit, check, filter or shape, whose model is linear; or NULL, and model_yaml: a linear model
+   that gives its sampling period and is known. filter is set whatever happens, so that it can say why;
+   ik_filter_free(). Answers 0, 2 for a mistake in the arguments, 5 for an internal error. */
+IK_API int ik_filter_open(const ik_result* result, const char* model_yaml, ik_filter** filter);
+
+/* Takes a sample, in SI. y: an output each, NaN where one is missing. u: an input each; may be NULL without
+   inputs. state, sd: of the states given y up to now, NaN while nothing determines them; innovation: y minus
+   its prediction; each may be NULL. Allocates nothing once every output has been measured.
+   Answers 0, 1 where the sample cannot be taken (an input that is not finite, an indefinite covariance;
+   nothing has changed), 2 without a filter. */
+IK_API int ik_filter_step(ik_filter* filter, const double* y, const double* u, double* state,
+                          double* sd, double* innovation);
+
+/* How many numbers ik_filter_step() reads and writes; 0 without a filter. */
+IK_API size_t ik_filter_states(const ik_filter* filter);
+IK_API size_t ik_filter_inputs(const ik_filter* filter);
+IK_API size_t ik_filter_outputs(const ik_filter* filter);
+
+/* What is wrong with the arguments of ik_filter_open(); empty where nothing is. */
+IK_API const char* ik_filter_message(const ik_filter* filter);
+
+/* NULL is ignored. */
+IK_API void ik_filter_free(ik_filter* filter);
+
 /* "0.1.0" */
 IK_API const char* ik_version(void);
 

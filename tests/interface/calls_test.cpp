@@ -175,6 +175,48 @@ TEST(Calls, ACallbackStops) {
   ik_result_free(result);
 }
 
+// Sample by sample as in one go.
+TEST(Calls, AFilterTakesOneSampleAfterTheOther) {
+  std::vector<double> y = walk(300);
+  y[40] = y[41] = std::numeric_limits<double>::quiet_NaN();
+  const Result tuned("tune", kLevel, {recording_of(y)}, R"({"starts": 1})");
+  const Result recorded("filter", kLevel, {recording_of(y)}, nullptr, {tuned.handle});
+  ASSERT_EQ(recorded.code, 0) << recorded.message();
+  std::size_t rows = 0;
+  const double* states = ik_result_series(recorded.handle, "states", &rows, nullptr);
+  const double* deviations = ik_result_series(recorded.handle, "state_sd", nullptr, nullptr);
+  ASSERT_EQ(rows, y.size());
+  ik_filter* filter = nullptr;
+  ASSERT_EQ(ik_filter_open(tuned.handle, nullptr, &filter), 0) << ik_filter_message(filter);
+  EXPECT_EQ(ik_filter_states(filter), 1u);
+  EXPECT_EQ(ik_filter_inputs(filter), 0u);
+  EXPECT_EQ(ik_filter_outputs(filter), 1u);
+  for (std::size_t t = 0; t < rows; ++t) {
+    double state = 0.0, sd = 0.0, innovation = 0.0;
+    ASSERT_EQ(ik_filter_step(filter, &y[t], nullptr, &state, &sd, &innovation), 0);
+    EXPECT_NEAR(state, states[t], 1e-12 * std::abs(states[t]));
+    EXPECT_NEAR(sd, deviations[t], 1e-12 * sd);
+    EXPECT_EQ(std::isnan(innovation), t == 0 || std::isnan(y[t])) << t;
+  }
+  EXPECT_EQ(ik_filter_step(filter, nullptr, nullptr, nullptr, nullptr, nullptr), 2);
+  EXPECT_EQ(ik_filter_step(filter, y.data(), nullptr, nullptr, nullptr, nullptr), 0);
+  ik_filter_free(filter);
+}
+
+TEST(Calls, WhatIsNoFilterIsNotOpened) {
+  ik_filter* filter = nullptr;
+  EXPECT_EQ(ik_filter_open(nullptr, nullptr, &filter), 2);
+  EXPECT_THAT(ik_filter_message(filter), HasSubstr("neither a result nor a model"));
+  EXPECT_EQ(ik_filter_step(filter, nullptr, nullptr, nullptr, nullptr, nullptr), 2);
+  EXPECT_EQ(ik_filter_states(filter), 0u);
+  ik_filter_free(filter);
+  EXPECT_EQ(ik_filter_open(nullptr, "identikal: 1\n", &filter), 2);
+  EXPECT_THAT(ik_filter_message(filter), HasSubstr("<model>"));
+  ik_filter_free(filter);
+  EXPECT_EQ(ik_filter_open(nullptr, kLevel, nullptr), 2);
+  ik_filter_free(nullptr);
+}
+
 // What several threads compute is what one computes, to the last bit.
 TEST(Calls, ThreadsAgree) {
   const char* const verbs[] = {"tune", "check", "filter", "bound", "track", "simulate"};

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/filter/likelihood.h"
+#include "lib/filter/online_filter.h"
 #include "lib/model/nonlinear_model.h"
 #include "lib/nonlinear/filter.h"
 #include "lib/regression/error_growth.h"
@@ -48,6 +49,24 @@ TEST(Allocation, NoneInsideAnEvaluation) {
       EXPECT_EQ(allocations, 0) << n << " states, " << ny << " outputs";
       EXPECT_TRUE(std::isfinite(value));
     }
+  }
+}
+
+TEST(Allocation, NoneInAStepOfTheOnlineFilter) {
+  for (Eigen::Index n = 1; n <= 6; ++n) {
+    Random random(static_cast<std::uint64_t>(n));
+    const StateSpace model = random_model(random, n, 1, 2, n);
+    OnlineFilter filter = start_online_filter(model, InitialState::diffuse);
+    Eigen::VectorXd y = Eigen::VectorXd::Zero(2), u = Eigen::VectorXd::Zero(1);
+    for (int t = 0; t < 20; ++t) step(filter, y, u);
+    allocations = 0;
+    counting = true;
+    for (int t = 0; t < 100; ++t) {
+      y[0] = t % 7 == 0 ? std::numeric_limits<double>::quiet_NaN() : 0.1 * t;
+      step(filter, y, u);
+    }
+    counting = false;
+    EXPECT_EQ(allocations, 0) << n << " states";
   }
 }
 
