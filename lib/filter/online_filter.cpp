@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
+#include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/filter/internal/diffuse_start.h"
 #include "lib/filter/internal/recursion.h"
@@ -16,8 +16,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // The recursion's own tolerance (lib/filter/internal/recursion.cpp).
 constexpr double kSettled = 1e-14;
@@ -113,17 +111,18 @@ void report_innovation(OnlineFilter& f) {
 // Innovations and responses, and the state given them.
 void innovate(OnlineFilter& f, const Eigen::Ref<const VectorXd>& y,
               const Eigen::Ref<const VectorXd>& u) {
-  const Index m = static_cast<Index>(f.present.size()), columns = f.Z.cols();
+  const Index m = static_cast<Index>(f.present.size()), columns = f.columns;
   auto E = f.E.topRows(m).leftCols(columns), SiE = f.SiE.topRows(m).leftCols(columns);
-  E.noalias() = -f.C.topRows(m) * f.Z;
+  E.noalias() = -f.C.topRows(m) * f.Z.leftCols(columns);
   for (Index i = 0; i < m; ++i) {
     const Index channel = f.present[static_cast<std::size_t>(i)];
     E(i, 0) += y[channel] - f.model.D.row(channel).dot(u);
   }
   SiE = E;
   solve(f.L.topLeftCorner(m, m), SiE);
-  f.Z_filt = f.Z;
-  f.Z_filt.noalias() += f.PC.leftCols(m) * SiE;
+  auto Z_filt = f.Z_filt.leftCols(columns);
+  Z_filt = f.Z.leftCols(columns);
+  Z_filt.noalias() += f.PC.leftCols(m) * SiE;
   report_innovation(f);
   if (!f.diffuse) return;
   const Index n = f.P.rows();
@@ -134,8 +133,8 @@ void innovate(OnlineFilter& f, const Eigen::Ref<const VectorXd>& y,
 // -I^-1 s, and whether the samples so far determine it.
 bool estimate_delta(OnlineFilter& f) {
   if (!f.determined) {
-    const VectorXd sd = f.scale.cwiseSqrt();
-    f.moved = sd.asDiagonal() * f.delta_information * sd.asDiagonal();
+    const auto sd = f.scale.cwiseSqrt().asDiagonal();
+    f.moved = sd * f.delta_information * sd;
     f.solver.compute(f.moved, Eigen::EigenvaluesOnly);
     f.determined = f.solver.eigenvalues().minCoeff() >= kDetermined;
   }
@@ -177,10 +176,11 @@ bool has_settled(const OnlineFilter& f) {
 }
 
 void advance(OnlineFilter& f, const Eigen::Ref<const VectorXd>& u, bool keep_gain) {
-  const Index m = static_cast<Index>(f.present.size()), columns = f.Z.cols();
-  f.Z_next.noalias() = f.model.A * f.Z;
-  f.Z_next.noalias() += f.K.leftCols(m) * f.E.topRows(m).leftCols(columns);
-  f.Z_next.col(0).noalias() += f.model.B * u;
+  const Index m = static_cast<Index>(f.present.size()), columns = f.columns;
+  auto Z_next = f.Z_next.leftCols(columns);
+  Z_next.noalias() = f.model.A * f.Z.leftCols(columns);
+  Z_next.noalias() += f.K.leftCols(m) * f.E.topRows(m).leftCols(columns);
+  Z_next.col(0).noalias() += f.model.B * u;
   f.Z.swap(f.Z_next);
   if (keep_gain) return;
   // The Joseph form: F P F' + W - K S' - S K' + K R K'.
@@ -214,10 +214,7 @@ void forget_delta(OnlineFilter& f) {
       if (!(response * response * f.scale[j] <= 1e-46 * f.P(i, i))) return;
     }
   }
-  f.delta = f.Z.col(0);
-  f.Z = f.delta;
-  f.Z_next = f.Z;
-  f.Z_filt = f.Z;
+  f.columns = 1;
   f.diffuse = false;
 }
 
@@ -254,9 +251,9 @@ OnlineFilter start_online_filter(const StateSpace& model, InitialState initial) 
   f.GQG = model.G * model.Q * model.G.transpose();
   f.GS = model.G * model.S;
   f.R = model.R;
-  f.Z = MatrixXd::Zero(n, 1);
+  f.Z = MatrixXd::Zero(n, 1 + n);
   if (initial == InitialState::given) {
-    f.Z = model.x0;
+    f.Z.col(0) = model.x0;
     f.P = model.P0;
   } else if (initial == InitialState::stationary) {
     const auto P = solve_discrete_lyapunov(model.A, f.GQG);
@@ -270,7 +267,7 @@ OnlineFilter start_online_filter(const StateSpace& model, InitialState initial) 
     f.diffuse = true;
     f.determined = false;
     f.P = MatrixXd::Zero(n, n);
-    f.Z = MatrixXd::Zero(n, 1 + n);
+    f.columns = 1 + n;
     f.Z.rightCols(n).setIdentity();
   }
   make_room(f);

@@ -27,6 +27,7 @@ struct OnlineFilter {
 
   StateSpace model;
   Eigen::MatrixXd P, Z;        ///< of the next sample: covariance; state and responses to delta
+  Eigen::Index columns = 1;    ///< of Z, that are in use: 1, or 1 + n while delta is apart
   Eigen::MatrixXd GQG, GS, R;  ///< of the model
   Eigen::VectorXd scale;       ///< n, variances: the proper part of a diffuse start
   Eigen::MatrixXd delta_information, delta_factor;  ///< L L' = I, once it is determined
@@ -44,8 +45,8 @@ struct OnlineFilter {
 OnlineFilter start_online_filter(const StateSpace& model, InitialState initial);
 
 /// Takes a sample and moves on: the recursion of kalman_filter(), for one sample, with the same
-/// numbers to rounding. Allocates nothing once every channel has been measured; a diffuse start
-/// keeps delta apart until nothing of it is left in the state (de Jong 1991).
+/// numbers to rounding. Allocates nothing after the first sample; a diffuse start keeps delta
+/// apart until nothing of it is left in the state (de Jong 1991).
 /// @param y  ny, NaN = missing
 /// @param u  nu
 /// @return false, and nothing has changed, when the covariance of the innovation is not positive
