@@ -13,6 +13,7 @@
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "identify/colour/internal/spectrum.h"
 #include "identify/model/model_file.h"
@@ -88,7 +89,8 @@ TEST(ShapedModel, TheFileGivesItBack) {
   for (const NoiseSource place : {NoiseSource::process, NoiseSource::measurement}) {
     const Model shaped = with_shaping_filters(base, place, {{1, filter, 2.5}});
     const std::filesystem::path path =
-        std::filesystem::temp_directory_path() / "identikal_shaped_model_test.yaml";
+        std::filesystem::temp_directory_path() /
+        ("identikal_shaped_model_" + std::to_string(getpid()) + ".yaml");
     std::ofstream(path) << model_text(shaped, {"a comment"});
     const Model back = read_model_file(path.string());
     std::filesystem::remove(path);
@@ -120,7 +122,8 @@ TEST(ShapedModel, ItsNamesAreNobodyElses) {
   for (const Parameter& p : shaped.parameters) names.insert(p.name);
   EXPECT_EQ(names.size(), shaped.parameters.size());
   const std::filesystem::path path =
-      std::filesystem::temp_directory_path() / "identikal_shaped_names_test.yaml";
+      std::filesystem::temp_directory_path() /
+      ("identikal_shaped_names_" + std::to_string(getpid()) + ".yaml");
   std::ofstream(path) << model_text(shaped, {});
   const Model back = read_model_file(path.string());
   std::filesystem::remove(path);

@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "identify/model/model_file.h"
 #include "identify/report/survey_text.h"
@@ -353,7 +354,8 @@ TEST(VehicleSurvey, FalseAlarmsOnCleanData) {
   constexpr double rates[] = {10.0, 20.0, 50.0, 200.0};
   const Model model =
       read_model_file(std::string(IDENTIKAL_SOURCE_DIR) + "/examples/severe_lane_change.yaml");
-  const std::string path = ::testing::TempDir() + "/identikal_survey.csv";
+  const std::string path =
+      ::testing::TempDir() + "/identikal_survey_" + std::to_string(getpid()) + ".csv";
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     drives += alarms(surveyed(drive_around(seed))).empty() ? 0 : 1;
     const Dataset change = testing::with_noise(testing::lane_change({}, rates[seed % 4], kAll),

@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "tests/support/shared_data.h"
 
@@ -17,7 +18,7 @@ using testing::HasSubstr;
 
 class Join : public testing::Test {
  protected:
-  Join() : folder_(testing::TempDir() + "/identikal_join") {
+  Join() : folder_(testing::TempDir() + "/identikal_join_" + std::to_string(getpid())) {
     std::filesystem::create_directories(folder_);
   }
   ~Join() override { std::filesystem::remove_all(folder_); }
