@@ -30,8 +30,6 @@ Estimate surveyed(const std::vector<Table>& files, const std::optional<Model>& m
                   const TimeRange& range, Inputs& inputs) {
   Estimate estimate;
   estimate.verb = "info";
-  estimate.status = Status::ok;
-  estimate.message = "surveyed";
   Recordings records;
   if (model) {
     estimate.model_name = model->name;
@@ -45,6 +43,7 @@ Estimate surveyed(const std::vector<Table>& files, const std::optional<Model>& m
   }
   estimate.inputs = records.records;
   estimate.notes = records.data[0].notes;
+  conclude(estimate, "surveyed", Basis::tests);
   return estimate;
 }
 

@@ -21,8 +21,8 @@ int main(int argc, char** argv) {
       std::printf("%s = %.5g %s, 95 %% within %.5g .. %.5g (%s)\n", p.name.c_str(), p.value,
                   p.unit.c_str(), p.ci95[0], p.ci95[1], to_string(p.verdict).c_str());
     }
-    for (const Warning& warning : estimate.warnings)
-      std::printf("%s: %s\n", warning.code.c_str(), warning.text.c_str());
+    for (const Finding& finding : printed(estimate.findings))
+      std::printf("%s: %s\n", name_of(finding).c_str(), finding.text.c_str());
     return exit_code(estimate, false);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());

@@ -25,10 +25,10 @@ Outcome states_alone(const Run& run, const Model& model, const Recordings& recor
                      const FilterRun& states) {
   std::ostringstream csv;
   write_states_csv(csv, model, recordings.data, states);
-  for (const std::vector<Warning>* warnings : {&recordings.warnings, &states.estimate.warnings}) {
-    for (const Warning& w : *warnings) {
-      if (w.severity == Severity::note) continue;
-      notice(run.call, to_string(w.severity) + ": " + w.text);
+  for (const Findings* findings : {&recordings.findings, &states.estimate.findings}) {
+    for (const Finding& f : printed(*findings)) {
+      if (f.severity == Severity::note) continue;
+      notice(run.call, to_string(f.severity) + ": " + f.text);
     }
   }
   Outcome out;
@@ -65,8 +65,8 @@ Outcome filter(const FilterOptions& given, Call& call) {
   Model model = load_model(given.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
-  const std::vector<Warning> origin = warnings_of_origin(given.model, call.inputs);
-  recordings.warnings.insert(recordings.warnings.begin(), origin.begin(), origin.end());
+  const Findings origin = findings_of_origin(given.model, call.inputs);
+  recordings.findings.insert(recordings.findings.begin(), origin.begin(), origin.end());
   take_period(model, recordings.data.front());
   FilterRunOptions options;
   if (given.smooth) options.lag.reset();

@@ -125,14 +125,13 @@ namespace {
 
 // A start that is given, or one at rest, belongs to a recording's begin; a filter that begins
 // elsewhere takes it too.
-void warn_of_starts(const Model& model, const std::vector<Dataset>& runs,
-                    std::vector<Warning>& warnings) {
-  if (!has_filter(model)) return;
+Findings check_starts(const Model& model, const std::vector<Dataset>& runs) {
+  if (!has_filter(model)) return {};
   const InitialState initial = noise_model(model).initial;
   const bool driven = !model.inputs.empty();
   const bool of_the_begin =
       initial == InitialState::given || (initial == InitialState::stationary && driven);
-  if (!of_the_begin) return;
+  if (!of_the_begin) return {};
   struct Starts {
     std::size_t count = 0;
     std::string text;
@@ -150,27 +149,25 @@ void warn_of_starts(const Model& model, const std::vector<Dataset>& runs,
     (run.begins.starts_with("after") ? at_gaps : wanted).add(run);
   }
   const std::string& name = runs.front().name;
+  Findings findings;
   if (at_gaps.count > 0) {
-    warnings.push_back(
-        {"starts_anew",
-         Severity::warning,
-         {},
-         fmt::format("{}: the filter restarts from 'initial' {}", name, at_gaps.in_short()),
-         "fill the gaps, or give 'initial' variances that hold for the state there too"});
+    findings.push_back(make_finding(
+        FindingCode::starts_anew, {},
+        fmt::format("{}: the filter restarts from 'initial' {}", name, at_gaps.in_short()),
+        "fill the gaps, or give 'initial' variances that hold for the state there too"));
   }
   if (wanted.count > 0) {
-    warnings.push_back(
-        {"starts_within",
-         Severity::note,
-         {},
-         fmt::format("{}: the filter starts from 'initial' {}", name, wanted.in_short()),
-         "'initial' is to hold there too"});
+    findings.push_back(make_finding(
+        FindingCode::starts_within, {},
+        fmt::format("{}: the filter starts from 'initial' {}", name, wanted.in_short()),
+        "'initial' is to hold there too"));
   }
+  return findings;
 }
 
 // Without a column of time stamps rows are a step apart: does the file have another one?
-void warn_of_step(const Model& model, const Table& table, std::vector<Warning>& warnings) {
-  if (!model.time.column.empty() || !(model.time.step > 0.0) || table.rows < 2) return;
+Findings check_step(const Model& model, const Table& table) {
+  if (!model.time.column.empty() || !(model.time.step > 0.0) || table.rows < 2) return {};
   const auto read = [&](const Column& column) {
     const auto is_it = [&](const ChannelSource& c) { return c.column == column.name; };
     return std::any_of(model.inputs.begin(), model.inputs.end(), is_it) ||
@@ -189,22 +186,20 @@ void warn_of_step(const Model& model, const Table& table, std::vector<Warning>& 
     const Eigen::VectorXd steps = t.tail(t.size() - 1) - t.head(t.size() - 1);
     const double usual = median({steps.begin(), steps.end()});
     if (std::abs(usual - model.time.step) <= 0.01 * model.time.step) continue;
-    warnings.push_back(
-        {"step_differs",
-         Severity::warning,
-         {},
-         fmt::format(
-             "the model file gives {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
-             model.time.step, column.name, std::filesystem::path(table.path).filename().string(),
-             usual),
-         fmt::format("correct 'step', or write time: {{column: {}}}", column.name)});
-    return;
+    return {make_finding(
+        FindingCode::step_differs, {},
+        fmt::format(
+            "the model file gives {:.6g} s from row to row, column '{}' of {} {:.6g} s (median)",
+            model.time.step, column.name, std::filesystem::path(table.path).filename().string(),
+            usual),
+        fmt::format("correct 'step', or write time: {{column: {}}}", column.name))};
   }
+  return {};
 }
 
 // Data that are given twice weigh twice, and their errors look too small.
-void warn_of_repeated(Recordings& recordings) {
-  const std::vector<InputRecord>& records = recordings.records;
+Findings check_repeated(const std::vector<InputRecord>& records) {
+  Findings findings;
   for (auto record = records.begin(); record != records.end(); ++record) {
     const auto same = [&](const InputRecord& r) { return r.sha256 == record->sha256; };
     const auto first = std::find_if(records.begin(), record, same);
@@ -213,26 +208,24 @@ void warn_of_repeated(Recordings& recordings) {
         first->path == record->path
             ? fmt::format("{} is given twice", record->path)
             : fmt::format("{} is the same data as {}", record->path, first->path);
-    recordings.warnings.push_back({"repeated_data",
-                                   Severity::warning,
-                                   {record->path},
-                                   what + ": it counts twice, and standard errors are too small",
-                                   "give each recording once"});
+    findings.push_back(make_finding(FindingCode::repeated_data, {record->path},
+                                    what + ": it counts twice, and standard errors are too small",
+                                    "give each recording once"));
   }
+  return findings;
 }
 
 // Is what is held out among what is fitted?
-void warn_of_own(const std::string& held_out, Inputs& inputs, Recordings& recordings) {
+Findings check_own(const std::string& held_out, Inputs& inputs,
+                   const std::vector<InputRecord>& records) {
   const std::string sha256 = inputs.sha256(held_out);
-  const bool fitted =
-      std::any_of(recordings.records.begin(), recordings.records.end(),
-                  [&](const InputRecord& record) { return record.sha256 == sha256; });
-  if (!fitted) return;
-  recordings.warnings.push_back({"own_data",
-                                 Severity::warning,
-                                 {held_out},
-                                 held_out + " is held out and fitted: this proves nothing",
-                                 "hold out another recording, or a share such as 30%"});
+  const bool fitted = std::any_of(records.begin(), records.end(), [&](const InputRecord& record) {
+    return record.sha256 == sha256;
+  });
+  if (!fitted) return {};
+  return {make_finding(FindingCode::own_data, {held_out},
+                       held_out + " is held out and fitted: this proves nothing",
+                       "hold out another recording, or a share such as 30%")};
 }
 
 }  // namespace
@@ -254,31 +247,26 @@ std::vector<std::string> files_of_origin(const ModelOptions& options, Inputs& in
   return files_of(inputs.result(options.from), options.from);
 }
 
-std::vector<Warning> warnings_of_origin(const ModelOptions& options, Inputs& inputs) {
-  std::vector<Warning> warnings;
-  if (options.from.empty()) return warnings;
+Findings findings_of_origin(const ModelOptions& options, Inputs& inputs) {
+  Findings findings;
+  if (options.from.empty()) return findings;
   const StoredResult result = inputs.result(options.from);
   const Estimate& e = result.estimate;
   if (e.status != Status::ok) {
-    warnings.push_back(
-        {"doubtful_result",
-         Severity::warning,
-         {},
-         fmt::format("{} is itself {}: {}", options.from, to_string(e.status), e.message),
-         ""});
+    findings.push_back(make_finding(
+        FindingCode::doubtful_result, {},
+        fmt::format("{} is itself {}: {}", options.from, to_string(e.status), e.message), ""));
   }
   if (e.model_file && e.model_file->sha256 != inputs.sha256(options.file)) {
-    warnings.push_back(
-        {"model_changed",
-         Severity::warning,
-         {options.file},
-         fmt::format("the values of {} are those of another model file ({}), or it "
-                     "has changed since",
-                     options.from, e.model_file->path),
-         fmt::format("'identikal export {} --to yaml' prints the model that it is of",
-                     options.from)});
+    findings.push_back(
+        make_finding(FindingCode::model_changed, {options.file},
+                     fmt::format("the values of {} are those of another model file ({}), or it "
+                                 "has changed since",
+                                 options.from, e.model_file->path),
+                     fmt::format("'identikal export {} --to yaml' prints the model that it is of",
+                                 options.from)));
   }
-  return warnings;
+  return findings;
 }
 
 void Recordings::add(std::vector<Dataset> runs, const std::vector<Table>& files,
@@ -325,12 +313,12 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
     }
     const std::vector<Table> files = read_files(path, inputs);
     std::vector<Dataset> runs = load_runs(files, model, range);
-    warn_of_starts(model, runs, out.warnings);
-    warn_of_step(model, files.front(), out.warnings);
+    append(out.findings, check_starts(model, runs));
+    append(out.findings, check_step(model, files.front()));
     out.add(std::move(runs), files, range, inputs);
     check_period(model, out.data.front(), out.data.back());
   }
-  warn_of_repeated(out);
+  append(out.findings, check_repeated(out.records));
   return out;
 }
 
@@ -342,7 +330,7 @@ std::vector<HeldOut> hold_out(const std::string& hold_out, const Model& model,
     const std::vector<Table> files = read_files(hold_out, inputs);
     for (const Table& file : files) {
       recordings.held_out_files.push_back(file.path);
-      warn_of_own(file.path, inputs, recordings);
+      append(recordings.findings, check_own(file.path, inputs, recordings.records));
     }
     for (Dataset& run : load_runs(files, model, range)) out.push_back({std::move(run), 0});
     return out;

@@ -45,7 +45,7 @@ struct Recordings {
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  ///< recordings [from, to) of a file
   std::vector<std::string> held_out_files;                      ///< read for --hold-out
 
-  std::vector<Warning> warnings;  ///< of how they go with the model
+  Findings findings;  ///< of how they go with the model
 
   /// What was loaded from the files of one argument.
   void add(std::vector<Dataset> runs, const std::vector<Table>& files, const TimeRange& range,
@@ -62,7 +62,7 @@ std::vector<std::string> files_of(const StoredResult& result, const std::string&
 /// Those of --from; none without it.
 std::vector<std::string> files_of_origin(const ModelOptions& options, Inputs& inputs);
 /// Warnings where the result of --from is doubtful, or one of another model file.
-std::vector<Warning> warnings_of_origin(const ModelOptions& options, Inputs& inputs);
+Findings findings_of_origin(const ModelOptions& options, Inputs& inputs);
 /// A linear model has one sampling period. @throws InputError when that of `other` is another
 void check_period(const Model& model, const Dataset& first, const Dataset& other);
 

@@ -78,17 +78,18 @@ void add_inputs(Estimate& estimate, const Recordings& recordings) {
 }
 
 // Notes and doubts of the recordings, each text once.
-void add_warnings(Estimate& estimate, const Recordings& recordings) {
-  const auto add = [&](const Warning& warning) {
-    const bool known = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                   [&](const Warning& w) { return w.text == warning.text; });
-    if (!known) estimate.warnings.push_back(warning);
+void add_findings(Estimate& estimate, const Recordings& recordings) {
+  const auto add = [&](const Finding& finding) {
+    const bool known = std::any_of(estimate.findings.begin(), estimate.findings.end(),
+                                   [&](const Finding& f) { return f.text == finding.text; });
+    if (!known) estimate.findings.push_back(finding);
   };
-  for (const Warning& warning : recordings.warnings) add(warning);
+  for (const Finding& finding : recordings.findings) add(finding);
   for (const Dataset& data : recordings.data) {
-    for (const std::string& note : data.notes) add({"data_treated", Severity::note, {}, note, ""});
+    for (const std::string& note : data.notes)
+      add(make_finding(FindingCode::data_treated, {}, note));
     for (const std::string& doubt : data.unknown_units) {
-      add({"unknown_unit", Severity::warning, {}, doubt, "correct the header"});
+      add(make_finding(FindingCode::unknown_unit, {}, doubt, "correct the header"));
     }
   }
 }
@@ -123,7 +124,7 @@ Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
     estimate.model_file = model_source(run.model, inputs);
   }
   add_inputs(estimate, recordings);
-  add_warnings(estimate, recordings);
+  add_findings(estimate, recordings);
   Outcome out;
   out.json = result_json(estimate, options.strict, run.seconds());
   if (run.wants_pictures()) {

@@ -277,7 +277,7 @@ std::vector<Candidate> most_likely(const Model& start, const std::vector<Dataset
   return out;
 }
 
-// Maximum likelihood without the warning that sends to this verb.
+// Maximum likelihood without the finding that sends to this verb.
 Estimate tuned(const Model& model, const std::vector<Dataset>& recordings, int starts,
                std::uint64_t seed, Stages& stages) {
   NoiseMlOptions options;
@@ -286,7 +286,8 @@ Estimate tuned(const Model& model, const std::vector<Dataset>& recordings, int s
   options.profiles = false;
   options.seed = seed;
   Estimate out = tune_ml(model, recordings, options);
-  std::erase_if(out.warnings, [](const Warning& w) { return w.code == "coloured_innovations"; });
+  std::erase_if(out.findings,
+                [](const Finding& f) { return f.code == FindingCode::coloured_innovations; });
   return out;
 }
 
@@ -369,40 +370,44 @@ std::optional<Model> same_outputs(const Model& shaped, Index filter_states) {
   return out;
 }
 
-// Does the filter explain everything, hold on unseen data, leave the model's own noise, and stand
-// where the outputs say?
-void judge(const Candidate& best, const std::vector<Candidate>& candidates, const Shaping& report,
-           Estimate& estimate) {
-  bool white_now = true;
-  for (const TestResult& test : estimate.tests) {
-    white_now = white_now && (test.id != "ljung_box" || test.pass);
+// Does the filter explain everything, hold on unseen data, leave the model's own noise?
+Findings check_filter(const Shaping& report, const Estimate& estimate) {
+  Findings out;
+  const bool white_now =
+      std::all_of(estimate.tests.begin(), estimate.tests.end(),
+                  [](const TestResult& test) { return test.id != "ljung_box" || test.pass; });
+  if (!white_now) {
+    out.push_back(make_finding(FindingCode::still_coloured, {},
+                               ", but not all: the innovations are still not white"));
   }
-  estimate.message =
-      fmt::format("coloured {} noise (p {:.2g}): a filter of order {} explains it{}",
-                  report.noise_source, report.whiteness_p, report.order,
-                  white_now ? "" : ", but not all: the innovations are still not white");
-  if (!white_now) estimate.status = Status::untrusted;
   if (report.held_out_with < report.held_out_without) {
-    estimate.status = Status::untrusted;
-    estimate.message += ", but not on the part held out, where it does worse than white noise";
+    out.push_back(
+        make_finding(FindingCode::worse_on_held_out, {},
+                     ", but not on the part held out, where it does worse than white noise"));
   }
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.verdict != Verdict::at_bound || p.value != 0.0) continue;
-    warn(estimate, Severity::warning, "noise_vanished", {p.name},
-         fmt::format("{} has become zero: the filter has taken its place", p.name),
-         "check the model's dynamics: a wrong A looks like coloured noise too");
+    out.push_back(
+        make_finding(FindingCode::noise_vanished, {p.name},
+                     fmt::format("{} has become zero: the filter has taken its place", p.name),
+                     "check the model's dynamics: a wrong A looks like coloured noise too"));
   }
-  // Outputs do not determine which source has the spectrum.
+  return out;
+}
+
+// Do the outputs say where the filter stands? They do not determine which source has the spectrum.
+Findings check_source(const Candidate& best, const std::vector<Candidate>& candidates) {
   constexpr double kTells = 10.0;  // BIC apart: very strong evidence (Kass & Raftery 1995)
   const auto other = std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& c) {
     return c.structure.source != best.structure.source;
   });
-  if (other == candidates.end() || other->bic >= best.bic + kTells) return;
-  warn(estimate, Severity::note, "noise_source", {},
-       fmt::format("the outputs do not determine whether process or measurement noise is coloured "
-                   "(BIC {:.1f} and {:.1f}); the state estimates differ",
-                   best.bic, other->bic),
-       "decide by what is known of the sensor, and use --noise process or measurement");
+  if (other == candidates.end() || other->bic >= best.bic + kTells) return {};
+  return {make_finding(
+      FindingCode::noise_source, {},
+      fmt::format("the outputs do not determine whether process or measurement noise is coloured "
+                  "(BIC {:.1f} and {:.1f}); the state estimates differ",
+                  best.bic, other->bic),
+      "decide by what is known of the sensor, and use --noise process or measurement")};
 }
 
 // The model without filters, tuned.
@@ -455,11 +460,12 @@ WhiteModel tune_white(const Model& model, const std::vector<Dataset>& recordings
   return out;
 }
 
-ShapeResult without_filter(WhiteModel white, Shaping report, Status status, std::string message) {
+// @param why  answers the verb, whatever the white model's own tuning came to
+ShapeResult without_filter(WhiteModel white, Shaping report, Finding why) {
   ShapeResult out;
   out.estimate = std::move(white.estimate);
-  out.estimate.status = status;
-  out.estimate.message = std::move(message);
+  out.estimate.findings.push_back(std::move(why));
+  conclude(out.estimate, "");
   out.estimate.shaping = std::move(report);
   return out;
 }
@@ -497,7 +503,13 @@ ShapeResult with_filter(Winner winner, const Model& model, const WhiteModel& whi
     out.in_measurement = same_outputs(
         *out.model, static_cast<Index>(best.structure.channels.size()) * best.structure.order);
   }
-  if (out.estimate.status == Status::ok) judge(best, candidates, report, out.estimate);
+  if (out.estimate.status == Status::ok) {
+    append(out.estimate.findings, check_filter(report, out.estimate));
+    append(out.estimate.findings, check_source(best, candidates));
+    conclude(out.estimate,
+             fmt::format("coloured {} noise (p {:.2g}): a filter of order {} explains it",
+                         report.noise_source, report.whiteness_p, report.order));
+  }
   out.estimate.shaping = std::move(report);
   return out;
 }
@@ -512,17 +524,18 @@ ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
   const Index beginning = undetermined_beginning(as_linear(model), options.most_order);
   Shaping report;
   WhiteModel white = tune_white(model, recordings, beginning, options.seed, stages, report);
-  const auto end_here = [&](Status status, std::string message) {
-    return without_filter(std::move(white), std::move(report), status, std::move(message));
+  const auto end_here = [&](FindingCode code, std::string message) {
+    return without_filter(std::move(white), std::move(report),
+                          make_finding(code, {}, std::move(message)));
   };
   const auto as_stopped = [&] {
-    return end_here(Status::not_converged, "stopped by the caller at: " + stages.current());
+    return end_here(FindingCode::stopped, "stopped by the caller at: " + stages.current());
   };
   if (stages.stopped()) return as_stopped();
   constexpr double kLevel = 0.05;  // of all tests of whiteness together
   if (!(white.whiteness.p < kLevel)) {
     return end_here(
-        Status::rejected,
+        FindingCode::no_coloured_noise,
         fmt::format("no coloured noise found: whiteness is not rejected (p {:.2g}), no shaping "
                     "filter is needed",
                     white.whiteness.p));
@@ -543,7 +556,7 @@ ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
   if (stages.stopped()) return as_stopped();
   if (!winner) {
     return end_here(
-        Status::untrusted,
+        FindingCode::colour_unexplained,
         fmt::format("the innovations are not white (p {:.2g}), and no shaping filter explains "
                     "them: the model itself is in doubt",
                     white.whiteness.p));

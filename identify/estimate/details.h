@@ -8,8 +8,8 @@
 
 #include <Eigen/Core>
 
+#include "identify/estimate/finding.h"
 #include "identify/estimate/none.h"
-#include "identify/estimate/warning.h"
 
 namespace identikal {
 
@@ -158,7 +158,7 @@ struct VehicleSurvey {
   std::vector<Proposal> mapping;
   std::string time_column, time_unit;  ///< empty: none
   double least_speed = 3.0;            ///< [m/s] of use_when
-  std::vector<Warning> findings;
+  Findings findings;
 };
 
 }  // namespace identikal

@@ -83,20 +83,6 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
 
 }  // namespace
 
-std::string to_string(Status status) {
-  switch (status) {
-    case Status::ok:
-      return "ok";
-    case Status::rejected:
-      return "rejected";
-    case Status::not_converged:
-      return "not_converged";
-    case Status::untrusted:
-      return "untrusted";
-  }
-  return "";
-}
-
 std::string to_string(Verdict verdict) {
   switch (verdict) {
     case Verdict::ok:
@@ -117,10 +103,20 @@ std::string to_string(Verdict verdict) {
   return "";
 }
 
-void warn(Estimate& estimate, Severity severity, std::string code, std::vector<std::string> about,
-          std::string text, std::string remedy) {
-  warn(estimate.warnings, severity, std::move(code), std::move(about), std::move(text),
-       std::move(remedy));
+void conclude(Estimate& estimate, const std::string& message_when_ok, Basis basis) {
+  Conclusion conclusion = conclude(estimate.findings, message_when_ok, basis);
+  estimate.status = conclusion.status;
+  estimate.message = std::move(conclusion.message);
+  estimate.findings = std::move(conclusion.findings);
+}
+
+std::vector<std::string> not_determined(const Estimate& estimate) {
+  std::vector<std::string> out;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    const bool open = p.verdict == Verdict::not_identifiable || p.verdict == Verdict::unexcited;
+    if (open) out.push_back(p.name);
+  }
+  return out;
 }
 
 int exit_code(const Estimate& estimate, bool strict) {
@@ -133,8 +129,8 @@ int exit_code(const Estimate& estimate, bool strict) {
     case Status::ok:
       break;
   }
-  const bool warned = std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                                  [](const Warning& w) { return w.severity != Severity::note; });
+  const bool warned = std::any_of(estimate.findings.begin(), estimate.findings.end(),
+                                  [](const Finding& f) { return f.severity != Severity::note; });
   return strict && warned ? 4 : 0;
 }
 

@@ -10,10 +10,12 @@
 
 #include <Eigen/Core>
 
+#include "identify/estimate/conclusion.h"
 #include "identify/estimate/details.h"
+#include "identify/estimate/finding.h"
 #include "identify/estimate/none.h"
 #include "identify/estimate/pictures.h"
-#include "identify/estimate/warning.h"
+#include "identify/estimate/status.h"
 #include "lib/model/state_space.h"
 
 namespace identikal {
@@ -21,14 +23,6 @@ namespace identikal {
 /// Eigenvalues of the unit-diagonal information below this share of the largest carry no
 /// information: exact sensitivities leave about 1e-13 there.
 inline constexpr double kFlat = 1e-9;
-
-/// What a person may do with the result; the codes of the JSON result.
-enum class Status {
-  ok,
-  rejected,  ///< a test rejects, or the data do not determine the unknowns
-  not_converged,
-  untrusted,
-};
 
 /// How well the data determine one parameter.
 enum class Verdict {
@@ -178,7 +172,7 @@ struct Series {
 struct Estimate {
   std::string verb;
   std::string model_name;
-  Status status = Status::not_converged;
+  Status status = Status::not_converged;  ///< with the message set once, by conclude()
   std::string message = "the estimator did not run";
   std::vector<InputRecord> inputs;
   std::vector<EstimatedParameter> parameters;
@@ -205,19 +199,21 @@ struct Estimate {
   std::optional<RankSelection> minimum_rank;  ///< tune --min-rank only
   std::optional<VehicleSurvey> survey;        ///< info --vehicle only
   std::vector<DerivedValue> derived;
-  std::vector<Warning> warnings;
+  Findings findings;               ///< printed() of them are the warnings of a result
   std::vector<std::string> notes;  ///< tables and remarks for people, line by line
   Series series;
   Pictures pictures;  ///< filled where a report is requested
 };
 
-/// Appends a warning to the estimate.
-void warn(Estimate& estimate, Severity severity, std::string code, std::vector<std::string> about,
-          std::string text, std::string remedy = "");
+/// Puts the findings in order and sets status and message by them: the last step of a job, as
+/// conclude() of identify/estimate/conclusion.h says.
+void conclude(Estimate& estimate, const std::string& message_when_ok, Basis basis = Basis::fit);
 
-/// As results print it: "not_converged", "poorly_determined".
-std::string to_string(Status status);
+/// As results print it: "poorly_determined".
 std::string to_string(Verdict verdict);
+
+/// The parameters that the data do not determine, by verdict, in their order.
+std::vector<std::string> not_determined(const Estimate& estimate);
 
 /// Exit code of the contract: ok 0, rejected and untrusted 1, not_converged 3; `strict` turns
 /// warnings into 4.

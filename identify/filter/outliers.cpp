@@ -131,9 +131,10 @@ std::string first_times(const std::vector<Dataset>& recordings,
   return out + (outliers.size() > kShown ? ", ..." : "");
 }
 
-void warn_of_outliers(Estimate& estimate, const Model& model, const ParameterSet& parameters,
-                      const std::vector<Dataset>& recordings,
-                      const std::vector<FilterResult>& filters) {
+Findings check_outliers(const Model& model, const ParameterSet& parameters,
+                        const std::vector<Dataset>& recordings,
+                        const std::vector<FilterResult>& filters) {
+  Findings out;
   const std::vector<Outlier> outliers = outliers_of(model, parameters, recordings, filters);
   for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     std::vector<Outlier> here;
@@ -148,7 +149,9 @@ void warn_of_outliers(Estimate& estimate, const Model& model, const ParameterSet
     for (const Outlier& o : here)
       of_outliers += std::pow(filters[o.recording].e(o.channel, o.sample), 2);
     const double share = of_outliers / power;
-    warn(estimate, share > kSerious ? Severity::serious : Severity::warning, "outliers",
+    out.push_back(
+        {FindingCode::outliers,
+         share > kSerious ? Severity::serious : Severity::warning,
          {recordings[0].outputs[c].name},
          fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
                      "and make{} up {:.2g} % of the innovations' power",
@@ -160,14 +163,16 @@ void warn_of_outliers(Estimate& estimate, const Model& model, const ParameterSet
                                       })
                          ->deviations,
                      here.size() > 1 ? "" : "s", 100.0 * share),
-         "--reject-outliers leaves them out; or empty their cells: missing samples are exact");
+         "--reject-outliers leaves them out; or empty their cells: missing samples are exact"});
   }
+  return out;
 }
 
 // Innovations with a mean: what constant in the outputs would give it?
-void warn_of_offset(Estimate& estimate, const Model& model, const ParameterSet& parameters,
-                    const std::vector<Dataset>& recordings,
-                    const std::vector<FilterResult>& filters) {
+Findings check_offset(const Model& model, const ParameterSet& parameters,
+                      const std::vector<Dataset>& recordings,
+                      const std::vector<FilterResult>& filters) {
+  Findings out;
   const std::vector<Channel>& outputs = recordings[0].outputs;
   const auto ny = static_cast<Index>(outputs.size());
   VectorXd mean = VectorXd::Zero(ny), power = mean, count = mean, largest = mean;
@@ -211,7 +216,9 @@ void warn_of_offset(Estimate& estimate, const Model& model, const ParameterSet& 
     const double scale = unit_scale(source.unit);
     const std::string unit = source.unit.empty() ? "" : " " + source.unit;
     const bool known = std::isfinite(offset[i]);
-    warn(estimate, share > kSerious ? Severity::serious : Severity::warning, "offset",
+    out.push_back(
+        {FindingCode::offset,
+         share > kSerious ? Severity::serious : Severity::warning,
          {source.name},
          fmt::format("the innovations of '{}' have the mean {:.4g}{}, {:.2g} % of their power; the "
                      "model takes it for noise{}",
@@ -223,8 +230,9 @@ void warn_of_offset(Estimate& estimate, const Model& model, const ParameterSet& 
                            "show here"
                          : ""),
          known ? "subtract the offset, or add it to the model as a constant state"
-               : "add a drift or a constant input to the model");
+               : "add a drift or a constant input to the model"});
   }
+  return out;
 }
 
 }  // namespace
@@ -240,12 +248,12 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
   return recordings;
 }
 
-void warn_of_outliers_and_offset(Estimate& estimate, const Model& model,
-                                 const ParameterSet& parameters,
-                                 const std::vector<Dataset>& recordings,
-                                 const std::vector<FilterResult>& filters) {
-  warn_of_outliers(estimate, model, parameters, recordings, filters);
-  warn_of_offset(estimate, model, parameters, recordings, filters);
+Findings check_outliers_and_offset(const Model& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings,
+                                   const std::vector<FilterResult>& filters) {
+  Findings out = check_outliers(model, parameters, recordings, filters);
+  append(out, check_offset(model, parameters, recordings, filters));
+  return out;
 }
 
 Estimate tune_robust(
@@ -274,9 +282,10 @@ Estimate tune_robust(
     out = estimator(without(recordings, left_out));
   }
   if (!left_out.empty()) {
-    warn(out, Severity::note, "outliers_left_out", {},
-         fmt::format("{} sample{} left out as outliers ({})", left_out.size(),
-                     left_out.size() > 1 ? "s" : "", first_times(recordings, left_out)));
+    out.findings.push_back(make_finding(
+        FindingCode::outliers_left_out, {},
+        fmt::format("{} sample{} left out as outliers ({})", left_out.size(),
+                    left_out.size() > 1 ? "s" : "", first_times(recordings, left_out))));
   }
   return out;
 }

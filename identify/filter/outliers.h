@@ -27,17 +27,16 @@ std::vector<Outlier> find_outliers(const Model& model, const ParameterSet& param
 /// The recordings with these samples missing.
 std::vector<Dataset> without(std::vector<Dataset> recordings, const std::vector<Outlier>& outliers);
 
-/// Warnings for outliers, and for innovations whose mean is not zero, with the offset that would
-/// explain it. Serious, so that the result is not to be trusted, when they make up more than 5 %
-/// of the innovations' power: by that much the noise is overestimated.
+/// Outliers, and innovations whose mean is not zero, with the offset that would explain it.
+/// Serious, so that the result is not to be trusted, when they make up more than 5 % of the
+/// innovations' power: by that much the noise is overestimated.
 /// @param filters  of each recording, at these parameters (identify/filter/report.h)
-void warn_of_outliers_and_offset(Estimate& estimate, const Model& model,
-                                 const ParameterSet& parameters,
-                                 const std::vector<Dataset>& recordings,
-                                 const std::vector<FilterResult>& filters);
+Findings check_outliers_and_offset(const Model& model, const ParameterSet& parameters,
+                                   const std::vector<Dataset>& recordings,
+                                   const std::vector<FilterResult>& filters);
 
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
-/// no more are found. The result's warning "outliers_left_out" names them.
+/// no more are found. The result's finding "outliers_left_out" names them.
 Estimate tune_robust(
     const Model& model, const std::vector<Dataset>& recordings,
     const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator);

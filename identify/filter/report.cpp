@@ -177,8 +177,8 @@ Failure first_failure(const Model& model, const std::vector<Dataset>& recordings
 }
 
 // Where the likelihood is not as smooth as the search takes it to be, or not the model's own.
-void warn_of_integration(Estimate& estimate, const Model& model, const ParameterSet& parameters,
-                         const std::vector<Dataset>& recordings) {
+Findings check_integration(const Model& model, const ParameterSet& parameters,
+                           const std::vector<Dataset>& recordings) {
   double largest = 0.0;
   std::string where;
   for (const Dataset& data : recordings) {
@@ -187,14 +187,16 @@ void warn_of_integration(Estimate& estimate, const Model& model, const Parameter
     largest = chosen.largest_change;
     where = fmt::format("{}: from t = {:.6g} s on", data.name, data.time[chosen.sample]);
   }
-  if (where.empty()) return;
+  if (where.empty()) return {};
   constexpr double kSmall = 1e-3;
-  warn(estimate, largest > kSmall ? Severity::warning : Severity::note, "integration", {},
-       fmt::format(
-           "{} the rates of change jump, or are faster than the integration follows: twice as "
-           "many steps move a state by up to {:.2g} of its size",
-           where, largest),
-       "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}");
+  return {{FindingCode::integration,
+           largest > kSmall ? Severity::warning : Severity::note,
+           {},
+           fmt::format(
+               "{} the rates of change jump, or are faster than the integration follows: twice as "
+               "many steps move a state by up to {:.2g} of its size",
+               where, largest),
+           "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}"}};
 }
 
 }  // namespace
@@ -341,7 +343,7 @@ std::vector<FilterResult> report_filter(Estimate& estimate, const Model& model,
   }
   report_innovations(estimate, recordings, filters);
   if (is_formula_model(model)) {
-    warn_of_integration(estimate, model, parameters, recordings);
+    append(estimate.findings, check_integration(model, parameters, recordings));
     report_simulation(estimate, model, parameters, recordings);
   }
   return filters;

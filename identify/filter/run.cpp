@@ -148,8 +148,7 @@ FilterRun filter_recordings(const Model& given, const std::vector<Dataset>& reco
   if (states.size() > kShown) {
     estimate.notes.push_back(fmt::format("and {} more states", states.size() - kShown));
   }
-  estimate.status = Status::ok;
-  estimate.message = fmt::format("{} rows, {}", rows, what_was_done(options));
+  conclude(estimate, fmt::format("{} rows, {}", rows, what_was_done(options)), Basis::tests);
   return out;
 }
 

@@ -84,18 +84,19 @@ MatrixXd simulated_from(const Model& model, const ParameterSet& parameters,
 }
 
 // A model that holds leaves innovations there as it does here.
-void test_held_out(Estimate& estimate, const MatrixXd& standardised) {
+Findings check_held_out(const Estimate& estimate, const MatrixXd& standardised) {
   constexpr double kRare = 1e-3, kMatters = 1.1;
   const ChiSquareStatistic held = normalised_innovation_squared(standardised);
   const ChiSquareStatistic own = normalised_innovation_squared(estimate.series.standardised);
-  if (!(held.dof > 0.0 && own.dof > 0.0)) return;
+  if (!(held.dof > 0.0 && own.dof > 0.0)) return {};
   const double ratio = held.value / held.dof / (own.value / own.dof);
-  if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
-  warn(estimate, Severity::warning, "hold_out", {},
-       fmt::format("on held-out rows the innovations are {:.3g} times as large, compared with "
-                   "their standard deviation",
-                   std::sqrt(ratio)),
-       "what holds there is another model or noise, or too many parameters are free: validate");
+  if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return {};
+  return {make_finding(
+      FindingCode::hold_out, {},
+      fmt::format("on held-out rows the innovations are {:.3g} times as large, compared with "
+                  "their standard deviation",
+                  std::sqrt(ratio)),
+      "what holds there is another model or noise, or too many parameters are free: validate")};
 }
 
 }  // namespace
@@ -128,8 +129,9 @@ void report_hold_out(Estimate& estimate, const Model& model, const std::vector<H
   std::vector<int> recording;
   double log_likelihood = 0.0;
   const auto fail = [&](const HeldOut& held, const std::string& why) {
-    warn(estimate, Severity::warning, "hold_out", {},
-         "the filter does not run on held-out " + held.recording.name + ": " + why);
+    estimate.findings.push_back(
+        make_finding(FindingCode::hold_out, {},
+                     "the filter does not run on held-out " + held.recording.name + ": " + why));
   };
   for (const HeldOut& held : held_out) {
     const Dataset data = samples_from(held.recording, held.from);
@@ -153,7 +155,7 @@ void report_hold_out(Estimate& estimate, const Model& model, const std::vector<H
     recording.resize(static_cast<std::size_t>(y.cols()),
                      recording.empty() ? 1 : recording.back() + 1);
   }
-  test_held_out(estimate, standardised);
+  append(estimate.findings, check_held_out(estimate, standardised));
   estimate.hold_out = fits_of(outputs, y, y - simulated);
   estimate.hold_out_one_step = fits_of(outputs, y, innovations);
   const auto rows = static_cast<double>(estimate.series.time.size());

@@ -326,7 +326,7 @@ MatrixXd map_of_errors(const Fit& fit, const Eigen::LLT<MatrixXd>& error, const 
 
 // A variance that is held at zero has an upper limit: what its error would be without the
 // constraint, one-sided 95 %.
-void warn_of_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<MatrixXd>& error) {
+void report_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<MatrixXd>& error) {
   constexpr double kOneSided = 1.6448536269514722;
   VectorXd se;  // without the constraint
   Index i = -1;
@@ -343,7 +343,7 @@ void warn_of_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<Matri
       text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
                          p.ci95[1]);
     }
-    warn(estimate, Severity::note, "at_bound", {p.name}, text);
+    estimate.findings.push_back(make_finding(FindingCode::at_bound, {p.name}, text));
   }
 }
 
@@ -352,7 +352,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const Model& mode
   const InteriorParameters inside = interior_parameters(estimate, at_boundary(fit, als.blocks()));
   const Regression& r = fit.regression;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
-  warn_of_boundary(estimate, fit, error);
+  report_boundary(estimate, fit, error);
   const auto k = static_cast<Index>(inside.entries.size());
   if (k == 0) return;
   const VectorXd& unit = inside.unit;
@@ -438,8 +438,10 @@ Estimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
   estimate.notes.push_back(fmt::format("{} autocovariances of the innovations under the gain of {}",
                                        found.regression.lags,
                                        options.iterate ? "the estimate" : "the start"));
-  conclude_noise_estimate(estimate, found.solution.summary);
+  if (!found.solution.summary.usable()) withdraw_errors(estimate);
+  append(estimate.findings, check_search(estimate, found.solution.summary));
   report_noise_estimate(estimate, model, end, recordings);
+  conclude(estimate, "converged");
   return estimate;
 }
 

@@ -78,9 +78,10 @@ Estimate tune_auto(const Model& given, const std::vector<Dataset>& recordings,
   }
   out.notes.push_back("als-weighted: " + near);
   if (!about.empty()) {
-    warn(out, Severity::warning, "methods_disagree", about,
-         apart + ": further apart than their errors allow, so the model does not describe the data",
-         "look at the residuals: outliers, coloured noise and changes of the noise show there");
+    out.findings.push_back(make_finding(
+        FindingCode::methods_disagree, about,
+        apart + ": further apart than their errors allow, so the model does not describe the data",
+        "look at the residuals: outliers, coloured noise and changes of the noise show there"));
   }
   return out;
 }

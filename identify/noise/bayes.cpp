@@ -204,10 +204,11 @@ void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoi
     if (coordinate.kind == PriorCoordinate::Kind::uniform && to_edge < kAtEdge * range &&
         width < kAtEdge * range) {
       p.verdict = Verdict::at_bound;
-      warn(estimate, Severity::serious, "prior_edge", {p.name},
-           fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
-                       coordinate.words),
-           "widen the prior, or check the units of the recording");
+      estimate.findings.push_back(make_finding(
+          FindingCode::prior_edge, {p.name},
+          fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
+                      coordinate.words),
+          "widen the prior, or check the units of the recording"));
     }
     id.rank += p.verdict != Verdict::not_identifiable;
     report.map.back() = points.entries(i, most_probable) / unit;
@@ -235,11 +236,10 @@ Estimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
   estimate.objective.evaluations = points.summary.evaluations;
   const bool grid = options.grid && points.coordinates.rows() <= 2;
   report_posterior(estimate, model, points, grid ? "grid" : "sequential Monte Carlo");
-  conclude_noise_estimate(estimate, points.summary);
-  const Identifiability& id = estimate.identifiability;
-  if (id.rank < id.of) estimate.message += " beyond their priors";
+  append(estimate.findings, check_search(estimate, points.summary, " beyond their priors"));
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
   report_noise_estimate(estimate, model, end, recordings);
+  conclude(estimate, "converged");
   return estimate;
 }
 

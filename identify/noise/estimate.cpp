@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
@@ -37,38 +38,31 @@ InteriorParameters interior_parameters(Estimate& estimate, const std::vector<boo
   return out;
 }
 
-void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary) {
+void withdraw_errors(Estimate& estimate) {
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    p.se = p.se_sandwich = p.crb_se = kNone;
+    p.ci95 = {kNone, kNone};
+    if (p.verdict == Verdict::ok) p.verdict = Verdict::poorly_determined;
+  }
+  estimate.covariance_kind = "none: the search did not converge";
+}
+
+Findings check_search(const Estimate& estimate, const SolverSummary& summary,
+                      const std::string& more) {
+  Findings out;
   const Identifiability& id = estimate.identifiability;
   const bool converged = summary.usable();
-  if (!converged) {
-    // The shape of the likelihood away from its maximum says nothing about errors.
-    for (EstimatedParameter& p : estimate.parameters) {
-      if (p.fixed) continue;
-      p.se = p.se_sandwich = p.crb_se = kNone;
-      p.ci95 = {kNone, kNone};
-      if (p.verdict == Verdict::ok) p.verdict = Verdict::poorly_determined;
-    }
-    estimate.covariance_kind = "none: the search did not converge";
-  }
   if (id.rank < id.of) {
-    estimate.status = Status::rejected;
-    std::string names;
-    for (const EstimatedParameter& p : estimate.parameters) {
-      if (p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited) continue;
-      names += (names.empty() ? "" : ", ") + p.name;
-    }
-    estimate.message = fmt::format("the data determine {} of {} unknowns; not determined: {}",
-                                   id.rank, id.of, names);
-    if (!converged) estimate.message += "; the search did not converge";
-    return;
+    const std::vector<std::string> open = not_determined(estimate);
+    out.push_back(
+        make_finding(FindingCode::not_identifiable, open,
+                     fmt::format("the data determine {} of {} unknowns; not determined: {}{}{}",
+                                 id.rank, id.of, fmt::join(open, ", "),
+                                 converged ? "" : "; the search did not converge", more)));
   }
-  if (!converged) {
-    estimate.status = Status::not_converged;
-    estimate.message = summary.message;
-    return;
-  }
-  estimate.status = Status::ok;
-  estimate.message = "converged";
+  if (!converged) out.push_back(make_finding(FindingCode::not_converged, {}, summary.message));
+  return out;
 }
 
 void report_excess_error(Estimate& estimate, const Model& model, const ParameterSet& at) {
@@ -138,59 +132,53 @@ void report_noise_estimate(Estimate& estimate, const Model& model, const Paramet
   }
   report_excess_error(estimate, model, end);
   const std::vector<FilterResult> filters = report_filter(estimate, model, end, recordings);
-  warn_of_outliers_and_offset(estimate, model, end, recordings, filters);
-  distrust_serious_warnings(estimate);
+  append(estimate.findings, check_outliers_and_offset(model, end, recordings, filters));
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.samples = static_cast<long>(samples_present(recordings));
   if (static_cast<double>(objective.samples) < 5.0 * k) {  // the likelihood is no parabola yet
-    warn(estimate, Severity::warning, "few_samples", {},
-         fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
-                     "here too small",
-                     objective.samples, k),
-         "record more, or fix parameters that are known");
+    estimate.findings.push_back(make_finding(
+        FindingCode::few_samples, {},
+        fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
+                    "here too small",
+                    objective.samples, k),
+        "record more, or fix parameters that are known"));
   }
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
   objective.bic =
       k * std::log(static_cast<double>(objective.samples)) - 2.0 * objective.log_likelihood;
-  warn_of_coloured_innovations(estimate);
+  append(estimate.findings, check_innovations(estimate));
 }
 
-void distrust_serious_warnings(Estimate& estimate) {
-  const bool serious =
-      std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                  [](const Warning& w) { return w.severity == Severity::serious; });
-  if (!serious || estimate.status != Status::ok) return;
-  estimate.status = Status::untrusted;
-  estimate.message += ", but the data do not fit the model: see the warnings";
-}
-
-void warn_of_coloured_innovations(Estimate& estimate) {
+Findings check_innovations(const Estimate& estimate) {
+  Findings out;
   const bool shapes = estimate.objective.filter.empty();  // it takes linear models
   const bool errors =
       std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
                   [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });
   for (const TestResult& test : estimate.tests) {
     if (!test.pass && test.id == "input_correlation") {
-      warn(
-          estimate, Severity::warning, "input_in_innovations", {test.channel},
+      out.push_back(make_finding(
+          FindingCode::input_in_innovations, {test.channel},
           fmt::format("the innovations of '{}' follow earlier inputs (p = {:.2g}): what the inputs "
                       "do is not all in the model",
                       test.channel, test.p),
           "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which "
-          "lag");
+          "lag"));
     }
     if (test.pass || test.id != "ljung_box") continue;
-    warn(estimate, Severity::warning, "coloured_innovations", {test.channel},
-         fmt::format(
-             "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
-             "dynamics or coloured noise{}",
-             test.channel, test.p, errors ? ", and the errors above are too small" : ""),
-         shapes ? "'identikal shape' looks for a shaping filter; else extend the "
-                  "model: a filter tuned on a wrong model is not optimal"
-                : "extend the model, by states of coloured noise if need be: a filter tuned on "
-                  "a wrong model is not optimal");
+    out.push_back(make_finding(
+        FindingCode::coloured_innovations, {test.channel},
+        fmt::format(
+            "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
+            "dynamics or coloured noise{}",
+            test.channel, test.p, errors ? ", and the errors above are too small" : ""),
+        shapes ? "'identikal shape' looks for a shaping filter; else extend the "
+                 "model: a filter tuned on a wrong model is not optimal"
+               : "extend the model, by states of coloured noise if need be: a filter tuned on "
+                 "a wrong model is not optimal"));
   }
+  return out;
 }
 
 }  // namespace identikal

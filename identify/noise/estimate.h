@@ -24,24 +24,26 @@ struct InteriorParameters {
 /// @param at_boundary  of each free entry
 InteriorParameters interior_parameters(Estimate& estimate, const std::vector<bool>& at_boundary);
 
-/// Status and message: converged or not, and whether the data determine the unknowns. Without
-/// convergence no error is left standing.
-void conclude_noise_estimate(Estimate& estimate, const SolverSummary& summary);
+/// Without convergence no error is left standing: the shape of the likelihood away from its maximum
+/// says nothing about errors.
+void withdraw_errors(Estimate& estimate);
+
+/// That the data do not determine the unknowns, and that the search did not converge.
+/// @param more  behind the names of what is not determined
+Findings check_search(const Estimate& estimate, const SolverSummary& summary,
+                      const std::string& more = "");
 
 /// What the errors of the parameters cost the filter (lib/filter/information.h), from their
 /// standard errors and correlations as the estimate has them; or why that has no answer.
 void report_excess_error(Estimate& estimate, const Model& model, const ParameterSet& at);
 
 /// Intervals of variances end at zero; what the errors cost; the filter at `end`, its tests and AIC
-/// and BIC; a warning for innovations that are not white.
+/// and BIC; what the innovations show: outliers, an offset, colour.
 /// @throws InputError when the filter cannot run
 void report_noise_estimate(Estimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings);
 
-/// A result with a serious warning is untrusted.
-void distrust_serious_warnings(Estimate& estimate);
-
-/// A warning for every channel whose innovations are not white.
-void warn_of_coloured_innovations(Estimate& estimate);
+/// Channels whose innovations are not white, or follow the inputs, by the tests of the estimate.
+Findings check_innovations(const Estimate& estimate);
 
 }  // namespace identikal

@@ -135,7 +135,9 @@ Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilte
           std::sqrt((*inverse * in_units(products) * *inverse)(at, at));
     }
   }
-  conclude_noise_estimate(estimate, found.summary);
+  if (!found.summary.usable()) withdraw_errors(estimate);
+  append(estimate.findings, check_search(estimate, found.summary));
+  conclude(estimate, "converged");
   return estimate;
 }
 

@@ -352,26 +352,26 @@ void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const 
     ++i;
     const bool lower = best.x[i] <= problem.lower[i], upper = best.x[i] >= problem.upper[i];
     if (!lower && !upper) continue;
-    Warning warning{"at_bound", Severity::note, {p.name}, "", ""};
+    Finding finding = make_finding(FindingCode::at_bound, {p.name}, "");
     if (lower && problem.lower[i] == 0.0) {
       const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
                                                    : best.x.cwiseAbs().maxCoeff();
       const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
       if (limit) {
         p.ci95 = {0.0, *limit / unit_scale(p.unit)};
-        warning.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
+        finding.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
                                    p.name, p.ci95[1]);
       } else {
-        warning.text =
+        finding.text =
             fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
       }
     } else {
-      warning.severity = Severity::warning;
-      warning.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
+      finding.severity = Severity::warning;
+      finding.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
                                  lower ? "lower" : "upper", p.value);
-      warning.remedy = "widen the bound in the model file if it is not physical";
+      finding.remedy = "widen the bound in the model file if it is not physical";
     }
-    estimate.warnings.push_back(std::move(warning));
+    estimate.findings.push_back(std::move(finding));
   }
 }
 
@@ -400,10 +400,11 @@ void report_evaluation(Estimate& estimate, const EvaluationTaken& taken, Evaluat
   const bool expected =
       taken.fallback == FallbackReason::short_segment && asked != EvaluationMethod::autocovariances;
   if (expected || taken.method == EvaluationMethod::autocovariances) return;
-  warn(estimate, Severity::note, "evaluation_method", {},
-       fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
-                   taken.method == EvaluationMethod::steady_state ? "steady-state" : "time-varying",
-                   estimate.objective.evaluation_reason));
+  estimate.findings.push_back(make_finding(
+      FindingCode::evaluation_method, {},
+      fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
+                  taken.method == EvaluationMethod::steady_state ? "steady-state" : "time-varying",
+                  estimate.objective.evaluation_reason)));
 }
 
 }  // namespace
@@ -449,13 +450,16 @@ Estimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
   if (options.profiles && converged) profile(estimate, maximum);
   if (options.pictures) estimate.pictures.searches = found.paths;
   if (options.pictures && converged) picture_profiles(estimate, maximum);
-  conclude_noise_estimate(estimate, found.best.summary);
+  if (!converged) withdraw_errors(estimate);
+  append(estimate.findings, check_search(estimate, found.best.summary));
   report_noise_estimate(estimate, model, end, recordings);
   if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
-    warn(estimate, Severity::warning, "several_maxima", {},
-         fmt::format("{} of {} starts reached the same optimum", found.agree, found.tried),
-         "raise --starts; if they still end apart, the likelihood has several maxima");
+    estimate.findings.push_back(make_finding(
+        FindingCode::several_maxima, {},
+        fmt::format("{} of {} starts reached the same optimum", found.agree, found.tried),
+        "raise --starts; if they still end apart, the likelihood has several maxima"));
   }
+  conclude(estimate, "converged");
   return estimate;
 }
 

@@ -428,17 +428,20 @@ void report_whiteness(Estimate& estimate, const FilterResult& filter) {
 }
 
 // Innovations that are not as large as the filter takes them for, all along the recording.
-void warn_of_size(Estimate& estimate, bool adaptive) {
+Findings check_size(const Estimate& estimate, bool adaptive) {
+  Findings out;
   constexpr Index kEnough = 50;  // below, a mixture of filters has no chi-square
   for (const TestResult& test : estimate.tests) {
     if (test.id != "nis" || test.pass || estimate.series.time.size() < kEnough) continue;
-    warn(estimate, Severity::warning, "innovation_size", {},
-         fmt::format("the innovations are {:.3g} times as large (in variance) as the filter "
-                     "predicts",
-                     test.value),
-         adaptive ? "the first samples of every new noise are among them; else widen the priors"
-                  : "noise that changes during the recording: --adaptive; else widen the priors");
+    out.push_back(make_finding(
+        FindingCode::innovation_size, {},
+        fmt::format("the innovations are {:.3g} times as large (in variance) as the filter "
+                    "predicts",
+                    test.value),
+        adaptive ? "the first samples of every new noise are among them; else widen the priors"
+                 : "noise that changes during the recording: --adaptive; else widen the priors"));
   }
+  return out;
 }
 
 }  // namespace
@@ -463,27 +466,27 @@ Estimate track(const Model& given, const Dataset& whole, const NoiseTrackOptions
   }
   SolverSummary summary = points.summary;
   summary.termination = Termination::converged;  // what was learnt up to there stands
-  conclude_noise_estimate(estimate, summary);
+  const std::string more =
+      learnt && options.adaptive
+          ? fmt::format("; the noise was re-estimated {} time{}", course.changes.size(),
+                        course.changes.size() == 1 ? "" : "s")
+          : "";
+  append(estimate.findings, check_search(estimate, summary, more));
   if (stopped) {
-    estimate.status = Status::not_converged;
-    estimate.message = points.summary.message;
-  } else if (!learnt) {
-    estimate.message =
-        fmt::format("the noise of the model file stands after {} samples", recording.size());
-  } else if (options.adaptive) {
-    estimate.message += fmt::format("; the noise was re-estimated {} time{}", course.changes.size(),
-                                    course.changes.size() == 1 ? "" : "s");
+    estimate.findings.push_back(make_finding(FindingCode::stopped, {}, points.summary.message));
   }
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
   report_noise(estimate, model, end);
   report_innovations(estimate, {recording}, {course.filter});
   report_whiteness(estimate, course.filter);
-  warn_of_coloured_innovations(estimate);
-  warn_of_size(estimate, options.adaptive);
+  append(estimate.findings, check_innovations(estimate));
+  append(estimate.findings, check_size(estimate, options.adaptive));
   if (course.changes.empty()) {
-    warn_of_outliers_and_offset(estimate, model, end, {recording}, {course.filter});
+    append(estimate.findings, check_outliers_and_offset(model, end, {recording}, {course.filter}));
   }
-  distrust_serious_warnings(estimate);
+  conclude(estimate, learnt ? "converged" + more
+                            : fmt::format("the noise of the model file stands after {} samples",
+                                          recording.size()));
 
   TimeHistory& report = estimate.time_history.emplace();
   const Index k = course.mean.rows();

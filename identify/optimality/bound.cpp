@@ -9,6 +9,7 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/nonlinear_recordings.h"
@@ -82,21 +83,13 @@ Bound::InnovationForm innovation_form(const StateSpace& system, const GainSensit
   return out;
 }
 
-void conclude(Estimate& estimate) {
+Findings check_determined(const Estimate& estimate) {
   const Identifiability& id = estimate.identifiability;
-  if (id.rank == id.of) {
-    estimate.status = Status::ok;
-    estimate.message = "every free parameter can be determined";
-    return;
-  }
-  std::string names;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited) continue;
-    names += (names.empty() ? "" : ", ") + p.name;
-  }
-  estimate.status = Status::rejected;
-  estimate.message = fmt::format("outputs alone determine {} of {} unknowns; not determined: {}",
-                                 id.rank, id.of, names);
+  if (id.rank == id.of) return {};
+  const std::vector<std::string> open = not_determined(estimate);
+  return {make_finding(FindingCode::not_identifiable, open,
+                       fmt::format("outputs alone determine {} of {} unknowns; not determined: {}",
+                                   id.rank, id.of, fmt::join(open, ", ")))};
 }
 
 // What recordings say of the free entries, SI.
@@ -294,7 +287,8 @@ Estimate bound_of(const Model& model, const BoundOptions& options, const Dataset
                             : MatrixXd(total / static_cast<double>(options.samples));
   bound_parameters(estimate, information, unit, covariance_of(rate));
   if (information.gain) bound_gain(estimate, information, unit, covariance);
-  conclude(estimate);
+  append(estimate.findings, check_determined(estimate));
+  conclude(estimate, "every free parameter can be determined");
   return estimate;
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
@@ -34,7 +35,6 @@ Estimate check(const Model& given, const std::vector<Dataset>& recordings) {
   Estimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "check";
-  estimate.status = Status::ok;
   list_known_parameters(estimate, model.parameters);
   check_channels(recordings);
   const std::vector<FilterResult> filters =
@@ -73,17 +73,15 @@ Estimate check(const Model& given, const std::vector<Dataset>& recordings) {
         "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
         better.gain, values));
   }
-  warn_of_outliers_and_offset(estimate, model, model.parameters, recordings, filters);
-  estimate.warnings.insert(estimate.warnings.end(), found.warnings.begin(), found.warnings.end());
-  if (found.optimal) {
-    estimate.message = "no test rejects optimality";
-    return estimate;
+  append(estimate.findings,
+         check_outliers_and_offset(model, model.parameters, recordings, filters));
+  append(estimate.findings, found.findings);
+  if (!found.optimal) {
+    const std::string faults = fmt::format("{}", fmt::join(found.faults, "; "));
+    estimate.findings.push_back(make_finding(
+        FindingCode::test_rejects, {}, "not optimal" + (faults.empty() ? "" : ": " + faults)));
   }
-  estimate.status = Status::rejected;
-  estimate.message = "not optimal";
-  for (std::size_t i = 0; i < found.faults.size(); ++i) {
-    estimate.message += (i == 0 ? ": " : "; ") + found.faults[i];
-  }
+  conclude(estimate, "no test rejects optimality", Basis::tests);
   return estimate;
 }
 

@@ -117,7 +117,6 @@ Estimate compare_filters(const std::vector<Model>& models,
   out.model_name = fmt::format("{} filters", models.size());
   out.objective.method = "compare";
   out.objective.log_likelihood = best.log_likelihood;
-  out.status = Status::ok;
   const auto least = [&](double Scored::*measure) {
     double value = kInfinity;
     for (const Scored& s : all) value = std::min(value, s.*measure);
@@ -153,9 +152,10 @@ Estimate compare_filters(const std::vector<Model>& models,
       "white");
   out.notes.emplace_back("opt: passes the tests of 'check'");
   const double p = difference(all[order[1]], best);
-  out.message =
-      fmt::format("{} has the highest likelihood{}", models[order[0]].source,
-                  p < kFamilyError ? "" : fmt::format(", but not significantly (p = {:.2g})", p));
+  const std::string doubt =
+      p < kFamilyError ? "" : fmt::format(", but not significantly (p = {:.2g})", p);
+  conclude(out, fmt::format("{} has the highest likelihood{}", models[order[0]].source, doubt),
+           Basis::tests);
   return out;
 }
 

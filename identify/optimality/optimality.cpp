@@ -186,11 +186,12 @@ void report_conditions(const MatrixXd& e, int lags, const std::vector<Channel>& 
       out.tests.push_back(condition.result);
       if (condition.result.pass) continue;
       const bool normality = std::string(id) == "normality";
-      warn(out.warnings, Severity::note,
-           normality ? "innovations_not_gaussian" : "innovations_change_size", {outputs[n].name},
-           fmt::format(
-               "innovations of '{}' {} (p = {:.2g}): p-values are approximate", outputs[n].name,
-               normality ? "are not Gaussian" : "change their size with time", condition.result.p));
+      out.findings.push_back(make_finding(
+          normality ? FindingCode::innovations_not_gaussian : FindingCode::innovations_change_size,
+          {outputs[n].name},
+          fmt::format(
+              "innovations of '{}' {} (p = {:.2g}): p-values are approximate", outputs[n].name,
+              normality ? "are not Gaussian" : "change their size with time", condition.result.p)));
     }
   }
 }

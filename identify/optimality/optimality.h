@@ -21,7 +21,7 @@ struct Optimality {
   std::vector<TestResult> tests;    ///< those with a level make the verdict, the others explain it
   std::vector<std::string> faults;  ///< what is wrong where, a sentence each, most telling first
   std::vector<std::string> notes;
-  std::vector<Warning> warnings;
+  Findings findings;
 };
 
 /// The default test. Each part may err with its share of 5 %, so that all together err with 5 % at

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/model/check.h"
 #include "identify/regression/order.h"
@@ -105,16 +106,21 @@ void report_course(Estimate& estimate, const Dataset& recording, const LaggedRow
   }
 }
 
-void conclude_regression(Estimate& estimate, Index rows) {
-  std::string open;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited) continue;
-    open += (open.empty() ? "" : ", ") + p.name;
+/// What stands against the course: coefficients that are open, a choice that was not finished.
+Findings check_course(const Estimate& estimate, const RegressionChoice& choice) {
+  Findings out;
+  const std::vector<std::string> open = not_determined(estimate);
+  if (!open.empty()) {
+    out.push_back(make_finding(
+        FindingCode::not_identifiable, open,
+        fmt::format("this recording does not determine {} separately", fmt::join(open, ", "))));
   }
-  estimate.status = open.empty() ? Status::ok : Status::rejected;
-  estimate.message = open.empty() ? fmt::format("{} coefficients tracked over {} samples",
-                                                estimate.parameters.size(), rows)
-                                  : "this recording does not determine " + open + " separately";
+  if (choice.stopped) {
+    out.push_back(
+        make_finding(FindingCode::stopped, {},
+                     fmt::format("stopped by the caller, {} orders tried", choice.candidates)));
+  }
+  return out;
 }
 
 }  // namespace
@@ -142,7 +148,8 @@ std::vector<TimeHistory::Change> reported_changes(
   return out;
 }
 
-void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool shortest) {
+Findings check_regression(const VectorXd& standardised, bool shortest) {
+  Findings out;
   constexpr double kCorrelated = 0.2, kDeviations = 4.0;
   double product = 0.0, squares = 0.0;
   Index n = 0;
@@ -154,18 +161,21 @@ void warn_of_regression(Estimate& estimate, const VectorXd& standardised, bool s
   }
   const double r = squares > 0.0 ? product / squares : 0.0;
   if (std::abs(r) > kCorrelated && std::abs(r) * std::sqrt(static_cast<double>(n)) > kDeviations) {
-    warn(estimate.warnings, Severity::warning, "coloured_errors", {},
-         fmt::format("errors are correlated with the ones before ({:.2f}): standard errors, the "
-                     "choice of the memory and the rate of false alarms suppose that they are not",
-                     r),
-         "the model lacks something: another order or input, an offset, a delay");
+    out.push_back(make_finding(
+        FindingCode::coloured_errors, {},
+        fmt::format("errors are correlated with the ones before ({:.2f}): standard errors, the "
+                    "choice of the memory and the rate of false alarms suppose that they are not",
+                    r),
+        "the model lacks something: another order or input, an offset, a delay"));
   }
   if (shortest) {
-    warn(estimate.warnings, Severity::warning, "short_memory", {},
-         "of all memories tried the shortest predicts best: there is no telling coefficients that "
-         "change from errors that are followed",
-         "give forgetting in the model file");
+    out.push_back(make_finding(
+        FindingCode::short_memory, {},
+        "of all memories tried the shortest predicts best: there is no telling coefficients that "
+        "change from errors that are followed",
+        "give forgetting in the model file"));
   }
+  return out;
 }
 
 Forgetting forgetting_of(const RegressionModel& settings, double lambda) {
@@ -258,14 +268,14 @@ Estimate track_regression(const Model& model, const Dataset& recording,
                     "fit is little evidence for the coefficients",
                     fit_percent(rows.y, rows.y - before)));
   }
-  warn_of_regression(estimate, course.standardised,
-                     choice.forgetting_chosen && choice.forgetting < 1.0 &&
-                         choice.forgetting <= least_forgetting(rows.phi.rows()) * (1.0 + 1e-6));
-  conclude_regression(estimate, rows.y.size());
-  if (choice.stopped) {
-    estimate.status = Status::not_converged;
-    estimate.message = fmt::format("stopped by the caller, {} orders tried", choice.candidates);
-  }
+  append(
+      estimate.findings,
+      check_regression(course.standardised,
+                       choice.forgetting_chosen && choice.forgetting < 1.0 &&
+                           choice.forgetting <= least_forgetting(rows.phi.rows()) * (1.0 + 1e-6)));
+  append(estimate.findings, check_course(estimate, choice));
+  conclude(estimate, fmt::format("{} coefficients tracked over {} samples",
+                                 estimate.parameters.size(), rows.y.size()));
   return estimate;
 }
 

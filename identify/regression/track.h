@@ -39,10 +39,10 @@ std::vector<TimeHistory::Change> reported_changes(
     const std::vector<RegressionHistory::Change>& changes, const Eigen::VectorXd& time,
     const Eigen::MatrixXd& estimates);
 
-/// Warnings where what recursive least squares relies on does not hold: errors that are correlated
+/// Where what recursive least squares relies on does not hold: errors that are correlated
 /// from one sample to the next, and a chosen memory that is the shortest allowed.
 /// @param standardised  n: of the predictions' errors
-void warn_of_regression(Estimate& estimate, const Eigen::VectorXd& standardised, bool shortest);
+Findings check_regression(const Eigen::VectorXd& standardised, bool shortest);
 
 /// As the settings have it; lambda where they do not.
 Forgetting forgetting_of(const RegressionModel& settings, double lambda);

@@ -281,8 +281,8 @@ std::string console_report(const Estimate& estimate) {
          noise_text(estimate) + derived_text(estimate) + history_text(estimate) +
          (estimate.shaping ? shaping_text(*estimate.shaping) : "") +
          objective_text(estimate.objective) + fits_text(estimate) + tests_text(estimate) +
-         notes_text(estimate) + unidentifiable_text(estimate) + findings_text(estimate.warnings) +
-         status_text(estimate);
+         notes_text(estimate) + unidentifiable_text(estimate) +
+         findings_text(printed(estimate.findings)) + status_text(estimate);
 }
 
 }  // namespace identikal

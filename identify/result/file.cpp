@@ -286,10 +286,13 @@ Estimate estimate_of(const Field& root) {
         {d["name"].text(), d["unit"].text(), d["value"].number(), d["se"].number()});
   }
   for (const Field& w : root["warnings"].items()) {
-    out.warnings.push_back(
-        {w["code"].text(),
-         w["severity"].word({Severity::note, Severity::warning, Severity::serious}),
-         w["about"].names(), w["text"].text(), w["remedy"].text()});
+    Finding finding;
+    set_code(finding, w["code"].text());
+    finding.severity = w["severity"].word({Severity::note, Severity::warning, Severity::serious});
+    finding.about = w["about"].names();
+    finding.text = w["text"].text();
+    finding.remedy = w["remedy"].text();
+    out.findings.push_back(std::move(finding));
   }
   out.notes = root["notes"].names();
   return out;

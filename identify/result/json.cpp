@@ -117,10 +117,10 @@ Json time_history(const Estimate& estimate) {
   return {{"names", c.names}, {"units", c.units}, {"changes", changes}};
 }
 
-Json warnings_of(const std::vector<Warning>& warnings) {
+Json findings_of(const Findings& findings) {
   Json out = Json::array();
-  for (const Warning& w : warnings) {
-    out.push_back({{"code", w.code},
+  for (const Finding& w : printed(findings)) {
+    out.push_back({{"code", name_of(w)},
                    {"severity", to_string(w.severity)},
                    {"about", w.about},
                    {"text", w.text},
@@ -201,7 +201,7 @@ Json survey(const Estimate& estimate) {
           {"mapping", mapping_of(s)},
           {"time", {{"column", s.time_column}, {"unit", s.time_unit}}},
           {"least_speed", number(s.least_speed)},
-          {"findings", warnings_of(s.findings)}};
+          {"findings", findings_of(s.findings)}};
 }
 
 Json shaping(const Estimate& estimate) {
@@ -414,7 +414,7 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
   out["minimum_rank"] = minimum_rank(estimate);
   out["survey"] = survey(estimate);
   out["derived"] = derived(estimate);
-  out["warnings"] = warnings_of(estimate.warnings);
+  out["warnings"] = findings_of(estimate.findings);
   out["notes"] = estimate.notes;
   add_old_keys(out);
   out["timing_s"] = number(timing_s);

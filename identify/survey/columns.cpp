@@ -357,9 +357,10 @@ std::vector<ColumnCandidate> Guess::unnamed_columns() const {
 
 // @param c  a copy: what it is taken from loses it
 void Guess::take_unnamed(ColumnCandidate c, SignalKind kind, const std::string& why) {
-  warn(out_.findings, Severity::note, "guessed_by_physics", {c.column->name},
-       fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), why),
-       "check it: its name does not say so");
+  out_.findings.push_back(
+      make_finding(FindingCode::guessed_by_physics, {c.column->name},
+                   fmt::format("'{}' is taken as {}: {}", c.column->name, to_string(kind), why),
+                   "check it: its name does not say so"));
   std::erase_if(unnamed_, [&](const ColumnCandidate& each) { return each.column == c.column; });
   c.kind = kind;
   const std::optional<Unit> unit = parse_unit(c.unit);
@@ -440,17 +441,18 @@ void Guess::check_clocks() {
   for (std::size_t f = 0; f < tables_.size(); ++f) {
     if (clocks_[f].time.size() == 0) {
       const std::string file = file_name(f);
-      warn(out_.findings, Severity::serious, "no_time", {file},
-           fmt::format("no column of {} is an increasing time", file),
-           "name it 'time' or 't'; time: {step: ...} in a model file");
+      out_.findings.push_back(make_finding(
+          FindingCode::no_time, {file}, fmt::format("no column of {} is an increasing time", file),
+          "name it 'time' or 't'; time: {step: ...} in a model file"));
     }
     if (clocks_[f].runs > 1) {
       const std::string file = file_name(f);
-      warn(out_.findings, Severity::serious, "several_runs", {file},
-           fmt::format("time runs back {} times: {} runs in one file", clocks_[f].runs - 1,
-                       clocks_[f].runs),
-           "time: {..., runs: restart} in the model file; this survey puts them one after the "
-           "other");
+      out_.findings.push_back(make_finding(
+          FindingCode::several_runs, {file},
+          fmt::format("time runs back {} times: {} runs in one file", clocks_[f].runs - 1,
+                      clocks_[f].runs),
+          "time: {..., runs: restart} in the model file; this survey puts them one after the "
+          "other"));
     }
   }
 }
@@ -507,9 +509,10 @@ VehicleSignals Guess::run() {
     unclear += fmt::format("{}{} {}", unclear.empty() ? "" : ", ", s.column, s.unit);
   }
   if (!unclear.empty()) {
-    warn(out_.findings, Severity::note, "unit_unclear", {},
-         "the file gives no unit of some columns; these make the kinematics of a car: " + unclear,
-         "check them");
+    out_.findings.push_back(make_finding(
+        FindingCode::unit_unclear, {},
+        "the file gives no unit of some columns; these make the kinematics of a car: " + unclear,
+        "check them"));
   }
   return std::move(out_);
 }

@@ -41,7 +41,7 @@ struct VehicleSignals {
   std::string name;
   std::vector<VehicleSignal> signals;
   std::string time_column, time_unit;
-  std::vector<Warning> findings;  ///< what was found while the columns were guessed
+  Findings findings;  ///< what was found while the columns were guessed
 };
 
 /// The channels of a recording as a model file maps them.

@@ -15,7 +15,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   using namespace surveying;  // NOLINT: its parts
   Scene scene;
   scene.out.findings = signals.findings;
-  if (signals.signals.empty() && scene.found("no_time")) {
+  if (signals.signals.empty() && scene.found(FindingCode::no_time)) {
     scene.out.verdicts = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
     return scene.out;
   }
@@ -23,25 +23,26 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   list_signals(signals, scene);
   propose_mapping(signals, scene);
   if (!scene.first.contains(SignalKind::steering)) {
-    scene.add_finding("no_steering", Severity::serious, {}, "no column looks like a steering angle",
+    scene.add_finding(FindingCode::no_steering, Severity::serious, {},
+                      "no column looks like a steering angle",
                       "name it in the model file; without it nothing can be identified");
   } else if (const Eigen::VectorXd& x = scene.first.at(SignalKind::steering)->value;
              !(quantile_of(x, 0.0) < quantile_of(x, 1.0))) {
     scene.add_finding(
-        "no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
+        FindingCode::no_steering, Severity::serious, {scene.signal(SignalKind::steering).column},
         fmt::format("the steering angle {} never changes", scene.name(SignalKind::steering)),
         "is it the right column? Else record a manoeuvre");
   }
   if (!scene.first.contains(SignalKind::r)) {
     const bool ay = scene.first.contains(SignalKind::ay);
     scene.add_finding(
-        "no_yaw_rate", ay ? Severity::warning : Severity::serious, {},
+        FindingCode::no_yaw_rate, ay ? Severity::warning : Severity::serious, {},
         "no column looks like a yaw rate",
         "name it in the model file; without it signs, units and clocks are not compared");
   }
   const bool speed = scene.speed.size() > 0;
   if (!speed) {
-    scene.add_finding("no_speed", Severity::serious, {}, "no column looks like a speed",
+    scene.add_finding(FindingCode::no_speed, Severity::serious, {}, "no column looks like a speed",
                       "name it in the model file");
   }
   const auto driving = speed ? (scene.speed.array() > kSlowestTest).count() : Eigen::Index{0};
@@ -49,7 +50,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   if (grid && speed) measure_speed(scene);
   if (!grid || (speed && (!moved || driving < 40))) {
     scene.add_finding(
-        "too_short", Severity::serious, {},
+        FindingCode::too_short, Severity::serious, {},
         grid ? fmt::format("{:.1f} s in {} rows above {} m/s",
                            static_cast<double>(driving) * scene.step, driving, kSlowestTest)
              : std::string("less than two rows"),
@@ -63,11 +64,11 @@ VehicleSurvey survey(const VehicleSignals& signals) {
     report_clocks(scene);
   }
   assess_identifiability(scene);
-  const auto rank = [](const Warning& w) {
+  const auto rank = [](const Finding& w) {
     return w.severity == Severity::serious ? 0 : w.severity == Severity::warning ? 1 : 2;
   };
   std::stable_sort(scene.out.findings.begin(), scene.out.findings.end(),
-                   [&](const Warning& a, const Warning& b) { return rank(a) < rank(b); });
+                   [&](const Finding& a, const Finding& b) { return rank(a) < rank(b); });
   return scene.out;
 }
 

@@ -298,19 +298,21 @@ Estimate compare_results(const std::vector<StoredResult>& results) {
     }
   }
   const double lead = order[1]->estimate.objective.aic - best.objective.aic;
-  out.message =
+  if (!converged) {
+    out.findings.push_back(
+        make_finding(FindingCode::unconverged_results, {}, "; but not every search has converged"));
+  }
+  if (best.status != Status::ok) {
+    out.findings.push_back(
+        make_finding(FindingCode::best_in_doubt, {},
+                     fmt::format("; but it is itself '{}'", to_string(best.status))));
+  }
+  const std::string first =
       fmt::format("{} has the lowest AIC{}{}", name_of(*order[0]),
                   lead < 2.0 ? fmt::format(", by {:.2g} only", lead) : "",
                   least_bic == order[0] ? (lead < 2.0 ? ", and the lowest BIC" : " and BIC")
                                         : ", " + name_of(*least_bic) + " the lowest BIC");
-  out.status = Status::ok;
-  if (!converged) {
-    out.status = Status::not_converged;
-    out.message += "; but not every search has converged";
-  } else if (best.status != Status::ok) {
-    out.status = Status::untrusted;
-    out.message += fmt::format("; but it is itself '{}'", to_string(best.status));
-  }
+  conclude(out, first, Basis::tests);
   return out;
 }
 

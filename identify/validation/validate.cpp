@@ -9,6 +9,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
@@ -154,14 +155,26 @@ struct UnseenTests {
   }
 };
 
-std::string failed_tests(const std::vector<TestResult>& tests) {
-  std::string out;
+Findings check_tests(const std::vector<TestResult>& tests) {
+  std::string failed;
   for (const TestResult& test : tests) {
     if (test.pass) continue;
-    out +=
-        (out.empty() ? "" : ", ") + test.id + (test.channel.empty() ? "" : " of " + test.channel);
+    failed += (failed.empty() ? "" : ", ") + test.id +
+              (test.channel.empty() ? "" : " of " + test.channel);
   }
-  return out;
+  if (failed.empty()) return {};
+  return {make_finding(FindingCode::test_rejects, {},
+                       "it does not hold on these data: rejected by " + failed)};
+}
+
+Findings check_power(double detectable) {
+  constexpr double kLeast = 1.5;
+  if (!(detectable > kLeast)) return {};
+  return {make_finding(FindingCode::insufficient_power, {},
+                       fmt::format("insufficient power: these data would not show innovations "
+                                   "{:.2g} times as large as the filter predicts",
+                                   detectable),
+                       "validate on a longer recording")};
 }
 
 void test_unseen(const Estimate& result, const Model& model, const std::vector<Dataset>& recordings,
@@ -177,15 +190,7 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
   if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
   if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {
     estimate.tests.push_back(unseen.nis(nis));
-    constexpr double kLeast = 1.5;
-    const double detectable = unseen.detectable_size(nis.dof);
-    if (detectable > kLeast) {
-      warn(estimate, Severity::warning, "insufficient_power", {},
-           fmt::format("insufficient power: these data would not show innovations {:.2g} times "
-                       "as large as the filter predicts",
-                       detectable),
-           "validate on a longer recording");
-    }
+    append(estimate.findings, check_power(unseen.detectable_size(nis.dof)));
   }
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const ChiSquareStatistic q = ljung_box(all.row(static_cast<Index>(i)).transpose(), lags);
@@ -198,10 +203,6 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
     estimate.tests.push_back(
         unseen.mean_square("input_correlation", outputs[i].name, by_input[i], 1.0));
   }
-  const std::string failed = failed_tests(estimate.tests);
-  estimate.status = failed.empty() ? Status::ok : Status::rejected;
-  estimate.message = failed.empty() ? "it holds on these data: no test rejects it"
-                                    : "it does not hold on these data: rejected by " + failed;
 }
 
 Estimate validate_filter(const Estimate& result, const Model& written,
@@ -215,7 +216,7 @@ Estimate validate_filter(const Estimate& result, const Model& written,
   for (EstimatedParameter& p : out.parameters) p.fixed = true;
   const std::vector<FilterResult> filters = report_filter(out, model, model.parameters, recordings);
   test_unseen(result, model, recordings, filters, out);
-  warn_of_outliers_and_offset(out, model, model.parameters, recordings, filters);
+  append(out.findings, check_outliers_and_offset(model, model.parameters, recordings, filters));
   const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };
   out.derived.push_back({"log-likelihood per row", "",
                          per_row(out.objective.log_likelihood, measured_rows(recordings)), kNone});
@@ -228,7 +229,6 @@ Estimate validate_car(const Estimate& result, const Model& model,
                       const std::vector<Dataset>& recordings, bool robust) {
   Estimate out;
   out.model_name = model.name;
-  out.status = Status::ok;
   out.tyre_curve = result.tyre_curve;
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   for (const EstimatedParameter& p : result.parameters) {
@@ -252,73 +252,102 @@ Estimate validate_car(const Estimate& result, const Model& model,
                          : static_cast<std::size_t>(out.series.recording[t] - 1);
     if (!out.series.predicted.col(t).array().isNaN().all()) ++out.inputs[run].used;
   }
-  check_hold_out_by_survey(model, recordings, out);
+  append(out.findings, check_hold_out_by_survey(model, recordings, out));
   return out;
 }
 
-// What a refit would make of the car, and whether it rejects the values: they differ significantly,
-// and the outputs move by more than kMatters.
-std::optional<std::string> judge_refit(const VehicleRefit& refit, Estimate& estimate) {
-  constexpr double kLevel = 0.05;
-  constexpr double kMatters = 0.05;    // of an output's size
-  constexpr double kDetectable = 0.2;  // of a parameter: larger changes must not go unnoticed
-  constexpr double kClear = 2.0;       // standard errors
-  if (refit.changes.empty() || !(refit.dof > 0.0)) {
+constexpr double kRefitLevel = 0.05;
+constexpr double kRefitMatters = 0.05;  // of an output's size
+
+// Whether there are values to compare, with an error to compare them by.
+bool compares(const VehicleRefit& refit) { return !refit.changes.empty() && refit.dof > 0.0; }
+
+TestResult refit_test(const VehicleRefit& refit) {
+  TestResult test = test_result("refit", "", refit.statistic,
+                                {0.0, f_quantile(1.0 - kRefitLevel, refit.dof, refit.freedom)},
+                                refit.p, kRefitLevel);
+  test.level = kRefitLevel;
+  return test;
+}
+
+// The output that a refit moves most, by how much of its size.
+struct Moved {
+  std::string channel;
+  double most = 0.0;
+};
+
+Moved most_moved(const VehicleRefit& refit, const Estimate& estimate) {
+  Moved out;
+  for (std::size_t j = 0; j < refit.moves.size(); ++j) {
+    if (refit.moves[j] > out.most) out = {estimate.simulation[j].channel, refit.moves[j]};
+  }
+  return out;
+}
+
+std::string change_of(const VehicleRefit::Change& c) {
+  return fmt::format("{} by {:+.0f} %", c.name, 100.0 * (c.refitted / c.known - 1.0));
+}
+
+// What a refit makes of the car.
+void report_refit(const VehicleRefit& refit, Estimate& estimate) {
+  if (!compares(refit)) {
     estimate.notes.emplace_back(
         !refit.tried      ? "refit: no value of the result has an error to compare by"
         : refit.converged ? "refit: these data determine none of the values that were estimated"
                           : "refit: the search did not converge, so values are not compared");
-    return std::nullopt;
+    return;
   }
-  TestResult test =
-      test_result("refit", "", refit.statistic,
-                  {0.0, f_quantile(1.0 - kLevel, refit.dof, refit.freedom)}, refit.p, kLevel);
-  test.level = kLevel;
-  estimate.tests.push_back(test);
-
-  std::string undetected, changes, all;
-  std::vector<std::string> about;
+  estimate.tests.push_back(refit_test(refit));
   estimate.notes.emplace_back("refit on these data   result      refit    change  detectable");
   for (const VehicleRefit::Change& c : refit.changes) {
-    const double change = c.refitted / c.known - 1.0;
     estimate.notes.push_back(fmt::format(
         "  {:<16} {:>9.6g}  {:>9.6g}  {:>+6.1f} %  {:>10}", c.name, c.known, c.refitted,
-        100.0 * change,
+        100.0 * (c.refitted / c.known - 1.0),
         std::isnan(c.detectable) ? "never" : fmt::format("{:.1f} %", 100.0 * c.detectable)));
-    const std::string by = fmt::format("{} by {:+.0f} %", c.name, 100.0 * change);
-    all += (all.empty() ? "" : ", ") + by;
-    if (std::abs(c.refitted - c.known) > kClear * c.se) {
-      changes += (changes.empty() ? "" : ", ") + by;
-    }
-    if (c.detectable <= kDetectable) continue;
-    about.push_back(c.name);
-    undetected += fmt::format("{}{}", undetected.empty() ? "" : ", ", c.name);
   }
-  double most = 0.0;
-  std::string moved;
-  for (std::size_t j = 0; j < refit.moves.size(); ++j) {
-    if (!(refit.moves[j] > most)) continue;
-    most = refit.moves[j];
-    moved = estimate.simulation[j].channel;
-  }
-  estimate.derived.push_back({"refit moves " + moved, "%", 100.0 * most, kNone});
+  const Moved moved = most_moved(refit, estimate);
+  estimate.derived.push_back({"refit moves " + moved.channel, "%", 100.0 * moved.most, kNone});
   estimate.notes.push_back(
       fmt::format("refit: the values differ significantly where an F test rejects at {:.0f} % "
                   "({:.0f} and {:.0f} degrees of freedom, errors of both fits) and where they move "
                   "a simulated output by more than {:.0f} % of its size. detectable: the change of "
                   "this value alone that is found with a power of 80 %",
-                  100.0 * kLevel, refit.dof, refit.freedom, 100.0 * kMatters));
-  if (!undetected.empty()) {
-    warn(estimate, Severity::warning, "insufficient_power", about,
-         fmt::format("insufficient power: these data would not show an error of 20 % in {}",
-                     undetected),
-         "validate on a recording that determines it: 'identikal info --vehicle' says which do");
+                  100.0 * kRefitLevel, refit.dof, refit.freedom, 100.0 * kRefitMatters));
+}
+
+// Errors of the values that these data would not show.
+Findings check_refit_power(const VehicleRefit& refit) {
+  constexpr double kDetectable = 0.2;  // of a parameter: larger changes must not go unnoticed
+  if (!compares(refit)) return {};
+  std::vector<std::string> about;
+  for (const VehicleRefit::Change& c : refit.changes) {
+    if (!(c.detectable <= kDetectable)) about.push_back(c.name);
   }
-  if (test.pass || most <= kMatters) return std::nullopt;
-  return fmt::format(
-      "the values differ significantly: a refit changes {} (p {:.2g}), and {} by {:.0f} % of its "
-      "size",
-      changes.empty() ? all : changes, refit.p, moved, 100.0 * most);
+  if (about.empty()) return {};
+  return {make_finding(
+      FindingCode::insufficient_power, about,
+      fmt::format("insufficient power: these data would not show an error of 20 % in {}",
+                  fmt::join(about, ", ")),
+      "validate on a recording that determines it: 'identikal info --vehicle' says which do")};
+}
+
+// A refit rejects the values where they differ significantly and the outputs move.
+Findings check_values(const VehicleRefit& refit, const Estimate& estimate) {
+  constexpr double kClear = 2.0;  // standard errors
+  if (!compares(refit) || refit_test(refit).pass) return {};
+  const Moved moved = most_moved(refit, estimate);
+  if (moved.most <= kRefitMatters) return {};
+  std::vector<std::string> clear, all;
+  for (const VehicleRefit::Change& c : refit.changes) {
+    all.push_back(change_of(c));
+    if (std::abs(c.refitted - c.known) > kClear * c.se) clear.push_back(all.back());
+  }
+  return {make_finding(
+      FindingCode::values_differ, {},
+      fmt::format("the values differ significantly: a refit changes {} (p {:.2g}), and {} by "
+                  "{:.0f} % of its size",
+                  fmt::join(clear.empty() ? all : clear, ", "), refit.p, moved.channel,
+                  100.0 * moved.most))};
 }
 
 // The output that has to follow the steering.
@@ -331,22 +360,21 @@ std::size_t leading_output(const std::vector<ChannelFit>& fits) {
   return static_cast<std::size_t>((named != fits.end() ? named : best) - fits.begin());
 }
 
-// Answers by limits of the fit. A channel without a fit never changed and reaches none.
-void judge_fits(const std::vector<ChannelFit>& fits, const std::vector<double>& limits,
-                Estimate& estimate) {
+// A channel without a fit never changed and is below any limit.
+Findings check_fits(const std::vector<ChannelFit>& fits, const std::vector<double>& limits) {
   std::string below;
   for (std::size_t i = 0; i < fits.size(); ++i) {
     if (fits[i].fit_percent >= limits[i]) continue;
     below += fmt::format("{}{} {:.1f} %, {:.4g} % wanted", below.empty() ? "" : "; ",
                          fits[i].channel, fits[i].fit_percent, limits[i]);
   }
-  estimate.status = below.empty() ? Status::ok : Status::rejected;
-  estimate.message =
-      below.empty() ? "it holds on these data: every fit is high enough" : "fit too low: " + below;
+  if (below.empty()) return {};
+  return {make_finding(FindingCode::does_not_predict, {}, "fit too low: " + below)};
 }
 
-void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord>& inputs,
-                           Estimate& estimate) {
+// Data that the result was made from.
+Findings check_own_data(const Estimate& result, const std::vector<InputRecord>& inputs) {
+  Findings out;
   for (const InputRecord& input : inputs) {
     const bool own =
         std::any_of(result.inputs.begin(), result.inputs.end(), [&](const InputRecord& each) {
@@ -354,25 +382,51 @@ void warn_of_circumstances(const Estimate& result, const std::vector<InputRecord
           return each.sha256 == input.sha256 && !apart;
         });
     if (!own) continue;
-    warn(estimate, Severity::warning, "own_data", {input.path},
-         input.path + " is what the result was made from: this proves nothing",
-         "validate on a recording that was held out");
-    const std::string but = ", but the result was made from these data";
-    if (!estimate.message.ends_with(but)) estimate.message += but;
+    out.push_back(
+        make_finding(FindingCode::own_data, {input.path},
+                     input.path + " is what the result was made from: this proves nothing",
+                     "validate on a recording that was held out"));
   }
+  if (out.empty()) return out;
+  out.push_back(
+      make_finding(FindingCode::proves_nothing, {}, ", but the result was made from these data"));
+  return out;
+}
+
+// What became of the result, and of its model file, since.
+Findings check_origin(const Estimate& result) {
+  Findings out;
   if (result.status != Status::ok) {
-    warn(estimate, Severity::warning, "doubtful_result", {},
-         fmt::format("the result itself is {}: {}", to_string(result.status), result.message));
+    out.push_back(make_finding(
+        FindingCode::doubtful_result, {},
+        fmt::format("the result itself is {}: {}", to_string(result.status), result.message)));
   }
   const ModelSource& model = *result.model_file;
   std::error_code none;
   if (std::filesystem::is_regular_file(model.path, none) &&
       sha256_of_file(model.path) != model.sha256) {
-    warn(estimate, Severity::warning, "model_changed", {model.path},
-         model.path +
-             " has changed since; what is validated is the model as it was, which the result holds",
-         "run the job again if the change matters");
+    out.push_back(make_finding(
+        FindingCode::model_changed, {model.path},
+        model.path +
+            " has changed since; what is validated is the model as it was, which the result holds",
+        "run the job again if the change matters"));
   }
+  return out;
+}
+
+// Of a car: its fits, and whether a refit gives other values.
+void conclude_car(const VehicleRefit& refit, const Findings& circumstances, Estimate& estimate) {
+  const std::vector<ChannelFit>& fits = estimate.simulation;
+  std::vector<double> limits(fits.size(), 0.0);
+  if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
+  append(estimate.findings, check_fits(fits, limits));
+  append(estimate.findings, check_values(refit, estimate));
+  append(estimate.findings, circumstances);
+  conclude(estimate,
+           refit.dof > 0.0 ? "it holds on these data: every fit is high enough, and the values of "
+                             "a refit do not differ significantly"
+                           : "every fit is high enough; the values themselves are not tested",
+           Basis::tests);
 }
 
 }  // namespace
@@ -388,30 +442,25 @@ Estimate validate(const Estimate& result, const Model& model,
   for (const ChannelFit& fit : own) {
     out.derived.push_back({"own fit of " + fit.channel, "%", fit.fit_percent, kNone});
   }
-  std::optional<std::string> rejected;
-  bool refitted = false;
+  VehicleRefit refit;
   if (vehicle) {
-    const VehicleRefit refit = refit_vehicle(result, model, recordings, options.robust);
-    rejected = judge_refit(refit, out);
-    refitted = refit.dof > 0.0;
+    refit = refit_vehicle(result, model, recordings, options.robust);
+    report_refit(refit, out);
+    append(out.findings, check_refit_power(refit));
   }
+  Findings circumstances = check_own_data(result, inputs);
+  append(circumstances, check_origin(result));
   if (options.least_fit) {
-    judge_fits(fits, std::vector<double>(fits.size(), *options.least_fit), out);
+    append(out.findings, check_fits(fits, std::vector<double>(fits.size(), *options.least_fit)));
+    append(out.findings, circumstances);
+    conclude(out, "it holds on these data: every fit is high enough", Basis::tests);
   } else if (vehicle) {
-    std::vector<double> limits(fits.size(), 0.0);
-    if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
-    judge_fits(fits, limits, out);
-    if (rejected) {
-      out.message = (out.status == Status::ok ? "" : out.message + "; ") + *rejected;
-      out.status = Status::rejected;
-    } else if (out.status == Status::ok) {
-      out.message = refitted
-                        ? "it holds on these data: every fit is high enough, and the values of a "
-                          "refit do not differ significantly"
-                        : "every fit is high enough; the values themselves are not tested";
-    }
+    conclude_car(refit, circumstances, out);
+  } else {
+    append(out.findings, check_tests(out.tests));
+    append(out.findings, circumstances);
+    conclude(out, "it holds on these data: no test rejects it", Basis::tests);
   }
-  warn_of_circumstances(result, inputs, out);
   out.verb = out.objective.method = "validate";
   out.model_file = result.model_file;
   return out;

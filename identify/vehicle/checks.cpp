@@ -51,40 +51,46 @@ bool is_free(const Estimate& estimate, const std::string& name) {
 
 double in_unit(const VehicleRun::Output& output, double si) { return si / unit_scale(output.unit); }
 
-void check_signs(const VehicleRun& run, const VehicleParameters<double>& p, Estimate& estimate) {
+Findings check_signs(const VehicleRun& run, const VehicleParameters<double>& p) {
+  Findings out;
   const Eigen::Index jr = run.find(VehicleQuantity::r), ja = run.find(VehicleQuantity::ay);
   const Eigen::VectorXd vx = run.vx;
   if (jr >= 0) {
     const double turn = p[kSteeringGain] < 0.0 ? -1.0 : 1.0;
     const double c = turn * correlation(vx.cwiseProduct(run.steering), run.y.row(jr));
     if (c < kFlippedBelow) {
-      warn(
-          estimate.warnings, Severity::serious, "sign_steering", {"r", "steering"},
+      out.push_back(make_finding(
+          FindingCode::sign_steering, {"r", "steering"},
           fmt::format(
               "yaw rate turns against the steering: correlation of vx * angle with r is {:.2f}", c),
-          "one of the two has the wrong sign: both are positive to the left (ISO 8855)");
+          "one of the two has the wrong sign: both are positive to the left (ISO 8855)"));
     }
   }
   if (jr >= 0 && ja >= 0) {
     const double c = correlation(vx.cwiseProduct(run.y.row(jr).transpose()), run.y.row(ja));
     if (c < kFlippedBelow) {
-      warn(estimate.warnings, Severity::serious, "sign_ay", {"ay", "r"},
-           fmt::format("lateral acceleration points out of the turn: correlation of vx * r with ay "
-                       "is {:.2f}",
-                       c),
-           "one of the two has the wrong sign: both are positive to the left (ISO 8855)");
+      out.push_back(make_finding(
+          FindingCode::sign_ay, {"ay", "r"},
+          fmt::format("lateral acceleration points out of the turn: correlation of vx * r with ay "
+                      "is {:.2f}",
+                      c),
+          "one of the two has the wrong sign: both are positive to the left (ISO 8855)"));
     }
   }
+  return out;
 }
 
-void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate) {
-  const auto implausible = [&](const std::string& name, const std::string& text) {
-    warn(estimate.warnings, Severity::warning, "implausible_" + name, {name}, text,
-         "check mass, axle distances, steering ratio, units and sensor positions");
+Findings check_plausibility(const VehicleParameters<double>& p, const Estimate& estimate) {
+  Findings out;
+  const auto implausible = [&](FindingCode code, const std::string& name, const std::string& text) {
+    out.push_back(
+        make_finding(code, {name}, text,
+                     "check mass, axle distances, steering ratio, units and sensor positions"));
   };
   const double ratio = p[kYawInertia] / (p[kMass] * p[kA] * p[kB]);
   if (is_free(estimate, "Iz") && usable(estimate, "Iz") && (ratio < 0.8 || ratio > 1.3)) {
-    implausible("Iz", fmt::format("Iz/(m a b) = {:.2f}; cars lie between 0.8 and 1.3", ratio));
+    implausible(FindingCode::implausible_Iz, "Iz",
+                fmt::format("Iz/(m a b) = {:.2f}; cars lie between 0.8 and 1.3", ratio));
   }
   const Eigen::Vector2d load = axle_loads(p);
   for (int axle = 0; axle < 2; ++axle) {
@@ -92,14 +98,16 @@ void check_plausibility(const VehicleParameters<double>& p, Estimate& estimate) 
     const double per_load = p[axle == 0 ? kCf : kCr] / load[axle];
     if (is_free(estimate, name) && usable(estimate, name) && (per_load < 5.0 || per_load > 25.0)) {
       implausible(
-          name, fmt::format("{} is {:.1f} times its axle load per rad; tyres lie between 5 and 25",
-                            name, per_load));
+          axle == 0 ? FindingCode::implausible_Cf : FindingCode::implausible_Cr, name,
+          fmt::format("{} is {:.1f} times its axle load per rad; tyres lie between 5 and 25", name,
+                      per_load));
     }
   }
+  return out;
 }
 
-void check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                             const VehicleParameters<double>& p, Estimate& estimate) {
+Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                                 const VehicleParameters<double>& p) {
   constexpr double kHardlyKnown = 0.25;  // relative standard error
   constexpr double kTakesPart = 0.2;
   std::vector<std::string> names;
@@ -115,7 +123,7 @@ void check_weakest_direction(const VehicleProblem& problem, const VehicleCovaria
     values.push_back(user.value / user.slope);
   }
   const auto n = static_cast<Eigen::Index>(rows.size());
-  if (n < 2) return;
+  if (n < 2) return {};
   Eigen::MatrixXd relative(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j < n; ++j) {
@@ -125,7 +133,7 @@ void check_weakest_direction(const VehicleProblem& problem, const VehicleCovaria
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(relative);
   const double size = std::sqrt(eigen.eigenvalues()[n - 1]);
-  if (!(size > kHardlyKnown)) return;
+  if (!(size > kHardlyKnown)) return {};
   const Eigen::VectorXd along = eigen.eigenvectors().col(n - 1);
   Eigen::Index lead = 0;
   along.cwiseAbs().maxCoeff(&lead);
@@ -139,13 +147,16 @@ void check_weakest_direction(const VehicleProblem& problem, const VehicleCovaria
     text += fmt::format("{}{} by {:+.0f} %", text.empty() ? "" : ", ", name,
                         100.0 * share * std::abs(along[lead]) * size);
   }
-  warn(estimate.warnings, Severity::warning, "weak_direction", about,
-       "poorly determined in combination (one standard error): " + text,
-       "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
-       "speeds that differ by 2, sideslip");
+  return {make_finding(
+      FindingCode::weak_direction, about,
+      "poorly determined in combination (one standard error): " + text,
+      "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
+      "speeds that differ by 2, sideslip")};
 }
 
-void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estimate& estimate) {
+Findings check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms,
+                   const Estimate& estimate) {
+  Findings out;
   const auto& outputs = problem.run->outputs;
   // The yaw rate has to follow the steering, or else the output that does best; any other may be
   // poor, but no worse than its mean.
@@ -166,29 +177,32 @@ void check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms, Estima
     // A sensor as noisy as the model file gives it is no reason for distrust.
     if (white && rms[j] <= kNoiseFactor * outputs[j].given_sd) continue;
     const bool noisy = outputs.size() == 1 && white;
-    warn(estimate.warnings, Severity::serious, "poor_fit", {name},
-         fit < 0.0 ? fmt::format("the simulation of {} is farther off than its mean (fit {:.0f} %)",
-                                 name, fit)
-                   : fmt::format("the simulation explains only {:.0f} % of {}{}", fit, name,
-                                 noisy ? "; the rest is white noise" : ""),
-         noisy ? "steer more, or use a better sensor"
-               : "check signs, units, clocks and delays of the channels; plot the residuals");
+    out.push_back(make_finding(
+        FindingCode::poor_fit, {name},
+        fit < 0.0 ? fmt::format("the simulation of {} is farther off than its mean (fit {:.0f} %)",
+                                name, fit)
+                  : fmt::format("the simulation explains only {:.0f} % of {}{}", fit, name,
+                                noisy ? "; the rest is white noise" : ""),
+        noisy ? "steer more, or use a better sensor"
+              : "check signs, units, clocks and delays of the channels; plot the residuals"));
   }
   for (std::size_t j = 0; j < outputs.size(); ++j) {
     const double given = outputs[j].given_sd, seen = rms[j];
     if (std::isnan(given)) continue;
     if (seen > kNoiseFactor * given || seen < given / kNoiseFactor) {
-      warn(estimate.warnings, Severity::warning, "noise_differs", {outputs[j].name},
-           fmt::format("residual of {} is {:.3g} {}, the model file gives {:.3g} as its noise",
-                       outputs[j].name, in_unit(outputs[j], seen), outputs[j].unit,
-                       in_unit(outputs[j], given)),
-           "leave the noise out of the model file to have it estimated");
+      out.push_back(make_finding(
+          FindingCode::noise_differs, {outputs[j].name},
+          fmt::format("residual of {} is {:.3g} {}, the model file gives {:.3g} as its noise",
+                      outputs[j].name, in_unit(outputs[j], seen), outputs[j].unit,
+                      in_unit(outputs[j], given)),
+          "leave the noise out of the model file to have it estimated"));
     }
   }
+  return out;
 }
 
-void check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
-                     Estimate& estimate) {
+Findings check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
+                         const Estimate& estimate) {
   // The survey compares kinematics only, without lever arms and without a model of the car: a good
   // fit is evidence against what it suspects.
   double leading = 0.0;
@@ -196,87 +210,99 @@ void check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
   for (const ChannelFit& fit : estimate.simulation) {
     if (fit.channel == "r") leading = fit.fit_percent;
   }
-  constexpr std::string_view kReportedElsewhere[] = {"too_short",   "no_steering",  "no_speed",
-                                                     "no_yaw_rate", "dead_channel", "sign_steering",
-                                                     "sign_ay",     "standstill",   "one_clock"};
+  using enum FindingCode;
+  constexpr FindingCode kReportedElsewhere[] = {too_short,   no_steering,  no_speed,
+                                                no_yaw_rate, dead_channel, sign_steering,
+                                                sign_ay,     standstill,   one_clock};
+  Findings out;
   for (const Dataset& data : recordings) {
-    for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
-      const bool reported =
-          std::find(std::begin(kReportedElsewhere), std::end(kReportedElsewhere), finding.code) !=
-              std::end(kReportedElsewhere) ||
-          std::any_of(estimate.warnings.begin(), estimate.warnings.end(), [&](const Warning& w) {
-            return w.code == finding.code && w.about == finding.about;
-          });
-      if (reported) continue;
+    for (Finding& finding : survey(vehicle_signals(model, data)).findings) {
+      const auto same = [&](const Finding& f) {
+        return f.code == finding.code && f.about == finding.about;
+      };
+      const bool elsewhere = std::find(std::begin(kReportedElsewhere), std::end(kReportedElsewhere),
+                                       finding.code) != std::end(kReportedElsewhere);
+      if (elsewhere || std::any_of(estimate.findings.begin(), estimate.findings.end(), same) ||
+          std::any_of(out.begin(), out.end(), same)) {
+        continue;
+      }
       if (finding.severity == Severity::serious && leading > kGoodFit)
         finding.severity = Severity::warning;
-      if (finding.code == "reversing") {
+      if (finding.code == reversing) {
         finding.remedy =
             "these rows are left out; if the car drives forward there, scale: -1 for vx";
       }
-      estimate.warnings.push_back(std::move(finding));
+      out.push_back(std::move(finding));
     }
   }
+  return out;
 }
 
-void check_hold_out_by_survey(const Model& model, const std::vector<Dataset>& hold_out,
-                              Estimate& estimate) {
+Findings check_hold_out_by_survey(const Model& model, const std::vector<Dataset>& hold_out,
+                                  const Estimate& estimate) {
+  Findings out;
   for (const Dataset& data : hold_out) {
-    for (Warning& finding : survey(vehicle_signals(model, data)).findings) {
-      if (finding.severity != Severity::serious || finding.code == "too_short") continue;
-      const bool reported = std::any_of(
-          estimate.warnings.begin(), estimate.warnings.end(),
-          [&](const Warning& w) { return w.code == finding.code && w.severity != Severity::note; });
-      if (reported) continue;
+    for (Finding& finding : survey(vehicle_signals(model, data)).findings) {
+      if (finding.severity != Severity::serious || finding.code == FindingCode::too_short) continue;
+      const auto same = [&](const Finding& f) {
+        return f.code == finding.code && f.severity != Severity::note;
+      };
+      if (std::any_of(estimate.findings.begin(), estimate.findings.end(), same) ||
+          std::any_of(out.begin(), out.end(), same)) {
+        continue;
+      }
       finding.severity = Severity::warning;
       finding.text = fmt::format("held-out {}: {}", data.name, finding.text);
-      estimate.warnings.push_back(std::move(finding));
+      out.push_back(std::move(finding));
     }
   }
+  return out;
 }
 
-void check_hold_out(Estimate& estimate) {
+Findings check_hold_out(const Estimate& estimate) {
+  Findings out;
   for (const ChannelFit& held : estimate.hold_out) {
     for (const ChannelFit& own : estimate.simulation) {
       if (own.channel != held.channel || !(own.fit_percent > kPoorFit)) continue;
       if (!(100.0 - held.fit_percent >= kHoldOutFactor * (100.0 - own.fit_percent))) continue;
-      warn(estimate.warnings, Severity::warning, "hold_out", {own.channel},
-           fmt::format("on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what "
-                       "it was fitted to",
-                       held.fit_percent, own.channel, own.fit_percent),
-           "the parameters do not hold there: other tyres, load or road, or too many of them free");
+      out.push_back(make_finding(
+          FindingCode::hold_out, {own.channel},
+          fmt::format("on held-out data the simulation explains {:.0f} % of {}, {:.0f} % on what "
+                      "it was fitted to",
+                      held.fit_percent, own.channel, own.fit_percent),
+          "the parameters do not hold there: other tyres, load or road, or too many of them free"));
     }
   }
+  return out;
 }
 
-void check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                         const VehicleParameters<double>& p, bool at_road_wheel,
-                         Estimate& estimate) {
+Findings check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                             const VehicleParameters<double>& p, bool at_road_wheel) {
   const Eigen::Index at = problem.unknowns.find(kSteeringGain);
-  if (at < 0) return;
+  if (at < 0) return {};
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(problem.parameters());
   gradient[at] = 1.0;
   if (p[kSteeringGain] < 0.0) {
-    warn(estimate.warnings, Severity::serious, "sign_steering", {"steering_gain"},
-         fmt::format("the steering gain is {:.3g}: the wheels turn against the angle",
-                     p[kSteeringGain]),
-         "the angle has the wrong sign: it is positive to the left (ISO 8855)");
-    return;
+    return {
+        make_finding(FindingCode::sign_steering, {"steering_gain"},
+                     fmt::format("the steering gain is {:.3g}: the wheels turn against the angle",
+                                 p[kSteeringGain]),
+                     "the angle has the wrong sign: it is positive to the left (ISO 8855)")};
   }
   const double gain = p[kSteeringGain], se = standard_error(problem, covariance, gradient);
   const double quantile = student_t_quantile(0.995, covariance.freedom);
-  if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return;
+  if (!(std::abs(gain - 1.0) > quantile * se) || std::abs(gain - 1.0) < kWrongGain) return {};
   const std::string turned =
       fmt::format("the wheels turn {:.3g} +- {:.2g} times as far as it gives", gain, se);
-  warn(estimate.warnings, Severity::warning, "steering_ratio", {"steering_gain"},
-       fmt::format("the given steering ratio is wrong{}: {}; the ratio is {:.4g}",
-                   at_road_wheel ? ", 1 as of an angle at the road wheels" : "", turned,
-                   p[kSteeringRatio] / gain),
-       "correct the ratio, or the calibration of the steering sensor");
+  return {make_finding(FindingCode::steering_ratio, {"steering_gain"},
+                       fmt::format("the given steering ratio is wrong{}: {}; the ratio is {:.4g}",
+                                   at_road_wheel ? ", 1 as of an angle at the road wheels" : "",
+                                   turned, p[kSteeringRatio] / gain),
+                       "correct the ratio, or the calibration of the steering sensor")};
 }
 
-void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
-  if (!covariance.coloured) return;
+Findings check_whiteness(const VehicleCovariance& covariance) {
+  if (!covariance.coloured) return {};
   const bool errors = covariance.white.size() > 0;
   double widened = 0.0;
   for (Eigen::Index i = 0; i < covariance.white.rows(); ++i) {
@@ -290,21 +316,22 @@ void check_whiteness(const VehicleCovariance& covariance, Estimate& estimate) {
     about.push_back(test.channel);
     names += (names.empty() ? "" : ", ") + test.channel;
   }
-  warn(estimate.warnings, Severity::warning, "coloured_residuals", about,
-       fmt::format("residuals of {} are correlated in time: the model is incomplete", names) +
-           (errors ? fmt::format(". Standard errors allow for it over {:.2g} s; for white "
-                                 "residuals they would be up to {:.1f} times smaller",
-                                 covariance.memory, std::max(widened, 1.0))
-                   : ""),
-       "plot the residuals; validate on another recording");
+  return {make_finding(
+      FindingCode::coloured_residuals, about,
+      fmt::format("residuals of {} are correlated in time: the model is incomplete", names) +
+          (errors ? fmt::format(". Standard errors allow for it over {:.2g} s; for white "
+                                "residuals they would be up to {:.1f} times smaller",
+                                covariance.memory, std::max(widened, 1.0))
+                  : ""),
+      "plot the residuals; validate on another recording")};
 }
 
-void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
-                 Estimate& estimate) {
-  if (!saturation.refitted) return;
+Findings check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
+                     const Estimate& estimate) {
+  if (!saturation.refitted) return {};
   const auto& front = saturation.front;
   const auto& rear = saturation.rear;
-  if (!front.significant && !rear.significant) return;
+  if (!front.significant && !rear.significant) return {};
   const bool serious = (front.significant && front.loss > kSeriousForceLoss) ||
                        (rear.significant && rear.loss > kSeriousForceLoss);
   std::string text = "the tyre force saturates:";
@@ -348,8 +375,8 @@ void check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation
         "the linear stiffnesses are averages over this recording's slip angles and hold nowhere "
         "else: use a milder part of it (|ay| below about 4 m/s^2)";
   }
-  warn(estimate.warnings, serious ? Severity::serious : Severity::note, "tyre_saturation", about,
-       text, todo);
+  return {{FindingCode::tyre_saturation, serious ? Severity::serious : Severity::note, about, text,
+           todo}};
 }
 
 void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>
@@ -73,30 +72,44 @@ void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<doub
     if (!covariance.at_bound[i]) continue;
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     result.verdict = Verdict::at_bound;
+    if (is_straight(unknowns, i, p[unknowns.free[i]])) result.value = kInfinity;
+  }
+}
+
+/// @param estimate  with the values that report_bounds() gave
+Findings check_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                      const VehicleCovariance& covariance, const Estimate& estimate) {
+  Findings out;
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    if (!covariance.at_bound[i]) continue;
+    const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     if (is_straight(unknowns, i, p[unknowns.free[i]])) {
-      result.value = kInfinity;
-      warn(estimate.warnings, Severity::note, "no_saturation", {result.name},
-           fmt::format(
-               "{} is larger than this recording can determine: the force of that axle is linear",
-               result.name),
-           "record harder cornering; a linear tyre fits this recording as well");
+      out.push_back(make_finding(
+          FindingCode::no_saturation, {result.name},
+          fmt::format(
+              "{} is larger than this recording can determine: the force of that axle is linear",
+              result.name),
+          "record harder cornering; a linear tyre fits this recording as well"));
       continue;
     }
-    warn(estimate.warnings,
-         biases_the_others(unknowns.free[i]) ? Severity::serious : Severity::warning, "at_bound",
+    out.push_back(
+        {FindingCode::at_bound,
+         biases_the_others(unknowns.free[i]) ? Severity::serious : Severity::warning,
          {result.name},
          fmt::format(
              "{} ended at its bound {:.6g}; the standard errors of the others take it as known",
              result.name, result.value),
-         "widen the bound in the model file if it is not physical");
+         "widen the bound in the model file if it is not physical"});
   }
   for (std::size_t i = 0; i < covariance.open.size(); ++i) {
     if (!covariance.open[i]) continue;
     const EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
-    warn(estimate.warnings, Severity::note, "at_bound", {result.name},
-         fmt::format("{} ended at its bound {:.6g}, but this recording does not determine it",
-                     result.name, result.value));
+    out.push_back(make_finding(
+        FindingCode::at_bound, {result.name},
+        fmt::format("{} ended at its bound {:.6g}, but this recording does not determine it",
+                    result.name, result.value)));
   }
+  return out;
 }
 
 void report_errors(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
@@ -318,60 +331,6 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
   return trajectory.covariance;
 }
 
-/// Whether this finding is a channel so wrong that no other form of the model can correct it.
-bool is_misreading(const Warning& w) {
-  return w.severity == Severity::serious &&
-         (w.code.starts_with("sign_") || w.code == "wrong_sign" || w.code.starts_with("units_") ||
-          w.code == "clock_offset" || w.code == "swapped_channels");
-}
-
-bool misread(const Estimate& estimate) {
-  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(), is_misreading);
-}
-
-/// Whether a misread channel causes this finding too.
-bool is_consequence(const Warning& w) {
-  return w.code == "at_bound" || w.code == "poor_fit" || w.code == "noise_differs" ||
-         w.code == "coloured_residuals" || w.code == "weak_direction" ||
-         w.code == "steering_ratio" || w.code.starts_with("implausible_");
-}
-
-/// One note for all consequences: each code with what it is about.
-Warning summary_of(const std::vector<Warning>& consequences) {
-  std::vector<std::string> about;
-  std::vector<std::pair<std::string, std::vector<std::string>>> by_code;
-  for (const Warning& w : consequences) {
-    const std::string code = w.code.starts_with("implausible_") ? "implausible" : w.code;
-    auto at = std::find_if(by_code.begin(), by_code.end(),
-                           [&](const auto& each) { return each.first == code; });
-    if (at == by_code.end()) at = by_code.insert(at, {code, {}});
-    at->second.insert(at->second.end(), w.about.begin(), w.about.end());
-    for (const std::string& name : w.about) {
-      if (std::find(about.begin(), about.end(), name) == about.end()) about.push_back(name);
-    }
-  }
-  std::string list;
-  for (const auto& [code, names] : by_code) {
-    list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", code, fmt::join(names, ", "));
-  }
-  return {"consequences", Severity::note, about, "also found, as the above causes it: " + list,
-          "fit again when the above is fixed"};
-}
-
-/// The consequences of a misread channel are no findings of their own: the cause goes first, its
-/// consequences into one note behind it.
-void put_cause_first(Estimate& estimate) {
-  if (!misread(estimate)) return;
-  std::vector<Warning> causes, consequences, others;
-  for (Warning& w : estimate.warnings) {
-    (is_misreading(w) ? causes : is_consequence(w) ? consequences : others).push_back(std::move(w));
-  }
-  estimate.warnings = std::move(causes);
-  if (!consequences.empty()) estimate.warnings.push_back(summary_of(consequences));
-  estimate.warnings.insert(estimate.warnings.end(), std::make_move_iterator(others.begin()),
-                           std::make_move_iterator(others.end()));
-}
-
 /// The free parameters that the recording does not determine.
 std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
                                       const VehicleCovariance& covariance,
@@ -393,39 +352,29 @@ std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
   return open;
 }
 
-/// Status and message, from the findings and the verdicts on the parameters.
-void conclude(const VehicleSearch& found, const VehicleCovariance& covariance, Estimate& estimate) {
+/// What stands against any fit: parameters that are open, a search that did not converge.
+Findings check_search(const VehicleSearch& found, const VehicleCovariance& covariance,
+                      const Estimate& estimate) {
+  Findings out;
   const std::vector<std::string> open = undetermined(found.problem.unknowns, covariance, estimate);
+  if (!open.empty()) {
+    out.push_back(make_finding(
+        FindingCode::not_identifiable, open,
+        fmt::format("this recording does not determine {} separately", fmt::join(open, ", "))));
+  }
+  if (!found.best.converged) {
+    out.push_back(make_finding(FindingCode::not_converged, {},
+                               "the search did not converge: " + found.best.message));
+  }
+  return out;
+}
+
+std::string what_was_fitted(const VehicleSearch& found, const Estimate& estimate) {
   const auto free = std::count_if(estimate.parameters.begin(), estimate.parameters.end(),
                                   [](const EstimatedParameter& p) { return !p.fixed; });
-  std::vector<std::string> serious;
-  for (const Warning& warning : estimate.warnings) {
-    if (warning.severity != Severity::serious) continue;
-    if (std::find(serious.begin(), serious.end(), warning.code) == serious.end()) {
-      serious.push_back(warning.code);
-    }
-  }
-  if (misread(estimate)) {
-    estimate.status = Status::untrusted;
-    estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
-  } else if (!open.empty()) {
-    // Along a valley of equally likely parameters no search converges: that is an answer.
-    estimate.status = Status::rejected;
-    estimate.message =
-        fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
-  } else if (!found.best.converged) {
-    estimate.status = Status::not_converged;
-    estimate.message = "the search did not converge: " + found.best.message;
-  } else if (!serious.empty()) {
-    estimate.status = Status::untrusted;
-    estimate.message = fmt::format("do not use these values: {}", fmt::join(serious, ", "));
-  } else {
-    estimate.status = Status::ok;
-    estimate.message =
-        free == 0 ? fmt::format("simulated {} rows, nothing to fit", found.problem.run->used)
-                  : fmt::format("{} parameter{} fitted to {} samples", free, free == 1 ? "" : "s",
-                                found.problem.residuals());
-  }
+  if (free == 0) return fmt::format("simulated {} rows, nothing to fit", found.problem.run->used);
+  return fmt::format("{} parameter{} fitted to {} samples", free, free == 1 ? "" : "s",
+                     found.problem.residuals());
 }
 
 /// A fit with what its reports and checks need.
@@ -453,7 +402,7 @@ Estimate begun(const Model& model, const std::vector<Dataset>& recordings, const
     out.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()),
                           static_cast<long>(run.used_of[i])});
   }
-  out.warnings = run.warnings;
+  out.findings = run.findings;
   out.notes = run.notes;
   list_parameters(model, out);
   return out;
@@ -472,8 +421,10 @@ bool is_answered_by_steady_cornering(const Model& model, const VehicleRun& run,
   const std::optional<SteadyTurning> turning =
       steady_turning(run, known(kSteeringOffset), known(kBiasR));
   if (!turning) return false;
-  check_signs(run, unknowns.value, estimate);
+  append(estimate.findings, check_signs(run, unknowns.value));
   report_steady(model, *turning, estimate);
+  append(estimate.findings, check_steady(model, *turning));
+  conclude(estimate, "");
   return true;
 }
 
@@ -534,6 +485,7 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate
   report_objective(found, covariance.null_space.cols(), estimate);
   report_values(found.problem.unknowns, p, estimate);
   report_bounds(found.problem.unknowns, p, covariance, estimate);
+  append(estimate.findings, check_bounds(found.problem.unknowns, p, covariance, estimate));
   report_errors(found.problem.unknowns, p, covariance, estimate);
   estimate.covariance_kind =
       fit.options.method == Method::trajectory
@@ -547,42 +499,50 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate
       found, covariance, fit.simulates(), estimate);
 }
 
+/// What other forms of the model say, where their fits can be compared with this one.
+Findings check_other_forms(const VehicleFit& fit, Estimate& estimate) {
+  AlternativeForms other = compare_alternatives(fit.found, fit.options.search, estimate);
+  estimate.notes.insert(estimate.notes.end(), other.notes.begin(), other.notes.end());
+  return std::move(other.findings);
+}
+
 /// The findings. Those on channels come first: where a channel is misread, other forms of the model
 /// and another tyre would only explain the error away.
 void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate& estimate) {
   const VehicleProblem& problem = fit.found.problem;
   const VehicleParameters<double> p = fit.parameters();
+  Findings& found = estimate.findings;
   const bool other_forms = fit.second_opinion() && fit.simulates() && !unknowns.free.empty();
-  check_hold_out(estimate);
-  check_signs(*problem.run, p, estimate);
+  append(found, check_hold_out(estimate));
+  append(found, check_signs(*problem.run, p));
   if (fit.second_opinion()) {
-    check_by_survey(fit.model, fit.recordings, estimate);
-    check_hold_out_by_survey(fit.model, fit.options.hold_out, estimate);
+    append(found, check_by_survey(fit.model, fit.recordings, estimate));
+    append(found, check_hold_out_by_survey(fit.model, fit.options.hold_out, estimate));
   }
-  if (other_forms && !misread(estimate)) {
-    check_sensor_misalignment(fit.found, fit.options.search, estimate);
+  if (other_forms && !has_misreading(found)) {
+    append(found, check_sensor_misalignment(fit.found, fit.options.search, estimate));
   }
   Eigen::VectorXd e;
   output_error(problem, fit.found.best.z, e, nullptr);
-  check_fit(problem, rms_per_output(problem, e), estimate);
-  if (unknowns.curve == TyreCurve::linear && fit.simulates() && !misread(estimate)) {
-    check_tyres(problem, test_tyre_saturation(problem, fit.found.best, fit.covariance), estimate);
+  append(found, check_fit(problem, rms_per_output(problem, e), estimate));
+  if (unknowns.curve == TyreCurve::linear && fit.simulates() && !has_misreading(found)) {
+    append(found,
+           check_tyres(problem, test_tyre_saturation(problem, fit.found.best, fit.covariance),
+                       estimate));
   }
-  check_whiteness(fit.covariance, estimate);
-  check_steering_gain(problem, fit.covariance, p, as_vehicle(fit.model).steering_at_road_wheel,
-                      estimate);
-  if (other_forms && !misread(estimate)) {
-    compare_alternatives(fit.found, fit.options.search, estimate);
-  }
-  check_plausibility(p, estimate);
-  check_weakest_direction(problem, fit.covariance, p, estimate);
+  append(found, check_whiteness(fit.covariance));
+  append(found, check_steering_gain(problem, fit.covariance, p,
+                                    as_vehicle(fit.model).steering_at_road_wheel));
+  if (other_forms && !has_misreading(found)) append(found, check_other_forms(fit, estimate));
+  append(found, check_plausibility(p, estimate));
+  append(found, check_weakest_direction(problem, fit.covariance, p));
 }
 
 }  // namespace
 
 // The order, in which each step reads what those before it filled: the optimum; reports, of which
-// verdicts and fits are what the checks judge by; findings; their order, causes before
-// consequences; the conclusion from the findings that are left; pictures of it all.
+// verdicts and fits are what the checks judge by; findings; the conclusion from them, which puts
+// causes before consequences; pictures of it all.
 Estimate fit_vehicle(const Model& given, const std::vector<Dataset>& recordings,
                      const VehicleFitOptions& options) {
   if (options.search.starts < 1) {
@@ -605,14 +565,15 @@ Estimate fit_vehicle(const Model& given, const std::vector<Dataset>& recordings,
     for (EstimatedParameter& each : estimate.parameters) {
       if (!each.fixed) each.verdict = Verdict::unfitted;
     }
-    conclude(fit.found, {}, estimate);
+    append(estimate.findings, check_search(fit.found, {}, estimate));
+    conclude(estimate, "");
     return estimate;
   }
   report_fit(fit, unknowns, estimate);
   check_vehicle_fit(fit, unknowns, estimate);
-  put_cause_first(estimate);
   note_errors_by_acceleration(fit.found.problem, fit.found.best, estimate);
-  conclude(fit.found, fit.covariance, estimate);
+  append(estimate.findings, check_search(fit.found, fit.covariance, estimate));
+  conclude(estimate, what_was_fitted(fit.found, estimate));
   if (options.pictures) picture_vehicle(fit.found, fit.covariance, estimate);
   return estimate;
 }

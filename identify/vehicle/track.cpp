@@ -241,7 +241,8 @@ void report_predictions(const VehicleBalances& balances, const BalanceRows& rows
   }
 }
 
-void conclude_track(Index count, Index means, Estimate& estimate) {
+/// Parameters that the end of the recording leaves open.
+Findings check_end(const Estimate& estimate) {
   std::string open;
   for (const EstimatedParameter& each : estimate.parameters) {
     const bool determined =
@@ -249,10 +250,9 @@ void conclude_track(Index count, Index means, Estimate& estimate) {
     if (each.fixed || (determined && each.value > 0.0)) continue;
     open += (open.empty() ? "" : ", ") + each.name;
   }
-  estimate.status = open.empty() ? Status::ok : Status::rejected;
-  estimate.message = open.empty() ? fmt::format("{} parameter{} tracked over {} means of 0.1 s",
-                                                count, count == 1 ? "" : "s", means)
-                                  : "the end of this recording does not determine " + open;
+  if (open.empty()) return {};
+  return {make_finding(FindingCode::not_identifiable, {},
+                       "the end of this recording does not determine " + open)};
 }
 
 }  // namespace
@@ -278,7 +278,7 @@ Estimate track_vehicle(const Model& given, const Dataset& recording) {
   estimate.objective.method = "recursive least squares on force and moment";
   estimate.inputs.push_back(
       {recording.name, "", static_cast<long>(recording.size()), static_cast<long>(run.used)});
-  estimate.warnings = run.warnings;
+  estimate.findings = run.findings;
   estimate.notes = run.notes;
   list_parameters(estimate, model.parameters, model.parameters);
   const TrackedParameters tracked =
@@ -294,12 +294,19 @@ Estimate track_vehicle(const Model& given, const Dataset& recording) {
     estimate.notes.push_back("fixed at the file's value, because only Cf, Cr and Iz are tracked: " +
                              tracked.held);
   }
-  warn(estimate.warnings, Severity::note, "tracked_only", {},
-       "recursive least squares follows changes; noise in its regressors biases the values, and "
-       "the standard errors do not include that bias",
-       "take values from 'identikal fit'");
-  warn_of_regression(estimate, every_second(by_row.standardised, 0), past.is_shortest());
-  conclude_track(static_cast<Index>(rows.unknown.size()), balances.time.size(), estimate);
+  estimate.findings.push_back(make_finding(
+      FindingCode::tracked_only, {},
+      "recursive least squares follows changes; noise in its regressors biases the values, and "
+      "the standard errors do not include that bias",
+      "take values from 'identikal fit'"));
+  append(estimate.findings,
+         check_regression(every_second(by_row.standardised, 0), past.is_shortest()));
+  append(estimate.findings, check_end(estimate));
+  const std::size_t count = rows.unknown.size();
+  conclude(estimate,
+           fmt::format("{} parameter{} tracked over {} means of 0.1 s", count,
+                       count == 1 ? "" : "s", balances.time.size()),
+           Basis::tests);
   return estimate;
 }
 

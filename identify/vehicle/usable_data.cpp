@@ -164,8 +164,9 @@ void pick_outputs(const Model& model, const Dataset& data, const Eigen::MatrixXd
       continue;
     }
     dead += (dead.empty() ? "" : "; ") + trouble;
-    warn(run.warnings, Severity::serious, "dead_output", {output.name},
-         trouble + "; it is left out", "check the channel, or take it out of the model file");
+    run.findings.push_back(make_finding(FindingCode::dead_output, {output.name},
+                                        trouble + "; it is left out",
+                                        "check the channel, or take it out of the model file"));
   }
   if (run.outputs.empty()) {
     throw InputError(in(data), dead.empty() ? "the model has no output" : dead,
@@ -191,9 +192,9 @@ void require_steering(const Dataset& data, VehicleRun& run) {
                      "a manoeuvre that excites the car",
                      "is it the right column, and is its unit right?");
   }
-  warn(run.warnings, Severity::warning, "constant_steering", {},
-       seen + ": the car is hardly excited",
-       "record a manoeuvre: lane change, step, sine or sweep");
+  run.findings.push_back(make_finding(FindingCode::constant_steering, {},
+                                      seen + ": the car is hardly excited",
+                                      "record a manoeuvre: lane change, step, sine or sweep"));
 }
 
 /// What no car does is a mark for a missing value, or a wrong unit; its squares might overflow.

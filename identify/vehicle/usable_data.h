@@ -37,7 +37,7 @@ struct VehicleRun {
   std::vector<Eigen::Index> used_of;  ///< the same of each recording
   double step = kNone;                ///< median time between rows [s]
   double median_speed = kNone;        ///< [m/s], over the rows used
-  std::vector<Warning> warnings;
+  Findings findings;
   std::vector<std::string> notes;
 
   /// Row of `y` that measures this quantity, or -1.

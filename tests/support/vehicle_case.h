@@ -165,9 +165,9 @@ inline const DerivedValue* derived(const Estimate& estimate, const std::string& 
   return nullptr;
 }
 
-inline const Warning* warning(const Estimate& estimate, const std::string& code) {
-  for (const Warning& w : estimate.warnings) {
-    if (w.code == code) return &w;
+inline const Finding* finding(const Estimate& estimate, FindingCode code) {
+  for (const Finding& f : estimate.findings) {
+    if (f.code == code) return &f;
   }
   return nullptr;
 }

@@ -26,13 +26,13 @@ std::string unidentifiable_text(const Estimate& estimate) {
   return out;
 }
 
-std::string findings_text(const std::vector<Warning>& findings) {
+std::string findings_text(const Findings& findings) {
   std::string out;
-  for (const Warning& w : findings) {
+  for (const Finding& w : findings) {
     const std::string severity = w.severity == Severity::note      ? "note "
                                  : w.severity == Severity::serious ? "SERIOUS "
                                                                    : "warn ";
-    out += wrapped(severity + w.code + ": " + w.text, 7);
+    out += wrapped(severity + name_of(w) + ": " + w.text, 7);
     if (!w.remedy.empty()) out += wrapped("       -> " + w.remedy, 10);
   }
   return out;

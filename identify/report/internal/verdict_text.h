@@ -15,6 +15,6 @@ std::string verdict_text(const EstimatedParameter& parameter);
 std::string unidentifiable_text(const Estimate& estimate);
 
 /// Findings, each with its remedy on a line of its own.
-std::string findings_text(const std::vector<Warning>& findings);
+std::string findings_text(const Findings& findings);
 
 }  // namespace identikal

@@ -60,8 +60,8 @@ std::vector<std::string> origin_lines(const StoredResult& result, const std::str
                             method.empty() || method == e.verb ? "" : " (" + method + ")",
                             result.version, date.empty() ? "" : ", result written " + date));
   out.push_back(status_line(e));
-  for (const Warning& w : e.warnings) {
-    if (w.code == "data_treated") out.push_back("recorded: " + w.text);
+  for (const Finding& w : printed(e.findings)) {
+    if (w.code == FindingCode::data_treated) out.push_back("recorded: " + w.text);
     if (w.severity == Severity::note) continue;
     out.push_back((w.severity == Severity::serious ? "SERIOUS: " : "warning: ") + w.text);
   }

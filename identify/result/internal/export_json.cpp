@@ -16,8 +16,9 @@ using ExportJson = nlohmann::ordered_json;
 ExportJson identity(const StoredResult& result, const std::string& date) {
   const Estimate& e = result.estimate;
   ExportJson warnings = ExportJson::array(), data = ExportJson::array();
-  for (const Warning& w : e.warnings) {
-    warnings.push_back({{"code", w.code}, {"severity", to_string(w.severity)}, {"text", w.text}});
+  for (const Finding& w : printed(e.findings)) {
+    warnings.push_back(
+        {{"code", name_of(w)}, {"severity", to_string(w.severity)}, {"text", w.text}});
   }
   for (const InputRecord& input : e.inputs) {
     data.push_back({{"path", input.path},

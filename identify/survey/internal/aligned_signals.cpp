@@ -50,9 +50,9 @@ std::string percent(double share) { return fmt::format("{:.0f} %", 100.0 * share
 
 double unit_scale(const VehicleSignal& signal) { return unit_or_dimensionless(signal.unit).scale; }
 
-bool Scene::found(std::string_view code) const {
+bool Scene::found(FindingCode code) const {
   return std::any_of(out.findings.begin(), out.findings.end(),
-                     [code](const Warning& w) { return w.code == code; });
+                     [code](const Finding& w) { return w.code == code; });
 }
 
 VehicleSurvey::Proposal* Scene::proposal(SignalKind kind) {

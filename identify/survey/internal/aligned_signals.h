@@ -52,11 +52,11 @@ struct Scene {
   bool has(SignalKind kind) const { return on.contains(kind); }
   const VehicleSignal& signal(SignalKind kind) const { return *first.at(kind); }
   std::string name(SignalKind kind) const { return "'" + signal(kind).column + "'"; }
-  void add_finding(const char* code, Severity severity, std::vector<std::string> about,
+  void add_finding(FindingCode code, Severity severity, std::vector<std::string> about,
                    std::string text, std::string todo) {
     out.findings.push_back({code, severity, std::move(about), std::move(text), std::move(todo)});
   }
-  bool found(std::string_view code) const;
+  bool found(FindingCode code) const;
   /// Of the signal in the mapping, or null.
   VehicleSurvey::Proposal* proposal(SignalKind kind);
 };

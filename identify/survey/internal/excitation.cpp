@@ -24,8 +24,8 @@ void measure_turning(Scene& scene) {
   VehicleSurvey& out = scene.out;
   const VectorXd r = while_driving(scene, scene.smooth[SignalKind::r], kSlowestTest);
   const VectorXd& v = scene.speed;
-  const bool measured_ay =
-      scene.has(SignalKind::ay) && !scene.found("units_ay") && !scene.found("swapped_channels");
+  const bool measured_ay = scene.has(SignalKind::ay) && !scene.found(FindingCode::units_ay) &&
+                           !scene.found(FindingCode::swapped_channels);
   const VectorXd ay = measured_ay ? scene.smooth[SignalKind::ay] : VectorXd(v.cwiseProduct(r));
   constexpr double kEdges[] = {1, 2, 3, 4, 6, 8};
   double count = 0, turning = 0, left = 0, steady = 0, fast = 0;
@@ -235,13 +235,14 @@ void assess_lengths_and_offsets(const Excitation& seen, double left, Verdicts& o
 
 void assess_identifiability(Scene& scene) {
   Verdicts& out = scene.out.verdicts;
-  if (scene.found("too_short") || scene.found("no_steering") || scene.found("no_speed") ||
-      (scene.found("no_yaw_rate") && !scene.has(SignalKind::ay))) {
+  if (scene.found(FindingCode::too_short) || scene.found(FindingCode::no_steering) ||
+      scene.found(FindingCode::no_speed) ||
+      (scene.found(FindingCode::no_yaw_rate) && !scene.has(SignalKind::ay))) {
     out.push_back({"Cf, Cr", "no",
                    "steering angle, speed and yaw rate of a driven manoeuvre are not all there"});
     return;
   }
-  if (scene.found("no_yaw_rate")) {
+  if (scene.found(FindingCode::no_yaw_rate)) {
     out.push_back(
         {"Cf, Cr", "poorly", "no yaw rate: what the other signals determine was not examined"});
     return;

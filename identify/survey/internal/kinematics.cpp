@@ -57,7 +57,7 @@ void check_swapped(Scene& scene) {
     const double vy = quantile_of(scene.on[SignalKind::vy].cwiseAbs(), 0.9);
     if (vy > vx && vy > 1.0) {
       scene.add_finding(
-          "swapped_channels", Severity::serious,
+          FindingCode::swapped_channels, Severity::serious,
           {scene.signal(SignalKind::vx).column, scene.signal(SignalKind::vy).column},
           fmt::format("{} as vx is mostly smaller than {} as vy ({} against {} m/s): a car drives "
                       "forward, not sideways",
@@ -83,7 +83,8 @@ void check_swapped(Scene& scene) {
                           !(std::abs(straight.correlation) > std::abs(crossed.correlation) - 0.05);
       if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
       scene.add_finding(
-          "swapped_channels", Severity::serious, {scene.signal(SignalKind::r).column, vy.column},
+          FindingCode::swapped_channels, Severity::serious,
+          {scene.signal(SignalKind::r).column, vy.column},
           fmt::format("{} behaves like r, and {} does not: {} = vx {} then holds within {}",
                       scene.name(SignalKind::vy), scene.name(SignalKind::r),
                       scene.name(SignalKind::ay), scene.name(SignalKind::vy),
@@ -106,7 +107,7 @@ void check_swapped(Scene& scene) {
                           std::abs(crossed.correlation) >= std::abs(straight.correlation) - 0.02;
       if (!better || !(crossed.slope > 0.75 && crossed.slope < 1.33)) continue;
       scene.add_finding(
-          "swapped_channels", Severity::serious,
+          FindingCode::swapped_channels, Severity::serious,
           {scene.signal(SignalKind::r).column, scene.signal(SignalKind::ay).column},
           fmt::format("{} behaves like ay and {} like r: vx {} = {} then holds within {}",
                       scene.name(SignalKind::r), scene.name(SignalKind::ay),
@@ -160,12 +161,13 @@ void check_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
               : "");
   if (unclear) {
     relation.clock = false;
-    scene.add_finding("clock_unclear", Severity::note, {scene.signal(late).column}, where,
+    scene.add_finding(FindingCode::clock_unclear, Severity::note, {scene.signal(late).column},
+                      where,
                       "something that swings regularly looks alike a period later: compare by eye");
     return;
   }
   scene.add_finding(
-      "clock_offset", Severity::serious, {scene.signal(late).column}, where,
+      FindingCode::clock_offset, Severity::serious, {scene.signal(late).column}, where,
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
 
@@ -201,7 +203,7 @@ void check_acceleration(Scene& scene) {
       least = 0.1;
     }
   }
-  if (!scene.found("swapped_channels")) {
+  if (!scene.found(FindingCode::swapped_channels)) {
     check_clock(scene, relation, least, SignalKind::ay);
     const double ratio = 1.0 / relation.slope;  // vx r over ay
     if (std::abs(relation.correlation) > 0.7 && !near_one(relation.slope)) {
@@ -210,7 +212,7 @@ void check_acceleration(Scene& scene) {
         if (std::abs(std::log(ratio / unit.off)) > std::log(1.3)) continue;
         guess += (guess.empty() ? "" : ", or ") + std::string(unit.words);
       }
-      scene.add_finding("units_ay", Severity::serious,
+      scene.add_finding(FindingCode::units_ay, Severity::serious,
                         {scene.signal(SignalKind::ay).column, scene.signal(SignalKind::r).column},
                         fmt::format("{} is {} times {} times {}, and should be about once that",
                                     scene.name(SignalKind::ay), shown(relation.slope),
@@ -278,7 +280,8 @@ void check_steering(Scene& scene) {
   const double low = quantile_of(steering, 0.0), high = quantile_of(steering, 1.0);
   const bool at_wheel = scene.signal(SignalKind::steering).at_wheel;
   if (!(high - low > (at_wheel ? 0.02 : 0.001))) {
-    scene.add_finding("no_steering", Severity::serious, {scene.signal(SignalKind::steering).column},
+    scene.add_finding(FindingCode::no_steering, Severity::serious,
+                      {scene.signal(SignalKind::steering).column},
                       fmt::format("the steering angle stays within {} rad while the car drives",
                                   std::isnan(high - low) ? "0" : shown(high - low)),
                       "is it the right column, and its unit right? Else record a manoeuvre");
@@ -289,7 +292,7 @@ void check_steering(Scene& scene) {
   check_clock(scene, relation, 0.15, SignalKind::r);
   if (relation.clock) {
     // The kinematics between yaw rate, ay and speed hold: it is the steering that comes early.
-    Warning& w = scene.out.findings.back();
+    Finding& w = scene.out.findings.back();
     w.about = {scene.signal(SignalKind::steering).column};
     w.text = fmt::format(
         "{} is {:.2f} +- {:.2f} s {} than the yaw rate indicates (correlation {:.2f} there)",
@@ -318,7 +321,7 @@ void check_steering(Scene& scene) {
         continue;
       guess += (guess.empty() ? "is it " : ", or ") + std::string(reading.words);
     }
-    scene.add_finding("units_steering", Severity::serious,
+    scene.add_finding(FindingCode::units_steering, Severity::serious,
                       {scene.signal(SignalKind::steering).column},
                       fmt::format("vx delta / r is {} m; wheelbase times steering ratio of a car "
                                   "is 20 to 90 m, its wheelbase 1.2 to 6 m",
@@ -348,7 +351,7 @@ void check_sideslip(Scene& scene) {
     check_clock(scene, relation, 0.08, SignalKind::beta);
     if (relation.correlation < -0.7) {
       scene.add_finding(
-          "sign_vy", Severity::serious,
+          FindingCode::sign_vy, Severity::serious,
           {scene.signal(SignalKind::vy).column, scene.signal(SignalKind::beta).column},
           fmt::format("{} and {} have opposite signs", scene.name(SignalKind::vy),
                       scene.name(SignalKind::beta)),
@@ -414,7 +417,7 @@ bool report_opposite_steering(Scene& scene, double with_r, bool axis_down, doubl
   std::string of_r = other_sign(scene, SignalKind::r, "r");
   if (has_ay) of_r += ", " + other_sign(scene, SignalKind::ay, "ay");
   scene.add_finding(
-      "sign_steering", Severity::serious,
+      FindingCode::sign_steering, Severity::serious,
       {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::r).column},
       fmt::format("{} has the opposite sign to the steering angle {} (correlation {:.2f}){}",
                   scene.name(SignalKind::r), scene.name(SignalKind::steering), with_r,
@@ -433,7 +436,7 @@ bool report_opposite_steering(Scene& scene, double with_r, bool axis_down, doubl
 }
 
 void check_signs_of(Scene& scene) {
-  if (scene.found("swapped_channels")) return;
+  if (scene.found(FindingCode::swapped_channels)) return;
   const double with_r = correlation_of(scene, "steering"), with_ay = correlation_of(scene, "vx r");
   const double with_vy = correlation_of(scene, "ay - vx r");
   const bool steering_off = with_r < -0.5, ay_off = with_ay < -0.5;
@@ -442,7 +445,7 @@ void check_signs_of(Scene& scene) {
   };
   bool turned = false;  // r and ay are positive to the right
   if (steering_off && ay_off) {
-    scene.add_finding("sign_r", Severity::serious, {scene.signal(SignalKind::r).column},
+    scene.add_finding(FindingCode::sign_r, Severity::serious, {scene.signal(SignalKind::r).column},
                       fmt::format("{} has the opposite sign to the steering angle (correlation "
                                   "{:.2f}) and to ay (vx r with ay {:.2f})",
                                   scene.name(SignalKind::r), with_r, with_ay),
@@ -450,7 +453,8 @@ void check_signs_of(Scene& scene) {
     flip(scene, SignalKind::r);
   } else if (ay_off) {
     const bool r_down = axis(SignalKind::r) && !axis(SignalKind::ay) && !(with_r > 0.5);
-    scene.add_finding("sign_ay", Severity::serious, {scene.signal(SignalKind::ay).column},
+    scene.add_finding(FindingCode::sign_ay, Severity::serious,
+                      {scene.signal(SignalKind::ay).column},
                       fmt::format("{} has the opposite sign to vx r (correlation {:.2f})",
                                   scene.name(SignalKind::ay), with_ay),
                       kToTheLeft + (r_down ? other_sign(scene, SignalKind::r, "r")
@@ -465,7 +469,7 @@ void check_signs_of(Scene& scene) {
   if (vy_after < -0.5 && !ay_off) {
     const SignalKind kind = scene.has(SignalKind::vy) ? SignalKind::vy : SignalKind::beta;
     scene.add_finding(
-        "sign_vy", Severity::serious, {scene.signal(kind).column},
+        FindingCode::sign_vy, Severity::serious, {scene.signal(kind).column},
         fmt::format("{} has the opposite sign to ay - vx r (correlation {:.2f})", scene.name(kind),
                     vy_after),
         "ISO 8855: vy to the left is positive; " + other_sign(scene, kind, to_string(kind)));
@@ -478,7 +482,7 @@ void check_signs_of(Scene& scene) {
 void check_kinematics(Scene& scene) {
   check_swapped(scene);
   check_acceleration(scene);
-  if (!scene.found("no_steering")) check_steering(scene);
+  if (!scene.found(FindingCode::no_steering)) check_steering(scene);
   check_wheels(scene);
   check_sideslip(scene);
   check_signs_of(scene);

@@ -51,7 +51,7 @@ void propose_delays(Scene& scene) {
       const double s = 1.0 / (steering->lag_se * steering->lag_se);
       late = (w * wheels->lag - s * steering->lag) / (w + s);
       scene.add_finding(
-          "one_clock", Severity::note,
+          FindingCode::one_clock, Severity::note,
           {scene.signal(SignalKind::steering).column, scene.signal(SignalKind::wheel_speed).column},
           fmt::format("{} and {} lag alike: one clock, {:.2f} s {} for both",
                       scene.name(SignalKind::steering), scene.name(SignalKind::wheel_speed),
@@ -86,7 +86,7 @@ void report_clocks(Scene& scene) {
     lags += fmt::format("{}{} after {} by {:.2f} +- {:.2f} s", lags.empty() ? "" : ", ", r.seen,
                         r.expected, r.lag, r.lag_se);
   }
-  scene.add_finding("several_clocks", Severity::note, {}, text, lags);
+  scene.add_finding(FindingCode::several_clocks, Severity::note, {}, text, lags);
 }
 
 }  // namespace identikal::surveying

@@ -98,7 +98,8 @@ void list_signals(const VehicleSignals& signals, Scene& scene) {
     if (constant) {
       const std::string what = values.empty() ? "holds no number" : "never changes";
       if (s.kind != SignalKind::steering) {
-        scene.add_finding("dead_channel", used ? Severity::serious : Severity::note, {s.column},
+        scene.add_finding(FindingCode::dead_channel, used ? Severity::serious : Severity::note,
+                          {s.column},
                           fmt::format("'{}' ({}) {}", s.column, to_string(s.kind), what),
                           "leave it out, or find out why the sensor is silent");
       }
@@ -108,7 +109,7 @@ void list_signals(const VehicleSignals& signals, Scene& scene) {
     const double spread = (quantile(values, 0.95) - quantile(values, 0.05)) / 3.3 / scale;
     if (held.of_moving > 0.4) {
       scene.add_finding(
-          "held_samples", Severity::warning, {s.column},
+          FindingCode::held_samples, Severity::warning, {s.column},
           fmt::format(
               "'{}' repeats the sample before in {} of its samples ({} while it moves), in steps "
               "of {} {}{}",
@@ -125,7 +126,7 @@ void list_signals(const VehicleSignals& signals, Scene& scene) {
         where += fmt::format("{}{:.6g} s", i > 0 ? ", " : "", s.time[odd[i]]);
       }
       scene.add_finding(
-          "outliers",
+          FindingCode::outliers,
           odd.size() > 3 || s.kind != SignalKind::ay ? Severity::warning : Severity::note,
           {s.column},
           fmt::format("{} sample{} of '{}' leap{} away from both neighbours, at {}{}", odd.size(),
@@ -152,14 +153,14 @@ void measure_speed(Scene& scene) {
   out.moving = moving * scene.step;
   if (out.standstill > 0.02) {
     scene.add_finding(
-        "standstill", Severity::note,
+        FindingCode::standstill, Severity::note,
         {scene.signal(scene.has(SignalKind::vx) ? SignalKind::vx : SignalKind::wheel_speed).column},
         fmt::format("the car stands for {} of the time", percent(out.standstill)),
         "use_when: \"vx > 3\" leaves these rows out");
   }
   if (reversing * scene.step > 0.5) {
     scene.add_finding(
-        "reversing", Severity::warning, {},
+        FindingCode::reversing, Severity::warning, {},
         fmt::format("{} is negative for {:.1f} s: the car reverses, or its axis points backwards",
                     scene.speed_name, reversing * scene.step),
         "use_when: \"vx > 3\" leaves reversing out; if the car drives forward there, scale: -1");
@@ -167,7 +168,7 @@ void measure_speed(Scene& scene) {
   const double fastest = quantile_of(scene.speed, 0.99);
   if (known > 0 && fastest > kFastestCar) {
     scene.add_finding(
-        "units_speed", Severity::serious, {},
+        FindingCode::units_speed, Severity::serious, {},
         fmt::format("{} reaches {:.0f} m/s, expected at most {:.0f} m/s ({:.0f} km/h) of a car",
                     scene.speed_name, fastest, kFastestCar,
                     unit_or_dimensionless("km/h").from_si(kFastestCar)),
@@ -208,7 +209,7 @@ void check_stuck(Scene& scene) {
     if (std::isnan(begin)) continue;
     named.insert(p.kind);
     scene.add_finding(
-        "stuck_channel", Severity::serious, {scene.signal(p.kind).column},
+        FindingCode::stuck_channel, Severity::serious, {scene.signal(p.kind).column},
         fmt::format("{} stands still for {:.1f} s in all, from {:.6g} s, while {} moves",
                     scene.name(p.kind), frozen, begin, scene.name(p.with)),
         "leave these rows out with --range: the sensor or its bus was silent");

@@ -144,17 +144,6 @@ void report_steady(const Model& model, const SteadyTurning& found, Estimate& est
     estimate.derived.push_back(
         {"steering_offset", model.inputs[0].unit, found.value[2] / unit.scale, se(2) / unit.scale});
   }
-  const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  const double given = unknowns.value[kSteeringRatio] / unknowns.value[kSteeringGain] *
-                       (unknowns.value[kA] + unknowns.value[kB]);
-  if (found.freedom > 0.0 &&
-      std::abs(found.value[0] - given) > student_t_quantile(0.995, found.freedom) * se(0)) {
-    warn(estimate.warnings, Severity::warning, "steering_ratio", {"steering_ratio"},
-         fmt::format("i L is {:.4g} +- {:.2g} m, but the model file's ratio and axle distances "
-                     "make {:.4g} m",
-                     found.value[0], se(0), given),
-         "correct the ratio, the wheelbase, or the units and signs of the channels");
-  }
   std::string note =
       fmt::format("angle + offset = i L r/v + i K v r, {} equations", found.equations);
   if (found.freedom > 0.0) {
@@ -163,10 +152,28 @@ void report_steady(const Model& model, const SteadyTurning& found, Estimate& est
   estimate.notes.push_back(note);
   estimate.objective.method = "steady_cornering";
   estimate.covariance_kind = "scatter of the circles about the line";
-  estimate.status = Status::rejected;
-  estimate.message =
+}
+
+Findings check_steady(const Model& model, const SteadyTurning& found) {
+  Findings out;
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  const double given = unknowns.value[kSteeringRatio] / unknowns.value[kSteeringGain] *
+                       (unknowns.value[kA] + unknowns.value[kB]);
+  const double se = std::sqrt(found.covariance(0, 0));
+  if (found.freedom > 0.0 &&
+      std::abs(found.value[0] - given) > student_t_quantile(0.995, found.freedom) * se) {
+    out.push_back(make_finding(
+        FindingCode::steering_ratio, {"steering_ratio"},
+        fmt::format("i L is {:.4g} +- {:.2g} m, but the model file's ratio and axle distances "
+                    "make {:.4g} m",
+                    found.value[0], se, given),
+        "correct the ratio, the wheelbase, or the units and signs of the channels"));
+  }
+  out.push_back(make_finding(
+      FindingCode::only_circles, {},
       "steady-state circles determine only the products i L and i K (steering ratio times "
-      "wheelbase, times understeer gradient), no stiffness and no inertia";
+      "wheelbase, times understeer gradient), no stiffness and no inertia"));
+  return out;
 }
 
 }  // namespace identikal

@@ -39,4 +39,7 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
 /// Fills the answer for a steady recording: the two products, no parameter.
 void report_steady(const Model& model, const SteadyTurning& found, Estimate& estimate);
 
+/// That no parameter is determined, and whether i L contradicts the model file.
+Findings check_steady(const Model& model, const SteadyTurning& found);
+
 }  // namespace identikal

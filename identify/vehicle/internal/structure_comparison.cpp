@@ -94,8 +94,9 @@ Freed freed(const Alternative& alternative, VehicleParameter parameter, double w
 
 }  // namespace
 
-void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
-                               Estimate& estimate) {
+Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
+                                   const Estimate& estimate) {
+  Findings out;
   const VehicleRun& run = *found.problem.run;
   for (const VehicleQuantity quantity : {VehicleQuantity::vy, VehicleQuantity::beta}) {
     const Eigen::Index j = run.find(quantity);
@@ -110,17 +111,20 @@ void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOp
     const ChannelFit then =
         channel_fits(vehicle_series(other.found.problem, other.found.best.z), options.robust)[j];
     if (then.rmse > (1.0 - kReversedFit) * now.rmse) continue;
-    warn(
-        estimate.warnings, Severity::serious, "wrong_sign", {now.channel},
+    out.push_back(make_finding(
+        FindingCode::wrong_sign, {now.channel},
         fmt::format("{} has the wrong sign: with it reversed{}", now.channel, other.text.substr(1)),
         fmt::format(
             "ISO 8855: {} to the left is positive; {}: {{..., scale: -1}} in the model file",
-            now.channel, now.channel));
+            now.channel, now.channel)));
   }
+  return out;
 }
 
-void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions& options,
-                          Estimate& estimate) {
+AlternativeForms compare_alternatives(const VehicleSearch& found,
+                                      const VehicleSearchOptions& options,
+                                      const Estimate& estimate) {
+  AlternativeForms out;
   const VehicleUnknowns& unknowns = found.problem.unknowns;
   const double step = found.problem.run->step;
   for (const VehicleParameter parameter : {kSteeringGain, kSteeringDelay}) {
@@ -142,14 +146,17 @@ void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions
     const bool large = gain ? std::abs(now.value / was - 1.0) > kWrongRatio
                             : std::abs(now.value - was) > 0.5 * step;
     if (!large || other.better < kSlightlyBetterFit) {
-      estimate.notes.push_back(text);
+      out.notes.push_back(text);
       continue;
     }
-    warn(estimate.warnings, other.better > kBetterFit ? Severity::serious : Severity::warning, name,
-         {name}, text,
+    out.findings.push_back(
+        {gain ? FindingCode::steering_gain : FindingCode::steering_delay,
+         other.better > kBetterFit ? Severity::serious : Severity::warning,
+         {name},
+         text,
          gain ? "the recording contradicts the given steering ratio: free steering_gain, or "
                 "correct the ratio"
-              : "the steering channel's clock or the steering itself lags: free steering_delay");
+              : "the steering channel's clock or the steering itself lags: free steering_delay"});
   }
   if (unknowns.curve != TyreCurve::linear && unknowns.find(kCurveShape) < 0 &&
       unknowns.find(kCurveCurvature) < 0) {
@@ -158,11 +165,12 @@ void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions
     const Alternative other =
         fit_alternative(found, *found.problem.run, curved, true, options, estimate);
     if (other.usable) {
-      estimate.notes.push_back(
-          fmt::format("with the curve {} instead{}; log-likelihood {:+.4g}", name_of(curved.curve),
-                      other.text, other.found.best.log_likelihood - found.best.log_likelihood));
+      out.notes.push_back(fmt::format("with the curve {} instead{}; log-likelihood {:+.4g}",
+                                      name_of(curved.curve), other.text,
+                                      other.found.best.log_likelihood - found.best.log_likelihood));
     }
   }
+  return out;
 }
 
 }  // namespace identikal

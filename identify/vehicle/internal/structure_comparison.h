@@ -9,14 +9,20 @@ namespace identikal {
 /// Fits the car again with the sign of vy, then of beta, reversed, where they fit badly. Kinematics
 /// show a wrong sign only where ay is measured too; here a residual that the other sign makes
 /// smaller by two fifths is one: wrong_sign, serious.
-void check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
-                               Estimate& estimate);
+Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
+                                   const Estimate& estimate);
+
+struct AlternativeForms {
+  Findings findings;
+  std::vector<std::string> notes;  ///< of those that change little
+};
 
 /// Fits the car again with one thing changed at a time (the gain of the steering free, its delay
 /// free, another tyre curve) and notes how parameters and fit change with it. A steering that fits
 /// clearly better with another gain or delay makes a warning: the recording then contradicts the
 /// model file's ratio, or the clock of the steering channel. What ends at a bound is left out.
-void compare_alternatives(const VehicleSearch& found, const VehicleSearchOptions& options,
-                          Estimate& estimate);
+AlternativeForms compare_alternatives(const VehicleSearch& found,
+                                      const VehicleSearchOptions& options,
+                                      const Estimate& estimate);
 
 }  // namespace identikal

@@ -70,9 +70,9 @@ TEST(ExitCode, FollowsTheContract) {
   EXPECT_EQ(exit_code(e, false), 3);
   e.status = Status::ok;
   EXPECT_EQ(exit_code(e, true), 0);
-  e.warnings.push_back({"x", Severity::note, {}, "", ""});
+  e.findings.push_back({FindingCode::evaluation_method, Severity::note, {}, "", ""});
   EXPECT_EQ(exit_code(e, true), 0);
-  e.warnings.push_back({"y", Severity::warning, {}, "", ""});
+  e.findings.push_back({FindingCode::few_samples, Severity::warning, {}, "", ""});
   EXPECT_EQ(exit_code(e, true), 4);
   EXPECT_EQ(exit_code(e, false), 0);
   e.status = Status::untrusted;
@@ -81,8 +81,8 @@ TEST(ExitCode, FollowsTheContract) {
 
 TEST(Report, LinesStayOnThePage) {
   Estimate e = with_parameters({1234567.0, -0.00012345});
-  e.warnings.push_back(
-      {"some_code",
+  e.findings.push_back(
+      {FindingCode::poor_fit,
        Severity::serious,
        {"p1"},
        std::string(300, 'x') + " y " + std::string(70, 'z'),

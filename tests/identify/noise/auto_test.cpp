@@ -13,8 +13,8 @@ namespace identikal {
 namespace {
 
 bool disagrees(const Estimate& estimate) {
-  return std::any_of(estimate.warnings.begin(), estimate.warnings.end(),
-                     [](const Warning& w) { return w.code == "methods_disagree"; });
+  return std::any_of(estimate.findings.begin(), estimate.findings.end(),
+                     [](const Finding& f) { return f.code == FindingCode::methods_disagree; });
 }
 
 // The maximum is that of tune_ml() from the model's own start, far from it.

@@ -129,7 +129,7 @@ TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
     EXPECT_TRUE(std::isnan(r.se));
     EXPECT_GT(r.ci95[1], 0.0);
     EXPECT_LT(r.ci95[1], 1.0);
-    EXPECT_THAT(e.warnings[0].text, testing::HasSubstr("not distinguishable from 0"));
+    EXPECT_THAT(e.findings[0].text, testing::HasSubstr("not distinguishable from 0"));
     return;
   }
   FAIL() << "no record ended at the bound";

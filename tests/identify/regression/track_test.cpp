@@ -110,13 +110,13 @@ TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
   as_regression(model).inputs = 1;
   as_regression(model).feedback = 0;
   const Estimate estimate = track_regression(model, as_recording(s));
-  EXPECT_NE(testing::warning(estimate, "coloured_errors"), nullptr);
-  EXPECT_NE(testing::warning(estimate, "short_memory"), nullptr);
+  EXPECT_NE(testing::finding(estimate, FindingCode::coloured_errors), nullptr);
+  EXPECT_NE(testing::finding(estimate, FindingCode::short_memory), nullptr);
   EXPECT_GE(testing::derived(estimate, "forgetting")->value, 0.8 - 1e-9);
   as_regression(model).feedback = 1;
   as_regression(model).inputs = 2;
   const Estimate complete = track_regression(model, as_recording(s));
-  EXPECT_TRUE(complete.warnings.empty());
+  EXPECT_TRUE(complete.findings.empty());
 }
 
 TEST(TrackRegression, StopsWhenTold) {
@@ -243,7 +243,7 @@ TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
   EXPECT_NEAR(at(27.5, 0) / car.Iz, 1.0, 0.2);
   ASSERT_FALSE(course.changes.empty());
   EXPECT_NEAR(course.changes.front().found, 15.5, 1.6);
-  EXPECT_NE(testing::warning(estimate, "tracked_only"), nullptr);
+  EXPECT_NE(testing::finding(estimate, FindingCode::tracked_only), nullptr);
 }
 
 TEST(TrackVehicle, KnowsWhatItCannotTrack) {

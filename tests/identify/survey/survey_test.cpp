@@ -27,9 +27,9 @@ using Eigen::VectorXd;
 using ::testing::HasSubstr;
 using Codes = std::set<std::string>;
 
-const Warning* finding(const VehicleSurvey& survey, const std::string& code) {
-  for (const Warning& w : survey.findings) {
-    if (w.code == code) return &w;
+const Finding* finding(const VehicleSurvey& survey, const std::string& code) {
+  for (const Finding& w : survey.findings) {
+    if (name_of(w) == code) return &w;
   }
   return nullptr;
 }
@@ -37,8 +37,8 @@ const Warning* finding(const VehicleSurvey& survey, const std::string& code) {
 // Codes of the findings that claim a mistake; notes do not.
 Codes alarms(const VehicleSurvey& survey) {
   Codes out;
-  for (const Warning& w : survey.findings) {
-    if (w.severity != Severity::note) out.insert(w.code);
+  for (const Finding& w : survey.findings) {
+    if (w.severity != Severity::note) out.insert(name_of(w));
   }
   return out;
 }
@@ -169,7 +169,7 @@ TEST(VehicleSurvey, YawRateAndLateralVelocityExchanged) {
     d.y.row(kRowR) = d.y.row(kVy);
     d.y.row(kVy) = r;
   });
-  const Warning* found = finding(swapped, "swapped_channels");
+  const Finding* found = finding(swapped, "swapped_channels");
   ASSERT_NE(found, nullptr);
   EXPECT_EQ(found->about, (std::vector<std::string>{"r", "vy"}));
   EXPECT_THAT(found->text, HasSubstr("'vy' behaves like r"));
@@ -526,8 +526,8 @@ TEST(VehicleSurvey, TenRealRecordings) {
     const VehicleSurvey s = survey(guess_vehicle(tables));
     Codes all;
     std::string line;
-    for (const Warning& w : s.findings) {
-      if (all.insert(w.code).second) line += " " + w.code;
+    for (const Finding& w : s.findings) {
+      if (all.insert(name_of(w)).second) line += " " + name_of(w);
     }
     std::printf("%-16s%s\n", c.name, line.c_str());
     for (const std::string& code : c.must) EXPECT_TRUE(all.contains(code)) << code;

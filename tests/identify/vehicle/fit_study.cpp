@@ -44,8 +44,8 @@ Tally study(const char* title, const Dataset& clean, int runs) {
     tally.milliseconds += took.count() / runs;
     tally.ok += fit.status == Status::ok ? 1 : 0;
     tally.agree += fit.objective.starts == fit.objective.starts_at_optimum ? 1 : 0;
-    tally.coloured += warning(fit, "coloured_residuals") != nullptr ? 1 : 0;
-    if (const Warning* w = warning(fit, "tyre_saturation")) {
+    tally.coloured += finding(fit, FindingCode::coloured_residuals) != nullptr ? 1 : 0;
+    if (const Finding* w = finding(fit, FindingCode::tyre_saturation)) {
       ++tally.saturation;
       tally.serious += w->severity == Severity::serious ? 1 : 0;
     }
@@ -119,7 +119,7 @@ TEST(VehicleFitStudy, TyreSaturationAlarm) {
   const Dataset linear = lane_change({}, 50.0), saturating = lane_change(soft, 50.0);
   const auto severity = [&](const Dataset& data) {
     const Estimate fit = fit_vehicle(model, data, without_second_opinion());
-    const Warning* w = warning(fit, "tyre_saturation");
+    const Finding* w = finding(fit, FindingCode::tyre_saturation);
     return w == nullptr ? std::optional<Severity>() : w->severity;
   };
   for (int run = 0; run < kRuns; ++run) {

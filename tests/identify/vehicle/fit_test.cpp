@@ -365,9 +365,9 @@ TEST(VehicleFit, GivenNoiseIsUsedAndChecked) {
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(derived(fit, "sd(r)")->value, 0.01);
   EXPECT_NEAR(derived(fit, "sd(vy)")->value, 0.03, 0.004);
-  EXPECT_EQ(warning(fit, "noise_differs"), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::noise_differs), nullptr);
   as_vehicle(model).measurement_sd = {0.001, 0.03};
-  ASSERT_NE(warning(fit_vehicle(model, data), "noise_differs"), nullptr);
+  ASSERT_NE(finding(fit_vehicle(model, data), FindingCode::noise_differs), nullptr);
 }
 
 // Process disturbance that the model does not know: errors that assume white residuals are far too
@@ -381,7 +381,7 @@ TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
     data.y.col(t) += drift.cwiseProduct(Eigen::Vector2d(0.004, 0.012));
   }
   const Estimate fit = fit_vehicle(sladka2010_model(), data);
-  ASSERT_NE(warning(fit, "coloured_residuals"), nullptr);
+  ASSERT_NE(finding(fit, FindingCode::coloured_residuals), nullptr);
   EXPECT_THAT(fit.covariance_kind, HasSubstr("sandwich"));
   EXPECT_GT(parameter(fit, "Cf").se, 1.5 * parameter(fit, "Cf").crb_se);
   EXPECT_FALSE(fit.tests[0].pass);
@@ -393,23 +393,24 @@ TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
 TEST(VehicleFit, FlippedSignsAreSeen) {
   Dataset data = with_noise(lane_change({}, 100.0, {"r", "vy", "ay"}), {0.01, 0.03, 0.1}, 15);
   const Model model = sladka2010_model({"r", "vy", "ay"});
-  EXPECT_EQ(warning(fit_vehicle(model, data), "sign_ay"), nullptr);
+  EXPECT_EQ(finding(fit_vehicle(model, data), FindingCode::sign_ay), nullptr);
   Dataset flipped = data;
   flipped.y.row(2) *= -1.0;
   const Estimate wrong_ay = fit_vehicle(model, flipped);
-  ASSERT_NE(warning(wrong_ay, "sign_ay"), nullptr);
-  EXPECT_EQ(warning(wrong_ay, "sign_steering"), nullptr);
+  ASSERT_NE(finding(wrong_ay, FindingCode::sign_ay), nullptr);
+  EXPECT_EQ(finding(wrong_ay, FindingCode::sign_steering), nullptr);
   EXPECT_EQ(wrong_ay.status, Status::untrusted);
   flipped = data;
   flipped.u.row(0) *= -1.0;
   const Estimate wrong_steering = fit_vehicle(model, flipped);
-  ASSERT_NE(warning(wrong_steering, "sign_steering"), nullptr);
-  EXPECT_EQ(warning(wrong_steering, "sign_steering")->severity, Severity::serious);
+  ASSERT_NE(finding(wrong_steering, FindingCode::sign_steering), nullptr);
+  EXPECT_EQ(finding(wrong_steering, FindingCode::sign_steering)->severity, Severity::serious);
   // The cause goes first; what it causes is no separate finding.
-  EXPECT_EQ(wrong_steering.warnings[0].code, "sign_steering");
-  EXPECT_EQ(warning(wrong_steering, "poor_fit"), nullptr);
-  ASSERT_NE(warning(wrong_steering, "consequences"), nullptr);
-  EXPECT_THAT(warning(wrong_steering, "consequences")->text, HasSubstr("poor_fit (r, ay)"));
+  EXPECT_EQ(wrong_steering.findings[0].code, FindingCode::sign_steering);
+  EXPECT_EQ(finding(wrong_steering, FindingCode::poor_fit), nullptr);
+  ASSERT_NE(finding(wrong_steering, FindingCode::consequences), nullptr);
+  EXPECT_THAT(finding(wrong_steering, FindingCode::consequences)->text,
+              HasSubstr("poor_fit (r, ay)"));
   EXPECT_EQ(wrong_steering.status, Status::untrusted);
   EXPECT_EQ(wrong_steering.message, "do not use these values: sign_steering");
   expect_no_pretence(wrong_steering);
@@ -421,11 +422,11 @@ TEST(VehicleFit, WrongSignOfSideslipIsNamed) {
     const Model model = sladka2010_model({"r", name});
     const double sd = name == "vy" ? 0.03 : 0.002;
     const Dataset data = with_noise(lane_change({}, 100.0, {"r", name}), {0.01, sd}, 15);
-    EXPECT_EQ(warning(fit_vehicle(model, data), "wrong_sign"), nullptr);
+    EXPECT_EQ(finding(fit_vehicle(model, data), FindingCode::wrong_sign), nullptr);
     Dataset flipped = data;
     flipped.y.row(1) *= -1.0;
     const Estimate fit = fit_vehicle(model, flipped);
-    const Warning* said = warning(fit, "wrong_sign");
+    const Finding* said = finding(fit, FindingCode::wrong_sign);
     ASSERT_NE(said, nullptr) << name;
     EXPECT_EQ(said->severity, Severity::serious);
     EXPECT_THAT(said->about, ::testing::ElementsAre(name));
@@ -448,14 +449,14 @@ TEST(VehicleFit, SignsOfHeldOutDataAreSeen) {
   VehicleFitOptions options;
   options.hold_out = {drive(2)};
   const Estimate clean = fit_vehicle(model, drive(1), options);
-  EXPECT_EQ(warning(clean, "sign_ay"), nullptr);
+  EXPECT_EQ(finding(clean, FindingCode::sign_ay), nullptr);
   EXPECT_EQ(clean.status, Status::ok) << clean.message;
   options.hold_out[0].name = "monday.csv";
   options.hold_out[0].y.row(2) *= -1.0;
   const Estimate fit = fit_vehicle(model, drive(1), options);
-  ASSERT_NE(warning(fit, "sign_ay"), nullptr);
-  EXPECT_EQ(warning(fit, "sign_ay")->severity, Severity::warning);
-  EXPECT_THAT(warning(fit, "sign_ay")->text, HasSubstr("held-out monday.csv: "));
+  ASSERT_NE(finding(fit, FindingCode::sign_ay), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::sign_ay)->severity, Severity::warning);
+  EXPECT_THAT(finding(fit, FindingCode::sign_ay)->text, HasSubstr("held-out monday.csv: "));
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
 }
 
@@ -465,8 +466,8 @@ TEST(VehicleFit, ImplausibleValuesAreSaid) {
   odd.Cf = odd.Cr = 300000.0;
   const Dataset data = with_noise(lane_change(odd, 100.0), {0.001, 0.003}, 16);
   const Estimate fit = fit_vehicle(sladka2010_model(), data);
-  EXPECT_NE(warning(fit, "implausible_Iz"), nullptr);
-  EXPECT_NE(warning(fit, "implausible_Cf"), nullptr);
+  EXPECT_NE(finding(fit, FindingCode::implausible_Iz), nullptr);
+  EXPECT_NE(finding(fit, FindingCode::implausible_Cf), nullptr);
   EXPECT_EQ(fit.status, Status::ok);  // printed, not enforced
 }
 
@@ -502,7 +503,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   car.inverse_saturation_r = 1.0 / std::pow(4500.0, 2);
   const Dataset data = with_noise(lane_change(car, 100.0), {0.01, 0.03}, 17);
   const Estimate fit = fit_vehicle(sladka2010_model(), data);
-  const Warning* saturation = warning(fit, "tyre_saturation");
+  const Finding* saturation = finding(fit, FindingCode::tyre_saturation);
   ASSERT_NE(saturation, nullptr);
   EXPECT_EQ(saturation->severity, Severity::serious) << saturation->text;
   EXPECT_EQ(fit.status, Status::untrusted);
@@ -525,10 +526,9 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   // Where no tyre bends, something else is wrong.
   TyreSaturation early = found;
   early.rear.slip = 0.004;
-  Estimate estimate;
-  check_tyres(problem, early, estimate);
-  ASSERT_EQ(estimate.warnings.size(), 1u);
-  EXPECT_NE(estimate.warnings[0].remedy.find("wrong unit"), std::string::npos);
+  const Findings of_early = check_tyres(problem, early, {});
+  ASSERT_EQ(of_early.size(), 1u);
+  EXPECT_NE(of_early[0].remedy.find("wrong unit"), std::string::npos);
   EXPECT_NE(saturation->remedy.find("milder part"), std::string::npos);
 }
 
@@ -602,7 +602,7 @@ TEST(VehicleFitRefuses, NoSteering) {
                                          {}, uniform_time(10.0, 50.0), {"r", "vy"},
                                          [](double) { return 1.0; }, [](double) { return 15.0; }),
                                      {0.01, 0.03}, 1));
-  EXPECT_NE(warning(circle, "constant_steering"), nullptr);
+  EXPECT_NE(finding(circle, FindingCode::constant_steering), nullptr);
   expect_no_pretence(circle);
 }
 
@@ -666,10 +666,10 @@ TEST(VehicleFitRefuses, DeadOutputs) {
   dead = data;
   dead.y.row(1).setZero();  // one of two: the other is used
   const Estimate fit = fit_vehicle(sladka2010_model(), dead);
-  ASSERT_NE(warning(fit, "dead_output"), nullptr);
+  ASSERT_NE(finding(fit, FindingCode::dead_output), nullptr);
   EXPECT_EQ(fit.simulation.size(), 1u);
   EXPECT_EQ(fit.status, Status::untrusted);
-  EXPECT_THAT(warning(fit, "dead_output")->about, ::testing::ElementsAre("vy"));
+  EXPECT_THAT(finding(fit, FindingCode::dead_output)->about, ::testing::ElementsAre("vy"));
   expect_no_pretence(fit);
 }
 
@@ -840,12 +840,12 @@ TEST(VehicleFitRecordings, RaceCar) {
   EXPECT_NEAR(parameter(fit, "Cf").value, 40e3, 6e3);
   EXPECT_NEAR(parameter(fit, "Cr").value, 75e3, 12e3);
   EXPECT_NEAR(fit.simulation[0].fit_percent, 81.0, 2.0);
-  const Warning* saturation = warning(fit, "tyre_saturation");
+  const Finding* saturation = finding(fit, FindingCode::tyre_saturation);
   ASSERT_NE(saturation, nullptr);
   std::printf("%s\n", saturation->text.c_str());
   EXPECT_EQ(saturation->severity, Severity::serious);
   EXPECT_EQ(fit.status, Status::untrusted);
-  EXPECT_NE(warning(fit, "coloured_residuals"), nullptr);
+  EXPECT_NE(finding(fit, FindingCode::coloured_residuals), nullptr);
   EXPECT_GT(parameter(fit, "Cf").se, 6.0 * parameter(fit, "Cf").crb_se);
   bool histogram = false;
   for (const std::string& note : fit.notes)

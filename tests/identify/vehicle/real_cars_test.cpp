@@ -96,7 +96,7 @@ TEST(VehicleModel, NoSaturationIsSaid) {
       EXPECT_GT(p.value, 15000.0);
     }
   }
-  EXPECT_EQ(said > 0, warning(fit, "no_saturation") != nullptr);
+  EXPECT_EQ(said > 0, finding(fit, FindingCode::no_saturation) != nullptr);
 }
 
 // The same for every curve, and nothing that is printed is infinite. Noise puts about half of the
@@ -115,8 +115,9 @@ TEST(VehicleModel, NoSaturationOfAnyCurve) {
       for (const char* name : {"Ff_max", "Fr_max"}) {
         straight += parameter(fit, name).verdict == Verdict::at_bound ? 1 : 0;
       }
-      for (const Warning& w : fit.warnings) said += w.code == "no_saturation" ? 1 : 0;
-      EXPECT_EQ(warning(fit, "at_bound"), nullptr) << warning(fit, "at_bound")->text;
+      for (const Finding& f : fit.findings) said += f.code == FindingCode::no_saturation ? 1 : 0;
+      EXPECT_EQ(finding(fit, FindingCode::at_bound), nullptr)
+          << finding(fit, FindingCode::at_bound)->text;
     }
     std::printf("%s: %d of 16 axles straight\n", std::string(name_of(curve)).c_str(), straight);
     EXPECT_GT(straight, 0) << name_of(curve);
@@ -144,18 +145,19 @@ TEST(VehicleModel, DelayIsFoundOrSaid) {
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 3.0 * parameter(fit, "Cf").se);
 
   const Estimate without = fit_vehicle(sladka2010_model(), late_steering(0.08));
-  const Warning* said = warning(without, "steering_delay");
+  const Finding* said = finding(without, FindingCode::steering_delay);
   ASSERT_NE(said, nullptr);
   EXPECT_THAT(said->text, HasSubstr("with steering_delay free it is 0.07"));
-  EXPECT_EQ(warning(fit_vehicle(sladka2010_model(), late_steering(0.0)), "steering_delay"),
-            nullptr);
+  EXPECT_EQ(
+      finding(fit_vehicle(sladka2010_model(), late_steering(0.0)), FindingCode::steering_delay),
+      nullptr);
 }
 
 TEST(VehicleModel, DelayIsSaidBesideAFreeRatio) {
   Model model = sladka2010_model();
   find(model, "steering_ratio")->fixed = false;
   find(model, "steering_ratio")->prior = {Prior::Kind::normal, 21.0, 0.1};
-  EXPECT_NE(warning(fit_vehicle(model, late_steering(0.08)), "steering_delay"), nullptr);
+  EXPECT_NE(finding(fit_vehicle(model, late_steering(0.08)), FindingCode::steering_delay), nullptr);
 }
 
 // What is shown as simulated is what was fitted, wherever the delay began.
@@ -228,7 +230,7 @@ Dataset wrong_ratio() {
 TEST(VehicleModel, WrongRatioIsSaid) {
   const Dataset data = wrong_ratio();
   const Estimate fixed = fit_vehicle(sladka2010_model(), data);
-  const Warning* said = warning(fixed, "steering_gain");
+  const Finding* said = finding(fixed, FindingCode::steering_gain);
   ASSERT_NE(said, nullptr);
   EXPECT_EQ(said->severity, Severity::serious) << said->text;
   EXPECT_EQ(fixed.status, Status::untrusted);
@@ -236,7 +238,7 @@ TEST(VehicleModel, WrongRatioIsSaid) {
   const Estimate fit = fit_vehicle(with_free(sladka2010_model(), "steering_gain", "", 1.0), data);
   EXPECT_NEAR(parameter(fit, "steering_gain").value, 1.12,
               3.0 * parameter(fit, "steering_gain").se);
-  const Warning* ratio = warning(fit, "steering_ratio");
+  const Finding* ratio = finding(fit, FindingCode::steering_ratio);
   ASSERT_NE(ratio, nullptr);
   EXPECT_THAT(ratio->text, HasSubstr("the ratio is 18."));  // 21 / 1.12 = 18.75
 }
@@ -254,7 +256,8 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
   Cf.value(0, 0) = wrong;
   const Estimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "Cf").verdict, Verdict::ok);
-  EXPECT_EQ(warning(fit, "steering_gain"), nullptr) << warning(fit, "steering_gain")->text;
+  EXPECT_EQ(finding(fit, FindingCode::steering_gain), nullptr)
+      << finding(fit, FindingCode::steering_gain)->text;
 }
 
 // Two recordings, each with its own initial state, are one fit: the information adds up.
@@ -337,13 +340,13 @@ TEST(VehicleModel, RobustFitIsJudgedWithoutItsOutliers) {
   VehicleFitOptions options;
   options.hold_out = {spoilt(2)};
   const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
-  EXPECT_NE(warning(plain, "poor_fit"), nullptr);
+  EXPECT_NE(finding(plain, FindingCode::poor_fit), nullptr);
   EXPECT_EQ(plain.status, Status::untrusted);
   options.search.robust = true;
   const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
-  EXPECT_EQ(warning(fit, "poor_fit"), nullptr);
-  EXPECT_EQ(warning(fit, "tyre_saturation"), nullptr);
-  EXPECT_EQ(warning(fit, "hold_out"), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::poor_fit), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::tyre_saturation), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::hold_out), nullptr);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   // As well as the same recording without outliers.
   const Estimate clean =
@@ -425,14 +428,14 @@ TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
     VehicleFitOptions options = without_second_opinion();
     const Estimate simulation = fit_vehicle(sladka2010_model(), data, options);
     simulated += std::pow(parameter(simulation, "Cf").value - 88107.7, 2);
-    coloured += warning(simulation, "coloured_residuals") != nullptr ? 1 : 0;
+    coloured += finding(simulation, FindingCode::coloured_residuals) != nullptr ? 1 : 0;
     options.method = VehicleFitOptions::Method::prediction_error;
     const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     predicted += std::pow(p.value - 88107.7, 2);
     error += p.se / kRuns;
     covered += p.ci95[0] < 88107.7 && 88107.7 < p.ci95[1] ? 1 : 0;
-    white += warning(fit, "coloured_residuals") == nullptr ? 1 : 0;
+    white += finding(fit, FindingCode::coloured_residuals) == nullptr ? 1 : 0;
     EXPECT_EQ(fit.objective.method, "prediction_error");
     EXPECT_EQ(fit.one_step.size(), 2U);
   }
@@ -457,12 +460,12 @@ TEST(VehicleModel, HoldOutIsSimulatedWithTheFitsParameters) {
   ASSERT_EQ(fit.hold_out.size(), 2U);
   EXPECT_NEAR(fit.hold_out[0].rmse, 0.01, 0.001);
   EXPECT_NEAR(fit.hold_out[1].rmse, 0.03, 0.003);
-  EXPECT_EQ(warning(fit, "hold_out"), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::hold_out), nullptr);
   TrueCar other;
   other.Cr = 55000.0;
   options.hold_out = {with_noise(lane_change(other, 100.0), {0.01, 0.03}, 2)};
   const Estimate carried = fit_vehicle(sladka2010_model(), data, options);
-  EXPECT_NE(warning(carried, "hold_out"), nullptr);
+  EXPECT_NE(finding(carried, FindingCode::hold_out), nullptr);
 }
 
 /// Circles of the car of table 8.1 to both sides, 20 s each, without noise.
