@@ -334,17 +334,30 @@ void report_boundary(Estimate& estimate, const Fit& fit, const Eigen::LLT<Matrix
     if (p.fixed) continue;
     ++i;
     if (p.verdict != Verdict::at_bound) continue;
-    std::string text = p.name + " is held at the boundary of definiteness";
-    if (fit.solution.x[i] == 0.0) {
-      if (se.size() == 0) {
-        se = map_of_errors(fit, error, fit.regression.design).rowwise().norm();
-      }
-      p.ci95 = {0.0, kOneSided * se[i] / unit_scale(p.unit)};
-      text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
-                         p.ci95[1]);
+    if (fit.solution.x[i] != 0.0) continue;
+    if (se.size() == 0) {
+      se = map_of_errors(fit, error, fit.regression.design).rowwise().norm();
     }
-    estimate.findings.push_back(make_finding(FindingCode::at_bound, {p.name}, text));
+    p.ci95 = {0.0, kOneSided * se[i] / unit_scale(p.unit)};
   }
+}
+
+// Parameters at the boundary. @param estimate  with the limits of report_boundary()
+Findings check_boundary(const Estimate& estimate, const Fit& fit) {
+  Findings out;
+  Index i = -1;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++i;
+    if (p.verdict != Verdict::at_bound) continue;
+    out.push_back(make_finding(
+        FindingCode::at_bound, {p.name},
+        fit.solution.x[i] == 0.0
+            ? fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)", p.name,
+                          p.ci95[1])
+            : p.name + " is held at the boundary of definiteness"));
+  }
+  return out;
 }
 
 void judge(Estimate& estimate, const Als& als, const Fit& fit, const Model& model,
@@ -353,6 +366,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const Model& mode
   const Regression& r = fit.regression;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
   report_boundary(estimate, fit, error);
+  append(estimate.findings, check_boundary(estimate, fit));
   const auto k = static_cast<Index>(inside.entries.size());
   if (k == 0) return;
   const VectorXd& unit = inside.unit;

@@ -204,11 +204,6 @@ void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoi
     if (coordinate.kind == PriorCoordinate::Kind::uniform && to_edge < kAtEdge * range &&
         width < kAtEdge * range) {
       p.verdict = Verdict::at_bound;
-      estimate.findings.push_back(make_finding(
-          FindingCode::prior_edge, {p.name},
-          fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
-                      coordinate.words),
-          "widen the prior, or check the units of the recording"));
     }
     id.rank += p.verdict != Verdict::not_identifiable;
     report.map.back() = points.entries(i, most_probable) / unit;
@@ -220,6 +215,20 @@ void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoi
   estimate.correlation =
       sd.cwiseInverse().asDiagonal() * covariance * sd.cwiseInverse().asDiagonal();
   estimate.covariance_kind = "the posterior";
+}
+
+Findings check_priors(const Estimate& estimate) {
+  Findings out;
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    const EstimatedParameter& p = estimate.parameters[i];
+    if (p.fixed || p.verdict != Verdict::at_bound) continue;
+    out.push_back(make_finding(
+        FindingCode::prior_edge, {p.name},
+        fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
+                    estimate.posterior->prior[i]),
+        "widen the prior, or check the units of the recording"));
+  }
+  return out;
 }
 
 Estimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
@@ -236,6 +245,7 @@ Estimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
   estimate.objective.evaluations = points.summary.evaluations;
   const bool grid = options.grid && points.coordinates.rows() <= 2;
   report_posterior(estimate, model, points, grid ? "grid" : "sequential Monte Carlo");
+  append(estimate.findings, check_priors(estimate));
   append(estimate.findings, check_search(estimate, points.summary, " beyond their priors"));
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
   report_noise_estimate(estimate, model, end, recordings);

@@ -42,6 +42,9 @@ PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& record
 void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
                       const std::string& method);
 
+/// Posteriors piled up against the edge of their priors, as report_posterior() judged them.
+Findings check_priors(const Estimate& estimate);
+
 /// The posterior of the recordings' noise and the filter at its mean. Source: Matisko (2013),
 /// sections 4.4 and 4.5, with proper moves instead of (4.31): see solvers/sample.h.
 /// @throws InputError as check_recordings() and posterior()

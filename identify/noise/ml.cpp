@@ -1,6 +1,7 @@
 #include "identify/noise/ml.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -340,39 +341,53 @@ void picture_profiles(Estimate& estimate, const Maximum& at) {
   for_each_profiled(estimate, at, walk);
 }
 
-// A variance that ended at zero: how large could it be?
-void limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const Solution& best) {
+// A variance that ended at zero: how large could it be? False: nothing is known there.
+bool limit_boundary(Estimate& estimate, const LikelihoodProblem& problem, const Solution& best) {
   double L = 0.0;
   VectorXd gradient;
   MatrixXd information;
-  if (!problem.evaluate(best.x, L, &gradient, &information)) return;
+  if (!problem.evaluate(best.x, L, &gradient, &information)) return false;
   Index i = -1;
   for (EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;
     ++i;
+    if (best.x[i] > problem.lower[i] || problem.lower[i] != 0.0) continue;
+    const double guess =
+        information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i)) : best.x.cwiseAbs().maxCoeff();
+    const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
+    p.ci95 = limit ? std::array<double, 2>{0.0, *limit / unit_scale(p.unit)}
+                   : std::array<double, 2>{kNone, kNone};
+  }
+  return true;
+}
+
+// Parameters at their bounds. @param estimate  with the limits of limit_boundary()
+Findings check_bounds(const Estimate& estimate, const LikelihoodProblem& problem,
+                      const Solution& best) {
+  Findings out;
+  Index i = -1;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++i;
     const bool lower = best.x[i] <= problem.lower[i], upper = best.x[i] >= problem.upper[i];
     if (!lower && !upper) continue;
-    Finding finding = make_finding(FindingCode::at_bound, {p.name}, "");
     if (lower && problem.lower[i] == 0.0) {
-      const double guess = information(i, i) > 0.0 ? 0.1 / std::sqrt(information(i, i))
-                                                   : best.x.cwiseAbs().maxCoeff();
-      const auto limit = profile_upper_limit(problem, best.x, L, i, guess);
-      if (limit) {
-        p.ci95 = {0.0, *limit / unit_scale(p.unit)};
-        finding.text = fmt::format("{} is not distinguishable from 0, upper bound {:.4g} (95 %)",
-                                   p.name, p.ci95[1]);
-      } else {
-        finding.text =
-            fmt::format("{} is not distinguishable from 0, and has no upper bound", p.name);
-      }
-    } else {
-      finding.severity = Severity::warning;
-      finding.text = fmt::format("{} ended at its {} bound {:.6g}", p.name,
-                                 lower ? "lower" : "upper", p.value);
-      finding.remedy = "widen the bound in the model file if it is not physical";
+      const std::string limit = std::isnan(p.ci95[1])
+                                    ? "and has no upper bound"
+                                    : fmt::format("upper bound {:.4g} (95 %)", p.ci95[1]);
+      out.push_back(
+          make_finding(FindingCode::at_bound, {p.name},
+                       fmt::format("{} is not distinguishable from 0, {}", p.name, limit)));
+      continue;
     }
-    estimate.findings.push_back(std::move(finding));
+    out.push_back(
+        {FindingCode::at_bound,
+         Severity::warning,
+         {p.name},
+         fmt::format("{} ended at its {} bound {:.6g}", p.name, lower ? "lower" : "upper", p.value),
+         "widen the bound in the model file if it is not physical"});
   }
+  return out;
 }
 
 std::string evaluation_method(EvaluationMethod method) {
@@ -388,23 +403,31 @@ std::string evaluation_method(EvaluationMethod method) {
   return "time_varying_filter";
 }
 
-// How the likelihood at the maximum was evaluated, and what a person should know about it.
-void report_evaluation(Estimate& estimate, const EvaluationTaken& taken, EvaluationMethod asked) {
-  estimate.objective.evaluation_method = evaluation_method(taken.method);
+// How the likelihood at the maximum was evaluated.
+void report_evaluation(const EvaluationTaken& taken, Objective& objective) {
+  objective.evaluation_method = evaluation_method(taken.method);
   if (taken.fallback == FallbackReason::none || taken.fallback == FallbackReason::not_requested)
     return;
-  estimate.objective.evaluation_reason = describe(taken.fallback);
+  objective.evaluation_reason = describe(taken.fallback);
   if (taken.fallback == FallbackReason::long_memory) {
-    estimate.objective.evaluation_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
+    objective.evaluation_reason += fmt::format(" (its pole is {:.6f})", taken.pole);
   }
+}
+
+// What a person should know about it.
+Findings check_evaluation(const EvaluationTaken& taken, EvaluationMethod asked,
+                          const Objective& objective) {
   const bool expected =
       taken.fallback == FallbackReason::short_segment && asked != EvaluationMethod::autocovariances;
-  if (expected || taken.method == EvaluationMethod::autocovariances) return;
-  estimate.findings.push_back(make_finding(
+  if (objective.evaluation_reason.empty() || expected ||
+      taken.method == EvaluationMethod::autocovariances) {
+    return {};
+  }
+  return {make_finding(
       FindingCode::evaluation_method, {},
       fmt::format("the likelihood was evaluated by the {} filter, the same value only slower: {}",
                   taken.method == EvaluationMethod::steady_state ? "steady-state" : "time-varying",
-                  estimate.objective.evaluation_reason)));
+                  objective.evaluation_reason))};
 }
 
 }  // namespace
@@ -442,8 +465,12 @@ Estimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
   objective.starts = found.tried;
   objective.starts_at_optimum = found.agree;
   judge(estimate, likelihood, problem, end, found.best);
-  report_evaluation(estimate, likelihood.evaluation_taken(), options.evaluation);
-  limit_boundary(estimate, problem, found.best);
+  report_evaluation(likelihood.evaluation_taken(), objective);
+  append(estimate.findings,
+         check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
+  if (limit_boundary(estimate, problem, found.best)) {
+    append(estimate.findings, check_bounds(estimate, problem, found.best));
+  }
   const bool converged = found.best.summary.usable();
   const Maximum maximum{problem, found.best, end, likelihood.evaluation_taken().method,
                         samples_present(recordings)};

@@ -460,6 +460,7 @@ Estimate track(const Model& given, const Dataset& whole, const NoiseTrackOptions
   const bool learnt = points.coordinates.rows() > 0;
   if (learnt) {
     report_posterior(estimate, model, points, "recursive Monte Carlo");
+    append(estimate.findings, check_priors(estimate));
   } else {
     list_parameters(estimate, model.parameters, model.parameters);
     estimate.covariance_kind = "none: the noise of the model file was not rejected";
