@@ -14,7 +14,7 @@ namespace identikal {
 /// @param with_outputs  the model's outputs are among its columns: not where it holds inputs alone
 /// @throws InputError for pointers that are missing, numbers of channels other than the model's, and
 ///   times that contradict the model's step
-Table recording_table(const ik_recording& recording, const Model& model,
-                      const std::string& name, bool with_outputs);
+Table recording_table(const ik_recording& recording, const Model& model, const std::string& name,
+                      bool with_outputs);
 
 }  // namespace identikal

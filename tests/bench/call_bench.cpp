@@ -10,10 +10,11 @@
 #include <string>
 #include <vector>
 
+#include "interface/identikal.h"
+
 #include "identify/model/model_file.h"
 #include "identify/model/recording.h"
 #include "identify/noise/ml.h"
-#include "interface/identikal.h"
 #include "lib/data/csv.h"
 
 namespace {
@@ -58,7 +59,7 @@ int main(int argc, char** argv) {
   const auto directly = [&] { identikal::tune_ml(model, data, options); };
 
   const double c = least_time(calls, through_c), fit = least_time(calls, directly);
-  std::printf("tune of %zu samples: ik_run %.0f us, tune_ml %.0f us, beside the fit %.0f us\n", y.size(),
-              c, fit, c - fit);
+  std::printf("tune of %zu samples: ik_run %.0f us, tune_ml %.0f us, beside the fit %.0f us\n",
+              y.size(), c, fit, c - fit);
   return 0;
 }

@@ -38,11 +38,10 @@ double difference(const VectorXd& ours, const VectorXd& theirs, const VectorXd& 
 }
 
 TEST(OnlineFilter, IsTheRecordedFilter) {
-  for (const Case& c : {Case{1, 0, 1, InitialState::stationary, 0.0},
-                        Case{3, 1, 2, InitialState::stationary, 0.2},
-                        Case{2, 2, 1, InitialState::diffuse, 0.0},
-                        Case{4, 1, 3, InitialState::diffuse, 0.3},
-                        Case{5, 0, 2, InitialState::given, 0.1}}) {
+  for (const Case& c :
+       {Case{1, 0, 1, InitialState::stationary, 0.0}, Case{3, 1, 2, InitialState::stationary, 0.2},
+        Case{2, 2, 1, InitialState::diffuse, 0.0}, Case{4, 1, 3, InitialState::diffuse, 0.3},
+        Case{5, 0, 2, InitialState::given, 0.1}}) {
     Random random(static_cast<std::uint64_t>(100 * c.states + c.outputs));
     StateSpace model = random_model(random, c.states, c.inputs, c.outputs, c.states);
     model.x0 = VectorXd::Constant(c.states, 0.5);
@@ -64,8 +63,8 @@ TEST(OnlineFilter, IsTheRecordedFilter) {
       deviations = std::max(
           deviations, difference(filter.state_sd, recorded.sd.col(t), VectorXd::Zero(c.states)));
       if (t < innovations.first_proper) continue;
-      errors = std::max(errors, difference(filter.innovation, innovations.e.col(t),
-                                           filter.innovation_sd));
+      errors = std::max(errors,
+                        difference(filter.innovation, innovations.e.col(t), filter.innovation_sd));
     }
     EXPECT_LT(states, 1e-12) << c.states << " states";
     EXPECT_LT(deviations, 1e-12) << c.states << " states";
