@@ -180,8 +180,8 @@ void ask_for_json(const Verb& verb) {
   }
 }
 
-Outcome run_again(const ik_result& result, bool wants_page,
-                  const std::function<bool(const std::string&, double, double)>& progress) {
+Outcome run_verb(const ik_result& result, bool wants_page,
+                 const std::function<bool(const std::string&, double, double)>& progress) {
   const Verb verb = verb_called(result.verb);
   take_arguments(verb, result.inputs);
   ask_for_json(verb);
@@ -195,7 +195,7 @@ Outcome run_again(const ik_result& result, bool wants_page,
 }
 
 void run(ik_result& result, const Arguments& given, const ik_callbacks* callbacks) {
-  check_arguments(given, verb_called(result.verb).name);
+  check_arguments(given, verb_called(result.verb).name);  // a verb that there is
   keep_inputs(given, result.verb, result.inputs);
   std::function<bool(const std::string&, double, double)> progress;
   if (callbacks != nullptr && callbacks->size >= sizeof(ik_callbacks) && callbacks->progress) {
@@ -203,7 +203,7 @@ void run(ik_result& result, const Arguments& given, const ik_callbacks* callback
       return callbacks->progress(callbacks->user, what.c_str(), share, value) != 0;
     };
   }
-  result.outcome = run_again(result, false, progress);
+  result.outcome = run_verb(result, false, progress);
   result.code = result.outcome.exit_code;
   result.message = result.outcome.message;
 }
@@ -262,7 +262,7 @@ const char* ik_result_report_html(ik_result* result) {
   if (!result->page.empty()) return result->page.c_str();
   ik_result problem;
   guarded(problem, [&] {
-    const identikal::Outcome drawn = identikal::run_again(*result, true, {});
+    const identikal::Outcome drawn = identikal::run_verb(*result, true, {});
     if (drawn.page_data.empty()) return;
     result->page = identikal::report_page(drawn.json, drawn.page_data);
   });

@@ -27,7 +27,7 @@ using Eigen::VectorXd;
 using ::testing::HasSubstr;
 using Codes = std::set<std::string>;
 
-const Finding* finding(const VehicleSurvey& survey, const std::string& code) {
+const Finding* finding_of(const VehicleSurvey& survey, const std::string& code) {
   for (const Finding& w : survey.findings) {
     if (name_of(w) == code) return &w;
   }
@@ -132,18 +132,18 @@ TEST(VehicleSurvey, WrongSigns) {
 TEST(VehicleSurvey, WrongUnits) {
   const VehicleSurvey g = surveyed_when([](Dataset& d) { d.y.row(kAy) /= 9.80665; });
   EXPECT_EQ(alarms(g), Codes{"units_ay"});
-  EXPECT_THAT(finding(g, "units_ay")->remedy, HasSubstr("ay is in g, taken as m/s^2"));
+  EXPECT_THAT(finding_of(g, "units_ay")->remedy, HasSubstr("ay is in g, taken as m/s^2"));
   const VehicleSurvey deg = surveyed_when([](Dataset& d) { d.y.row(kRowR) *= 57.29578; });
   EXPECT_TRUE(alarms(deg).contains("units_ay"));
-  EXPECT_THAT(finding(deg, "units_ay")->remedy, HasSubstr("r is in deg/s, taken as rad/s"));
+  EXPECT_THAT(finding_of(deg, "units_ay")->remedy, HasSubstr("r is in deg/s, taken as rad/s"));
   const VehicleSurvey kmh = surveyed_when([](Dataset& d) { d.u.row(1) *= 3.6; });
-  EXPECT_THAT(finding(kmh, "units_ay")->remedy, HasSubstr("vx is in km/h, taken as m/s"));
+  EXPECT_THAT(finding_of(kmh, "units_ay")->remedy, HasSubstr("vx is in km/h, taken as m/s"));
   const VehicleSurvey steering = surveyed_when([](Dataset& d) { d.u.row(0) *= 57.29578; });
   EXPECT_EQ(alarms(steering), Codes{"units_steering"});
-  EXPECT_THAT(finding(steering, "units_steering")->remedy,
+  EXPECT_THAT(finding_of(steering, "units_steering")->remedy,
               HasSubstr("a steering-wheel angle in deg, taken as rad"));
   const VehicleSurvey road = surveyed_when([](Dataset& d) { d.u.row(0) /= 21.0; });
-  EXPECT_THAT(finding(road, "units_steering")->remedy, HasSubstr("an angle of the road wheels"));
+  EXPECT_THAT(finding_of(road, "units_steering")->remedy, HasSubstr("an angle of the road wheels"));
 }
 
 TEST(VehicleSurvey, SwappedChannels) {
@@ -153,7 +153,7 @@ TEST(VehicleSurvey, SwappedChannels) {
     d.y.row(kAy) = r;
   });
   EXPECT_TRUE(alarms(swapped).contains("swapped_channels"));
-  EXPECT_THAT(finding(swapped, "swapped_channels")->text, HasSubstr("'r' behaves like ay"));
+  EXPECT_THAT(finding_of(swapped, "swapped_channels")->text, HasSubstr("'r' behaves like ay"));
   const VehicleSurvey sideways = surveyed_when([](Dataset& d) {
     const Eigen::RowVectorXd vx = d.u.row(1);
     d.u.row(1) = d.y.row(kVy).array() + 1.6;
@@ -169,7 +169,7 @@ TEST(VehicleSurvey, YawRateAndLateralVelocityExchanged) {
     d.y.row(kRowR) = d.y.row(kVy);
     d.y.row(kVy) = r;
   });
-  const Finding* found = finding(swapped, "swapped_channels");
+  const Finding* found = finding_of(swapped, "swapped_channels");
   ASSERT_NE(found, nullptr);
   EXPECT_EQ(found->about, (std::vector<std::string>{"r", "vy"}));
   EXPECT_THAT(found->text, HasSubstr("'vy' behaves like r"));
@@ -192,7 +192,7 @@ TEST(VehicleSurvey, EmptyCellsAreNoHeldSamples) {
       d.y(kRowR, i) = i % 2 == 0 ? d.y(kRowR, i - i % 10) : kNaN;
     }
   });
-  EXPECT_THAT(finding(held, "held_samples")->text, HasSubstr("80 %"));
+  EXPECT_THAT(finding_of(held, "held_samples")->text, HasSubstr("80 %"));
 }
 
 // Whatever is missing, dead or too short, no text holds a number that is none.
@@ -284,17 +284,17 @@ TEST(VehicleSurvey, SensorsThatFail) {
     for (Index i = 1500; i < 2100; ++i) d.y(kRowR, i) = d.y(kRowR, 1500);
   });
   EXPECT_EQ(alarms(stuck), Codes{"stuck_channel"});
-  EXPECT_THAT(finding(stuck, "stuck_channel")->text, HasSubstr("from 15 s"));
+  EXPECT_THAT(finding_of(stuck, "stuck_channel")->text, HasSubstr("from 15 s"));
   const VehicleSurvey held = surveyed_when([](Dataset& d) {
     for (Index i = 0; i < d.size(); ++i) d.y(kRowR, i) = d.y(kRowR, i - i % 10);
   });
   EXPECT_EQ(alarms(held), Codes{"held_samples"});
-  EXPECT_THAT(finding(held, "held_samples")->text, HasSubstr("90 %"));
+  EXPECT_THAT(finding_of(held, "held_samples")->text, HasSubstr("90 %"));
   const VehicleSurvey spikes = surveyed_when([](Dataset& d) {
     for (Index i = 500; i < 3000; i += 500) d.y(kRowR, i) += 3.0;
   });
   EXPECT_EQ(alarms(spikes), Codes{"outliers"});
-  EXPECT_THAT(finding(spikes, "outliers")->text, HasSubstr("5 samples of 'r' leap"));
+  EXPECT_THAT(finding_of(spikes, "outliers")->text, HasSubstr("5 samples of 'r' leap"));
 }
 
 TEST(VehicleSurvey, DrivesThatTellLittle) {
@@ -306,7 +306,7 @@ TEST(VehicleSurvey, DrivesThatTellLittle) {
   EXPECT_TRUE(alarms(back).contains("reversing"));
   EXPECT_NEAR(back.reversing, 0.1, 0.01);
   const VehicleSurvey still = surveyed_when([](Dataset& d) { d.u.block(1, 0, 1, 2000).setZero(); });
-  ASSERT_NE(finding(still, "standstill"), nullptr);
+  ASSERT_NE(finding_of(still, "standstill"), nullptr);
   EXPECT_NEAR(still.standstill, 0.5, 0.01);
   const VehicleSurvey parked = surveyed_when([](Dataset& d) { d.u.row(1).setZero(); });
   EXPECT_TRUE(alarms(parked).contains("too_short"));
@@ -614,7 +614,7 @@ TEST(VehicleSurvey, MistakesPutIntoRealRecordings) {
   };
   const auto has = [](const char* code) {
     return [code](const VehicleSurvey&, const VehicleSurvey& s) {
-      return finding(s, code) != nullptr;
+      return finding_of(s, code) != nullptr;
     };
   };
   const auto times = [](double factor) {
@@ -642,15 +642,15 @@ TEST(VehicleSurvey, MistakesPutIntoRealRecordings) {
       {"steering in deg", SignalKind::steering, times(57.29578), has("units_steering")},
       {"steering late", SignalKind::steering, later(1.2),
        [&](const VehicleSurvey& a, const VehicleSurvey& b) {
-         return finding(b, "clock_offset") && std::abs(late(b) - late(a) - 1.2) < 0.15;
+         return finding_of(b, "clock_offset") && std::abs(late(b) - late(a) - 1.2) < 0.15;
        }},
       {"steering early", SignalKind::steering, later(-2.0),
        [&](const VehicleSurvey& a, const VehicleSurvey& b) {
-         return finding(b, "clock_offset") && std::abs(late(b) - late(a) + 2.0) < 0.15;
+         return finding_of(b, "clock_offset") && std::abs(late(b) - late(a) + 2.0) < 0.15;
        }},
       {"ay late", SignalKind::ay, later(0.6),
        [&](const VehicleSurvey&, const VehicleSurvey& b) {
-         return finding(b, "clock_offset") && std::abs(proposal(b, "ay").delay - 0.6) < 0.2;
+         return finding_of(b, "clock_offset") && std::abs(proposal(b, "ay").delay - 0.6) < 0.2;
        }},
       {"r stuck", SignalKind::r,
        [](VehicleSignal& x) {
