@@ -9,6 +9,13 @@
 namespace identikal {
 
 /// Inverse of a symmetric positive definite matrix, computed after scaling it to unit diagonal.
+///
+/// Example:
+///
+///     const Eigen::Matrix2d information{{400.0, 30.0}, {30.0, 25.0}};
+///     const std::optional<Eigen::MatrixXd> covariance = scaled_inverse(information);
+///     if (covariance) std::printf("se %g\n", std::sqrt((*covariance)(0, 0)));
+///
 /// @return nothing when an eigenvalue of the scaled matrix is below `tolerance` times the largest:
 ///   rank loss is refused, not inverted.
 std::optional<Eigen::MatrixXd> scaled_inverse(const Eigen::Ref<const Eigen::MatrixXd>& information,

@@ -61,6 +61,14 @@ struct LeastSquares {
 };
 
 /// minimise f(x) with lower <= x <= upper.
+///
+/// Example:
+///
+///     const Minimization bowl{[](const auto& x, double& f, auto* g) {
+///       if (g) *g = 2.0 * x;
+///       return f = x.squaredNorm(), true;
+///     }, Eigen::Vector2d{-1.0, 0.5}, Eigen::Vector2d{1.0, 2.0}};
+///     const SolverOptions options{.max_seconds = 10.0, .progress = {}};  // of solve()
 struct Minimization {
   /// f and, when g is not null, its gradient (n). false = undefined at x, back off.
   std::function<bool(const Eigen::VectorXd& x, double& f, Eigen::VectorXd* g)> evaluate;

@@ -92,6 +92,14 @@ struct PsdSolution {
 /// points whose flat part is at most sqrt(2) times as long. An objective that falls without limit
 /// along a flat direction ends with no_progress.
 ///
+/// Example:
+///
+///     PsdLeastSquares problem;  // the covariance nearest to [1 2; 2 1]: [1.5 1.5; 1.5 1.5]
+///     problem.H = Eigen::Vector3d{1.0, 2.0, 1.0}.asDiagonal();
+///     problem.g = Eigen::Vector3d{1.0, 4.0, 1.0};
+///     problem.blocks = {full_block(0, 2)};
+///     const Eigen::MatrixXd covariance = minimise(problem).blocks[0].X;
+///
 /// Sources: Boyd & Vandenberghe (2004), Convex Optimization, ch. 11; Vandenberghe (2010), The
 /// CVXOPT linear and quadratic cone program solvers; for the use, Odelson, Rajamani & Rawlings
 /// (2006), Automatica 42, and Rajamani & Rawlings (2009), Automatica 45.

@@ -45,6 +45,14 @@ struct RecursivePosterior {
 
 /// @param draws  m; one draw never moves: a filter whose noise is taken as known
 /// @throws std::invalid_argument for no draw
+///
+/// Example:
+///
+///     RecursivePosterior posterior = start_posterior(unknown_noise, 400, 1);
+///     for (Eigen::Index t = 0; t < y.cols(); ++t) {
+///       observe(posterior, unknown_noise, y.col(t), u.col(t));
+///     }
+///     const Eigen::VectorXd mean = posterior.draws * weights(posterior);
 RecursivePosterior start_posterior(const NoiseProblem& problem, Eigen::Index draws,
                                    std::uint64_t seed);
 

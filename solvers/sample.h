@@ -45,6 +45,15 @@ struct PosteriorSample {
 /// it by that noise at every iteration. Deterministic for a seed. Converged when t = 1 is reached;
 /// no_progress when no draw of the prior has a defined likelihood. Sources: Del Moral, Doucet &
 /// Jasra (2006), J. R. Statist. Soc. B 68; Jasra et al. (2011) for the choice of powers.
+///
+/// Example:
+///
+///     PosteriorProblem problem;  // a standard normal number, seen as 1.5 with an error of sd 0.5
+///     problem.draw_prior = [](Random& random) { return random.normal(1); };
+///     problem.log_prior = [](const auto& x) { return -0.5 * x.squaredNorm(); };
+///     problem.log_likelihood = [](const auto& x) { return -2.0 * std::pow(x[0] - 1.5, 2); };
+///     const double mean = sample(problem).draws.mean();  // 1.2
+///
 /// @throws std::invalid_argument when fewer than 10 draws are requested
 PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& options = {});
 

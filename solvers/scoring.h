@@ -25,6 +25,15 @@ struct LikelihoodProblem {
 /// samples one full step from any start is the maximum. Converged when g' J^-1 g / 2, the increase
 /// still expected, is below options.decrement_tolerance. summary.objective is L. Source: Osborne
 /// (1992), "Fisher's method of scoring", Int. Stat. Rev. 60.
+///
+/// Example:
+///
+///     const Solution rate = maximise({[](const auto& x, double& L, auto* g, auto* J) {
+///       if (g) *g = Eigen::VectorXd{{7.0 / x[0] - 10.0}};
+///       if (J) *J = Eigen::MatrixXd{{10.0 / x[0]}};
+///       return L = 7.0 * std::log(x[0]) - 10.0 * x[0], true;  // of 7 arrivals in 10 s
+///     }, Eigen::VectorXd{{0.1}}, Eigen::VectorXd{{9.0}}}, Eigen::VectorXd{{1.0}});  // 0.7 per s
+///
 /// @throws std::invalid_argument when shapes disagree or the start lies outside the box.
 Solution maximise(const LikelihoodProblem& problem, const Eigen::VectorXd& start,
                   const SolverOptions& options = {});

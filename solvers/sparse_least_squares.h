@@ -31,6 +31,15 @@ struct SparseLeastSquares {
 /// SuiteSparse, on Eigen's sparse Cholesky where Ceres was built without it).
 /// summary.objective is the sum. Converged when options.function_tolerance or parameter_tolerance
 /// is met.
+///
+/// Example:
+///
+///     const Solution ends = solve(SparseLeastSquares{{1, 1}, {{{0}}, {{0, 1}}},
+///       [](const auto& x, auto& r, auto* J) {  // x_1 = 1 and x_2 - x_1 = 2, each with an error
+///         if (J) *J = {1.0, -1.0, 1.0};
+///         return r = Eigen::Vector2d{x[0] - 1.0, x[1] - x[0] - 2.0}, true;
+///     }, Eigen::Vector2d{-9.0, -9.0}, Eigen::Vector2d{9.0, 9.0}}, Eigen::Vector2d{0.0, 0.0});
+///
 /// @throws std::invalid_argument when sizes disagree or the start lies outside the bounds
 Solution solve(const SparseLeastSquares& problem, const Eigen::VectorXd& start,
                const SolverOptions& options = {});

@@ -136,6 +136,11 @@ Dual<N> atan2(const Dual<N>& y, const Dual<N>& x) {
 }
 
 /// Value and gradient of f(std::array<T, N>) -> T at x.
+///
+/// Example:
+///
+///     const auto [range, gradient] = value_and_gradient(  // of a throw at 20 m/s and 40 degrees
+///         std::array{20.0, 0.7}, [](const auto& x) { return x[0] * x[0] * sin(2 * x[1]) / 10; });
 template <std::size_t N, typename F>
 std::pair<double, Eigen::Matrix<double, static_cast<int>(N), 1>> value_and_gradient(
     const std::array<double, N>& x, F&& f) {

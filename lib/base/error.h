@@ -15,6 +15,10 @@ struct Location {
 
 /// A mistake in a file or an option that its writer can mend. what() is one line:
 /// "path:line:column: found; expected ...; hint" (the parts that are empty are left out).
+///
+/// Example:
+///
+///     throw InputError({"drive.csv", 12, 7}, "'abc' in column 'yaw_rate'", "a number");
 class InputError : public std::runtime_error {
  public:
   /// @param at        where; an empty path is left out of the message

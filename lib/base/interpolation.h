@@ -35,6 +35,13 @@ class Pchip {
 /// Piecewise linear interpolation of the samples that are there: between two of them no further
 /// apart than `widest`; NaN in a wider gap, before the first and after the last (nothing is
 /// extrapolated). At a sample's own time, its value.
+///
+/// Example:
+///
+///     const double widest = kBridgedPeriods * own_period(time, y.row(0));
+///     const Eigen::VectorXd at = Eigen::VectorXd::LinSpaced(1000, time[0], time[time.size() - 1]);
+///     const Eigen::VectorXd value = interpolate_linearly(time, y.row(0), at, widest);
+///
 /// @param t       N increasing times of the samples
 /// @param x       N values, NaN = missing
 /// @param at      M increasing times requested

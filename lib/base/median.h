@@ -6,6 +6,11 @@
 namespace identikal {
 
 /// Of an even number of them, the larger of the two in the middle.
+///
+/// Example:
+///
+///     const double typical = median({0.3, -0.1, 0.2, 9.0, 0.1});  // 0.2
+///
 /// @param values  one or more, none of them NaN
 double median(std::vector<double> values);
 

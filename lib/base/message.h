@@ -30,7 +30,9 @@ std::string message(std::initializer_list<MessagePart> parts);
 
 /// Does nothing where `holds`.
 ///
-///   require_argument(x.size() == n, {"Pchip: ", n, " abscissae and ", x.size(), " ordinates"});
+/// Example:
+///
+///     require_argument(y.rows() == 2, {"y has ", y.rows(), " rows; expected 2, r and vy"});
 ///
 /// @throws std::invalid_argument with the parts run together otherwise
 void require_argument(bool holds, std::initializer_list<MessagePart> parts);

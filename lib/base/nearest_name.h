@@ -16,6 +16,10 @@ std::string lower_case(std::string_view text);
 std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates);
 
 /// "did you mean 'x'?", or "" when nothing is near. Ready to be the hint of an InputError.
+///
+/// Example:
+///
+///     const std::string hint = did_you_mean("yawrate", {"yaw_rate", "vx"});
 std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates);
 
 }  // namespace identikal

@@ -10,6 +10,12 @@ namespace identikal {
 
 /// Mersenne Twister (its output is fixed by the C++ standard) with our own transforms, because
 /// those of `<random>` differ between standard libraries.
+///
+/// Example:
+///
+///     Random random(1);
+///     const Eigen::MatrixXd L = semidefinite_factor(Eigen::Matrix2d{{2.0, 0.5}, {0.5, 1.0}});
+///     const Eigen::VectorXd w = L * random.normal(2);  // of that covariance
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}

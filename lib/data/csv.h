@@ -72,6 +72,13 @@ std::string quoted_excerpt(std::string_view text);
 /// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text.
 /// - a decimal comma is possible where the separator is not the comma; the first fraction decides.
 /// - header, text and metadata are given in UTF-8; a file that is not UTF-8 is taken as Latin-1.
+///
+/// Example:
+///
+///     const Table table = read_csv("drive.csv");
+///     const Column* yaw_rate = table.find("yaw_rate");  // nullptr when there is none
+///     if (yaw_rate) std::printf("%zu rows [%s]\n", table.rows, yaw_rate->unit.c_str());
+///
 /// @throws InputError  with path, line and column for a file that cannot be opened, a directory, an
 ///   empty file, a header without rows, a duplicate column name, a ragged row, a quote that
 ///   is not closed, a binary file, or more than 10000 columns.

@@ -87,6 +87,13 @@ Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
 ///
 /// The unit of a column is the model's, else the file's, else SI. When both give one they must
 /// agree: two scales for one column (deg and rad) are a conflict that only the user can settle.
+///
+/// Example:
+///
+///     const Table table = read_csv("drive.csv");
+///     const ChannelSource r{.name = "r", .column = "yaw_rate", .si_unit = "rad/s"};
+///     const Dataset data = make_dataset(table, {.column = "time"}, {}, {r});
+///
 /// @throws InputError for a column that does not exist (nearest name offered), text in a used
 /// column
 ///   (line and column of the first), an unknown unit, a unit of another dimension than si_unit, a

@@ -30,6 +30,13 @@ struct Joined {
 /// like it. Times are compared in seconds: in the unit of the column's header, else `time.unit`,
 /// else s. A column name that is in two files becomes `file.column` in both, `file` without
 /// folder and ending, so that no one of the two is taken by chance.
+///
+/// Example:
+///
+///     std::vector<Table> tables;
+///     for (const auto& path : joined_files("imu.csv+can.csv")) tables.push_back(read_csv(path));
+///     const Joined joined = join_tables(tables, {.column = "time"});
+///
 /// @param time  its column may be empty: then every file's is the one that looks like it
 /// @throws InputError for a file without time column, without two rows, with a time stamp that is
 ///   missing or does not increase, that has no time in common with the first, or twice the same

@@ -25,6 +25,12 @@ struct Unit {
 /// s)", "m/s**2", "1/s", "1e8 m^3", "degC" (its offset counts only when it stands alone). "g" is
 /// standard gravity and "min" the minute. "", "-" and "1" are dimensionless. Case counts, but a
 /// name in capitals ("KPH", "DEG") is known where it leaves no doubt.
+///
+/// Example:
+///
+///     const std::optional<Unit> unit = parse_unit("km/h");
+///     if (unit) std::printf("%g m/s\n", unit->to_si(60.0));  // 16.6667
+///
 /// @return nothing when the text is not a unit.
 std::optional<Unit> parse_unit(std::string_view text);
 

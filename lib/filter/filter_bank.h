@@ -56,6 +56,15 @@ void copy_member(const FilterBank& source, Eigen::Index from, FilterBank& target
 
 /// Every member takes a sample, in Joseph form (lib/filter/kalman.h); works with the widest vectors
 /// of the machine, and without allocation.
+///
+/// Example:
+///
+///     FilterBank bank = filter_bank(model, 1);
+///     set_noise(bank, 0, model);
+///     set_state(bank, 0, model.x0, model.P0);
+///     Eigen::VectorXd log_density(1);
+///     step(bank, y.col(0), u.col(0), log_density);
+///
 /// @param y            ny, NaN = missing
 /// @param u            nu
 /// @param log_density  members: receives log p(y | samples before); -infinity where the innovation

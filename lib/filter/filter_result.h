@@ -22,6 +22,11 @@ enum class FilterStatus {
 };
 
 /// A sentence for people.
+///
+/// Example:
+///
+///     const Likelihood at = log_likelihood(model, InitialState::stationary, y, u);
+///     if (at.status != FilterStatus::ok) std::puts(describe(at.status));
 const char* describe(FilterStatus status);
 
 struct FilterResult {

@@ -28,6 +28,12 @@ struct ExpectedInformation {
 /// recursion of n x n, backwards: k parameters of a large system are then as many times n x n, not
 /// the square of it. A diffuse start has no expectation of its own (what the first samples say of
 /// the state has no size): all samples are then counted with the steady filter, started at zero.
+///
+/// Example:
+///
+///     const auto J = expected_information(model, InitialState::stationary, 1000, derivatives, u);
+///     const Eigen::VectorXd least_sd = J.total.inverse().diagonal().cwiseSqrt();  // Cramer-Rao
+///
 /// @param derivatives  d(model)/d(theta_i), i = 1..k, of constant size
 /// @param u  nu x samples, or empty for inputs that are zero; inputs are known, and what they
 /// excite

@@ -26,6 +26,12 @@ struct InnovationsBeside {
 /// -1/2 sum_t [ log|Sigma_t| + e_t' Sigma_t^-1 e_t + n_t log 2 pi ] over the channels present and,
 /// with k parameters' neighbours, its gradient from the differences de, dSigma of the innovations
 /// and the information sum_t [ 1/2 tr(Sigma^-1 dSigma_i Sigma^-1 dSigma_j) + de_i' Sigma^-1 de_j ].
+///
+/// Example:
+///
+///     const Eigen::MatrixXd Sigma = e * e.transpose() / e.cols();
+///     const Likelihood at = innovations_likelihood({.e = e, .Sigma = {Sigma}});
+///
 /// @param score_products  k x k, written when not null: sum_t s_t s_t' (lib/filter/kalman.h)
 /// @return FilterStatus::indefinite where a covariance is not positive definite, not_finite where
 ///   numbers are not

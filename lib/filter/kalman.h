@@ -24,6 +24,13 @@ namespace identikal {
 /// part changes nothing (it is absorbed by delta) but keeps Sigma regular from the first sample.
 /// The states are folded in as soon as delta is determined. Once covariance and derivatives have
 /// stopped changing (to 1e-14 and 1e-12 of themselves), the gain is kept until a sample is missing.
+///
+/// Example:
+///
+///     const FilterResult filter = kalman_filter(model, InitialState::diffuse, y, u);
+///     if (filter.status != FilterStatus::ok) std::puts(describe(filter.status));
+///     const Eigen::VectorXd state_now = filter.x_filt.rightCols(1);
+///
 /// @param model    shapes checked; x0 and P0 are used with InitialState::given
 /// @param y        ny x N, NaN = missing
 /// @param u        nu x N

@@ -51,6 +51,13 @@ struct EvaluationTaken {
 /// Recordings prepared for many evaluations. Holds workspace: one engine per thread. It keeps
 /// references to the recordings, which must outlive it. After a move the source may only be
 /// assigned to or destroyed.
+///
+/// Example:
+///
+///     LikelihoodEngine engine;
+///     engine.add_recording(y, u);
+///     const Likelihood& at = engine.evaluate(model, InitialState::stationary, derivatives);
+///     const Eigen::VectorXd scoring_step = at.information.ldlt().solve(at.gradient);
 class LikelihoodEngine {
  public:
   LikelihoodEngine();

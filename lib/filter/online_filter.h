@@ -14,11 +14,11 @@ namespace identikal {
 /// The filter between two samples. Read state, state_sd, innovation and innovation_sd after every
 /// step(); the rest is what it remembers, and room to work in.
 ///
-///   OnlineFilter filter = start_online_filter(model, InitialState::diffuse);
-///   while (receive(y, u)) {
-///     step(filter, y, u);
-///     use(filter.state);
-///   }
+/// Example:
+///
+///     OnlineFilter filter = start_online_filter(model, InitialState::diffuse);
+///     for (Eigen::Index t = 0; t < y.cols(); ++t) step(filter, y.col(t), u.col(t));
+///     const Eigen::VectorXd state_now = filter.state, sd = filter.state_sd;
 struct OnlineFilter {
   Eigen::VectorXd state, state_sd;  ///< n: given y up to now; NaN while nothing determines it
   /// ny: y minus its prediction, and the standard deviation of that; NaN where nothing is measured

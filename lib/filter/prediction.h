@@ -19,6 +19,12 @@ struct PredictionErrors {
 };
 
 /// Predictions from every t >= from behind a diffuse start, with the inputs that were.
+///
+/// Example:
+///
+///     const auto errors = prediction_errors(model, InitialState::diffuse, y, u, {1, 5, 20}, 10);
+///     const Eigen::MatrixXd rms = errors.rms();  // outputs x 3
+///
 /// @param y         ny x N, NaN = missing
 /// @param u         nu x N
 /// @param horizons  h >= 1, rising: 1 is the innovation

@@ -11,6 +11,13 @@ namespace identikal {
 
 /// `samples` outputs of the model, ny x samples: x(1) from the initial state's distribution (zero
 /// with a diffuse start), then w and v jointly from [Q S; S' R] at every sample.
+///
+/// Example:
+///
+///     Random random(1);
+///     const Eigen::MatrixXd simulated =
+///         simulate_outputs(model, InitialState::stationary, u, u.cols(), random);
+///
 /// @param u       nu x samples, or empty: none
 /// @param states  receives x(1) ... x(samples) as columns, when not nullptr
 /// @throws std::invalid_argument when u does not fit, [Q S; S' R] or P0 is not positive

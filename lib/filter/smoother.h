@@ -40,6 +40,12 @@ enum class SmootherKeep { deviations, covariances };
 ///
 /// The filter runs twice, in blocks: beside what is returned, memory grows with N^1/2 (with N for a
 /// model that changes). While the gain is constant, N(t) is once it has settled, to 1e-14.
+///
+/// Example:
+///
+///     const SmootherResult path = smooth(model, InitialState::diffuse, y, u);
+///     const Eigen::MatrixXd above = path.x + 1.96 * path.sd, below = path.x - 1.96 * path.sd;
+///
 /// @param model, initial, y, u  as kalman_filter()
 /// @throws std::invalid_argument when shapes disagree.
 /// Sources: de Jong (1989) for r and N, de Jong (1991) for the diffuse start; Durbin & Koopman

@@ -27,6 +27,12 @@ struct SteadyState {
 
 /// By structure-preserving doubling (Chu, Fan & Lin 2005), polished by Newton's method (Kleinman
 /// 1968).
+///
+/// Example:
+///
+///     const std::optional<SteadyState> steady = steady_state(model);
+///     if (steady) std::printf("tr P = %g\n", steady->P.trace());
+///
 /// @return nothing when no gain makes A - K C stable, or Sigma is singular.
 std::optional<SteadyState> steady_state(const StateSpace& model);
 

@@ -32,6 +32,14 @@ std::string in_words(const Dimension& dimension);
 /// The dimension of a formula. Sums, comparisons, min, max, atan2, hypot and the two sides of a
 /// choice need operands that fit; functions such as sin and exp, and exponents, need numbers; the
 /// exponent of what has a dimension must not hold a symbol.
+///
+/// Example:
+///
+///     const std::vector<std::string> names{"m", "vx"};
+///     const Dimension of[] = {dimension_of(*parse_unit("kg")), dimension_of(*parse_unit("m/s"))};
+///     const Dimension energy = dimension_of(parse_expression("m*vx^2/2", names), of);
+///     std::puts(in_words(energy).c_str());  // an energy (kg m^2/s^2)
+///
 /// @param symbols  dimension of each symbol
 /// @throws FormulaError at the operator or function whose operands do not fit, with both in words
 Dimension dimension_of(const Expression& expression, std::span<const Dimension> symbols);

@@ -117,6 +117,12 @@ enum class FormulaKind {
 /// pow(x, y). Constants, unless a symbol has that name: pi, g = 9.80665 m/s^2. Numbers carry no
 /// units: in "2 m" m may be a mass. A quantity with a unit is declared and named.
 ///
+/// Example:
+///
+///     const std::vector<std::string> names{"angle", "l"};
+///     const Expression formula = parse_expression("-g/l*sin(angle)", names);
+///     const double rate = evaluate(formula, std::array{0.3, 0.8});
+///
 /// @param names  of the symbols; a node's `symbol` is a position here
 /// @throws FormulaError for anything else, for a condition where a number belongs and the other way
 ///   round, for more than 10 000 bytes and for nesting beyond 100 levels

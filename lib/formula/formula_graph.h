@@ -44,6 +44,15 @@ class FormulaGraph {
   /// (reverse mode). Of a choice, the derivative is the choice between the two sides' derivatives:
   /// what the side not taken does, be it infinite, has no influence. abs'(0) = 0, sign' = floor' =
   /// 0, hypot'(0, 0) = 0, min and max of equal numbers follow the first.
+  ///
+  /// Example:
+  ///
+  ///     const std::vector<std::string> names{"x", "p"};
+  ///     FormulaGraph graph({false, true});  // p is held
+  ///     const std::array symbols{graph.symbol(0), graph.symbol(1)};
+  ///     const auto f = graph.insert(parse_expression("p*sin(x)", names), symbols);
+  ///     const auto df_dx = graph.gradient(f, std::array{0});
+  ///
   /// @throws FormulaError when the derivatives are too large
   std::vector<Id> gradient(Id root, std::span<const int> symbols);
 

@@ -38,6 +38,15 @@ Tape make_tape(const FormulaGraph& graph, std::span<const FormulaGraph::Id> valu
                std::span<const std::vector<FormulaGraph::Id>> jacobian = {});
 
 /// Compiles formulas over the same symbols.
+///
+/// Example:
+///
+///     const std::vector<std::string> names{"x", "p"};
+///     const std::vector<Expression> formulas{parse_expression("p*sin(x)", names)};
+///     const Tape tape = compile(formulas, {false, true}, std::array{0, 1});  // p is held
+///     TapeMemory memory = make_memory(tape);
+///     memory[0] = 0.3, memory[1] = 2.0;  // then evaluate_held() and evaluate_jacobian()
+///
 /// @param held  per symbol: changes rarely, see evaluate_held()
 /// @param by    symbols that the Jacobian is taken by, in this order; empty: no Jacobian
 /// @throws FormulaError when the derivatives are too large (lib/formula/formula_graph.h)

@@ -28,6 +28,11 @@ enum class InputHold {
 ///
 /// so that x keeps its meaning. C, R, x0 and P0 stay. With density the result has G = I and Q = Qd;
 /// with per_sample G and Q stay.
+///
+/// Example:
+///
+///     const StateSpace sampled = discretise(model, ProcessNoise::density, 0.01);  // every 10 ms
+///
 /// @throws std::invalid_argument when shapes disagree, step <= 0, or S is not zero with density.
 /// The noise integral is computed over a short step and doubled: fast poles keep their digits.
 /// Source: van Loan (1978), "Computing integrals involving the matrix exponential".

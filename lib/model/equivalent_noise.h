@@ -21,6 +21,11 @@ namespace identikal {
 /// the theorem of Matisko (2013), section 5.6, with its Diophantine equation as a Sylvester
 /// equation for the states, for any number of outputs and noises. Outputs alone never tell the two
 /// apart.
+///
+/// Example:
+///
+///     const std::optional<StateSpace> same_outputs = colour_in_measurement(model, 2);
+///
 /// @param shaped  states [f; x], A = [A_f 0; G c A], G = [g; G]
 /// @param filter  number of states f
 /// @return nothing when filter and system share a pole, to working precision: the source's

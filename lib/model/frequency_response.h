@@ -8,8 +8,10 @@ namespace identikal {
 /// (e^(i omega) I - A)^-1 B: what a sine through each column of B makes of the states of
 /// x(t+1) = A x + B u.
 ///
-///   const Eigen::MatrixXcd gain = model.C.cast<std::complex<double>>() *
-///       state_response(model.A, 0.1, model.B);
+/// Example:
+///
+///     const Eigen::MatrixXcd gain =
+///         model.C.cast<std::complex<double>>() * state_response(model.A, 0.1, model.B);
 ///
 /// @param A      n x n
 /// @param omega  [rad] per sample

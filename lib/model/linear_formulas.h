@@ -30,6 +30,15 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
 /// whatever the parameters: nothing but products of a state or an input with what is free of both.
 /// An offset, c or d, becomes a last column of B and D (LinearModel::offset). Told from the form
 /// of the formulas: x^2 - x^2 is not linear.
+///
+/// Example:
+///
+///     const std::vector<std::string> names{"x", "tau", "t"};  // state, parameter, time
+///     ModelFormulas formulas{.states = 1, .parameters = 1};
+///     formulas.dynamics = {parse_expression("-x/tau", names)};
+///     formulas.outputs = {parse_expression("x", names)};
+///     const std::optional<LinearModel> linear = linear_model_of(formulas);
+///
 /// @return a model whose other matrices are empty; nothing when it is not linear
 std::optional<LinearModel> linear_model_of(FormulaNodes nodes);
 inline std::optional<LinearModel> linear_model_of(const ModelFormulas& formulas) {

@@ -79,6 +79,15 @@ StateSpace written_matrices(const LinearModel& model, const ParameterSet& parame
 
 /// The discrete-time model at these parameter values. Its inputs are [u(t); u(t+1)] where they are
 /// held linearly (lib/model/discretise.h).
+///
+/// Example:
+///
+///     LinearModel level = constant_model(model, InitialState::diffuse);
+///     level.Q.constant.setZero();
+///     level.Q.entries = {{.row = 0, .col = 0, .parameter = 0, .factor = 1.0}};
+///     const Parameter q{.name = "q", .value = Eigen::MatrixXd::Constant(1, 1, 1469.0)};
+///     const StateSpace at_start = instantiate(level, {q});
+///
 /// @throws std::invalid_argument for an entry outside of its matrix or of the parameters
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters);
 /// The same into `out`, whose memory is used again.

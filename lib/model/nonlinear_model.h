@@ -56,6 +56,14 @@ struct NonlinearModel {
 /// empty: none
 /// @throws std::invalid_argument unless there is a formula per state, and when the length of known
 /// differs; FormulaError when the derivatives are too large
+///
+/// Example:
+///
+///     const std::vector<std::string> names{"x", "tau", "t"};  // state, parameter, time
+///     ModelFormulas formulas{.states = 1, .parameters = 1};
+///     formulas.dynamics = {parse_expression("-x/tau", names)};
+///     formulas.outputs = {parse_expression("hypot(x, 2)", names)};
+///     const NonlinearModel distance = make_nonlinear_model(formulas);
 NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order = Derivatives::first,
                                     const std::vector<bool>& known = {});
 inline NonlinearModel make_nonlinear_model(const ModelFormulas& formulas,

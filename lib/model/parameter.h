@@ -35,6 +35,12 @@ struct Prior {
 };
 
 /// A named unknown (or known, when fixed) number or covariance matrix, in SI.
+///
+/// Example:
+///
+///     const Parameter q{.name = "q", .value = Eigen::MatrixXd::Constant(1, 1, 2.0), .min = 0.0};
+///     const Eigen::VectorXd x = coordinates({q});  // what an optimiser moves
+///     const ParameterSet moved = with_coordinates({q}, 1.1 * x);
 struct Parameter {
   std::string name;
   std::string unit;       ///< the user's unit, for printing; the value is SI

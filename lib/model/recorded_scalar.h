@@ -11,6 +11,14 @@ namespace identikal {
 /// A number that is being written down: a node of a graph, or a constant. Comparisons give a
 /// condition, not a bool, so that `if (x > 0)` does not compile: what is taken must not depend on
 /// the values at hand. Write where(x > 0, a, b).
+///
+/// Example:
+///
+///     FormulaNodes nodes = empty_nodes({.states = 1, .outputs = 1});
+///     const RecordedScalar v = recorded_arguments(nodes).x[0];  // a speed that drag slows down
+///     nodes.dynamics = {(-0.02 * v * abs(v)).in(nodes.graph)};
+///     nodes.outputs = {v.in(nodes.graph)};
+///     const NonlinearModel coasting = make_nonlinear_model(nodes);
 class RecordedScalar {
  public:
   RecordedScalar() = default;

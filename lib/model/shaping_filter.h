@@ -11,6 +11,12 @@ namespace identikal {
 /// v(t) = H(z) w(t), H(z) = (1 + b_1 z^-1 + ... + b_m z^-m) / (1 + a_1 z^-1 + ... + a_n z^-n), m <=
 /// n. Every rational spectrum has such a factor, with poles and zeros inside the unit circle; what
 /// is left is the variance of w. Matisko (2013), (5.20), is n = 2, m = 1.
+///
+/// Example:
+///
+///     ShapingFilter road{.a = Eigen::Vector2d{-1.6, 0.8}, .b = Eigen::VectorXd::Zero(1)};
+///     const double gain = std::abs(response(road, 0.4));       // at 0.4 rad per sample
+///     const double resonance = modes(road.a).front().frequency;  // [rad] per sample
 struct ShapingFilter {
   Eigen::VectorXd a, b;
   Eigen::Index order() const { return a.size(); }

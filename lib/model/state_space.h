@@ -9,6 +9,14 @@ namespace identikal {
 
 /// x(t+1) = A x + B u + G w,  y = C x + D u + v,  cov[w; v] = [Q S; S' R].
 /// Shapes: A n x n, B n x nu, C ny x n, D ny x nu, G n x nw, Q nw x nw, R ny x ny, S nw x ny.
+///
+/// Example:
+///
+///     StateSpace level;  // x(t+1) = x + w, y = x + v
+///     level.A = level.C = level.G = Eigen::MatrixXd::Identity(1, 1);
+///     level.Q = Eigen::MatrixXd::Constant(1, 1, 1469.0), level.R = 10.0 * level.Q;
+///     level.B = level.D = Eigen::MatrixXd(1, 0), level.S = Eigen::MatrixXd::Zero(1, 1);
+///     check_shapes(level);
 struct StateSpace {
   Eigen::MatrixXd A, B, C, D, G, Q, R, S;
   Eigen::VectorXd x0;  ///< n: mean of x(1) before the first measurement

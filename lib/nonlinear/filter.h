@@ -72,6 +72,13 @@ struct NonlinearFilterOptions {
 /// indefinite by more than rounding gives FilterStatus::indefinite, and so does a derivative with
 /// respect to a variance that is zero, as points that coincide do not determine how they would
 /// part. A missing sample (NaN) takes its channel out.
+///
+/// Example:
+///
+///     const InputNodes inputs = input_nodes(time, u, InputPath::linear, 0.01);
+///     const NonlinearFilterOptions options{.method = NonlinearMethod::unscented};
+///     const FilterResult filter = nonlinear_filter(pendulum, p, noise, inputs, y, options);
+///
 /// @param p       parameters, SI
 /// @param inputs  N samples
 /// @param y       ny x N, NaN = missing

@@ -40,6 +40,12 @@ struct IntegrationSteps {
 /// nothing. At a jump of the rates, whose error falls too slowly, a few steps are taken. A search
 /// keeps its grid from evaluation to evaluation: a likelihood on one that changes with the
 /// parameters is not smooth. In discrete time one step each.
+///
+/// Example:
+///
+///     const auto grid = integration_steps(pendulum, p, noise.x0, time, u, InputPath::linear);
+///     const InputNodes inputs = input_nodes(time, u, InputPath::linear, grid.steps);
+///
 /// @param p     parameters, SI
 /// @param x0    nx: state at the first sample
 /// @param time  N strictly increasing time stamps [s]

@@ -16,6 +16,14 @@ struct NonlinearRealisation {
 /// x(1) from N(x0, P0); then step() and w from sample to sample, with the covariance that the
 /// filter of lib/nonlinear/filter.h gives w: a density needs samples so close to each other that
 /// the noise between two of them leaves the motion straight. What overflows is not finite.
+///
+/// Example:
+///
+///     Random random(1);
+///     const InputNodes inputs = input_nodes(time, u, InputPath::constant, 0.01);
+///     const NonlinearRealisation truth = simulate_nonlinear_outputs(
+///         pendulum, p, noise, ProcessNoise::density, inputs, random);
+///
 /// @param p       parameters, SI
 /// @param inputs  N samples
 /// @throws std::invalid_argument when shapes disagree or a covariance is not positive semidefinite

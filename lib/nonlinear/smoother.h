@@ -21,6 +21,12 @@ namespace identikal {
 /// P_filt Phi' and cov(x(t), y(t)) = P_pred H', what is left of the covariances added to W and R.
 /// What it says of the last sample is the filter's. One pass: the lines are not drawn again around
 /// the smoothed states.
+///
+/// Example:
+///
+///     const InputNodes inputs = input_nodes(time, u, InputPath::linear, 0.01);
+///     const SmootherResult path = nonlinear_smoother(pendulum, p, noise, inputs, y);
+///
 /// @param lag  samples, >= 0: given what was recorded up to so many later; none: the whole record
 /// @throws std::invalid_argument as nonlinear_filter(), and for a negative lag
 /// Source: Särkkä (2013), sections 9.1 and 9.3 (the same recursion, with P_pred inverted).

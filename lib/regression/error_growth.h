@@ -31,6 +31,14 @@ struct ErrorGrowth {
 ErrorGrowth start_error_growth(double samples_per_false_alarm, Eigen::Index settle);
 
 /// Takes an error, normalised so that all should have one variance, which need not be known.
+///
+/// Example:
+///
+///     ErrorGrowth test = start_error_growth(1e4, 30);
+///     for (Eigen::Index t = 0; t < e.cols(); ++t) {
+///       if (update(test, e(0, t))) std::printf("larger since sample %td\n", t - test.age);
+///     }
+///
 /// @return true: they have grown. The test then passes over `settle` errors and begins again; the
 ///   errors since the growth count no longer towards the variance
 ///

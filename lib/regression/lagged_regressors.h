@@ -25,6 +25,12 @@ struct LaggedRows {
 /// phi(t) = [u_1(t) .. u_1(t - n_u + 1), u_2(t) .., y(t-1) .. y(t - n_y)], d = m n_u + n_y, for
 /// every t whose samples all exist and are finite: from t = max(n_u - 1, n_y) on, and never across
 /// a missing one.
+///
+/// Example:
+///
+///     const LaggedRows rows = lagged_rows(u, y.row(0), {.inputs = 2, .feedback = 1});
+///     const Eigen::VectorXd theta = rows.phi.transpose().colPivHouseholderQr().solve(rows.y);
+///
 /// @param u      m x N
 /// @param y      N
 /// @param reach  the longest order whose rows are to be complete too: orders compared on the same

@@ -21,6 +21,13 @@ struct LinearLeastSquares {
 /// equations (5.9) are never formed, which would square the condition. Where the rank is below d,
 /// theta is the solution of smallest norm in the scaled coordinates, and P is the covariance of
 /// that part of theta alone.
+///
+/// Example:
+///
+///     const LinearLeastSquares fit = least_squares(u.transpose(), y.transpose());
+///     const Eigen::MatrixXd se = standard_errors(fit);
+///     if (fit.rank < u.rows()) std::puts("the samples leave combinations of coefficients open");
+///
 /// @param X        N x d: row t is phi(t)'
 /// @param Y        N x ny
 /// @param weights  N, finite and not negative: 1 / variance, up to a factor; left out: all 1

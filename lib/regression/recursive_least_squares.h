@@ -50,6 +50,13 @@ RecursiveLeastSquares start_recursive_least_squares(Eigen::Index regressors, Eig
 /// 1 / lambda with every sample, theta staying as it was; the first rows that excite it again then
 /// settle it alone. Forgetting ends, coefficient by coefficient, where the information left is
 /// 1e-14 of the most that its regressor has ever carried: less would be rounding.
+///
+/// Example:
+///
+///     RecursiveLeastSquares rls = start_recursive_least_squares(u.rows(), y.rows(), 1e-3);
+///     for (Eigen::Index t = 0; t < y.cols(); ++t) update(rls, u.col(t), y.col(t), 0.99);
+///     const Eigen::MatrixXd theta_now = rls.theta, sd = standard_errors(rls);
+///
 /// @param phi     d
 /// @param y       ny
 /// @param lambda  0 < lambda <= 1: the weight of all that was before

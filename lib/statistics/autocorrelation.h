@@ -19,6 +19,13 @@ enum class Divisor {
 /// Y_k = E e(t+k) e(t)', k = 0 .. lags - 1. About zero: innovations have no mean by hypothesis.
 /// Missing samples leave out the pairs they are part of: N - k becomes the number of pairs present
 /// of each entry, N that at lag 0.
+///
+/// Example:
+///
+///     const Autocovariances Y = sample_autocovariances(e, 21, Divisor::samples);
+///     const Autocovariances gamma = autocorrelations(Y);
+///     const double next_sample = gamma[1](0, 0);  // of the first channel with itself
+///
 /// @param e     ny x N, NaN = missing
 /// @param lags  >= 1; where there is no pair the value is NaN
 /// @throws std::invalid_argument for lags below 1, and with Divisor::truncated for lags > N

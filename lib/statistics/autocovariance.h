@@ -43,6 +43,14 @@ Eigen::MatrixXd constant_gain_innovations(const StateSpace& model,
 ///
 /// They are linear in Q, R, S, which need not be definite: with a basis of these they are the
 /// columns of the least-squares problem.
+///
+/// Example:
+///
+///     const Eigen::MatrixXd L = steady_state(model).value().K;  // or any other gain
+///     const auto innovations = constant_gain_innovations(model, L, model.x0, y, u);
+///     const Autocovariances seen = sample_autocovariances(innovations, 20).value;
+///     const Autocovariances expected = innovation_autocovariances(model, L, 20);
+///
 /// @return empty when F is not stable
 /// Source: Matisko (2013), (4.6) to (4.8), with G in (4.19) and S added (Akesson et al. 2008).
 Autocovariances innovation_autocovariances(const StateSpace& model,

@@ -30,6 +30,12 @@ struct AutocovarianceFit {
 ///
 ///   P = A P A' + K Sigma K',  Sigma = Y_0 - C P C',  K = (h - A P C') Sigma^-1.
 ///
+/// Example:
+///
+///     const Autocovariances Y = sample_autocovariances(y, 20).value;
+///     const AutocovarianceFit fit = fit_autocovariances(model.A, model.C, Y);
+///     if (fit.innovation) std::printf("K(1,1) = %g\n", fit.innovation->K(0, 0));
+///
 /// @param A  n x n, stable
 /// @param C  ny x n, observable
 /// @param Y  Y_l = E y(t+l) y(t)', lags 0 to M, M >= n

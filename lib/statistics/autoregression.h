@@ -44,6 +44,12 @@ struct OrderChoice {
 /// Source: Matisko (2013), (3.17), (3.21), (3.22). As printed, (3.22) takes the minimum of 0 and
 /// the criteria and accepts when that is above 0, which never happens; without the 0 it accepts
 /// exactly when (3.21) does: the two criteria are one.
+///
+/// Example:
+///
+///     const Autocovariances Y = sample_autocovariances(e, 11, Divisor::samples);
+///     const OrderChoice best = autoregressive_order(yule_walker(Y), e.cols(), Penalty::bic);
+///     if (best.order == 0) std::puts("white");
 OrderChoice autoregressive_order(const Autoregressions& models, Eigen::Index samples,
                                  Penalty penalty);
 

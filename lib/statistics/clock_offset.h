@@ -37,6 +37,12 @@ enum class Relation { either, same_sign, opposite_sign };
 /// noise with a memory of ten samples it is 13 % below the scatter (tests/lib). The other peak is
 /// the highest local maximum that a valley of at least a tenth of the best correlation parts from
 /// the best: close to it in height, the lag is ambiguous.
+///
+/// Example:
+///
+///     const ClockOffset late = clock_offset(time, y.row(0), time, y.row(1), 5.0);  // up to 5 s
+///     std::printf("%.3f +- %.3f s\n", late.lag, late.se);
+///
 /// @param t_x, x   Nx increasing times [s] and values, NaN = missing; any unit
 /// @param t_y, y   Ny
 /// @param largest  [s], positive

@@ -9,6 +9,13 @@ namespace identikal {
 ///   sum_t x_t x_t' + sum_(l=1)^(bandwidth-1) (1 - l/bandwidth) sum_t (x_t x_(t+l)' + x_(t+l)
 ///   x_t').
 /// Always positive semidefinite (Newey & West 1987). bandwidth = 1 stands for uncorrelated terms.
+///
+/// Example:
+///
+///     const Eigen::Index bandwidth = andrews_bandwidth(e, e.cols() / 8);
+///     const Eigen::MatrixXd of_sum = long_run_covariance(e, bandwidth);
+///     const Eigen::MatrixXd of_mean = of_sum / double(e.cols() * e.cols());
+///
 /// @param terms  k x N, mean zero
 /// @throws std::invalid_argument for a bandwidth below 1
 Eigen::MatrixXd long_run_covariance(const Eigen::Ref<const Eigen::MatrixXd>& terms,

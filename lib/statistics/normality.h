@@ -16,6 +16,12 @@ Moments moments(const Eigen::Ref<const Eigen::VectorXd>& e);
 
 /// Skewness and kurtosis each brought to a standard normal first, two degrees of freedom; right
 /// from about ten samples on. NaN for fewer than 8.
+///
+/// Example:
+///
+///     const ChiSquareStatistic normal = doornik_hansen(moments(e.row(0)));
+///     if (normal.value > 9.21) std::puts("not Gaussian at 1 %");  // 2 degrees of freedom
+///
 /// Source: Doornik & Hansen (2008), Oxford Bulletin of Economics and Statistics 70.
 ChiSquareStatistic doornik_hansen(const Moments& m);
 

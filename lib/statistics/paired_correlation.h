@@ -17,6 +17,12 @@ struct PairedCorrelation {
 
 /// Over the samples that are there (not NaN) in both; a series that is constant there, to within
 /// rounding, has neither correlation nor slope (NaN).
+///
+/// Example:
+///
+///     const PairedCorrelation alike = paired_correlation(y.row(0), y.row(1));
+///     if (alike.correlation < -0.5) std::puts("one of the two has the wrong sign");
+///
 /// @param x, y  N each
 PairedCorrelation paired_correlation(const Eigen::Ref<const Eigen::VectorXd>& x,
                                      const Eigen::Ref<const Eigen::VectorXd>& y);

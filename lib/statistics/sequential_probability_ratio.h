@@ -93,6 +93,14 @@ void restart(SequentialProbabilityRatio& test);
 /// A sample with a missing (not finite) channel is left out, and a model of order m predicts again
 /// when m samples are complete. The first 5 (ny + 1) samples of a run, and more while their
 /// covariance is singular, only tell the scale: a sequence of zeros is never decided about.
+///
+/// Example:
+///
+///     auto test = start_sequential_probability_ratio(e.rows(), {});
+///     for (Eigen::Index t = 0; t < e.cols(); ++t) {
+///       if (update(test, e.col(t)) == SequentialDecision::coloured) std::puts("tune again");
+///     }
+///
 /// @param innovation  ny
 /// Source: Matisko (2013), (3.26) to (3.31), with these differences. The inequalities print a and b
 /// exchanged ((3.31) would be empty): with T = log p_0/p_m Wald has white for T >= log((1-a)/b),

@@ -19,6 +19,12 @@ struct Spectrum {
 /// Multitaper estimate with sine tapers (Riedel & Sidorenko 1995) at the Fourier frequencies. The
 /// mean is removed; missing samples (NaN) count as zero, and the power is scaled by the share of
 /// those present, channel by channel.
+///
+/// Example:
+///
+///     const Spectrum spectrum = multitaper(e, 5);
+///     const double power = spectrum.S[0](0, 0).real();  // at spectrum.omega[0]
+///
 /// @param e       ny x N
 /// @param tapers  averaged; each widens the resolution by 1 / N cycles per sample
 /// @throws std::invalid_argument for fewer than 16 samples or no taper

@@ -35,6 +35,11 @@ Eigen::VectorXd autocorrelation(const Eigen::Ref<const Eigen::VectorXd>& e, int 
 /// Ljung & Box (1978): n (n+2) sum_k r_k^2 / (n-k) with the biased r_k; with missing samples each
 /// lag is weighted by its own number of pairs. Degrees of freedom: lags. NaN for a constant or
 /// empty sequence. e: N, NaN = missing.
+///
+/// Example:
+///
+///     const ChiSquareStatistic q = ljung_box(e.row(0), default_lags(e.cols()));
+///     const ChiSquareStatistic all_channels = portmanteau(e, 5);
 ChiSquareStatistic ljung_box(const Eigen::Ref<const Eigen::VectorXd>& e, int lags);
 
 /// Mehra's (1970) count: of the M lags of channel i the share of which

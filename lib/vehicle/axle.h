@@ -55,6 +55,12 @@ struct Axle {
 };
 
 /// An axle with what its curve needs at every instant computed once.
+///
+/// Example:
+///
+///     const double softening = 1.0 / (6e3 * 6e3);  // of a largest force of 6 kN
+///     const Axle<> front{.stiffness = 88e3, .softening = softening, .curve = TyreCurve::tanh};
+///     const double force = AxleCurve(front).force(-0.035);  // [N] at 2 degrees to the right
 class AxleCurve {
  public:
   explicit AxleCurve(const Axle<>& axle)

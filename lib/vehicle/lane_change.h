@@ -56,6 +56,14 @@ struct PlannedPath {
 /// away from the next: the car needs the room for its tail. Every shift begins 5 m before the end
 /// of one gate and ends 5 m into the next. With these numbers the passenger car of Sladká (2010)
 /// passes both courses at 60 km/h; with more reach it drives smoother but hits cones. Width in m.
+///
+/// Example:
+///
+///     const auto course = double_lane_change_course(1.8);
+///     const PlannedPath path = planned_path(course, 1.8);
+///     const Eigen::VectorXd vx = Eigen::VectorXd::Constant(time.size(), 60.0 / 3.6);
+///     const auto poses = drive_along(car, path, {}, time, vx, 0.0, [](auto...) {});
+///     const auto gates = gate_passages(course, CarBody{}, poses);  // clearance < 0: cones fell
 PlannedPath planned_path(const std::vector<Gate>& course, double car_width);
 
 /// A driver who looks ahead: at every `update` he chooses the rates of steering over the preview

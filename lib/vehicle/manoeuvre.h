@@ -67,6 +67,12 @@ double steering(const SweepSteer& manoeuvre, double time);
 double steering(const SineWithDwell& manoeuvre, double time);
 
 /// Steering-wheel angle [rad] at each time [s].
+///
+/// Example:
+///
+///     const Eigen::VectorXd wheel = steering(SevereLaneChange{}, time);
+///     const double held = car.steering_ratio * road_wheel_angle(car, 100.0, 20.0);  // 20 m/s
+///     const Eigen::VectorXd step = steering(StepSteer{.amplitude = held}, time);
 template <typename Manoeuvre>
 Eigen::VectorXd steering(const Manoeuvre& manoeuvre, const Eigen::VectorXd& time) {
   return time.unaryExpr([&](double t) { return steering(manoeuvre, t); });

@@ -82,6 +82,15 @@ using ObserveMotion = std::function<void(Eigen::Index row, const Motion& motion,
 /// Runs the car along a segment by the classical fourth-order Runge-Kutta method from the state
 /// (vy, r) and calls observe at every row of it in order. With a relaxation length sigma the axle
 /// forces are states too, F' = vx/sigma (F(alpha) - F), and begin as if they had followed.
+///
+/// Example:
+///
+///     const Eigen::VectorXd vx = Eigen::VectorXd::Constant(time.size(), 60.0 / 3.6);
+///     const auto segment = drive(time, u.row(0), vx, {.decay_rate = decay_rate_times_speed(car)});
+///     simulate(car, segment, 0.0, 0.0, [](Eigen::Index row, const Motion& motion, double) {
+///       std::printf("%td: r = %g rad/s\n", row, motion.r);
+///     });
+///
 /// @param correct  correct(row, vy, r) may move the state after a row was observed, as a filter
 ///   does, and says whether it did; may be empty
 void simulate(const SingleTrack<>& car, const DrivenSegment& segment, double vy, double r,

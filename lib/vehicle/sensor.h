@@ -24,6 +24,14 @@ std::optional<VehicleQuantity> vehicle_quantity(std::string_view name);
 ///   beta: atan2(vy_s, vx_s) - angle
 /// A sensor turned to the left by `angle` sees the car's motion turned to the right. The car's
 /// mounting_angle comes on top of it for vy and beta.
+///
+/// Example:
+///
+///     const VehicleSensor at_the_dash{.quantity = VehicleQuantity::ay, .x = 0.8};
+///     const VehicleReading reading(at_the_dash, car);
+///     Motion turn{};
+///     turn.r = 0.2, turn.ay = 4.0;
+///     const double ay = reading.value(turn, 20.0);  // at 20 m/s
 struct VehicleSensor {
   VehicleQuantity quantity = VehicleQuantity::r;
   double x = 0.0;      ///< [m]

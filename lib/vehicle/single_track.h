@@ -92,6 +92,13 @@ SingleTrack<> linear_car(const VehicleParameters<double>& p);
 /// x' = A x + B delta with x = (vy, r) and delta the road-wheel angle, at constant vx > 0.
 /// Sladká (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz
 /// vx); the source prints -(a Cf + b Cr). Without bank.
+///
+/// Example:
+///
+///     VehicleParameters<double> p = neutral_vehicle();
+///     p[kMass] = 1446.0, p[kYawInertia] = 2319.0, p[kA] = 0.987, p[kB] = 1.525;
+///     p[kCf] = p[kCr] = 88107.7;
+///     const SingleTrackMatrices at_60_km_h = single_track_matrices(linear_car(p), 60.0 / 3.6);
 struct SingleTrackMatrices {
   Eigen::Matrix2d A;
   Eigen::Vector2d B;

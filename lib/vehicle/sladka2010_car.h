@@ -6,6 +6,10 @@
 namespace identikal {
 
 /// The passenger car of Sladká (2010), table 8.1, SI; neutral where the table is silent.
+///
+/// Example:
+///
+///     const SingleTrack<> passenger_car = linear_car(sladka2010_car());
 inline VehicleParameters<double> sladka2010_car() {
   VehicleParameters<double> p = neutral_vehicle();
   p[kMass] = 1446.0;

@@ -52,6 +52,11 @@ struct SteeringResponse {
 };
 
 /// @param u  forward speed [m/s], > 0
+///
+/// Example:
+///
+///     const SteeringResponse<double> at_60_km_h = steering_response(car, 60.0 / 3.6);
+///     const double K = understeer_gradient(car) * kStandardGravity * kDegreesPerRadian;  // deg/g
 template <typename T>
 SteeringResponse<T> steering_response(const SingleTrack<T>& car, double u) {
   using std::sqrt;

@@ -23,6 +23,11 @@ enum class TrackRule {
 };
 
 /// psi' = r,  X' = vx cos psi - vy sin psi,  Y' = vx sin psi + vy cos psi.
+///
+/// Example:
+///
+///     const Eigen::Matrix3Xd driven = track(time, y.row(0), y.row(1), y.row(2));  // vx, vy, r
+///
 /// Source: Sladká (2010), (9.2) and section 9.3.2.
 /// @param time  N >= 1 time stamps [s], any spacing; @param vx, vy  N [m/s]; @param r  N [rad/s]
 /// @param start  pose at the first sample

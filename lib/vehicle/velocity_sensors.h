@@ -28,6 +28,13 @@ struct CentreVelocity {
 /// two per sensor, three unknowns. A reading errs by speed_sd along its direction and by
 /// U slip_sd across; covariance (H' W H)^-1 with these as weights. First order in slip_sd: the mean
 /// of U cos(alpha) falls by the share slip_sd^2 / 2.
+///
+/// Example:
+///
+///     const std::vector<VectorSensor> sensors{{.x = 1.9, .speed_sd = 0.05, .slip_sd = 0.003},
+///                                             {.x = -2.1, .speed_sd = 0.05, .slip_sd = 0.003}};
+///     const CentreVelocity centre = centre_velocity(sensors, y.topRows(2), y.bottomRows(2));
+///
 /// Source: Sladká (2010), section 8.3, where two sensors are used; the equations are those of a
 /// rigid body.
 /// @param sensors  S >= 2; @param speed  S x N, U [m/s], > 0 or it counts as missing
