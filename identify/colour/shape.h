@@ -50,6 +50,11 @@ struct ShapeResult {
 /// 4. On the last part of each recording: errors of 1 to 16 steps' prediction and log-likelihood of
 ///    the winner and of the white model, both tuned on the first part.
 /// Stopped by the caller, the result is the white model's, as not converged.
+///
+/// Example:
+///
+///     const auto shaped = shape(model, recordings);
+///
 /// Sources: Matisko (2013), chapter 5; Whittle (1953).
 /// @throws InputError as tune_ml(), and where the model cannot take a filter
 ShapeResult shape(const Model& model, const std::vector<Dataset>& recordings,

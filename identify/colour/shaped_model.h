@@ -30,6 +30,14 @@ std::string shaping_fault(const Model& model, NoiseSource source);
 /// parameters are the model's own, then of every channel the variance (measurement), a_1 ..., b_1
 /// ..., free. A diagonal Q becomes one parameter per variance where coloured measurement noise is
 /// added.
+///
+/// Example:
+///
+///     ShapedChannel sensor;  // its noise has a resonance
+///     sensor.filter = {.a = Eigen::Vector2d{-1.6, 0.8}, .b = Eigen::VectorXd::Zero(1)};
+///     const Model shaped = with_shaping_filters(model, NoiseSource::measurement, {sensor});
+///     std::puts(model_text(shaped, {"coloured noise"}).c_str());
+///
 /// @throws std::invalid_argument where shaping_fault() is not empty
 Model with_shaping_filters(const Model& model, NoiseSource source,
                            const std::vector<ShapedChannel>& channels);

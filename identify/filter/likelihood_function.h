@@ -25,12 +25,12 @@ struct LikelihoodValue {
 ///
 ///   log L = -1/2 sum_t (log det 2 pi Sigma(t) + e(t)' Sigma(t)^-1 e(t)).
 ///
-///   LikelihoodFunction likelihood(tracker, {recording(tracker, positions, 0.1)});
-///   Eigen::VectorXd p = likelihood.start();
-///   for (int k = 0; k < 20; ++k) {
+/// Example:
+///
+///     LikelihoodFunction likelihood(model, recordings);
+///     Eigen::VectorXd p = likelihood.start();
 ///     const LikelihoodValue at = likelihood(p);
-///     p += at.information.ldlt().solve(at.gradient);  // the method of scoring
-///   }
+///     p += at.information.ldlt().solve(at.gradient);  // a step of the method of scoring
 ///
 /// With a diffuse start it is the exact diffuse one, without log 2 pi for the diffuse states.
 /// Source: Durbin & Koopman (2012), chapter 5 for the diffuse start; lib/filter/likelihood.h. It

@@ -13,6 +13,12 @@
 namespace identikal {
 
 /// kalman_filter() of a linear model, nonlinear_filter() of another, from the model's start.
+///
+/// Example:
+///
+///     const FilterResult filter = run_filter(model, model.parameters, recordings[0]);
+///     const Eigen::VectorXd state_now = filter.x_filt.rightCols(1);
+///
 /// @param model  of the form linear or nonlinear
 FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, Keep keep = Keep::everything);

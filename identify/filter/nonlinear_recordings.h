@@ -23,6 +23,12 @@ IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
 
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
 /// one per thread.
+///
+/// Example:
+///
+///     NonlinearRecordings prepared(model, recordings);  // of a model of formulas
+///     const Likelihood& at = prepared.evaluate(model.parameters, true);
+///     if (at.status == FilterStatus::ok) std::printf("log L = %g\n", at.value);
 class NonlinearRecordings {
  public:
   NonlinearRecordings(const Model& model, const std::vector<Dataset>& recordings);

@@ -21,6 +21,11 @@ struct Outlier {
 /// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. An outlier disturbs the
 /// filter for a while; so one is looked for at a time in every segment as long as the filter's
 /// memory, taken out, and the filter run again.
+///
+/// Example:
+///
+///     const std::vector<Outlier> wrong = find_outliers(model, model.parameters, recordings);
+///     const std::vector<Dataset> cleaned = without(recordings, wrong);
 std::vector<Outlier> find_outliers(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings);
 

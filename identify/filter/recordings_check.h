@@ -15,6 +15,11 @@ Eigen::Index samples_present(const std::vector<Dataset>& recordings);
 
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording
+///
+/// Example:
+///
+///     check_recordings(model, recordings);  // throws where noise cannot be estimated from them
+///     std::printf("%td measured values\n", samples_present(recordings));
 void check_recordings(const Model& model, const std::vector<Dataset>& recordings);
 
 /// @throws InputError when an input has gaps; std::invalid_argument without a recording

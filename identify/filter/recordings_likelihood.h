@@ -18,6 +18,12 @@ namespace identikal {
 /// The likelihood of all recordings under a linear or nonlinear model, as a function of the free
 /// entries or of the optimiser's coordinates (lib/model/parameter.h). Keeps references to model and
 /// recordings; one per thread.
+///
+/// Example:
+///
+///     RecordingsLikelihood likelihood(model, recordings);
+///     const Solution best = maximise(likelihood.problem(), coordinates(model.parameters));
+///     const ParameterSet estimated = with_coordinates(model.parameters, best.x);
 class RecordingsLikelihood {
  public:
   RecordingsLikelihood(const Model& model, const std::vector<Dataset>& recordings,

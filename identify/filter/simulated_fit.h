@@ -14,6 +14,11 @@ namespace identikal {
 /// The outputs without noise, by the inputs alone, from the state at the first sample as the whole
 /// recording determines it (the smoother of identify/filter/model_filter.h; where that does not
 /// run, the model's start): nothing of the recording enters but through that state.
+///
+/// Example:
+///
+///     const Eigen::MatrixXd simulated = simulated_outputs(model, model.parameters, recordings[0]);
+///
 /// @param model  of the form linear or nonlinear
 /// @return SI, ny x N; infinite where the motion diverges
 Eigen::MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,

@@ -75,8 +75,10 @@ struct Limits {
 /// channels are named y1, y2, ... and u1, u2, ... (y and u where there is one), the sampling period
 /// is the recording's.
 ///
-///   const Model tracker = linear_model().A({{1, 0.1}, {0, 1}}).G({{0.005}, {0.1}}).C({{1, 0}})
-///       .process_noise(variance("q")).measurement_noise(variance("r")).diffuse();
+/// Example:
+///
+///     const Model tracker = linear_model().A({{1, 0.1}, {0, 1}}).G({{0.005}, {0.1}}).C({{1, 0}})
+///         .process_noise(variance("q")).measurement_noise(variance("r")).diffuse();
 ///
 /// Source: Matisko (2013), section 2.1. The conversion checks what a model file's reader checks.
 /// @throws std::invalid_argument from the conversion: a matrix missing or of another size (both
@@ -121,10 +123,12 @@ inline LinearModelBuilder linear_model() { return {}; }
 
 /// dx/dt = f(x, u, p, t) (with discrete(): x(t+1) = f), y = h(x, u, p, t), written as formulas.
 ///
-///   const Model pendulum = formula_model()
-///       .state("angle", "rate").state("rate", "-g/l*sin(angle)").output("angle")
-///       .parameter("l", 0.8, {0.1, 5}).parameter("q", 0.02, {0}).process_variance("rate", "q")
-///       .measurement_variance("angle", 1e-4).initial("angle", 0.3, 0.1).initial("rate", 0, 0.2);
+/// Example:
+///
+///     const Model pendulum = formula_model()
+///         .state("angle", "rate").state("rate", "-g/l*sin(angle)").output("angle")
+///         .parameter("l", 0.8, {0.1, 5}).parameter("q", 0.02, {0}).process_variance("rate", "q")
+///         .measurement_variance("angle", 1e-4).initial("angle", 0.3, 0.1).initial("rate", 0, 0.2);
 ///
 /// @throws std::invalid_argument from the conversion, as LinearModelBuilder; a formula's mistake
 ///   with its column
@@ -162,9 +166,12 @@ inline FormulaModelBuilder formula_model() { return {}; }
 /// the steering-wheel angle [rad], or with road_wheel_angle() that of the road wheels, and the
 /// speed vx [m/s].
 ///
-///   const Model car = vehicle_model()
-///       .known("m", 1446).known("a", 0.987).known("b", 1.525).known("steering_ratio", 21)
-///       .parameter("Iz", 2000).parameter("Cf", 8e4).parameter("Cr", 8e4).output("r").output("vy");
+/// Example:
+///
+///     const Model car = vehicle_model()
+///         .known("m", 1446).known("a", 0.987).known("b", 1.525).known("steering_ratio", 21)
+///         .parameter("Iz", 2000).parameter("Cf", 8e4).parameter("Cr", 8e4)
+///         .output("r").output("vy");
 ///
 /// @throws std::invalid_argument from the conversion: a parameter that is missing, unknown, or
 ///   outside of what it may be

@@ -23,6 +23,15 @@ void check_recording(const Model& model, const Dataset& recording);
 
 /// Both, and the model as a job uses it: a linear model that gives no sampling period has the
 /// recordings', matrices that were left empty are zero (B, D, S) or the identity (G).
+///
+/// Example:
+///
+///     try {
+///       const Model complete = checked(model, recordings);
+///     } catch (const std::invalid_argument& mistake) {
+///       std::puts(mistake.what());  // C is 1 x 3; expected 1 x 2 (outputs x states)
+///     }
+///
 /// @throws std::invalid_argument as both, and without a recording
 Model checked(Model model, const std::vector<Dataset>& recordings);
 

@@ -46,6 +46,15 @@ struct MatrixShape {
 };
 
 /// A matrix by its entries; one alone may stand without brackets.
+///
+/// Example:
+///
+///     const YamlNode root = parse_yaml("parameters: {tau: 2}\nA: [[1 - 0.1/tau]]", "lag.yaml");
+///     NamedParameters parameters = read_named_parameters(root);
+///     LinearModel lag;
+///     const MatrixShape square{1, 1, "states x states"};
+///     lag.A = read_matrix(*find(root, "A"), "A", square, parameters, lag);
+///
 /// @param model  receives what is neither a number nor a sum of multiples of parameters
 ParametrisedMatrix read_matrix(const YamlNode& node, const std::string& name,
                                const MatrixShape& want, NamedParameters& parameters,

@@ -78,6 +78,11 @@ struct StateName {
 
 /// What is estimated, tested or filtered: read from a file (model_file.h), stated by a program
 /// (builder.h) or filled by hand.
+///
+/// Example:
+///
+///     if (is_linear(model)) std::printf("%td states\n", as_linear(model).A.constant.rows());
+///     for (const Parameter& p : model.parameters) if (!p.fixed) std::puts(p.name.c_str());
 struct Model {
   std::string name;
   /// How messages name it: the path of its file, or empty. No part of what the model means.

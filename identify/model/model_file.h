@@ -13,6 +13,11 @@ namespace identikal {
 /// keys, a value of the
 ///   wrong kind, wrong matrix sizes, unknown parameter names (the nearest is offered), unknown
 ///   units, NaN or infinite numbers, negative variances, a start outside its bounds.
+///
+/// Example:
+///
+///     Model level = read_model_file("examples/nile.yaml");
+///     set_parameter(level, "q=1469");
 Model read_model_file(const std::string& path);
 
 /// The same from the file's text. @param path  for messages, and a name where the text has none

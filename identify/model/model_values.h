@@ -36,6 +36,12 @@ std::optional<double> plain_number(std::string_view text);
 Quantity parse_quantity(const std::string& text, const Location& at, const std::string& what);
 
 /// In SI. A number without a unit is in `bare_unit`; any unit must be of that kind.
+///
+/// Example:
+///
+///     const Location at{"car.yaml", 12, 7};
+///     const Quantity stiffness = parse_quantity("80 kN/rad", at, "Cf");
+///     const double si = si_value(stiffness, "N/rad", at, "Cf");  // 80000
 double si_value(const Quantity& quantity, const std::string& bare_unit, const Location& at,
                 const std::string& what);
 double read_si(const YamlNode& node, const std::string& bare_unit, const std::string& what);

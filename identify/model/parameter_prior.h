@@ -43,6 +43,13 @@ struct ParameterPrior {
 };
 
 /// @throws InputError when a number that is no variance has neither prior nor two finite bounds
+///
+/// Example:
+///
+///     const ParameterPrior prior = parameter_prior(model);
+///     Random random(1);
+///     const Eigen::VectorXd x = prior.draw(random);
+///     const Eigen::VectorXd entries = entries_at(prior, model.parameters, x);
 ParameterPrior parameter_prior(const Model& model);
 
 /// The free entries (lib/model/parameter.h) that coordinates `x` stand for. @param parameters  of

@@ -45,7 +45,9 @@ struct SampleTimes {
 
 /// A recording for this model, its channels in the model's order, all in SI.
 ///
-///   const Dataset data = recording(tracker, y, 0.1);
+/// Example:
+///
+///     const Dataset log = recording(model, y, 0.1);
 ///
 /// @param y  outputs x N
 /// @param u  inputs x N; none for a model without inputs
@@ -56,8 +58,10 @@ Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
 
 /// The same with channels by name, in any order; those that the model does not have are left out.
 ///
-///   const Dataset drive = recording(
-///       car, {{"r", r}, {"vy", vy}, {"steering_wheel_angle", swa}, {"vx", vx}}, 0.01);
+/// Example:
+///
+///     const Dataset drive = recording(
+///         car, {{"r", y.row(0)}, {"steering_wheel_angle", u.row(0)}, {"vx", u.row(1)}}, 0.01);
 ///
 /// @throws std::invalid_argument as above, and for a channel of the model that is missing
 Dataset recording(const Model& model, const std::vector<std::pair<std::string, Samples>>& channels,

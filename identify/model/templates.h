@@ -12,6 +12,10 @@ struct ModelTemplate {
 };
 
 /// In the order of their names.
+///
+/// Example:
+///
+///     for (const ModelTemplate& file : model_templates()) std::puts(purpose_of(file).c_str());
 const std::vector<ModelTemplate>& model_templates();
 
 /// What the template is for: its first comment line.

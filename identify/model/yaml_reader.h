@@ -34,6 +34,11 @@ struct YamlNode {
 YamlNode read_yaml(const std::string& path);
 
 /// The same from the file's text, behind a byte order mark or not. @param path  for messages
+///
+/// Example:
+///
+///     const YamlNode root = parse_yaml("name: level\nA: [[1]]", "level.yaml");
+///     if (const YamlNode* A = find(root, "A")) std::printf("A stands in line %d\n", A->at.line);
 YamlNode parse_yaml(const std::string& text, const std::string& path);
 
 /// A model file's bytes.

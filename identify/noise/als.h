@@ -34,6 +34,11 @@ struct NoiseAlsOptions {
 /// autocovariances at the estimate; alongside the Cramér-Rao bound from outputs alone. Only noise
 /// can be free. Sources: Odelson, Rajamani & Rawlings (2006), Automatica 42; Rajamani & Rawlings
 /// (2009), Automatica 45 (single column); Akesson et al. (2008) for S; Matisko (2013), section 4.3.
+///
+/// Example:
+///
+///     const auto estimate = tune_als(model, recordings, {.lags = 20});
+///
 /// @throws InputError as check_recordings(), when anything but noise is free, when the model's
 /// values give no stable filter, when the recordings are shorter than its memory, and when there
 /// are more than 6000 autocovariances to weigh

@@ -16,6 +16,11 @@ namespace identikal {
 /// than their errors allow is named in a warning: on data that the model describes, the difference
 /// of two estimates, one of them efficient, has the variance se_als^2 - se_ml^2 (Hausman 1978); the
 /// warning asks for four standard errors of the larger.
+///
+/// Example:
+///
+///     const auto estimate = tune_auto(model, recordings);
+///
 /// @throws InputError as tune_ml()
 Estimate tune_auto(const Model& model, const std::vector<Dataset>& recordings,
                    const NoiseMlOptions& options = {});

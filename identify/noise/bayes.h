@@ -47,6 +47,13 @@ Findings check_priors(const Estimate& estimate);
 
 /// The posterior of the recordings' noise and the filter at its mean. Source: Matisko (2013),
 /// sections 4.4 and 4.5, with proper moves instead of (4.31): see solvers/sample.h.
+///
+/// Example:
+///
+///     NoiseBayesOptions options;
+///     options.draws = 4000;
+///     const auto estimate = tune_bayes(model, recordings, options);
+///
 /// @throws InputError as check_recordings() and posterior()
 Estimate tune_bayes(const Model& model, const std::vector<Dataset>& recordings,
                     const NoiseBayesOptions& options = {});

@@ -25,6 +25,15 @@ struct ExternalFilterOptions {
 /// parameters by Fisher scoring. Derivatives are central differences of innovations and
 /// covariances, so an iteration takes two runs of the filter per free number. Standard errors come
 /// from the information at the maximum, beside them those of a sandwich.
+///
+/// Example:
+///
+///     const Parameter level{.name = "level", .value = Eigen::MatrixXd::Constant(1, 1, 900.0)};
+///     const Eigen::MatrixXd Sigma = Eigen::MatrixXd::Identity(1, 1);
+///     const ExternalFilter constant = [&](const ParameterSet& at) {
+///       return Innovations{(y.array() - at[0].scalar()).matrix(), {Sigma}}; };
+///     const auto estimate = fit_external_filter({level}, constant);
+///
 /// @throws std::invalid_argument when nothing is free or the filter does not run at the start
 Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
                              const ExternalFilterOptions& options = {});

@@ -10,6 +10,12 @@ namespace identikal {
 
 /// Walks from the maximum to both sides until the likelihood has fallen to twice the 95 % limit,
 /// the bound is reached or nothing more can be computed.
+///
+/// Example:
+///
+///     const auto drop = [](double value, bool) { return std::optional(std::pow(value - 3, 2)); };
+///     const LikelihoodProfile profile = walk_profile(3.0, 1.0, 0.0, 9.0, drop);
+///
 /// @param at            the maximum, in any unit
 /// @param se            standard error there, same unit: sets the steps, > 0
 /// @param lower, upper  bounds; may be infinite

@@ -28,6 +28,13 @@ struct NoiseMlOptions {
 /// the expected information. A variance that ends at zero gets no interval but an upper limit from
 /// the profile likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman
 /// (2012), section 7.3.
+///
+/// Example:
+///
+///     NoiseMlOptions options;
+///     options.starts = 10;
+///     const auto estimate = tune_ml(model, recordings, options);
+///
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording
 Estimate tune_ml(const Model& model, const std::vector<Dataset>& recordings,

@@ -56,6 +56,12 @@ struct NoiseTrack {
 /// number of samples before a false alarm. One sample can raise log S by a third of log A at most:
 /// a single outlier rejects only when it is so large that the samples behind it suffer as well.
 /// Unlike a test of whiteness it sees noise that changes its size alone, and needs no window.
+///
+/// Example:
+///
+///     const NoiseTrack course = track_noise(model, recordings[0]);
+///     const Eigen::VectorXd noise_now = course.mean.rightCols(1), sd = course.sd.rightCols(1);
+///
 /// Source: Matisko (2013), sections 3.3.4 and 4.6.
 /// @throws InputError where the filter cannot run, or something other than noise is free
 NoiseTrack track_noise(const Model& model, const Dataset& recording,

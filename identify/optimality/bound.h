@@ -26,6 +26,11 @@ struct BoundOptions {
 /// Of a nonlinear model there is no expectation in closed form: the information of
 /// nonlinear_likelihood() (lib/nonlinear/filter.h), averaged over recordings simulated from the
 /// model, whose likelihood is taken to be the filter's. What rests on a steady filter is left out.
+///
+/// Example:
+///
+///     const auto bound = bound_of(model, {.samples = 1000, .accuracy = 0.1}, nullptr);
+///
 /// @param inputs  recording whose times and inputs excite the model, of `samples` samples; null =
 ///   none, which a linear model without inputs needs not and one with inputs counts as silence
 /// @throws InputError when nothing is free or the model's values give no filter, or cannot be

@@ -15,6 +15,11 @@ namespace identikal {
 /// one fails; the message says what is wrong where: which entry of Q or R and which way, which
 /// channel at which lag. `derived` holds the excess mean-square error of the present noise where the
 /// model is linear; a nonlinear one has no steady filter to compare with.
+///
+/// Example:
+///
+///     const auto verdict = check(model, recordings);
+///
 /// @throws InputError for a vehicle or a regression, an output that never changes, an
 /// input with gaps, or too few innovations
 Estimate check(const Model& model, const std::vector<Dataset>& recordings);

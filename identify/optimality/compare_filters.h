@@ -24,6 +24,13 @@ namespace identikal {
 ///
 /// and `pass` with the best of each. Lower measures are better. Lines in notes say the same in a
 /// table. Status ok.
+///
+/// Example:
+///
+///     Model louder = model;
+///     louder.parameters[0].value *= 2.0;
+///     const auto ranking = compare_filters({model, louder}, {recordings, recordings});
+///
 /// @param recordings  of each model: its own view of the same files
 /// @throws InputError for fewer than two models, a vehicle, a regression, and outputs that differ
 /// Source: Matisko (2013), (3.23) to (3.25).

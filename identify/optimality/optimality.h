@@ -40,6 +40,13 @@ struct Optimality {
 /// BIC: the order, 0 = white), normality (Doornik & Hansen) and mcleod_li at 1 %, whose failure
 /// means that the p-values are approximate. On recordings that Q and R were tuned on the score is
 /// zero by construction; a fair verdict takes others.
+///
+/// Example:
+///
+///     const FilterResult filter = run_filter(model, model.parameters, recordings[0]);
+///     const Optimality verdict = test_optimality(model, {recordings[0]}, {filter});
+///     for (const std::string& fault : verdict.faults) std::puts(fault.c_str());
+///
 /// @param filters  of each recording, at the model's own values
 Optimality test_optimality(const Model& model, const std::vector<Dataset>& recordings,
                            const std::vector<FilterResult>& filters);

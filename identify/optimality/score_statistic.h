@@ -33,6 +33,13 @@ struct ScoreStatistic {
 /// against its Fisher information J. To first order no test is more powerful against other noise,
 /// as the innovations' whiteness and size are looked at where noise shows in them and nowhere else.
 /// It has no power against faults of the model that no noise explains.
+///
+/// Example:
+///
+///     const Model freed = with_free_noise(model);
+///     const ScoreStatistic score = score_statistic(freed, recordings);
+///     std::printf("chi-square %g of %g\n", score.statistic.value, score.statistic.dof);
+///
 /// @param model  as with_free_noise() returns it
 /// @throws std::invalid_argument when nothing is free
 ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& recordings);

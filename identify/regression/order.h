@@ -34,6 +34,12 @@ struct RegressionChoice {
 /// regressors' mean square, and of the orders the one with the fewest coefficients (of several the
 /// better) that the best of all does not beat by that. With variable forgetting the orders are
 /// judged with lambda = 1 - 1 / memory.
+///
+/// Example:
+///
+///     const RegressionChoice choice = choose_regression({}, u, y.row(0), "drive.csv");
+///     std::printf("%td samples back, lambda %g\n", choice.order.inputs, choice.forgetting);
+///
 /// @param u  m x N, y  N: NaN where missing
 /// @param progress  called with the order being tried; where it returns false the choice is among
 ///   those tried before, and not refined

@@ -19,6 +19,11 @@ namespace identikal {
 /// of the model's channels: coefficients, their errors and delta are what they would be of the
 /// file's columns. What the model leaves open is chosen first (identify/regression/order.h).
 /// Samples whose regressors are not complete are left out, and the coefficients stay meanwhile.
+///
+/// Example:
+///
+///     const auto course = track_regression(model, recordings[0]);
+///
 /// @throws InputError when there are too few complete samples
 Estimate track_regression(const Model& model, const Dataset& recording,
                           const std::function<bool(const std::string&)>& progress = {});

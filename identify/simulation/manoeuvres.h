@@ -65,6 +65,15 @@ struct DrivenRecord {
 /// of the linear car. Steering is what the car's sensor would measure; where that sits at the road
 /// wheels, the steering wheel of severe-lane-change is taken to have the ratio 21 of the car of
 /// Sladká (2010).
+///
+/// Example:
+///
+///     VehicleParameters<double> p = neutral_vehicle();
+///     p[kMass] = 1446, p[kA] = 0.99, p[kB] = 1.53, p[kYawInertia] = 2319, p[kCf] = p[kCr] = 88e3;
+///     ManoeuvreRequest weave;
+///     weave.name = "weave", weave.speed = 80.0 / 3.6;
+///     const DrivenRecord drive = drive_manoeuvre(weave, TyreCurve::linear, p, true);
+///
 /// @throws InputError for an unknown name or setting, a value that must be positive and is not, a
 ///   speed, rate or duration that describes no recording of 2 to 1e8 rows, and a driver before a
 ///   car whose steering is delayed or whose forces relax

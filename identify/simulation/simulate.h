@@ -26,6 +26,12 @@ struct Simulated {
 
 /// A record of a linear model: x(1) from the model's initial state (zero when it is diffuse), w and
 /// v drawn from [Q S; S' R].
+///
+/// Example:
+///
+///     const Simulated log = simulate_linear(model, 10000, nullptr, 1);
+///     std::puts(log.csv.c_str());
+///
 /// @param rows    length; ignored when `inputs` is given
 /// @param inputs  recording that holds the model's inputs; may be null when it has none
 /// @throws InputError when inputs are needed, an initial state does not exist, or noise is not

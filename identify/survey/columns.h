@@ -18,6 +18,12 @@ namespace identikal {
 /// Every table keeps its own clock. Where time runs backwards a new run begins; runs are put one
 /// after the other, parted by a gap.
 /// Findings: several_runs, no_time, unit_unclear, guessed_by_physics.
+///
+/// Example:
+///
+///     const VehicleSignals found = guess_vehicle({read_csv("drive.csv")});
+///     for (const VehicleSignal& signal : found.signals) std::puts(signal.column.c_str());
+///
 /// @param tables  the files of one recording
 VehicleSignals guess_vehicle(const std::vector<Table>& tables);
 

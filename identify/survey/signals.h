@@ -45,6 +45,12 @@ struct VehicleSignals {
 };
 
 /// The channels of a recording as a model file maps them.
+///
+/// Example:
+///
+///     TimeRange first_minute;
+///     first_minute.to = 60.0;
+///     const VehicleSignals signals = within(vehicle_signals(car, recordings), first_minute);
 VehicleSignals vehicle_signals(const Model& model, const Dataset& data);
 
 /// The same of several runs, one after the other: far enough apart that nothing is interpolated

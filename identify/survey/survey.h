@@ -17,6 +17,11 @@ namespace identikal {
 /// outliers, reversing, standstill. A finding is "serious" where a fit would be wrong, else a
 /// "warning" or a "note". Lags between signals are searched over +-5 s, or a quarter of the
 /// recording where that is less.
+///
+/// Example:
+///
+///     const auto seen = survey(vehicle_signals(car, recordings));
+///     for (const Finding& finding : seen.findings) std::puts(finding.text.c_str());
 VehicleSurvey survey(const VehicleSignals& signals);
 
 }  // namespace identikal

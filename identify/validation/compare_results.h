@@ -32,6 +32,12 @@ namespace identikal {
 /// Lines in notes say the same in tables. Status ok, untrusted when the best result is, and
 /// not_converged where any is.
 ///
+/// Example:
+///
+///     std::vector<StoredResult> results;
+///     for (auto folder : {"linear", "tanh"}) results.push_back(read_stored_result(folder));
+///     const auto ranking = compare_results(results);
+///
 /// @throws InputError for fewer than two results, and, as no likelihoods compare there: results
 ///   that maximise none; of other recordings, rows or channels; of other methods of fit; that start
 ///   with the state known otherwise

@@ -12,6 +12,12 @@ namespace identikal {
 double in_unit(const VehicleRun::Output& output, double si);
 
 /// vx delta must go with r, and vx r with ay (ISO 8855): a negative correlation is a flipped axis.
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     const Findings wrong = check_signs(run, vehicle_unknowns(car).value);
+///     for (const Finding& finding : wrong) std::puts(finding.text.c_str());
 Findings check_signs(const VehicleRun& run, const VehicleParameters<double>& p);
 
 /// Iz/(m a b) outside 0.8 to 1.3 and axle stiffness per load outside 5 to 25 per rad, for

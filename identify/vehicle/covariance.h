@@ -50,6 +50,14 @@ VehicleCovariance covariance_at_bounds(
 /// long-run covariance of the scores summed over outputs (White 1982, Newey & West 1987). Of
 /// bandwidths from Andrews' (1991) up to an eighth of the rows the one with the widest errors is
 /// taken; none is taken below that of white residuals.
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     const VehicleUnknowns theta = vehicle_unknowns(car);
+///     const auto problem = make_vehicle_problem(run, theta, demand_of(theta, theta.value));
+///     const auto best = maximise_likelihood(problem, coordinates_of(problem, theta.value), {});
+///     const VehicleCovariance covariance = vehicle_covariance(problem, best);
 VehicleCovariance vehicle_covariance(const VehicleProblem& problem, const VehicleOptimum& optimum);
 
 /// Replaces `covariance` by that of a block bootstrap: the recording is cut into blocks of

@@ -39,6 +39,13 @@ struct VehicleFitOptions {
 /// answered with the products that it determines (identify/vehicle/internal/steady_cornering.h);
 /// fits with another structure of the model are compared
 /// (identify/vehicle/internal/structure_comparison.h).
+///
+/// Example:
+///
+///     VehicleFitOptions options;
+///     options.search.robust = true;  // outliers count little
+///     const auto fit = fit_vehicle(car, recordings, options);
+///
 /// @param model       of the form single_track
 /// @param recordings  each with inputs steering angle and vx, outputs in the order of the model
 /// @throws InputError for trajectory with a bootstrap or a relaxation length, for prediction_error

@@ -153,6 +153,13 @@ struct VehicleOptimum {
 
 /// The maximum of the likelihood with every output's noise at its most likely size (unless given):
 /// Gauss-Newton steps whose weights follow the noise (solvers/scoring.h).
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     const VehicleUnknowns theta = vehicle_unknowns(car);
+///     const auto problem = make_vehicle_problem(run, theta, demand_of(theta, theta.value));
+///     const auto best = maximise_likelihood(problem, coordinates_of(problem, theta.value), {});
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options);
 

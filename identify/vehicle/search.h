@@ -26,6 +26,13 @@ struct VehicleSearch {
 
 /// Multi-start: ranks the starts by likelihood, searches locally from the best few and keeps the
 /// best optimum.
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     const VehicleSearch found = search_vehicle(run, vehicle_unknowns(car), {});
+///     const VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
+///
 /// @param run    must outlive the result
 /// @param known  a car to begin at besides, e.g. the best one of a model with fewer free
 ///   parameters; may be null

@@ -15,6 +15,13 @@ std::vector<ChannelFit> channel_fits(const Series& series, bool robust);
 
 /// How well the car of these parameters predicts other recordings: it is simulated along them, with
 /// only the state at the begin of every segment fitted.
+///
+/// Example:
+///
+///     const VehicleUnknowns unknowns = vehicle_unknowns(car);
+///     const auto series = validate_vehicle(car, recordings, unknowns, unknowns.value, false);
+///     const auto fits = channel_fits(series, false);
+///
 /// @return measured and simulated, to be compared by channel_fits()
 /// @param model     its mapping of the channels is used, its parameters are not
 /// @param unknowns  of the fit; its curve and the parameters `p` make the car

@@ -11,6 +11,11 @@ namespace identikal {
 /// equation error (vehicle_by_equation_error(), where the outputs allow it); a typical car of this
 /// mass, wheelbase and centre of gravity; the file's own; then scattered about the typical car, by
 /// seed, until there are `besides` of them not counting the first.
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     const auto starts = vehicle_starts(run, vehicle_unknowns(car), 5, 1);
 std::vector<VehicleParameters<double>> vehicle_starts(const VehicleRun& run,
                                                       const VehicleUnknowns& unknowns, int besides,
                                                       unsigned long long seed);

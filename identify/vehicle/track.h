@@ -18,6 +18,11 @@ namespace identikal {
 ///
 /// Noise of the sensors is noise of the regressors here, which biases the values: it follows a
 /// change, the values are fit_vehicle()'s to find.
+///
+/// Example:
+///
+///     const auto course = track_vehicle(car, recordings[0]);
+///
 /// @throws InputError when no row is usable, the outputs do not show the balances, none of the
 /// three
 ///   is free, or the rows are too few

@@ -28,6 +28,14 @@ struct TyreSaturation {
 /// time. What counts is the refit's inverse saturation over its standard error, which allows for coloured
 /// residuals (under a wrong linear model those of the linear fit are so coloured that no robust
 /// score test finds anything).
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     const VehicleUnknowns theta = vehicle_unknowns(car);
+///     const auto problem = make_vehicle_problem(run, theta, demand_of(theta, theta.value));
+///     const auto best = maximise_likelihood(problem, coordinates_of(problem, theta.value), {});
+///     const auto tyres = test_tyre_saturation(problem, best, vehicle_covariance(problem, best));
 TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleOptimum& optimum,
                                     const VehicleCovariance& covariance);
 

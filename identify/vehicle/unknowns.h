@@ -47,6 +47,13 @@ bool is_straight(const VehicleUnknowns& unknowns, std::size_t free, double value
 void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter);
 
 /// Reads the parameters of the model file; what it does not name is neutral (neutral_vehicle()).
+///
+/// Example:
+///
+///     VehicleUnknowns unknowns = vehicle_unknowns(car);
+///     set_free(unknowns, kSteeringOffset);
+///     const Eigen::Vector2d loads = axle_loads(unknowns.value);  // [N]
+///
 /// @throws InputError for a name that the vehicle does not have, a needed one that is missing, or a
 /// mass, length, inertia, stiffness or steering ratio that is not positive
 VehicleUnknowns vehicle_unknowns(const Model& model);

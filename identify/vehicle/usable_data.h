@@ -47,6 +47,12 @@ struct VehicleRun {
 /// Splits the recordings where steering or vx is missing, vx is below the minimum speed or time
 /// jumps by more than three sampling periods; leaves out segments under 1 s or 8 rows and outputs
 /// that are dead. A segment never reaches from one recording into the next.
+///
+/// Example:
+///
+///     const VehicleRun run = usable_run(car, recordings);
+///     std::printf("%td rows in %zu segments\n", run.used, run.segments.size());
+///
 /// @throws InputError when a recording holds nothing usable or the steering never moves;
 ///   std::invalid_argument without a recording
 VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings);
