@@ -35,6 +35,7 @@ VARIABLES = {
     },
 }
 VARIABLES["solvers"] = VARIABLES["lib"] | {"unknown_noise": ("NoiseProblem", "solvers/recursive_posterior.h")}
+STANDARD = ("array", "cmath", "complex", "cstdio", "functional", "optional", "stdexcept", "string", "vector", "Eigen/Dense")
 LITERAL = r'R"(\w*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])+\''
 OPENS_SCOPE = re.compile(r"\s*(template\b.*>\s*)?(inline\s+)?(namespace|class|struct|union|extern)\b[^(]*$", re.S)
 
@@ -104,7 +105,8 @@ def used_variables(code, house):
 def source_of(house, examples):
     """One file of C++ with all examples of a house."""
     used = [used_variables(code, house) for _, _, code in examples]
-    text = "".join(f'#include "{header}"\n' for header in sorted({header for each in used for _, header in each.values()}))
+    text = "".join(f"#include <{header}>\n" for header in STANDARD)
+    text += "".join(f'#include "{header}"\n' for header in sorted({header for each in used for _, header in each.values()}))
     for number, ((name, line, code), variables) in enumerate(zip(examples, used)):
         parameters = ", ".join(f"{kind}& {variable}" for variable, (kind, _) in variables.items())
         text += (f'#include "{name}"\nnamespace identikal {{\nnamespace {{\nvoid example_{number}({parameters}) {{\n{{\n'

@@ -60,8 +60,8 @@ Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
 ///
 /// Example:
 ///
-///     const Dataset drive = recording(
-///         car, {{"r", y.row(0)}, {"steering_wheel_angle", u.row(0)}, {"vx", u.row(1)}}, 0.01);
+///     const Dataset drive = recording(car, {{"r", y.row(0)}, {"vy", y.row(1)},
+///         {"steering_wheel_angle", u.row(0)}, {"vx", u.row(1)}}, 0.01);
 ///
 /// @throws std::invalid_argument as above, and for a channel of the model that is missing
 Dataset recording(const Model& model, const std::vector<std::pair<std::string, Samples>>& channels,

@@ -29,7 +29,7 @@ struct ExternalFilterOptions {
 /// Example:
 ///
 ///     const Parameter level{.name = "level", .value = Eigen::MatrixXd::Constant(1, 1, 900.0)};
-///     const Eigen::MatrixXd Sigma = Eigen::MatrixXd::Identity(1, 1);
+///     const Eigen::MatrixXd Sigma = Eigen::MatrixXd::Identity(y.rows(), y.rows());
 ///     const ExternalFilter constant = [&](const ParameterSet& at) {
 ///       return Innovations{(y.array() - at[0].scalar()).matrix(), {Sigma}}; };
 ///     const auto estimate = fit_external_filter({level}, constant);

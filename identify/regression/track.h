@@ -22,7 +22,7 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const auto course = track_regression(model, recordings[0]);
+///     const auto course = track_regression(model, recordings[0]);  // of a regression
 ///
 /// @throws InputError when there are too few complete samples
 Estimate track_regression(const Model& model, const Dataset& recording,

@@ -31,7 +31,8 @@ struct ExpectedInformation {
 ///
 /// Example:
 ///
-///     const auto J = expected_information(model, InitialState::stationary, 1000, derivatives, u);
+///     const auto J =
+///         expected_information(model, InitialState::stationary, u.cols(), derivatives, u);
 ///     const Eigen::VectorXd least_sd = J.total.inverse().diagonal().cwiseSqrt();  // Cramer-Rao
 ///
 /// @param derivatives  d(model)/d(theta_i), i = 1..k, of constant size

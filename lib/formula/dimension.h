@@ -38,7 +38,7 @@ std::string in_words(const Dimension& dimension);
 ///     const std::vector<std::string> names{"m", "vx"};
 ///     const Dimension of[] = {dimension_of(*parse_unit("kg")), dimension_of(*parse_unit("m/s"))};
 ///     const Dimension energy = dimension_of(parse_expression("m*vx^2/2", names), of);
-///     std::puts(in_words(energy).c_str());  // an energy (kg m^2/s^2)
+///     std::puts(in_words(energy).c_str());  // an energy or a torque (kg m^2/s^2)
 ///
 /// @param symbols  dimension of each symbol
 /// @throws FormulaError at the operator or function whose operands do not fit, with both in words

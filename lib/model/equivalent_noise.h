@@ -24,6 +24,7 @@ namespace identikal {
 ///
 /// Example:
 ///
+///     // Of a model whose first two states are those of the filter that colours w:
 ///     const std::optional<StateSpace> same_outputs = colour_in_measurement(model, 2);
 ///
 /// @param shaped  states [f; x], A = [A_f 0; G c A], G = [g; G]
