@@ -26,9 +26,9 @@ struct InfoOptions {
   bool vehicle = false, json = false;
 };
 
-Estimate surveyed(const std::vector<Table>& files, const std::optional<Model>& model,
-                  const TimeRange& range, Inputs& inputs) {
-  Estimate estimate;
+SurveyReport surveyed(const std::vector<Table>& files, const std::optional<Model>& model,
+                      const TimeRange& range, Inputs& inputs) {
+  SurveyReport estimate;
   estimate.verb = "info";
   Recordings records;
   if (model) {
@@ -59,14 +59,14 @@ Outcome survey_vehicles(const InfoOptions& options, const std::optional<Model>& 
   Outcome out;
   for (const std::string& argument : recordings) {
     const auto begin = std::chrono::steady_clock::now();
-    const Estimate estimate =
+    const SurveyReport estimate =
         surveyed(read_files(argument, inputs), model, parse_range(options.range), inputs);
     if (options.json) {
       const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-      out.text += result_json(estimate, false, took.count());
+      out.text += result_json(sections_of(estimate), false, took.count());
     } else {
       for (const std::string& note : estimate.notes) out.text += note + "\n";
-      out.text += argument + "\n" + survey_text(*estimate.survey);
+      out.text += argument + "\n" + survey_text(estimate.survey);
     }
   }
   return out;

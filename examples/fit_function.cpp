@@ -64,7 +64,7 @@ int main() {
 
   model.parameters[0].value(0, 0) = 1.2;
   model.parameters[1].value(0, 0) = 0.1;
-  const Estimate estimate = tune_ml(model, {data});
+  const NoiseEstimate estimate = tune_ml(model, {data});
   for (const EstimatedParameter& p : estimate.parameters) {
     std::printf("%s = %.4g +- %.2g\n", p.name.c_str(), p.value, p.se);
   }

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
   try {
     const Model model = read_model_file(argv[1]);
     const Dataset data = make_dataset(read_csv(argv[2]), model.time, model.inputs, model.outputs);
-    const Estimate estimate = fit_vehicle(model, data);
+    const VehicleEstimate estimate = fit_vehicle(model, data);
     for (const EstimatedParameter& p : estimate.parameters) {
       if (p.fixed) continue;
       std::printf("%s = %.5g %s, 95 %% within %.5g .. %.5g (%s)\n", p.name.c_str(), p.value,

@@ -41,7 +41,7 @@ int main(int argc, char** argv) {
       parameters[i].value = Eigen::MatrixXd::Constant(1, 1, 10.0);
       parameters[i].min = 0.0;
     }
-    const Estimate estimate =
+    const NoiseEstimate estimate =
         fit_external_filter(parameters, [&](const ParameterSet& at) -> std::optional<Innovations> {
           LevelFilter filter{at[0].scalar(), at[1].scalar()};
           Innovations out{data.y, {}};

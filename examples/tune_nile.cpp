@@ -22,7 +22,7 @@ int main(int argc, char** argv) {
                             .diffuse();
     const Table file = read_csv(argv[1]);
     const Dataset years = recording(level, file.find("volume")->values, 1.0);
-    const Estimate estimate = tune_ml(level, {years});
+    const NoiseEstimate estimate = tune_ml(level, {years});
     for (const EstimatedParameter& p : estimate.parameters) {
       std::printf("%s = %.2f +- %.2f (%s)\n", p.name.c_str(), p.value, p.se,
                   to_string(p.verdict).c_str());

@@ -8,7 +8,7 @@
 
 namespace {
 
-identikal::Estimate tuned_tracker(const Eigen::VectorXd& positions, double dt) {
+identikal::NoiseEstimate tuned_tracker(const Eigen::VectorXd& positions, double dt) {
   using namespace identikal;
   const Model tracker = linear_model()
                             .A({{1, dt}, {0, 1}})
@@ -37,7 +37,7 @@ Eigen::VectorXd positions(Eigen::Index count, double dt) {
 }  // namespace
 
 int main() {
-  const identikal::Estimate estimate = tuned_tracker(positions(2000, 0.1), 0.1);
+  const identikal::NoiseEstimate estimate = tuned_tracker(positions(2000, 0.1), 0.1);
   for (const identikal::EstimatedParameter& p : estimate.parameters) {
     std::printf("%s = %.4f +- %.4f\n", p.name.c_str(), p.value, p.se);
   }

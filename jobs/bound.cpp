@@ -78,8 +78,8 @@ Outcome bound(const BoundRequest& request, Call& call) {
   if (request.runs > 0) options.runs = static_cast<int>(request.runs);
   options.seed = static_cast<std::uint64_t>(request.seed);
   if (!request.accuracy.empty()) options.accuracy = wanted_accuracy(request.accuracy);
-  Estimate estimate = bound_of(model, options, planned ? &*planned : nullptr);
-  return finish(run, recordings, estimate);
+  CramerRaoBound estimate = bound_of(model, options, planned ? &*planned : nullptr);
+  return finish(run, recordings, estimate, sections_of(estimate));
 }
 
 }  // namespace

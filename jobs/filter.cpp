@@ -22,10 +22,10 @@ struct FilterOptions {
 
 // States alone, for a program that reads standard input; warnings go where they disturb nobody.
 Outcome states_alone(const Run& run, const Model& model, const Recordings& recordings,
-                     const FilterRun& states) {
+                     const StateEstimate& states) {
   std::ostringstream csv;
   write_states_csv(csv, model, recordings.data, states);
-  for (const Findings* findings : {&recordings.findings, &states.estimate.findings}) {
+  for (const Findings* findings : {&recordings.findings, &states.findings}) {
     for (const Finding& f : printed(*findings)) {
       if (f.severity == Severity::note) continue;
       notice(run.call, to_string(f.severity) + ": " + f.text);
@@ -33,12 +33,12 @@ Outcome states_alone(const Run& run, const Model& model, const Recordings& recor
   }
   Outcome out;
   out.text = std::move(csv).str();
-  out.exit_code = exit_code(states.estimate, run.options.strict);
+  out.exit_code = exit_code(states, run.options.strict);
   return out;
 }
 
 // A row per sample, recordings one after the other, in SI.
-void add_states(const FilterRun& states, Outcome& out) {
+void add_states(const StateEstimate& states, Outcome& out) {
   Eigen::Index rows = 0;
   for (const SmootherResult& each : states.states) rows += each.x.cols();
   const Eigen::Index n = states.states.front().x.rows();
@@ -71,7 +71,7 @@ Outcome filter(const FilterOptions& given, Call& call) {
   FilterRunOptions options;
   if (given.smooth) options.lag.reset();
   if (given.lag >= 0) options.lag = given.lag;
-  FilterRun states = filter_recordings(model, recordings.data, options);
+  StateEstimate states = filter_recordings(model, recordings.data, options);
   if (given.result.folder.empty() && !given.result.json) {
     return states_alone(run, model, recordings, states);
   }
@@ -83,8 +83,8 @@ Outcome filter(const FilterOptions& given, Call& call) {
     files.push_back({"states.csv", std::move(of_states).str()});
     files.push_back({"innovations.csv", std::move(of_innovations).str()});
   }
-  const Series innovations = std::exchange(states.estimate.series, {});  // innovations.csv says it
-  Outcome out = finish(run, recordings, states.estimate, files);
+  const Series innovations = std::exchange(states.series, {});  // innovations.csv says it
+  Outcome out = finish(run, recordings, states, sections_of(states), files);
   if (call.wants_series) {
     add_series(innovations, out);
     add_states(states, out);

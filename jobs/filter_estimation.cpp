@@ -12,7 +12,7 @@ namespace identikal {
 namespace {
 
 void validate_on(const std::vector<HeldOut>& held_out, const Model& model, Recordings& recordings,
-                 Estimate& estimate) {
+                 NoiseEstimate& estimate) {
   report_hold_out(estimate, model, held_out);
   for (const HeldOut& held : held_out) {
     recordings.held_out.push_back(samples_from(held.recording, held.from));
@@ -50,11 +50,11 @@ Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& opt
     check_period(model, recordings.data.front(), each.recording);
   }
   const auto estimated = [&](const std::vector<Dataset>& data) { return estimator(model, data); };
-  Estimate estimate =
+  NoiseEstimate estimate =
       reject_outliers ? tune_robust(model, recordings.data, estimated) : estimated(recordings.data);
   if (!held.empty()) validate_on(held, model, recordings, estimate);
   if (run.wants_pictures()) picture_filter(model, recordings.data, estimate);
-  return finish(run, recordings, estimate);
+  return finish(run, recordings, estimate, sections_of(estimate));
 }
 
 }  // namespace identikal

@@ -14,7 +14,7 @@ namespace identikal {
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run);
 
 using FilterEstimator =
-    std::function<Estimate(const Model& model, const std::vector<Dataset>& recordings)>;
+    std::function<NoiseEstimate(const Model& model, const std::vector<Dataset>& recordings)>;
 
 /// Loads the recordings, estimates, validates on what is held out, and finishes.
 /// @param reject_outliers  samples that are outliers are found and left out

@@ -51,8 +51,8 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& mode
   options.search.progress = [&](int iteration, double) {
     return report_progress(run.call, fmt::format("fitting the vehicle: iteration {}", iteration));
   };
-  Estimate estimate = fit_vehicle(model, recordings.data, options);
-  return finish(run, recordings, estimate);
+  VehicleEstimate estimate = fit_vehicle(model, recordings.data, options);
+  return finish(run, recordings, estimate, sections_of(estimate));
 }
 
 // Free physical parameters of a filter are found by the same likelihood as its noise.

@@ -251,7 +251,7 @@ Findings findings_of_origin(const ModelOptions& options, Inputs& inputs) {
   Findings findings;
   if (options.from.empty()) return findings;
   const StoredResult result = inputs.result(options.from);
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   if (e.status != Status::ok) {
     findings.push_back(make_finding(
         FindingCode::doubtful_result, {},

@@ -8,7 +8,7 @@
 #include "jobs/inputs.h"
 #include "jobs/options.h"
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/model_file.h"
 #include "identify/result/file.h"

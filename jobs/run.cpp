@@ -94,11 +94,14 @@ void add_findings(Estimate& estimate, const Recordings& recordings) {
   }
 }
 
-std::vector<ResultFile> folder_files(const Estimate& estimate, const std::string& json,
+std::vector<ResultFile> folder_files(const ResultSections& result, const std::string& json,
                                      const std::string& page_data) {
   std::vector<ResultFile> out{{"result.json", json}};
-  if (estimate.series.time.size() > 0) out.push_back({"residuals.csv", residuals_csv(estimate)});
-  if (estimate.time_history) out.push_back({"course.csv", course_csv(estimate)});
+  const bool has_series = result.fit != nullptr && result.fit->series.time.size() > 0;
+  if (has_series) out.push_back({"residuals.csv", residuals_csv(result.fit->series)});
+  if (result.time_history != nullptr) {
+    out.push_back({"course.csv", course_csv(*result.time_history, result.fit->series)});
+  }
   if (!page_data.empty()) out.push_back({kReportDataFile, page_data});
   return out;
 }
@@ -116,20 +119,22 @@ void add_series(const Series& series, Outcome& out) {
 }
 
 Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
-               const std::vector<ResultFile>& more_files) {
+               ResultSections sections, const std::vector<ResultFile>& more_files) {
   const ResultOptions& options = run.options;
   Inputs& inputs = run.call.inputs;
   estimate.verb = run.verb;
-  if (!estimate.model_file && !run.model.empty()) {
-    estimate.model_file = model_source(run.model, inputs);
+  ModelSource own;
+  if (sections.model_file == nullptr && !run.model.empty()) {
+    own = model_source(run.model, inputs);
+    sections.model_file = &own;
   }
   add_inputs(estimate, recordings);
   add_findings(estimate, recordings);
   Outcome out;
-  out.json = result_json(estimate, options.strict, run.seconds());
+  out.json = result_json(sections, options.strict, run.seconds());
   if (run.wants_pictures()) {
     out.page_data =
-        report_data_json(report_data(estimate, recordings.data, recordings.held_out,
+        report_data_json(report_data(sections, recordings.data, recordings.held_out,
                                      {run.call.command, run.model, inputs.sha256(run.model)}),
                          out.json);
   }
@@ -138,15 +143,15 @@ Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
     written.push_back({options.page, report_page(out.json, out.page_data), "--report"});
   }
   if (!options.folder.empty()) {
-    std::vector<ResultFile> files = folder_files(estimate, out.json, out.page_data);
+    std::vector<ResultFile> files = folder_files(sections, out.json, out.page_data);
     files.insert(files.end(), more_files.begin(), more_files.end());
     const std::vector<OutputFile> of_folder = in_folder(options.folder, files);
     written.insert(written.end(), of_folder.begin(), of_folder.end());
   }
   if (!written.empty()) write_files(written, files_read(run, recordings));
-  if (run.call.wants_series) add_series(estimate.series, out);
+  if (run.call.wants_series && sections.fit != nullptr) add_series(sections.fit->series, out);
   out.message = to_string(estimate.status) + ": " + estimate.message;
-  out.text = options.json ? out.json : console_report(estimate);
+  out.text = options.json ? out.json : console_report(sections);
   out.exit_code = exit_code(estimate, options.strict);
   return out;
 }

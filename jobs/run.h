@@ -10,7 +10,7 @@
 #include "jobs/output_files.h"
 #include "jobs/verb.h"
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
@@ -38,10 +38,11 @@ struct Run {
 
 /// Completes the estimate by the notes of the recordings, writes what the options ask for, and
 /// gives what is to be printed.
+/// @param sections    of the same result
 /// @param more_files  of the folder, in addition to those of every result
 /// @throws InputError, OutputError as write_files()
 Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
-               const std::vector<ResultFile>& more_files = {});
+               ResultSections sections, const std::vector<ResultFile>& more_files = {});
 
 /// Measured and predicted outputs, a row per sample: "time" [s], "measured", "predicted" in the
 /// channels' units, "innovations" (their difference), "standardised".

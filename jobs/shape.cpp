@@ -36,17 +36,18 @@ ShapeOptions shape_options(const ShapingOptions& given, const Call& call) {
   return out;
 }
 
+constexpr const char* kShapedModel = "shaped.yaml";
+
 // The spectra, and the models that the filter's states have joined.
-std::vector<ResultFile> files_of(const Model& model, ShapeResult& result) {
-  std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate)}};
+std::vector<ResultFile> files_of(const Model& model, const ShapeResult& result) {
+  std::vector<ResultFile> files{{"spectrum.csv", spectrum_csv(result.estimate.shaping)}};
   if (result.model) {
-    const Shaping& s = *result.estimate.shaping;
-    const std::string text = model_text(
+    const Shaping& s = result.estimate.shaping;
+    std::string text = model_text(
         *result.model, {fmt::format("{} with a shaping filter of order {} in its {} noise, tuned.",
                                     model.name, s.order, s.noise_source),
                         "The first states are the filter's."});
-    files.push_back({"shaped.yaml", text});
-    result.estimate.model_file = {"shaped.yaml", sha256_of_text(text), text, {}};
+    files.push_back({kShapedModel, std::move(text)});
   }
   if (result.in_measurement) {
     files.push_back(
@@ -73,7 +74,14 @@ Outcome shape_noise(const ShapingOptions& options, Call& call) {
     picture_filter(result.model ? *result.model : model, recordings.data, result.estimate);
   }
   const std::vector<ResultFile> files = files_of(model, result);
-  return finish(run, recordings, result.estimate, files);
+  ResultSections sections = sections_of(result.estimate);
+  ModelSource shaped;
+  if (result.model) {
+    const std::string& text = files[1].content;
+    shaped = {kShapedModel, sha256_of_text(text), text, {}};
+    sections.model_file = &shaped;
+  }
+  return finish(run, recordings, result.estimate, sections, files);
 }
 
 }  // namespace

@@ -33,8 +33,8 @@ void check_options(const TrackOptions& options, const Model& model) {
                    "a model with A, C, Q, R", "the model file says how the past is forgotten");
 }
 
-Estimate track_noise(const TrackOptions& given, const Model& model, const Dataset& recording,
-                     const Call& call) {
+TrackedNoise track_noise(const TrackOptions& given, const Model& model, const Dataset& recording,
+                         const Call& call) {
   NoiseTrackOptions options;
   options.adaptive = given.adaptive;
   if (given.particles > 0) options.draws = given.particles;
@@ -47,7 +47,8 @@ Estimate track_noise(const TrackOptions& given, const Model& model, const Datase
   return track(model, recording, options);
 }
 
-Estimate track_coefficients(const Model& model, const Dataset& recording, const Call& call) {
+TrackedCoefficients track_coefficients(const Model& model, const Dataset& recording,
+                                       const Call& call) {
   return track_regression(model, recording,
                           [&](const std::string& what) { return report_progress(call, what); });
 }
@@ -59,15 +60,12 @@ Outcome track_recording(const TrackOptions& options, Call& call) {
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   const Dataset& recording = recordings.data.front();
   take_period(model, recording);
-  Estimate estimate;
-  if (is_vehicle(model)) {
-    estimate = track_vehicle(model, recording);
-  } else if (is_regression(model)) {
-    estimate = track_coefficients(model, recording, call);
-  } else {
-    estimate = track_noise(options, model, recording, call);
-  }
-  return finish(run, recordings, estimate);
+  const auto finished = [&](auto estimate) {
+    return finish(run, recordings, estimate, sections_of(estimate));
+  };
+  if (is_vehicle(model)) return finished(track_vehicle(model, recording));
+  if (is_regression(model)) return finished(track_coefficients(model, recording, call));
+  return finished(track_noise(options, model, recording, call));
 }
 
 }  // namespace

@@ -44,8 +44,8 @@ struct TuneOptions {
   bool is_als() const { return method == "als" || method == "als-weighted"; }
 };
 
-Estimate by_autocovariances(const TuneOptions& given, const Model& model,
-                            const std::vector<Dataset>& recordings, const Run&) {
+NoiseEstimate by_autocovariances(const TuneOptions& given, const Model& model,
+                                 const std::vector<Dataset>& recordings, const Run&) {
   NoiseAlsOptions options;
   options.weighted = given.method == "als-weighted";
   options.lags = given.lags;
@@ -55,8 +55,8 @@ Estimate by_autocovariances(const TuneOptions& given, const Model& model,
   return tune_als(model, recordings, options);
 }
 
-Estimate by_posterior(const TuneOptions& given, const Model& model,
-                      const std::vector<Dataset>& recordings, const Run& run) {
+NoiseEstimate by_posterior(const TuneOptions& given, const Model& model,
+                           const std::vector<Dataset>& recordings, const Run& run) {
   NoiseBayesOptions options;
   if (given.draws > 0) options.draws = given.draws;
   options.seed = static_cast<std::uint64_t>(given.search.seed);
@@ -76,21 +76,21 @@ NoiseMlOptions ml_options(const TuneOptions& given, const Run& run) {
   return options;
 }
 
-Estimate by_likelihood(const TuneOptions& given, const Model& model,
-                       const std::vector<Dataset>& recordings, const Run& run) {
+NoiseEstimate by_likelihood(const TuneOptions& given, const Model& model,
+                            const std::vector<Dataset>& recordings, const Run& run) {
   return tune_ml(model, recordings, ml_options(given, run));
 }
 
-Estimate by_both(const TuneOptions& given, const Model& model,
-                 const std::vector<Dataset>& recordings, const Run& run) {
+NoiseEstimate by_both(const TuneOptions& given, const Model& model,
+                      const std::vector<Dataset>& recordings, const Run& run) {
   return tune_auto(model, recordings, ml_options(given, run));
 }
 
 struct Method {
   std::string name, what;
   bool linear_only;
-  Estimate (*run)(const TuneOptions& given, const Model& model,
-                  const std::vector<Dataset>& recordings, const Run& run);
+  NoiseEstimate (*run)(const TuneOptions& given, const Model& model,
+                       const std::vector<Dataset>& recordings, const Run& run);
 };
 
 // What --method may be: help and dispatch follow.

@@ -59,9 +59,11 @@ Outcome validate_result(const ValidationOptions& given, Call& call) {
   options.robust = given.robust;
   if (!given.least_fit.empty()) options.least_fit = least_fit(given.least_fit);
   const Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
-  Estimate estimate =
-      validate(result.estimate, model, recordings.data, recordings.records, options);
-  return finish(run, recordings, estimate);
+  Validation estimate =
+      validate(sections_of(result.estimate), model, recordings.data, recordings.records, options);
+  ResultSections sections = sections_of(estimate);
+  sections.model_file = sections_of(result.estimate).model_file;
+  return finish(run, recordings, estimate, sections);
 }
 
 }  // namespace

@@ -207,7 +207,7 @@ StudyReport figure_12(const StudyOptions& options) {
       "published: curves; table 11 has 9.16 without and 0.70 with the filter\n"
       "ours, rms error on these samples: {:.3f} without, {:.3f} with the filter that shape found "
       "(order {})\n",
-      kShown, kAhead, kTuned, error(without), error(with), found.estimate.shaping->order);
+      kShown, kAhead, kTuned, error(without), error(with), found.estimate.shaping.order);
   out.csv = "time_s,measured,with_filter,without_filter\n";
   for (Index t = 0; t < kShown; ++t) {
     out.csv += fmt::format("{},{:.6g},{:.6g},{:.6g}\n", t, y[t], with[t], without[t]);

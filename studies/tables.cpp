@@ -367,7 +367,7 @@ std::string run_experiment(const PublishedSystem& system, const Experiment& expe
   BoundOptions bound;
   bound.samples = experiment.samples;
   VectorXd percent(k);
-  const Estimate limit = bound_of(true_model, bound, nullptr);
+  const CramerRaoBound limit = bound_of(true_model, bound, nullptr);
   for (Index i = 0; i < k; ++i) {
     percent[i] = 100.0 * limit.parameters[i].crb_se / truth[i];
   }

@@ -278,14 +278,14 @@ std::vector<Candidate> most_likely(const Model& start, const std::vector<Dataset
 }
 
 // Maximum likelihood without the finding that sends to this verb.
-Estimate tuned(const Model& model, const std::vector<Dataset>& recordings, int starts,
-               std::uint64_t seed, Stages& stages) {
+NoiseEstimate tuned(const Model& model, const std::vector<Dataset>& recordings, int starts,
+                    std::uint64_t seed, Stages& stages) {
   NoiseMlOptions options;
   options.progress = [&](int, int, double) { return stages.go_on(); };
   options.starts = starts;
   options.profiles = false;
   options.seed = seed;
-  Estimate out = tune_ml(model, recordings, options);
+  NoiseEstimate out = tune_ml(model, recordings, options);
   std::erase_if(out.findings,
                 [](const Finding& f) { return f.code == FindingCode::coloured_innovations; });
   return out;
@@ -294,7 +294,7 @@ Estimate tuned(const Model& model, const std::vector<Dataset>& recordings, int s
 // A candidate with its errors.
 struct Winner {
   const Candidate* candidate;
-  Estimate estimate;
+  NoiseEstimate estimate;
   std::vector<ShapingFilter> filters;
 };
 
@@ -371,7 +371,7 @@ std::optional<Model> same_outputs(const Model& shaped, Index filter_states) {
 }
 
 // Does the filter explain everything, hold on unseen data, leave the model's own noise?
-Findings check_filter(const Shaping& report, const Estimate& estimate) {
+Findings check_filter(const Shaping& report, const NoiseEstimate& estimate) {
   Findings out;
   const bool white_now =
       std::all_of(estimate.tests.begin(), estimate.tests.end(),
@@ -412,7 +412,7 @@ Findings check_source(const Candidate& best, const std::vector<Candidate>& candi
 
 // The model without filters, tuned.
 struct WhiteModel {
-  Estimate estimate;
+  NoiseEstimate estimate;
   Model model;  // its parameters are at the maximum
   InnovationWhiteness whiteness;
   MatrixXd innovations;
@@ -463,7 +463,7 @@ WhiteModel tune_white(const Model& model, const std::vector<Dataset>& recordings
 // @param why  answers the verb, whatever the white model's own tuning came to
 ShapeResult without_filter(WhiteModel white, Shaping report, Finding why) {
   ShapeResult out;
-  out.estimate = std::move(white.estimate);
+  static_cast<NoiseEstimate&>(out.estimate) = std::move(white.estimate);
   out.estimate.findings.push_back(std::move(why));
   conclude(out.estimate, "");
   out.estimate.shaping = std::move(report);
@@ -487,7 +487,7 @@ ShapeResult with_filter(Winner winner, const Model& model, const WhiteModel& whi
   const Candidate& best = *winner.candidate;
   const double dt = as_linear(model).dt;
   ShapeResult out;
-  out.estimate = std::move(winner.estimate);
+  static_cast<NoiseEstimate&>(out.estimate) = std::move(winner.estimate);
   out.model = best.model;
   out.model->name = model.name + ", shaped";
   out.model->parameters = parameters_of(out.estimate, best.model.parameters);

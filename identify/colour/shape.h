@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "identify/colour/shaped_model.h"
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -22,7 +22,7 @@ struct ShapeOptions {
 };
 
 struct ShapeResult {
-  Estimate estimate;           ///< of the model chosen; Estimate::shaping has the comparison
+  ShapingEstimate estimate;    ///< of the model chosen
   std::optional<Model> model;  ///< with its filters and values; nothing when noise is white
   /// Of a model with coloured process noise: the one with coloured measurement noise that has the
   /// very same outputs (lib/model/equivalent_noise.h), as numbers. Nothing when filter and system

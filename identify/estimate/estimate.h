@@ -1,22 +1,17 @@
-// What does every estimator answer with? One value that the console table, the JSON result and the
-// tests read.
+// What does every job answer with? Its status, the parameters with their errors, and why.
 #pragma once
 
 #include <array>
 #include <limits>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "identify/estimate/conclusion.h"
-#include "identify/estimate/details.h"
 #include "identify/estimate/finding.h"
 #include "identify/estimate/none.h"
-#include "identify/estimate/pictures.h"
 #include "identify/estimate/status.h"
-#include "lib/model/state_space.h"
 
 namespace identikal {
 
@@ -63,23 +58,6 @@ struct DerivedValue {
   double se = kNone;
 };
 
-struct TestResult {
-  std::string id;       ///< "nis", "ljung_box", ... (identify/optimality/optimality.h)
-  std::string channel;  ///< empty: all together
-  double value = kNone;
-  std::array<double, 2> interval{kNone, kNone};
-  double p = kNone;
-  bool pass = true;
-  double level = kNone;  ///< how often it may fail an optimal filter; kNone: no part of the verdict
-};
-
-struct ChannelFit {
-  std::string channel;
-  std::string unit;
-  double fit_percent = kNone;  ///< 100 (1 - ||y - yhat|| / ||y - mean y||)
-  double rmse = kNone;         ///< in `unit`
-};
-
 struct Identifiability {
   int rank = 0;
   int of = 0;
@@ -89,38 +67,6 @@ struct Identifiability {
     std::vector<double> weights;
   };
   std::vector<Direction> unidentifiable_directions;
-};
-
-struct Noise {
-  Eigen::MatrixXd Q, R, S, K_steady, P_steady;  ///< empty = absent
-  std::string Q_kind;                           ///< "per-sample" or "density"
-};
-
-/// The filter that the noise stands for, as a program runs it: discrete time, all in SI. Without a
-/// steady state K, L, P and Sigma are empty.
-struct SteadyFilter {
-  /// As instantiate() gives it (lib/model/linear_model.h); x0 and P0 are not kept.
-  StateSpace model;
-  /// Of the predictor: x_pred(t+1) = A x_pred + B u + K e, K = (A P C' + G S) Sigma^-1.
-  Eigen::MatrixXd K;
-  Eigen::MatrixXd L;         ///< of the filter: x_filt(t) = x_pred(t) + L e, L = P C' Sigma^-1
-  Eigen::MatrixXd P, Sigma;  ///< covariances of x_pred and of e = y - C x_pred - D u
-  struct Channel {
-    std::string name, unit;  ///< unit of the column; the filter takes SI
-  };
-  /// Inputs as the columns of B and D: those of the model file, "1" for an input that is always 1
-  /// where the model has an offset, and where they are held linearly all of them again, at t+1.
-  std::vector<Channel> inputs, outputs;
-  std::vector<Channel> states;  ///< as formulas name them, their unit the user's; empty: no names
-};
-
-/// The model file of a result, as it was then; of files that it includes no text is kept.
-struct ModelSource {
-  std::string path, sha256, text;
-  struct Included {
-    std::string path, sha256;
-  };
-  std::vector<Included> included;
 };
 
 struct Objective {
@@ -142,13 +88,6 @@ struct Objective {
   std::string evaluation_method, evaluation_reason;
 };
 
-/// What the errors of noise parameters cost the filter made with them.
-struct ExcessMeanSquareError {
-  double relative = kNone;  ///< expected tr P over the optimal, - 1 (lib/filter/information.h)
-  std::vector<std::string> without;  ///< variances that ended at zero: their errors do not count
-  std::string reason;                ///< why there is no number
-};
-
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;
@@ -160,15 +99,8 @@ struct InputRecord {
                               std::numeric_limits<double>::infinity()};
 };
 
-/// Series behind the result, for residuals.csv; SI converted back to the channel's unit.
-struct Series {
-  Eigen::VectorXd time;
-  std::vector<int> recording;  ///< 1, 2, ... of each sample; empty = there is one
-  std::vector<std::string> channels, units;
-  Eigen::MatrixXd measured, predicted;  ///< channels x N; NaN where there is none
-  Eigen::MatrixXd standardised;         ///< residual / its standard deviation; may be empty
-};
-
+/// What every job answers. The type of a job's result adds what only that job has to say
+/// (identify/estimate/results.h).
 struct Estimate {
   std::string verb;
   std::string model_name;
@@ -180,29 +112,11 @@ struct Estimate {
   double covariance_freedom = kNone;  ///< of the Student's t behind `ci95`; kNone: normal
   std::vector<std::string> correlation_names;
   Eigen::MatrixXd correlation;
-  Noise noise;
-  std::optional<SteadyFilter> filter;     ///< linear models
-  std::string tyre_curve;                 ///< vehicles: name_of(TyreCurve)
-  std::optional<ModelSource> model_file;  ///< verbs with one model
   Objective objective;
-  std::vector<ChannelFit> one_step, simulation;
-  std::vector<ChannelFit> hold_out;           ///< simulation of data that the fit did not see
-  std::vector<ChannelFit> hold_out_one_step;  ///< a filter's fit to them
-  std::vector<TestResult> tests;
   Identifiability identifiability;
-  std::optional<Bound> bound;               ///< verb bound only
-  std::optional<Posterior> posterior;       ///< method bayes and verb track only
-  std::optional<TimeHistory> time_history;  ///< verb track only
-  std::optional<Shaping> shaping;           ///< verb shape only
-  /// Where noise is estimated, and verb bound.
-  std::optional<ExcessMeanSquareError> excess_mean_square_error;
-  std::optional<RankSelection> minimum_rank;  ///< tune --min-rank only
-  std::optional<VehicleSurvey> survey;        ///< info --vehicle only
   std::vector<DerivedValue> derived;
   Findings findings;               ///< printed() of them are the warnings of a result
   std::vector<std::string> notes;  ///< tables and remarks for people, line by line
-  Series series;
-  Pictures pictures;  ///< filled where a report is requested
 };
 
 /// Puts the findings in order and sets status and message by them: the last step of a job, as

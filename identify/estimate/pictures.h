@@ -29,7 +29,7 @@ struct TrackPicture {
   Eigen::VectorXd X, Y;  ///< [m]
 };
 
-/// Matrices are channels x N and go with Estimate::series, in its units; empty where there is none.
+/// Matrices are channels x N and go with RecordingFit::series, in its units; empty where there is none.
 struct Pictures {
   /// Log-likelihood from the start on, after every iteration; one search each.
   std::vector<std::vector<double>> searches;

@@ -4,7 +4,7 @@
 #include <array>
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/recording_fit.h"
 #include "lib/statistics/whiteness.h"
 
 namespace identikal {

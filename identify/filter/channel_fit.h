@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/recording_fit.h"
 #include "lib/data/dataset.h"
 
 namespace identikal {

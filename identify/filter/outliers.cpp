@@ -256,12 +256,12 @@ Findings check_outliers_and_offset(const Model& model, const ParameterSet& param
   return out;
 }
 
-Estimate tune_robust(
+NoiseEstimate tune_robust(
     const Model& model, const std::vector<Dataset>& recordings,
-    const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator) {
+    const std::function<NoiseEstimate(const std::vector<Dataset>& recordings)>& estimator) {
   constexpr int kMostPasses = 10;
   std::vector<Outlier> left_out;
-  Estimate out = estimator(recordings);
+  NoiseEstimate out = estimator(recordings);
   for (int pass = 0; pass < kMostPasses; ++pass) {
     // Judged again on all samples: those that the first, too wide estimate wrongly took for
     // outliers come back.

@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
@@ -42,8 +42,8 @@ Findings check_outliers_and_offset(const Model& model, const ParameterSet& param
 
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
 /// no more are found. The result's finding "outliers_left_out" names them.
-Estimate tune_robust(
+NoiseEstimate tune_robust(
     const Model& model, const std::vector<Dataset>& recordings,
-    const std::function<Estimate(const std::vector<Dataset>& recordings)>& estimator);
+    const std::function<NoiseEstimate(const std::vector<Dataset>& recordings)>& estimator);
 
 }  // namespace identikal

@@ -62,7 +62,7 @@ void simulate(const Model& model, const ParameterSet& parameters, const Dataset&
 }  // namespace
 
 void picture_filter(const Model& model, const std::vector<Dataset>& recordings,
-                    Estimate& estimate) {
+                    FilterEstimate& estimate) {
   Pictures& out = estimate.pictures;
   const Series& series = estimate.series;
   out.one_step = series.predicted;

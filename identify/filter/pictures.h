@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -18,7 +18,8 @@ namespace identikal {
 /// recording, without deviation.
 /// @param model       its parameters at the start
 /// @param recordings  those that `estimate.series` shows, in its order
-void picture_filter(const Model& model, const std::vector<Dataset>& recordings, Estimate& estimate);
+void picture_filter(const Model& model, const std::vector<Dataset>& recordings,
+                    FilterEstimate& estimate);
 
 inline constexpr double kForecastFrom = 0.7;  ///< share of a recording
 

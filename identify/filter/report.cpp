@@ -72,7 +72,7 @@ Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResu
   return out;
 }
 
-void report_tests(Estimate& estimate, const std::vector<Dataset>& recordings,
+void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordings,
                   const std::vector<FilterResult>& filters) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
   const int lags = default_lags(shortest_of(recordings));
@@ -97,7 +97,7 @@ void report_tests(Estimate& estimate, const std::vector<Dataset>& recordings,
   }
 }
 
-void report_fit(Estimate& estimate, const std::vector<Channel>& outputs, const Joined& all) {
+void report_fit(FilterEstimate& estimate, const std::vector<Channel>& outputs, const Joined& all) {
   Series& series = estimate.series;
   series.time = all.time;
   series.recording = all.recording;
@@ -281,15 +281,16 @@ void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
   throw InputError(here, "the filter cannot run");
 }
 
-void report_noise(Estimate& estimate, const Model& model, const ParameterSet& parameters) {
+FilterMatrices filter_matrices(const Model& model, const ParameterSet& parameters) {
+  FilterMatrices out;
   const LinearModel& noise = noise_model(model);
   const StateSpace written = written_matrices(noise, parameters);
-  estimate.noise.Q = written.Q;
-  estimate.noise.R = written.R;
-  if (!written.S.isZero(0.0)) estimate.noise.S = written.S;
+  out.noise.Q = written.Q;
+  out.noise.R = written.R;
+  if (!written.S.isZero(0.0)) out.noise.S = written.S;
   const bool density = noise.noise == ProcessNoise::density;
-  estimate.noise.Q_kind = density ? "density" : "per-sample";
-  if (is_formula_model(model)) return;
+  out.noise.Q_kind = density ? "density" : "per-sample";
+  if (is_formula_model(model)) return out;
   SteadyFilter filter;
   filter.model = instantiate(noise, parameters);
   filter.inputs = input_channels(model, "");
@@ -302,26 +303,27 @@ void report_noise(Estimate& estimate, const Model& model, const ParameterSet& pa
   }
   for (const StateName& state : model.states) filter.states.push_back({state.name, state.unit});
   if (const auto steady = steady_state(filter.model)) {
-    estimate.noise.K_steady = steady->K;
-    estimate.noise.P_steady = steady->P;
+    out.noise.K_steady = steady->K;
+    out.noise.P_steady = steady->P;
     filter.K = steady->K;
     filter.P = steady->P;
     filter.Sigma = steady->Sigma;
     filter.L = steady->Sigma.ldlt().solve(filter.model.C * steady->P.transpose()).transpose();
   }
-  estimate.filter = std::move(filter);
+  out.filter = std::move(filter);
+  return out;
 }
 
-void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+void report_innovations(FilterEstimate& estimate, const std::vector<Dataset>& recordings,
                         const std::vector<FilterResult>& filters) {
   report_fit(estimate, recordings[0].outputs, join(recordings, filters));
   report_tests(estimate, recordings, filters);
 }
 
-std::vector<FilterResult> report_filter(Estimate& estimate, const Model& model,
+std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& model,
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings) {
-  report_noise(estimate, model, parameters);
+  static_cast<FilterMatrices&>(estimate) = filter_matrices(model, parameters);
   if (estimate.filter) {
     take_units(estimate.filter->inputs, recordings[0].inputs, as_linear(model).offset);
     take_units(estimate.filter->outputs, recordings[0].outputs, false);

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
@@ -18,19 +18,19 @@ namespace identikal {
                                 FilterStatus status);
 
 /// Q, R, S and the steady state of the filter.
-void report_noise(Estimate& estimate, const Model& model, const ParameterSet& parameters);
+FilterMatrices filter_matrices(const Model& model, const ParameterSet& parameters);
 
 /// One-step fit, tests and series of innovations that one filter per recording has left. The tests
 /// take the recordings together and keep a level of 5 % in all (Bonferroni); no autocorrelation
 /// reaches across from one recording to the next.
-void report_innovations(Estimate& estimate, const std::vector<Dataset>& recordings,
+void report_innovations(FilterEstimate& estimate, const std::vector<Dataset>& recordings,
                         const std::vector<FilterResult>& filters);
 
 /// Runs the filter over every recording, each from the model's initial state, and fills all of the
 /// above, the log-likelihood and, of a nonlinear model, the fit of its simulation.
 /// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
-std::vector<FilterResult> report_filter(Estimate& estimate, const Model& model,
+std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& model,
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings);
 

@@ -118,42 +118,41 @@ std::string what_was_done(const FilterRunOptions& options) {
 
 }  // namespace
 
-FilterRun filter_recordings(const Model& given, const std::vector<Dataset>& recordings,
-                            const FilterRunOptions& options) {
+StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& recordings,
+                                const FilterRunOptions& options) {
   const Model model = checked(given, recordings);
   if (!has_filter(model)) {
     throw std::invalid_argument("filter_recordings: " + model.source + " is no filter");
   }
   check_inputs(recordings);
-  FilterRun out;
-  Estimate& estimate = out.estimate;
+  StateEstimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "filter";
   list_known_parameters(estimate, model.parameters);
-  out.innovations = report_filter(estimate, model, model.parameters, recordings);
+  estimate.innovations = report_filter(estimate, model, model.parameters, recordings);
   Index rows = 0;
   for (const Dataset& data : recordings) {
-    out.states.push_back(run_smoother(model, model.parameters, data, options.lag));
-    if (out.states.back().status != FilterStatus::ok) {
-      refuse_filter(model, recordings, out.states.back().status);
+    estimate.states.push_back(run_smoother(model, model.parameters, data, options.lag));
+    if (estimate.states.back().status != FilterStatus::ok) {
+      refuse_filter(model, recordings, estimate.states.back().status);
     }
     rows += data.size();
   }
   const std::vector<NamedState> states = named_states(model);
   constexpr std::size_t kShown = 12;
   for (std::size_t i = 0; i < std::min(states.size(), kShown); ++i) {
-    estimate.notes.push_back(
-        state_line(states[i], out.states.back().x, out.states.back().sd, static_cast<Index>(i)));
+    estimate.notes.push_back(state_line(states[i], estimate.states.back().x,
+                                        estimate.states.back().sd, static_cast<Index>(i)));
   }
   if (states.size() > kShown) {
     estimate.notes.push_back(fmt::format("and {} more states", states.size() - kShown));
   }
   conclude(estimate, fmt::format("{} rows, {}", rows, what_was_done(options)), Basis::tests);
-  return out;
+  return estimate;
 }
 
 void write_states_csv(std::ostream& out, const Model& model, const std::vector<Dataset>& recordings,
-                      const FilterRun& run) {
+                      const StateEstimate& run) {
   const std::vector<NamedState> states = named_states(model);
   CsvLines lines(out, recordings.size() > 1);
   for (const NamedState& state : states) {
@@ -176,7 +175,7 @@ void write_states_csv(std::ostream& out, const Model& model, const std::vector<D
 }
 
 void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
-                           const FilterRun& run) {
+                           const StateEstimate& run) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
   CsvLines lines(out, recordings.size() > 1);
   std::vector<double> scale;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
@@ -20,8 +20,8 @@ struct FilterRunOptions {
   std::optional<Eigen::Index> lag = 0;
 };
 
-struct FilterRun {
-  Estimate estimate;  ///< noise, gain, fit, tests, a line about every state; status ok
+/// Noise, gain, fit, tests, and a note about every state; status ok.
+struct StateEstimate : FilterEstimate {
   std::vector<SmootherResult> states;     ///< of every recording; deviations only
   std::vector<FilterResult> innovations;  ///< of every recording
 };
@@ -30,19 +30,19 @@ struct FilterRun {
 /// @param model  of the form linear or nonlinear
 /// @throws InputError for an input with gaps, and where the filter cannot run;
 ///   std::invalid_argument for a model of another form
-FilterRun filter_recordings(const Model& model, const std::vector<Dataset>& recordings,
-                            const FilterRunOptions& options);
+StateEstimate filter_recordings(const Model& model, const std::vector<Dataset>& recordings,
+                                const FilterRunOptions& options);
 
 /// Time as recorded [s], and of every state its value and standard deviation. States that formulas
 /// name are called and measured so; else a state that an output shows as it is has that output's
 /// name and unit, and the others are x1, x2, ... in SI. Empty cells while a diffuse start is not
 /// determined. Several recordings follow each other, their number in the first column.
 void write_states_csv(std::ostream& out, const Model& model, const std::vector<Dataset>& recordings,
-                      const FilterRun& run);
+                      const StateEstimate& run);
 
 /// Time, and of every output the innovation, its standard deviation, and the standardised
 /// innovation (lib/filter/kalman.h), in the outputs' units. Empty where nothing was measured.
 void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
-                           const FilterRun& run);
+                           const StateEstimate& run);
 
 }  // namespace identikal

@@ -84,7 +84,7 @@ MatrixXd simulated_from(const Model& model, const ParameterSet& parameters,
 }
 
 // A model that holds leaves innovations there as it does here.
-Findings check_held_out(const Estimate& estimate, const MatrixXd& standardised) {
+Findings check_held_out(const FilterEstimate& estimate, const MatrixXd& standardised) {
   constexpr double kRare = 1e-3, kMatters = 1.1;
   const ChiSquareStatistic held = normalised_innovation_squared(standardised);
   const ChiSquareStatistic own = normalised_innovation_squared(estimate.series.standardised);
@@ -111,7 +111,7 @@ MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
   return out.array().isFinite().select(out, kInfinity);
 }
 
-void report_simulation(Estimate& estimate, const Model& model, const ParameterSet& parameters,
+void report_simulation(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings) {
   MatrixXd y, errors;
   for (const Dataset& data : recordings) {
@@ -121,7 +121,8 @@ void report_simulation(Estimate& estimate, const Model& model, const ParameterSe
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
 }
 
-void report_hold_out(Estimate& estimate, const Model& model, const std::vector<HeldOut>& held_out) {
+void report_hold_out(FilterEstimate& estimate, const Model& model,
+                     const std::vector<HeldOut>& held_out) {
   const ParameterSet end = parameters_of(estimate, model.parameters);
   const std::vector<Channel>& outputs = held_out[0].recording.outputs;
   MatrixXd y, innovations, standardised, simulated;

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -25,7 +25,7 @@ Eigen::MatrixXd simulated_outputs(const Model& model, const ParameterSet& parame
                                   const Dataset& recording);
 
 /// Fills `simulation` with the fit of these simulations.
-void report_simulation(Estimate& estimate, const Model& model, const ParameterSet& parameters,
+void report_simulation(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings);
 
 /// Rows from `from` on were not fitted to; those before were.
@@ -38,6 +38,7 @@ struct HeldOut {
 /// fitted, and the pictures of held-out rows. The filter goes on from what it knows of the state at
 /// the first of them; where nothing was before, from the model's start.
 /// @param estimate  of this model; its parameters are taken, its data are the rows before
-void report_hold_out(Estimate& estimate, const Model& model, const std::vector<HeldOut>& held_out);
+void report_hold_out(FilterEstimate& estimate, const Model& model,
+                     const std::vector<HeldOut>& held_out);
 
 }  // namespace identikal

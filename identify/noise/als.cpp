@@ -395,7 +395,7 @@ void judge(Estimate& estimate, const Als& als, const Fit& fit, const Model& mode
 
 // The fewest sources of process noise instead of the minimum over all Q. They are judged under the
 // weights of als-weighted whatever the method: without, nothing says what is chance.
-void reduce_rank(Estimate& estimate, const Als& als, Fit& fit) {
+void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
   const Regression& r = fit.regression;
   const VectorXd target = r.sample - r.constant;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
@@ -418,8 +418,8 @@ void reduce_rank(Estimate& estimate, const Als& als, Fit& fit) {
 
 }  // namespace
 
-Estimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
-                  const NoiseAlsOptions& options) {
+NoiseEstimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
+                       const NoiseAlsOptions& options) {
   const Model model = checked(given, recordings);
   check_recordings(model, recordings);
   if (!is_linear_in_parameters(as_linear(model), model.parameters)) {
@@ -441,7 +441,7 @@ Estimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
                      "fewer --lags, or --method ml");
   }
   Fit found = fit(model, als, recordings, options);
-  Estimate estimate;
+  NoiseEstimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = options.weighted ? "als-weighted" : "als";
   estimate.objective.iterations = found.passes;

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -42,7 +42,7 @@ struct NoiseAlsOptions {
 /// @throws InputError as check_recordings(), when anything but noise is free, when the model's
 /// values give no stable filter, when the recordings are shorter than its memory, and when there
 /// are more than 6000 autocovariances to weigh
-Estimate tune_als(const Model& model, const std::vector<Dataset>& recordings,
-                  const NoiseAlsOptions& options = {});
+NoiseEstimate tune_als(const Model& model, const std::vector<Dataset>& recordings,
+                       const NoiseAlsOptions& options = {});
 
 }  // namespace identikal

@@ -18,13 +18,13 @@ namespace {
 
 // Why there is no second opinion, or the opinion.
 struct Second {
-  std::optional<Estimate> estimate;
+  std::optional<NoiseEstimate> estimate;
   std::string reason;
 };
 
 Second second_opinion(const Model& model, const std::vector<Dataset>& recordings) {
   try {
-    Estimate als = tune_als(model, recordings);
+    NoiseEstimate als = tune_als(model, recordings);
     if (als.status == Status::ok) return {als, ""};
     return {std::nullopt, als.message};
   } catch (const InputError& error) {
@@ -47,8 +47,8 @@ ParameterSet start_from(const ParameterSet& parameters, const Estimate& als) {
 
 }  // namespace
 
-Estimate tune_auto(const Model& given, const std::vector<Dataset>& recordings,
-                   const NoiseMlOptions& options) {
+NoiseEstimate tune_auto(const Model& given, const std::vector<Dataset>& recordings,
+                        const NoiseMlOptions& options) {
   const Model model = checked(given, recordings);
   constexpr double kApart = 4.0;
   const Second second = second_opinion(model, recordings);
@@ -57,7 +57,7 @@ Estimate tune_auto(const Model& given, const std::vector<Dataset>& recordings,
     const ParameterSet start = start_from(model.parameters, *second.estimate);
     if (!fault_at(noise_model(model), start)) started.parameters = start;
   }
-  Estimate out = tune_ml(started, recordings, options);
+  NoiseEstimate out = tune_ml(started, recordings, options);
   out.objective.method = "auto";
   if (!second.estimate) {
     out.notes.push_back("autocovariance least squares gave no second opinion: " + second.reason);

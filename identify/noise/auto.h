@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "identify/noise/ml.h"
 #include "lib/data/dataset.h"
@@ -22,7 +22,7 @@ namespace identikal {
 ///     const auto estimate = tune_auto(model, recordings);
 ///
 /// @throws InputError as tune_ml()
-Estimate tune_auto(const Model& model, const std::vector<Dataset>& recordings,
-                   const NoiseMlOptions& options = {});
+NoiseEstimate tune_auto(const Model& model, const std::vector<Dataset>& recordings,
+                        const NoiseMlOptions& options = {});
 
 }  // namespace identikal

@@ -154,8 +154,8 @@ PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& record
   return out;
 }
 
-void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
-                      const std::string& method) {
+Posterior report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
+                           const std::string& method) {
   constexpr double kAsWide = 0.9;   // of the prior's standard deviation
   constexpr double kAtEdge = 0.02;  // of the prior's range
   const ParameterPrior prior = parameter_prior(model);
@@ -168,7 +168,7 @@ void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoi
   Index most_probable = 0;
   points.log_density.maxCoeff(&most_probable);
 
-  Posterior& report = estimate.posterior.emplace();
+  Posterior report;
   report.method = method;
   report.points = points.weight.size();
   report.effective = points.effective;
@@ -215,9 +215,10 @@ void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoi
   estimate.correlation =
       sd.cwiseInverse().asDiagonal() * covariance * sd.cwiseInverse().asDiagonal();
   estimate.covariance_kind = "the posterior";
+  return report;
 }
 
-Findings check_priors(const Estimate& estimate) {
+Findings check_priors(const Estimate& estimate, const Posterior& posterior) {
   Findings out;
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     const EstimatedParameter& p = estimate.parameters[i];
@@ -225,27 +226,28 @@ Findings check_priors(const Estimate& estimate) {
     out.push_back(make_finding(
         FindingCode::prior_edge, {p.name},
         fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
-                    estimate.posterior->prior[i]),
+                    posterior.prior[i]),
         "widen the prior, or check the units of the recording"));
   }
   return out;
 }
 
-Estimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
-                    const NoiseBayesOptions& options) {
+NoiseEstimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
+                         const NoiseBayesOptions& options) {
   const Model model = checked(given, recordings);
   check_recordings(model, recordings);
   const PosteriorPoints points = posterior(model, recordings, options);
   if (!points.summary.usable()) {
     refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());
   }
-  Estimate estimate;
+  NoiseEstimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "bayes";
   estimate.objective.evaluations = points.summary.evaluations;
   const bool grid = options.grid && points.coordinates.rows() <= 2;
-  report_posterior(estimate, model, points, grid ? "grid" : "sequential Monte Carlo");
-  append(estimate.findings, check_priors(estimate));
+  estimate.posterior =
+      report_posterior(estimate, model, points, grid ? "grid" : "sequential Monte Carlo");
+  append(estimate.findings, check_priors(estimate, *estimate.posterior));
   append(estimate.findings, check_search(estimate, points.summary, " beyond their priors"));
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
   report_noise_estimate(estimate, model, end, recordings);

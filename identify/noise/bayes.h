@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "solvers/problem.h"
@@ -39,11 +39,12 @@ PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& record
 /// What every Bayesian estimator says of its posterior: of each parameter the mean, the standard
 /// deviation, the central 95 % credible interval and the most probable point; correlation; and
 /// which parameters have a posterior as wide as their prior (not identifiable).
-void report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
-                      const std::string& method);
+/// @return where that comes from
+Posterior report_posterior(Estimate& estimate, const Model& model, const PosteriorPoints& points,
+                           const std::string& method);
 
 /// Posteriors piled up against the edge of their priors, as report_posterior() judged them.
-Findings check_priors(const Estimate& estimate);
+Findings check_priors(const Estimate& estimate, const Posterior& posterior);
 
 /// The posterior of the recordings' noise and the filter at its mean. Source: Matisko (2013),
 /// sections 4.4 and 4.5, with proper moves instead of (4.31): see solvers/sample.h.
@@ -55,7 +56,7 @@ Findings check_priors(const Estimate& estimate);
 ///     const auto estimate = tune_bayes(model, recordings, options);
 ///
 /// @throws InputError as check_recordings() and posterior()
-Estimate tune_bayes(const Model& model, const std::vector<Dataset>& recordings,
-                    const NoiseBayesOptions& options = {});
+NoiseEstimate tune_bayes(const Model& model, const std::vector<Dataset>& recordings,
+                         const NoiseBayesOptions& options = {});
 
 }  // namespace identikal

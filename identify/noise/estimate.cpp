@@ -65,16 +65,17 @@ Findings check_search(const Estimate& estimate, const SolverSummary& summary,
   return out;
 }
 
-void report_excess_error(Estimate& estimate, const Model& model, const ParameterSet& at) {
-  ExcessMeanSquareError& loss = estimate.excess_mean_square_error.emplace();
+ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
+                                   const ParameterSet& at) {
+  ExcessMeanSquareError loss;
   if (is_formula_model(model)) {
     loss.reason = "a nonlinear model has no steady filter";
-    return;
+    return loss;
   }
   const std::vector<StateSpace> derivatives = model_derivatives(as_linear(model), at);
   if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) {
     loss.reason = "parameters other than noise are free";
-    return;
+    return loss;
   }
   std::vector<StateSpace> known;
   std::vector<double> se;
@@ -88,13 +89,13 @@ void report_excess_error(Estimate& estimate, const Model& model, const Parameter
       loss.without.push_back(p.name);
     } else if (p.verdict == Verdict::at_bound) {
       loss.reason = fmt::format("{} lies at a boundary, and its error is not known", p.name);
-      return;
+      return loss;
     } else if (p.verdict == Verdict::not_identifiable || p.verdict == Verdict::unexcited) {
       loss.reason = fmt::format("the data do not determine {}", p.name);
-      return;
+      return loss;
     } else if (!has_row || !std::isfinite(p.se)) {
       loss.reason = fmt::format("the error of {} is not known", p.name);
-      return;
+      return loss;
     } else {
       known.push_back(derivatives[i]);
       se.push_back(p.se * unit_scale(p.unit));
@@ -105,13 +106,13 @@ void report_excess_error(Estimate& estimate, const Model& model, const Parameter
   }
   if (known.empty()) {
     loss.reason = "every estimate is zero";
-    return;
+    return loss;
   }
   const StateSpace system = instantiate(as_linear(model), at);
   const auto gain = steady_gain_sensitivity(system, known);
   if (!gain) {
     loss.reason = "there is no steady filter";
-    return;
+    return loss;
   }
   const auto sd = Eigen::Map<const Eigen::VectorXd>(se.data(), static_cast<Index>(se.size()));
   const auto relative = expected_filter_loss(
@@ -121,16 +122,17 @@ void report_excess_error(Estimate& estimate, const Model& model, const Parameter
   } else {
     loss.reason = "the states are known without error";
   }
+  return loss;
 }
 
-void report_noise_estimate(Estimate& estimate, const Model& model, const ParameterSet& end,
+void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings) {
   const ReportedEntries entries = reported_entries(end);
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     double& low = estimate.parameters[i].ci95[0];
     if (entries.variance[i] && low < 0.0) low = 0.0;
   }
-  report_excess_error(estimate, model, end);
+  estimate.excess_mean_square_error = excess_error(estimate, model, end);
   const std::vector<FilterResult> filters = report_filter(estimate, model, end, recordings);
   append(estimate.findings, check_outliers_and_offset(model, end, recordings, filters));
   Objective& objective = estimate.objective;
@@ -150,7 +152,7 @@ void report_noise_estimate(Estimate& estimate, const Model& model, const Paramet
   append(estimate.findings, check_innovations(estimate));
 }
 
-Findings check_innovations(const Estimate& estimate) {
+Findings check_innovations(const FilterEstimate& estimate) {
   Findings out;
   const bool shapes = estimate.objective.filter.empty();  // it takes linear models
   const bool errors =

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "solvers/problem.h"
@@ -35,15 +35,16 @@ Findings check_search(const Estimate& estimate, const SolverSummary& summary,
 
 /// What the errors of the parameters cost the filter (lib/filter/information.h), from their
 /// standard errors and correlations as the estimate has them; or why that has no answer.
-void report_excess_error(Estimate& estimate, const Model& model, const ParameterSet& at);
+ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
+                                   const ParameterSet& at);
 
 /// Intervals of variances end at zero; what the errors cost; the filter at `end`, its tests and AIC
 /// and BIC; what the innovations show: outliers, an offset, colour.
 /// @throws InputError when the filter cannot run
-void report_noise_estimate(Estimate& estimate, const Model& model, const ParameterSet& end,
+void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings);
 
 /// Channels whose innovations are not white, or follow the inputs, by the tests of the estimate.
-Findings check_innovations(const Estimate& estimate);
+Findings check_innovations(const FilterEstimate& estimate);
 
 }  // namespace identikal

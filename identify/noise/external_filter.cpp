@@ -81,8 +81,8 @@ class Runs {
 
 }  // namespace
 
-Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
-                             const ExternalFilterOptions& options) {
+NoiseEstimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
+                                  const ExternalFilterOptions& options) {
   const VectorXd start = coordinates(parameters);
   if (start.size() == 0) throw std::invalid_argument("fit_external_filter: nothing is free");
   Runs runs(parameters, filter);
@@ -96,7 +96,7 @@ Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilte
     throw std::invalid_argument("fit_external_filter: the filter does not run at the start");
   }
   const ParameterSet end = with_coordinates(parameters, found.x);
-  Estimate estimate;
+  NoiseEstimate estimate;
   estimate.objective.method = "own filter";
   estimate.objective.log_likelihood = found.summary.objective;
   estimate.objective.log_likelihood_start = found.summary.initial_objective;

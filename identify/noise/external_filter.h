@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "lib/filter/innovations.h"
 #include "lib/model/parameter.h"
 
@@ -35,7 +35,7 @@ struct ExternalFilterOptions {
 ///     const auto estimate = fit_external_filter({level}, constant);
 ///
 /// @throws std::invalid_argument when nothing is free or the filter does not run at the start
-Estimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
-                             const ExternalFilterOptions& options = {});
+NoiseEstimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
+                                  const ExternalFilterOptions& options = {});
 
 }  // namespace identikal

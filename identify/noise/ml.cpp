@@ -316,7 +316,7 @@ void profile(Estimate& estimate, const Maximum& at) {
 
 // The profile likelihood as a curve: from the maximum outwards until it has fallen well below the
 // 95 % limit, or to the bound.
-void picture_profiles(Estimate& estimate, const Maximum& at) {
+void picture_profiles(NoiseEstimate& estimate, const Maximum& at) {
   const auto walk = [&](EstimatedParameter& p, Index i, double unit, double maximum) {
     LikelihoodProblem held = at.problem;
     VectorXd x = at.best.x;
@@ -432,14 +432,14 @@ Findings check_evaluation(const EvaluationTaken& taken, EvaluationMethod asked,
 
 }  // namespace
 
-Estimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
-                 const NoiseMlOptions& options) {
+NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
+                      const NoiseMlOptions& options) {
   if (options.starts < 1) {
     throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
   }
   const Model model = checked(given, recordings);
   const ParameterSet& parameters = model.parameters;
-  Estimate estimate;
+  NoiseEstimate estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "ml";
   check_recordings(model, recordings);

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/likelihood.h"
@@ -17,7 +17,7 @@ struct NoiseMlOptions {
   std::uint64_t seed = 1;  ///< of the scattered starts
   EvaluationMethod evaluation = EvaluationMethod::automatic;
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap
-  bool pictures = false;  ///< searches and profiles as curves, Estimate::pictures
+  bool pictures = false;  ///< searches and profiles as curves, RecordingFit::pictures
   /// Called after every iteration; return false to stop: the best so far, not converged.
   std::function<bool(int start, int iteration, double log_likelihood)> progress;
 };
@@ -37,7 +37,7 @@ struct NoiseMlOptions {
 ///
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording
-Estimate tune_ml(const Model& model, const std::vector<Dataset>& recordings,
-                 const NoiseMlOptions& options = {});
+NoiseEstimate tune_ml(const Model& model, const std::vector<Dataset>& recordings,
+                      const NoiseMlOptions& options = {});
 
 }  // namespace identikal

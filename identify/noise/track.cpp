@@ -411,7 +411,7 @@ NoiseTrack track_noise(const Model& model, const Dataset& recording,
 namespace {
 
 // What Wald's sequential test says of the innovations along the way, decision after decision.
-void report_whiteness(Estimate& estimate, const FilterResult& filter) {
+void report_whiteness(TrackedNoise& estimate, const FilterResult& filter) {
   SequentialProbabilityRatio test =
       start_sequential_probability_ratio(filter.standardised.rows(), {});
   int white = 0, coloured = 0;
@@ -428,7 +428,7 @@ void report_whiteness(Estimate& estimate, const FilterResult& filter) {
 }
 
 // Innovations that are not as large as the filter takes them for, all along the recording.
-Findings check_size(const Estimate& estimate, bool adaptive) {
+Findings check_size(const TrackedNoise& estimate, bool adaptive) {
   Findings out;
   constexpr Index kEnough = 50;  // below, a mixture of filters has no chi-square
   for (const TestResult& test : estimate.tests) {
@@ -446,21 +446,21 @@ Findings check_size(const Estimate& estimate, bool adaptive) {
 
 }  // namespace
 
-Estimate track(const Model& given, const Dataset& whole, const NoiseTrackOptions& options) {
+TrackedNoise track(const Model& given, const Dataset& whole, const NoiseTrackOptions& options) {
   const Model model = checked(given, {whole});
   check_recordings(model, {whole});
   const NoiseTrack course = track_noise(model, whole, options);
   const bool stopped = course.posterior.summary.termination == Termination::stopped;
   const Dataset recording = stopped ? first_samples(whole, course.mean.cols()) : whole;
-  Estimate estimate;
+  TrackedNoise estimate;
   estimate.model_name = model.name;
   estimate.objective.method = options.adaptive ? "adaptive" : "recursive";
   estimate.objective.log_likelihood = course.filter.log_likelihood;
   const PosteriorPoints& points = course.posterior;
   const bool learnt = points.coordinates.rows() > 0;
   if (learnt) {
-    report_posterior(estimate, model, points, "recursive Monte Carlo");
-    append(estimate.findings, check_priors(estimate));
+    estimate.posterior = report_posterior(estimate, model, points, "recursive Monte Carlo");
+    append(estimate.findings, check_priors(estimate, *estimate.posterior));
   } else {
     list_parameters(estimate, model.parameters, model.parameters);
     estimate.covariance_kind = "none: the noise of the model file was not rejected";
@@ -477,7 +477,7 @@ Estimate track(const Model& given, const Dataset& whole, const NoiseTrackOptions
     estimate.findings.push_back(make_finding(FindingCode::stopped, {}, points.summary.message));
   }
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);
-  report_noise(estimate, model, end);
+  static_cast<FilterMatrices&>(estimate) = filter_matrices(model, end);
   report_innovations(estimate, {recording}, {course.filter});
   report_whiteness(estimate, course.filter);
   append(estimate.findings, check_innovations(estimate));
@@ -489,7 +489,7 @@ Estimate track(const Model& given, const Dataset& whole, const NoiseTrackOptions
                             : fmt::format("the noise of the model file stands after {} samples",
                                           recording.size()));
 
-  TimeHistory& report = estimate.time_history.emplace();
+  TimeHistory& report = estimate.time_history;
   const Index k = course.mean.rows();
   VectorXd unit(k);
   for (const EstimatedParameter& p : estimate.parameters) {

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "identify/noise/bayes.h"
 #include "lib/data/dataset.h"
@@ -69,8 +69,9 @@ NoiseTrack track_noise(const Model& model, const Dataset& recording,
 
 /// The same as a result: the noise at the end with its credible intervals, the changes, the
 /// innovations of the filter as it was at each sample, and the whole course
-/// (Estimate::time_history).
+/// (TrackedNoise::time_history).
 /// @throws InputError as check_recordings() and track_noise()
-Estimate track(const Model& model, const Dataset& recording, const NoiseTrackOptions& options = {});
+TrackedNoise track(const Model& model, const Dataset& recording,
+                   const NoiseTrackOptions& options = {});
 
 }  // namespace identikal

@@ -83,7 +83,7 @@ Bound::InnovationForm innovation_form(const StateSpace& system, const GainSensit
   return out;
 }
 
-Findings check_determined(const Estimate& estimate) {
+Findings check_determined(const CramerRaoBound& estimate) {
   const Identifiability& id = estimate.identifiability;
   if (id.rank == id.of) return {};
   const std::vector<std::string> open = not_determined(estimate);
@@ -188,9 +188,9 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
 
 // Of every parameter, kNone and empty for those that are fixed: the complete data's standard error,
 // the samples that the accuracy takes, the change of the steady gain.
-void bound_parameters(Estimate& estimate, const RecordingInformation& information,
+void bound_parameters(CramerRaoBound& estimate, const RecordingInformation& information,
                       const VectorXd& unit, const MatrixXd& covariance_rate) {
-  Bound& bound = *estimate.bound;
+  Bound& bound = estimate.bound;
   const double samples = static_cast<double>(bound.samples);
   Index i = 0;
   for (EstimatedParameter& p : estimate.parameters) {
@@ -219,9 +219,9 @@ void bound_parameters(Estimate& estimate, const RecordingInformation& informatio
 }
 
 // What the bound leaves to the steady gain, and the bound where K and Sigma are the unknowns.
-void bound_gain(Estimate& estimate, const RecordingInformation& information, const VectorXd& unit,
-                const MatrixXd& covariance) {
-  Bound& bound = *estimate.bound;
+void bound_gain(CramerRaoBound& estimate, const RecordingInformation& information,
+                const VectorXd& unit, const MatrixXd& covariance) {
+  Bound& bound = estimate.bound;
   estimate.noise.K_steady = information.gain->K;
   bound.gain_se =
       gain_deviation(*information.gain, unit.asDiagonal() * covariance * unit.asDiagonal());
@@ -240,7 +240,7 @@ void bound_gain(Estimate& estimate, const RecordingInformation& information, con
 }
 
 // SI values of the units of the free entries.
-VectorXd free_units(const Estimate& estimate) {
+VectorXd free_units(const CramerRaoBound& estimate) {
   std::vector<double> units;
   for (const EstimatedParameter& p : estimate.parameters) {
     if (!p.fixed) units.push_back(unit_scale(p.unit));
@@ -250,7 +250,7 @@ VectorXd free_units(const Estimate& estimate) {
 
 }  // namespace
 
-Estimate bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs) {
+CramerRaoBound bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs) {
   const bool nonlinear = is_formula_model(model);
   if (nonlinear && (inputs == nullptr || options.runs < 2)) {
     throw std::invalid_argument(
@@ -262,12 +262,12 @@ Estimate bound_of(const Model& model, const BoundOptions& options, const Dataset
     throw InputError({model.source, 0, 0}, "nothing is free, so there is nothing to bound",
                      "at least one parameter with {value: ...} or a structured Q or R");
   }
-  Estimate estimate;
+  CramerRaoBound estimate;
   estimate.verb = "bound";
   estimate.model_name = model.name;
   estimate.objective.method = "bound";
   list_parameters(estimate, model.parameters, model.parameters);
-  Bound& bound = estimate.bound.emplace();
+  Bound& bound = estimate.bound;
   bound.samples = options.samples;
   bound.accuracy = options.accuracy;
   const RecordingInformation information =
@@ -281,7 +281,7 @@ Estimate bound_of(const Model& model, const BoundOptions& options, const Dataset
   const MatrixXd total = in_units(information.total);
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
-  report_excess_error(estimate, model, model.parameters);
+  estimate.excess_mean_square_error = excess_error(estimate, model, model.parameters);
   const MatrixXd rate = information.per_sample.size() > 0
                             ? in_units(information.per_sample)
                             : MatrixXd(total / static_cast<double>(options.samples));

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -35,6 +35,6 @@ struct BoundOptions {
 ///   none, which a linear model without inputs needs not and one with inputs counts as silence
 /// @throws InputError when nothing is free or the model's values give no filter, or cannot be
 ///   simulated; std::invalid_argument for a nonlinear model without `inputs` or with runs < 2
-Estimate bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs);
+CramerRaoBound bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs);
 
 }  // namespace identikal

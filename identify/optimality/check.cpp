@@ -25,14 +25,14 @@ constexpr Index kFewestInnovations = 20;
 
 }  // namespace
 
-Estimate check(const Model& given, const std::vector<Dataset>& recordings) {
+OptimalityReport check(const Model& given, const std::vector<Dataset>& recordings) {
   const Model model = checked(given, recordings);
   if (!has_filter(model)) {
     throw InputError({model.source, 0, 0},
                      "'check' tests a Kalman filter, this model is a vehicle without noise",
                      "a model with Q and R", "'fit' tests the residuals itself");
   }
-  Estimate estimate;
+  OptimalityReport estimate;
   estimate.model_name = model.name;
   estimate.objective.method = "check";
   list_known_parameters(estimate, model.parameters);

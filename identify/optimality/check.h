@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -22,6 +22,6 @@ namespace identikal {
 ///
 /// @throws InputError for a vehicle or a regression, an output that never changes, an
 /// input with gaps, or too few innovations
-Estimate check(const Model& model, const std::vector<Dataset>& recordings);
+OptimalityReport check(const Model& model, const std::vector<Dataset>& recordings);
 
 }  // namespace identikal

@@ -35,7 +35,7 @@ struct Scored {
 
 Scored scored(const Model& model, const std::vector<Dataset>& recordings) {
   Scored out;
-  Estimate described;
+  FilterEstimate described;
   const std::vector<FilterResult> filters =
       report_filter(described, model, model.parameters, recordings);
   out.log_likelihood = described.objective.log_likelihood;
@@ -97,8 +97,8 @@ void check_models(const std::vector<Model>& models) {
 
 }  // namespace
 
-Estimate compare_filters(const std::vector<Model>& models,
-                         const std::vector<std::vector<Dataset>>& recordings) {
+Comparison compare_filters(const std::vector<Model>& models,
+                           const std::vector<std::vector<Dataset>>& recordings) {
   check_models(models);
   std::vector<Scored> all;
   for (std::size_t i = 0; i < models.size(); ++i) {
@@ -113,7 +113,7 @@ Estimate compare_filters(const std::vector<Model>& models,
   });
   const Scored& best = all[order[0]];
 
-  Estimate out;
+  Comparison out;
   out.model_name = fmt::format("{} filters", models.size());
   out.objective.method = "compare";
   out.objective.log_likelihood = best.log_likelihood;

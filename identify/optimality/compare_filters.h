@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -34,7 +34,7 @@ namespace identikal {
 /// @param recordings  of each model: its own view of the same files
 /// @throws InputError for fewer than two models, a vehicle, a regression, and outputs that differ
 /// Source: Matisko (2013), (3.23) to (3.25).
-Estimate compare_filters(const std::vector<Model>& models,
-                         const std::vector<std::vector<Dataset>>& recordings);
+Comparison compare_filters(const std::vector<Model>& models,
+                           const std::vector<std::vector<Dataset>>& recordings);
 
 }  // namespace identikal

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "identify/optimality/score_statistic.h"
 #include "lib/data/dataset.h"

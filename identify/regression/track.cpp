@@ -42,8 +42,8 @@ std::string lagged(const std::string& name, Index lag) {
   return lag == 0 ? name + "(t)" : fmt::format("{}(t-{})", name, lag);
 }
 
-void list_coefficients(Estimate& estimate, const Dataset& recording, const RegressionOrder& order,
-                       const VectorXd& theta) {
+void list_coefficients(TrackedCoefficients& estimate, const Dataset& recording,
+                       const RegressionOrder& order, const VectorXd& theta) {
   const Channel& output = recording.outputs[0];
   const auto add = [&](const std::string& name, const std::string& unit) {
     EstimatedParameter p;
@@ -66,9 +66,9 @@ double fit_percent(const VectorXd& y, const VectorXd& error) {
 }
 
 // At every sample of the recording; between rows nothing changes.
-void report_course(Estimate& estimate, const Dataset& recording, const LaggedRows& rows,
+void report_course(TrackedCoefficients& estimate, const Dataset& recording, const LaggedRows& rows,
                    const Forgetting& forgetting, const RegressionHistory& course) {
-  TimeHistory& out = estimate.time_history.emplace();
+  TimeHistory& out = estimate.time_history;
   for (const EstimatedParameter& p : estimate.parameters) {
     out.names.push_back(p.name);
     out.units.push_back(p.unit);
@@ -107,7 +107,7 @@ void report_course(Estimate& estimate, const Dataset& recording, const LaggedRow
 }
 
 /// What stands against the course: coefficients that are open, a choice that was not finished.
-Findings check_course(const Estimate& estimate, const RegressionChoice& choice) {
+Findings check_course(const TrackedCoefficients& estimate, const RegressionChoice& choice) {
   Findings out;
   const std::vector<std::string> open = not_determined(estimate);
   if (!open.empty()) {
@@ -207,8 +207,8 @@ std::string describe_forgetting(const Forgetting& forgetting, const RegressionHi
                    forgetting.samples_per_false_alarm);
 }
 
-Estimate track_regression(const Model& model, const Dataset& recording,
-                          const std::function<bool(const std::string&)>& progress) {
+TrackedCoefficients track_regression(const Model& model, const Dataset& recording,
+                                     const std::function<bool(const std::string&)>& progress) {
   check_recording(model, recording);
   const MatrixXd u = in_channel_units(recording.u, recording.inputs);
   const VectorXd y = in_channel_units(recording.y, recording.outputs).row(0).transpose();
@@ -222,7 +222,7 @@ Estimate track_regression(const Model& model, const Dataset& recording,
   const RegressionHistory course =
       run_recursive_least_squares(rows.phi, rows.y, choice.delta, forgetting);
 
-  Estimate estimate;
+  TrackedCoefficients estimate;
   estimate.verb = "track";
   estimate.model_name = model.name;
   estimate.objective.method = "recursive least squares";

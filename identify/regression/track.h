@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model_file.h"
 #include "lib/data/dataset.h"
 #include "lib/regression/recursive_least_squares.h"
@@ -25,8 +25,8 @@ namespace identikal {
 ///     const auto course = track_regression(model, recordings[0]);  // of a regression
 ///
 /// @throws InputError when there are too few complete samples
-Estimate track_regression(const Model& model, const Dataset& recording,
-                          const std::function<bool(const std::string&)>& progress = {});
+TrackedCoefficients track_regression(const Model& model, const Dataset& recording,
+                                     const std::function<bool(const std::string&)>& progress = {});
 
 /// Text for the console on how the past was forgotten, shared by all that track coefficients.
 std::string describe_forgetting(const Forgetting& forgetting, const RegressionHistory& course,

@@ -87,9 +87,10 @@ std::string parameter_text(const Estimate& estimate) {
 }
 
 // Where a Bayesian estimate comes from.
-std::string posterior_text(const Estimate& estimate) {
-  if (!estimate.posterior) return "";
-  const Posterior& p = *estimate.posterior;
+std::string posterior_text(const ResultSections& result) {
+  if (result.posterior == nullptr) return "";
+  const Estimate& estimate = *result.core;
+  const Posterior& p = *result.posterior;
   std::string most, prior;
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     if (estimate.parameters[i].fixed) continue;
@@ -105,15 +106,15 @@ std::string posterior_text(const Estimate& estimate) {
                  10);
 }
 
-std::string excess_text(const Estimate& estimate) {
-  if (!estimate.excess_mean_square_error) return "";
-  const ExcessMeanSquareError& excess = *estimate.excess_mean_square_error;
+std::string excess_text(const ResultSections& result) {
+  if (result.excess_mean_square_error == nullptr) return "";
+  const ExcessMeanSquareError& excess = *result.excess_mean_square_error;
   if (!excess.reason.empty()) {
     return wrapped("excess mean-square error not known: " + excess.reason, 7);
   }
   const std::string percent = percent_text(100.0 * excess.relative);
   std::string out =
-      estimate.bound
+      result.bound != nullptr
           ? fmt::format("excess mean-square error at least {} % of tr P, from the bound", percent)
           : fmt::format(
                 "excess mean-square error {} % of tr P, as expected from the standard errors",
@@ -125,9 +126,7 @@ std::string excess_text(const Estimate& estimate) {
 }
 
 // The trade-off between fit and rank of Q.
-std::string rank_text(const Estimate& estimate) {
-  if (!estimate.minimum_rank) return "";
-  const RankSelection& s = *estimate.minimum_rank;
+std::string rank_text(const RankSelection& s) {
   std::string out = fmt::format("\n{:>10} {:>12} {:>12} {:>8} {:>10} {:>10}\n", "penalty",
                                 "objective", "tr Q", "rank", "excess", "allowed");
   for (const RankSelection::Step& step : s.curve) {
@@ -142,10 +141,12 @@ std::string rank_text(const Estimate& estimate) {
                        5);
 }
 
-std::string noise_text(const Estimate& estimate) {
-  const Noise& noise = estimate.noise;
+std::string noise_text(const ResultSections& result) {
+  if (result.noise == nullptr) return "";
+  const Noise& noise = *result.noise;
   return matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
-         matrix_text("K", noise.K_steady) + excess_text(estimate) + rank_text(estimate) +
+         matrix_text("K", noise.K_steady) + excess_text(result) +
+         (result.minimum_rank != nullptr ? rank_text(*result.minimum_rank) : "") +
          (noise.Q.size() > 0 ? "\n" : "");
 }
 
@@ -163,9 +164,7 @@ std::string derived_text(const Estimate& estimate) {
 }
 
 // When the noise or a coefficient changed, and into what.
-std::string history_text(const Estimate& estimate) {
-  if (!estimate.time_history) return "";
-  const TimeHistory& history = *estimate.time_history;
+std::string history_text(const TimeHistory& history) {
   std::string out;
   constexpr std::size_t kShown = 10;
   for (std::size_t c = 0; c < std::min(kShown, history.changes.size()); ++c) {
@@ -230,18 +229,16 @@ std::string fit_text(const char* kind, const std::vector<ChannelFit>& fits, int 
   return out;
 }
 
-std::string fits_text(const Estimate& estimate) {
-  const int width = estimate.hold_out_one_step.empty() ? 12 : 18;
-  return fit_text("one step", estimate.one_step, width) +
-         fit_text("simulation", estimate.simulation, width) +
-         fit_text("hold-out", estimate.hold_out, width) +
-         fit_text("one step, hold-out", estimate.hold_out_one_step, width);
+std::string fits_text(const RecordingFit& fit) {
+  const int width = fit.hold_out_one_step.empty() ? 12 : 18;
+  return fit_text("one step", fit.one_step, width) + fit_text("simulation", fit.simulation, width) +
+         fit_text("hold-out", fit.hold_out, width) +
+         fit_text("one step, hold-out", fit.hold_out_one_step, width);
 }
 
-std::string tests_text(const Estimate& estimate) {
-  if (estimate.objective.method == "compare") return "";  // its table has them
+std::string tests_text(const std::vector<TestResult>& tests) {
   std::string out;
-  for (const TestResult& test : estimate.tests) {
+  for (const TestResult& test : tests) {
     out += fmt::format(
         "test   {:<17} {:<10} {:>9.4g}{}{}  {}\n", test.id, test.channel, test.value,
         std::isnan(test.interval[0])
@@ -265,24 +262,31 @@ std::string status_text(const Estimate& estimate) {
   return "\n" + wrapped("status " + to_string(estimate.status) + ": " + estimate.message, 7);
 }
 
-std::string bound_report(const Estimate& estimate) {
-  std::string out = wrapped(
-      fmt::format("bound: {}, {} samples", estimate.model_name, estimate.bound->samples), 4);
+std::string bound_report(const ResultSections& result) {
+  const Estimate& estimate = *result.core;
+  std::string out =
+      wrapped(fmt::format("bound: {}, {} samples", estimate.model_name, result.bound->samples), 4);
   for (const InputRecord& input : estimate.inputs) out += "inputs " + input.path + "\n";
-  return out + "\n" + bound_text(estimate) + excess_text(estimate) + unidentifiable_text(estimate) +
+  return out + "\n" + bound_text(result) + excess_text(result) + unidentifiable_text(estimate) +
          status_text(estimate);
 }
 
 }  // namespace
 
-std::string console_report(const Estimate& estimate) {
-  if (estimate.bound) return bound_report(estimate);
-  return head_text(estimate) + parameter_text(estimate) + posterior_text(estimate) + "\n" +
-         noise_text(estimate) + derived_text(estimate) + history_text(estimate) +
-         (estimate.shaping ? shaping_text(*estimate.shaping) : "") +
-         objective_text(estimate.objective) + fits_text(estimate) + tests_text(estimate) +
-         notes_text(estimate) + unidentifiable_text(estimate) +
-         findings_text(printed(estimate.findings)) + status_text(estimate);
+std::string console_report(const ResultSections& result) {
+  if (result.bound != nullptr) return bound_report(result);
+  const Estimate& estimate = *result.core;
+  // The table of a comparison has its tests.
+  const bool has_tests = result.tests != nullptr && estimate.objective.method != "compare";
+  return head_text(estimate) + parameter_text(estimate) + posterior_text(result) + "\n" +
+         noise_text(result) + derived_text(estimate) +
+         (result.time_history != nullptr ? history_text(*result.time_history) : "") +
+         (result.shaping != nullptr ? shaping_text(*result.shaping) : "") +
+         objective_text(estimate.objective) +
+         (result.fit != nullptr ? fits_text(*result.fit) : "") +
+         (has_tests ? tests_text(*result.tests) : "") + notes_text(estimate) +
+         unidentifiable_text(estimate) + findings_text(printed(estimate.findings)) +
+         status_text(estimate);
 }
 
 }  // namespace identikal

@@ -3,11 +3,11 @@
 
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
 /// The result as text within 80 columns, ending in a line feed.
-std::string console_report(const Estimate& estimate);
+std::string console_report(const ResultSections& result);
 
 }  // namespace identikal

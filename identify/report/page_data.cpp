@@ -67,10 +67,10 @@ struct RowAxis {
   Index fitted = 0;
 };
 
-RowAxis laid_end_to_end(const Estimate& estimate) {
-  const Series& series = estimate.series;
-  const VectorXd& held = estimate.pictures.held_time;
-  const std::vector<int>& held_recording = estimate.pictures.held_recording;
+RowAxis laid_end_to_end(const RecordingFit& fit) {
+  const Series& series = fit.series;
+  const VectorXd& held = fit.pictures.held_time;
+  const std::vector<int>& held_recording = fit.pictures.held_recording;
   RowAxis out;
   out.fitted = series.time.size();
   out.time.resize(out.fitted + held.size());
@@ -384,15 +384,15 @@ void add_inputs(const std::vector<Dataset>& recordings, const std::vector<Datase
 }
 
 // @param time  of the rows, laid end to end
-void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordings,
+void add_whiteness(const RecordingFit& fit, const std::vector<Dataset>& recordings,
                    const VectorXd& time, ReportData& out) {
-  const Series& series = estimate.series;
+  const Series& series = fit.series;
   if (series.standardised.size() == 0) return;
   out.nis = nis_of(series.standardised, time);
   const Index N = series.time.size();
   out.lags = static_cast<int>(std::clamp<Index>(N / 4, 1, kLagsOfReport));
   const MatrixXd after = apart(series.standardised, series.recording, out.lags);
-  const MatrixXd before = apart(estimate.pictures.standardised_before, series.recording, out.lags);
+  const MatrixXd before = apart(fit.pictures.standardised_before, series.recording, out.lags);
   const Spectra now = spectra_of(after), then = before.size() > 0 ? spectra_of(before) : Spectra{};
   if (now.segments > 0 && !recordings.empty()) {
     out.frequency = now.omega / (2.0 * M_PI * recordings[0].dt);
@@ -426,9 +426,8 @@ void add_whiteness(const Estimate& estimate, const std::vector<Dataset>& recordi
   }
 }
 
-void add_history(const Estimate& estimate, const Columns& columns, ReportData& out) {
-  if (!estimate.time_history || estimate.time_history->mean.cols() != columns.rows) return;
-  const TimeHistory& history = *estimate.time_history;
+void add_history(const TimeHistory& history, const Columns& columns, ReportData& out) {
+  if (history.mean.cols() != columns.rows) return;
   const MatrixXd low = history.mean - 2.0 * history.sd, high = history.mean + 2.0 * history.sd;
   for (std::size_t n = 0; n < history.names.size(); ++n) {
     const auto i = static_cast<Index>(n);
@@ -466,12 +465,13 @@ void add_pictures(const Pictures& pictures, ReportData& out) {
 }
 
 // As many as keep the page small, whatever the number of lines that are drawn on them.
-Columns columns_of(const Estimate& estimate, const std::vector<Dataset>& recordings, Index rows) {
+Columns columns_of(const ResultSections& result, const std::vector<Dataset>& recordings,
+                   Index rows) {
   const std::size_t of_inputs = recordings.empty() ? 0 : recordings[0].inputs.size();
   const double lines =
-      7.0 * static_cast<double>(estimate.series.channels.size()) + static_cast<double>(of_inputs) +
-      (estimate.time_history ? 3.0 * static_cast<double>(estimate.time_history->names.size())
-                             : 0.0);
+      7.0 * static_cast<double>(result.fit->series.channels.size()) +
+      static_cast<double>(of_inputs) +
+      (result.time_history ? 3.0 * static_cast<double>(result.time_history->names.size()) : 0.0);
   return {rows,
           std::clamp(static_cast<Index>(kNumbers / (2.0 * lines)), kFewestColumns, kMostColumns)};
 }
@@ -495,10 +495,10 @@ MatrixXd with_held_out(const MatrixXd& X, const MatrixXd& held) {
   return both;
 }
 
-void add_channels(const Estimate& estimate, const RowAxis& axis, const Columns& columns,
+void add_channels(const RecordingFit& fit, const RowAxis& axis, const Columns& columns,
                   ReportData& out) {
-  const Pictures& pictures = estimate.pictures;
-  const Series& series = estimate.series;
+  const Pictures& pictures = fit.pictures;
+  const Series& series = fit.series;
   MatrixXd low, high;
   if (pictures.simulation_sd.size() > 0) {
     low = pictures.simulation - 2.0 * pictures.simulation_sd;
@@ -530,7 +530,7 @@ void add_channels(const Estimate& estimate, const RowAxis& axis, const Columns& 
 
 }  // namespace
 
-ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& recordings,
+ReportData report_data(const ResultSections& result, const std::vector<Dataset>& recordings,
                        const std::vector<Dataset>& held_out, Provenance provenance) {
   ReportData out;
   out.provenance = std::move(provenance);
@@ -539,15 +539,17 @@ ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& rec
     out.recordings.push_back(sheet_of(data));
     out.recordings.back().held = true;
   }
-  add_pictures(estimate.pictures, out);
-  if (estimate.series.time.size() == 0) return out;
-  const RowAxis axis = laid_end_to_end(estimate);
-  const Columns columns = columns_of(estimate, recordings, axis.time.size());
+  if (result.fit == nullptr) return out;
+  const RecordingFit& fit = *result.fit;
+  add_pictures(fit.pictures, out);
+  if (fit.series.time.size() == 0) return out;
+  const RowAxis axis = laid_end_to_end(fit);
+  const Columns columns = columns_of(result, recordings, axis.time.size());
   add_time(axis, columns, out);
-  add_channels(estimate, axis, columns, out);
+  add_channels(fit, axis, columns, out);
   add_inputs(recordings, held_out, columns, axis.fitted, out);
-  add_whiteness(estimate, recordings, axis.time, out);
-  add_history(estimate, columns, out);
+  add_whiteness(fit, recordings, axis.time, out);
+  if (result.time_history != nullptr) add_history(*result.time_history, columns, out);
   return out;
 }
 

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "lib/data/dataset.h"
 
 namespace identikal {
@@ -106,7 +106,7 @@ struct ReportData {
 /// Rows are dealt into at most so many columns that the page stays below a megabyte.
 /// @param recordings  those that the estimate was made from, in the order of its series
 /// @param held_out    those of Pictures::held_time
-ReportData report_data(const Estimate& estimate, const std::vector<Dataset>& recordings,
+ReportData report_data(const ResultSections& result, const std::vector<Dataset>& recordings,
                        const std::vector<Dataset>& held_out, Provenance provenance);
 
 }  // namespace identikal

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 

@@ -19,8 +19,7 @@ std::string csv_heading(const std::string& name, const std::string& unit) {
   return out + "\"";
 }
 
-std::string course_csv(const Estimate& estimate) {
-  const TimeHistory& course = *estimate.time_history;
+std::string course_csv(const TimeHistory& course, const Series& series) {
   std::string out = "time [s]";
   for (std::size_t i = 0; i < course.names.size(); ++i) {
     out += "," + csv_heading(course.names[i], course.units[i]) + "," +
@@ -28,7 +27,7 @@ std::string course_csv(const Estimate& estimate) {
   }
   out += ",log_alarm\n";
   for (Eigen::Index t = 0; t < course.mean.cols(); ++t) {
-    out += fmt::format("{:.12g}", estimate.series.time[t]);
+    out += fmt::format("{:.12g}", series.time[t]);
     for (Eigen::Index i = 0; i < course.mean.rows(); ++i) {
       out += "," + cell_text(course.mean(i, t)) + "," + cell_text(course.sd(i, t));
     }
@@ -37,8 +36,7 @@ std::string course_csv(const Estimate& estimate) {
   return out;
 }
 
-std::string spectrum_csv(const Estimate& estimate) {
-  const Shaping& s = *estimate.shaping;
+std::string spectrum_csv(const Shaping& s) {
   std::string out = "frequency [rad/s],band_low,band_high";
   for (const std::string& channel : s.channels) {
     out += "," + csv_heading(channel + "_white", "");
@@ -56,8 +54,7 @@ std::string spectrum_csv(const Estimate& estimate) {
   return out;
 }
 
-std::string residuals_csv(const Estimate& estimate) {
-  const Series& s = estimate.series;
+std::string residuals_csv(const Series& s) {
   const bool several = !s.recording.empty() && s.recording.back() > 1;
   std::string out = several ? "recording,time [s]" : "time [s]";
   for (std::size_t i = 0; i < s.channels.size(); ++i) {

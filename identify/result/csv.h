@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
@@ -11,14 +11,14 @@ namespace identikal {
 std::string csv_heading(const std::string& name, const std::string& unit);
 
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
-std::string residuals_csv(const Estimate& estimate);
+std::string residuals_csv(const Series& series);
 
-/// Estimate::time_history as CSV: mean and standard deviation of every parameter, and the statistic
-/// of the test for a change.
-std::string course_csv(const Estimate& estimate);
+/// Mean and standard deviation of every parameter, and the statistic of the test for a change.
+/// @param series  of the same result: its time
+std::string course_csv(const TimeHistory& history, const Series& series);
 
-/// The spectra of Estimate::shaping as CSV: of the standardised innovations of the white model and
+/// The spectra as CSV: of the standardised innovations of the white model and
 /// of the shaped one, 1 where white, with the band that holds 95 % of a white sequence.
-std::string spectrum_csv(const Estimate& estimate);
+std::string spectrum_csv(const Shaping& shaping);
 
 }  // namespace identikal

@@ -21,7 +21,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-Model started_model(const Estimate& result, const std::string& path) {
+Model started_model(const StoredEstimate& result, const std::string& path) {
   if (!result.model_file) {
     throw InputError({path, 0, 0}, "holds no model file", "a result of tune, check or fit",
                      "run the job again with -o");
@@ -152,14 +152,15 @@ void put_matrix(const Parameter& p, const YamlNode& body, Editor& editor) {
 
 }  // namespace
 
-Model estimated_model(const Estimate& result, const std::string& path) {
+Model estimated_model(const StoredEstimate& result, const std::string& path) {
   Model model = started_model(result, path);
   set_values(model, result, path);
   if (result.filter && has_filter(model)) noise_model(model).dt = result.filter->model.dt;
   return model;
 }
 
-std::optional<std::string> estimated_model_text(const Estimate& result, const std::string& path) {
+std::optional<std::string> estimated_model_text(const StoredEstimate& result,
+                                                const std::string& path) {
   const Model started = started_model(result, path), model = estimated_model(result, path);
   const std::string& source = result.model_file->text;
   const std::string text = source.starts_with("\xEF\xBB\xBF") ? source.substr(3) : source;

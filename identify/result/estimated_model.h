@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 
 namespace identikal {
@@ -15,7 +15,7 @@ namespace identikal {
 /// @param path  of the result, for messages
 /// @throws InputError when the result holds no model file, one that includes a file that is gone or
 ///   has changed, or parameters that are not the model's
-Model estimated_model(const Estimate& result, const std::string& path);
+Model estimated_model(const StoredEstimate& result, const std::string& path);
 
 /// The text of the model file with the values of estimated_model() where it has its starts; all
 /// else stays as the user wrote it. Values beyond what the recording showed stay at their start. A
@@ -23,6 +23,7 @@ Model estimated_model(const Estimate& result, const std::string& path);
 /// @return nothing where a value stands such that no other can be put there (over several lines, in
 ///   a file that the model file includes)
 /// @throws as estimated_model()
-std::optional<std::string> estimated_model_text(const Estimate& result, const std::string& path);
+std::optional<std::string> estimated_model_text(const StoredEstimate& result,
+                                                const std::string& path);
 
 }  // namespace identikal

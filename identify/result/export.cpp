@@ -59,7 +59,7 @@ std::optional<ExportFormat> export_format(std::string_view name) {
 std::string_view describe(ExportFormat format) { return names_of(format).title; }
 
 std::string export_text(const StoredResult& result, ExportFormat format, const std::string& date) {
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   const ExportContents contents = export_contents(result);
   const FormatNames& names = names_of(format);
   std::vector<std::string> lines = origin_lines(result, date);

@@ -222,8 +222,8 @@ SteadyFilter filter_of(const Field& field) {
   return f;
 }
 
-Estimate estimate_of(const Field& root) {
-  Estimate out;
+StoredEstimate estimate_of(const Field& root) {
+  StoredEstimate out;
   out.verb = root["verb"].text();
   out.model_name = root["model"].text();
   out.status = root["status"]["code"].word(

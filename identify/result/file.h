@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
@@ -16,7 +16,7 @@ struct StoredResult {
   std::string data_path, data;  ///< of kReportDataFile, of the same run; empty data: none was read
   std::string command;          ///< that made the result; empty: not known
   std::string version;          ///< of the program that wrote it
-  Estimate estimate;
+  StoredEstimate estimate;
 };
 
 /// Whether kReportDataFile, beside a result, is read.

@@ -55,9 +55,9 @@ Json fits(const std::vector<ChannelFit>& channels) {
   return out;
 }
 
-Json bound(const Estimate& estimate) {
-  if (!estimate.bound) return nullptr;
-  const Bound& b = *estimate.bound;
+Json bound(const Estimate& estimate, const Bound* of) {
+  if (of == nullptr) return nullptr;
+  const Bound& b = *of;
   Json rows = Json::array();
   const Bound::InnovationForm& form = b.innovation_form;
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
@@ -84,9 +84,9 @@ Json bound(const Estimate& estimate) {
             {"published_Sigma_se", number(form.published_Sigma_se)}}}};
 }
 
-Json posterior(const Estimate& estimate) {
-  if (!estimate.posterior) return nullptr;
-  const Posterior& p = *estimate.posterior;
+Json posterior(const Estimate& estimate, const Posterior* of) {
+  if (of == nullptr) return nullptr;
+  const Posterior& p = *of;
   Json rows = Json::array();
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     rows.push_back(
@@ -99,9 +99,9 @@ Json posterior(const Estimate& estimate) {
           {"parameters", rows}};
 }
 
-Json time_history(const Estimate& estimate) {
-  if (!estimate.time_history) return nullptr;
-  const TimeHistory& c = *estimate.time_history;
+Json time_history(const TimeHistory* of) {
+  if (of == nullptr) return nullptr;
+  const TimeHistory& c = *of;
   const auto values = [](const Eigen::VectorXd& v) {
     Json out = Json::array();
     for (const double x : v) out.push_back(number(x));
@@ -176,9 +176,9 @@ Json mapping_of(const VehicleSurvey& survey) {
   return out;
 }
 
-Json survey(const Estimate& estimate) {
-  if (!estimate.survey) return nullptr;
-  const VehicleSurvey& s = *estimate.survey;
+Json survey(const VehicleSurvey* of) {
+  if (of == nullptr) return nullptr;
+  const VehicleSurvey& s = *of;
   Json verdicts = Json::array(), speed = Json::array(), lateral = Json::array();
   for (const VehicleSurvey::Verdict& v : s.verdicts) {
     verdicts.push_back({{"of", v.of}, {"answer", v.answer}, {"why", v.why}});
@@ -204,9 +204,9 @@ Json survey(const Estimate& estimate) {
           {"findings", findings_of(s.findings)}};
 }
 
-Json shaping(const Estimate& estimate) {
-  if (!estimate.shaping) return nullptr;
-  const Shaping& s = *estimate.shaping;
+Json shaping(const Shaping* of) {
+  if (of == nullptr) return nullptr;
+  const Shaping& s = *of;
   Json candidates = Json::array(), poles = Json::array(), predictions = Json::array();
   for (const Shaping::Candidate& c : s.candidates) {
     candidates.push_back({{"noise_source", c.noise_source},
@@ -243,16 +243,16 @@ Json shaping(const Estimate& estimate) {
           {"held_out_log_likelihood_with", number(s.held_out_with)}};
 }
 
-Json excess(const Estimate& estimate) {
-  if (!estimate.excess_mean_square_error) return nullptr;
-  const ExcessMeanSquareError& l = *estimate.excess_mean_square_error;
+Json excess(const ExcessMeanSquareError* of) {
+  if (of == nullptr) return nullptr;
+  const ExcessMeanSquareError& l = *of;
   return {{"relative", number(l.relative)}, {"without", l.without}, {"reason", l.reason}};
 }
 
-Json minimum_rank(const Estimate& estimate) {
-  if (!estimate.minimum_rank) return nullptr;
+Json minimum_rank(const RankSelection* of) {
+  if (of == nullptr) return nullptr;
   Json curve = Json::array();
-  for (const RankSelection::Step& step : estimate.minimum_rank->curve) {
+  for (const RankSelection::Step& step : of->curve) {
     curve.push_back({{"penalty", number(step.penalty)},
                      {"objective", number(step.objective)},
                      {"trace", number(step.trace)},
@@ -260,13 +260,12 @@ Json minimum_rank(const Estimate& estimate) {
                      {"excess", number(step.excess)},
                      {"allowed", number(step.allowed)}});
   }
-  return {
-      {"rank", estimate.minimum_rank->rank}, {"of", estimate.minimum_rank->of}, {"curve", curve}};
+  return {{"rank", of->rank}, {"of", of->of}, {"curve", curve}};
 }
 
-Json filter(const Estimate& estimate) {
-  if (!estimate.filter) return nullptr;
-  const SteadyFilter& f = *estimate.filter;
+Json filter(const SteadyFilter* of) {
+  if (of == nullptr) return nullptr;
+  const SteadyFilter& f = *of;
   const auto channels = [](const std::vector<SteadyFilter::Channel>& list) {
     Json out = Json::array();
     for (const SteadyFilter::Channel& c : list) {
@@ -293,9 +292,9 @@ Json filter(const Estimate& estimate) {
           {"Sigma", matrix(f.Sigma)}};
 }
 
-Json model_file(const Estimate& estimate) {
-  if (!estimate.model_file) return nullptr;
-  const ModelSource& m = *estimate.model_file;
+Json model_file(const ModelSource* of) {
+  if (of == nullptr) return nullptr;
+  const ModelSource& m = *of;
   Json included = Json::array();
   for (const ModelSource::Included& file : m.included) {
     included.push_back({{"path", file.path}, {"sha256", file.sha256}});
@@ -315,14 +314,14 @@ Json inputs(const Estimate& estimate) {
   return out;
 }
 
-Json noise(const Estimate& estimate) {
-  const Noise& n = estimate.noise;
+Json noise(const ResultSections& result) {
+  const Noise n = result.noise != nullptr ? *result.noise : Noise{};
   return {{"Q", {{"matrix", matrix(n.Q)}, {"kind", n.Q_kind}}},
           {"R", {{"matrix", matrix(n.R)}}},
           {"S", matrix(n.S)},
           {"K_steady", matrix(n.K_steady)},
           {"P_steady", matrix(n.P_steady)},
-          {"excess_mean_square_error", excess(estimate)}};
+          {"excess_mean_square_error", excess(result.excess_mean_square_error)}};
 }
 
 Json objective(const Estimate& estimate) {
@@ -344,9 +343,10 @@ Json objective(const Estimate& estimate) {
           {"evaluation_reason", o.evaluation_reason}};
 }
 
-Json tests(const Estimate& estimate) {
+Json tests(const std::vector<TestResult>* of) {
   Json out = Json::array();
-  for (const TestResult& test : estimate.tests) {
+  if (of == nullptr) return out;
+  for (const TestResult& test : *of) {
     out.push_back({{"id", test.id},
                    {"channel", test.channel},
                    {"value", number(test.value)},
@@ -381,7 +381,9 @@ Json derived(const Estimate& estimate) {
 
 }  // namespace
 
-std::string result_json(const Estimate& estimate, bool strict, double timing_s) {
+std::string result_json(const ResultSections& result, bool strict, double timing_s) {
+  const Estimate& estimate = *result.core;
+  const RecordingFit fit = result.fit != nullptr ? *result.fit : RecordingFit{};
   Json out;
   out["schema_version"] = kSchemaVersion;
   out["version"] = IDENTIKAL_VERSION;
@@ -391,28 +393,28 @@ std::string result_json(const Estimate& estimate, bool strict, double timing_s) 
                    {"exit", exit_code(estimate, strict)},
                    {"message", estimate.message}};
   out["inputs"] = inputs(estimate);
-  out["model_file"] = model_file(estimate);
+  out["model_file"] = model_file(result.model_file);
   out["parameters"] = parameters(estimate);
   out["covariance_kind"] = estimate.covariance_kind;
   out["covariance_freedom"] = number(estimate.covariance_freedom);
   out["correlation"] = {{"names", estimate.correlation_names},
                         {"matrix", matrix(estimate.correlation)}};
-  out["noise"] = noise(estimate);
-  out["filter"] = filter(estimate);
-  out["tyre_curve"] = estimate.tyre_curve.empty() ? Json(nullptr) : Json(estimate.tyre_curve);
+  out["noise"] = noise(result);
+  out["filter"] = filter(result.filter);
+  out["tyre_curve"] = result.tyre_curve == nullptr ? Json(nullptr) : Json(*result.tyre_curve);
   out["objective"] = objective(estimate);
-  out["fit"] = {{"one_step", fits(estimate.one_step)},
-                {"simulation", fits(estimate.simulation)},
-                {"hold_out", fits(estimate.hold_out)},
-                {"hold_out_one_step", fits(estimate.hold_out_one_step)}};
-  out["tests"] = tests(estimate);
+  out["fit"] = {{"one_step", fits(fit.one_step)},
+                {"simulation", fits(fit.simulation)},
+                {"hold_out", fits(fit.hold_out)},
+                {"hold_out_one_step", fits(fit.hold_out_one_step)}};
+  out["tests"] = tests(result.tests);
   out["identifiability"] = identifiability(estimate);
-  out["bound"] = bound(estimate);
-  out["posterior"] = posterior(estimate);
-  out["time_history"] = time_history(estimate);
-  out["shaping"] = shaping(estimate);
-  out["minimum_rank"] = minimum_rank(estimate);
-  out["survey"] = survey(estimate);
+  out["bound"] = bound(estimate, result.bound);
+  out["posterior"] = posterior(estimate, result.posterior);
+  out["time_history"] = time_history(result.time_history);
+  out["shaping"] = shaping(result.shaping);
+  out["minimum_rank"] = minimum_rank(result.minimum_rank);
+  out["survey"] = survey(result.survey);
   out["derived"] = derived(estimate);
   out["warnings"] = findings_of(estimate.findings);
   out["notes"] = estimate.notes;

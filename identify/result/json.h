@@ -3,12 +3,12 @@
 
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
 /// The result as JSON (identify/result/result.schema.json). NaN and infinity become null.
 /// @param timing_s  wall time of the job [s], the only field that may differ between equal runs
-std::string result_json(const Estimate& estimate, bool strict, double timing_s);
+std::string result_json(const ResultSections& result, bool strict, double timing_s);
 
 }  // namespace identikal

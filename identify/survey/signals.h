@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/details.h"
 #include "identify/model/model_file.h"
 #include "lib/data/dataset.h"
 

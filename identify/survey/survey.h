@@ -2,7 +2,7 @@
 // Before any fit, by kinematics alone; nothing is changed.
 #pragma once
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/details.h"
 #include "identify/survey/signals.h"
 
 namespace identikal {

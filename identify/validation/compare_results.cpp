@@ -36,7 +36,7 @@ std::string name_of(const StoredResult& result) {
 }
 
 // What kind of likelihood a result is at the maximum of; empty: none.
-std::string likelihood_kind(const Estimate& e) {
+std::string likelihood_kind(const StoredEstimate& e) {
   const std::string& method = e.objective.method;
   if (method == "ml" || method == "auto" || method == "shape") return "one step of a filter";
   if (method == "output_error" || method == "prediction_error" || method == "trajectory") {
@@ -47,7 +47,7 @@ std::string likelihood_kind(const Estimate& e) {
 
 double unknowns(const Objective& o) { return 0.5 * o.aic + o.log_likelihood; }
 
-std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const Estimate& e) {
+std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const StoredEstimate& e) {
   std::vector<std::tuple<std::string, long, std::array<double, 2>>> out;
   for (const InputRecord& input : e.inputs) {
     out.emplace_back(input.sha256, input.used, input.range);
@@ -56,7 +56,7 @@ std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const 
   return out;
 }
 
-std::vector<std::string> channels_of(const Estimate& e) {
+std::vector<std::string> channels_of(const StoredEstimate& e) {
   std::vector<std::string> out;
   for (const ChannelFit& fit : e.one_step.empty() ? e.simulation : e.one_step) {
     out.push_back(fit.channel + " [" + fit.unit + "]");
@@ -71,7 +71,7 @@ void check_comparable(const std::vector<StoredResult>& results) {
   }
   const StoredResult& first = results[0];
   for (const StoredResult& result : results) {
-    const Estimate &e = result.estimate, &f = first.estimate;
+    const StoredEstimate &e = result.estimate, &f = first.estimate;
     if (likelihood_kind(e).empty() || !std::isfinite(e.objective.aic)) {
       refuse(result,
              fmt::format("'{}' ({}) maximises no likelihood, so it has no AIC to be ranked by",
@@ -123,7 +123,7 @@ struct Nesting {
 bool same_value(double a, double b) { return std::abs(a - b) <= 1e-9 * std::abs(a); }
 
 // False when `small` is no special case of `large`.
-bool is_nested(const Estimate& small, const Estimate& large, Nesting& out) {
+bool is_nested(const StoredEstimate& small, const StoredEstimate& large, Nesting& out) {
   if (small.objective.initial != large.objective.initial) return false;
   std::map<std::string, const EstimatedParameter*> in_small;
   for (const EstimatedParameter& p : small.parameters) in_small[p.name] = &p;
@@ -165,7 +165,7 @@ struct HeldOutValue {
   std::string text;
 };
 
-std::optional<HeldOutValue> held_out_value(const Estimate& e) {
+std::optional<HeldOutValue> held_out_value(const StoredEstimate& e) {
   if (std::isfinite(e.objective.held_out)) {
     return HeldOutValue{"held_out", e.objective.held_out,
                         fmt::format("{:>8.4f}  ", e.objective.held_out)};
@@ -186,7 +186,7 @@ double critical_value(int extra, int at_bound) {
   return high;
 }
 
-void compare_nested(const StoredResult& small, const StoredResult& large, Estimate& out) {
+void compare_nested(const StoredResult& small, const StoredResult& large, Comparison& out) {
   Nesting nesting;
   if (!is_nested(small.estimate, large.estimate, nesting)) return;
   const double gain =
@@ -249,14 +249,14 @@ double likelihood_ratio_p(double value, int extra, int at_bound) {
   return 0.5 * (less + whole);
 }
 
-Estimate compare_results(const std::vector<StoredResult>& results) {
+Comparison compare_results(const std::vector<StoredResult>& results) {
   check_comparable(results);
   std::vector<const StoredResult*> order;
   for (const StoredResult& result : results) order.push_back(&result);
   std::stable_sort(order.begin(), order.end(), [](const StoredResult* a, const StoredResult* b) {
     return a->estimate.objective.aic < b->estimate.objective.aic;
   });
-  const Estimate& best = order[0]->estimate;
+  const StoredEstimate& best = order[0]->estimate;
   const StoredResult* least_bic = order[0];
   bool held_out = false, converged = true;
   for (const StoredResult* result : order) {
@@ -265,7 +265,7 @@ Estimate compare_results(const std::vector<StoredResult>& results) {
     converged = converged && result->estimate.status != Status::not_converged;
   }
 
-  Estimate out;
+  Comparison out;
   out.verb = "compare";
   out.model_name = fmt::format("{} results", results.size());
   out.objective.method = "compare";

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/result/file.h"
 
 namespace identikal {
@@ -42,7 +42,7 @@ namespace identikal {
 ///   that maximise none; of other recordings, rows or channels; of other methods of fit; that start
 ///   with the state known otherwise
 /// Sources: Self & Liang (1987), case 5 and 6; Perlman (1969) for the largest mixture.
-Estimate compare_results(const std::vector<StoredResult>& results);
+Comparison compare_results(const std::vector<StoredResult>& results);
 
 /// P(statistic > value) of the above for `extra` parameters, `at_bound` of them at a bound.
 double likelihood_ratio_p(double value, int extra, int at_bound);

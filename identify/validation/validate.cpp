@@ -32,12 +32,12 @@ namespace {
 using Eigen::Index;
 
 // The result's figures belong to its sampling period, unless the noise is one of continuous time.
-void check_period(const Estimate& result, const Model& model,
+void check_period(const SteadyFilter* filter, const Model& model,
                   const std::vector<Dataset>& recordings) {
-  if (!result.filter) return;
+  if (filter == nullptr) return;
   const LinearModel& noise = noise_model(model);
   if (noise.continuous && noise.noise == ProcessNoise::density) return;
-  const double dt = result.filter->model.dt;
+  const double dt = filter->model.dt;
   for (const Dataset& data : recordings) {
     if (std::abs(data.dt - dt) <= 1e-6 * dt || model.time.step > 0.0) continue;
     throw InputError({data.name, 0, 0},
@@ -178,7 +178,7 @@ Findings check_power(double detectable) {
 }
 
 void test_unseen(const Estimate& result, const Model& model, const std::vector<Dataset>& recordings,
-                 const std::vector<FilterResult>& filters, Estimate& estimate) {
+                 const std::vector<FilterResult>& filters, Validation& estimate) {
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const auto& outputs = recordings[0].outputs;
@@ -205,12 +205,13 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
   }
 }
 
-Estimate validate_filter(const Estimate& result, const Model& written,
-                         const std::vector<Dataset>& recordings) {
-  check_period(result, written, recordings);
+Validation validate_filter(const ResultSections& validated, const Model& written,
+                           const std::vector<Dataset>& recordings) {
+  const Estimate& result = *validated.core;
+  check_period(validated.filter, written, recordings);
   const Model model = checked(written, recordings);
   check_channels(recordings);
-  Estimate out;
+  Validation out;
   out.model_name = model.name;
   list_parameters(out, model.parameters, model.parameters);
   for (EstimatedParameter& p : out.parameters) p.fixed = true;
@@ -225,13 +226,13 @@ Estimate validate_filter(const Estimate& result, const Model& written,
   return out;
 }
 
-Estimate validate_car(const Estimate& result, const Model& model,
-                      const std::vector<Dataset>& recordings, bool robust) {
-  Estimate out;
+Validation validate_car(const ResultSections& validated, const Model& model,
+                        const std::vector<Dataset>& recordings, bool robust) {
+  Validation out;
   out.model_name = model.name;
-  out.tyre_curve = result.tyre_curve;
+  if (validated.tyre_curve != nullptr) out.tyre_curve = *validated.tyre_curve;
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
-  for (const EstimatedParameter& p : result.parameters) {
+  for (const EstimatedParameter& p : validated.core->parameters) {
     EstimatedParameter known;
     known.name = p.name;
     known.unit = p.unit;
@@ -252,7 +253,7 @@ Estimate validate_car(const Estimate& result, const Model& model,
                          : static_cast<std::size_t>(out.series.recording[t] - 1);
     if (!out.series.predicted.col(t).array().isNaN().all()) ++out.inputs[run].used;
   }
-  append(out.findings, check_hold_out_by_survey(model, recordings, out));
+  append(out.findings, check_hold_out_by_survey(model, recordings, out.findings));
   return out;
 }
 
@@ -276,7 +277,7 @@ struct Moved {
   double most = 0.0;
 };
 
-Moved most_moved(const VehicleRefit& refit, const Estimate& estimate) {
+Moved most_moved(const VehicleRefit& refit, const Validation& estimate) {
   Moved out;
   for (std::size_t j = 0; j < refit.moves.size(); ++j) {
     if (refit.moves[j] > out.most) out = {estimate.simulation[j].channel, refit.moves[j]};
@@ -289,7 +290,7 @@ std::string change_of(const VehicleRefit::Change& c) {
 }
 
 // What a refit makes of the car.
-void report_refit(const VehicleRefit& refit, Estimate& estimate) {
+void report_refit(const VehicleRefit& refit, Validation& estimate) {
   if (!compares(refit)) {
     estimate.notes.emplace_back(
         !refit.tried      ? "refit: no value of the result has an error to compare by"
@@ -332,7 +333,7 @@ Findings check_refit_power(const VehicleRefit& refit) {
 }
 
 // A refit rejects the values where they differ significantly and the outputs move.
-Findings check_values(const VehicleRefit& refit, const Estimate& estimate) {
+Findings check_values(const VehicleRefit& refit, const Validation& estimate) {
   constexpr double kClear = 2.0;  // standard errors
   if (!compares(refit) || refit_test(refit).pass) return {};
   const Moved moved = most_moved(refit, estimate);
@@ -394,14 +395,15 @@ Findings check_own_data(const Estimate& result, const std::vector<InputRecord>& 
 }
 
 // What became of the result, and of its model file, since.
-Findings check_origin(const Estimate& result) {
+Findings check_origin(const Estimate& result, const ModelSource* model_file) {
   Findings out;
   if (result.status != Status::ok) {
     out.push_back(make_finding(
         FindingCode::doubtful_result, {},
         fmt::format("the result itself is {}: {}", to_string(result.status), result.message)));
   }
-  const ModelSource& model = *result.model_file;
+  if (model_file == nullptr) return out;
+  const ModelSource& model = *model_file;
   std::error_code none;
   if (std::filesystem::is_regular_file(model.path, none) &&
       sha256_of_file(model.path) != model.sha256) {
@@ -415,7 +417,7 @@ Findings check_origin(const Estimate& result) {
 }
 
 // Of a car: its fits, and whether a refit gives other values.
-void conclude_car(const VehicleRefit& refit, const Findings& circumstances, Estimate& estimate) {
+void conclude_car(const VehicleRefit& refit, const Findings& circumstances, Validation& estimate) {
   const std::vector<ChannelFit>& fits = estimate.simulation;
   std::vector<double> limits(fits.size(), 0.0);
   if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
@@ -431,25 +433,25 @@ void conclude_car(const VehicleRefit& refit, const Findings& circumstances, Esti
 
 }  // namespace
 
-Estimate validate(const Estimate& result, const Model& model,
-                  const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
-                  const ValidateOptions& options) {
+Validation validate(const ResultSections& result, const Model& model,
+                    const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
+                    const ValidateOptions& options) {
   const bool vehicle = is_vehicle(model);
-  Estimate out = vehicle ? validate_car(result, model, recordings, options.robust)
-                         : validate_filter(result, model, recordings);
+  Validation out = vehicle ? validate_car(result, model, recordings, options.robust)
+                           : validate_filter(result, model, recordings);
   const std::vector<ChannelFit>& fits = vehicle ? out.simulation : out.one_step;
-  const std::vector<ChannelFit>& own = vehicle ? result.simulation : result.one_step;
-  for (const ChannelFit& fit : own) {
+  const RecordingFit own = result.fit != nullptr ? *result.fit : RecordingFit{};
+  for (const ChannelFit& fit : vehicle ? own.simulation : own.one_step) {
     out.derived.push_back({"own fit of " + fit.channel, "%", fit.fit_percent, kNone});
   }
   VehicleRefit refit;
   if (vehicle) {
-    refit = refit_vehicle(result, model, recordings, options.robust);
+    refit = refit_vehicle(*result.core, model, recordings, options.robust);
     report_refit(refit, out);
     append(out.findings, check_refit_power(refit));
   }
-  Findings circumstances = check_own_data(result, inputs);
-  append(circumstances, check_origin(result));
+  Findings circumstances = check_own_data(*result.core, inputs);
+  append(circumstances, check_origin(*result.core, result.model_file));
   if (options.least_fit) {
     append(out.findings, check_fits(fits, std::vector<double>(fits.size(), *options.least_fit)));
     append(out.findings, circumstances);
@@ -462,7 +464,6 @@ Estimate validate(const Estimate& result, const Model& model,
     conclude(out, "it holds on these data: no test rejects it", Basis::tests);
   }
   out.verb = out.objective.method = "validate";
-  out.model_file = result.model_file;
   return out;
 }
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 
@@ -30,13 +30,13 @@ struct ValidateOptions {
 /// of the result's own data to compare with. Status rejected where a test rejects it, with the
 /// reason in the message. Warnings where a recording is one that the result was made from, where
 /// the result was not to be trusted, and where the model file is no longer what it was.
-/// @param result      as read from its file
-/// @param model       estimated_model() of it
+/// @param result      sections_of() it, of this program or as read from its file
+/// @param model       with its values, as estimated_model() gives it
 /// @param recordings  of the model's channels
 /// @param inputs      the files that the recordings come from
 /// @throws InputError when the recordings cannot be used with the model
-Estimate validate(const Estimate& result, const Model& model,
-                  const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
-                  const ValidateOptions& options = {});
+Validation validate(const ResultSections& result, const Model& model,
+                    const std::vector<Dataset>& recordings, const std::vector<InputRecord>& inputs,
+                    const ValidateOptions& options = {});
 
 }  // namespace identikal

@@ -33,7 +33,7 @@ double correlation(const Eigen::VectorXd& x, const Eigen::VectorXd& output) {
   return std::isnan(found) ? 0.0 : found;
 }
 
-bool usable(const Estimate& estimate, const std::string& name) {
+bool usable(const VehicleEstimate& estimate, const std::string& name) {
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.name != name) continue;
     return p.verdict != Verdict::not_identifiable && p.verdict != Verdict::unexcited &&
@@ -42,7 +42,7 @@ bool usable(const Estimate& estimate, const std::string& name) {
   return false;
 }
 
-bool is_free(const Estimate& estimate, const std::string& name) {
+bool is_free(const VehicleEstimate& estimate, const std::string& name) {
   return std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
                      [&](const EstimatedParameter& p) { return p.name == name && !p.fixed; });
 }
@@ -80,7 +80,7 @@ Findings check_signs(const VehicleRun& run, const VehicleParameters<double>& p) 
   return out;
 }
 
-Findings check_plausibility(const VehicleParameters<double>& p, const Estimate& estimate) {
+Findings check_plausibility(const VehicleParameters<double>& p, const VehicleEstimate& estimate) {
   Findings out;
   const auto implausible = [&](FindingCode code, const std::string& name, const std::string& text) {
     out.push_back(
@@ -155,7 +155,7 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
 }
 
 Findings check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms,
-                   const Estimate& estimate) {
+                   const VehicleEstimate& estimate) {
   Findings out;
   const auto& outputs = problem.run->outputs;
   // The yaw rate has to follow the steering, or else the output that does best; any other may be
@@ -202,7 +202,7 @@ Findings check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms,
 }
 
 Findings check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
-                         const Estimate& estimate) {
+                         const VehicleEstimate& estimate) {
   // The survey compares kinematics only, without lever arms and without a model of the car: a good
   // fit is evidence against what it suspects.
   double leading = 0.0;
@@ -239,7 +239,7 @@ Findings check_by_survey(const Model& model, const std::vector<Dataset>& recordi
 }
 
 Findings check_hold_out_by_survey(const Model& model, const std::vector<Dataset>& hold_out,
-                                  const Estimate& estimate) {
+                                  const Findings& of_the_fit) {
   Findings out;
   for (const Dataset& data : hold_out) {
     for (Finding& finding : survey(vehicle_signals(model, data)).findings) {
@@ -247,7 +247,7 @@ Findings check_hold_out_by_survey(const Model& model, const std::vector<Dataset>
       const auto same = [&](const Finding& f) {
         return f.code == finding.code && f.severity != Severity::note;
       };
-      if (std::any_of(estimate.findings.begin(), estimate.findings.end(), same) ||
+      if (std::any_of(of_the_fit.begin(), of_the_fit.end(), same) ||
           std::any_of(out.begin(), out.end(), same)) {
         continue;
       }
@@ -259,7 +259,7 @@ Findings check_hold_out_by_survey(const Model& model, const std::vector<Dataset>
   return out;
 }
 
-Findings check_hold_out(const Estimate& estimate) {
+Findings check_hold_out(const VehicleEstimate& estimate) {
   Findings out;
   for (const ChannelFit& held : estimate.hold_out) {
     for (const ChannelFit& own : estimate.simulation) {
@@ -327,7 +327,7 @@ Findings check_whiteness(const VehicleCovariance& covariance) {
 }
 
 Findings check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
-                     const Estimate& estimate) {
+                     const VehicleEstimate& estimate) {
   if (!saturation.refitted) return {};
   const auto& front = saturation.front;
   const auto& rear = saturation.rear;
@@ -380,7 +380,7 @@ Findings check_tyres(const VehicleProblem& problem, const TyreSaturation& satura
 }
 
 void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
-                                 Estimate& estimate) {
+                                 VehicleEstimate& estimate) {
   const VehicleRun& run = *problem.run;
   const Eigen::Index ja = run.find(VehicleQuantity::ay), jr = run.find(VehicleQuantity::r);
   const Eigen::Index N = run.time.size(), outputs = run.y.rows();

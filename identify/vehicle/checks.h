@@ -2,7 +2,7 @@
 // finds and changes nothing.
 #pragma once
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/tyre_saturation.h"
 
@@ -22,7 +22,7 @@ Findings check_signs(const VehicleRun& run, const VehicleParameters<double>& p);
 
 /// Iz/(m a b) outside 0.8 to 1.3 and axle stiffness per load outside 5 to 25 per rad, for
 /// determined values.
-Findings check_plausibility(const VehicleParameters<double>& p, const Estimate& estimate);
+Findings check_plausibility(const VehicleParameters<double>& p, const VehicleEstimate& estimate);
 
 /// The change of the positive parameters, relative to their size, that the recording determines
 /// least, when its standard error is above a quarter: where a user has to look for more knowledge.
@@ -35,21 +35,21 @@ inline constexpr double kPoorFit = 50.0;
 /// A simulation that explains less than half, and noise far from what the model file gave.
 /// @param rms  per output, SI
 Findings check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms,
-                   const Estimate& estimate);
+                   const VehicleEstimate& estimate);
 
 /// What the survey (identify/survey/survey.h) finds wrong with the recordings as the model file
 /// maps them: units, swapped or stuck channels, clocks, outliers, reversing. What the fit leaves
 /// out by itself, or reports itself, is not repeated.
 Findings check_by_survey(const Model& model, const std::vector<Dataset>& recordings,
-                         const Estimate& estimate);
+                         const VehicleEstimate& estimate);
 
 /// The same for held-out recordings, signs too, with the file named: the fit does not depend on
 /// them, so that it is a warning at most. What the fitted recordings have too is not repeated.
 Findings check_hold_out_by_survey(const Model& model, const std::vector<Dataset>& hold_out,
-                                  const Estimate& estimate);
+                                  const Findings& of_the_fit);
 
 /// Held-out data that the car predicts much worse than what it was fitted to.
-Findings check_hold_out(const Estimate& estimate);
+Findings check_hold_out(const VehicleEstimate& estimate);
 
 /// A steering gain that was fitted and is not 1: the model file's ratio is then wrong.
 Findings check_steering_gain(const VehicleProblem& problem, const VehicleCovariance& covariance,
@@ -60,10 +60,10 @@ Findings check_whiteness(const VehicleCovariance& covariance);
 
 /// Says whether, and by how much, the tyres leave the linear range.
 Findings check_tyres(const VehicleProblem& problem, const TyreSaturation& saturation,
-                     const Estimate& estimate);
+                     const VehicleEstimate& estimate);
 
 /// Notes: how the rows spread over lateral acceleration, and the residuals of each output there.
 void note_errors_by_acceleration(const VehicleProblem& problem, const VehicleOptimum& optimum,
-                                 Estimate& estimate);
+                                 VehicleEstimate& estimate);
 
 }  // namespace identikal

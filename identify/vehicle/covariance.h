@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "identify/estimate/recording_fit.h"
 #include "identify/vehicle/output_error.h"
 
 namespace identikal {

@@ -34,7 +34,7 @@ namespace identikal {
 namespace {
 
 /// The model file's parameters in its units; free ones still stand at their start.
-void list_parameters(const Model& model, Estimate& estimate) {
+void list_parameters(const Model& model, VehicleEstimate& estimate) {
   for (const Parameter& given : model.parameters) {
     EstimatedParameter result;
     result.name = given.name;
@@ -57,7 +57,7 @@ bool biases_the_others(VehicleParameter p) {
 }
 
 void report_values(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
-                   Estimate& estimate) {
+                   VehicleEstimate& estimate) {
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
     const UserValue user = in_user_terms(unknowns.free[i], p[unknowns.free[i]]);
@@ -67,7 +67,7 @@ void report_values(const VehicleUnknowns& unknowns, const VehicleParameters<doub
 
 /// A parameter at a bound has no interval; the others are judged as if it were known.
 void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
-                   const VehicleCovariance& covariance, Estimate& estimate) {
+                   const VehicleCovariance& covariance, VehicleEstimate& estimate) {
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     if (!covariance.at_bound[i]) continue;
     EstimatedParameter& result = estimate.parameters[unknowns.position[i]];
@@ -78,7 +78,7 @@ void report_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<doub
 
 /// @param estimate  with the values that report_bounds() gave
 Findings check_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
-                      const VehicleCovariance& covariance, const Estimate& estimate) {
+                      const VehicleCovariance& covariance, const VehicleEstimate& estimate) {
   Findings out;
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     if (!covariance.at_bound[i]) continue;
@@ -113,7 +113,7 @@ Findings check_bounds(const VehicleUnknowns& unknowns, const VehicleParameters<d
 }
 
 void report_errors(const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
-                   const VehicleCovariance& covariance, Estimate& estimate) {
+                   const VehicleCovariance& covariance, VehicleEstimate& estimate) {
   const auto k = static_cast<Eigen::Index>(covariance.inner.size());
   if (k == 0) return;
   Eigen::VectorXd to_user(k);
@@ -149,7 +149,7 @@ std::string kind_of(const VehicleCovariance& covariance, bool robust) {
 }
 
 void report_series(const VehicleSearch& found, const VehicleCovariance& covariance,
-                   Estimate& estimate) {
+                   VehicleEstimate& estimate) {
   const VehicleProblem& problem = found.problem;
   estimate.series = vehicle_series(problem, found.best.z);
   estimate.simulation = channel_fits(estimate.series, problem.robust);
@@ -178,7 +178,7 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
 
 /// Characteristic values, which the data may determine even where single parameters are not.
 void report_derived(const VehicleSearch& found, const VehicleCovariance& covariance,
-                    Estimate& estimate) {
+                    VehicleEstimate& estimate) {
   const VehicleProblem& problem = found.problem;
   const VehicleParameters<double> p = parameters_at(problem, found.best.z);
   const double u = problem.run->median_speed;
@@ -245,7 +245,7 @@ void report_derived(const VehicleSearch& found, const VehicleCovariance& covaria
 }
 
 /// @param flat  how many directions the data do not determine: they count as no parameters
-void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& estimate) {
+void report_objective(const VehicleSearch& found, Eigen::Index flat, VehicleEstimate& estimate) {
   const VehicleProblem& problem = found.problem;
   Objective& objective = estimate.objective;
   objective.log_likelihood = found.best.log_likelihood;
@@ -271,7 +271,7 @@ void report_objective(const VehicleSearch& found, Eigen::Index flat, Estimate& e
 /// Goes on from the best simulation with a filter gain that starts at zero. Where the gain raises
 /// the likelihood no more than chance would, there is no process noise, and the simulation stays.
 void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
-                     Estimate& estimate) {
+                     VehicleEstimate& estimate) {
   Eigen::VectorXd z = found.best.z;
   const VehicleProblem problem = predicting(found.problem, found.best.sd, z);
   SolverOptions solver;
@@ -294,7 +294,7 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
 /// Held-out rows, simulated by the fitted car. Their residuals are on the scale of the others where
 /// these are a simulation's too.
 void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovariance& covariance,
-                     bool simulation, Estimate& estimate) {
+                     bool simulation, VehicleEstimate& estimate) {
   Pictures& pictures = estimate.pictures;
   estimate.hold_out = channel_fits(held, found.problem.robust);
   if (simulation) {
@@ -312,7 +312,7 @@ void report_hold_out(Series held, const VehicleSearch& found, const VehicleCovar
 /// Goes on from the best simulation with the whole path unknown.
 VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
                                     const VehicleSearchOptions& search, VehicleSearch& found,
-                                    Estimate& estimate) {
+                                    VehicleEstimate& estimate) {
   if (options.bootstrap > 0) {
     throw InputError({}, "--bootstrap with --method trajectory",
                      "one of them: blocks of a path are not independent");
@@ -334,7 +334,7 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
 /// The free parameters that the recording does not determine.
 std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
                                       const VehicleCovariance& covariance,
-                                      const Estimate& estimate) {
+                                      const VehicleEstimate& estimate) {
   std::vector<std::string> open;
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;
@@ -354,7 +354,7 @@ std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
 
 /// What stands against any fit: parameters that are open, a search that did not converge.
 Findings check_search(const VehicleSearch& found, const VehicleCovariance& covariance,
-                      const Estimate& estimate) {
+                      const VehicleEstimate& estimate) {
   Findings out;
   const std::vector<std::string> open = undetermined(found.problem.unknowns, covariance, estimate);
   if (!open.empty()) {
@@ -369,7 +369,7 @@ Findings check_search(const VehicleSearch& found, const VehicleCovariance& covar
   return out;
 }
 
-std::string what_was_fitted(const VehicleSearch& found, const Estimate& estimate) {
+std::string what_was_fitted(const VehicleSearch& found, const VehicleEstimate& estimate) {
   const auto free = std::count_if(estimate.parameters.begin(), estimate.parameters.end(),
                                   [](const EstimatedParameter& p) { return !p.fixed; });
   if (free == 0) return fmt::format("simulated {} rows, nothing to fit", found.problem.run->used);
@@ -393,8 +393,9 @@ struct VehicleFit {
   }
 };
 
-Estimate begun(const Model& model, const std::vector<Dataset>& recordings, const VehicleRun& run) {
-  Estimate out;
+VehicleEstimate begun(const Model& model, const std::vector<Dataset>& recordings,
+                      const VehicleRun& run) {
+  VehicleEstimate out;
   out.verb = "fit";
   out.model_name = model.name;
   out.tyre_curve = name_of(as_vehicle(model).curve);
@@ -410,7 +411,7 @@ Estimate begun(const Model& model, const std::vector<Dataset>& recordings, const
 
 /// Steady-state cornering without sideslip, both stiffnesses free: fills the answer that it has.
 bool is_answered_by_steady_cornering(const Model& model, const VehicleRun& run,
-                                     const VehicleUnknowns& unknowns, Estimate& estimate) {
+                                     const VehicleUnknowns& unknowns, VehicleEstimate& estimate) {
   // With sideslip, or one stiffness known, a circle determines the stiffnesses.
   const bool open = unknowns.find(kCf) >= 0 && unknowns.find(kCr) >= 0 &&
                     run.find(VehicleQuantity::vy) < 0 && run.find(VehicleQuantity::beta) < 0;
@@ -444,7 +445,7 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
 /// The best simulation, from there on what the method adds to it, then the covariance.
 /// @return false when the simulation diverges from every start
 bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, VehicleFit& fit,
-                  Estimate& estimate) {
+                  VehicleEstimate& estimate) {
   using Method = VehicleFitOptions::Method;
   VehicleSearchOptions watched = fit.options.search;
   watched.progress = [&](int iteration, double L) {
@@ -473,7 +474,7 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
 }
 
 /// Everything but findings and conclusion.
-void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate& estimate) {
+void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleEstimate& estimate) {
   using Method = VehicleFitOptions::Method;
   const VehicleSearch& found = fit.found;
   const VehicleCovariance& covariance = fit.covariance;
@@ -500,7 +501,7 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate
 }
 
 /// What other forms of the model say, where their fits can be compared with this one.
-Findings check_other_forms(const VehicleFit& fit, Estimate& estimate) {
+Findings check_other_forms(const VehicleFit& fit, VehicleEstimate& estimate) {
   AlternativeForms other = compare_alternatives(fit.found, fit.options.search, estimate);
   estimate.notes.insert(estimate.notes.end(), other.notes.begin(), other.notes.end());
   return std::move(other.findings);
@@ -508,7 +509,8 @@ Findings check_other_forms(const VehicleFit& fit, Estimate& estimate) {
 
 /// The findings. Those on channels come first: where a channel is misread, other forms of the model
 /// and another tyre would only explain the error away.
-void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, Estimate& estimate) {
+void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
+                       VehicleEstimate& estimate) {
   const VehicleProblem& problem = fit.found.problem;
   const VehicleParameters<double> p = fit.parameters();
   Findings& found = estimate.findings;
@@ -517,7 +519,7 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, E
   append(found, check_signs(*problem.run, p));
   if (fit.second_opinion()) {
     append(found, check_by_survey(fit.model, fit.recordings, estimate));
-    append(found, check_hold_out_by_survey(fit.model, fit.options.hold_out, estimate));
+    append(found, check_hold_out_by_survey(fit.model, fit.options.hold_out, estimate.findings));
   }
   if (other_forms && !has_misreading(found)) {
     append(found, check_sensor_misalignment(fit.found, fit.options.search, estimate));
@@ -543,8 +545,8 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, E
 // The order, in which each step reads what those before it filled: the optimum; reports, of which
 // verdicts and fits are what the checks judge by; findings; the conclusion from them, which puts
 // causes before consequences; pictures of it all.
-Estimate fit_vehicle(const Model& given, const std::vector<Dataset>& recordings,
-                     const VehicleFitOptions& options) {
+VehicleEstimate fit_vehicle(const Model& given, const std::vector<Dataset>& recordings,
+                            const VehicleFitOptions& options) {
   if (options.search.starts < 1) {
     throw std::invalid_argument(
         fmt::format("{} starts; expected at least 1", options.search.starts));
@@ -556,7 +558,7 @@ Estimate fit_vehicle(const Model& given, const std::vector<Dataset>& recordings,
   }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, recordings);
-  Estimate estimate = begun(model, recordings, run);
+  VehicleEstimate estimate = begun(model, recordings, run);
   if (is_answered_by_steady_cornering(model, run, unknowns, estimate)) return estimate;
   require_samples(recordings, run, unknowns);
 

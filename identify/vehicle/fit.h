@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model_file.h"
 #include "identify/vehicle/search.h"
 #include "lib/data/dataset.h"
@@ -19,7 +19,7 @@ struct VehicleFitOptions {
   bool second_opinion = true;     ///< survey the recordings and try other forms of the model
   int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
   std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on
-  bool pictures = false;          ///< fills Estimate::pictures
+  bool pictures = false;          ///< fills RecordingFit::pictures
 };
 
 /// Fits the free parameters of the single-track vehicle to a recording by output error: minimise
@@ -51,10 +51,10 @@ struct VehicleFitOptions {
 /// @throws InputError for trajectory with a bootstrap or a relaxation length, for prediction_error
 ///   with robust noise, and when the recording or the model cannot be used at all: too few rows,
 ///   never above the minimum speed, no steering, only dead outputs, a missing or unknown parameter
-Estimate fit_vehicle(const Model& model, const std::vector<Dataset>& recordings,
-                     const VehicleFitOptions& options = {});
-inline Estimate fit_vehicle(const Model& model, const Dataset& recording,
-                            const VehicleFitOptions& options = {}) {
+VehicleEstimate fit_vehicle(const Model& model, const std::vector<Dataset>& recordings,
+                            const VehicleFitOptions& options = {});
+inline VehicleEstimate fit_vehicle(const Model& model, const Dataset& recording,
+                                   const VehicleFitOptions& options = {}) {
   return fit_vehicle(model, std::vector<Dataset>{recording}, options);
 }
 

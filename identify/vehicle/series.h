@@ -1,6 +1,7 @@
 // What did the car do, measured and simulated?
 #pragma once
 
+#include "identify/estimate/recording_fit.h"
 #include "identify/vehicle/output_error.h"
 
 namespace identikal {

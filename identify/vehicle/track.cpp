@@ -170,9 +170,9 @@ struct TrackedParameters {
 
 TrackedParameters report_time_history(const VehicleUnknowns& unknowns, const BalanceRows& rows,
                                       const VectorXd& time, const RegressionHistory& track,
-                                      Estimate& estimate) {
+                                      TrackedCoefficients& estimate) {
   const auto count = static_cast<Index>(rows.unknown.size());
-  TimeHistory& history = estimate.time_history.emplace();
+  TimeHistory& history = estimate.time_history;
   history.mean.resize(count, time.size());
   history.sd.resize(count, time.size());
   TrackedParameters out;
@@ -202,7 +202,7 @@ TrackedParameters report_time_history(const VehicleUnknowns& unknowns, const Bal
 
 // What the end of the recording determines.
 void report_end(const RecursiveLeastSquares& end, const TrackedParameters& tracked,
-                Estimate& estimate) {
+                TrackedCoefficients& estimate) {
   const double noise = std::max(1e-30, noise_variance(end)[0]);
   const VectorXd per_scale = tracked.scale.cwiseInverse();
   const std::vector<Index>& order = tracked.order;
@@ -219,7 +219,7 @@ void report_end(const RecursiveLeastSquares& end, const TrackedParameters& track
 // Predictions made before each point of time.
 void report_predictions(const VehicleBalances& balances, const BalanceRows& rows,
                         const VehicleParameters<double>& p, const RegressionHistory& by_row,
-                        Estimate& estimate) {
+                        TrackedCoefficients& estimate) {
   // The moment's error as one of the yaw acceleration, with the file's inertia.
   const VectorXd force_error = every_second(by_row.prior_error, 0);
   const VectorXd moment_error =
@@ -242,7 +242,7 @@ void report_predictions(const VehicleBalances& balances, const BalanceRows& rows
 }
 
 /// Parameters that the end of the recording leaves open.
-Findings check_end(const Estimate& estimate) {
+Findings check_end(const TrackedCoefficients& estimate) {
   std::string open;
   for (const EstimatedParameter& each : estimate.parameters) {
     const bool determined =
@@ -257,7 +257,7 @@ Findings check_end(const Estimate& estimate) {
 
 }  // namespace
 
-Estimate track_vehicle(const Model& given, const Dataset& recording) {
+TrackedCoefficients track_vehicle(const Model& given, const Dataset& recording) {
   const Model model = checked(given, {recording});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {recording});
@@ -272,7 +272,7 @@ Estimate track_vehicle(const Model& given, const Dataset& recording) {
       run_recursive_least_squares(rows.phi, rows.y, kSoftConstraint, past.per_row());
   const RegressionHistory track = after_both(by_row);
 
-  Estimate estimate;
+  TrackedCoefficients estimate;
   estimate.verb = "track";
   estimate.model_name = model.name;
   estimate.objective.method = "recursive least squares on force and moment";
@@ -284,7 +284,7 @@ Estimate track_vehicle(const Model& given, const Dataset& recording) {
   const TrackedParameters tracked =
       report_time_history(unknowns, rows, balances.time, track, estimate);
   if (past.forgetting.reset || past.forgetting.watch) {
-    estimate.time_history->log_threshold = std::log(past.per_row().samples_per_false_alarm);
+    estimate.time_history.log_threshold = std::log(past.per_row().samples_per_false_alarm);
   }
   report_end(by_row.end, tracked, estimate);
   report_predictions(balances, rows, unknowns.value, by_row, estimate);

@@ -1,7 +1,7 @@
 // How do cornering stiffness and yaw inertia change along a recording?
 #pragma once
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model_file.h"
 #include "lib/data/dataset.h"
 
@@ -26,6 +26,6 @@ namespace identikal {
 /// @throws InputError when no row is usable, the outputs do not show the balances, none of the
 /// three
 ///   is free, or the rows are too few
-Estimate track_vehicle(const Model& model, const Dataset& recording);
+TrackedCoefficients track_vehicle(const Model& model, const Dataset& recording);
 
 }  // namespace identikal

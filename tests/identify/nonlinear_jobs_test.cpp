@@ -88,14 +88,14 @@ void expect_same(const std::vector<ChannelFit>& a, const std::vector<ChannelFit>
   }
 }
 
-void expect_same_tests(const Estimate& a, const Estimate& b, double bound) {
-  ASSERT_EQ(a.tests.size(), b.tests.size());
-  for (std::size_t i = 0; i < a.tests.size(); ++i) {
-    EXPECT_EQ(a.tests[i].id, b.tests[i].id);
-    EXPECT_EQ(a.tests[i].channel, b.tests[i].channel);
-    EXPECT_EQ(a.tests[i].pass, b.tests[i].pass);
-    EXPECT_NEAR(a.tests[i].value, b.tests[i].value, bound * (1.0 + std::abs(b.tests[i].value)))
-        << a.tests[i].id;
+void expect_same_tests(const std::vector<TestResult>& a, const std::vector<TestResult>& b,
+                       double bound) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].id, b[i].id);
+    EXPECT_EQ(a[i].channel, b[i].channel);
+    EXPECT_EQ(a[i].pass, b[i].pass);
+    EXPECT_NEAR(a[i].value, b[i].value, bound * (1.0 + std::abs(b[i].value))) << a[i].id;
   }
 }
 
@@ -121,14 +121,14 @@ TEST(NonlinearJobs, FilterAndSmootherWriteTheLinearOnesFiles) {
          {std::optional<Index>(0), std::optional<Index>(3), std::optional<Index>()}) {
       Model general = extended;
       as_formulas(general).filter = method;
-      const FilterRun a = filter_recordings(linear, recordings, {lag}),
-                      b = filter_recordings(general, recordings, {lag});
-      const auto states = [&](const Model& model, const FilterRun& run) {
+      const StateEstimate a = filter_recordings(linear, recordings, {lag}),
+                          b = filter_recordings(general, recordings, {lag});
+      const auto states = [&](const Model& model, const StateEstimate& run) {
         std::ostringstream out;
         write_states_csv(out, model, recordings, run);
         return csv_numbers(out.str());
       };
-      const auto innovations = [&](const FilterRun& run) {
+      const auto innovations = [&](const StateEstimate& run) {
         std::ostringstream out;
         write_innovations_csv(out, recordings, run);
         return csv_numbers(out.str());
@@ -144,7 +144,7 @@ TEST(NonlinearJobs, FilterAndSmootherWriteTheLinearOnesFiles) {
         }
         EXPECT_LT(worst, 1e-8);
       }
-      EXPECT_EQ(a.estimate.notes, b.estimate.notes);
+      EXPECT_EQ(a.notes, b.notes);
     }
   }
 }
@@ -155,11 +155,11 @@ TEST(NonlinearJobs, CheckGivesTheLinearOnesTests) {
     Model linear = two_states(Form::linear), general = two_states(Form::formulas);
     set_parameter(linear, "r=" + std::to_string(r));
     set_parameter(general, "r=" + std::to_string(r));
-    const Estimate a = check(linear, recordings), b = check(general, recordings);
+    const OptimalityReport a = check(linear, recordings), b = check(general, recordings);
     EXPECT_EQ(a.status, r == 1.0 ? Status::ok : Status::rejected);
     EXPECT_EQ(a.status, b.status);
     EXPECT_EQ(a.message, b.message);
-    expect_same_tests(a, b, 1e-7);
+    expect_same_tests(a.tests, b.tests, 1e-7);
     expect_same(a.one_step, b.one_step, 1e-8);
     EXPECT_EQ(a.derived.size(), 1U);  // the loss
     EXPECT_EQ(b.derived.size(), 0U);
@@ -179,22 +179,22 @@ TEST(NonlinearJobs, CompareRanksThemAlike) {
     set_parameter(worse, "q=3");
     return compare_filters({worse, better}, {recordings, recordings});
   };
-  const Estimate a = ranked(Form::linear), b = ranked(Form::formulas);
+  const Comparison a = ranked(Form::linear), b = ranked(Form::formulas);
   EXPECT_EQ(a.message, b.message);
   EXPECT_EQ(a.message.find("better.yaml"), 0U);
-  expect_same_tests(a, b, 1e-7);
+  expect_same_tests(a.tests, b.tests, 1e-7);
 }
 
 TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
   const Dataset whole = two_states_recording(500, 5), other = two_states_recording(200, 6);
   const Index cut = 350;
-  Estimate estimates[2];
+  NoiseEstimate estimates[2];
   for (const Form form : {Form::linear, Form::formulas}) {
     const Model model = two_states(form);
     NoiseMlOptions options;
     options.starts = 1;
     options.profiles = false;
-    Estimate& e = estimates[form == Form::linear ? 0 : 1];
+    NoiseEstimate& e = estimates[form == Form::linear ? 0 : 1];
     e = tune_ml(model, {first_samples(whole, cut)}, options);
     ASSERT_EQ(e.status, Status::ok);
     report_hold_out(e, model, {{whole, cut}, {other, 0}});
@@ -209,7 +209,7 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
   // The held-out rows of one recording, by hand: the filter runs through, the likelihood of what
   // follows is that of all less that of what came before.
   const Model model = two_states(Form::formulas);
-  Estimate e = estimates[1];
+  NoiseEstimate e = estimates[1];
   report_hold_out(e, model, {{whole, cut}});
   Model found = model;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -228,19 +228,18 @@ TEST(NonlinearJobs, TuneHoldsOutAndValidates) {
   EXPECT_EQ(e.pictures.held_time.size(), 150);
   EXPECT_EQ(e.pictures.held_out_simulation.cols(), 150);
 
-  Estimate validated[2];
+  Validation validated[2];
   for (int i = 0; i < 2; ++i) {
     Model there = two_states(i == 0 ? Form::linear : Form::formulas);
     for (std::size_t p = 0; p < 3; ++p) {
       there.parameters[p].value(0, 0) = estimates[0].parameters[p].value;
     }
-    Estimate result = estimates[0];
-    result.model_file = {"none.yaml", "", kTwoCoupled, {}};
+    NoiseEstimate result = estimates[0];
     result.inputs = {{"two_states.csv", "", 350, 350}};
-    validated[i] = validate(result, there, {other}, {{"other.csv", "", 200, 200}});
+    validated[i] = validate(sections_of(result), there, {other}, {{"other.csv", "", 200, 200}});
   }
   EXPECT_EQ(validated[0].status, validated[1].status);
-  expect_same_tests(validated[0], validated[1], 1e-7);
+  expect_same_tests(validated[0].tests, validated[1].tests, 1e-7);
 }
 
 TEST(NonlinearJobs, AFreeRunNeedsNothingButTheFirstState) {
@@ -258,7 +257,7 @@ TEST(NonlinearJobs, AFreeRunNeedsNothingButTheFirstState) {
   data.y = simulated_outputs(model, data, random);
   const MatrixXd y = simulated_outputs(model, model.parameters, data);
   EXPECT_LT((y - data.y).cwiseAbs().maxCoeff(), 1e-4);
-  Estimate estimate;
+  FilterEstimate estimate;
   report_simulation(estimate, model, model.parameters, {data});
   EXPECT_GT(estimate.simulation[0].fit_percent, 99.99);
 }
@@ -268,17 +267,17 @@ TEST(NonlinearJobs, TheBoundIsTheLinearOnes) {
   BoundOptions options;
   options.samples = 300;
   options.runs = 100;
-  const Estimate a = bound_of(two_states(Form::linear), options, &planned),
-                 b = bound_of(two_states(Form::formulas), options, &planned);
-  EXPECT_EQ(a.bound->simulated, 0);
-  EXPECT_EQ(b.bound->simulated, 100);
-  ASSERT_LT(b.bound->simulation_se, 0.02);
+  const CramerRaoBound a = bound_of(two_states(Form::linear), options, &planned),
+                       b = bound_of(two_states(Form::formulas), options, &planned);
+  EXPECT_EQ(a.bound.simulated, 0);
+  EXPECT_EQ(b.bound.simulated, 100);
+  ASSERT_LT(b.bound.simulation_se, 0.02);
   for (std::size_t i = 0; i < 3; ++i) {
     const double off = b.parameters[i].crb_se / a.parameters[i].crb_se - 1.0;
     std::printf("%s: %.4g, exact %.4g, %.2f %% off\n", a.parameters[i].name.c_str(),
                 b.parameters[i].crb_se, a.parameters[i].crb_se, 100.0 * off);
     // False alarms: 3 in 1000 each.
-    EXPECT_LT(std::abs(off), 3.0 * b.bound->simulation_se);
+    EXPECT_LT(std::abs(off), 3.0 * b.bound.simulation_se);
   }
 }
 
@@ -303,7 +302,7 @@ TEST(NonlinearJobs, ScoresScatterAsTheBoundSays) {
   options.samples = 200;
   options.seed = 11;
   options.runs = 200;
-  const Estimate bound = bound_of(model, options, &data);
+  const CramerRaoBound bound = bound_of(model, options, &data);
   ASSERT_EQ(bound.status, Status::ok);
   MatrixXd J = MatrixXd::Zero(3, 3);
   std::vector<VectorXd> scores;

@@ -138,7 +138,7 @@ TEST(StudyFigure, PosteriorIsADensityAsWideAsTheBound) {
   // One recording scatters around the bound.
   BoundOptions options;
   options.samples = 2000;
-  const Estimate bound = bound_of(scalar_model(0.5, 2.0, 10.0), options, nullptr);
+  const CramerRaoBound bound = bound_of(scalar_model(0.5, 2.0, 10.0), options, nullptr);
   const Eigen::VectorXd weight = at.col(2) * cell;
   for (Index i = 0; i < 2; ++i) {
     const double mean = weight.dot(at.col(i));
@@ -182,7 +182,7 @@ TEST(StudyFigure, BoundsOfFigure15) {
     EXPECT_NEAR(at(i, 2) * at(i, 0) / (2.0 * 2.0 * 2.0), 1.0, 1e-5);
     BoundOptions of;
     of.samples = static_cast<Index>(at(i, 0));
-    const Estimate bound = bound_of(scalar_model(-0.5, 10.0, 2.0), of, nullptr);
+    const CramerRaoBound bound = bound_of(scalar_model(-0.5, 10.0, 2.0), of, nullptr);
     EXPECT_NEAR(at(i, 1) / std::pow(bound.parameters[1].crb_se, 2), 1.0, 1e-5);
   }
 }

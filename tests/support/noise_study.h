@@ -79,9 +79,10 @@ inline std::vector<Eigen::MatrixXd> simulated_recordings(const MatiskoSystem& sy
 }
 
 /// Runs the estimator over all recordings and prints what came of it.
-inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
-                        const std::vector<Eigen::MatrixXd>& recordings,
-                        const std::function<Estimate(const std::vector<Dataset>&)>& estimator) {
+inline NoiseStudy study(
+    const std::string& title, const MatiskoSystem& system,
+    const std::vector<Eigen::MatrixXd>& recordings,
+    const std::function<NoiseEstimate(const std::vector<Dataset>&)>& estimator) {
   const Eigen::Index k = system.truth.size();
   const auto runs = static_cast<Eigen::Index>(recordings.size());
   Eigen::MatrixXd estimates(k, runs);
@@ -92,7 +93,7 @@ inline NoiseStudy study(const std::string& title, const MatiskoSystem& system,
   const double optimal = predicted_spread(truth, truth);
   double squares = 0.0, saying = 0.0;
   for (Eigen::Index run = 0; run < runs; ++run) {
-    const Estimate e = estimator({dataset_of(recordings[static_cast<std::size_t>(run)])});
+    const NoiseEstimate e = estimator({dataset_of(recordings[static_cast<std::size_t>(run)])});
     out.not_ok += e.status != Status::ok;
     for (Eigen::Index i = 0; i < k; ++i) {
       const EstimatedParameter& p = e.parameters[static_cast<std::size_t>(i)];

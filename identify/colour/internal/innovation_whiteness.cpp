@@ -40,7 +40,7 @@ InnovationSpectra innovation_spectra(const MatrixXd& standardised, Index first) 
   return out;
 }
 
-InnovationWhiteness innovation_whiteness(const Estimate& estimate) {
+InnovationWhiteness innovation_whiteness(const FilterEstimate& estimate) {
   InnovationWhiteness out;
   for (const TestResult& test : estimate.tests) {
     if (test.id == "ljung_box" && !std::isnan(test.p)) out.p = std::min(out.p, test.p);

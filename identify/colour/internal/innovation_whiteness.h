@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
@@ -32,6 +32,6 @@ struct InnovationWhiteness {
 
 /// Ljung-Box of every channel, and the highest peak of the spectrum of all channels against its
 /// chi-square distribution.
-InnovationWhiteness innovation_whiteness(const Estimate& estimate);
+InnovationWhiteness innovation_whiteness(const FilterEstimate& estimate);
 
 }  // namespace identikal

@@ -11,8 +11,7 @@ namespace identikal {
 namespace {
 
 // There are no estimates, and so no standard errors.
-std::string bound_table(const Estimate& estimate) {
-  const Bound& bound = *estimate.bound;
+std::string bound_table(const Estimate& estimate, const Bound& bound) {
   const bool wanted = !std::isnan(bound.accuracy);
   std::vector<TableColumn> columns{{"parameter", true}, {"value"}, {"unit", true},
                                    {"bound se"},        {"%"},     {"states measured"}};
@@ -55,10 +54,11 @@ std::string meaning_of_columns(const Bound& bound) {
 }
 
 // What the uncertainty of the noise means for the filter.
-std::string gain_text(const Estimate& estimate) {
-  const Bound& bound = *estimate.bound;
+std::string gain_text(const ResultSections& result) {
+  const Estimate& estimate = *result.core;
+  const Bound& bound = *result.bound;
   if (bound.gain_se.size() == 0) return "";
-  std::string out = "\n" + matrix_text("K", estimate.noise.K_steady) +
+  std::string out = "\n" + matrix_text("K", result.noise->K_steady) +
                     matrix_text("standard deviation of K", bound.gain_se);
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     if (bound.gain_change[i].size() == 0) continue;
@@ -69,8 +69,7 @@ std::string gain_text(const Estimate& estimate) {
 }
 
 // The same with the filter's own quantities as the unknowns.
-std::string innovation_form_text(const Estimate& estimate) {
-  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+std::string innovation_form_text(const Estimate& estimate, const Bound::InnovationForm& form) {
   if (form.Sigma.size() == 0) return "";
   std::string out = "\nwith K and Sigma themselves as the unknowns\n" +
                     matrix_text("Sigma", form.Sigma) +
@@ -91,9 +90,9 @@ std::string innovation_form_text(const Estimate& estimate) {
 
 }  // namespace
 
-std::string bound_text(const Estimate& estimate) {
-  return bound_table(estimate) + meaning_of_columns(*estimate.bound) + gain_text(estimate) +
-         innovation_form_text(estimate);
+std::string bound_text(const ResultSections& result) {
+  return bound_table(*result.core, *result.bound) + meaning_of_columns(*result.bound) +
+         gain_text(result) + innovation_form_text(*result.core, result.bound->innovation_form);
 }
 
 }  // namespace identikal

@@ -3,12 +3,12 @@
 
 #include <string>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 
 namespace identikal {
 
 /// The table of the bounds, what they mean for the steady gain, and those of K and Sigma
 /// themselves.
-std::string bound_text(const Estimate& estimate);
+std::string bound_text(const ResultSections& result);
 
 }  // namespace identikal

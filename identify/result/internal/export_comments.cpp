@@ -11,7 +11,7 @@ namespace {
 
 std::string unit_text(const std::string& unit) { return unit.empty() ? "" : " " + unit; }
 
-std::string status_line(const Estimate& e) {
+std::string status_line(const StoredEstimate& e) {
   switch (e.status) {
     case Status::untrusted:
       return "NOT TO BE TRUSTED: " + e.message;
@@ -53,7 +53,7 @@ std::string remark_of(const EstimatedParameter& p) {
 }
 
 std::vector<std::string> origin_lines(const StoredResult& result, const std::string& date) {
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   std::vector<std::string> out;
   const std::string& method = e.objective.method;
   out.push_back(fmt::format("{}: identikal {}{}, version {}{}", e.model_name, e.verb,
@@ -76,7 +76,7 @@ std::vector<std::string> origin_lines(const StoredResult& result, const std::str
   return out;
 }
 
-std::vector<std::string> parameter_lines(const Estimate& e, bool with_known) {
+std::vector<std::string> parameter_lines(const StoredEstimate& e, bool with_known) {
   std::vector<std::string> out;
   for (const EstimatedParameter& p : e.parameters) {
     if (p.fixed && !with_known) continue;
@@ -87,7 +87,7 @@ std::vector<std::string> parameter_lines(const Estimate& e, bool with_known) {
   return out;
 }
 
-std::vector<std::string> vehicle_lines(const Estimate& e) {
+std::vector<std::string> vehicle_lines(const StoredEstimate& e) {
   std::vector<std::string> out{
       "single-track model, ISO 8855: x forward, y and angles positive to the left; C of an axle is "
       "Cf or Cr",
@@ -127,7 +127,7 @@ std::string channel_list(const std::vector<SteadyFilter::Channel>& channels, con
   return out;
 }
 
-std::vector<std::string> filter_lines(const Estimate& e) {
+std::vector<std::string> filter_lines(const StoredEstimate& e) {
   const SteadyFilter& f = *e.filter;
   std::vector<std::string> out;
   out.emplace_back(

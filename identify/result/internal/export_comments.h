@@ -17,11 +17,11 @@ std::vector<std::string> origin_lines(const StoredResult& result, const std::str
 
 /// A parameter's standard error and verdict, or why it has none.
 std::string remark_of(const EstimatedParameter& parameter);
-std::vector<std::string> parameter_lines(const Estimate& estimate, bool with_known);
+std::vector<std::string> parameter_lines(const StoredEstimate& estimate, bool with_known);
 
 /// The equations of a vehicle with the result's tyre curve, and those of a filter.
-std::vector<std::string> vehicle_lines(const Estimate& estimate);
-std::vector<std::string> filter_lines(const Estimate& estimate);
+std::vector<std::string> vehicle_lines(const StoredEstimate& estimate);
+std::vector<std::string> filter_lines(const StoredEstimate& estimate);
 
 /// "level (recorded in cm), ...".
 std::string channel_list(const std::vector<SteadyFilter::Channel>& channels,

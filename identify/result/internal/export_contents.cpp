@@ -14,7 +14,7 @@
 namespace identikal {
 namespace {
 
-std::vector<NamedMatrix> filter_matrices(const Estimate& e) {
+std::vector<NamedMatrix> filter_matrices(const StoredEstimate& e) {
   const SteadyFilter& f = *e.filter;
   const bool density = e.noise.Q_kind == "density";
   std::vector<NamedMatrix> all{
@@ -39,7 +39,7 @@ std::vector<NamedMatrix> filter_matrices(const Estimate& e) {
 }
 
 // The estimates in SI, one after the other.
-std::vector<StructMember> members_of(const Estimate& e, bool vehicle) {
+std::vector<StructMember> members_of(const StoredEstimate& e, bool vehicle) {
   std::vector<StructMember> out;
   for (const EstimatedParameter& p : e.parameters) {
     if (is_straight(p)) continue;
@@ -63,7 +63,7 @@ std::vector<SteadyFilter::Channel> channels_of(const std::vector<ChannelSource>&
 }
 
 void add_formulas(ExportContents& to, const StoredResult& result) {
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   const Model model = estimated_model(e, result.path);
   const StateSpace written = written_matrices(noise_model(model), model.parameters);
   const bool density = e.noise.Q_kind == "density";
@@ -116,7 +116,7 @@ std::string missing_number(const ExportContents& c) {
 
 }  // namespace
 
-ExportKind export_kind(const Estimate& e) {
+ExportKind export_kind(const StoredEstimate& e) {
   if (e.verb == "bound") return ExportKind::nothing;
   if (!e.tyre_curve.empty())
     return e.parameters.empty() ? ExportKind::nothing : ExportKind::vehicle;
@@ -125,7 +125,7 @@ ExportKind export_kind(const Estimate& e) {
 }
 
 ExportContents export_contents(const StoredResult& result) {
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   ExportContents out;
   switch (export_kind(e)) {
     case ExportKind::nothing:

@@ -13,7 +13,7 @@ namespace identikal {
 
 enum class ExportKind { nothing, filter, vehicle, formulas };
 
-ExportKind export_kind(const Estimate& estimate);
+ExportKind export_kind(const StoredEstimate& estimate);
 
 struct NamedMatrix {
   std::string name;

@@ -14,7 +14,7 @@ using ExportJson = nlohmann::ordered_json;
 
 // What origin_lines() says, for programs.
 ExportJson identity(const StoredResult& result, const std::string& date) {
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   ExportJson warnings = ExportJson::array(), data = ExportJson::array();
   for (const Finding& w : printed(e.findings)) {
     warnings.push_back(
@@ -47,7 +47,7 @@ ExportJson identity(const StoredResult& result, const std::string& date) {
 
 std::string export_json(const StoredResult& result, const ExportContents& c,
                         const std::string& date) {
-  const Estimate& e = result.estimate;
+  const StoredEstimate& e = result.estimate;
   const auto number = [](double x) {
     return std::isfinite(x) ? ExportJson(x) : ExportJson(nullptr);
   };

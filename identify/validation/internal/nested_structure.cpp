@@ -129,7 +129,7 @@ NestedStructure structure_at(const StoredResult& small, const StoredResult& larg
       return NestedStructure::other;
     }
     if (is_vehicle(a)) return same_vehicle(as_vehicle(a), as_vehicle(b));
-    Estimate there = large.estimate;
+    StoredEstimate there = large.estimate;
     for (EstimatedParameter& p : there.parameters) {
       const auto& of_small = small.estimate.parameters;
       const auto at = std::find_if(of_small.begin(), of_small.end(),

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 

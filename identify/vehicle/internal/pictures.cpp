@@ -118,7 +118,7 @@ void picture_start(const VehicleProblem& problem, const VehicleCovariance& covar
   }
 }
 
-void picture_profiles(const VehicleSearch& found, Estimate& estimate) {
+void picture_profiles(const VehicleSearch& found, VehicleEstimate& estimate) {
   const VehicleProblem& problem = found.problem;
   if (problem.residuals() > kMostResiduals || !found.best.converged) return;
   for (std::size_t n = 0; n < problem.unknowns.free.size(); ++n) {
@@ -157,7 +157,7 @@ void picture_profiles(const VehicleSearch& found, Estimate& estimate) {
 }  // namespace
 
 void picture_vehicle(const VehicleSearch& found, const VehicleCovariance& covariance,
-                     Estimate& estimate) {
+                     VehicleEstimate& estimate) {
   const VehicleProblem& problem = found.problem;
   const VehicleParameters<double> p = parameters_at(problem, found.best.z);
   Pictures& out = estimate.pictures;

@@ -1,7 +1,7 @@
 // What did the car's axles, track and likelihood look like?
 #pragma once
 
-#include "identify/estimate/estimate.h"
+#include "identify/estimate/results.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/search.h"
 
@@ -15,6 +15,6 @@ namespace identikal {
 /// the fitted curve over the slips that the car went through. Tracks (lib/vehicle/trajectory.h) of
 /// the longest segment: simulated, and from measured yaw rate and sideslip where there are both.
 void picture_vehicle(const VehicleSearch& found, const VehicleCovariance& covariance,
-                     Estimate& estimate);
+                     VehicleEstimate& estimate);
 
 }  // namespace identikal

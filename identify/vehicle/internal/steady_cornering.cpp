@@ -132,7 +132,7 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
   return out;
 }
 
-void report_steady(const Model& model, const SteadyTurning& found, Estimate& estimate) {
+void report_steady(const Model& model, const SteadyTurning& found, VehicleEstimate& estimate) {
   for (EstimatedParameter& p : estimate.parameters) {
     if (!p.fixed) p.verdict = Verdict::unexcited;
   }

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "identify/estimate/results.h"
 #include "identify/vehicle/output_error.h"
 
 namespace identikal {
@@ -37,7 +38,7 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
                                             double bias_r = 0.0);
 
 /// Fills the answer for a steady recording: the two products, no parameter.
-void report_steady(const Model& model, const SteadyTurning& found, Estimate& estimate);
+void report_steady(const Model& model, const SteadyTurning& found, VehicleEstimate& estimate);
 
 /// That no parameter is determined, and whether i L contradicts the model file.
 Findings check_steady(const Model& model, const SteadyTurning& found);

@@ -39,7 +39,7 @@ bool ends_at_new_bound(const VehicleSearch& original, const VehicleSearch& other
 /// @param near  the answer lies near the original one: no other starts are tried
 Alternative fit_alternative(const VehicleSearch& original, const VehicleRun& run,
                             const VehicleUnknowns& unknowns, bool near,
-                            VehicleSearchOptions options, const Estimate& estimate) {
+                            VehicleSearchOptions options, const VehicleEstimate& estimate) {
   const VehicleParameters<double> before = parameters_at(original.problem, original.best.z);
   Alternative out;
   if (near) {
@@ -74,7 +74,7 @@ Alternative fit_alternative(const VehicleSearch& original, const VehicleRun& run
   return out;
 }
 
-/// Estimate and standard error of the parameter that the alternative freed, and whether it is
+/// VehicleEstimate and standard error of the parameter that the alternative freed, and whether it is
 /// away from the value it had.
 struct Freed {
   double value, se;
@@ -95,7 +95,7 @@ Freed freed(const Alternative& alternative, VehicleParameter parameter, double w
 }  // namespace
 
 Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
-                                   const Estimate& estimate) {
+                                   const VehicleEstimate& estimate) {
   Findings out;
   const VehicleRun& run = *found.problem.run;
   for (const VehicleQuantity quantity : {VehicleQuantity::vy, VehicleQuantity::beta}) {
@@ -123,7 +123,7 @@ Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSear
 
 AlternativeForms compare_alternatives(const VehicleSearch& found,
                                       const VehicleSearchOptions& options,
-                                      const Estimate& estimate) {
+                                      const VehicleEstimate& estimate) {
   AlternativeForms out;
   const VehicleUnknowns& unknowns = found.problem.unknowns;
   const double step = found.problem.run->step;

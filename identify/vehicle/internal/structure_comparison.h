@@ -1,6 +1,7 @@
 // Would another structure of the model change the estimates?
 #pragma once
 
+#include "identify/estimate/results.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/search.h"
 
@@ -10,7 +11,7 @@ namespace identikal {
 /// show a wrong sign only where ay is measured too; here a residual that the other sign makes
 /// smaller by two fifths is one: wrong_sign, serious.
 Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
-                                   const Estimate& estimate);
+                                   const VehicleEstimate& estimate);
 
 struct AlternativeForms {
   Findings findings;
@@ -23,6 +24,6 @@ struct AlternativeForms {
 /// model file's ratio, or the clock of the steering channel. What ends at a bound is left out.
 AlternativeForms compare_alternatives(const VehicleSearch& found,
                                       const VehicleSearchOptions& options,
-                                      const Estimate& estimate);
+                                      const VehicleEstimate& estimate);
 
 }  // namespace identikal

@@ -54,7 +54,7 @@ TEST(ShapeStudy, ThePublishedColourIsFound) {
     ShapeOptions options;
     options.most_order = 2;
     const ShapeResult result = shape(base, {data}, options);
-    const Shaping& s = *result.estimate.shaping;
+    const Shaping& s = result.estimate.shaping;
     found += s.whiteness_p < 0.05 && result.model.has_value();
     process += s.noise_source == "process";
     close += std::abs(s.output_peak / 1.2278 - 1.0) < 0.02;
@@ -94,7 +94,7 @@ TEST(ShapeStudy, PredictsAsWellAsTheTrueModel) {
     close += (shaped.array() < 1.05 * best.array()).all();
     NoiseMlOptions one;
     one.profiles = false;
-    const Estimate white = tune_ml(model, {data}, one);
+    const NoiseEstimate white = tune_ml(model, {data}, one);
     Model tuned = model;
     tuned.parameters = with_entries(
         model.parameters, Eigen::Vector2d(white.parameters[0].value, white.parameters[1].value));
@@ -132,7 +132,7 @@ TEST(ShapeStudy, ParametersReachTheBound) {
     NoiseMlOptions one;
     one.starts = 1;
     one.profiles = false;
-    const Estimate e = tune_ml(truth, {data}, one);
+    const NoiseEstimate e = tune_ml(truth, {data}, one);
     for (Index i = 0; i < 2; ++i) {
       estimates(i, run) = e.parameters[2 + i].value;
       bound[i] += e.parameters[2 + i].crb_se / kRuns;

@@ -90,7 +90,7 @@ TEST(Report, LinesStayOnThePage) {
   e.notes.push_back(
       "a note of many words that goes on and on until it has to be broken into more than a line of "
       "text");
-  const std::string text = console_report(e);
+  const std::string text = console_report({&e});
   EXPECT_THAT(text, HasSubstr("SERIOUS"));
   std::size_t begin = 0;
   for (std::size_t end; (end = text.find('\n', begin)) != std::string::npos; begin = end + 1) {
@@ -102,7 +102,7 @@ TEST(Report, LinesStayOnThePage) {
 
 TEST(Report, JsonHasNullForWhatDoesNotExist) {
   Estimate e = with_parameters({1.0});
-  const std::string json = result_json(e, false, 0.5);
+  const std::string json = result_json({&e}, false, 0.5);
   EXPECT_THAT(json, HasSubstr("\"se\": null"));
   EXPECT_THAT(json, testing::Not(HasSubstr("nan")));
 }

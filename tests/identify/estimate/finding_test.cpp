@@ -64,7 +64,7 @@ TEST(Finding, ResultsWithUnknownCodesAreReadAndWrittenUnchanged) {
   e.findings.push_back({FindingCode::other, Severity::warning, {"x"}, "text", "do", "of_tomorrow"});
   e.findings.push_back(make_finding(FindingCode::few_samples, {}, "few"));
   e.findings.push_back(make_finding(FindingCode::not_converged, {}, "not printed"));
-  const std::string json = result_json(e, false, 0.5);
+  const std::string json = result_json({&e}, false, 0.5);
   EXPECT_THAT(json, HasSubstr("\"of_tomorrow\""));
   EXPECT_THAT(json, testing::Not(HasSubstr("not printed")));
   StoredResult file;

@@ -129,7 +129,7 @@ TEST(LinearModelBuilder, TunesATracker) {
     speed += 0.1 * acceleration;
   }
   const Model model = tracker();
-  const Estimate estimate = tune_ml(model, {recording(model, y, 0.1)});
+  const NoiseEstimate estimate = tune_ml(model, {recording(model, y, 0.1)});
   EXPECT_EQ(estimate.status, Status::ok);
   for (const auto& [i, truth] : {std::pair{0, 0.09}, std::pair{1, 0.25}}) {
     const EstimatedParameter& p = estimate.parameters[static_cast<std::size_t>(i)];
@@ -221,7 +221,7 @@ TEST(VehicleModelBuilder, FitsFromVectors) {
                                    {"vy", column(data.y, 1)},
                                    {"r", column(data.y, 0)}},
                                   data.time);
-  const Estimate mine = fit_vehicle(car, {drive}), theirs = fit_vehicle(file, {data});
+  const VehicleEstimate mine = fit_vehicle(car, {drive}), theirs = fit_vehicle(file, {data});
   for (std::size_t i = 0; i < mine.parameters.size(); ++i) {
     const EstimatedParameter &p = mine.parameters[i], &q = theirs.parameters[i];
     if (p.fixed) continue;

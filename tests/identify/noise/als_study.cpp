@@ -190,7 +190,7 @@ TEST(NoiseAlsStudy, FindsTheNumberOfSources) {
         options.min_rank = true;
         std::vector<int> found(static_cast<std::size_t>(n + 1));
         for (const Eigen::MatrixXd& y : recordings) {
-          const Estimate e = tune_als(system.model, {dataset_of(y)}, options);
+          const NoiseEstimate e = tune_als(system.model, {dataset_of(y)}, options);
           ++found[e.minimum_rank->rank];
         }
         std::printf("%td states, %td sources, %s: found", n, rank,
@@ -342,7 +342,7 @@ TEST_P(LargeSystem, FitsIntoMemoryAndAMinute) {
   options.weighted = weighted;
   const auto begin = std::chrono::steady_clock::now();
   const std::clock_t work = std::clock();
-  const Estimate estimate = tune_als(system.model, data, options);
+  const NoiseEstimate estimate = tune_als(system.model, data, options);
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   const double worked = static_cast<double>(std::clock() - work) / CLOCKS_PER_SEC;
   rusage usage{};

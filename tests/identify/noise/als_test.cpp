@@ -116,7 +116,7 @@ TEST(TuneAls, FullMatrixEqualsTheKroneckerForm) {
     options.weighted = false;
     options.full_matrix = true;
     options.lags = lags;
-    const Estimate estimate = tune_als(system.model, {dataset_of(y)}, options);
+    const NoiseEstimate estimate = tune_als(system.model, {dataset_of(y)}, options);
 
     const MatrixXd L = steady_state(m)->K;
     const KroneckerForm form = kronecker_form(m, L, lags);
@@ -155,14 +155,15 @@ TEST(TuneAls, TooManyAutocovariancesAreRefused) {
 TEST(TuneAls, AnswersWithWhatItsErrorsCost) {
   const MatiskoSystem system = matisko_system(6);
   Random random(1);
-  const Estimate estimate = tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
+  const NoiseEstimate estimate =
+      tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
   ASSERT_TRUE(estimate.excess_mean_square_error.has_value());
   EXPECT_EQ(estimate.excess_mean_square_error->reason, "");
   Model truth = system.model;
   truth.parameters = with_entries(truth.parameters, system.truth);
   BoundOptions options;
   options.samples = system.samples;
-  const Estimate bound = bound_of(truth, options, nullptr);
+  const CramerRaoBound bound = bound_of(truth, options, nullptr);
   ASSERT_TRUE(bound.excess_mean_square_error.has_value());
   EXPECT_GT(bound.excess_mean_square_error->relative, 0.0);
   EXPECT_LT(estimate.excess_mean_square_error->relative,
@@ -182,7 +183,7 @@ TEST(ExcessMeanSquareError, IsNotKnownWhereItHasNoGround) {
   system.model.parameters[1].value = MatrixXd::Identity(1, 1);
   BoundOptions options;
   options.samples = 1000;
-  const Estimate flat = bound_of(system.model, options, nullptr);
+  const CramerRaoBound flat = bound_of(system.model, options, nullptr);
   ASSERT_TRUE(flat.excess_mean_square_error.has_value());
   EXPECT_TRUE(std::isnan(flat.excess_mean_square_error->relative));
   EXPECT_NE(flat.excess_mean_square_error->reason.find("do not determine"), std::string::npos)
@@ -195,7 +196,7 @@ TEST(ExcessMeanSquareError, IsNotKnownWhereItHasNoGround) {
   model.parameters.push_back(a);
   as_linear(model).A.constant.setZero();
   as_linear(model).A.entries = {{0, 0, 2, 1.0}};
-  const Estimate free = bound_of(model, options, nullptr);
+  const CramerRaoBound free = bound_of(model, options, nullptr);
   ASSERT_TRUE(free.excess_mean_square_error.has_value());
   EXPECT_TRUE(std::isnan(free.excess_mean_square_error->relative));
   EXPECT_NE(free.excess_mean_square_error->reason.find("other than noise"), std::string::npos)
@@ -207,7 +208,7 @@ TEST(ExcessMeanSquareError, LeavesOutWhatLiesAtTheBoundary) {
   const MatiskoSystem system = matisko_system(5);
   for (std::uint64_t seed = 1; seed < 20; ++seed) {
     Random random(seed);
-    const Estimate estimate =
+    const NoiseEstimate estimate =
         tune_als(system.model, {dataset_of(simulate_matisko(system, random))});
     if (estimate.parameters[1].verdict != Verdict::at_bound) continue;
     ASSERT_TRUE(estimate.excess_mean_square_error.has_value());
@@ -227,7 +228,7 @@ TEST(MinimumRank, FollowsThePenaltyToFewerSources) {
     NoiseAlsOptions options;
     options.weighted = weighted;
     options.min_rank = true;
-    const Estimate estimate = tune_als(system.model, data, options);
+    const NoiseEstimate estimate = tune_als(system.model, data, options);
     ASSERT_TRUE(estimate.minimum_rank.has_value());
     const RankSelection& s = *estimate.minimum_rank;
     EXPECT_EQ(s.of, 3);
@@ -262,7 +263,7 @@ TEST(MinimumRank, DropsVariancesOfADiagonalQ) {
   Random random(7);
   NoiseAlsOptions options;
   options.min_rank = true;
-  const Estimate estimate =
+  const NoiseEstimate estimate =
       tune_als(system.model, {dataset_of(simulate_matisko(system, random))}, options);
   EXPECT_EQ(estimate.minimum_rank->rank, 1);
   EXPECT_EQ(estimate.noise.Q(0, 0), 0.0);

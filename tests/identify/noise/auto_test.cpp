@@ -21,7 +21,7 @@ bool disagrees(const Estimate& estimate) {
 TEST(NoiseAuto, FindsTheMaximumOfTheLikelihood) {
   const Dataset data = dataset_of(simulate_scalar(0.8, 1.0, 2.0, 2000, 5));
   const Model model = scalar_model(0.8, 0.05, 20.0);
-  const Estimate both = tune_auto(model, {data}), alone = tune_ml(model, {data});
+  const NoiseEstimate both = tune_auto(model, {data}), alone = tune_ml(model, {data});
   ASSERT_EQ(both.status, Status::ok) << both.message;
   EXPECT_EQ(both.objective.method, "auto");
   EXPECT_NEAR(both.objective.log_likelihood, alone.objective.log_likelihood, 1e-6);
@@ -43,7 +43,7 @@ TEST(NoiseAuto, SaysWhyThereIsNoSecondOpinion) {
   model.parameters.push_back(a);
   as_linear(model).A.entries = {{0, 0, 2, 1.0}};
   as_linear(model).A.constant.setZero();
-  const Estimate out = tune_auto(model, {dataset_of(simulate_scalar(0.8, 1.0, 2.0, 1000, 6))});
+  const NoiseEstimate out = tune_auto(model, {dataset_of(simulate_scalar(0.8, 1.0, 2.0, 1000, 6))});
   EXPECT_THAT(out.notes, testing::Contains(testing::HasSubstr("no second opinion")));
   EXPECT_FALSE(disagrees(out));
 }

@@ -26,7 +26,8 @@ TEST(NoiseBayesStudy, IntervalsCoverUnderThePrior) {
     for (Index i = 0; i < 2; ++i) {
       system.truth[i] = 0.1 * std::pow(100.0, random.uniform());
     }
-    const Estimate e = tune_bayes(system.model, {dataset_of(simulate_matisko(system, random))});
+    const NoiseEstimate e =
+        tune_bayes(system.model, {dataset_of(simulate_matisko(system, random))});
     for (std::size_t i = 0; i < 2; ++i) {
       const double truth = system.truth[static_cast<Index>(i)];
       covered[i] += e.parameters[i].ci95[0] <= truth && truth <= e.parameters[i].ci95[1];

@@ -67,7 +67,7 @@ TEST(NoiseBayes, FullCovariancesStayDefiniteAndFindTheTruth) {
   MatiskoSystem system = matisko_system(6);
   for (Parameter& p : system.model.parameters) p.domain = Domain::positive_definite;
   Random random(2);
-  const Estimate e =
+  const NoiseEstimate e =
       tune_bayes(system.model, {dataset_of(simulate_matisko(matisko_system(6), random))});
   ASSERT_EQ(e.status, Status::ok);
   const double truth[] = {10, 0, 5, 1.5, 0, 3};
@@ -98,7 +98,7 @@ TEST(NoiseBayes, SaysWhatOnlyThePriorKnows) {
   m.Q.entries = {{0, 0, 0, 1.0}, {0, 0, 2, 1e-9}};
   m.R.entries = {{0, 0, 1, 1.0}};
   Random random(3);
-  const Estimate e = tune_bayes(system.model, {dataset_of(simulate_matisko(truth, random))});
+  const NoiseEstimate e = tune_bayes(system.model, {dataset_of(simulate_matisko(truth, random))});
   EXPECT_EQ(e.status, Status::rejected);
   EXPECT_EQ(e.parameters[2].verdict, Verdict::not_identifiable);
   EXPECT_EQ(e.identifiability.rank, 2);

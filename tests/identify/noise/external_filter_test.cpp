@@ -107,10 +107,10 @@ TEST(ExternalFilter, AMistunedTrackerReachesTheBuiltInOptimum) {
   };
   // A hundred times too calm, fifty times too sure of its sensor.
   const Model start = tracking_model(0.02, 0.0018);
-  const Estimate own = fit_external_filter(start.parameters, run);
+  const NoiseEstimate own = fit_external_filter(start.parameters, run);
   NoiseMlOptions direct;  // whose information has the sample's own terms, as the differences have
   direct.evaluation = EvaluationMethod::time_varying;
-  const Estimate built_in = tune_ml(start, {data}, direct);
+  const NoiseEstimate built_in = tune_ml(start, {data}, direct);
   ASSERT_EQ(own.status, Status::ok);
   ASSERT_EQ(built_in.status, Status::ok);
   for (std::size_t i = 0; i < 2; ++i) {

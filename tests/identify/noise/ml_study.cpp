@@ -24,7 +24,7 @@ TEST(NoiseMlStudy, ReachesTheBoundAndCovers) {
   NoiseMlOptions options;
   options.starts = 1;
   for (int run = 0; run < runs; ++run) {
-    const Estimate e = tune_ml(
+    const NoiseEstimate e = tune_ml(
         scalar_model(0.5, 3.0, 0.2),
         {dataset_of(simulate_scalar(0.5, 1.0, 1.0, 1000, static_cast<std::uint64_t>(run) + 1))},
         options);
@@ -71,7 +71,7 @@ TEST(NoiseMlStudy, FullCovarianceFindsTheTruth) {
     if (t >= 0) y.col(t) = x + Lr * random.normal(2);
     x = (m.A.constant * x + Lq * random.normal(2)).eval();
   }
-  const Estimate e = tune_ml(model, {dataset_of(y)});
+  const NoiseEstimate e = tune_ml(model, {dataset_of(y)});
   ASSERT_EQ(e.status, Status::ok);
   const double truth[] = {10, 2, 5, 1.5, -0.5, 3};
   for (std::size_t i = 0; i < 6; ++i) {

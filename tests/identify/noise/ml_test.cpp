@@ -31,7 +31,7 @@ TEST(NoiseMl, NileWithGaps) {
       make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
   data.y.middleCols(20, 20).setConstant(std::nan(""));
   data.y.middleCols(60, 20).setConstant(std::nan(""));
-  const Estimate e = tune_ml(model, {data});
+  const NoiseEstimate e = tune_ml(model, {data});
   EXPECT_EQ(e.status, Status::ok);
   EXPECT_NEAR(e.noise.R(0, 0) / 17899.845, 1.0, 1e-5);
   EXPECT_NEAR(e.noise.Q(0, 0) / 685.8209, 1.0, 1e-5);
@@ -77,7 +77,7 @@ TEST(NoiseMl, PublishedMaxima) {
                        InitialState::stationary, data.y, data.u);
     std::printf("%s: at the truth %.10f\n", c.file, at_truth.value);
     EXPECT_NEAR(at_truth.value, c.at_truth, 1e-6);
-    const Estimate e = tune_ml(model, {data});
+    const NoiseEstimate e = tune_ml(model, {data});
     EXPECT_EQ(e.status, Status::ok);
     std::printf("%s: maximum %.10f\n", c.file, e.objective.log_likelihood);
     EXPECT_NEAR(e.objective.log_likelihood, c.at_maximum, 1e-6);
@@ -102,7 +102,7 @@ TEST(NoiseMl, StopsWhenToldWithTheBestSoFar) {
       ++iterations;
       return start < last_start || iteration < 2;
     };
-    const Estimate e = tune_ml(model, {data}, options);
+    const NoiseEstimate e = tune_ml(model, {data}, options);
     EXPECT_EQ(e.objective.iterations, iterations);
     EXPECT_EQ(e.objective.starts, last_start);
     EXPECT_EQ(e.status, Status::not_converged);
@@ -120,8 +120,8 @@ TEST(NoiseMl, StopsWhenToldWithTheBestSoFar) {
 TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
   // No measurement noise in the data: in about half of the records the maximum lies at r = 0.
   for (std::uint64_t seed = 1; seed < 20; ++seed) {
-    const Estimate e = tune_ml(scalar_model(0.9, 1.0, 1.0),
-                               {dataset_of(simulate_scalar(0.9, 1.0, 0.0, 400, seed))});
+    const NoiseEstimate e = tune_ml(scalar_model(0.9, 1.0, 1.0),
+                                    {dataset_of(simulate_scalar(0.9, 1.0, 0.0, 400, seed))});
     ASSERT_EQ(e.status, Status::ok);
     const EstimatedParameter& r = e.parameters[1];
     if (r.verdict != Verdict::at_bound) continue;
@@ -138,7 +138,7 @@ TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
 TEST(NoiseMl, ProfileIntervalsEndWhereTheLikelihoodHasFallenByHalfAChiSquare) {
   Model model = scalar_model(0.9, 1.0, 1.0);
   const Dataset data = dataset_of(simulate_scalar(0.9, 1.0, 2.0, 300, 5));
-  const Estimate best = tune_ml(model, {data});
+  const NoiseEstimate best = tune_ml(model, {data});
   ASSERT_EQ(best.status, Status::ok);
   for (std::size_t i = 0; i < 2; ++i) {
     for (const double end : best.parameters[i].profile95) {
@@ -166,7 +166,7 @@ TEST(NoiseMl, SandwichAllowsForHeavyTails) {
   Model model = scalar_model(0.5, 1.0, 1.0);
   model.parameters[0].value(0, 0) = 0.0;
   model.parameters[0].fixed = true;
-  const Estimate e = tune_ml(model, {dataset_of(y)});
+  const NoiseEstimate e = tune_ml(model, {dataset_of(y)});
   const EstimatedParameter& r = e.parameters[1];
   printf("sandwich / observed error %.3f, sqrt(2.5) = 1.581\n", r.se_sandwich / r.se);
   // The sample's own fourth moment is known to 5 %.

@@ -192,10 +192,10 @@ double value_at(const Model& model, const Dataset& data, const std::vector<doubl
   return l.value;
 }
 
-Estimate maximum_of(const Model& model, const Dataset& data, int starts = 5) {
+NoiseEstimate maximum_of(const Model& model, const Dataset& data, int starts = 5) {
   NoiseMlOptions options;
   options.starts = starts;
-  const Estimate e = tune_ml(model, {data}, options);
+  const NoiseEstimate e = tune_ml(model, {data}, options);
   EXPECT_EQ(e.status, Status::ok) << e.message;
   return e;
 }
@@ -288,7 +288,7 @@ TEST(PublishedCases, NileLocalLevel) {
   expect_printed("Nile, KFAS marginal", value + marginal_minus_diffuse(system, data.size()),
                  L["KFAS_marginal"]);
 
-  const Estimate e = maximum_of(model, data);
+  const NoiseEstimate e = maximum_of(model, data);
   expect_printed("Nile, maximum", e.objective.log_likelihood,
                  L["diffuse_without_log2pi_of_diffuse_obs_KFAS"]);
   expect_estimates(e, mle);
@@ -311,7 +311,7 @@ TEST(PublishedCases, NileLocalLevelWithOtherStarts) {
   as_linear(model).x0.constant(0, 0) = data.y(0, 0);
   as_linear(model).P0.constant(0, 0) =
       1e4 * (data.y.array() - data.y.mean()).square().sum() / (N - 1.0);
-  Estimate e = maximum_of(model, data);
+  NoiseEstimate e = maximum_of(model, data);
   expect_printed("Nile, R StructTS", e.objective.log_likelihood, L["StructTS_R"]);
 
   // dlm: x(0) ~ N(0, 1e7), the negative without log 2 pi.
@@ -382,7 +382,7 @@ TEST(PublishedCases, NileWithGaps) {
   Model model = local_level();
   const std::vector<double> mle = {c["mle"]["sigma2_eps"], c["mle"]["sigma2_eta"]};
   expect_printed("Nile with gaps, KFAS", value_at(model, data, mle), c["loglik_diffuse_KFAS"]);
-  const Estimate e = maximum_of(model, data);
+  const NoiseEstimate e = maximum_of(model, data);
   expect_printed("Nile with gaps, maximum", e.objective.log_likelihood, c["loglik_diffuse_KFAS"]);
   expect_estimates(e, mle);
   // x(1) ~ N(0, 1e6), the first sample not counted.
@@ -461,7 +461,7 @@ TEST(PublishedCases, WholesalePricesAr3) {
   at.push_back(x["params_variance"][0]);
   const double value = value_at(model, data, at);
   expect_printed("wpi1 AR(3), Stata", value, x["loglike"]);
-  const Estimate e = maximum_of(model, data);
+  const NoiseEstimate e = maximum_of(model, data);
   expect_not_beaten("wpi1 AR(3), maximum", e.objective.log_likelihood, value, kStata);
   expect_estimates(e, at);
   for (std::size_t i = 0; i < 4; ++i) {
@@ -482,7 +482,7 @@ TEST(PublishedCases, WholesalePricesArma) {
     const std::string name = hamilton ? "wpi1 ARMA(1,1)" : "wpi1 ARMA(1,1), Q = R = S";
     const double value = value_at(model, data, at);
     expect_printed(name + ", Stata", value, x["loglike"]);
-    const Estimate e = maximum_of(model, data);
+    const NoiseEstimate e = maximum_of(model, data);
     expect_not_beaten(name + ", maximum", e.objective.log_likelihood, value, kStata);
     expect_estimates(e, at);
   }
@@ -535,7 +535,7 @@ TEST(PublishedCases, AirlineModel) {
   const Dataset data = recording(differences(differences(stored, 1), 12));
   const double value = value_at(model, data, at);
   expect_printed("air2, Stata", value, x["loglike"]);
-  const Estimate e = maximum_of(model, data, 1);
+  const NoiseEstimate e = maximum_of(model, data, 1);
   expect_not_beaten("air2, maximum", e.objective.log_likelihood, value, kStata);
   expect_estimates(e, at);
 }
@@ -544,7 +544,7 @@ void expect_arima(const std::string& name, Model model, const Dataset& data,
                   const std::vector<double>& at, const Json& loglik) {
   const double value = value_at(model, data, at);
   expect_printed(name + ", R", value, loglik);
-  const Estimate e = maximum_of(model, data);
+  const NoiseEstimate e = maximum_of(model, data);
   expect_not_beaten(name + ", maximum", e.objective.log_likelihood, value, kR);
   expect_estimates(e, at);
 }
@@ -606,7 +606,7 @@ TEST(PublishedCases, AirPassengersBasicStructuralModel) {
   expect_printed("BSM, KFAS marginal", value + marginal_minus_diffuse(system, data.size()),
                  x["marginal"], of_inputs);
   // The maximum is at slope = 0, which KFAS, searching over logarithms, only comes near.
-  const Estimate e = maximum_of(model, data, 1);
+  const NoiseEstimate e = maximum_of(model, data, 1);
   EXPECT_EQ(e.parameters[2].value, 0.0);
   expect_not_beaten("BSM, maximum", e.objective.log_likelihood,
                     value_at(model, data, {at[0], at[1], 0.0, at[3]}), 1e-10);
@@ -649,7 +649,7 @@ TEST(PublishedCases, SimulatedSystems) {
       const auto at = static_cast<Index>(i);
       expect_printed("  score", system.truth[at] * l.gradient[at], score[i]);
     }
-    const Estimate e = maximum_of(system.model, data);
+    const NoiseEstimate e = maximum_of(system.model, data);
     expect_printed(name + ", maximum", e.objective.log_likelihood, c["max_loglik"]);
     expect_estimates(e, c["mle_KFAS_tight"]);
   }

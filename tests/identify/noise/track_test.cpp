@@ -64,20 +64,19 @@ TEST(NoiseTrack, StopsWhenTold) {
   const NoiseChangeCase c = system_with_change(matisko_system(1), 0, 10.0, 300, 300, 5);
   NoiseTrackOptions options;
   options.adaptive = true;
-  const Estimate whole = track(c.model, c.data, options);
+  const TrackedNoise whole = track(c.model, c.data, options);
   for (const Index last : {100, 450}) {
     options.progress = [&](Index sample, Index of) {
       EXPECT_EQ(of, 600);
       return sample < last;
     };
-    const Estimate e = track(c.model, c.data, options);
+    const TrackedNoise e = track(c.model, c.data, options);
     EXPECT_EQ(e.status, Status::not_converged);
     EXPECT_EQ(e.message, "stopped by the caller after " + std::to_string(last) + " of 600 samples");
-    ASSERT_TRUE(e.time_history.has_value());
-    ASSERT_EQ(e.time_history->mean.cols(), last);
+    ASSERT_EQ(e.time_history.mean.cols(), last);
     EXPECT_EQ(e.series.time.size(), last);
-    EXPECT_EQ(e.time_history->mean, whole.time_history->mean.leftCols(last));
-    EXPECT_EQ(e.time_history->changes.size(), last > 300 ? 1u : 0u);
+    EXPECT_EQ(e.time_history.mean, whole.time_history.mean.leftCols(last));
+    EXPECT_EQ(e.time_history.changes.size(), last > 300 ? 1u : 0u);
   }
 }
 
@@ -125,19 +124,18 @@ TEST(NoiseTrack, TheResultSaysWhatHappened) {
   const NoiseChangeCase c = system_with_change(matisko_system(1), 0, 10.0, 300, 300, 5);
   NoiseTrackOptions options;
   options.adaptive = true;
-  const Estimate e = track(c.model, c.data, options);
+  const TrackedNoise e = track(c.model, c.data, options);
   EXPECT_EQ(e.status, Status::ok);
-  ASSERT_TRUE(e.time_history.has_value());
-  ASSERT_EQ(e.time_history->changes.size(), 1u);
-  EXPECT_GT(e.time_history->changes[0].after[0], 5.0 * e.time_history->changes[0].before[0]);
-  EXPECT_EQ(e.time_history->mean.cols(), 600);
+  ASSERT_EQ(e.time_history.changes.size(), 1u);
+  EXPECT_GT(e.time_history.changes[0].after[0], 5.0 * e.time_history.changes[0].before[0]);
+  EXPECT_EQ(e.time_history.mean.cols(), 600);
   // Nothing changes: the file's noise stands.
   Dataset quiet = c.data;
   quiet.y.conservativeResize(Eigen::NoChange, 300);
   quiet.time.conservativeResize(300);
-  const Estimate same = track(c.model, quiet, options);
+  const TrackedNoise same = track(c.model, quiet, options);
   EXPECT_EQ(same.status, Status::ok);
-  EXPECT_TRUE(same.time_history->changes.empty());
+  EXPECT_TRUE(same.time_history.changes.empty());
   EXPECT_TRUE(std::isnan(same.parameters[0].se));
   EXPECT_NE(same.message.find("stands after 300 samples"), std::string::npos);
 }

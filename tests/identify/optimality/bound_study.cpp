@@ -23,14 +23,14 @@ TEST(BoundStudy, GainAndInnovationVarianceReachTheirBound) {
   const Model model = scalar_model(kA, 1.0, 1.0);
   BoundOptions options;
   options.samples = kSamples;
-  const Bound::InnovationForm form = bound_of(model, options, nullptr).bound->innovation_form;
+  const Bound::InnovationForm form = bound_of(model, options, nullptr).bound.innovation_form;
   MatrixXd found(2, kRuns);
   NoiseMlOptions one;
   one.starts = 1;
   for (int run = 0; run < kRuns; ++run) {
     const MatrixXd y =
         simulate_scalar(kA, 1.0, 1.0, kSamples, 4000 + static_cast<std::uint64_t>(run));
-    const Estimate e = tune_ml(model, {dataset_of(y)}, one);
+    const NoiseEstimate e = tune_ml(model, {dataset_of(y)}, one);
     const Model tuned = scalar_model(kA, e.parameters[0].value, e.parameters[1].value);
     const auto steady = steady_state(instantiate(as_linear(tuned), tuned.parameters));
     ASSERT_TRUE(steady);

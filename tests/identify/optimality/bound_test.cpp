@@ -48,9 +48,9 @@ TEST(BoundOf, EqualsTheReferenceToFourDigits) {
     const MatiskoSystem system = matisko_system(number);
     BoundOptions options;
     options.samples = kLong;
-    const Estimate estimate = bound_of(true_model(system, domain), options, nullptr);
+    const CramerRaoBound estimate = bound_of(true_model(system, domain), options, nullptr);
     options.samples = system.samples;
-    const Estimate planned = bound_of(true_model(system, domain), options, nullptr);
+    const CramerRaoBound planned = bound_of(true_model(system, domain), options, nullptr);
     const double longer = static_cast<double>(kLong) / static_cast<double>(system.samples);
     ASSERT_EQ(estimate.status, Status::ok) << key;
     for (const auto& [entry, value] : reference.at(key).items()) {
@@ -72,17 +72,17 @@ TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
   BoundOptions options;
   options.samples = 1000;
   options.accuracy = 0.1;
-  const Estimate estimate = bound_of(model, options, nullptr);
+  const CramerRaoBound estimate = bound_of(model, options, nullptr);
   const EstimatedParameter& R = named(estimate, "R(1,1)");
-  const double needed = estimate.bound->samples_needed[1];
+  const double needed = estimate.bound.samples_needed[1];
   std::printf("System 1: R %.1f %% at N = 1000, %.0f samples for 10 %%\n", 100.0 * R.crb_se,
               needed);
   EXPECT_NEAR(100.0 * R.crb_se, 71.1, 0.05);
   options.samples = static_cast<Index>(needed);
   EXPECT_NEAR(named(bound_of(model, options, nullptr), "R(1,1)").crb_se, 0.1, 1e-4);
   // 2 Q^2 / t and 2 R^2 / t of the source, chapter 6.
-  EXPECT_NEAR(estimate.bound->complete_se[0], 10.0 * std::sqrt(2.0 / 1000.0), 1e-12);
-  EXPECT_NEAR(estimate.bound->complete_se[1], 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(estimate.bound.complete_se[0], 10.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(estimate.bound.complete_se[1], 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
 }
 
 // x' = -k x + w, density q, every 0.1 s: with x observed a variance is known to q sqrt(2 / N), and
@@ -111,8 +111,8 @@ TEST(BoundOf, KnownStatesSayOfContinuousNoiseWhatTheySayOfSampledNoise) {
   linear.initial = InitialState::stationary;
   BoundOptions options;
   options.samples = 1000;
-  const Estimate estimate = bound_of(model, options, nullptr);
-  const std::vector<double>& complete = estimate.bound->complete_se;
+  const CramerRaoBound estimate = bound_of(model, options, nullptr);
+  const std::vector<double>& complete = estimate.bound.complete_se;
   EXPECT_TRUE(std::isnan(complete[0]));
   EXPECT_NEAR(complete[1], 3.0 * std::sqrt(2.0 / 1000.0), 1e-12);
   EXPECT_NEAR(complete[2], 0.1 * std::sqrt(2.0 / 1000.0), 1e-12);
@@ -124,7 +124,7 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
   const Model model = true_model(system, Domain::diagonal);
   BoundOptions options;
   options.samples = 3000;
-  const Estimate estimate = bound_of(model, options, nullptr);
+  const CramerRaoBound estimate = bound_of(model, options, nullptr);
   for (Index i = 0; i < system.truth.size(); ++i) {
     Eigen::VectorXd up = system.truth, down = up;
     up[i] *= 1.0 + 1e-5;
@@ -133,7 +133,7 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
       return steady_state(instantiate(as_linear(model), with_entries(model.parameters, at)))->K;
     };
     const Eigen::MatrixXd change = (gain(up) - gain(down)) * (0.01 / 2e-5);
-    EXPECT_LT((estimate.bound->gain_change[i] - change).norm(), 1e-9);
+    EXPECT_LT((estimate.bound.gain_change[i] - change).norm(), 1e-9);
   }
 }
 
@@ -144,12 +144,12 @@ TEST(BoundOf, InnovationFormOfOneStateIsTheSameBound) {
   const Model model = true_model(system, Domain::diagonal);
   BoundOptions options;
   options.samples = 100000;
-  const Estimate estimate = bound_of(model, options, nullptr);
-  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+  const CramerRaoBound estimate = bound_of(model, options, nullptr);
+  const Bound::InnovationForm& form = estimate.bound.innovation_form;
   const double k = estimate.noise.K_steady(0, 0), Sigma = form.Sigma(0, 0), N = 100000;
   EXPECT_NEAR(form.K_se(0, 0), std::sqrt((1.0 - std::pow(0.5 - k, 2)) / N), 1e-12);
   EXPECT_NEAR(form.Sigma_se(0, 0), Sigma * std::sqrt(2.0 / N), 1e-12);
-  EXPECT_NEAR(form.K_se(0, 0) / estimate.bound->gain_se(0, 0), 1.0, 1e-4);
+  EXPECT_NEAR(form.K_se(0, 0) / estimate.bound.gain_se(0, 0), 1.0, 1e-4);
   EXPECT_NEAR(form.published_K_se, k / std::sqrt(N), 1e-12);
   EXPECT_NEAR(form.published_Sigma_se, form.Sigma_se(0, 0), 1e-12);
   // Differences in place of the derivatives of the Riccati equation.
@@ -182,13 +182,13 @@ TEST(BoundOf, InnovationFormOfOneStateIsTheSameBound) {
 TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
   BoundOptions options;
   options.samples = 3000;
-  const Estimate estimate =
+  const CramerRaoBound estimate =
       bound_of(true_model(matisko_system(7), Domain::diagonal), options, nullptr);
-  const Bound::InnovationForm& form = estimate.bound->innovation_form;
+  const Bound::InnovationForm& form = estimate.bound.innovation_form;
   EXPECT_EQ(form.K_se.rows(), 4);
   EXPECT_EQ(form.K_se.cols(), 2);
   // Five variances make the eight gains: knowing so can only help.
-  EXPECT_TRUE((form.K_se.array() >= 0.999 * estimate.bound->gain_se.array()).all());
+  EXPECT_TRUE((form.K_se.array() >= 0.999 * estimate.bound.gain_se.array()).all());
   EXPECT_TRUE(std::isnan(form.published_K_se));
   for (const double se : form.published_se) EXPECT_TRUE(std::isnan(se));
   // A state that no output shows.
@@ -196,9 +196,9 @@ TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
   as_linear(hidden.model).A.constant = Eigen::Vector2d(0.5, 0.4).asDiagonal();
   as_linear(hidden.model).C.constant = Eigen::MatrixXd::Identity(2, 2);
   as_linear(hidden.model).C.constant(1, 1) = 0.0;
-  const Estimate blind = bound_of(true_model(hidden, Domain::diagonal), options, nullptr);
-  EXPECT_TRUE(blind.bound->innovation_form.K_se.array().isNaN().all());
-  EXPECT_NEAR(blind.bound->innovation_form.Sigma_se(1, 1), 3.0 * std::sqrt(2.0 / 3000.0), 1e-9);
+  const CramerRaoBound blind = bound_of(true_model(hidden, Domain::diagonal), options, nullptr);
+  EXPECT_TRUE(blind.bound.innovation_form.K_se.array().isNaN().all());
+  EXPECT_NEAR(blind.bound.innovation_form.Sigma_se(1, 1), 3.0 * std::sqrt(2.0 / 3000.0), 1e-9);
 }
 
 TEST(BoundOf, WhatNoRecordingDetermines) {
@@ -209,7 +209,7 @@ TEST(BoundOf, WhatNoRecordingDetermines) {
   system.model.parameters[0].value = Eigen::MatrixXd::Identity(2, 2);
   BoundOptions options;
   options.samples = 1000;
-  const Estimate estimate = bound_of(system.model, options, nullptr);
+  const CramerRaoBound estimate = bound_of(system.model, options, nullptr);
   EXPECT_EQ(estimate.status, Status::rejected);
   EXPECT_EQ(estimate.identifiability.rank, 2);
   EXPECT_TRUE(std::isnan(named(estimate, "Q(1,1)").crb_se));

@@ -105,7 +105,7 @@ TEST(Optimality, SaysWhichEntryAndWhichWay) {
   const StateSpace truth = matisko_example_1();
   StateSpace wrong = truth;
   wrong.Q(0, 0) = 1.0;
-  const Estimate out = check(fixed_model(wrong), {recording_of(truth, 500, random)});
+  const OptimalityReport out = check(fixed_model(wrong), {recording_of(truth, 500, random)});
   EXPECT_EQ(out.status, Status::rejected);
   EXPECT_THAT(out.message, HasSubstr("Q(1,1) should be larger"));
   EXPECT_THAT(out.message, HasSubstr("times as large (in variance)"));
@@ -133,7 +133,7 @@ TEST(Optimality, SaysWhichChannelFollowsWhichInput) {
   StateSpace wrong = truth;
   wrong.D(0, 0) = 0.5;
   const Dataset data = recording_of(truth, 400, random);
-  const Estimate out = check(fixed_model(wrong), {data});
+  const OptimalityReport out = check(fixed_model(wrong), {data});
   EXPECT_EQ(out.status, Status::rejected);
   EXPECT_THAT(out.message, HasSubstr("innovations of 'y1' follow the inputs"));
   Dataset offset = data;
@@ -168,7 +168,7 @@ TEST(Compare, RanksByLikelihood) {
     models.push_back(fixed_model(matisko_example_1_tuning(tuning)));
     models.back().source = std::to_string(tuning) + ".yaml";
   }
-  const Estimate out = compare_filters(models, {{data}, {data}, {data}});
+  const Comparison out = compare_filters(models, {{data}, {data}, {data}});
   EXPECT_EQ(out.tests[0].channel, "0.yaml");
   EXPECT_TRUE(out.tests[0].pass);
   EXPECT_THAT(out.message, HasSubstr("0.yaml has the highest likelihood"));

@@ -109,20 +109,20 @@ TEST(TrackRegression, ColouredErrorsAreNotMistakenForCoefficientsThatChange) {
   Model model = regression_model();
   as_regression(model).inputs = 1;
   as_regression(model).feedback = 0;
-  const Estimate estimate = track_regression(model, as_recording(s));
+  const TrackedCoefficients estimate = track_regression(model, as_recording(s));
   EXPECT_NE(testing::finding(estimate, FindingCode::coloured_errors), nullptr);
   EXPECT_NE(testing::finding(estimate, FindingCode::short_memory), nullptr);
   EXPECT_GE(testing::derived(estimate, "forgetting")->value, 0.8 - 1e-9);
   as_regression(model).feedback = 1;
   as_regression(model).inputs = 2;
-  const Estimate complete = track_regression(model, as_recording(s));
+  const TrackedCoefficients complete = track_regression(model, as_recording(s));
   EXPECT_TRUE(complete.findings.empty());
 }
 
 TEST(TrackRegression, StopsWhenTold) {
   const Dataset data = as_recording(second_order(3, 2000, 0.5));
   int asked = 0;
-  const Estimate estimate =
+  const TrackedCoefficients estimate =
       track_regression(regression_model(), data, [&](const std::string&) { return ++asked < 3; });
   EXPECT_EQ(asked, 3);
   EXPECT_EQ(estimate.status, Status::not_converged);
@@ -136,7 +136,7 @@ TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
   as_regression(model).inputs = as_regression(model).feedback = 2;
   as_regression(model).forgetting = 1.0;
   as_regression(model).delta = 1e-6;
-  const Estimate estimate = track_regression(model, data);
+  const TrackedCoefficients estimate = track_regression(model, data);
   EXPECT_EQ(estimate.status, Status::ok);
   ASSERT_EQ(estimate.parameters.size(), 4U);
   const std::string names[] = {"steer(t)", "steer(t-1)", "v(t-1)", "v(t-2)"};
@@ -153,10 +153,9 @@ TEST(TrackRegression, FindsTheCoefficientsInTheUnitsOfTheFile) {
   }
   EXPECT_EQ(estimate.parameters[0].unit, "(km/h)/deg");
   EXPECT_EQ(estimate.parameters[2].unit, "");
-  ASSERT_TRUE(estimate.time_history.has_value());
-  EXPECT_EQ(estimate.time_history->mean.cols(), 2000);
-  EXPECT_TRUE(std::isnan(estimate.time_history->mean(0, 1)));
-  EXPECT_EQ(estimate.time_history->mean(0, 1999), estimate.parameters[0].value);
+  EXPECT_EQ(estimate.time_history.mean.cols(), 2000);
+  EXPECT_TRUE(std::isnan(estimate.time_history.mean(0, 1)));
+  EXPECT_EQ(estimate.time_history.mean(0, 1999), estimate.parameters[0].value);
   EXPECT_NEAR(testing::derived(estimate, "sd of the error")->value, 0.5, 0.03);
 }
 
@@ -167,14 +166,14 @@ TEST(TrackRegression, MissingSamplesAreLeftOutAndSaid) {
   Model model = regression_model();
   as_regression(model).inputs = 1;
   as_regression(model).feedback = 2;
-  const Estimate estimate = track_regression(model, data);
+  const TrackedCoefficients estimate = track_regression(model, data);
   // Without y(100): rows 100 to 102; without u(200): row 200.
   EXPECT_EQ(estimate.inputs[0].used, 400 - 2 - 4);
   bool said = false;
   for (const std::string& note : estimate.notes) said |= note.starts_with("4 samples left out");
   EXPECT_TRUE(said);
   EXPECT_TRUE(std::isnan(estimate.series.predicted(0, 101)));
-  EXPECT_EQ(estimate.time_history->mean.col(101), estimate.time_history->mean.col(99));
+  EXPECT_EQ(estimate.time_history.mean.col(101), estimate.time_history.mean.col(99));
 }
 
 TEST(TrackRegression, WhatIsNotExcitedIsSaid) {
@@ -183,7 +182,7 @@ TEST(TrackRegression, WhatIsNotExcitedIsSaid) {
   data.u.setZero();
   Model model = regression_model();
   as_regression(model).inputs = as_regression(model).feedback = 1;
-  const Estimate estimate = track_regression(model, data);
+  const TrackedCoefficients estimate = track_regression(model, data);
   EXPECT_EQ(estimate.status, Status::rejected);
   EXPECT_EQ(estimate.parameters[0].verdict, Verdict::unexcited);
   EXPECT_EQ(estimate.parameters[1].verdict, Verdict::ok);
@@ -222,10 +221,9 @@ TEST(TrackVehicle, FollowsAStiffnessThatDrops) {
   Model model = testing::sladka2010_model();
   as_vehicle(model).tracking.forgetting = 0.96;
   as_vehicle(model).tracking.reset = true;
-  const Estimate estimate = track_vehicle(model, four_lane_changes(0.6, 7));
+  const TrackedCoefficients estimate = track_vehicle(model, four_lane_changes(0.6, 7));
   EXPECT_EQ(estimate.status, Status::ok);
-  ASSERT_TRUE(estimate.time_history.has_value());
-  const TimeHistory& course = *estimate.time_history;
+  const TimeHistory& course = estimate.time_history;
   ASSERT_EQ(course.names, (std::vector<std::string>{"Iz", "Cf", "Cr"}));
   const auto at = [&](double time, Index i) {
     Index k = 0;
@@ -255,8 +253,8 @@ TEST(TrackVehicle, KnowsWhatItCannotTrack) {
   // A stiffness that is known stays as it is.
   model = testing::sladka2010_model();
   model.parameters[6] = testing::known("Cr", "N/rad", 88107.7);
-  const Estimate estimate = track_vehicle(model, testing::lane_change({}, 100.0));
-  EXPECT_EQ(estimate.time_history->names, (std::vector<std::string>{"Iz", "Cf"}));
+  const TrackedCoefficients estimate = track_vehicle(model, testing::lane_change({}, 100.0));
+  EXPECT_EQ(estimate.time_history.names, (std::vector<std::string>{"Iz", "Cf"}));
   EXPECT_NEAR(testing::parameter(estimate, "Cf").value, 88107.7, 2000.0);
   EXPECT_NEAR(testing::parameter(estimate, "Iz").value, 2319.0, 100.0);
 }

@@ -24,8 +24,8 @@ EstimatedParameter estimated(const std::string& name, double value, const std::s
   return p;
 }
 
-Estimate estimate_with(const std::string& model, std::vector<EstimatedParameter> parameters) {
-  Estimate out;
+StoredEstimate estimate_with(const std::string& model, std::vector<EstimatedParameter> parameters) {
+  StoredEstimate out;
   out.model_file = {"model.yaml", "", model, {}};
   out.parameters = std::move(parameters);
   return out;
@@ -39,7 +39,7 @@ C: [[1, 1]]
 )";
 
 TEST(EstimatedModel, FillsFlowsQuotesAndBlocks) {
-  const Estimate e =
+  const StoredEstimate e =
       estimate_with(kTwoStates + R"(Q:
   structure: diagonal
   start:
@@ -95,7 +95,7 @@ tyre: {curve: tanh}
 inputs: {road_wheel_angle: {column: d}, vx: {column: v}}
 outputs: {r: {column: r}}
 )";
-  Estimate e = estimate_with(car, {});
+  StoredEstimate e = estimate_with(car, {});
   e.tyre_curve = "tanh";
   for (const Parameter& p : parse_model_file(car, "car.yaml").parameters) {
     e.parameters.push_back(estimated(p.name, p.name == "Cf" ? 91.5 : p.scalar(), p.unit, p.fixed));
@@ -109,10 +109,10 @@ outputs: {r: {column: r}}
 }
 
 TEST(EstimatedModel, RefusesWhatIsNotOfTheModel) {
-  Estimate e = estimate_with(kTwoStates +
-                                 "Q: [[1, 0], [0, 1]]\nR: [[1]]\noutputs: [{name: y, "
-                                 "column: y}]\n",
-                             {estimated("k", 2.0, "", true)});
+  StoredEstimate e = estimate_with(kTwoStates +
+                                       "Q: [[1, 0], [0, 1]]\nR: [[1]]\noutputs: [{name: y, "
+                                       "column: y}]\n",
+                                   {estimated("k", 2.0, "", true)});
   EXPECT_THROW(estimated_model(e, "result.json"), InputError);  // a is missing
   e.parameters.push_back(estimated("a", 0.5));
   EXPECT_EQ(estimated_model(e, "result.json").parameters[0].scalar(), 0.5);

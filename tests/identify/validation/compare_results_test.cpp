@@ -20,7 +20,7 @@ StoredResult stored_result(const std::string& name, double log_likelihood,
                            std::vector<EstimatedParameter> parameters) {
   StoredResult out;
   out.path = name + "/result.json";
-  Estimate& e = out.estimate;
+  StoredEstimate& e = out.estimate;
   e.verb = "tune";
   e.status = Status::ok;
   e.inputs = {{"data.csv", "abc", 100, 100}};
@@ -46,7 +46,7 @@ EstimatedParameter seen_parameter(const std::string& name, double value, bool fi
   return p;
 }
 
-const TestResult* find_test(const Estimate& e, const std::string& id) {
+const TestResult* find_test(const Comparison& e, const std::string& id) {
   for (const TestResult& test : e.tests) {
     if (test.id == id) return &test;
   }
@@ -68,7 +68,7 @@ TEST(CompareResults, NestedModels) {
       stored_result("a", -105.0, {seen_parameter("q", 0.0, true), seen_parameter("r", 2.0, false)});
   const auto large = stored_result(
       "b", -103.0, {seen_parameter("q", 0.3, false), seen_parameter("r", 1.8, false)});
-  const Estimate out = compare_results({small, large});
+  const Comparison out = compare_results({small, large});
   const TestResult* ratio = find_test(out, "likelihood_ratio");
   ASSERT_NE(ratio, nullptr);
   EXPECT_EQ(ratio->channel, "a in b");
@@ -90,7 +90,7 @@ TEST(CompareResults, NestedModels) {
   EXPECT_EQ(find_test(compare_results({known, other}), "likelihood_ratio"), nullptr);
   // A larger model that is less likely was not found.
   const auto missed = stored_result("c", -106.0, large.estimate.parameters);
-  const Estimate odd = compare_results({small, missed});
+  const Comparison odd = compare_results({small, missed});
   EXPECT_EQ(find_test(odd, "likelihood_ratio"), nullptr);
   EXPECT_THAT(odd.notes.back(), HasSubstr("missed the maximum"));
 }
@@ -110,18 +110,19 @@ TEST(CompareResults, WhatCannotBeRanked) {
     }
     return "ranked";
   };
-  EXPECT_EQ(refusal([](Estimate&) {}), "ranked");
-  EXPECT_THAT(refusal([](Estimate& e) { e.inputs[0].sha256 = "abd"; }), HasSubstr("other data"));
-  EXPECT_THAT(refusal([](Estimate& e) { e.inputs[0].used = 99; }), HasSubstr("other rows"));
-  EXPECT_THAT(refusal([](Estimate& e) { e.one_step[0].channel = "z"; }),
+  EXPECT_EQ(refusal([](StoredEstimate&) {}), "ranked");
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.inputs[0].sha256 = "abd"; }),
+              HasSubstr("other data"));
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.inputs[0].used = 99; }), HasSubstr("other rows"));
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.one_step[0].channel = "z"; }),
               HasSubstr("other outputs"));
-  EXPECT_THAT(refusal([](Estimate& e) { e.objective.method = "output_error"; }),
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.method = "output_error"; }),
               HasSubstr("another kind"));
-  EXPECT_THAT(refusal([](Estimate& e) { e.objective.method = "als-weighted"; }),
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.method = "als-weighted"; }),
               HasSubstr("maximises no likelihood"));
-  EXPECT_THAT(refusal([](Estimate& e) { e.objective.initial = "diffuse"; }),
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.initial = "diffuse"; }),
               HasSubstr("starts diffuse"));
-  EXPECT_THAT(refusal([](Estimate& e) { e.objective.samples = 98; }),
+  EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.samples = 98; }),
               HasSubstr("98 measured values"));
   EXPECT_THROW(compare_results({a}), InputError);
 }

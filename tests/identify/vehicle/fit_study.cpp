@@ -39,7 +39,7 @@ Tally study(const char* title, const Dataset& clean, int runs) {
   for (int run = 0; run < runs; ++run) {
     const Dataset data = with_noise(clean, {0.01, 0.03}, static_cast<std::uint64_t>(run) + 1);
     const auto begin = std::chrono::steady_clock::now();
-    const Estimate fit = fit_vehicle(model, data, without_second_opinion());
+    const VehicleEstimate fit = fit_vehicle(model, data, without_second_opinion());
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
     tally.milliseconds += took.count() / runs;
     tally.ok += fit.status == Status::ok ? 1 : 0;
@@ -118,7 +118,7 @@ TEST(VehicleFitStudy, TyreSaturationAlarm) {
   int false_notes = 0, false_alarms = 0, coloured_alarms = 0, alarms = 0;
   const Dataset linear = lane_change({}, 50.0), saturating = lane_change(soft, 50.0);
   const auto severity = [&](const Dataset& data) {
-    const Estimate fit = fit_vehicle(model, data, without_second_opinion());
+    const VehicleEstimate fit = fit_vehicle(model, data, without_second_opinion());
     const Finding* w = finding(fit, FindingCode::tyre_saturation);
     return w == nullptr ? std::optional<Severity>() : w->severity;
   };

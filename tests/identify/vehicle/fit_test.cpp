@@ -24,7 +24,7 @@ using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 /// Every number that is offered as an error or an interval is one, or is absent altogether.
-void expect_no_pretence(const Estimate& estimate) {
+void expect_no_pretence(const VehicleEstimate& estimate) {
   for (const EstimatedParameter& p : estimate.parameters) {
     EXPECT_TRUE(std::isfinite(p.value)) << p.name;
     EXPECT_EQ(std::isnan(p.se), std::isnan(p.ci95[0])) << p.name;
@@ -56,7 +56,7 @@ TEST(VehicleFit, StopsWhenToldAndSearchesNoFurther) {
   VehicleFitOptions options;
   int calls = 0;
   options.search.progress = [&](int, double) { return ++calls < 3; };
-  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_EQ(calls, 3);
   EXPECT_EQ(fit.status, Status::not_converged);
   EXPECT_THAT(fit.message, HasSubstr("stopped by the caller"));
@@ -64,7 +64,7 @@ TEST(VehicleFit, StopsWhenToldAndSearchesNoFurther) {
 
 TEST(VehicleFit, FindsTheSladka2010Car) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
     const EstimatedParameter& p = parameter(fit, name);
@@ -112,7 +112,7 @@ TEST(VehicleFit, FindsTheSladka2010Car) {
 // 2 variances.
 TEST(VehicleFit, ReportsTheLikelihood) {
   const Dataset data = with_noise(lane_change({}, 10.0), {0.01, 0.03}, 2);
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   double log_likelihood = 0.0;
   for (Eigen::Index j = 0; j < 2; ++j) {
     const Eigen::VectorXd e = fit.series.measured.row(j) - fit.series.predicted.row(j);
@@ -126,7 +126,7 @@ TEST(VehicleFit, ReportsTheLikelihood) {
 
 TEST(VehicleFit, StartValueDecidesNothing) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 3);
-  const Estimate reference = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate reference = fit_vehicle(sladka2010_model(), data);
   for (const double start : {1.2e4, 3.9e5}) {
     Model model = sladka2010_model();
     for (Parameter& p : model.parameters) {
@@ -136,7 +136,7 @@ TEST(VehicleFit, StartValueDecidesNothing) {
     }
     VehicleFitOptions options;
     options.search.seed = 77;
-    const Estimate fit = fit_vehicle(model, data, options);
+    const VehicleEstimate fit = fit_vehicle(model, data, options);
     for (const char* name : {"Cf", "Cr", "Iz"}) {
       const double value = parameter(reference, name).value;
       EXPECT_NEAR(parameter(fit, name).value, value, 1e-5 * value) << name;
@@ -181,7 +181,7 @@ TEST(VehicleFit, EquationErrorStartsNearby) {
 // Yaw rate alone at one speed: enough for three unknowns when everything else is exact.
 TEST(VehicleFit, YawRateAlone) {
   const Dataset data = with_noise(lane_change({}, 100.0, {"r"}), {0.002}, 5);
-  const Estimate fit = fit_vehicle(sladka2010_model({"r"}), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r"}), data);
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 4.0 * parameter(fit, name).se);
   }
@@ -190,13 +190,13 @@ TEST(VehicleFit, YawRateAlone) {
 
 TEST(VehicleFit, SpeaksTheUsersUnits) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 6);
-  const Estimate si = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate si = fit_vehicle(sladka2010_model(), data);
   Model model = sladka2010_model();
   for (Parameter& p : model.parameters) {
     if (p.name == "Cf") p.unit = "kN/rad";
   }
   data.outputs[0].unit = "deg/s";
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_NEAR(parameter(fit, "Cf").value, parameter(si, "Cf").value / 1000.0, 1e-6);
   EXPECT_NEAR(parameter(fit, "Cf").se, parameter(si, "Cf").se / 1000.0, 1e-6);
   EXPECT_NEAR(parameter(fit, "Cf").ci95[0], parameter(si, "Cf").ci95[0] / 1000.0, 1e-6);
@@ -230,7 +230,7 @@ TEST(VehicleFit, RunsInSegments) {
   data.u(1, 1310) = kMissing;
   data.u(0, 1325) = kMissing;  // leaves a fragment behind the stop
   data.y.row(0).segment(100, 300).setConstant(kMissing);
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   ASSERT_FALSE(fit.notes.empty());
   EXPECT_THAT(fit.notes[0], HasSubstr("in 4 segments"));
   EXPECT_THAT(fit.notes[0], HasSubstr("short segments"));
@@ -256,7 +256,7 @@ TEST(VehicleFit, TakesUnevenTimeStamps) {
                      [](double t) { return 18.0 - 0.5 * (t - 3.0); }),
                  {0.005, 0.02}, 8);
   data.dt = 0.011;
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 4.0 * parameter(fit, name).se) << name;
   }
@@ -292,7 +292,7 @@ TEST(VehicleFit, SensorsAndSteering) {
   model.parameters.push_back(unknown("steering_gain", "", 1.0));
   model.parameters.push_back(unknown("steering_offset", "deg", 0.0));
   model.parameters.push_back(unknown("bias_r", "rad/s", 0.0));
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   for (const auto& [name, truth] : {std::pair{"Cf", 88107.7},
                                     {"Cr", 88107.7},
@@ -311,7 +311,7 @@ TEST(VehicleFit, MassIsNeverFoundFromSteering) {
   for (Parameter& p : model.parameters) {
     if (p.name == "m") p = unknown("m", "kg", 1300.0, 500.0, 4000.0);
   }
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::rejected);
   EXPECT_THAT(fit.message, HasSubstr("does not determine m, Iz, Cf, Cr separately"));
   EXPECT_EQ(fit.identifiability.rank, 3);
@@ -334,7 +334,7 @@ TEST(VehicleFit, SaysWhenSomethingIsNotExcited) {
   const Dataset data = with_noise(lane_change({}, 50.0), {0.01, 0.03}, 11);
   Model model = sladka2010_model();
   model.parameters.push_back(unknown("bias_ay", "m/s^2", 0.0));  // no ay is measured
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "bias_ay").verdict, Verdict::unexcited);
   EXPECT_EQ(fit.status, Status::rejected);
   EXPECT_THAT(fit.message, HasSubstr("bias_ay"));
@@ -348,7 +348,7 @@ TEST(VehicleFit, BoundsAreReportedNotDressedUp) {
   for (Parameter& p : model.parameters) {
     if (p.name == "Cr") p.max = 8.2e4;
   }
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "Cr").verdict, Verdict::at_bound);
   EXPECT_DOUBLE_EQ(parameter(fit, "Cr").value, 8.2e4);
   EXPECT_TRUE(std::isnan(parameter(fit, "Cr").se));
@@ -362,7 +362,7 @@ TEST(VehicleFit, GivenNoiseIsUsedAndChecked) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 13);
   Model model = sladka2010_model();
   as_vehicle(model).measurement_sd = {0.01, kMissing};
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(derived(fit, "sd(r)")->value, 0.01);
   EXPECT_NEAR(derived(fit, "sd(vy)")->value, 0.03, 0.004);
   EXPECT_EQ(finding(fit, FindingCode::noise_differs), nullptr);
@@ -380,7 +380,7 @@ TEST(VehicleFit, ColouredResidualsWidenTheErrors) {
     drift = 0.9 * drift + random.normal(2);
     data.y.col(t) += drift.cwiseProduct(Eigen::Vector2d(0.004, 0.012));
   }
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   ASSERT_NE(finding(fit, FindingCode::coloured_residuals), nullptr);
   EXPECT_THAT(fit.covariance_kind, HasSubstr("sandwich"));
   EXPECT_GT(parameter(fit, "Cf").se, 1.5 * parameter(fit, "Cf").crb_se);
@@ -396,13 +396,13 @@ TEST(VehicleFit, FlippedSignsAreSeen) {
   EXPECT_EQ(finding(fit_vehicle(model, data), FindingCode::sign_ay), nullptr);
   Dataset flipped = data;
   flipped.y.row(2) *= -1.0;
-  const Estimate wrong_ay = fit_vehicle(model, flipped);
+  const VehicleEstimate wrong_ay = fit_vehicle(model, flipped);
   ASSERT_NE(finding(wrong_ay, FindingCode::sign_ay), nullptr);
   EXPECT_EQ(finding(wrong_ay, FindingCode::sign_steering), nullptr);
   EXPECT_EQ(wrong_ay.status, Status::untrusted);
   flipped = data;
   flipped.u.row(0) *= -1.0;
-  const Estimate wrong_steering = fit_vehicle(model, flipped);
+  const VehicleEstimate wrong_steering = fit_vehicle(model, flipped);
   ASSERT_NE(finding(wrong_steering, FindingCode::sign_steering), nullptr);
   EXPECT_EQ(finding(wrong_steering, FindingCode::sign_steering)->severity, Severity::serious);
   // The cause goes first; what it causes is no separate finding.
@@ -425,7 +425,7 @@ TEST(VehicleFit, WrongSignOfSideslipIsNamed) {
     EXPECT_EQ(finding(fit_vehicle(model, data), FindingCode::wrong_sign), nullptr);
     Dataset flipped = data;
     flipped.y.row(1) *= -1.0;
-    const Estimate fit = fit_vehicle(model, flipped);
+    const VehicleEstimate fit = fit_vehicle(model, flipped);
     const Finding* said = finding(fit, FindingCode::wrong_sign);
     ASSERT_NE(said, nullptr) << name;
     EXPECT_EQ(said->severity, Severity::serious);
@@ -448,12 +448,12 @@ TEST(VehicleFit, SignsOfHeldOutDataAreSeen) {
   const Model model = sladka2010_model({"r", "vy", "ay"});
   VehicleFitOptions options;
   options.hold_out = {drive(2)};
-  const Estimate clean = fit_vehicle(model, drive(1), options);
+  const VehicleEstimate clean = fit_vehicle(model, drive(1), options);
   EXPECT_EQ(finding(clean, FindingCode::sign_ay), nullptr);
   EXPECT_EQ(clean.status, Status::ok) << clean.message;
   options.hold_out[0].name = "monday.csv";
   options.hold_out[0].y.row(2) *= -1.0;
-  const Estimate fit = fit_vehicle(model, drive(1), options);
+  const VehicleEstimate fit = fit_vehicle(model, drive(1), options);
   ASSERT_NE(finding(fit, FindingCode::sign_ay), nullptr);
   EXPECT_EQ(finding(fit, FindingCode::sign_ay)->severity, Severity::warning);
   EXPECT_THAT(finding(fit, FindingCode::sign_ay)->text, HasSubstr("held-out monday.csv: "));
@@ -465,7 +465,7 @@ TEST(VehicleFit, ImplausibleValuesAreSaid) {
   odd.Iz = 4500.0;
   odd.Cf = odd.Cr = 300000.0;
   const Dataset data = with_noise(lane_change(odd, 100.0), {0.001, 0.003}, 16);
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   EXPECT_NE(finding(fit, FindingCode::implausible_Iz), nullptr);
   EXPECT_NE(finding(fit, FindingCode::implausible_Cf), nullptr);
   EXPECT_EQ(fit.status, Status::ok);  // printed, not enforced
@@ -502,7 +502,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   car.inverse_saturation_f = 1.0 / std::pow(6500.0, 2);
   car.inverse_saturation_r = 1.0 / std::pow(4500.0, 2);
   const Dataset data = with_noise(lane_change(car, 100.0), {0.01, 0.03}, 17);
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   const Finding* saturation = finding(fit, FindingCode::tyre_saturation);
   ASSERT_NE(saturation, nullptr);
   EXPECT_EQ(saturation->severity, Severity::serious) << saturation->text;
@@ -568,7 +568,7 @@ TEST(VehicleFit, NothingFreeIsASimulation) {
     p.fixed = true;
     if (p.name == "Cf" || p.name == "Cr") p.value(0, 0) = 88107.7;
   }
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   EXPECT_GT(fit.simulation[0].fit_percent, 90.0);
   EXPECT_NEAR(derived(fit, "K")->value, 0.003515, 1e-6);
@@ -582,7 +582,7 @@ TEST(VehicleFit, RoadWheelAngleNeedsNoRatio) {
   Model model = sladka2010_model();
   as_vehicle(model).steering_at_road_wheel = true;
   std::erase_if(model.parameters, [](const Parameter& p) { return p.name == "steering_ratio"; });
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 4.0 * parameter(fit, "Cf").se);
   model.parameters.push_back(unknown("steering_ratio", "", 21.0));
   EXPECT_THAT(refusal(model, data), HasSubstr("fit steering_gain instead"));
@@ -597,7 +597,7 @@ TEST(VehicleFitRefuses, NoSteering) {
   EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("no steering"));
   data.u.row(0).setConstant(
       1.0);  // a circle from the first row to the last is allowed, but not praised
-  const Estimate circle = fit_vehicle(
+  const VehicleEstimate circle = fit_vehicle(
       sladka2010_model(), with_noise(record(
                                          {}, uniform_time(10.0, 50.0), {"r", "vy"},
                                          [](double) { return 1.0; }, [](double) { return 15.0; }),
@@ -665,7 +665,7 @@ TEST(VehicleFitRefuses, DeadOutputs) {
   EXPECT_THAT(refusal(sladka2010_model(), dead), HasSubstr("output 'r' is constant at 0.1 rad/s"));
   dead = data;
   dead.y.row(1).setZero();  // one of two: the other is used
-  const Estimate fit = fit_vehicle(sladka2010_model(), dead);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), dead);
   ASSERT_NE(finding(fit, FindingCode::dead_output), nullptr);
   EXPECT_EQ(fit.simulation.size(), 1u);
   EXPECT_EQ(fit.status, Status::untrusted);
@@ -692,7 +692,7 @@ TEST(VehicleFit, PriorOfALogarithm) {
   Model model = sladka2010_model();
   model.parameters.push_back(unknown("steering_gain", "", 1.0));
   model.parameters.back().prior = {Prior::Kind::log_normal, 1.0, 1.02};
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_NEAR(parameter(fit, "steering_gain").value, 1.0, 0.06);
   model.parameters.back().value(0, 0) = 0.0;
   EXPECT_THAT(refusal(model, data), HasSubstr("parameter 'steering_gain' starts at 0"));
@@ -707,7 +707,7 @@ TEST(VehicleFit, NothingFittedIsSaid) {
   for (Parameter& p : model.parameters) {
     if (p.name == "steering_ratio") p.value(0, 0) = 1e-300;
   }
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::not_converged) << fit.message;
   for (const EstimatedParameter& p : fit.parameters) {
     if (!p.fixed) {
@@ -733,7 +733,7 @@ TEST(VehicleFitRefuses, ModelsThatDoNotFit) {
 }
 
 TEST(VehicleFit, NoiselessDataAreNoTrouble) {
-  const Estimate fit = fit_vehicle(sladka2010_model(), lane_change({}, 100.0));
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), lane_change({}, 100.0));
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 1e-3 * 88107.7);
   EXPECT_NEAR(parameter(fit, "Iz").value, 2319.0, 1e-3 * 2319.0);
   expect_no_pretence(fit);
@@ -743,7 +743,7 @@ TEST(VehicleFit, PureNoiseIsNotTrusted) {
   Dataset data = lane_change({}, 100.0);
   data.y.setZero();
   data = with_noise(data, {0.01, 0.03}, 3);
-  const Estimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   EXPECT_NE(fit.status, Status::ok);
   expect_no_pretence(fit);
 }
@@ -801,7 +801,7 @@ TEST(VehicleFitRecordings, Chirp) {
                       unknown("Iz", "kg m^2", 2000.0),
                       unknown("Cf", "N/rad", 5e4),
                       unknown("Cr", "N/rad", 5e4)};
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   const double K = derived(fit, "K per g")->value, DF = derived(fit, "DF")->value,
                DR = derived(fit, "DR")->value, wn = derived(fit, "wn at 100 km/h")->value,
@@ -830,7 +830,7 @@ TEST(VehicleFitRecordings, RaceCar) {
   model.parameters = {known("m", "kg", 982.0),     known("a", "m", 1.33),
                       known("b", "m", 1.07),       unknown("Iz", "kg m^2", 1400.0),
                       unknown("Cf", "N/rad", 8e4), unknown("Cr", "N/rad", 8e4)};
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   std::printf(
       "race car, linear: Cf %.0f +- %.0f (white %.0f), Cr %.0f +- %.0f (white %.0f), r fit %.1f "
       "%%\n",

@@ -57,7 +57,7 @@ TEST(VehicleModel, TanhTyreComesBack) {
   double bias[5] = {};
   constexpr int kRuns = 40;
   for (int run = 0; run < kRuns; ++run) {
-    const Estimate fit =
+    const VehicleEstimate fit =
         fit_vehicle(model, with_noise(clean, {0.01, 0.03}, static_cast<std::uint64_t>(run) + 1),
                     without_second_opinion());
     ok += fit.status == Status::ok ? 1 : 0;
@@ -81,7 +81,8 @@ TEST(VehicleModel, NoSaturationIsSaid) {
   Model model = sladka2010_model();
   as_vehicle(model).curve = TyreCurve::tanh;
   model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
-  const Estimate fit = fit_vehicle(model, with_noise(lane_change({}, 100.0), {0.01, 0.03}, 5));
+  const VehicleEstimate fit =
+      fit_vehicle(model, with_noise(lane_change({}, 100.0), {0.01, 0.03}, 5));
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 3.0 * parameter(fit, name).se) << name;
   }
@@ -108,9 +109,9 @@ TEST(VehicleModel, NoSaturationOfAnyCurve) {
     model = with_free(with_free(model, "Ff_max", "N", 8600.0), "Fr_max", "N", 5600.0);
     int straight = 0, said = 0;
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
-      const Estimate fit =
+      const VehicleEstimate fit =
           fit_vehicle(model, with_noise(lane_change({}, 50.0), {0.01, 0.03}, seed));
-      const std::string text = console_report(fit);
+      const std::string text = console_report(sections_of(fit));
       EXPECT_FALSE(std::regex_search(text, std::regex("\\b(inf|nan)\\b"))) << text;
       for (const char* name : {"Ff_max", "Fr_max"}) {
         straight += parameter(fit, name).verdict == Verdict::at_bound ? 1 : 0;
@@ -137,14 +138,14 @@ Dataset late_steering(double delay) {
 }
 
 TEST(VehicleModel, DelayIsFoundOrSaid) {
-  const Estimate fit =
+  const VehicleEstimate fit =
       fit_vehicle(with_free(sladka2010_model(), "steering_delay", "s", 0.0), late_steering(0.08));
   const EstimatedParameter& delay = parameter(fit, "steering_delay");
   EXPECT_NEAR(delay.value, 0.08, 3.0 * delay.se);
   EXPECT_LT(delay.se, 0.01);
   EXPECT_NEAR(parameter(fit, "Cf").value, 88107.7, 3.0 * parameter(fit, "Cf").se);
 
-  const Estimate without = fit_vehicle(sladka2010_model(), late_steering(0.08));
+  const VehicleEstimate without = fit_vehicle(sladka2010_model(), late_steering(0.08));
   const Finding* said = finding(without, FindingCode::steering_delay);
   ASSERT_NE(said, nullptr);
   EXPECT_THAT(said->text, HasSubstr("with steering_delay free it is 0.07"));
@@ -192,12 +193,12 @@ TEST(VehicleModel, PriorsErrorIsKept) {
   VehicleFitOptions options = without_second_opinion();
   const double plain = parameter(fit_vehicle(model, data, options), "Cf").se;
   options.search.robust = true;
-  const Estimate robust = fit_vehicle(model, data, options);
+  const VehicleEstimate robust = fit_vehicle(model, data, options);
   EXPECT_NEAR(parameter(robust, "m").se, 50.0, 0.5);
   EXPECT_NEAR(parameter(robust, "Cf").se / plain, 1.0, 0.15);
   options.search.robust = false;
   options.bootstrap = 2000;
-  const Estimate drawn = fit_vehicle(model, data, options);
+  const VehicleEstimate drawn = fit_vehicle(model, data, options);
   EXPECT_NEAR(parameter(drawn, "m").se, 50.0, 4.0);
   EXPECT_NEAR(parameter(drawn, "Cf").se / plain, 1.0, 0.15);
 }
@@ -210,7 +211,7 @@ TEST(VehicleModel, BootstrapCountsSamples) {
   }
   VehicleFitOptions options = without_second_opinion();
   options.bootstrap = 2000;
-  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
     EXPECT_NEAR(parameter(fit, name).se / parameter(fit, name).crb_se, 1.0, 0.35) << name;
   }
@@ -229,13 +230,14 @@ Dataset wrong_ratio() {
 // A speed spread of 2 separates gain and stiffness.
 TEST(VehicleModel, WrongRatioIsSaid) {
   const Dataset data = wrong_ratio();
-  const Estimate fixed = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fixed = fit_vehicle(sladka2010_model(), data);
   const Finding* said = finding(fixed, FindingCode::steering_gain);
   ASSERT_NE(said, nullptr);
   EXPECT_EQ(said->severity, Severity::serious) << said->text;
   EXPECT_EQ(fixed.status, Status::untrusted);
 
-  const Estimate fit = fit_vehicle(with_free(sladka2010_model(), "steering_gain", "", 1.0), data);
+  const VehicleEstimate fit =
+      fit_vehicle(with_free(sladka2010_model(), "steering_gain", "", 1.0), data);
   EXPECT_NEAR(parameter(fit, "steering_gain").value, 1.12,
               3.0 * parameter(fit, "steering_gain").se);
   const Finding* ratio = finding(fit, FindingCode::steering_ratio);
@@ -254,7 +256,7 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
   Parameter& Cf = *find(model, "Cf");
   (wrong < 88107.7 ? Cf.max : Cf.min) = 0.5 * (wrong + 88107.7);
   Cf.value(0, 0) = wrong;
-  const Estimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(parameter(fit, "Cf").verdict, Verdict::ok);
   EXPECT_EQ(finding(fit, FindingCode::steering_gain), nullptr)
       << finding(fit, FindingCode::steering_gain)->text;
@@ -264,8 +266,8 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
 TEST(VehicleModel, RecordingsAddUp) {
   const Dataset first = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 11);
   const Dataset second = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 12);
-  const Estimate one = fit_vehicle(sladka2010_model(), first);
-  const Estimate both = fit_vehicle(sladka2010_model(), std::vector<Dataset>{first, second});
+  const VehicleEstimate one = fit_vehicle(sladka2010_model(), first);
+  const VehicleEstimate both = fit_vehicle(sladka2010_model(), std::vector<Dataset>{first, second});
   ASSERT_EQ(both.inputs.size(), 2U);
   EXPECT_EQ(both.inputs[1].used, 700);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
@@ -280,14 +282,14 @@ TEST(VehicleModel, RecordingsAddUp) {
 // both together.
 TEST(VehicleModel, PriorCountsAsAMeasurement) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
-  const Estimate plain = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data);
   const double value = parameter(plain, "Iz").value, se = parameter(plain, "Iz").se;
   for (const bool logarithm : {false, true}) {
     Model model = sladka2010_model();
     const double away = value + 4.0 * se;
     find(model, "Iz")->prior = logarithm ? Prior{Prior::Kind::log_normal, away, std::exp(se / away)}
                                          : Prior{Prior::Kind::normal, away, se};
-    const Estimate fit = fit_vehicle(model, data);
+    const VehicleEstimate fit = fit_vehicle(model, data);
     EXPECT_NEAR(parameter(fit, "Iz").value, value + 2.0 * se, 0.15 * se);
     EXPECT_NEAR(parameter(fit, "Iz").se, se / std::sqrt(2.0), 0.05 * se);
   }
@@ -309,7 +311,7 @@ TEST(VehicleModel, RobustCostShrugsOffOutliers) {
     plain += std::pow(
         parameter(fit_vehicle(sladka2010_model(), data, options), "Cf").value - 88107.7, 2);
     options.search.robust = true;
-    const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+    const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     robust += std::pow(p.value - 88107.7, 2);
     scale += p.se / kRuns;
@@ -339,17 +341,17 @@ TEST(VehicleModel, RobustFitIsJudgedWithoutItsOutliers) {
   const Dataset data = spoilt(1);
   VehicleFitOptions options;
   options.hold_out = {spoilt(2)};
-  const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_NE(finding(plain, FindingCode::poor_fit), nullptr);
   EXPECT_EQ(plain.status, Status::untrusted);
   options.search.robust = true;
-  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_EQ(finding(fit, FindingCode::poor_fit), nullptr);
   EXPECT_EQ(finding(fit, FindingCode::tyre_saturation), nullptr);
   EXPECT_EQ(finding(fit, FindingCode::hold_out), nullptr);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   // As well as the same recording without outliers.
-  const Estimate clean =
+  const VehicleEstimate clean =
       fit_vehicle(sladka2010_model(), with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1),
                   without_second_opinion());
   for (std::size_t j = 0; j < 2; ++j) {
@@ -375,9 +377,9 @@ TEST(VehicleModel, BoundBesideARobustFit) {
   EXPECT_EQ(noise_information(false), 1.0);
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options = without_second_opinion();
-  const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data, options);
   options.search.robust = true;
-  const Estimate robust = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate robust = fit_vehicle(sladka2010_model(), data, options);
   for (const char* name : {"sd(r)", "sd(vy)"}) {
     scale += derived(robust, name)->value / derived(plain, name)->value / 2.0;
   }
@@ -395,9 +397,9 @@ TEST(VehicleModel, BoundBesideARobustFit) {
 TEST(VehicleModel, RobustCostIsNearlyAsGoodForNormalNoise) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options;
-  const Estimate plain = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data, options);
   options.search.robust = true;
-  const Estimate robust = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate robust = fit_vehicle(sladka2010_model(), data, options);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
     EXPECT_NEAR(parameter(robust, name).value, parameter(plain, name).value,
                 parameter(plain, name).se);
@@ -410,7 +412,7 @@ TEST(VehicleModel, BootstrapAgreesWithTheInformation) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
   VehicleFitOptions options;
   options.bootstrap = 2000;
-  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_THAT(fit.covariance_kind, HasSubstr("block bootstrap, 2000 draws of 200 blocks"));
   for (const char* name : {"Cf", "Cr", "Iz"}) {
     EXPECT_NEAR(parameter(fit, name).se / parameter(fit, name).crb_se, 1.0, 0.2) << name;
@@ -426,11 +428,11 @@ TEST(VehicleModel, PredictionErrorSuitsAPushedCar) {
   for (int run = 0; run < kRuns; ++run) {
     const Dataset data = disturbed_car(static_cast<std::uint64_t>(run) + 1);
     VehicleFitOptions options = without_second_opinion();
-    const Estimate simulation = fit_vehicle(sladka2010_model(), data, options);
+    const VehicleEstimate simulation = fit_vehicle(sladka2010_model(), data, options);
     simulated += std::pow(parameter(simulation, "Cf").value - 88107.7, 2);
     coloured += finding(simulation, FindingCode::coloured_residuals) != nullptr ? 1 : 0;
     options.method = VehicleFitOptions::Method::prediction_error;
-    const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+    const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     predicted += std::pow(p.value - 88107.7, 2);
     error += p.se / kRuns;
@@ -456,7 +458,7 @@ TEST(VehicleModel, HoldOutIsSimulatedWithTheFitsParameters) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
   VehicleFitOptions options;
   options.hold_out = {with_noise(lane_change({}, 100.0), {0.01, 0.03}, 2)};
-  const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
   ASSERT_EQ(fit.hold_out.size(), 2U);
   EXPECT_NEAR(fit.hold_out[0].rmse, 0.01, 0.001);
   EXPECT_NEAR(fit.hold_out[1].rmse, 0.03, 0.003);
@@ -464,7 +466,7 @@ TEST(VehicleModel, HoldOutIsSimulatedWithTheFitsParameters) {
   TrueCar other;
   other.Cr = 55000.0;
   options.hold_out = {with_noise(lane_change(other, 100.0), {0.01, 0.03}, 2)};
-  const Estimate carried = fit_vehicle(sladka2010_model(), data, options);
+  const VehicleEstimate carried = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_NE(finding(carried, FindingCode::hold_out), nullptr);
 }
 
@@ -496,7 +498,7 @@ std::vector<Dataset> circles(double offset, std::uint64_t seed) {
 
 // i L = 21 * 2.512 = 52.75 m, i K = 21 * 0.0035151 = 0.0738 rad/(m/s^2), offset 0.05 rad.
 TEST(SteadyDriving, CirclesGiveTwoProducts) {
-  const Estimate fit = fit_vehicle(sladka2010_model({"r"}), circles(0.05, 1));
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r"}), circles(0.05, 1));
   EXPECT_EQ(fit.status, Status::rejected);
   EXPECT_THAT(fit.message, HasSubstr("only the products i L and i K"));
   const DerivedValue* iL = derived(fit, "i L");
@@ -544,7 +546,7 @@ TEST(SteadyDriving, KnownOffsetIsUsed) {
   EXPECT_NEAR(found.value[0], 52.752, 4.0 * std::sqrt(found.covariance(0, 0)));
   std::vector<Dataset> two = circles(0.0, 1);
   two.resize(2);
-  const Estimate fit = fit_vehicle(sladka2010_model({"r"}), two);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r"}), two);
   ASSERT_NE(derived(fit, "i L"), nullptr);
   EXPECT_TRUE(std::isnan(derived(fit, "i L")->se));
 }

@@ -119,7 +119,7 @@ TEST(VehicleTrajectory, PushedCarComesBack) {
     simulated += std::pow(
         parameter(fit_vehicle(sladka2010_model(), data, options), "Cf").value - 88107.7, 2);
     options.method = VehicleFitOptions::Method::trajectory;
-    const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+    const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
     const EstimatedParameter& p = parameter(fit, "Cf");
     mean += p.value / 88107.7 / kRuns;
     squares += std::pow(p.value - 88107.7, 2);
@@ -159,7 +159,7 @@ TEST(VehicleTrajectory, OutliersAndGapsDoNoHarm) {
     VehicleFitOptions options = without_second_opinion();
     options.method = VehicleFitOptions::Method::trajectory;
     const auto error = [&] {
-      const Estimate fit = fit_vehicle(sladka2010_model(), data, options);
+      const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
       const EstimatedParameter& p = parameter(fit, "Cf");
       if (options.search.robust) {
         covered += p.ci95[0] < 88107.7 && 88107.7 < p.ci95[1] ? 1 : 0;

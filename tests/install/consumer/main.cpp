@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
   if (argc != 3) return 2;
   const Model model = read_model_file(argv[1]);
   const Dataset data = make_dataset(read_csv(argv[2]), model.time, model.inputs, model.outputs);
-  const Estimate estimate = tune_ml(model, {data});
+  const NoiseEstimate estimate = tune_ml(model, {data});
   std::printf("identikal %s\n", IDENTIKAL_VERSION);
   for (const EstimatedParameter& p : estimate.parameters) {
     std::printf("%s %.2f\n", p.name.c_str(), p.value);

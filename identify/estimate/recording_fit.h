@@ -1,0 +1,51 @@
+// How well does a model describe recordings? Fits, tests, and the series behind them.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/estimate/none.h"
+#include "identify/estimate/pictures.h"
+
+namespace identikal {
+
+struct TestResult {
+  std::string id;       ///< "nis", "ljung_box", ... (identify/optimality/optimality.h)
+  std::string channel;  ///< empty: all together
+  double value = kNone;
+  std::array<double, 2> interval{kNone, kNone};
+  double p = kNone;
+  bool pass = true;
+  double level = kNone;  ///< how often it may fail an optimal filter; kNone: no part of the verdict
+};
+
+struct ChannelFit {
+  std::string channel;
+  std::string unit;
+  double fit_percent = kNone;  ///< 100 (1 - ||y - yhat|| / ||y - mean y||)
+  double rmse = kNone;         ///< in `unit`
+};
+
+/// Series behind the result, for residuals.csv; SI converted back to the channel's unit.
+struct Series {
+  Eigen::VectorXd time;
+  std::vector<int> recording;  ///< 1, 2, ... of each sample; empty = there is one
+  std::vector<std::string> channels, units;
+  Eigen::MatrixXd measured, predicted;  ///< channels x N; NaN where there is none
+  Eigen::MatrixXd standardised;         ///< residual / its standard deviation; may be empty
+};
+
+/// Of the model at the values of the result.
+struct RecordingFit {
+  std::vector<ChannelFit> one_step, simulation;
+  std::vector<ChannelFit> hold_out;           ///< simulation of data that the fit did not see
+  std::vector<ChannelFit> hold_out_one_step;  ///< a filter's fit to them
+  std::vector<TestResult> tests;
+  Series series;
+  Pictures pictures;  ///< filled where a report is requested
+};
+
+}  // namespace identikal
