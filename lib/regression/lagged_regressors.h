@@ -14,6 +14,32 @@ struct RegressionOrder {
   Eigen::Index feedback = 0;  ///< n_y >= 0: samples of the output, from the one before
 };
 
+/// The samples that rows look back to, as they arrive.
+///
+///   LagWindow window = start_lag_window(1, {2, 2});
+///   while (receive(u, y)) {
+///     if (take(window, u, y)) use(window.phi, y);
+///   }
+struct LagWindow {
+  Eigen::VectorXd phi;  ///< d: of the sample taken last, where that row is complete
+
+  RegressionOrder order;
+  Eigen::MatrixXd u;  ///< m x inputs of the reach: the newest first; NaN before the first sample
+  Eigen::VectorXd y;  ///< 1 + feedback of the reach: the same
+};
+
+/// @param channels  m >= 1 inputs
+/// @param reach     as lagged_rows() has it; left out: `order` itself
+/// @throws std::invalid_argument when an order is out of range
+LagWindow start_lag_window(Eigen::Index channels, const RegressionOrder& order,
+                           const RegressionOrder& reach);
+LagWindow start_lag_window(Eigen::Index channels, const RegressionOrder& order);
+
+/// Takes a sample. Allocates nothing.
+/// @param u  m; NaN where missing, as y
+/// @return whether its row is complete: phi and y
+bool take(LagWindow& window, const Eigen::Ref<const Eigen::VectorXd>& u, double y);
+
 /// y(sample[k]) = phi.col(k)' theta + error
 struct LaggedRows {
   Eigen::MatrixXd phi;               ///< d x n

@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include "lib/base/constants.h"
-#include "lib/regression/error_growth.h"
 
 namespace identikal {
 namespace {
@@ -170,15 +169,19 @@ MatrixXd information_of_rows(const RecursiveLeastSquares& rls) {
   return out;
 }
 
-VectorXd noise_variance(const RecursiveLeastSquares& rls) {
+double noise_variance(const RecursiveLeastSquares& rls, Index output) {
   const auto d = static_cast<double>(rls.theta.rows());
   const double freedom = rls.weight - d * rls.squared_weight / rls.weight;
   // n - d of exactly as many samples as coefficients is zero but for rounding.
-  if (!(freedom > 1e-9 * rls.weight) || !determined(rls)) {
-    return VectorXd::Constant(rls.theta.cols(), kNaN);
-  }
-  const VectorXd prior = rls.prior * rls.theta.colwise().squaredNorm().transpose();
-  return (rls.squares - prior).cwiseMax(0.0) / freedom;
+  if (!(freedom > 1e-9 * rls.weight) || !determined(rls)) return kNaN;
+  const double prior = rls.prior * rls.theta.col(output).squaredNorm();
+  return std::max(0.0, rls.squares[output] - prior) / freedom;
+}
+
+VectorXd noise_variance(const RecursiveLeastSquares& rls) {
+  VectorXd out(rls.theta.cols());
+  for (Index j = 0; j < out.size(); ++j) out[j] = noise_variance(rls, j);
+  return out;
 }
 
 MatrixXd standard_errors(const RecursiveLeastSquares& rls) {
@@ -188,17 +191,98 @@ MatrixXd standard_errors(const RecursiveLeastSquares& rls) {
          noise_variance(rls).cwiseSqrt().transpose();
 }
 
+void find_standard_errors(RecursiveLeastSquares& rls, Index output, Eigen::Ref<VectorXd> out) {
+  if (!determined(rls)) {
+    out.setConstant(kNaN);
+    return;
+  }
+  const double sd = std::sqrt(noise_variance(rls, output));
+  for (Index i = 0; i < out.size(); ++i) {
+    // P_ii = || L^-1 e_i ||^2
+    rls.row.setZero();
+    rls.row[i] = 1.0;
+    rls.L.triangularView<Eigen::Lower>().solveInPlace(rls.row);
+    out[i] = sd * rls.row.norm();
+  }
+}
+
+OnlineLeastSquares start_online_least_squares(Index regressors, double delta,
+                                              const Forgetting& forgetting) {
+  if (forgetting.memory > 0.0 && !(forgetting.memory > 1.0)) {
+    throw std::invalid_argument("start_online_least_squares: a memory of one sample or less");
+  }
+  OnlineLeastSquares out;
+  out.rls = start_recursive_least_squares(regressors, 1, delta);
+  out.forgetting = forgetting;
+  out.settle = 2 * regressors + 10;
+  out.growth = start_error_growth(forgetting.samples_per_false_alarm, out.settle);
+  out.sd = VectorXd::Constant(regressors, kNaN);
+  return out;
+}
+
+namespace {
+
+// The variable lambda of an error, whose variance is then known a little better.
+double variable_factor(OnlineLeastSquares& online, double zeta, double normalised) {
+  constexpr double kLeastFactor = 0.1, kNoiseMemories = 10.0;
+  const double memory = online.forgetting.memory;
+  double lambda = 1.0;
+  if (online.noise > 0.0) {
+    const double xi = online.prior_error;
+    const double q = xi * xi / (memory * online.noise), c = 1.0 - zeta - q;
+    // Of c < 0 the other form: no difference of nearly equal numbers.
+    const double root = std::sqrt(c * c + 4.0 * zeta);
+    lambda = c > 0.0 ? 0.5 * (c + root) : 2.0 * zeta / (root - c);
+    lambda = std::min(1.0, std::max(kLeastFactor, lambda));
+  }
+  online.known = std::min(online.known + 1.0, kNoiseMemories * memory);
+  online.noise += (normalised * normalised - online.noise) / online.known;
+  return lambda;
+}
+
+}  // namespace
+
+bool step(OnlineLeastSquares& online, const Eigen::Ref<const VectorXd>& phi, double y) {
+  if (!phi.allFinite() || !std::isfinite(y)) return false;
+  const Forgetting& forgetting = online.forgetting;
+  RecursiveLeastSquares& rls = online.rls;
+  if (phi.size() != rls.theta.rows()) {
+    throw std::invalid_argument("step: regressors of another size");
+  }
+  const Index t = rls.samples;
+  const double zeta = leverage(rls, phi);
+  online.prior_error = y - phi.dot(rls.theta.col(0));
+  const double normalised = online.prior_error / std::sqrt(1.0 + zeta);
+  online.standardised = normalised / std::sqrt(noise_variance(rls, 0));
+  const bool predicted = std::isfinite(zeta);
+  const bool variable = forgetting.memory > 0.0, test = forgetting.reset || forgetting.watch;
+  double lambda = variable ? 1.0 : forgetting.factor;
+  if (variable && predicted && t >= online.settle) {
+    lambda = variable_factor(online, zeta, normalised);
+  }
+  online.log_alarm = kNaN;
+  online.change.reset();
+  if (test && predicted) {
+    const bool alarm = update(online.growth, normalised);
+    online.log_alarm = online.growth.log_alarm;
+    if (alarm) {
+      online.change = {std::max<Index>(0, t + 1 - online.growth.age), t};
+      if (forgetting.reset) lambda = 1.0 / std::max(1.0, rls.weight);
+    }
+  }
+  update(rls, phi, Eigen::Map<const VectorXd>(&y, 1), lambda);
+  find_standard_errors(rls, 0, online.sd);
+  online.posterior_error = rls.posterior_error[0];
+  online.lambda = lambda;
+  return true;
+}
+
 RegressionHistory run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& phi,
                                               const Eigen::Ref<const VectorXd>& y, double delta,
                                               const Forgetting& forgetting) {
-  constexpr double kLeastFactor = 0.1, kNoiseMemories = 10.0;
-  const Index d = phi.rows(), n = phi.cols(), settle = 2 * d + 10;
-  const bool variable = forgetting.memory > 0.0, test = forgetting.reset || forgetting.watch;
+  const Index d = phi.rows(), n = phi.cols();
   if (y.size() != n) {
     throw std::invalid_argument("run_recursive_least_squares: as many rows as samples, please");
-  }
-  if (variable && !(forgetting.memory > 1.0)) {
-    throw std::invalid_argument("run_recursive_least_squares: a memory of one sample or less");
   }
   RegressionHistory out;
   out.theta.resize(d, n);
@@ -207,46 +291,22 @@ RegressionHistory run_recursive_least_squares(const Eigen::Ref<const MatrixXd>& 
   out.posterior_error.resize(n);
   out.standardised.resize(n);
   out.lambda.resize(n);
-  out.log_alarm = VectorXd::Constant(n, kNaN);
-  RecursiveLeastSquares rls = start_recursive_least_squares(d, 1, delta);
-  ErrorGrowth growth = start_error_growth(forgetting.samples_per_false_alarm, settle);
-  double noise = 0.0, known = 0.0;
+  out.log_alarm.resize(n);
+  OnlineLeastSquares online = start_online_least_squares(d, delta, forgetting);
   for (Index t = 0; t < n; ++t) {
-    const double zeta = leverage(rls, phi.col(t));
-    const double xi = y[t] - phi.col(t).dot(rls.theta.col(0));
-    const double normalised = xi / std::sqrt(1.0 + zeta);
-    out.standardised[t] = normalised / std::sqrt(noise_variance(rls)[0]);
-    const bool predicted = std::isfinite(zeta);
-    double lambda = variable ? 1.0 : forgetting.factor;
-    if (variable && predicted && t >= settle) {
-      if (noise > 0.0) {
-        const double q = xi * xi / (forgetting.memory * noise), c = 1.0 - zeta - q;
-        // Of c < 0 the other form: no difference of nearly equal numbers.
-        const double root = std::sqrt(c * c + 4.0 * zeta);
-        lambda = c > 0.0 ? 0.5 * (c + root) : 2.0 * zeta / (root - c);
-        lambda = std::min(1.0, std::max(kLeastFactor, lambda));
-      }
-      known = std::min(known + 1.0, kNoiseMemories * forgetting.memory);
-      noise += (normalised * normalised - noise) / known;
-    }
-    if (test && predicted) {
-      const bool alarm = update(growth, normalised);
-      out.log_alarm[t] = growth.log_alarm;
-      if (alarm) {
-        out.changes.push_back({std::max<Index>(0, t + 1 - growth.age), t});
-        if (forgetting.reset) lambda = 1.0 / std::max(1.0, rls.weight);
-      }
-    }
-    if (!update(rls, phi.col(t), y.segment(t, 1), lambda)) {
+    if (!step(online, phi.col(t), y[t])) {
       throw std::invalid_argument("run_recursive_least_squares: an entry is not finite");
     }
-    out.theta.col(t) = rls.theta.col(0);
-    out.sd.col(t) = standard_errors(rls).col(0);
-    out.prior_error[t] = xi;
-    out.posterior_error[t] = rls.posterior_error[0];
-    out.lambda[t] = lambda;
+    out.theta.col(t) = online.rls.theta.col(0);
+    out.sd.col(t) = online.sd;
+    out.prior_error[t] = online.prior_error;
+    out.posterior_error[t] = online.posterior_error;
+    out.standardised[t] = online.standardised;
+    out.lambda[t] = online.lambda;
+    out.log_alarm[t] = online.log_alarm;
+    if (online.change) out.changes.push_back(*online.change);
   }
-  out.end = std::move(rls);
+  out.end = std::move(online.rls);
   return out;
 }
 

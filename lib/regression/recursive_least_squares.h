@@ -1,9 +1,12 @@
 // What are the coefficients of a linear regression by now, asked again with every new sample?
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
+
+#include "lib/regression/error_growth.h"
 
 namespace identikal {
 
@@ -86,11 +89,16 @@ Eigen::MatrixXd information_of_rows(const RecursiveLeastSquares& rls);
 /// squares: n - d without forgetting. NaN until that is positive. Without bias for constant
 /// coefficients, regressors without feedback and lambda = 1; else as good as that.
 Eigen::VectorXd noise_variance(const RecursiveLeastSquares& rls);
+/// Of one output; allocates nothing.
+double noise_variance(const RecursiveLeastSquares& rls, Eigen::Index output);
 
 /// d x ny: square roots of noise_variance times the diagonal of P; NaN where not determined. With
 /// lambda < 1 they allow for coefficients that drift; for constant ones they are too large by
 /// about sqrt(1 + lambda).
 Eigen::MatrixXd standard_errors(const RecursiveLeastSquares& rls);
+/// Of the coefficients of one output, d; allocates nothing.
+void find_standard_errors(RecursiveLeastSquares& rls, Eigen::Index output,
+                          Eigen::Ref<Eigen::VectorXd> out);
 
 /// How the past loses its weight.
 struct Forgetting {
@@ -103,22 +111,41 @@ struct Forgetting {
   double samples_per_false_alarm = 1e4;
 };
 
-/// Estimates after every row.
-struct RegressionHistory {
-  Eigen::MatrixXd theta, sd;    ///< d x n
-  Eigen::VectorXd prior_error;  ///< n: xi
-  Eigen::VectorXd posterior_error;
-  Eigen::VectorXd standardised;  ///< n: xi over its standard deviation; NaN while not known
-  Eigen::VectorXd lambda;        ///< n
-  Eigen::VectorXd log_alarm;     ///< n: of the test for changes; NaN without, -infinity at rest
-  struct Change {
-    Eigen::Index since, found;  ///< rows: where it began, as far as one knows; where it was found
-  };
-  std::vector<Change> changes;
-  RecursiveLeastSquares end;
+/// Where coefficients changed.
+struct RegressionChange {
+  Eigen::Index since, found;  ///< rows: where it began, as far as one knows; where it was found
 };
 
-/// Runs over the rows of one output.
+/// Recursive least squares of one output that forgets as it should. Read rls.theta and what
+/// belongs to the row taken last; the rest is what it remembers.
+///
+///   OnlineLeastSquares online = start_online_least_squares(2, 0.01, {.factor = 0.99});
+///   while (receive(phi, y)) {
+///     step(online, phi, y);
+///     use(online.rls.theta, online.sd);
+///   }
+struct OnlineLeastSquares {
+  Eigen::VectorXd sd;        ///< d: standard_errors(); NaN while not determined
+  double prior_error = 0.0;  ///< xi
+  double posterior_error = 0.0;
+  double standardised = 0.0;               ///< xi over its standard deviation; NaN while not known
+  double lambda = 1.0;                     ///< as the row was taken
+  double log_alarm = 0.0;                  ///< of the test for changes; NaN without
+  std::optional<RegressionChange> change;  ///< that this row has shown
+
+  RecursiveLeastSquares rls;
+  Forgetting forgetting;
+  ErrorGrowth growth;
+  Eigen::Index settle = 0;          ///< rows at the start that tell nothing of the noise
+  double noise = 0.0, known = 0.0;  ///< s^2, and how many rows it is the mean of
+};
+
+/// @param regressors  d >= 1  @param delta  as start_recursive_least_squares() has it
+/// @throws std::invalid_argument for values out of range
+OnlineLeastSquares start_online_least_squares(Eigen::Index regressors, double delta,
+                                              const Forgetting& forgetting);
+
+/// Takes a row. Allocates nothing.
 ///
 /// Variable forgetting: the lambda(t) that keeps the minimum V of the criterion where it is,
 ///   V(t) = lambda V(t-1) + xi^2 lambda / (lambda + zeta) = V(t-1) = memory s^2,
@@ -131,6 +158,25 @@ struct RegressionHistory {
 /// Changes: error_growth.h on xi / sqrt(1 + zeta). With reset lambda is such, at the row that gives
 /// the alarm, that all before counts as much as one row: Sladká (2010), 6.1.3. 2 d + 10 rows at the
 /// start and after an alarm are not tested.
+/// @param phi  d  @param y  in the output's unit
+/// @return false, and nothing has changed, when an entry is not finite (a missing sample)
+/// @throws std::invalid_argument for another size, or a forgetting factor out of range
+bool step(OnlineLeastSquares& online, const Eigen::Ref<const Eigen::VectorXd>& phi, double y);
+
+/// Estimates after every row.
+struct RegressionHistory {
+  Eigen::MatrixXd theta, sd;    ///< d x n
+  Eigen::VectorXd prior_error;  ///< n: xi
+  Eigen::VectorXd posterior_error;
+  Eigen::VectorXd standardised;  ///< n: xi over its standard deviation; NaN while not known
+  Eigen::VectorXd lambda;        ///< n
+  Eigen::VectorXd log_alarm;     ///< n: of the test for changes; NaN without, -infinity at rest
+  using Change = RegressionChange;
+  std::vector<Change> changes;
+  RecursiveLeastSquares end;
+};
+
+/// Runs over the rows of one output: step() of OnlineLeastSquares, row by row.
 /// @param phi  d x n, finite
 /// @param y    n, finite
 /// @throws std::invalid_argument when shapes disagree or an option is out of range

@@ -10,6 +10,7 @@
 #include "lib/model/nonlinear_model.h"
 #include "lib/nonlinear/filter.h"
 #include "lib/regression/error_growth.h"
+#include "lib/regression/lagged_regressors.h"
 #include "lib/regression/recursive_least_squares.h"
 #include "lib/statistics/sequential_probability_ratio.h"
 #include "tests/support/random_model.h"
@@ -106,6 +107,24 @@ TEST(Allocation, NoneInAnUpdateOfRecursiveLeastSquares) {
     EXPECT_EQ(allocations, 0) << ny << " outputs";
     EXPECT_TRUE(std::isfinite(sum));
   }
+}
+
+TEST(Allocation, NoneInAStepOfOnlineLeastSquares) {
+  Random random(5);
+  const Eigen::MatrixXd u = random_matrix(random, 2, 1000), y = random_matrix(random, 1, 1000);
+  Forgetting forgetting;
+  forgetting.memory = 100.0;
+  forgetting.reset = true;
+  LagWindow window = start_lag_window(2, {3, 2});
+  OnlineLeastSquares online = start_online_least_squares(window.phi.size(), 0.0, forgetting);
+  allocations = 0;
+  counting = true;
+  for (Eigen::Index t = 0; t < u.cols(); ++t) {
+    if (take(window, u.col(t), y(0, t))) step(online, window.phi, y(0, t));
+  }
+  counting = false;
+  EXPECT_EQ(allocations, 0);
+  EXPECT_TRUE(online.sd.allFinite());
 }
 
 TEST(Allocation, NoneInAStepOfANonlinearModel) {
