@@ -106,6 +106,13 @@ void report_course(TrackedCoefficients& estimate, const Dataset& recording, cons
   }
 }
 
+RegressionSettings settings_used(const RegressionChoice& choice, const Forgetting& forgetting,
+                                 const Dataset& recording) {
+  RegressionSettings out{choice.order, choice.delta, forgetting, {}, recording.outputs[0].unit};
+  for (const Channel& input : recording.inputs) out.input_units.push_back(input.unit);
+  return out;
+}
+
 /// What stands against the course: coefficients that are open, a choice that was not finished.
 Findings check_course(const TrackedCoefficients& estimate, const RegressionChoice& choice) {
   Findings out;
@@ -208,7 +215,8 @@ std::string describe_forgetting(const Forgetting& forgetting, const RegressionHi
 }
 
 TrackedCoefficients track_regression(const Model& model, const Dataset& recording,
-                                     const std::function<bool(const std::string&)>& progress) {
+                                     const std::function<bool(const std::string&)>& progress,
+                                     RegressionSettings* used) {
   check_recording(model, recording);
   const MatrixXd u = in_channel_units(recording.u, recording.inputs);
   const VectorXd y = in_channel_units(recording.y, recording.outputs).row(0).transpose();
@@ -219,6 +227,7 @@ TrackedCoefficients track_regression(const Model& model, const Dataset& recordin
       });
   const LaggedRows rows = lagged_rows(u, y, choice.order);
   const Forgetting forgetting = forgetting_of(as_regression(model), choice.forgetting);
+  if (used != nullptr) *used = settings_used(choice, forgetting, recording);
   const RegressionHistory course =
       run_recursive_least_squares(rows.phi, rows.y, choice.delta, forgetting);
 

@@ -9,6 +9,7 @@
 
 #include "identify/estimate/results.h"
 #include "identify/model/model_file.h"
+#include "identify/regression/online_regression.h"
 #include "lib/data/dataset.h"
 #include "lib/regression/recursive_least_squares.h"
 
@@ -24,9 +25,11 @@ namespace identikal {
 ///
 ///     const auto course = track_regression(model, recordings[0]);  // of a regression
 ///
+/// @param used  where it is not null: receives what was given or chosen
 /// @throws InputError when there are too few complete samples
 TrackedCoefficients track_regression(const Model& model, const Dataset& recording,
-                                     const std::function<bool(const std::string&)>& progress = {});
+                                     const std::function<bool(const std::string&)>& progress = {},
+                                     RegressionSettings* used = nullptr);
 
 /// Text for the console on how the past was forgotten, shared by all that track coefficients.
 std::string describe_forgetting(const Forgetting& forgetting, const RegressionHistory& course,
