@@ -159,25 +159,33 @@ RecursivePosterior start_posterior(const NoiseProblem& problem, Index draws, std
   return out;
 }
 
+void weights(const RecursivePosterior& posterior, VectorXd& out) {
+  tempered_weights(posterior.log_weight, 1.0, out);
+  out /= out.sum();
+}
+
 VectorXd weights(const RecursivePosterior& posterior) {
-  const VectorXd w = tempered_weights(posterior.log_weight, 1.0);
-  return w / w.sum();
+  VectorXd out;
+  weights(posterior, out);
+  return out;
 }
 
 double observe(RecursivePosterior& posterior, const NoiseProblem& problem,
                const Eigen::Ref<const VectorXd>& y, const Eigen::Ref<const VectorXd>& u) {
-  const VectorXd before = weights(posterior);
-  VectorXd density(posterior.draws.cols());
+  VectorXd& density = posterior.density;
+  weights(posterior, posterior.before);
+  density.resize(posterior.draws.cols());
   step(posterior.bank, y, u, density);
   const double largest = density.maxCoeff();
   if (!(largest > -kInfinity)) return -kInfinity;
-  remember(posterior, y, u);
   posterior.log_weight += density;
   posterior.log_likelihood += density;
-  const double mean = before.dot((density.array() - largest).exp().matrix());
-  if (density.size() > 1 && effective_share(tempered_weights(posterior.log_weight, 1.0)) < 0.5) {
-    renew(posterior, problem);
-  }
+  density = (density.array() - largest).exp();
+  const double mean = posterior.before.dot(density);
+  if (density.size() == 1) return largest + std::log(mean);  // there is nothing to move
+  remember(posterior, y, u);
+  tempered_weights(posterior.log_weight, 1.0, posterior.share);
+  if (effective_share(posterior.share) < 0.5) renew(posterior, problem);
   return largest + std::log(mean);
 }
 

@@ -36,11 +36,13 @@ struct RecursivePosterior {
   Eigen::VectorXd log_likelihood;  ///< m: of all samples
   Eigen::VectorXd log_prior;       ///< m
   FilterBank bank;
-  Eigen::MatrixXd y, u;  ///< seen, one sample per column; columns beyond `samples` are room
+  /// Seen, one sample per column; columns beyond `samples` are room. One draw keeps none.
+  Eigen::MatrixXd y, u;
   Eigen::Index samples = 0;
   Eigen::Index equal_at = 0;  ///< samples seen when the draws were last equally likely
   int renewals = 0;
   Random random{1};
+  Eigen::VectorXd before, density, share;  ///< m: room for one sample
 };
 
 /// @param draws  m; one draw never moves: a filter whose noise is taken as known
@@ -58,13 +60,16 @@ RecursivePosterior start_posterior(const NoiseProblem& problem, Eigen::Index dra
 
 /// Weights that sum to one.
 Eigen::VectorXd weights(const RecursivePosterior& posterior);
+/// The same into `out`, whose memory is used again.
+void weights(const RecursivePosterior& posterior, Eigen::VectorXd& out);
 
 /// Takes a sample: every draw's weight is multiplied by p(y | samples before, draw) of its own
 /// filter. When fewer than half of the draws count, (sum w)^2 < m / 2 sum w^2, the weak ones are
 /// replaced by copies of the strong and all are moved by random-walk Metropolis steps, for which
 /// the bank runs over the samples again. So the draws are from the posterior of all samples at any
 /// time, and the work of a long recording is a few times that of its filters, as renewals become
-/// rarer as fast as they become longer.
+/// rarer as fast as they become longer. Nothing is allocated but for those and, whenever their number
+/// has doubled, for the samples.
 ///
 /// Matisko (2013), section 4.6, lets a replaced member inherit weight and state of its nearest
 /// neighbour, "as the likelihood of all data cannot be computed for it", and perturbs it by a noise

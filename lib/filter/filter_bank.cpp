@@ -132,9 +132,12 @@ void step(FilterBank& bank, const Eigen::Ref<const VectorXd>& y,
   log_density = Eigen::Map<const VectorXd>(bank.log_density.data(), bank.members);
 }
 
-Mixture mixture(const FilterBank& bank, const Eigen::Ref<const VectorXd>& weight) {
+void mixture(const FilterBank& bank, const Eigen::Ref<const VectorXd>& weight, Mixture& out) {
   const Index n = bank.states(), r = bank.outputs();
-  Mixture out{VectorXd::Zero(n), MatrixXd::Zero(n, n), MatrixXd::Zero(r, r)};
+  out.x.setZero(n);
+  out.P.setZero(n, n);
+  out.R.setZero(r, r);
+  out.away.resize(n);
   const auto element = [&bank](const FilterBank::Lanes& m, std::size_t e, Index i) {
     return m[e * bank.lanes + static_cast<std::size_t>(i)];
   };
@@ -144,22 +147,29 @@ Mixture mixture(const FilterBank& bank, const Eigen::Ref<const VectorXd>& weight
       out.x[k] += weight[i] * element(bank.x, static_cast<std::size_t>(k), i);
     }
   }
-  VectorXd away(n);
   for (Index i = 0; i < bank.members; ++i) {
     const double w = weight[i];
     if (w == 0.0) continue;
     for (Index k = 0; k < n; ++k) {
-      away[k] = element(bank.x, static_cast<std::size_t>(k), i) - out.x[k];
+      out.away[k] = element(bank.x, static_cast<std::size_t>(k), i) - out.x[k];
     }
     for_lower(n, [&](std::size_t e, Index row, Index column) {
-      out.P(row, column) += w * (element(bank.P, e, i) + away[row] * away[column]);
+      out.P(row, column) += w * (element(bank.P, e, i) + out.away[row] * out.away[column]);
     });
     for_lower(r, [&](std::size_t e, Index row, Index column) {
       out.R(row, column) += w * element(bank.R, e, i);
     });
   }
-  out.P = MatrixXd(out.P.selfadjointView<Eigen::Lower>());
-  out.R = MatrixXd(out.R.selfadjointView<Eigen::Lower>());
+  const auto mirror = [](MatrixXd& M) {
+    return [&M](std::size_t, Index row, Index column) { M(column, row) = M(row, column); };
+  };
+  for_lower(n, mirror(out.P));
+  for_lower(r, mirror(out.R));
+}
+
+Mixture mixture(const FilterBank& bank, const Eigen::Ref<const VectorXd>& weight) {
+  Mixture out;
+  mixture(bank, weight, out);
   return out;
 }
 

@@ -77,8 +77,11 @@ struct Mixture {
   Eigen::VectorXd x;
   Eigen::MatrixXd P;  ///< sum_i w_i (P_i + (x_i - x)(x_i - x)')
   Eigen::MatrixXd R;
+  Eigen::VectorXd away;  ///< room to work in
 };
 /// @param weight  members, non-negative, with sum one; members of weight zero are not looked at
 Mixture mixture(const FilterBank& bank, const Eigen::Ref<const Eigen::VectorXd>& weight);
+/// The same into `out`, whose memory is used again.
+void mixture(const FilterBank& bank, const Eigen::Ref<const Eigen::VectorXd>& weight, Mixture& out);
 
 }  // namespace identikal

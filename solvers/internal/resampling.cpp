@@ -11,11 +11,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Weights of a rise of the temperature by `step`, largest 1; -infinity weighs nothing.
-VectorXd tempered_weights(const VectorXd& log_likelihood, double step) {
+void tempered_weights(const VectorXd& log_likelihood, double step, VectorXd& out) {
   const double largest = log_likelihood.maxCoeff();
-  return log_likelihood.unaryExpr(
+  out = log_likelihood.unaryExpr(
       [=](double L) { return std::isfinite(L) ? std::exp(step * (L - largest)) : 0.0; });
+}
+
+VectorXd tempered_weights(const VectorXd& log_likelihood, double step) {
+  VectorXd out;
+  tempered_weights(log_likelihood, step, out);
+  return out;
 }
 
 double effective_share(const VectorXd& w) {

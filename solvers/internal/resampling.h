@@ -11,6 +11,8 @@ namespace identikal {
 
 /// Weights of a rise of the temperature by `step`, largest 1; -infinity weighs nothing.
 Eigen::VectorXd tempered_weights(const Eigen::VectorXd& log_likelihood, double step);
+/// The same into `out`, whose memory is used again.
+void tempered_weights(const Eigen::VectorXd& log_likelihood, double step, Eigen::VectorXd& out);
 
 /// (sum w)^2 / (n sum w^2)
 double effective_share(const Eigen::VectorXd& w);
