@@ -1,8 +1,6 @@
 // How probable are noise covariances as samples arrive, and when did they change?
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -10,26 +8,11 @@
 #include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "identify/noise/bayes.h"
+#include "identify/noise/noise_tracker.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
 
 namespace identikal {
-
-struct NoiseTrackOptions {
-  Eigen::Index draws = 400;
-  std::uint64_t seed = 1;
-  /// The filter starts with the file's noise and is tested sample by sample; when the test rejects,
-  /// the noise is re-estimated from the samples since the change. Without it the noise is taken as
-  /// constant and learnt from the first sample on.
-  bool adaptive = false;
-  double samples_per_false_alarm = 1e5;  ///< at least, on average, while nothing changes
-  std::function<bool(Eigen::Index sample, Eigen::Index of)> progress;  ///< return false to stop
-};
-
-struct NoiseChange {
-  Eigen::Index since = 0;  ///< first sample to which the new noise belongs, as estimated
-  Eigen::Index found = 0;  ///< sample at which the test rejected
-};
 
 struct NoiseTrack {
   /// k x N: free entries (lib/model/parameter.h) given the samples up to t; sd is NaN while the
@@ -44,7 +27,8 @@ struct NoiseTrack {
   PosteriorPoints posterior;
 };
 
-/// Recursive posterior of the noise (solvers/recursive_posterior.h) along one recording. The
+/// Recursive posterior of the noise (solvers/recursive_posterior.h) along one recording: a
+/// NoiseTracker (identify/noise/noise_tracker.h) takes its samples one after the other. The
 /// adaptive form compares it, sample by sample, with a bank of filters whose noise is the present
 /// estimate with one variance, one matrix or all of it 10 or 3.2 times larger or smaller, and 200
 /// draws from the prior:
