@@ -1,64 +1,79 @@
-// The filter of ik_filter_open(): a linear model from a result or from text, and one sample after the other.
+// The filter of ik_filter_open(): a model from a result or from text, and one sample after the other.
 #include <algorithm>
+#include <memory>
 #include <new>
-#include <optional>
 #include <string>
 
 #include "interface/run.h"
+#include "interface/sample_filter.h"
+#include "jobs/track_settings.h"
 #include <Eigen/Core>
 
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
 #include "lib/base/error.h"
-#include "lib/filter/online_filter.h"
 
 struct ik_filter {
-  std::optional<identikal::OnlineFilter> online;
-  Eigen::VectorXd
-      inputs;  ///< of the sample at hand; behind the caller's 1 where the model has an offset
-  Eigen::Index given = 0;  ///< of them, the caller's
+  std::unique_ptr<identikal::SampleFilter> filter;
   std::string message;
 };
 
 namespace identikal {
 namespace {
 
-Model model_of_filter(const ik_result* result, const char* model_yaml) {
+std::unique_ptr<SampleFilter> filter_of_model(const Model& model) {
+  if (is_regression(model)) return regression_sample_filter(regression_settings(model));
+  if (!is_linear(model)) {
+    throw InputError({model.source, 0, 0}, "the model is not linear",
+                     "a linear model, or a regression");
+  }
+  return kalman_sample_filter(model);
+}
+
+std::unique_ptr<SampleFilter> filter_of_text(const char* model_yaml) {
+  const Model model = parse_model_file(model_yaml, model_name_in_memory());
+  // A result has the recording's period.
+  if (is_linear(model) && !(model.time.step > 0.0)) {
+    throw InputError({model.source, 0, 0}, "the sampling period is not known",
+                     "time: {step: 0.1 s}");
+  }
+  return filter_of_model(model);
+}
+
+// What `track` ran over its recording, from the start; of other verbs the model that they found.
+std::unique_ptr<SampleFilter> filter_of_result(const ik_result& result) {
+  if (const auto& track = result.outcome.track) {
+    if (track->regression) return regression_sample_filter(*track->regression);
+    return noise_sample_filter(track->model, track->noise.value());
+  }
+  Inputs inputs;
+  inputs.keep_result(result_name_in_memory(0), result.outcome.json, "");
+  const StoredResult stored = inputs.result(result_name_in_memory(0));
+  return filter_of_model(estimated_model(stored.estimate, stored.path));
+}
+
+std::unique_ptr<SampleFilter> opened_filter(const ik_result* result, const char* model_yaml) {
   if ((result == nullptr) == (model_yaml == nullptr)) {
     throw InputError({},
                      result == nullptr ? "neither a result nor a model" : "a result and a model",
                      "one of the two");
   }
-  if (model_yaml != nullptr) return parse_model_file(model_yaml, model_name_in_memory());
-  Inputs inputs;
-  inputs.keep_result(result_name_in_memory(0), result->outcome.json, "");
-  const StoredResult stored = inputs.result(result_name_in_memory(0));
-  return estimated_model(stored.estimate, stored.path);
+  return result != nullptr ? filter_of_result(*result) : filter_of_text(model_yaml);
 }
 
-void open(const ik_result* result, const char* model_yaml, ik_filter& filter) {
-  const Model model = model_of_filter(result, model_yaml);
-  if (!is_linear(model)) {
-    throw InputError({model.source, 0, 0}, "the model is not linear", "a linear model");
-  }
-  const LinearModel& linear = as_linear(model);
-  // A result has the recording's period.
-  if (result == nullptr && !(model.time.step > 0.0)) {
-    throw InputError({model.source, 0, 0}, "the sampling period is not known",
-                     "time: {step: 0.1 s}");
-  }
-  if (linear.hold == InputHold::linear) {
-    throw InputError({model.source, 0, 0},
-                     "inputs are straight between samples, which takes the next",
-                     "time: {inputs: zoh}");
-  }
-  filter.online = start_online_filter(instantiate(linear, model.parameters), linear.initial);
-  filter.inputs = Eigen::VectorXd::Ones(filter.online->model.inputs());
-  filter.given = filter.inputs.size() - (linear.offset ? 1 : 0);
+void copy(const Eigen::VectorXd& from, double* to) {
+  if (to != nullptr) Eigen::Map<Eigen::VectorXd>(to, from.size()) = from;
+}
+
+size_t size_of(const ik_filter* filter, Eigen::Index SampleFilter::*count) {
+  if (filter == nullptr || filter->filter == nullptr) return 0;
+  return static_cast<size_t>((*filter->filter).*count);
 }
 
 }  // namespace
 }  // namespace identikal
+
+using identikal::SampleFilter;
 
 int ik_filter_open(const ik_result* result, const char* model_yaml, ik_filter** filter) {
   if (filter == nullptr) return 2;
@@ -66,7 +81,7 @@ int ik_filter_open(const ik_result* result, const char* model_yaml, ik_filter** 
   if (*filter == nullptr) return 5;
   ik_result outcome;
   identikal::guarded(outcome, [&] {
-    identikal::open(result, model_yaml, **filter);
+    (*filter)->filter = identikal::opened_filter(result, model_yaml);
     outcome.code = 0;
   });
   (*filter)->message = outcome.message;
@@ -75,34 +90,44 @@ int ik_filter_open(const ik_result* result, const char* model_yaml, ik_filter** 
 
 int ik_filter_step(ik_filter* filter, const double* y, const double* u, double* state, double* sd,
                    double* innovation) {
-  if (filter == nullptr || !filter->online || y == nullptr) return 2;
-  identikal::OnlineFilter& online = *filter->online;
-  if (u == nullptr && filter->given > 0) return 2;
-  std::copy_n(u, filter->given, filter->inputs.data());
-  const Eigen::Map<const Eigen::VectorXd> outputs(y, online.model.outputs());
-  if (!step(online, outputs, filter->inputs)) return 1;
-  const auto copy = [](const Eigen::VectorXd& from, double* to) {
-    if (to != nullptr) Eigen::Map<Eigen::VectorXd>(to, from.size()) = from;
-  };
-  copy(online.state, state);
-  copy(online.state_sd, sd);
-  copy(online.innovation, innovation);
+  if (filter == nullptr || filter->filter == nullptr || y == nullptr) return 2;
+  SampleFilter& of = *filter->filter;
+  if (u == nullptr && of.inputs > 0) return 2;
+  try {
+    if (!of.step(y, u)) return 1;
+  } catch (...) {  // no memory for the samples since a change
+    return 5;
+  }
+  identikal::copy(of.state(), state);
+  identikal::copy(of.sd(), sd);
+  identikal::copy(of.innovation(), innovation);
   return 0;
 }
 
 size_t ik_filter_states(const ik_filter* filter) {
-  return filter != nullptr && filter->online ? static_cast<size_t>(filter->online->model.states())
-                                             : 0;
+  return identikal::size_of(filter, &SampleFilter::states);
 }
 
 size_t ik_filter_inputs(const ik_filter* filter) {
-  return filter != nullptr && filter->online ? static_cast<size_t>(filter->online->model.inputs())
-                                             : 0;
+  return identikal::size_of(filter, &SampleFilter::inputs);
 }
 
 size_t ik_filter_outputs(const ik_filter* filter) {
-  return filter != nullptr && filter->online ? static_cast<size_t>(filter->online->model.outputs())
-                                             : 0;
+  return identikal::size_of(filter, &SampleFilter::outputs);
+}
+
+size_t ik_filter_parameters(const ik_filter* filter, double* value, double* sd) {
+  if (filter == nullptr || filter->filter == nullptr) return 0;
+  const SampleFilter& of = *filter->filter;
+  identikal::copy(of.parameter_values(), value);
+  identikal::copy(of.parameter_sd(), sd);
+  return of.parameters.size();
+}
+
+const char* ik_filter_parameter_name(const ik_filter* filter, size_t index) {
+  if (filter == nullptr || filter->filter == nullptr) return "";
+  const auto& names = filter->filter->parameters;
+  return index < names.size() ? names[index].c_str() : "";
 }
 
 const char* ik_filter_message(const ik_filter* filter) {

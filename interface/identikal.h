@@ -72,8 +72,9 @@ IK_API const char* ik_result_json(const ik_result* result);
 IK_API const char* ik_result_message(const ik_result* result);
 
 /* A row per sample, row by row, in the channels' units: "time", "measured", "predicted", "innovations",
-   "standardised"; of filter also "states" and "state_sd", in SI; of simulate "simulated". NULL, and no rows,
-   where the result has no such series. rows and cols may be NULL. */
+   "standardised"; of filter also "states" and "state_sd", in SI; of track "tracked" and "tracked_sd", noise,
+   coefficients or tyres as the result has them; of simulate "simulated". NULL, and no rows, where the result
+   has no such series. rows and cols may be NULL. */
 IK_API const double* ik_result_series(const ik_result* result, const char* name, size_t* rows,
                                       size_t* cols);
 
@@ -84,28 +85,56 @@ IK_API const char* ik_result_report_html(ik_result* result);
 /* NULL is ignored. */
 IK_API void ik_result_free(ik_result* result);
 
-/* A Kalman filter that takes one sample after the other:
+/* A filter that takes one sample after the other:
 
      ik_filter* filter = NULL;
      if (ik_filter_open(tuned, NULL, &filter) != 0) puts(ik_filter_message(filter));
      while (receive(y, u)) ik_filter_step(filter, y, u, state, sd, innovation);
      ik_filter_free(filter);
 
-   Its numbers are those of the verb filter for the whole recording, to 1e-12. */
+   Its numbers are those of the verb for the whole recording, to 1e-12. */
 typedef struct ik_filter ik_filter;
 
-/* result: of tune, fit, check, filter or shape, whose model is linear; or NULL, and model_yaml: a linear model
-   that gives its sampling period and is known. filter is set whatever happens, so that it can say why;
+/* Which filter it is lies in what it is opened from:
+
+     of tune, fit, check, filter, shape   the Kalman filter at the values of the result, whose model is linear
+     of track, a linear model             the filter whose noise is learnt, as `track` ran it: with "adaptive"
+                                          from the values of the model file on, and anew where a change is
+                                          found; without, from its priors on
+     of track, a regression               recursive least squares with the orders, delta and forgetting that
+                                          were given or chosen, from theta = 0 on
+     a model_yaml                         the Kalman filter of a linear model that gives its sampling period;
+                                          of a regression that leaves nothing open, recursive least squares
+
+   One of result and model_yaml is NULL. filter is set whatever happens, so that it can say why;
    ik_filter_free(). Answers 0, 2 for a mistake in the arguments, 5 for an internal error. */
 IK_API int ik_filter_open(const ik_result* result, const char* model_yaml, ik_filter** filter);
 
 /* Takes a sample, in SI. y: an output each, NaN where one is missing. u: an input each; may be NULL without
-   inputs. state, sd: of the states given y up to now, NaN while nothing determines them; innovation: y minus
-   its prediction; each may be NULL. Allocates nothing once every output has been measured.
-   Answers 0, 1 where the sample cannot be taken (an input that is not finite, an indefinite covariance;
-   nothing has changed), 2 without a filter. */
+   inputs. innovation: y minus its prediction before the sample, NaN where there is none. state, sd: what y up
+   to now determines, NaN before; each may be NULL:
+
+     Kalman filter            states and their standard deviations
+     noise that is learnt     the same by the filters of all noise that is probable, weighed: the mean, and what
+                              the spread between them adds. ik_filter_parameters() is the noise
+     recursive least squares  coefficients and their standard errors, in the channels' units and the order of the
+                              result; they stay where a sample is missing, of an input as well
+
+   Allocates nothing once every output has been measured. Noise that is learnt: but when a change has been
+   found, when the noise in use is drawn again (both run filters over the samples since the change, which
+   takes a thousand times as long as other samples) and when the room for samples doubles.
+   Answers 0, 1 where the sample cannot be taken (a value that is infinite, an input of a Kalman filter that is
+   missing: nothing has changed; a covariance that is not positive definite: noise that is learnt cannot go
+   on), 2 without a filter, 5 without memory. */
 IK_API int ik_filter_step(ik_filter* filter, const double* y, const double* u, double* state,
                           double* sd, double* innovation);
+
+/* What is learnt beside the state, in SI: how many numbers that is, 0 of a Kalman filter and of a regression.
+   value, sd: the variances and covariances of the noise by now; sd is NaN while the model file's values are in
+   use; each may be NULL. */
+IK_API size_t ik_filter_parameters(const ik_filter* filter, double* value, double* sd);
+/* "q", "Q(1,1)"; empty beyond the last. */
+IK_API const char* ik_filter_parameter_name(const ik_filter* filter, size_t index);
 
 /* How many numbers ik_filter_step() reads and writes; 0 without a filter. */
 IK_API size_t ik_filter_states(const ik_filter* filter);

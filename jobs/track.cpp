@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "jobs/run.h"
+#include "jobs/track_settings.h"
 #include "jobs/verbs.h"
 #include <fmt/format.h>
 
@@ -33,24 +34,33 @@ void check_options(const TrackOptions& options, const Model& model) {
                    "a model with A, C, Q, R", "the model file says how the past is forgotten");
 }
 
-TrackedNoise track_noise(const TrackOptions& given, const Model& model, const Dataset& recording,
-                         const Call& call) {
+TrackedNoise track_noise(const TrackOptions& given, const Dataset& recording, const Call& call,
+                         TrackSettings& settings) {
   NoiseTrackOptions options;
   options.adaptive = given.adaptive;
   if (given.particles > 0) options.draws = given.particles;
   options.seed = static_cast<std::uint64_t>(given.seed);
+  settings.noise = options;
   options.progress = [&](Eigen::Index sample, Eigen::Index of) {
     if (sample % 100 != 0) return true;
     const double share = static_cast<double>(sample) / static_cast<double>(of);
     return report_progress(call, fmt::format("sample {} of {}", sample, of), share);
   };
-  return track(model, recording, options);
+  return track(settings.model, recording, options);
 }
 
-TrackedCoefficients track_coefficients(const Model& model, const Dataset& recording,
-                                       const Call& call) {
-  return track_regression(model, recording,
-                          [&](const std::string& what) { return report_progress(call, what); });
+TrackedCoefficients track_coefficients(const Dataset& recording, const Call& call,
+                                       TrackSettings& settings) {
+  return track_regression(
+      settings.model, recording,
+      [&](const std::string& what) { return report_progress(call, what); },
+      &settings.regression.emplace());
+}
+
+// A row per sample, as the result's course has it.
+void add_course(const TimeHistory& course, Outcome& out) {
+  out.series.push_back({"tracked", course.mean.transpose()});
+  out.series.push_back({"tracked_sd", course.sd.transpose()});
 }
 
 Outcome track_recording(const TrackOptions& options, Call& call) {
@@ -61,11 +71,17 @@ Outcome track_recording(const TrackOptions& options, Call& call) {
   const Dataset& recording = recordings.data.front();
   take_period(model, recording);
   const auto finished = [&](auto estimate) {
-    return finish(run, recordings, estimate, sections_of(estimate));
+    Outcome out = finish(run, recordings, estimate, sections_of(estimate));
+    if (call.wants_series) add_course(estimate.time_history, out);
+    return out;
   };
   if (is_vehicle(model)) return finished(track_vehicle(model, recording));
-  if (is_regression(model)) return finished(track_coefficients(model, recording, call));
-  return finished(track_noise(options, model, recording, call));
+  const auto settings = std::make_shared<TrackSettings>();
+  settings->model = model;
+  Outcome out = is_regression(model) ? finished(track_coefficients(recording, call, *settings))
+                                     : finished(track_noise(options, recording, call, *settings));
+  out.track = settings;
+  return out;
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct NamedSeries {
   std::string name;
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values;
 };
+
+struct TrackSettings;  // jobs/track_settings.h
 
 /// What whoever calls a verb hands over beside its options.
 struct Call {
@@ -41,6 +44,8 @@ struct Outcome {
   std::string page_data;            ///< what the page draws beyond it (identify/report/page_data.h)
   std::string message;              ///< of a result, its status and why: "ok: converged"
   std::vector<NamedSeries> series;  ///< where the call asks for them
+  /// Of the verb track, for those models that can be tracked sample by sample; else null.
+  std::shared_ptr<const TrackSettings> track;
 };
 
 struct Verb {
