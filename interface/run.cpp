@@ -72,10 +72,10 @@ constexpr NamedVerb kVerbs[] = {{"tune", tune_verb},         {"fit", fit_verb},
                                 {"bound", bound_verb},       {"simulate", simulate_verb},
                                 {"validate", validate_verb}, {"compare", compare_verb}};
 
-Verb verb_called(const std::string& name) {
+MakeVerb verb_called(const std::string& name) {
   std::vector<std::string> names;
   for (const NamedVerb& each : kVerbs) {
-    if (name == each.name) return each.make();
+    if (name == each.name) return each.make;
     names.emplace_back(each.name);
   }
   throw InputError({}, fmt::format("unknown verb '{}'", name),
@@ -126,8 +126,7 @@ Model model_of_recordings(const Arguments& given, const std::string& verb, Input
     return estimated_model(result.estimate, result.path);
   }
   if (given.model_yaml == nullptr) return {};
-  const std::string name = model_name_in_memory();
-  return parse_model_file(inputs.model_text(name), name);
+  return inputs.model(model_name_in_memory());
 }
 
 void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs) {
@@ -182,7 +181,7 @@ void ask_for_json(const Verb& verb) {
 
 Outcome run_verb(const ik_result& result, bool wants_page,
                  const std::function<bool(const std::string&, double, double)>& progress) {
-  const Verb verb = verb_called(result.verb);
+  const Verb verb = verb_called(result.verb)();
   take_arguments(verb, result.inputs);
   ask_for_json(verb);
   take_json_options(verb, result.options);
@@ -195,7 +194,8 @@ Outcome run_verb(const ik_result& result, bool wants_page,
 }
 
 void run(ik_result& result, const Arguments& given, const ik_callbacks* callbacks) {
-  check_arguments(given, verb_called(result.verb).name);  // a verb that there is
+  verb_called(result.verb);  // throws unless there is one
+  check_arguments(given, result.verb);
   keep_inputs(given, result.verb, result.inputs);
   std::function<bool(const std::string&, double, double)> progress;
   if (callbacks != nullptr && callbacks->size >= sizeof(ik_callbacks) && callbacks->progress) {

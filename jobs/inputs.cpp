@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "identify/model/model_file.h"
 #include "identify/model/yaml_reader.h"
 #include "identify/result/file_digest.h"
 
@@ -18,6 +19,22 @@ std::string sha256_of_samples(const Table& table) {
                  column.values.size() * sizeof(double));
   }
   return sha256_of_text(bytes);
+}
+
+// What a program gives job after job: parsing it takes longer than many a job. Each thread has its
+// own; a text that includes files is parsed again, for they may change.
+struct ParsedModel {
+  std::string text, name;
+  Model model;
+};
+
+const Model& parsed_in_memory(const std::string& text, const std::string& name) {
+  thread_local ParsedModel last;
+  if (last.text.empty() || last.text != text || last.name != name) {
+    Model model = parse_model_file(text, name);
+    last = {text, name, std::move(model)};
+  }
+  return last.model;
 }
 
 }  // namespace
@@ -52,6 +69,14 @@ const std::string& Inputs::model_text(const std::string& name) {
     input.sha256 = sha256_of_text(input.text);
   }
   return input.text;
+}
+
+Model Inputs::model(const std::string& name) {
+  const std::string& text = model_text(name);
+  if (!is_in_memory(name) || text.find("include") != std::string::npos) {
+    return parse_model_file(text, name);
+  }
+  return parsed_in_memory(text, name);
 }
 
 const Table& Inputs::table(const std::string& name) {

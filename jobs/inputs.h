@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "identify/model/model.h"
 #include "identify/result/file.h"
 #include "lib/data/csv.h"
 
@@ -25,6 +26,8 @@ class Inputs {
   bool is_model(const std::string& name) const;
   /// A model file's bytes. @throws InputError as read_yaml_text()
   const std::string& model_text(const std::string& name);
+  /// That file, parsed. @throws InputError as parse_model_file()
+  Model model(const std::string& name);
   /// @throws InputError as read_csv()
   const Table& table(const std::string& name);
   /// @throws InputError as read_stored_result()

@@ -61,12 +61,11 @@ Model with_options(Model model, const ModelOptions& options, Inputs& inputs) {
 }  // namespace
 
 Model load_any_model(const ModelOptions& options, Inputs& inputs) {
-  return with_options(parse_model_file(inputs.model_text(options.file), options.file), options,
-                      inputs);
+  return with_options(inputs.model(options.file), options, inputs);
 }
 
 Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs) {
-  Model model = parse_model_file(inputs.model_text(options.file), options.file);
+  Model model = inputs.model(options.file);
   if (is_regression(model)) {
     throw InputError({model.source, 0, 0}, fmt::format("'{}' takes no regression", verb),
                      "identikal track MODEL DATA");
