@@ -52,11 +52,11 @@ struct NoiseTrackSample {
 
 /// The recursion of track_noise() (identify/noise/track.h), sample by sample.
 ///
-///   NoiseTracker tracker(model, {.adaptive = true});
-///   while (receive(y, u)) {
-///     if (!tracker.step(y, u)) break;
-///     use(tracker.now().state, tracker.now().mean);
-///   }
+/// Example:
+///
+///     NoiseTracker tracker(model, {.adaptive = true});
+///     for (Eigen::Index t = 0; t < y.cols(); ++t) tracker.step(y.col(t), u.col(t));
+///     const Eigen::VectorXd state_now = tracker.now().state, noise_now = tracker.now().mean;
 ///
 /// A sample allocates nothing once the state is determined, but when the draws are renewed, when a
 /// change has been found (both run filters over all samples since) and when the room for samples

@@ -31,11 +31,11 @@ RegressionSettings regression_settings(const Model& model);
 /// Recursive least squares between two samples. Read coefficients, sd and innovation after every
 /// step(); the rest is what it remembers.
 ///
-///   OnlineRegression online = start_online_regression(regression_settings(model));
-///   while (receive(y, u)) {
-///     step(online, y, u);
-///     use(online.coefficients, online.sd);
-///   }
+/// Example:
+///
+///     OnlineRegression online = start_online_regression(regression_settings(model));
+///     for (Eigen::Index t = 0; t < y.cols(); ++t) step(online, y(0, t), u.col(t));
+///     const Eigen::VectorXd coefficients_now = online.coefficients, sd = online.sd;
 struct OnlineRegression {
   /// d: in the channels' units, in the order of lib/regression/lagged_regressors.h; NaN before the
   /// first complete row

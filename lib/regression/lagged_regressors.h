@@ -16,10 +16,8 @@ struct RegressionOrder {
 
 /// The samples that rows look back to, as they arrive.
 ///
-///   LagWindow window = start_lag_window(1, {2, 2});
-///   while (receive(u, y)) {
-///     if (take(window, u, y)) use(window.phi, y);
-///   }
+///     LagWindow window = start_lag_window(1, {2, 2});
+///     if (take(window, u.col(t), y[t])) step(online, window.phi, y[t]);
 struct LagWindow {
   Eigen::VectorXd phi;  ///< d: of the sample taken last, where that row is complete
 

@@ -119,11 +119,11 @@ struct RegressionChange {
 /// Recursive least squares of one output that forgets as it should. Read rls.theta and what
 /// belongs to the row taken last; the rest is what it remembers.
 ///
-///   OnlineLeastSquares online = start_online_least_squares(2, 0.01, {.factor = 0.99});
-///   while (receive(phi, y)) {
-///     step(online, phi, y);
-///     use(online.rls.theta, online.sd);
-///   }
+/// Between two rows:
+///
+///     OnlineLeastSquares online = start_online_least_squares(2, 0.01, {.factor = 0.99});
+///     step(online, Eigen::Vector2d(1.0, 0.3), 0.7);  // phi and y of a row, and so on
+///     const Eigen::VectorXd theta = online.rls.theta, sd = online.sd;
 struct OnlineLeastSquares {
   Eigen::VectorXd sd;        ///< d: standard_errors(); NaN while not determined
   double prior_error = 0.0;  ///< xi
