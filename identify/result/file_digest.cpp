@@ -5,7 +5,6 @@
 #include <memory>
 #include <vector>
 
-#include <fmt/format.h>
 #include <openssl/evp.h>
 
 #include "lib/base/error.h"
@@ -15,9 +14,16 @@ namespace {
 
 using DigestContext = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
 
+// Looked up once: OpenSSL searches its providers at every use of EVP_sha256(), which takes longer than a
+// short text.
+const EVP_MD* sha256() {
+  static const EVP_MD* const found = EVP_MD_fetch(nullptr, "SHA256", nullptr);
+  return found != nullptr ? found : EVP_sha256();
+}
+
 DigestContext sha256_begun() {
   DigestContext context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
-  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  EVP_DigestInit_ex(context.get(), sha256(), nullptr);
   return context;
 }
 
@@ -25,8 +31,12 @@ std::string sha256_ended(EVP_MD_CTX* context) {
   unsigned char digest[EVP_MAX_MD_SIZE];
   unsigned int size = 0;
   EVP_DigestFinal_ex(context, digest, &size);
+  constexpr char kDigits[] = "0123456789abcdef";
   std::string out;
-  for (unsigned int i = 0; i < size; ++i) out += fmt::format("{:02x}", digest[i]);
+  for (unsigned int i = 0; i < size; ++i) {
+    out += kDigits[digest[i] >> 4];
+    out += kDigits[digest[i] & 15];
+  }
   return out;
 }
 
