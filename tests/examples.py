@@ -50,10 +50,12 @@ def is_function(head):
     """Does a declaration's text up to its semicolon or brace declare a function?"""
     if re.match(r"\s*(static_assert|using|typedef|friend\s+(class|struct))\b", head):
         return False
-    head = head if "operator" in head else head.split("=")[0]
-    while "<" in (shorter := re.sub(r"<[^<>]*>", "", head)) and shorter != head:
-        head = shorter
-    return bool(re.search(r"\w\s*\(", shorter))
+    if re.search(r"\boperator\b", head):
+        return True
+    head, longer = head.split("=")[0], ""
+    while head != longer:  # without the arguments of templates
+        head, longer = re.sub(r"<[^<>]*>", "", head), head
+    return bool(re.search(r"\w\s*\(", head))
 
 
 def first_function(text):
@@ -125,7 +127,7 @@ def main():
             shown += bool(here)
             if function is None and not here:
                 exempt.append(name)
-            elif not here and name.startswith(tuple(f"{place}/" for place in REQUIRED)):
+            elif not here and not any(fault.startswith(f"{name}:") for fault in faults) and name.startswith(tuple(f"{place}/" for place in REQUIRED)):
                 faults.append(f"{name}:{function}: declares a function, and no example in the header shows one; expected '/// Example:', "
                               f"an empty line and at most {MOST_LINES} lines of code behind five blanks")
         if sys.argv[1:2] == ["--write"]:
