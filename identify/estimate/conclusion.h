@@ -30,6 +30,12 @@ struct Conclusion {
 ///   is ok and the message `message_when_ok`.
 /// - Where a misread channel decides, it goes first, and what it causes too becomes one note behind
 ///   it: those are no findings of their own. Otherwise the order stays that of the checks.
+///
+/// Example:
+///
+///     const Finding late = make_finding(FindingCode::clock_offset, {"r"}, "r comes 0.2 s late");
+///     const Conclusion answer = conclude({late}, "converged");
+///     std::puts((to_string(answer.status) + ": " + answer.message).c_str());
 Conclusion conclude(const Findings& findings, const std::string& message_when_ok,
                     Basis basis = Basis::fit);
 

@@ -4,6 +4,11 @@
 namespace identikal {
 
 /// P(X > value) for a chi-square X. @param dof > 0; NaN for a NaN value.
+///
+/// Example:
+///
+///     const double p = chi_square_upper_tail(31.4, 20.0);  // 0.05
+///     const double half_width = normal_quantile(0.975);    // 1.96
 double chi_square_upper_tail(double value, double dof);
 /// x with P(X <= x) = probability, 0 < probability < 1.
 double chi_square_quantile(double probability, double dof);

@@ -101,6 +101,13 @@ struct InputRecord {
 
 /// What every job answers. The type of a job's result adds what only that job has to say
 /// (identify/estimate/results.h).
+///
+/// Example:
+///
+///     for (const EstimatedParameter& p : estimate.parameters) {
+///       std::printf("%s = %g +- %g\n", p.name.c_str(), p.value, p.se);
+///     }
+///     if (exit_code(estimate, false) != 0) std::puts(estimate.message.c_str());
 struct Estimate {
   std::string verb;
   std::string model_name;

@@ -168,6 +168,11 @@ struct Finding {
 using Findings = std::vector<Finding>;
 
 /// With the usual severity of its code.
+///
+/// Example:
+///
+///     const Finding late = make_finding(FindingCode::clock_offset, {"r"}, "r comes 0.2 s late");
+///     std::printf("%s: %s\n", name_of(late).c_str(), late.text.c_str());
 Finding make_finding(FindingCode code, std::vector<std::string> about, std::string text,
                      std::string remedy = "");
 

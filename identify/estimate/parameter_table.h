@@ -18,6 +18,10 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
 void list_known_parameters(Estimate& estimate, const ParameterSet& parameters);
 
 /// The parameters with the values that a result holds.
+///
+/// Example:
+///
+///     const ParameterSet at = parameters_of(estimate, model.parameters);  // SI
 ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters);
 
 }  // namespace identikal

@@ -85,6 +85,11 @@ struct SurveyReport : Estimate {
 
 /// A result section by section, as files, pages and the console show it. Sections that a job does
 /// not have are null. It refers to the result.
+///
+/// Example:
+///
+///     const ResultSections sections = sections_of(estimate);
+///     if (sections.fit) std::printf("%zu tests\n", sections.fit->tests.size());
 struct ResultSections {
   const Estimate* core = nullptr;  ///< never null
   const RecordingFit* fit = nullptr;

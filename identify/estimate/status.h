@@ -14,6 +14,10 @@ enum class Status {
 };
 
 /// As results print it: "not_converged".
+///
+/// Example:
+///
+///     std::puts(to_string(Status::not_converged).c_str());  // not_converged
 std::string to_string(Status status);
 
 }  // namespace identikal

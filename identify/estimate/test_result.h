@@ -18,6 +18,11 @@ TestResult test_result(std::string id, std::string channel, double value,
 TestResult reported_figure(std::string id, std::string channel, double value, bool pass);
 
 /// Of a statistic with a distribution, which fails where it is large; `dof` > 0, or no interval.
+///
+/// Example:
+///
+///     const TestResult white = chi_square_test("ljung_box", "r", {.value = 31, .dof = 20}, 0.05);
+///     std::printf("p = %g, %s\n", white.p, white.pass ? "white" : "coloured");
 TestResult chi_square_test(std::string id, std::string channel, const ChiSquareStatistic& q,
                            double level);
 TestResult f_test(std::string id, std::string channel, const FStatistic& f, double level);

@@ -16,6 +16,12 @@ namespace identikal {
 /// filter that it goes on from has seen the recording before, as much of it as memory allows. That
 /// of a nonlinear model is simulated_outputs() (identify/filter/simulated_fit.h) of the whole
 /// recording, without deviation.
+///
+/// Example:
+///
+///     picture_filter(model, recordings, estimate);
+///     const Eigen::MatrixXd predicted = estimate.pictures.one_step;  // channels x N
+///
 /// @param model       its parameters at the start
 /// @param recordings  those that `estimate.series` shows, in its order
 void picture_filter(const Model& model, const std::vector<Dataset>& recordings,

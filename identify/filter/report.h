@@ -28,6 +28,13 @@ void report_innovations(FilterEstimate& estimate, const std::vector<Dataset>& re
 
 /// Runs the filter over every recording, each from the model's initial state, and fills all of the
 /// above, the log-likelihood and, of a nonlinear model, the fit of its simulation.
+///
+/// Example:
+///
+///     FilterEstimate report;
+///     const auto filters = report_filter(report, model, model.parameters, recordings);
+///     for (const TestResult& test : report.tests) std::puts(test.id.c_str());
+///
 /// @return what the filter made of each recording, innovations only
 /// @throws InputError when the filter cannot run
 std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& model,

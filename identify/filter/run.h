@@ -27,6 +27,12 @@ struct StateEstimate : FilterEstimate {
 };
 
 /// Runs the model's filter, as it is, over every recording, each from the model's initial state.
+///
+/// Example:
+///
+///     const StateEstimate run = filter_recordings(model, recordings, {.lag = 10});
+///     const Eigen::MatrixXd x = run.states[0].x, sd = run.states[0].sd;  // of the first recording
+///
 /// @param model  of the form linear or nonlinear
 /// @throws InputError for an input with gaps, and where the filter cannot run;
 ///   std::invalid_argument for a model of another form

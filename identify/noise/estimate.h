@@ -45,6 +45,11 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
                            const std::vector<Dataset>& recordings);
 
 /// Channels whose innovations are not white, or follow the inputs, by the tests of the estimate.
+///
+/// Example:
+///
+///     const Findings left = check_innovations(estimate);
+///     for (const Finding& finding : left) std::puts(finding.text.c_str());
 Findings check_innovations(const FilterEstimate& estimate);
 
 }  // namespace identikal

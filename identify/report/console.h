@@ -8,6 +8,10 @@
 namespace identikal {
 
 /// The result as text within 80 columns, ending in a line feed.
+///
+/// Example:
+///
+///     std::fputs(console_report(sections_of(estimate)).c_str(), stdout);
 std::string console_report(const ResultSections& result);
 
 }  // namespace identikal

@@ -16,6 +16,12 @@ namespace identikal {
 std::string report_data_json(const ReportData& data, const std::string& result);
 
 /// The page: HTML with styles, scripts and both JSON texts inside.
+///
+/// Example:
+///
+///     const std::string result = result_json(sections_of(estimate), false, 0.0);
+///     const ReportData data = report_data(sections_of(estimate), recordings, {}, {});
+///     const std::string html = report_page(result, report_data_json(data, result));
 std::string report_page(const std::string& result, const std::string& data);
 
 /// The page of a result that was written before.

@@ -104,6 +104,12 @@ struct ReportData {
 };
 
 /// Rows are dealt into at most so many columns that the page stays below a megabyte.
+///
+/// Example:
+///
+///     const ReportData data = report_data(sections_of(estimate), recordings, {}, {});
+///     std::printf("%td rows on %td columns\n", data.rows, data.columns);
+///
 /// @param recordings  those that the estimate was made from, in the order of its series
 /// @param held_out    those of Pictures::held_time
 ReportData report_data(const ResultSections& result, const std::vector<Dataset>& recordings,

@@ -9,6 +9,11 @@ namespace identikal {
 std::string_view report_template();
 
 /// Names and versions of this program and of what it is made of, as JSON.
+///
+/// Example:
+///
+///     const std::string versions(report_versions());
+///     std::puts(versions.c_str());
 std::string_view report_versions();
 
 }  // namespace identikal

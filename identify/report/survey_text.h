@@ -9,6 +9,12 @@ namespace identikal {
 
 /// The survey as text within 80 columns where names allow: signals, what kinematics ties together,
 /// excitation, what could be identified, findings, and the mapping proposed.
+///
+/// Example:
+///
+///     const VehicleSurvey seen = survey(vehicle_signals(car, recordings));
+///     std::puts(survey_text(seen).c_str());
+///     std::puts(mapping_text(seen).c_str());
 std::string survey_text(const VehicleSurvey& survey);
 
 /// The mapping proposed, as lines of a model file: time, inputs, outputs, use_when.

@@ -11,6 +11,10 @@ namespace identikal {
 std::string csv_heading(const std::string& name, const std::string& unit);
 
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.
+///
+/// Example:
+///
+///     std::puts(residuals_csv(estimate.series).c_str());
 std::string residuals_csv(const Series& series);
 
 /// Mean and standard deviation of every parameter, and the statistic of the test for a change.

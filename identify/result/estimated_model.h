@@ -12,6 +12,11 @@ namespace identikal {
 
 /// The model of the result's own copy of the model file, at the values that the result holds, known
 /// ones (--set) too; linear.dt is that of the result's filter.
+///
+/// Example:
+///
+///     const Model fitted = estimated_model(stored.estimate, stored.path);
+///
 /// @param path  of the result, for messages
 /// @throws InputError when the result holds no model file, one that includes a file that is gone or
 ///   has changed, or parameters that are not the model's

@@ -29,6 +29,11 @@ std::string_view describe(ExportFormat format);
 /// in JSON with keys: what it is, whether to trust it, the standard errors and verdicts, files with
 /// SHA-256, version, command. An axle that stays straight as far as the recording goes has no
 /// largest force: it is left out, and the tyre curve says so.
+///
+/// Example:
+///
+///     std::puts(export_text(stored, ExportFormat::cpp).c_str());
+///
 /// @param date  of the result, for the comments; empty: not known
 /// @throws InputError when the result holds nothing to export, lacks a number of it, or its model
 /// file cannot be filled

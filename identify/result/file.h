@@ -26,6 +26,11 @@ enum class PageData { not_read, if_there, required };
 /// @throws InputError when a file is missing, is not whole, is of another schema version than 1 and
 ///   kSchemaVersion, lacks a key or holds something of another kind, was changed, or the two do not
 ///   belong together
+///
+/// Example:
+///
+///     const StoredResult tuned = read_stored_result("out");  // the folder that -o names
+///     std::puts(tuned.estimate.message.c_str());
 StoredResult read_stored_result(const std::string& path, PageData data = PageData::not_read);
 
 /// The same from the files' texts. @param result  its paths, text and data are read

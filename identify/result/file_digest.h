@@ -14,6 +14,12 @@ std::string text_of_file(const std::string& path, const std::string& expected = 
                          const std::string& hint = "");
 
 /// SHA-256 of a file's bytes in hexadecimal. @throws InputError when it cannot be read.
+///
+/// Example:
+///
+///     for (const InputRecord& input : estimate.inputs) {
+///       if (sha256_of_file(input.path) != input.sha256) std::puts("the data have changed");
+///     }
 std::string sha256_of_file(const std::string& path);
 
 }  // namespace identikal

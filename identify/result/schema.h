@@ -14,6 +14,10 @@ inline constexpr int kSchemaVersion = 2;
 inline constexpr const char* kReportDataFile = "report_data.json";
 
 /// A value of the schema as people read it: "poorly determined" of "poorly_determined".
+///
+/// Example:
+///
+///     std::puts(in_words("poorly_determined").c_str());  // poorly determined
 inline std::string in_words(std::string value) {
   std::replace(value.begin(), value.end(), '_', ' ');
   return value;

@@ -9,6 +9,11 @@
 namespace identikal {
 
 /// Puts every value of the result, known ones too, into the model; what is free stays free.
+///
+/// Example:
+///
+///     set_values(model, estimate, "out/result.json");  // the path is for messages
+///
 /// @param path  of the result, for messages
 /// @throws InputError when the result lacks a free parameter or an entry of a matrix, has one that
 ///   the model has not, a unit of another kind, no value, or values that make no model

@@ -30,6 +30,13 @@ struct ValidateOptions {
 /// of the result's own data to compare with. Status rejected where a test rejects it, with the
 /// reason in the message. Warnings where a recording is one that the result was made from, where
 /// the result was not to be trusted, and where the model file is no longer what it was.
+///
+/// Example:
+///
+///     const Model fitted = estimated_model(stored.estimate, stored.path);
+///     const Validation answer = validate(sections_of(stored.estimate), fitted, recordings, {});
+///     std::puts(answer.message.c_str());
+///
 /// @param result      sections_of() it, of this program or as read from its file
 /// @param model       with its values, as estimated_model() gives it
 /// @param recordings  of the model's channels
