@@ -326,17 +326,20 @@ void compare_held_out(const Model& white, const Candidate& best,
     white_first.parameters = with_coordinates(white.parameters, refit.x);
   }
   const Model best_first = maximise_shaped(best.model, best.structure, first).value_or(best.model);
-  report.horizons = {1, 2, 4, 8, 16};
-  report.without = prediction_rms(white_first, recordings, report.horizons, 1.0 - hold_out);
-  report.with = prediction_rms(best_first, recordings, report.horizons, 1.0 - hold_out);
-  report.held_out_without =
+  const std::vector<int> horizons{1, 2, 4, 8, 16};
+  const MatrixXd without = prediction_rms(white_first, recordings, horizons, 1.0 - hold_out);
+  const MatrixXd with = prediction_rms(best_first, recordings, horizons, 1.0 - hold_out);
+  report.held_out_log_likelihood_without =
       log_likelihood_of(white_first, recordings) - log_likelihood_of(white_first, first);
-  report.held_out_with =
+  report.held_out_log_likelihood_with =
       log_likelihood_of(best_first, recordings) - log_likelihood_of(best_first, first);
   for (std::size_t i = 0; i < report.units.size(); ++i) {
     const double unit = unit_scale(report.units[i]);
-    report.with.row(static_cast<Index>(i)) /= unit;
-    report.without.row(static_cast<Index>(i)) /= unit;
+    for (std::size_t h = 0; h < horizons.size(); ++h) {
+      const auto row = static_cast<Index>(i), column = static_cast<Index>(h);
+      report.predictions.push_back({report.channels[i], report.units[i], horizons[h],
+                                    without(row, column) / unit, with(row, column) / unit});
+    }
   }
 }
 
@@ -380,7 +383,7 @@ Findings check_filter(const Shaping& report, const NoiseEstimate& estimate) {
     out.push_back(make_finding(FindingCode::still_coloured, {},
                                ", but not all: the innovations are still not white"));
   }
-  if (report.held_out_with < report.held_out_without) {
+  if (report.held_out_log_likelihood_with < report.held_out_log_likelihood_without) {
     out.push_back(
         make_finding(FindingCode::worse_on_held_out, {},
                      ", but not on the part held out, where it does worse than white noise"));

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,19 +25,28 @@ struct RankSelection {
   Eigen::Index rank = 0, of = 0;  ///< of Q: the one selected, and the largest possible
 };
 
-/// What a recording could determine at best, before there is one. Vectors go with Estimate::parameters
-/// and hold kNone for those that are fixed.
+/// Where the information of a nonlinear model comes from.
+struct SimulatedInformation {
+  int recordings = 0;          ///< that it is the mean of
+  std::uint64_t seed = 0;      ///< of their noise
+  double relative_se = kNone;  ///< of the bound's standard deviations, relative, at most
+};
+
+/// What a recording could determine at best, before there is one.
 struct Bound {
   Eigen::Index samples = 0;
-  double accuracy = kNone;                   ///< wanted standard deviation / value
-  std::vector<double> complete_se;           ///< if the states were observed too
-  std::vector<double> samples_needed;        ///< for the accuracy
-  std::vector<Eigen::MatrixXd> gain_change;  ///< of the steady gain, for 1 % more of the parameter
-  Eigen::MatrixXd gain_se;                   ///< that the bound leaves to the steady gain
-  /// Nonlinear models: recordings that the information is the mean of, 0 where it is exact.
-  int simulated = 0;
-  std::uint64_t seed = 0;        ///< of their noise
-  double simulation_se = kNone;  ///< of the bound's standard deviations, relative, at most
+  double accuracy = kNone;  ///< wanted standard deviation / value
+  /// Of one of Estimate::parameters; kNone and empty where it is fixed.
+  struct Parameter {
+    std::string name;
+    double complete_se = kNone;     ///< if the states were observed too
+    double samples_needed = kNone;  ///< for the accuracy
+    Eigen::MatrixXd gain_change;    ///< of the steady gain, for 1 % more of the parameter
+    double published_se = kNone;    ///< Matisko (2013), (6.45), carried over where one to one
+  };
+  std::vector<Parameter> parameters;              ///< in the order of Estimate::parameters
+  Eigen::MatrixXd gain_se;                        ///< that the bound leaves to the steady gain
+  std::optional<SimulatedInformation> simulated;  ///< without, the information is exact
   /// Where K and Sigma are the unknowns themselves; all empty without a steady filter.
   struct InnovationForm {
     Eigen::MatrixXd Sigma;  ///< steady innovation covariance
@@ -44,20 +54,23 @@ struct Bound {
     Eigen::MatrixXd Sigma_se;
     double published_K_se = kNone;  ///< Matisko (2013), (6.45): one state and one output only
     double published_Sigma_se = kNone;
-    std::vector<double> published_se;  ///< (6.45) carried over to the parameters, where one to one
   } innovation_form;
 };
 
 /// What stands behind a Bayesian estimate; there `value` is the posterior mean, `se` its standard
-/// deviation and `ci95` the central credible interval. Vectors go with Estimate::parameters and
-/// hold kNone, or nothing, for those that are fixed.
+/// deviation and `ci95` the central credible interval.
 struct Posterior {
   std::string method;        ///< "grid" or "sequential Monte Carlo"
   Eigen::Index points = 0;   ///< grid points or draws
   double effective = kNone;  ///< of them, as many count: (sum w)^2 / sum w^2, or distinct draws
   double log_evidence = kNone;
-  std::vector<double> map;         ///< the most probable point, in the coordinates of the prior
-  std::vector<std::string> prior;  ///< in words
+  /// Of one of Estimate::parameters; kNone and empty where it is fixed.
+  struct Parameter {
+    std::string name;
+    double map = kNone;  ///< the most probable point, in the coordinates of the prior
+    std::string prior;   ///< in words
+  };
+  std::vector<Parameter> parameters;  ///< in the order of Estimate::parameters
 };
 
 /// How noise or coefficients were estimated from sample to sample, in the parameters' units.
@@ -96,14 +109,19 @@ struct Shaping {
   };
   std::vector<Candidate> candidates;  ///< the white model first, then the best first
   std::vector<std::string> channels, units;
-  std::vector<int> horizons;  ///< samples
   /// Spectra of the standardised innovations, 1 where they are white: frequencies [rad/s], channels
   /// x frequencies; 95 % of a white sequence's values lie in the band.
   Eigen::VectorXd frequency;
   Eigen::MatrixXd spectrum_white, spectrum_shaped;  ///< shaped: empty without filter
   std::array<double, 2> band{kNone, kNone};
-  Eigen::MatrixXd without, with;  ///< channels x horizons: rms prediction errors on held-out data
-  double held_out_without = kNone, held_out_with = kNone;  ///< log-likelihoods there
+  /// Of held-out data, without and with the filter.
+  struct Prediction {
+    std::string channel, unit;
+    int steps = 0;  ///< samples ahead
+    double rmse_without = kNone, rmse_with = kNone;
+  };
+  std::vector<Prediction> predictions;  ///< channel by channel, more and more steps ahead
+  double held_out_log_likelihood_without = kNone, held_out_log_likelihood_with = kNone;
 };
 
 /// What a vehicle's recording holds and what it can determine, before any fit
@@ -136,9 +154,10 @@ struct VehicleSurvey {
   double moving = kNone;  ///< above the speed that `mapping` proposes [s]
   /// Least, 5 %, median, 95 %, largest while turning [m/s].
   std::array<double, 5> speed{kNone, kNone, kNone, kNone, kNone};
-  std::array<double, 7> lateral{};  ///< share of |ay| [m/s^2] up to 1, 2, 3, 4, 6, 8 and above
-  double above_half_hertz = kNone;  ///< share of the steering's power above 0.5 Hz
-  double above_1_5_hertz = kNone;
+  /// Share of |ay| [m/s^2] up to 1, 2, 3, 4, 6, 8 and above.
+  std::array<double, 7> lateral_acceleration{};
+  double steering_above_0_5_hz = kNone;  ///< share of the steering's power above 0.5 Hz
+  double steering_above_1_5_hz = kNone;
   double left = kNone;    ///< share of turning to the left
   double steady = kNone;  ///< share of turning at a constant steering angle
   struct Verdict {
@@ -146,10 +165,10 @@ struct VehicleSurvey {
     std::string answer;  ///< "yes", "poorly", "combination" or "no"
     std::string why;
   };
-  std::vector<Verdict> verdicts;
+  std::vector<Verdict> identifiable;
   /// A line of `inputs` or `outputs` of a model file.
   struct Proposal {
-    bool input = false;
+    std::string list;  ///< "inputs" or "outputs"
     std::string name, column, unit;
     double scale = 1.0;
     double offset = 0.0;  ///< in `unit`: only what the model file says already

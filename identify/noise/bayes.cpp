@@ -176,8 +176,8 @@ Posterior report_posterior(Estimate& estimate, const Model& model, const Posteri
   Identifiability& id = estimate.identifiability;
   Index i = 0;
   for (EstimatedParameter& p : estimate.parameters) {
-    report.map.push_back(kNone);
-    report.prior.emplace_back();
+    Posterior::Parameter& out = report.parameters.emplace_back();
+    out.name = p.name;
     if (p.fixed) continue;
     const double unit = unit_scale(p.unit);
     const VectorXd value = points.entries.row(i).transpose();
@@ -206,8 +206,8 @@ Posterior report_posterior(Estimate& estimate, const Model& model, const Posteri
       p.verdict = Verdict::at_bound;
     }
     id.rank += p.verdict != Verdict::not_identifiable;
-    report.map.back() = points.entries(i, most_probable) / unit;
-    report.prior.back() = prior.coordinates[at].words;
+    out.map = points.entries(i, most_probable) / unit;
+    out.prior = prior.coordinates[at].words;
     estimate.correlation_names.push_back(p.name);
     ++i;
   }
@@ -226,7 +226,7 @@ Findings check_priors(const Estimate& estimate, const Posterior& posterior) {
     out.push_back(make_finding(
         FindingCode::prior_edge, {p.name},
         fmt::format("the posterior of {} is piled up against the edge of its prior ({})", p.name,
-                    posterior.prior[i]),
+                    posterior.parameters[i].prior),
         "widen the prior, or check the units of the recording"));
   }
   return out;

@@ -44,12 +44,16 @@ MatrixXd gain_deviation(const GainSensitivity& gain, const MatrixXd& covariance)
   return variance.cwiseMax(0.0).cwiseSqrt().reshaped(gain.K.rows(), gain.K.cols());
 }
 
+// With what (6.45) leaves to the free parameters, in SI.
+struct InnovationForm : Bound::InnovationForm {
+  std::vector<double> published_se;
+};
+
 // What recordings of `samples` samples leave to K and Sigma as unknowns of their own.
 // @param of_the_noise  K and Sigma carry all that outputs say of the parameters
-// @return published_se of the free parameters alone, in SI
-Bound::InnovationForm innovation_form(const StateSpace& system, const GainSensitivity& gain,
-                                      Index samples, bool of_the_noise) {
-  Bound::InnovationForm out;
+InnovationForm innovation_form(const StateSpace& system, const GainSensitivity& gain, Index samples,
+                               bool of_the_noise) {
+  InnovationForm out;
   out.published_se.assign(gain.K_theta.size(), kNone);
   const auto information = innovation_form_information(system.A, system.C, gain.K, gain.Sigma);
   if (!information) return out;
@@ -100,7 +104,7 @@ struct RecordingInformation {
   // noise alone does not say it. Empty: none of them.
   VectorXd complete;
   std::optional<GainSensitivity> gain;
-  Bound::InnovationForm innovation_form;
+  InnovationForm innovation_form;
 };
 
 // With the states observed and the dynamics known. Noise of continuous time depends, as it is from
@@ -172,8 +176,9 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
   }
   const double runs = options.runs;
   out.total /= runs;
-  bound.simulated = options.runs;
-  bound.seed = options.seed;
+  SimulatedInformation& simulation = bound.simulated.emplace();
+  simulation.recordings = options.runs;
+  simulation.seed = options.seed;
   // V = J^-1 moves by -V dJ V.
   const auto V = scaled_inverse(out.total, 1e-9);
   if (!V) return out;
@@ -182,7 +187,7 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
     squares += (*V * (J - out.total) * *V).diagonal().cwiseAbs2();
   }
   const VectorXd se = (squares / (runs * (runs - 1.0))).cwiseSqrt();
-  bound.simulation_se = 0.5 * se.cwiseQuotient(V->diagonal()).maxCoeff();
+  simulation.relative_se = 0.5 * se.cwiseQuotient(V->diagonal()).maxCoeff();
   return out;
 }
 
@@ -194,27 +199,24 @@ void bound_parameters(CramerRaoBound& estimate, const RecordingInformation& info
   const double samples = static_cast<double>(bound.samples);
   Index i = 0;
   for (EstimatedParameter& p : estimate.parameters) {
-    double complete_se = kNone, needed = kNone;
-    MatrixXd change;
+    Bound::Parameter& out = bound.parameters.emplace_back();
+    out.name = p.name;
     if (!p.fixed) {
       p.crb_se = p.se;
       p.se = kNone;
       p.ci95 = {kNone, kNone};
       if (information.complete.size() > 0)
-        complete_se = std::sqrt(information.complete[i] / samples) / unit[i];
+        out.complete_se = std::sqrt(information.complete[i] / samples) / unit[i];
       if (!std::isnan(p.crb_se)) {
         const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
-        needed = std::ceil(std::pow(relative / bound.accuracy, 2));
-        if (!std::isfinite(needed)) needed = kNone;
+        out.samples_needed = std::ceil(std::pow(relative / bound.accuracy, 2));
+        if (!std::isfinite(out.samples_needed)) out.samples_needed = kNone;
       }
       if (information.gain) {
-        change = 0.01 * p.value * unit[i] * information.gain->K_theta[i];
+        out.gain_change = 0.01 * p.value * unit[i] * information.gain->K_theta[i];
       }
       ++i;
     }
-    bound.complete_se.push_back(complete_se);
-    bound.samples_needed.push_back(needed);
-    bound.gain_change.push_back(change);
   }
 }
 
@@ -226,16 +228,12 @@ void bound_gain(CramerRaoBound& estimate, const RecordingInformation& informatio
   bound.gain_se =
       gain_deviation(*information.gain, unit.asDiagonal() * covariance * unit.asDiagonal());
   bound.innovation_form = information.innovation_form;
-  const std::vector<double> free = information.innovation_form.published_se;
-  bound.innovation_form.published_se.clear();
+  const std::vector<double>& free = information.innovation_form.published_se;
   Index at = 0;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    double se = kNone;
-    if (!p.fixed) {
-      se = free[at] / unit[at];
-      ++at;
-    }
-    bound.innovation_form.published_se.push_back(se);
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    if (estimate.parameters[i].fixed) continue;
+    bound.parameters[i].published_se = free[at] / unit[at];
+    ++at;
   }
 }
 

@@ -94,9 +94,9 @@ std::string posterior_text(const ResultSections& result) {
   std::string most, prior;
   for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
     if (estimate.parameters[i].fixed) continue;
-    const std::string& name = estimate.parameters[i].name;
-    most += fmt::format("{} {} {:.5g}", most.empty() ? "most probable" : ",", name, p.map[i]);
-    prior += fmt::format("{} {} {}", prior.empty() ? "prior" : ",", name, p.prior[i]);
+    const auto& [name, map, prior_in_words] = p.parameters[i];
+    most += fmt::format("{} {} {:.5g}", most.empty() ? "most probable" : ",", name, map);
+    prior += fmt::format("{} {} {}", prior.empty() ? "prior" : ",", name, prior_in_words);
   }
   return wrapped(most, 14) + wrapped(prior, 6) +
          wrapped(fmt::format("posterior by {}: {} points, {:.0f} {}; log evidence {:.3f}", p.method,

@@ -46,10 +46,10 @@ std::string mapping_text(const VehicleSurvey& survey) {
     out += fmt::format("time: {{column: {}{}}}\n", yaml(survey.time_column),
                        survey.time_unit.empty() ? "" : ", unit: " + yaml(survey.time_unit));
   }
-  for (const bool input : {true, false}) {
+  for (const char* list : {"inputs", "outputs"}) {
     std::string lines;
     for (const VehicleSurvey::Proposal& p : survey.mapping) {
-      if (p.input != input) continue;
+      if (p.list != list) continue;
       lines += fmt::format("  {}: {{column: {}", p.name, yaml(p.column));
       if (!p.unit.empty()) lines += ", unit: " + yaml(p.unit);
       if (p.scale != 1.0) lines += fmt::format(", scale: {:g}", p.scale);
@@ -57,7 +57,7 @@ std::string mapping_text(const VehicleSurvey& survey) {
       if (p.delay != 0.0) lines += fmt::format(", delay: {:.3g} s", p.delay);
       lines += "}\n";
     }
-    if (!lines.empty()) out += (input ? "inputs:\n" : "outputs:\n") + lines;
+    if (!lines.empty()) out += fmt::format("{}:\n{}", list, lines);
   }
   return out + fmt::format("use_when: \"vx > {:g}\"\n", survey.least_speed);
 }
@@ -99,13 +99,13 @@ std::string relations_text(const VehicleSurvey& survey) {
 }
 
 std::string lateral_text(const VehicleSurvey& survey) {
-  if (!(survey.lateral[0] > 0.0)) return "";
+  if (!(survey.lateral_acceleration[0] > 0.0)) return "";
   constexpr const char* kBins[] = {"1", "2", "3", "4", "6", "8", "more"};
   std::string line = "[m/s^2] up to";
   double far = 0.0;
-  for (std::size_t k = 0; k < survey.lateral.size(); ++k) {
-    line += fmt::format(" {}: {}", kBins[k], share(survey.lateral[k]));
-    if (k >= 4) far += survey.lateral[k];
+  for (std::size_t k = 0; k < survey.lateral_acceleration.size(); ++k) {
+    line += fmt::format(" {}: {}", kBins[k], share(survey.lateral_acceleration[k]));
+    if (k >= 4) far += survey.lateral_acceleration[k];
   }
   const std::string out = in_lines("|ay|    ", line, 8);
   if (!(far > 0.05)) return out;
@@ -130,10 +130,11 @@ std::string driving_text(const VehicleSurvey& survey) {
         survey.speed[0], survey.speed[4], survey.speed[1], survey.speed[3], share(survey.left));
   }
   out += lateral_text(survey);
-  if (std::isfinite(survey.above_half_hertz)) {
+  if (std::isfinite(survey.steering_above_0_5_hz)) {
     out += fmt::format(
         "steering power above 0.5 Hz {:.2g} %, above 1.5 Hz {:.2g} %; held {} of turning\n",
-        100.0 * survey.above_half_hertz, 100.0 * survey.above_1_5_hertz, share(survey.steady));
+        100.0 * survey.steering_above_0_5_hz, 100.0 * survey.steering_above_1_5_hz,
+        share(survey.steady));
   }
   return out;
 }
@@ -143,7 +144,7 @@ std::string driving_text(const VehicleSurvey& survey) {
 std::string survey_text(const VehicleSurvey& survey) {
   std::string out = signals_text(survey) + relations_text(survey) + "\n" + driving_text(survey);
   out += "\nwhat this recording can determine, before any fit\n";
-  for (const VehicleSurvey::Verdict& v : survey.verdicts) {
+  for (const VehicleSurvey::Verdict& v : survey.identifiable) {
     out += in_lines(fmt::format("  {:<14} {:<11} ", v.of, v.answer), v.why, 29);
   }
   out += "\n" + findings_text(survey.findings);

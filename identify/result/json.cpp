@@ -55,27 +55,26 @@ Json fits(const std::vector<ChannelFit>& channels) {
   return out;
 }
 
-Json bound(const Estimate& estimate, const Bound* of) {
+Json bound(const Bound* of) {
   if (of == nullptr) return nullptr;
   const Bound& b = *of;
   Json rows = Json::array();
   const Bound::InnovationForm& form = b.innovation_form;
-  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    rows.push_back(
-        {{"name", estimate.parameters[i].name},
-         {"complete_se", number(b.complete_se[i])},
-         {"samples_needed", number(b.samples_needed[i])},
-         {"gain_change", matrix(b.gain_change[i])},
-         {"published_se", number(form.published_se.empty() ? kNone : form.published_se[i])}});
+  for (const Bound::Parameter& p : b.parameters) {
+    rows.push_back({{"name", p.name},
+                    {"complete_se", number(p.complete_se)},
+                    {"samples_needed", number(p.samples_needed)},
+                    {"gain_change", matrix(p.gain_change)},
+                    {"published_se", number(p.published_se)}});
   }
   return {{"samples", b.samples},
           {"accuracy", number(b.accuracy)},
           {"parameters", rows},
           {"gain_se", matrix(b.gain_se)},
-          {"simulated", b.simulated == 0 ? Json(nullptr)
-                                         : Json{{"recordings", b.simulated},
-                                                {"seed", b.seed},
-                                                {"relative_se", number(b.simulation_se)}}},
+          {"simulated", !b.simulated ? Json(nullptr)
+                                     : Json{{"recordings", b.simulated->recordings},
+                                            {"seed", b.simulated->seed},
+                                            {"relative_se", number(b.simulated->relative_se)}}},
           {"innovation_form",
            {{"Sigma", matrix(form.Sigma)},
             {"K_se", matrix(form.K_se)},
@@ -84,13 +83,12 @@ Json bound(const Estimate& estimate, const Bound* of) {
             {"published_Sigma_se", number(form.published_Sigma_se)}}}};
 }
 
-Json posterior(const Estimate& estimate, const Posterior* of) {
+Json posterior(const Posterior* of) {
   if (of == nullptr) return nullptr;
   const Posterior& p = *of;
   Json rows = Json::array();
-  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    rows.push_back(
-        {{"name", estimate.parameters[i].name}, {"map", number(p.map[i])}, {"prior", p.prior[i]}});
+  for (const Posterior::Parameter& row : p.parameters) {
+    rows.push_back({{"name", row.name}, {"map", number(row.map)}, {"prior", row.prior}});
   }
   return {{"method", p.method},
           {"points", p.points},
@@ -165,7 +163,7 @@ Json relations_of(const VehicleSurvey& survey) {
 Json mapping_of(const VehicleSurvey& survey) {
   Json out = Json::array();
   for (const VehicleSurvey::Proposal& p : survey.mapping) {
-    out.push_back({{"list", p.input ? "inputs" : "outputs"},
+    out.push_back({{"list", p.list},
                    {"name", p.name},
                    {"column", p.column},
                    {"unit", p.unit},
@@ -180,11 +178,11 @@ Json survey(const VehicleSurvey* of) {
   if (of == nullptr) return nullptr;
   const VehicleSurvey& s = *of;
   Json verdicts = Json::array(), speed = Json::array(), lateral = Json::array();
-  for (const VehicleSurvey::Verdict& v : s.verdicts) {
+  for (const VehicleSurvey::Verdict& v : s.identifiable) {
     verdicts.push_back({{"of", v.of}, {"answer", v.answer}, {"why", v.why}});
   }
   for (const double v : s.speed) speed.push_back(number(v));
-  for (const double v : s.lateral) lateral.push_back(number(v));
+  for (const double v : s.lateral_acceleration) lateral.push_back(number(v));
   return {{"signals", signals_of(s)},
           {"relations", relations_of(s)},
           {"duration", number(s.duration)},
@@ -193,8 +191,8 @@ Json survey(const VehicleSurvey* of) {
           {"reversing", number(s.reversing)},
           {"speed", speed},
           {"lateral_acceleration", lateral},
-          {"steering_above_0_5_hz", number(s.above_half_hertz)},
-          {"steering_above_1_5_hz", number(s.above_1_5_hertz)},
+          {"steering_above_0_5_hz", number(s.steering_above_0_5_hz)},
+          {"steering_above_1_5_hz", number(s.steering_above_1_5_hz)},
           {"left", number(s.left)},
           {"steady", number(s.steady)},
           {"identifiable", verdicts},
@@ -219,15 +217,12 @@ Json shaping(const Shaping* of) {
   for (const Shaping::Pole& pole : s.poles) {
     poles.push_back({{"frequency", number(pole.frequency)}, {"radius", number(pole.radius)}});
   }
-  for (std::size_t i = 0; s.with.size() > 0 && i < s.channels.size(); ++i) {
-    for (std::size_t h = 0; h < s.horizons.size(); ++h) {
-      const auto row = static_cast<Eigen::Index>(i), column = static_cast<Eigen::Index>(h);
-      predictions.push_back({{"channel", s.channels[i]},
-                             {"unit", s.units[i]},
-                             {"steps", s.horizons[h]},
-                             {"rmse_without", number(s.without(row, column))},
-                             {"rmse_with", number(s.with(row, column))}});
-    }
+  for (const Shaping::Prediction& p : s.predictions) {
+    predictions.push_back({{"channel", p.channel},
+                           {"unit", p.unit},
+                           {"steps", p.steps},
+                           {"rmse_without", number(p.rmse_without)},
+                           {"rmse_with", number(p.rmse_with)}});
   }
   return {{"whiteness_p", number(s.whiteness_p)},
           {"peak", number(s.peak)},
@@ -239,8 +234,8 @@ Json shaping(const Shaping* of) {
           {"output_peak", number(s.output_peak)},
           {"candidates", candidates},
           {"predictions", predictions},
-          {"held_out_log_likelihood_without", number(s.held_out_without)},
-          {"held_out_log_likelihood_with", number(s.held_out_with)}};
+          {"held_out_log_likelihood_without", number(s.held_out_log_likelihood_without)},
+          {"held_out_log_likelihood_with", number(s.held_out_log_likelihood_with)}};
 }
 
 Json excess(const ExcessMeanSquareError* of) {
@@ -409,8 +404,8 @@ std::string result_json(const ResultSections& result, bool strict, double timing
                 {"hold_out_one_step", fits(fit.hold_out_one_step)}};
   out["tests"] = tests(result.tests);
   out["identifiability"] = identifiability(estimate);
-  out["bound"] = bound(estimate, result.bound);
-  out["posterior"] = posterior(estimate, result.posterior);
+  out["bound"] = bound(result.bound);
+  out["posterior"] = posterior(result.posterior);
   out["time_history"] = time_history(result.time_history);
   out["shaping"] = shaping(result.shaping);
   out["minimum_rank"] = minimum_rank(result.minimum_rank);

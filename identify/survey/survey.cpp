@@ -16,7 +16,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   Scene scene;
   scene.out.findings = signals.findings;
   if (signals.signals.empty() && scene.found(FindingCode::no_time)) {
-    scene.out.verdicts = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
+    scene.out.identifiable = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
     return scene.out;
   }
   const bool grid = make_sampling_grid(signals, scene);

@@ -22,22 +22,21 @@ std::string candidates_text(const std::vector<Shaping::Candidate>& candidates) {
 
 std::string held_out_text(const Shaping& s) {
   std::string out;
-  for (std::size_t i = 0; s.with.size() > 0 && i < s.channels.size(); ++i) {
-    const auto row = static_cast<Eigen::Index>(i);
-    out +=
-        fmt::format("\nheld out: rms prediction error of {}{}\n  steps   white    shaped  gain\n",
-                    s.channels[i], s.units[i].empty() ? "" : " [" + s.units[i] + "]");
-    for (std::size_t h = 0; h < s.horizons.size(); ++h) {
-      const auto column = static_cast<Eigen::Index>(h);
-      const double without = s.without(row, column), with = s.with(row, column);
-      if (std::isnan(without) || std::isnan(with)) continue;
-      out += fmt::format("  {:>5}  {:<8.4g} {:<8.4g} {:>3.0f} %\n", s.horizons[h], without, with,
-                         100.0 * (1.0 - with / without));
+  int steps_before = 0;
+  for (const Shaping::Prediction& p : s.predictions) {
+    if (p.steps <= steps_before || steps_before == 0) {
+      out +=
+          fmt::format("\nheld out: rms prediction error of {}{}\n  steps   white    shaped  gain\n",
+                      p.channel, p.unit.empty() ? "" : " [" + p.unit + "]");
     }
+    steps_before = p.steps;
+    if (std::isnan(p.rmse_without) || std::isnan(p.rmse_with)) continue;
+    out += fmt::format("  {:>5}  {:<8.4g} {:<8.4g} {:>3.0f} %\n", p.steps, p.rmse_without,
+                       p.rmse_with, 100.0 * (1.0 - p.rmse_with / p.rmse_without));
   }
-  if (std::isnan(s.held_out_with)) return out;
-  return out + fmt::format("  log-likelihood {:.2f} white, {:.2f} shaped\n", s.held_out_without,
-                           s.held_out_with);
+  if (std::isnan(s.held_out_log_likelihood_with)) return out;
+  return out + fmt::format("  log-likelihood {:.2f} white, {:.2f} shaped\n",
+                           s.held_out_log_likelihood_without, s.held_out_log_likelihood_with);
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ void measure_turning(Scene& scene) {
     if (!std::isnan(ay[i])) {
       std::size_t bin = 0;
       while (bin < std::size(kEdges) && std::abs(ay[i]) > kEdges[bin]) ++bin;
-      ++out.lateral[bin];
+      ++out.lateral_acceleration[bin];
       ++count;
     }
     if (std::abs(r[i]) <= turn) continue;
@@ -53,7 +53,7 @@ void measure_turning(Scene& scene) {
     ++fast;
     steady += change < 0.03 * spread ? 1 : 0;
   }
-  for (double& share : out.lateral) share = count > 0 ? share / count : 0.0;
+  for (double& share : out.lateral_acceleration) share = count > 0 ? share / count : 0.0;
   out.left = turning > 0 ? left / turning : kNaN;
   out.steady = fast > 0 ? steady / fast : kNaN;
   for (std::size_t k = 0; k < out.speed.size(); ++k) {
@@ -78,8 +78,8 @@ void measure_frequencies(Scene& scene) {
     half_hertz += hertz > 0.5 ? power : 0.0;
     more += hertz > 1.5 ? power : 0.0;
   }
-  scene.out.above_half_hertz = half_hertz / all;
-  scene.out.above_1_5_hertz = more / all;
+  scene.out.steering_above_0_5_hz = half_hertz / all;
+  scene.out.steering_above_1_5_hz = more / all;
 }
 
 }  // namespace
@@ -143,18 +143,19 @@ Excitation excitation_of(const Scene& scene) {
   out.sideslip = scene.has(SignalKind::vy) || scene.has(SignalKind::beta);
   out.at_wheel = scene.has(SignalKind::steering) && scene.signal(SignalKind::steering).at_wheel;
   out.speed_ratio = survey.speed[3] / survey.speed[1];
-  out.strong = survey.lateral[2] + survey.lateral[3] + survey.lateral[4] + survey.lateral[5] +
-               survey.lateral[6];
-  out.loaded = survey.lateral[0] < 0.98;
-  out.quick = survey.above_half_hertz > 0.05;
-  out.rather_quick = survey.above_half_hertz > 0.005;
-  out.very_quick = survey.above_1_5_hertz > 0.02;
-  out.circles = survey.steady > 0.8 && survey.above_half_hertz < 0.05;
+  out.strong = survey.lateral_acceleration[2] + survey.lateral_acceleration[3] +
+               survey.lateral_acceleration[4] + survey.lateral_acceleration[5] +
+               survey.lateral_acceleration[6];
+  out.loaded = survey.lateral_acceleration[0] < 0.98;
+  out.quick = survey.steering_above_0_5_hz > 0.05;
+  out.rather_quick = survey.steering_above_0_5_hz > 0.005;
+  out.very_quick = survey.steering_above_1_5_hz > 0.02;
+  out.circles = survey.steady > 0.8 && survey.steering_above_0_5_hz < 0.05;
   out.frequencies =
-      std::isnan(survey.above_half_hertz)
+      std::isnan(survey.steering_above_0_5_hz)
           ? "too few samples for a spectrum of the steering angle"
           : fmt::format("{:.2g} % of the steering's power lies above 0.5 Hz, {:.2g} % above 1.5 Hz",
-                        100.0 * survey.above_half_hertz, 100.0 * survey.above_1_5_hertz);
+                        100.0 * survey.steering_above_0_5_hz, 100.0 * survey.steering_above_1_5_hz);
   out.speeds = std::isnan(survey.speed[1])
                    ? "the car never turns"
                    : fmt::format("turning at {:.0f} to {:.0f} m/s (5 to 95 %)", survey.speed[1],
@@ -234,7 +235,7 @@ void assess_lengths_and_offsets(const Excitation& seen, double left, Verdicts& o
 }  // namespace
 
 void assess_identifiability(Scene& scene) {
-  Verdicts& out = scene.out.verdicts;
+  Verdicts& out = scene.out.identifiable;
   if (scene.found(FindingCode::too_short) || scene.found(FindingCode::no_steering) ||
       scene.found(FindingCode::no_speed) ||
       (scene.found(FindingCode::no_yaw_rate) && !scene.has(SignalKind::ay))) {
@@ -248,7 +249,7 @@ void assess_identifiability(Scene& scene) {
     return;
   }
   const Excitation seen = excitation_of(scene);
-  assess_stiffness_and_inertia(seen, scene.out.lateral[0], out);
+  assess_stiffness_and_inertia(seen, scene.out.lateral_acceleration[0], out);
   assess_steering_gain(seen, out);
   assess_lengths_and_offsets(seen, scene.out.left, out);
 }

@@ -24,7 +24,8 @@ void propose_mapping(const VehicleSignals& signals, Scene& scene) {
     const std::string name = line.kind == SignalKind::steering
                                  ? (s.at_wheel ? "steering_wheel_angle" : "road_wheel_angle")
                                  : to_string(line.kind);
-    scene.out.mapping.push_back({line.input, name, s.column, s.unit, s.scale, s.offset, s.delay});
+    scene.out.mapping.push_back(
+        {line.input ? "inputs" : "outputs", name, s.column, s.unit, s.scale, s.offset, s.delay});
   }
   scene.out.time_column = signals.time_column;
   scene.out.time_unit = signals.time_unit;

@@ -271,7 +271,7 @@ TEST(Shape, FindsThePublishedFilter) {
                                   as_linear(truth).initial, data.y, data.u)
                        .value;
   EXPECT_GT(result.estimate.objective.log_likelihood, L);
-  EXPECT_LT(s.with(0, 0), s.without(0, 0));
+  EXPECT_LT(s.predictions.at(0).rmse_with, s.predictions.at(0).rmse_without);
   // The other place has the same likelihood.
   ASSERT_TRUE(result.in_measurement.has_value());
   const auto likelihood = [&](const Model& model) {
@@ -280,7 +280,7 @@ TEST(Shape, FindsThePublishedFilter) {
         .value;
   };
   EXPECT_NEAR(likelihood(*result.in_measurement), likelihood(*result.model), 1e-6);
-  EXPECT_GT(s.held_out_with, s.held_out_without + 100.0);
+  EXPECT_GT(s.held_out_log_likelihood_with, s.held_out_log_likelihood_without + 100.0);
 }
 
 TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
@@ -292,15 +292,14 @@ TEST(Shape, PolesOnTheUnitCircleDoNoHarm) {
   const Shaping& s = result.estimate.shaping;
   std::printf("%s noise, order %d; %s\n", s.noise_source.c_str(), s.order,
               result.estimate.message.c_str());
-  for (Index h = 0; h < s.with.cols(); ++h) {
-    std::printf("  %2d steps: %.3f white, %.3f shaped\n", s.horizons[h], s.without(0, h),
-                s.with(0, h));
+  for (const Shaping::Prediction& p : s.predictions) {
+    std::printf("  %2d steps: %.3f white, %.3f shaped\n", p.steps, p.rmse_without, p.rmse_with);
   }
   ASSERT_TRUE(result.model.has_value());
   EXPECT_EQ(s.spectrum_shaped.cols(), s.spectrum_white.cols());
   EXPECT_EQ(s.spectrum_shaped.cols(), s.frequency.size());
-  EXPECT_LT(s.with(0, 0), 0.28);
-  EXPECT_LT(s.with(0, 4), 0.75);
+  EXPECT_LT(s.predictions.at(0).rmse_with, 0.28);
+  EXPECT_LT(s.predictions.at(4).rmse_with, 0.75);
 }
 
 TEST(Shape, TheOutputsUnitDoesNotMatter) {

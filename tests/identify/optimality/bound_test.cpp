@@ -74,15 +74,15 @@ TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
   options.accuracy = 0.1;
   const CramerRaoBound estimate = bound_of(model, options, nullptr);
   const EstimatedParameter& R = named(estimate, "R(1,1)");
-  const double needed = estimate.bound.samples_needed[1];
+  const double needed = estimate.bound.parameters[1].samples_needed;
   std::printf("System 1: R %.1f %% at N = 1000, %.0f samples for 10 %%\n", 100.0 * R.crb_se,
               needed);
   EXPECT_NEAR(100.0 * R.crb_se, 71.1, 0.05);
   options.samples = static_cast<Index>(needed);
   EXPECT_NEAR(named(bound_of(model, options, nullptr), "R(1,1)").crb_se, 0.1, 1e-4);
   // 2 Q^2 / t and 2 R^2 / t of the source, chapter 6.
-  EXPECT_NEAR(estimate.bound.complete_se[0], 10.0 * std::sqrt(2.0 / 1000.0), 1e-12);
-  EXPECT_NEAR(estimate.bound.complete_se[1], 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(estimate.bound.parameters[0].complete_se, 10.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(estimate.bound.parameters[1].complete_se, 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
 }
 
 // x' = -k x + w, density q, every 0.1 s: with x observed a variance is known to q sqrt(2 / N), and
@@ -112,11 +112,11 @@ TEST(BoundOf, KnownStatesSayOfContinuousNoiseWhatTheySayOfSampledNoise) {
   BoundOptions options;
   options.samples = 1000;
   const CramerRaoBound estimate = bound_of(model, options, nullptr);
-  const std::vector<double>& complete = estimate.bound.complete_se;
-  EXPECT_TRUE(std::isnan(complete[0]));
-  EXPECT_NEAR(complete[1], 3.0 * std::sqrt(2.0 / 1000.0), 1e-12);
-  EXPECT_NEAR(complete[2], 0.1 * std::sqrt(2.0 / 1000.0), 1e-12);
-  EXPECT_LT(complete[1], named(estimate, "q").crb_se);
+  const std::vector<Bound::Parameter>& bound = estimate.bound.parameters;
+  EXPECT_TRUE(std::isnan(bound[0].complete_se));
+  EXPECT_NEAR(bound[1].complete_se, 3.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_NEAR(bound[2].complete_se, 0.1 * std::sqrt(2.0 / 1000.0), 1e-12);
+  EXPECT_LT(bound[1].complete_se, named(estimate, "q").crb_se);
 }
 
 TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
@@ -133,7 +133,7 @@ TEST(BoundOf, GainSensitivityIsTheDerivativeOfTheGain) {
       return steady_state(instantiate(as_linear(model), with_entries(model.parameters, at)))->K;
     };
     const Eigen::MatrixXd change = (gain(up) - gain(down)) * (0.01 / 2e-5);
-    EXPECT_LT((estimate.bound.gain_change[i] - change).norm(), 1e-9);
+    EXPECT_LT((estimate.bound.parameters[i].gain_change - change).norm(), 1e-9);
   }
 }
 
@@ -172,10 +172,11 @@ TEST(BoundOf, InnovationFormOfOneStateIsTheSameBound) {
   for (Index i = 0; i < 2; ++i) {
     const auto at = static_cast<std::size_t>(i);
     EXPECT_NEAR(bound[i] / estimate.parameters[at].crb_se, 1.0, 1e-4);
-    EXPECT_NEAR(form.published_se[at] / published[i], 1.0, 1e-5);
-    EXPECT_LT(form.published_se[at], estimate.parameters[at].crb_se);
+    const double published_se = estimate.bound.parameters[at].published_se;
+    EXPECT_NEAR(published_se / published[i], 1.0, 1e-5);
+    EXPECT_LT(published_se, estimate.parameters[at].crb_se);
     std::printf("System 1, %s: bound %.4g, by (6.45) %.4g\n", estimate.parameters[at].name.c_str(),
-                estimate.parameters[at].crb_se, form.published_se[at]);
+                estimate.parameters[at].crb_se, published_se);
   }
 }
 
@@ -190,7 +191,9 @@ TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
   // Five variances make the eight gains: knowing so can only help.
   EXPECT_TRUE((form.K_se.array() >= 0.999 * estimate.bound.gain_se.array()).all());
   EXPECT_TRUE(std::isnan(form.published_K_se));
-  for (const double se : form.published_se) EXPECT_TRUE(std::isnan(se));
+  for (const Bound::Parameter& p : estimate.bound.parameters) {
+    EXPECT_TRUE(std::isnan(p.published_se));
+  }
   // A state that no output shows.
   MatiskoSystem hidden = matisko_system(6);
   as_linear(hidden.model).A.constant = Eigen::Vector2d(0.5, 0.4).asDiagonal();

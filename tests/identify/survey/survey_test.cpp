@@ -44,7 +44,7 @@ Codes alarms(const VehicleSurvey& survey) {
 }
 
 std::string answer(const VehicleSurvey& survey, const std::string& of) {
-  for (const VehicleSurvey::Verdict& v : survey.verdicts) {
+  for (const VehicleSurvey::Verdict& v : survey.identifiable) {
     if (v.of == of) return v.answer;
   }
   return "";
