@@ -31,6 +31,13 @@ ResultSections sections_of(const StoredEstimate& result) {
   ResultSections out = sections_of(static_cast<const FilterEstimate&>(result));
   if (!result.tyre_curve.empty()) out.tyre_curve = &result.tyre_curve;
   out.model_file = if_any(result.model_file);
+  out.excess_mean_square_error = if_any(result.excess_mean_square_error);
+  out.bound = if_any(result.bound);
+  out.posterior = if_any(result.posterior);
+  out.time_history = if_any(result.time_history);
+  out.shaping = if_any(result.shaping);
+  out.minimum_rank = if_any(result.minimum_rank);
+  out.survey = if_any(result.survey);
   return out;
 }
 

@@ -24,10 +24,18 @@ struct ModelSource {
   std::vector<Included> included;
 };
 
-/// A result that was written before, of whatever job: what others go on from.
+/// A result that was written before, of whatever job: all that its file holds, hence neither series
+/// nor pictures.
 struct StoredEstimate : FilterEstimate {
   std::string tyre_curve;  ///< vehicles: name_of(TyreCurve)
   std::optional<ModelSource> model_file;
+  std::optional<ExcessMeanSquareError> excess_mean_square_error;
+  std::optional<Bound> bound;
+  std::optional<Posterior> posterior;
+  std::optional<TimeHistory> time_history;
+  std::optional<Shaping> shaping;
+  std::optional<RankSelection> minimum_rank;
+  std::optional<VehicleSurvey> survey;
 };
 
 /// Of tune, and of fit where the model is a filter.

@@ -7,10 +7,9 @@
 
 namespace identikal {
 
-/// A result that was written before. Of the estimate there are identity, status, inputs, model
-/// file, parameters and their correlation, noise, filter, tyre curve, objective, fits, tests,
-/// derived values, warnings and notes. A largest axle force that is null in the file, as it lies
-/// beyond what the recording showed, is infinite here.
+/// A result that was written before: all that result.json holds, hence neither series nor pictures.
+/// A largest axle force that is null in the file, as it lies beyond what the recording showed, is
+/// infinite here.
 struct StoredResult {
   std::string path, text;       ///< of result.json
   std::string data_path, data;  ///< of kReportDataFile, of the same run; empty data: none was read
