@@ -10,6 +10,13 @@ namespace identikal {
 /// too.
 inline constexpr int kSchemaVersion = 2;
 
+/// JSON Schema of result.json, as identify/result/result.schema.json holds it.
+///
+/// Example:
+///
+///     const std::string schema = result_schema();
+std::string result_schema();
+
 /// Name of the file beside result.json that holds what the page draws.
 inline constexpr const char* kReportDataFile = "report_data.json";
 

@@ -1,6 +1,9 @@
 #include "identify/result/internal/version_1.h"
 
+#include <algorithm>
 #include <iterator>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -88,7 +91,36 @@ void rename_keys(Json& file, const RenamedKey (&keys)[n]) {
   }
 }
 
+// What a schema says itself, or a definition that it refers to, perhaps as one of two.
+Json& referred_to(Json& schema, Json& root) {
+  if (schema.contains("anyOf")) return referred_to(schema["anyOf"][0], root);
+  if (!schema.contains("$ref")) return schema;
+  const std::string to = schema["$ref"];
+  return root["$defs"][to.substr(to.rfind('/') + 1)];
+}
+
+Json& schema_at(Json& root, std::string_view place) {
+  Json* at = &root;
+  while (!place.empty()) {
+    const std::size_t end = std::min(place.find('/'), place.size());
+    const std::string step(place.substr(0, end));
+    at = &referred_to(step == "*" ? at->at("items") : at->at("properties").at(step), root);
+    place.remove_prefix(std::min(end + 1, place.size()));
+  }
+  return *at;
+}
+
 }  // namespace
+
+void add_old_keys_to_schema(Json& schema) {
+  for (const RenamedKey& key : kRenamedKeys) {
+    Json& properties = schema_at(schema, key.place).at("properties");
+    if (!properties.contains(key.now)) {
+      throw std::logic_error("no key " + std::string(key.now) + " in the schema");
+    }
+    properties[std::string(key.before)] = {{"deprecated", true}};
+  }
+}
 
 void add_old_keys(Json& result) {
   for (auto key = std::rbegin(kRenamedKeys); key != std::rend(kRenamedKeys); ++key) {

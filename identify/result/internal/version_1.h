@@ -17,4 +17,8 @@ void upgrade_page_data(nlohmann::ordered_json& data);
 /// written for version 1 find them as long as version 2 lasts.
 void add_old_keys(nlohmann::ordered_json& result);
 
+/// Names the same keys in the schema of results, as deprecated ones.
+/// @throws std::logic_error when the schema has not the key that replaces one
+void add_old_keys_to_schema(nlohmann::ordered_json& schema);
+
 }  // namespace identikal
