@@ -28,7 +28,7 @@ void validate_on(const std::vector<HeldOut>& held_out, const Model& model, Recor
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;
   options.starts = search.number_of_starts();
-  options.seed = static_cast<std::uint64_t>(search.seed);
+  options.seed = search.seed_number();
   options.pictures = run.wants_pictures();
   options.progress = [&run, starts = options.starts](int start, int iteration, double L) {
     const std::string what = fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}",

@@ -142,9 +142,9 @@ void add_number(Verb& verb, const char* names, std::int64_t& value, std::int64_t
   option.limits = in_range(least, most);
 }
 
-void add_seed(Verb& verb, std::int64_t& seed, const char* help) {
+void add_seed(Verb& verb, std::int64_t& seed, const char* help, const char* shown) {
   add(verb, "--seed", seed, help, whole_number("--seed", 0, 999999999999999999)).shown =
-      std::to_string(seed);
+      seed >= 0 ? std::to_string(seed) : shown;
 }
 
 void add_old_flag(Verb& verb, const char* old_name, const char* name, bool& value) {
@@ -223,7 +223,7 @@ void add_result_with_page(Verb& verb, ResultOptions& result) {
 }
 
 void add_search(Verb& verb, SearchOptions& search) {
-  add_seed(verb, search.seed, "Seed of the random starts.");
+  add_seed(verb, search.seed, "Seed of the random starts.", "1");
   add_number(verb, "--starts", search.starts, 1, 1000, "Number of starts of the search.", "5");
   add_text(verb, "--hold-out", search.hold_out,
            "Hold out data for validation: a recording, or the last share of each, e.g. 30%.");

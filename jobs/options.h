@@ -64,7 +64,8 @@ void add_choice(Verb& verb, const char* names, std::string& value,
 /// @param shown  the default where another number, outside the range, stands for it
 void add_number(Verb& verb, const char* names, std::int64_t& value, std::int64_t least,
                 std::int64_t most, const char* help, const char* shown = "");
-void add_seed(Verb& verb, std::int64_t& seed, const char* help);
+/// @param shown  the default where a negative `seed` stands for it
+void add_seed(Verb& verb, std::int64_t& seed, const char* help, const char* shown = "");
 
 // Names of earlier versions: still understood on the command line, which says today's name.
 
@@ -115,10 +116,11 @@ void add_result_with_page(Verb& verb, ResultOptions& result);
 
 /// How is the optimum searched for, and what is it validated on?
 struct SearchOptions {
-  std::int64_t seed = 1;
+  std::int64_t seed = -1;   ///< -1: not given
   std::int64_t starts = 0;  ///< 0: not given
   std::string hold_out;
 
+  std::uint64_t seed_number() const { return seed >= 0 ? static_cast<std::uint64_t>(seed) : 1; }
   int number_of_starts() const { return starts > 0 ? static_cast<int>(starts) : 5; }
 };
 void add_search(Verb& verb, SearchOptions& search);

@@ -59,7 +59,7 @@ NoiseEstimate by_posterior(const TuneOptions& given, const Model& model,
                            const std::vector<Dataset>& recordings, const Run& run) {
   NoiseBayesOptions options;
   if (given.draws > 0) options.draws = given.draws;
-  options.seed = static_cast<std::uint64_t>(given.search.seed);
+  options.seed = given.search.seed_number();
   options.progress = [&](double temperature) {
     return report_progress(run.call,
                            fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature),
@@ -122,6 +122,7 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.iterate, als, "--iterate", "--method als or als-weighted"},
         Case{options.min_rank, als, "--min-rank", "--method als or als-weighted"},
         Case{options.draws > 0, bayes, "--draws", "--method bayes"},
+        Case{options.search.seed >= 0, !als, "--seed", "--method ml, auto or bayes"},
         Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
         Case{chosen, !als && !bayes, "--evaluation", "--method ml or auto"}}) {
     if (!each.given || each.applies) continue;

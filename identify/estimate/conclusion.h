@@ -11,8 +11,8 @@ namespace identikal {
 /// What the answer of a job rests on.
 enum class Basis {
   fit,    ///< values fitted to the data: a serious finding makes them untrusted
-  tests,  ///< tests of given values, or values followed along the data: serious findings are told
-          ///< beside it, and only what concludes() has an effect
+  tests,  ///< tests of given values, or values followed along the data: serious findings are
+          ///< printed and leave the status as it is, unless concludes() holds for them
 };
 
 struct Conclusion {

@@ -121,7 +121,7 @@ enum class FindingCode {
 /// Causes before consequences: the first of these ranks that has an effect decides the status.
 enum class Rank {
   stopped,       ///< nothing else was finished
-  answer,        ///< what was asked has an answer already: nothing need be known beside it
+  answer,        ///< the question has an answer that no other finding can change
   misreading,    ///< of a channel; all that follows rests on it
   undetermined,  ///< along a valley of equally likely values no search converges
   unfinished,    ///< short of the optimum, fits say nothing yet

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/model/included_files.h"
 #include "identify/model/internal/formula_form.h"
@@ -164,8 +165,9 @@ void set_parameter(Model& model, const std::string& assignment) {
   if (index < 0) {
     std::vector<std::string> known;
     for (const Parameter& parameter : model.parameters) known.push_back(parameter.name);
+    const std::string hint = did_you_mean(name, known);
     throw InputError({}, fmt::format("{}: the model has no parameter {}", what, in_quotes(name)),
-                     "", did_you_mean(name, known));
+                     hint.empty() ? fmt::format("one of {}", fmt::join(known, ", ")) : "", hint);
   }
   if (name == "steering_ratio" && is_vehicle(model) && as_vehicle(model).steering_at_road_wheel) {
     throw InputError({}, what + ": the input road_wheel_angle makes no use of it");

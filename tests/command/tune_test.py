@@ -52,6 +52,7 @@ class Tune(unittest.TestCase):
         for extra in (["--method", "als-weighted", "--full-matrix"], ["--method", "ml", "--full-matrix"],
                       ["--method", "ml", "--min-rank"], ["--method", "bayes", "--lags", 5],
                       ["--draws", 20], ["--method", "als", "--draws", 20], ["--method", "als", "--starts", 3],
+                      ["--method", "als-weighted", "--seed", 1],
                       ["--method", "bayes", "--starts", 3], ["--method", "als-weighted", "--evaluation", "time-varying"],
                       ["--method", "bayes", "--evaluation", "steady-state"]):
             self.assertIn("does not apply", run("tune", model, data, *extra, code=2).stderr)

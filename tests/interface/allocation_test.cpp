@@ -1,7 +1,5 @@
-// Does ik_filter_step() allocate? A program of its own: it counts what malloc() is asked for.
-#include <atomic>
+// Does ik_filter_step() allocate? A program of its own.
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <string>
 #include <vector>
@@ -10,17 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/interface/calls.h"
-
-namespace {
-std::atomic<bool> counting{false};
-std::atomic<long> allocations{0};
-}  // namespace
-
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) noexcept {
-  if (counting) ++allocations;
-  return __libc_malloc(size);
-}
+#include "tests/support/counted_malloc.h"
 
 namespace identikal {
 namespace {
@@ -34,12 +22,11 @@ int samples_that_allocate(ik_filter* filter, const std::vector<double>& y, std::
   for (std::size_t t = from; t < to; ++t) {
     const double u = std::sin(static_cast<double>(t * t));
     const double missing = std::numeric_limits<double>::quiet_NaN();
-    allocations = 0;
-    counting = true;
-    const int code = ik_filter_step(filter, t % 50 == 49 ? &missing : &y[t], &u, state.data(),
-                                    sd.data(), &innovation);
-    counting = false;
-    out += allocations > 0;
+    int code = -1;
+    out += allocations_of([&] {
+             code = ik_filter_step(filter, t % 50 == 49 ? &missing : &y[t], &u, state.data(),
+                                   sd.data(), &innovation);
+           }) > 0;
     EXPECT_EQ(code, 0);
   }
   return out;

@@ -1042,6 +1042,7 @@ TEST_F(ModelFileTest, SetParameterErrors) {
   const Case cases[] = {
       {vehicle, "Cf", "'Cf'; expected NAME=VALUE"},
       {vehicle, "Cg=5", "'Cg=5': the model has no parameter 'Cg'; did you mean 'Cf'?"},
+      {linear, "zzzz=5", "'zzzz=5': the model has no parameter 'zzzz'; expected one of q, r"},
       {vehicle, "=5", "'=5'; expected NAME=VALUE"},
       {vehicle, "Cf=", "'Cf=' is ''; expected a finite number, with or without a unit"},
       {vehicle, "Cf=nan", "'Cf=nan' is 'nan'; expected a finite number, with or without a unit"},

@@ -1,8 +1,4 @@
-// No memory is allocated inside an evaluation. A program of its own: it counts what malloc() is
-// asked for.
-#include <atomic>
-#include <cstdlib>
-
+// No memory is allocated inside an evaluation. A program of its own.
 #include <gtest/gtest.h>
 
 #include "lib/filter/likelihood.h"
@@ -13,18 +9,8 @@
 #include "lib/regression/lagged_regressors.h"
 #include "lib/regression/recursive_least_squares.h"
 #include "lib/statistics/sequential_probability_ratio.h"
+#include "tests/support/counted_malloc.h"
 #include "tests/support/random_model.h"
-
-namespace {
-std::atomic<bool> counting{false};
-std::atomic<long> allocations{0};
-}  // namespace
-
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) noexcept {
-  if (counting) ++allocations;
-  return __libc_malloc(size);
-}
 
 namespace identikal {
 namespace {
@@ -43,10 +29,9 @@ TEST(Allocation, NoneInsideAnEvaluation) {
       engine.evaluate(m, InitialState::stationary, derivatives);
       ASSERT_EQ(engine.evaluation_taken().method, EvaluationMethod::autocovariances)
           << n << " " << ny;
-      allocations = 0;
-      counting = true;
-      const double value = engine.evaluate(m, InitialState::stationary, derivatives).value;
-      counting = false;
+      double value = 0.0;
+      const long allocations = allocations_of(
+          [&] { value = engine.evaluate(m, InitialState::stationary, derivatives).value; });
       EXPECT_EQ(allocations, 0) << n << " states, " << ny << " outputs";
       EXPECT_TRUE(std::isfinite(value));
     }
@@ -60,13 +45,12 @@ TEST(Allocation, NoneInAStepOfTheOnlineFilter) {
     OnlineFilter filter = start_online_filter(model, InitialState::diffuse);
     Eigen::VectorXd y = Eigen::VectorXd::Zero(2), u = Eigen::VectorXd::Zero(1);
     for (int t = 0; t < 20; ++t) step(filter, y, u);
-    allocations = 0;
-    counting = true;
-    for (int t = 0; t < 100; ++t) {
-      y[0] = t % 7 == 0 ? std::numeric_limits<double>::quiet_NaN() : 0.1 * t;
-      step(filter, y, u);
-    }
-    counting = false;
+    const long allocations = allocations_of([&] {
+      for (int t = 0; t < 100; ++t) {
+        y[0] = t % 7 == 0 ? std::numeric_limits<double>::quiet_NaN() : 0.1 * t;
+        step(filter, y, u);
+      }
+    });
     EXPECT_EQ(allocations, 0) << n << " states";
   }
 }
@@ -78,12 +62,11 @@ TEST(Allocation, NoneInAnUpdateOfTheSequentialTest) {
     for (Eigen::Index t = 0; t < e.cols(); ++t) e.col(t) = random.normal(ny);
     SequentialProbabilityRatio test = start_sequential_probability_ratio(ny, {});
     int decisions = 0;
-    allocations = 0;
-    counting = true;
-    for (Eigen::Index t = 0; t < e.cols(); ++t) {
-      decisions += update(test, e.col(t)) != SequentialDecision::undecided;
-    }
-    counting = false;
+    const long allocations = allocations_of([&] {
+      for (Eigen::Index t = 0; t < e.cols(); ++t) {
+        decisions += update(test, e.col(t)) != SequentialDecision::undecided;
+      }
+    });
     EXPECT_EQ(allocations, 0) << ny << " outputs";
     EXPECT_GT(decisions, 0) << ny << " outputs";
   }
@@ -96,14 +79,13 @@ TEST(Allocation, NoneInAnUpdateOfRecursiveLeastSquares) {
     RecursiveLeastSquares rls = start_recursive_least_squares(7, ny, 0.1);
     ErrorGrowth growth = start_error_growth(1e4, 10);
     double sum = 0.0;
-    allocations = 0;
-    counting = true;
-    for (Eigen::Index t = 0; t < phi.cols(); ++t) {
-      sum += leverage(rls, phi.col(t));
-      update(rls, phi.col(t), y.col(t), 0.98);
-      update(growth, rls.prior_error[0]);
-    }
-    counting = false;
+    const long allocations = allocations_of([&] {
+      for (Eigen::Index t = 0; t < phi.cols(); ++t) {
+        sum += leverage(rls, phi.col(t));
+        update(rls, phi.col(t), y.col(t), 0.98);
+        update(growth, rls.prior_error[0]);
+      }
+    });
     EXPECT_EQ(allocations, 0) << ny << " outputs";
     EXPECT_TRUE(std::isfinite(sum));
   }
@@ -117,12 +99,11 @@ TEST(Allocation, NoneInAStepOfOnlineLeastSquares) {
   forgetting.reset = true;
   LagWindow window = start_lag_window(2, {3, 2});
   OnlineLeastSquares online = start_online_least_squares(window.phi.size(), 0.0, forgetting);
-  allocations = 0;
-  counting = true;
-  for (Eigen::Index t = 0; t < u.cols(); ++t) {
-    if (take(window, u.col(t), y(0, t))) step(online, window.phi, y(0, t));
-  }
-  counting = false;
+  const long allocations = allocations_of([&] {
+    for (Eigen::Index t = 0; t < u.cols(); ++t) {
+      if (take(window, u.col(t), y(0, t))) step(online, window.phi, y(0, t));
+    }
+  });
   EXPECT_EQ(allocations, 0);
   EXPECT_TRUE(online.sd.allFinite());
 }
@@ -147,16 +128,15 @@ TEST(Allocation, NoneInAStepOfANonlinearModel) {
   set_parameters(model, memory, p);
   observe(model, memory, x, u, 0.0, y, y_jacobian, Derivatives::second);
   step(model, memory, inputs, 0, x, jacobian, Derivatives::second);
-  allocations = 0;
-  counting = true;
-  set_parameters(model, memory, p);
-  for (Eigen::Index k = 0; k + 1 < 200; ++k) {
-    observe(model, memory, x, u, inputs.time[k], y, y_jacobian, Derivatives::second);
-    step(model, memory, inputs, k, x, jacobian, Derivatives::second);
-    step(model, memory, inputs, k, x, jacobian);
-    step(model, memory, inputs, k, x);
-  }
-  counting = false;
+  const long allocations = allocations_of([&] {
+    set_parameters(model, memory, p);
+    for (Eigen::Index k = 0; k + 1 < 200; ++k) {
+      observe(model, memory, x, u, inputs.time[k], y, y_jacobian, Derivatives::second);
+      step(model, memory, inputs, k, x, jacobian, Derivatives::second);
+      step(model, memory, inputs, k, x, jacobian);
+      step(model, memory, inputs, k, x);
+    }
+  });
   EXPECT_EQ(allocations, 0);
   EXPECT_TRUE(x.allFinite());
 }
@@ -199,15 +179,14 @@ TEST(Allocation, NoneAtASampleOfANonlinearFilter) {
     std::vector<FilterDirection> by;
     if (gradient) by = output_error ? only_parameters : directions;
     Likelihood l;
-    for (int run = 0; run < 2; ++run) {  // the second has the model's memory ready
-      allocations = 0;
-      counting = true;
+    const auto evaluate = [&] {
       l = nonlinear_likelihood(model, memory, p, output_error ? no_process_noise : noise, by,
                                inputs, y, options);
-      counting = false;
-    }
+    };
+    evaluate();  // the model's memory is ready then
+    const long allocations = allocations_of(evaluate);
     EXPECT_EQ(l.status, FilterStatus::ok);
-    return allocations.load();
+    return allocations;
   };
   for (const NonlinearMethod method :
        {NonlinearMethod::extended, NonlinearMethod::iterated, NonlinearMethod::unscented}) {
