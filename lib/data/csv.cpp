@@ -494,6 +494,15 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
   std::size_t row = 0;
   bool in_run = false;
   std::size_t blank_lines = 0;  // since the last row
+  // Among the rows of a single column, a blank line is an empty cell.
+  const auto take_blank_lines = [&] {
+    for (; width == 1 && blank_lines > 0; --blank_lines) {
+      table.line_runs.push_back({row, number - static_cast<int>(blank_lines)});
+      out[0][row++] = kNaN;
+      ++table.columns[0].missing;
+    }
+    blank_lines = 0;
+  };
   for (; p != end; ++number) {
     const char* const begin = p;
     while (is_blank(*p, separator)) ++p;
@@ -504,15 +513,7 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
       in_run = false;
       continue;
     }
-    if (width == 1) {
-      // Between rows of a single column, a blank line is an empty cell.
-      for (; row > 0 && blank_lines > 0; --blank_lines) {
-        table.line_runs.push_back({row, number - static_cast<int>(blank_lines)});
-        out[0][row++] = kNaN;
-        ++table.columns[0].missing;
-      }
-    }
-    blank_lines = 0;
+    take_blank_lines();
     if (!in_run) table.line_runs.push_back({row, number});
     in_run = true;
 
@@ -551,9 +552,17 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
     ++p;
     ++row;
   }
+  take_blank_lines();
   table.rows = row;
   table.decimal_comma = mark == DecimalMark::comma;
   for (Column& column : table.columns) column.values.resize(row);
+}
+
+// Behind the header of a single column, blank lines are rows too.
+Line first_line_of_rows(const Layout& layout, std::size_t width) {
+  const std::optional<Line>& above = layout.units ? layout.units : layout.header;
+  if (width > 1 || !above) return layout.first_row;
+  return {{above->text.data() + above->text.size() + 1, 0}, above->number + 1};
 }
 
 }  // namespace
@@ -666,8 +675,9 @@ Table parse_csv(std::string bytes, const std::string& path) {
   table.metadata = metadata_above(begin, layout);
   const Line& shown = layout.header ? *layout.header : layout.first_row;
   const std::size_t written = split(shown.text, shape.separator).size();
-  read_rows(layout.first_row.text.data(), text.end(), layout.first_row.number,
-            std::max(written, table.columns.size() + 1), table);
+  const Line rows = first_line_of_rows(layout, table.columns.size());
+  read_rows(rows.text.data(), text.end(), rows.number, std::max(written, table.columns.size() + 1),
+            table);
   return table;
 }
 

@@ -67,8 +67,8 @@ std::string quoted_excerpt(std::string_view text);
 ///   nearest above the first row is the header (`name`, `name [unit]`, `name (unit)` or
 ///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#'
 ///   line directly above the first row with as many fields is the header.
-/// - lines that start with '#' are skipped anywhere, and so are blank lines, except between the
-///   rows of a single column: there a blank line is an empty cell.
+/// - lines that start with '#' are skipped anywhere, and so are blank lines, except below the header
+///   of a single column, or its first row: there a blank line is an empty cell.
 /// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text.
 /// - a decimal comma is possible where the separator is not the comma; the first fraction decides.
 /// - header, text and metadata are given in UTF-8; a file that is not UTF-8 is taken as Latin-1.

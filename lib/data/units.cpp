@@ -4,6 +4,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -19,25 +20,25 @@ struct NamedUnit {
   Unit unit;
 };
 
-constexpr std::array<int, 5> kNumber{};
-constexpr std::array<int, 5> kLength{1, 0, 0, 0, 0};
-constexpr std::array<int, 5> kMassOnly{0, 1, 0, 0, 0};
-constexpr std::array<int, 5> kTime{0, 0, 1, 0, 0};
-constexpr std::array<int, 5> kCurrent{0, 0, 0, 1, 0};
-constexpr std::array<int, 5> kTemperature{0, 0, 0, 0, 1};
-constexpr std::array<int, 5> kSpeed{1, 0, -1, 0, 0};
-constexpr std::array<int, 5> kAcceleration{1, 0, -2, 0, 0};
-constexpr std::array<int, 5> kRate{0, 0, -1, 0, 0};
-constexpr std::array<int, 5> kForce{1, 1, -2, 0, 0};
-constexpr std::array<int, 5> kEnergy{2, 1, -2, 0, 0};
-constexpr std::array<int, 5> kPower{2, 1, -3, 0, 0};
-constexpr std::array<int, 5> kVoltage{2, 1, -3, -1, 0};
-constexpr std::array<int, 5> kCharge{0, 0, 1, 1, 0};
-constexpr std::array<int, 5> kResistance{2, 1, -3, -2, 0};
-constexpr std::array<int, 5> kCapacitance{-2, -1, 4, 2, 0};
-constexpr std::array<int, 5> kPressure{-1, 1, -2, 0, 0};
-constexpr std::array<int, 5> kInductance{2, 1, -2, -2, 0};
-constexpr std::array<int, 5> kVolume{3, 0, 0, 0, 0};
+constexpr std::array<double, 5> kNumber{};
+constexpr std::array<double, 5> kLength{1, 0, 0, 0, 0};
+constexpr std::array<double, 5> kMassOnly{0, 1, 0, 0, 0};
+constexpr std::array<double, 5> kTime{0, 0, 1, 0, 0};
+constexpr std::array<double, 5> kCurrent{0, 0, 0, 1, 0};
+constexpr std::array<double, 5> kTemperature{0, 0, 0, 0, 1};
+constexpr std::array<double, 5> kSpeed{1, 0, -1, 0, 0};
+constexpr std::array<double, 5> kAcceleration{1, 0, -2, 0, 0};
+constexpr std::array<double, 5> kRate{0, 0, -1, 0, 0};
+constexpr std::array<double, 5> kForce{1, 1, -2, 0, 0};
+constexpr std::array<double, 5> kEnergy{2, 1, -2, 0, 0};
+constexpr std::array<double, 5> kPower{2, 1, -3, 0, 0};
+constexpr std::array<double, 5> kVoltage{2, 1, -3, -1, 0};
+constexpr std::array<double, 5> kCharge{0, 0, 1, 1, 0};
+constexpr std::array<double, 5> kResistance{2, 1, -3, -2, 0};
+constexpr std::array<double, 5> kCapacitance{-2, -1, 4, 2, 0};
+constexpr std::array<double, 5> kPressure{-1, 1, -2, 0, 0};
+constexpr std::array<double, 5> kInductance{2, 1, -2, -2, 0};
+constexpr std::array<double, 5> kVolume{3, 0, 0, 0, 0};
 
 constexpr double kMile = 1609.344;
 
@@ -132,7 +133,9 @@ constexpr NamedUnit kUnits[] = {
 
 // Beyond this a text is not a unit; it also bounds the depth of parentheses.
 constexpr std::size_t kMaxLength = 100;
-constexpr int kMaxPower = 20;
+constexpr double kMaxPower = 20.0;
+// Fractions such as 1/3 are rounded; powers that a unit can mean are far coarser.
+constexpr double kSamePower = 1e-9;
 
 bool is_letter(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -190,7 +193,7 @@ std::string to_ascii(std::string_view text) {
   return out;
 }
 
-Unit power(const Unit& base, int exponent) {
+Unit power(const Unit& base, double exponent) {
   Unit out;
   out.scale = std::pow(base.scale, exponent);
   for (std::size_t i = 0; i < 5; ++i) out.dimension[i] = base.dimension[i] * exponent;
@@ -198,7 +201,7 @@ Unit power(const Unit& base, int exponent) {
 }
 
 // An offset (degC) does not apply to a product: there a degree Celsius is a kelvin.
-Unit product(const Unit& a, const Unit& b, int exponent_of_b) {
+Unit product(const Unit& a, const Unit& b, double exponent_of_b) {
   Unit out = power(b, exponent_of_b);
   out.scale *= a.scale;
   for (std::size_t i = 0; i < 5; ++i) out.dimension[i] += a.dimension[i];
@@ -206,7 +209,7 @@ Unit product(const Unit& a, const Unit& b, int exponent_of_b) {
 }
 
 bool is_sane(const Unit& unit) {
-  const auto too_large = [](int exponent) { return std::abs(exponent) > 1000; };
+  const auto too_large = [](double exponent) { return std::abs(exponent) > 1000.0; };
   return std::isfinite(unit.scale) && unit.scale > 0.0 &&
          std::none_of(unit.dimension.begin(), unit.dimension.end(), too_large);
 }
@@ -232,7 +235,7 @@ class UnitParser {
   std::optional<Unit> expression() {
     std::optional<Unit> result = factor();
     for (skip_blanks(); result && pos_ < text_.size() && peek() != ')'; skip_blanks()) {
-      const int exponent = peek() == '/' ? -1 : 1;
+      const double exponent = peek() == '/' ? -1.0 : 1.0;
       if (peek() == '/' || peek() == '*') ++pos_;
       const std::optional<Unit> next = factor();
       if (!next) return std::nullopt;
@@ -279,13 +282,36 @@ class UnitParser {
         return is_sane(*base) ? base : std::nullopt;
       }
     }
-    int exponent = 0;
-    const char* end = text_.data() + text_.size();
-    const auto [stop, error] = std::from_chars(text_.data() + pos_, end, exponent);
-    if (error != std::errc{} || std::abs(exponent) > kMaxPower) return std::nullopt;
-    pos_ = static_cast<std::size_t>(stop - text_.data());
-    const Unit raised = power(*base, exponent);
+    const std::optional<double> exponent = peek() == '(' ? fraction() : decimal();
+    if (!exponent || std::abs(*exponent) > kMaxPower) return std::nullopt;
+    const Unit raised = power(*base, *exponent);
     return is_sane(raised) ? std::optional(raised) : std::nullopt;
+  }
+
+  // "2", "-1", "2.5"; without an exponent of its own, so that "m2e" is no unit.
+  std::optional<double> decimal() {
+    double value = 0.0;
+    const char* end = text_.data() + text_.size();
+    const auto [stop, error] =
+        std::from_chars(text_.data() + pos_, end, value, std::chars_format::fixed);
+    if (error != std::errc{} || !std::isfinite(value)) return std::nullopt;
+    pos_ = static_cast<std::size_t>(stop - text_.data());
+    return value;
+  }
+
+  // "(5/2)", "(-1)"
+  std::optional<double> fraction() {
+    ++pos_;
+    std::optional<double> value = decimal();
+    if (value && peek() == '/') {
+      ++pos_;
+      const std::optional<double> below = decimal();
+      if (!below || *below == 0.0) return std::nullopt;
+      *value /= *below;
+    }
+    if (!value || peek() != ')') return std::nullopt;
+    ++pos_;
+    return value;
   }
 
   std::string_view text_;
@@ -311,10 +337,13 @@ std::string si_unit(const Unit& unit) {
   constexpr std::array<const char*, 5> kNames{"m", "kg", "s", "A", "K"};
   std::string out;
   for (std::size_t i = 0; i < kNames.size(); ++i) {
-    const int power = unit.dimension[i];
-    if (power == 0) continue;
+    const double power = unit.dimension[i];
+    if (std::abs(power) <= kSamePower) continue;
     out += (out.empty() ? "" : " ") + std::string(kNames[i]);
-    if (power != 1) out += "^" + std::to_string(power);
+    if (std::abs(power - 1.0) <= kSamePower) continue;
+    char text[32];
+    std::snprintf(text, sizeof text, "^%.6g", power);
+    out += text;
   }
   return out;
 }
@@ -326,6 +355,9 @@ std::string nearest_unit(std::string_view text) {
   return nearest_name(text, names);
 }
 
-bool same_dimension(const Unit& a, const Unit& b) { return a.dimension == b.dimension; }
+bool same_dimension(const Unit& a, const Unit& b) {
+  return std::equal(a.dimension.begin(), a.dimension.end(), b.dimension.begin(),
+                    [](double x, double y) { return std::abs(x - y) <= kSamePower; });
+}
 
 }  // namespace identikal

@@ -9,20 +9,21 @@
 namespace identikal {
 
 /// value in SI = scale * value + offset. `dimension` holds the exponents of metre, kilogram,
-/// second, ampere and kelvin; angles are dimensionless, as in the SI (so N/rad and N agree, 1/s and
-/// rad/s too).
+/// second, ampere and kelvin, fractions too; angles are dimensionless, as in the SI (so N/rad and N
+/// agree, 1/s and rad/s too).
 struct Unit {
   double scale = 1.0;
   double offset = 0.0;
-  std::array<int, 5> dimension{};
+  std::array<double, 5> dimension{};
 
   double to_si(double value) const { return scale * value + offset; }
   double from_si(double value) const { return (value - offset) / scale; }
 };
 
 /// Parses a unit: a product or quotient, from left to right, of units of the table in units.cpp
-/// with integer powers, parentheses and numbers, e.g. "deg", "km/h", "kg m^2", "kg*m2", "N/(rad
-/// s)", "m/s**2", "1/s", "1e8 m^3", "degC" (its offset counts only when it stands alone). "g" is
+/// with powers, parentheses and numbers, e.g. "deg", "km/h", "kg m^2", "kg*m2", "N/(rad s)",
+/// "m/s**2", "1/s", "1e8 m^3", "m^2.5/s", "m^(1/2)", "degC" (its offset counts only when it stands
+/// alone). "g" is
 /// standard gravity and "min" the minute. "", "-" and "1" are dimensionless. Case counts, but a
 /// name in capitals ("KPH", "DEG") is known where it leaves no doubt.
 ///

@@ -612,6 +612,21 @@ TEST(Csv, RecognisesRandomBytes) {
   }
 }
 
+TEST(Csv, BlankLinesOfASingleColumnAreEmptyCells) {
+  const Table one = read("y\n\n\n1\n2\n\n3.5\n1\n2\n\n");
+  const Table two = read("y,z\n,\n,\n1,\n2,\n,\n3.5,\n1,\n2,\n,\n");
+  EXPECT_EQ(one.rows, 9u);
+  EXPECT_EQ(two.rows, 9u);
+  for (std::size_t row = 0; row < one.rows; ++row) {
+    const double value = one.columns[0].values[row], same = two.columns[0].values[row];
+    EXPECT_TRUE(value == same || (std::isnan(value) && std::isnan(same))) << row;
+    EXPECT_EQ(one.line_of_row(row), two.line_of_row(row)) << row;
+  }
+  EXPECT_EQ(one.columns[0].missing, 4u);
+  EXPECT_EQ(read("y [m]\n# left\n\n1\n2\n").rows, 3u);
+  EXPECT_EQ(read("1\n2\n\n").rows, 3u);
+}
+
 TEST(Csv, ManyBlankLinesNeedNoMemory) {
   std::string content =
       "a,b,c,d,e,f,g,h\n1,2,3,4,5,6,7,8\n" + std::string(100'000, '\n') + "1,2,3,4,5,6,7,8\n";

@@ -9,7 +9,7 @@
 namespace identikal {
 namespace {
 
-using Exponents = std::array<int, 5>;
+using Exponents = std::array<double, 5>;
 
 constexpr double kPi = std::numbers::pi;
 constexpr Exponents kNumber{};
@@ -34,6 +34,23 @@ void expect_units(const std::vector<UnitCase>& cases) {
     EXPECT_NEAR(unit->scale / c.scale, 1.0, 1e-14);
     EXPECT_EQ(unit->dimension, c.dimension);
     EXPECT_EQ(unit->offset, 0.0);
+  }
+}
+
+TEST(Units, PowersMayBeFractions) {
+  expect_units({
+      {"m^2.5/s", 1, {2.5, 0, -1}},
+      {"cm^0.5", 0.1, {0.5}},
+      {"m^(5/2)/s", 1, {2.5, 0, -1}},
+      {"(m^3/s)^(1/3)", 1, {1, 0, -1.0 / 3.0}},
+      {"m^(-1)", 1, {-1}},
+      {"m^-0.5", 1, {-0.5}},
+  });
+  EXPECT_TRUE(same_dimension(*parse_unit("(m^3)^(1/3)"), *parse_unit("m")));
+  EXPECT_FALSE(same_dimension(*parse_unit("m^2.5"), *parse_unit("m^2.4")));
+  EXPECT_EQ(si_unit(*parse_unit("mm^2.5/s")), "m^2.5 s^-1");
+  for (const char* text : {"m^", "m^(", "m^(1/0)", "m^(1/2", "m^inf", "m^1e3", "m^21", "m^()"}) {
+    EXPECT_FALSE(parse_unit(text)) << text;
   }
 }
 
@@ -190,7 +207,7 @@ TEST(Units, AnythingElseIsNoUnit) {
                            "/s",           "m//s",
                            "*m",           "m**",
                            "m^",           "m^x",
-                           "m^1.5",        "m^99",
+                           "m^1.5.5",      "m^99",
                            "(m",           "m)",
                            "()",           "0",
                            "-1",           "1e999",
