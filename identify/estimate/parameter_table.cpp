@@ -40,7 +40,7 @@ ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& paramet
   Eigen::VectorXd entries = free_entries(parameters);
   Index i = 0;
   for (const EstimatedParameter& p : estimate.parameters) {
-    if (!p.fixed) entries[i++] = p.value * unit_scale(p.unit);
+    if (!p.fixed) entries[i++] = unit_or_dimensionless(p.unit).to_si(p.value);
   }
   return with_entries(parameters, entries);
 }

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <fmt/format.h>
 
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
+#include "lib/data/units.h"
 
 namespace identikal {
 
@@ -15,6 +17,18 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
+
+double normal_density(double x) {
+  return std::exp(-0.5 * x * x) / std::sqrt(2.0 * std::numbers::pi);
+}
+
+// Of a normal coordinate: how much of the distribution lies between low and high.
+double within(const PriorCoordinate& c) {
+  const double scale = c.sd * std::numbers::sqrt2;
+  const double a = (c.low - c.mean) / scale, b = (c.high - c.mean) / scale;
+  // From the nearer tail, which keeps its digits.
+  return a > 0.0 ? 0.5 * (std::erfc(a) - std::erfc(b)) : 0.5 * (std::erfc(-b) - std::erfc(-a));
+}
 
 PriorCoordinate number(const Prior& prior, double min, double max) {
   PriorCoordinate out;
@@ -61,18 +75,19 @@ Prior prior_of(const Model& model, const Parameter& p, double start, bool varian
                    "{log-uniform: [LOW, HIGH]}");
 }
 
-std::string in_words(const Prior& prior) {
+std::string in_words(const Prior& prior, const Unit& unit) {
+  const double a = unit.from_si(prior.a), b = unit.from_si(prior.b);
   switch (prior.kind) {
     case Prior::Kind::none:
       return "";
     case Prior::Kind::uniform:
-      return fmt::format("uniform {:.4g} .. {:.4g}", prior.a, prior.b);
+      return fmt::format("uniform {:.4g} .. {:.4g}", a, b);
     case Prior::Kind::log_uniform:
-      return fmt::format("log-uniform {:.4g} .. {:.4g}", prior.a, prior.b);
+      return fmt::format("log-uniform {:.4g} .. {:.4g}", a, b);
     case Prior::Kind::normal:
-      return fmt::format("normal {:.4g} +- {:.4g}", prior.a, prior.b);
+      return fmt::format("normal {:.4g} +- {:.4g}", a, prior.b / unit.scale);
     case Prior::Kind::log_normal:
-      return fmt::format("log-normal {:.4g} within a factor of {:.4g}", prior.a, prior.b);
+      return fmt::format("log-normal {:.4g} within a factor of {:.4g}", a, prior.b);
   }
   return "";
 }
@@ -101,11 +116,13 @@ double PriorCoordinate::log_density(double x) const {
   if (!(low <= x && x <= high)) return -kInfinity;
   switch (kind) {
     case Kind::uniform:
-      return 0.0;
+      return -std::log(high - low);
     case Kind::normal:
-      return -0.5 * std::pow((x - mean) / sd, 2);
+      return -0.5 * std::pow((x - mean) / sd, 2) -
+             std::log(sd * std::sqrt(2.0 * std::numbers::pi)) - std::log(within(*this));
     case Kind::partial_correlation:
-      return (shape - 1.0) * std::log1p(-x * x);
+      return (shape - 1.0) * std::log1p(-x * x) - 0.5 * std::log(std::numbers::pi) +
+             std::lgamma(shape + 0.5) - std::lgamma(shape);
   }
   return 0.0;
 }
@@ -114,8 +131,13 @@ double PriorCoordinate::deviation() const {
   switch (kind) {
     case Kind::uniform:
       return (high - low) / std::sqrt(12.0);
-    case Kind::normal:
-      return sd;
+    case Kind::normal: {
+      const double a = (low - mean) / sd, b = (high - mean) / sd, share = within(*this);
+      const double shift = (normal_density(a) - normal_density(b)) / share;
+      const double ends = (std::isfinite(a) ? a * normal_density(a) : 0.0) -
+                          (std::isfinite(b) ? b * normal_density(b) : 0.0);
+      return sd * std::sqrt(std::max(0.0, 1.0 + ends / share - shift * shift));
+    }
     case Kind::partial_correlation:
       return 1.0 / std::sqrt(2.0 * shape + 1.0);
   }
@@ -157,7 +179,7 @@ ParameterPrior parameter_prior(const Model& model) {
     const bool scalar = p.domain == Domain::scalar;
     const Prior prior = prior_of(model, p, value, all.variance[e]);
     out.coordinates.push_back(number(prior, scalar ? p.min : 0.0, scalar ? p.max : kInfinity));
-    out.coordinates.back().words = in_words(prior);
+    out.coordinates.back().words = in_words(prior, unit_or_dimensionless(p.unit));
   }
   // Of a full matrix, column by column: the variance, then the partial correlations below it.
   std::size_t at = 0;

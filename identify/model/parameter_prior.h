@@ -25,9 +25,9 @@ struct PriorCoordinate {
   std::string words;            ///< the prior as a person would say it
 
   double draw(Random& random) const;
-  /// Up to a constant; -infinity outside.
+  /// Of the distribution between low and high; -infinity outside.
   double log_density(double x) const;
-  double deviation() const;
+  double deviation() const;  ///< of the same distribution
 };
 
 /// The prior of all free parameters. Coordinates are numbers, their logarithms where the prior is

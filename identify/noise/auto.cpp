@@ -12,6 +12,7 @@
 #include "identify/model/matrix_reader.h"
 #include "identify/noise/als.h"
 #include "lib/base/error.h"
+#include "lib/data/units.h"
 
 namespace identikal {
 namespace {
@@ -39,7 +40,7 @@ ParameterSet start_from(const ParameterSet& parameters, const Estimate& als) {
   Eigen::Index i = 0;
   for (const EstimatedParameter& p : als.parameters) {
     if (p.fixed) continue;
-    if (p.verdict != Verdict::at_bound) entries[i] = p.value * unit_scale(p.unit);
+    if (p.verdict != Verdict::at_bound) entries[i] = unit_or_dimensionless(p.unit).to_si(p.value);
     ++i;
   }
   return with_entries(parameters, entries);

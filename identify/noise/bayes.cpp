@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
+#include <optional>
 #include <string>
 
 #include <fmt/format.h>
@@ -15,8 +15,10 @@
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/posterior_grid.h"
 #include "lib/base/constants.h"
 #include "lib/base/random.h"
+#include "lib/data/units.h"
 #include "solvers/sample.h"
 
 namespace identikal {
@@ -28,80 +30,52 @@ using Eigen::VectorXd;
 
 using Density = std::function<double(const VectorXd&)>;  // log of it
 
-// One or two coordinates. The box is drawn in to where the density is, then finely divided.
-PosteriorPoints on_grid(const ParameterPrior& prior, const Density& log_density) {
-  constexpr Index kCoarse = 40, kFine = 160;
-  constexpr double kDepth = 16.0;  // e^-16 of the highest density: beyond lies less than 1e-5
+PosteriorSample drawn_from(const ParameterPrior& prior, const Density& log_likelihood,
+                           const SampleOptions& options) {
+  PosteriorProblem problem;
+  problem.draw_prior = [&prior](Random& random) { return prior.draw(random); };
+  problem.log_prior = [&prior](const VectorXd& x) { return prior.log_density(x); };
+  problem.log_likelihood = log_likelihood;
+  return sample(problem, options);
+}
+
+// One or two coordinates; some draws show where the posterior is.
+std::optional<PosteriorPoints> on_grid(const ParameterPrior& prior, const Density& log_likelihood,
+                                       const NoiseBayesOptions& options) {
+  SampleOptions pilot;
+  pilot.draws = 400;
+  pilot.seed = options.seed;
+  const PosteriorSample drawn = drawn_from(prior, log_likelihood, pilot);
+  if (!drawn.summary.usable()) return std::nullopt;
   const auto k = static_cast<Index>(prior.coordinates.size());
-  VectorXd low(k), high(k);
+  LogDensity density{[&](const VectorXd& x) { return prior.log_density(x) + log_likelihood(x); },
+                     VectorXd(k), VectorXd(k)};
   for (Index i = 0; i < k; ++i) {
-    const PriorCoordinate& c = prior.coordinates[i];
-    const bool normal = c.kind == PriorCoordinate::Kind::normal;
-    low[i] = normal ? std::max(c.low, c.mean - 8.0 * c.sd) : c.low;
-    high[i] = normal ? std::min(c.high, c.mean + 8.0 * c.sd) : c.high;
+    density.low[i] = prior.coordinates[i].low;
+    density.high[i] = prior.coordinates[i].high;
   }
+  const std::optional<PosteriorGrid> grid = posterior_grid(density, drawn.draws);
+  if (!grid) return std::nullopt;
   PosteriorPoints out;
-  for (int round = 0;; ++round) {
-    constexpr int kLast = 4;
-    const Index side = round == kLast ? kFine : kCoarse;
-    const Index count = k == 1 ? side : side * side;
-    const VectorXd pitch = (high - low) / static_cast<double>(side);
-    out.coordinates.resize(k, count);
-    out.log_density.resize(count);
-    for (Index p = 0; p < count; ++p) {
-      for (Index i = 0; i < k; ++i) {
-        const Index cell = i == 0 ? p % side : p / side;
-        out.coordinates(i, p) = low[i] + (static_cast<double>(cell) + 0.5) * pitch[i];
-      }
-      out.log_density[p] = log_density(out.coordinates.col(p));
-      ++out.summary.evaluations;
-    }
-    const double highest = out.log_density.maxCoeff();
-    if (!(highest > -kInfinity)) {
-      out.summary.termination = Termination::no_progress;
-      out.summary.message = "the likelihood is undefined all over the prior";
-      return out;
-    }
-    if (round == kLast) {
-      out.weight = (out.log_density.array() - highest).exp();
-      // The prior's density over the whole box, and the box's share in the integral.
-      double normaliser = 0.0;
-      for (const PriorCoordinate& c : prior.coordinates) {
-        normaliser += c.kind == PriorCoordinate::Kind::normal
-                          ? std::log(c.sd * std::sqrt(2.0 * std::numbers::pi))
-                          : std::log(c.high - c.low);
-      }
-      out.log_evidence =
-          highest + std::log(out.weight.sum()) + pitch.array().log().sum() - normaliser;
-      out.weight /= out.weight.sum();
-      break;
-    }
-    VectorXd inner_low = high, inner_high = low;
-    for (Index p = 0; p < count; ++p) {
-      if (out.log_density[p] < highest - kDepth) continue;
-      inner_low = inner_low.cwiseMin(out.coordinates.col(p));
-      inner_high = inner_high.cwiseMax(out.coordinates.col(p));
-    }
-    low = low.cwiseMax(inner_low - 1.5 * pitch);
-    high = high.cwiseMin(inner_high + 1.5 * pitch);
-  }
+  out.coordinates = grid->coordinates;
+  out.log_density = grid->log_density;
+  out.weight = grid->weight;
+  out.log_evidence = grid->log_integral;
   out.effective = 1.0 / out.weight.squaredNorm();
   out.summary.termination = Termination::converged;
   out.summary.message = "the posterior is summed on a grid";
+  out.summary.evaluations = drawn.summary.evaluations + grid->evaluations;
+  out.on_grid = true;
   return out;
 }
 
 PosteriorPoints by_sampling(const ParameterPrior& prior, const Density& log_likelihood,
                             const NoiseBayesOptions& options) {
-  PosteriorProblem problem;
-  problem.draw_prior = [&prior](Random& random) { return prior.draw(random); };
-  problem.log_prior = [&prior](const VectorXd& x) { return prior.log_density(x); };
-  problem.log_likelihood = log_likelihood;
   SampleOptions sampling;
   sampling.draws = options.draws;
   sampling.seed = options.seed;
   sampling.progress = options.progress;
-  const PosteriorSample drawn = sample(problem, sampling);
+  const PosteriorSample drawn = drawn_from(prior, log_likelihood, sampling);
   PosteriorPoints out;
   out.coordinates = drawn.draws;
   out.weight =
@@ -142,11 +116,11 @@ PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& record
         with_entries(model.parameters, entries_at(prior, model.parameters, x)), false);
     return at == nullptr ? -kInfinity : at->value;
   };
-  const bool grid = options.grid && prior.coordinates.size() <= 2;
-  PosteriorPoints out =
-      grid ? on_grid(prior,
-                     [&](const VectorXd& x) { return prior.log_density(x) + log_likelihood(x); })
-           : by_sampling(prior, log_likelihood, options);
+  std::optional<PosteriorPoints> summed;
+  if (options.grid && prior.coordinates.size() <= 2) {
+    summed = on_grid(prior, log_likelihood, options);
+  }
+  PosteriorPoints out = summed ? *summed : by_sampling(prior, log_likelihood, options);
   out.entries.resize(out.coordinates.rows(), out.coordinates.cols());
   for (Index p = 0; p < out.coordinates.cols(); ++p) {
     out.entries.col(p) = entries_at(prior, model.parameters, out.coordinates.col(p));
@@ -179,22 +153,22 @@ Posterior report_posterior(Estimate& estimate, const Model& model, const Posteri
     Posterior::Parameter& out = report.parameters.emplace_back();
     out.name = p.name;
     if (p.fixed) continue;
-    const double unit = unit_scale(p.unit);
+    const Unit unit = unit_or_dimensionless(p.unit);
     const VectorXd value = points.entries.row(i).transpose();
     std::vector<Index> order(static_cast<std::size_t>(value.size()));
     std::iota(order.begin(), order.end(), 0);
     std::sort(order.begin(), order.end(),
               [&value](Index a, Index b) { return value[a] < value[b]; });
-    p.se = sd[i] / unit;
-    p.ci95 = {weighted_quantile(value, points.weight, order, 0.025) / unit,
-              weighted_quantile(value, points.weight, order, 0.975) / unit};
+    p.se = sd[i] / unit.scale;
+    p.ci95 = {unit.from_si(weighted_quantile(value, points.weight, order, 0.025)),
+              unit.from_si(weighted_quantile(value, points.weight, order, 0.975))};
     const Eigen::ArrayXd spread =
         points.coordinates.row(i).transpose().array() - coordinate_mean[i];
     const double width = std::sqrt((spread.square() * points.weight.array()).sum());
     const auto at = static_cast<std::size_t>(i);
     if (width > kAsWide * prior.coordinates[at].deviation()) {
       p.verdict = Verdict::not_identifiable;
-    } else if (p.se > 0.25 * std::abs(p.value)) {
+    } else if (relative_error(p) > 0.25) {
       p.verdict = Verdict::poorly_determined;
     }
     const PriorCoordinate& coordinate = prior.coordinates[at];
@@ -206,7 +180,7 @@ Posterior report_posterior(Estimate& estimate, const Model& model, const Posteri
       p.verdict = Verdict::at_bound;
     }
     id.rank += p.verdict != Verdict::not_identifiable;
-    out.map = points.entries(i, most_probable) / unit;
+    out.map = unit.from_si(points.entries(i, most_probable));
     out.prior = prior.coordinates[at].words;
     estimate.correlation_names.push_back(p.name);
     ++i;
@@ -244,9 +218,8 @@ NoiseEstimate tune_bayes(const Model& given, const std::vector<Dataset>& recordi
   estimate.model_name = model.name;
   estimate.objective.method = "bayes";
   estimate.objective.evaluations = points.summary.evaluations;
-  const bool grid = options.grid && points.coordinates.rows() <= 2;
   estimate.posterior =
-      report_posterior(estimate, model, points, grid ? "grid" : "sequential Monte Carlo");
+      report_posterior(estimate, model, points, points.on_grid ? "grid" : "sequential Monte Carlo");
   append(estimate.findings, check_priors(estimate, *estimate.posterior));
   append(estimate.findings, check_search(estimate, points.summary, " beyond their priors"));
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);

@@ -15,7 +15,7 @@ namespace identikal {
 struct NoiseBayesOptions {
   Eigen::Index draws = 2000;  ///< of sequential Monte Carlo
   std::uint64_t seed = 1;
-  bool grid = true;  ///< where one or two numbers are unknown, on a grid: exact, without chance
+  bool grid = true;  ///< where one or two numbers are unknown, on a grid that checks itself
   /// Called after every stage of sequential Monte Carlo; return false to stop, not converged.
   std::function<bool(double temperature)> progress;
 };
@@ -28,6 +28,7 @@ struct PosteriorPoints {
   Eigen::VectorXd log_density;  ///< n, prior times likelihood by the coordinates, up to a constant
   double log_evidence = 0.0;
   double effective = 0.0;
+  bool on_grid = false;  ///< else drawn by sequential Monte Carlo
   SolverSummary summary;
 };
 
