@@ -7,6 +7,7 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/test_result.h"
+#include "identify/filter/leading_samples.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
@@ -33,19 +34,35 @@ struct Scored {
   VectorXd squares;  // e' Sigma^-1 e of each sample; NaN where none is present
 };
 
-Scored scored(const Model& model, const std::vector<Dataset>& recordings) {
+// e' Sigma^-1 e of each sample, recordings side by side; 0 where nothing is present.
+VectorXd squares_behind(std::vector<FilterResult> filters, Index gap, Index beginning) {
+  for (FilterResult& filter : filters) {
+    const Index first = std::min(beginning, filter.standardised.cols());
+    filter.standardised.leftCols(first).setConstant(kNone);
+  }
+  const MatrixXd e = side_by_side(filters, gap);
+  return (e.array() == e.array()).select(e, 0.0).colwise().squaredNorm().transpose();
+}
+
+/// @param beginning  leading samples of every recording that count for nothing
+Scored scored(const Model& model, const std::vector<Dataset>& recordings, Index beginning) {
   Scored out;
   FilterEstimate described;
   const std::vector<FilterResult> filters =
       report_filter(described, model, model.parameters, recordings);
   out.log_likelihood = described.objective.log_likelihood;
+  if (beginning > 0) {
+    const LeadingSamples leading = leading_samples(model, model.parameters, recordings);
+    described.objective.leading = leading.log_likelihood;
+    out.log_likelihood = log_likelihood_behind(described.objective, beginning);
+  }
   out.optimal = test_optimality(model, recordings, filters).optimal;
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const int lags = out.lags = default_lags(shortest);
   const MatrixXd e = side_by_side(filters, std::max(lags, kHighestPairOrder));
   const auto present = (e.array() == e.array());
-  out.squares = present.select(e, 0.0).colwise().squaredNorm().transpose();
+  out.squares = squares_behind(filters, std::max(lags, kHighestPairOrder), beginning);
   const auto samples = static_cast<Index>(present.colwise().all().count());
   const VectorXd psi = published_chi_square(
       autocorrelations(sample_autocovariances(e, lags + 1, Divisor::equal_variance)), samples);
@@ -101,10 +118,21 @@ Comparison compare_filters(const std::vector<Model>& models,
                            const std::vector<std::vector<Dataset>>& recordings) {
   check_models(models);
   std::vector<Scored> all;
+  std::vector<Model> filters;
+  Index beginning = 0;  // the same for all
   for (std::size_t i = 0; i < models.size(); ++i) {
     const Model model = checked(models[i], recordings[i]);
     check_channels(recordings[i]);
-    all.push_back(scored(model, recordings[i]));
+    beginning =
+        std::max(beginning, leading_samples(model, model.parameters, recordings[i]).diffuse);
+    filters.push_back(model);
+  }
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    all.push_back(scored(filters[i], recordings[i], beginning));
+    if (!std::isnan(all.back().log_likelihood)) continue;
+    throw InputError({models[i].source, 0, 0},
+                     fmt::format("{} samples determine the diffuse start of another", beginning),
+                     "longer recordings, or starts that fewer samples determine");
   }
   std::vector<std::size_t> order(models.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
@@ -151,6 +179,12 @@ Comparison compare_filters(const std::vector<Model>& models,
       "AR: what an autoregressive model of the innovations would gain, below 0 where they are "
       "white");
   out.notes.emplace_back("opt: passes the tests of 'check'");
+  if (beginning > 0) {
+    out.notes.push_back(fmt::format(
+        "log-likelihoods are those of the samples behind the first {}, which determine a diffuse "
+        "start",
+        beginning));
+  }
   const double p = difference(all[order[1]], best);
   const std::string doubt =
       p < kFamilyError ? "" : fmt::format(", but not significantly (p = {:.2g})", p);

@@ -13,6 +13,7 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/test_result.h"
+#include "identify/filter/leading_samples.h"
 #include "identify/validation/internal/nested_structure.h"
 #include "lib/base/error.h"
 
@@ -45,7 +46,18 @@ std::string likelihood_kind(const StoredEstimate& e) {
   return "";
 }
 
-double unknowns(const Objective& o) { return 0.5 * o.aic + o.log_likelihood; }
+double unknowns(const Objective& o) {
+  return std::round(0.5 * o.aic + log_likelihood_behind(o, o.diffuse_samples));
+}
+
+// The samples that determine the diffuse start of every result: likelihoods compare behind them.
+Eigen::Index beginning_of_all(const std::vector<StoredResult>& results) {
+  long out = 0;
+  for (const StoredResult& result : results) {
+    out = std::max(out, result.estimate.objective.diffuse_samples);
+  }
+  return out;
+}
 
 std::vector<std::tuple<std::string, long, std::array<double, 2>>> data_of(const StoredEstimate& e) {
   std::vector<std::tuple<std::string, long, std::array<double, 2>>> out;
@@ -102,14 +114,14 @@ void check_comparable(const std::vector<StoredResult>& results) {
                          f.objective.samples),
              "the same values for all", "--reject-outliers leaves some out");
     }
-    const bool one_diffuse =
-        (e.objective.initial == "diffuse") != (f.objective.initial == "diffuse");
-    if (one_diffuse) {
+    const Eigen::Index beginning = beginning_of_all(results);
+    const bool earlier = e.objective.initial == "diffuse" && e.objective.diffuse_samples == 0;
+    if (earlier || !std::isfinite(log_likelihood_behind(e.objective, beginning))) {
       refuse(result,
-             fmt::format("starts {}, {} starts {}: a diffuse likelihood leaves out the first "
-                         "samples",
-                         e.objective.initial, name_of(first), f.objective.initial),
-             "the same 'initial' for all");
+             "does not say how likely its first samples are, which determine a diffuse start",
+             !earlier ? fmt::format("recordings longer than the first {} samples", beginning)
+                      : "results of this version",
+             "'identikal compare A.yaml B.yaml DATA' ranks any filters");
     }
   }
 }
@@ -189,11 +201,10 @@ double critical_value(int extra, int at_bound) {
 void compare_nested(const StoredResult& small, const StoredResult& large, Comparison& out) {
   Nesting nesting;
   if (!is_nested(small.estimate, large.estimate, nesting)) return;
-  const double gain =
-      large.estimate.objective.log_likelihood - small.estimate.objective.log_likelihood;
+  const Objective &of_small = small.estimate.objective, &of_large = large.estimate.objective;
+  const double gain = of_large.log_likelihood - of_small.log_likelihood;
   // Parameters that the data leave open count for nothing in both.
-  const int extra = static_cast<int>(
-      std::lround(unknowns(large.estimate.objective) - unknowns(small.estimate.objective)));
+  const int extra = static_cast<int>(unknowns(of_large) - unknowns(of_small));
   const auto at_bound = std::min(extra, static_cast<int>(nesting.at_bound.size()));
   const std::string pair = shortened(name_of(small), 30) + " in " + shortened(name_of(large), 30);
   if (extra < 1) return;
@@ -202,6 +213,12 @@ void compare_nested(const StoredResult& small, const StoredResult& large, Compar
     out.notes.push_back(
         fmt::format("{}: no likelihood ratio, the models differ in more than what is known of {}",
                     pair, fmt::join(nesting.extra, ", ")));
+    return;
+  }
+  if (of_small.diffuse_samples != of_large.diffuse_samples) {
+    out.notes.push_back(
+        fmt::format("{}: no likelihood ratio, {} and {} samples determine their diffuse starts",
+                    pair, of_small.diffuse_samples, of_large.diffuse_samples));
     return;
   }
   const bool converged = small.estimate.status != Status::not_converged &&
@@ -251,16 +268,26 @@ double likelihood_ratio_p(double value, int extra, int at_bound) {
 
 Comparison compare_results(const std::vector<StoredResult>& results) {
   check_comparable(results);
+  const Eigen::Index beginning = beginning_of_all(results);
+  const auto likelihood = [&](const StoredResult* result) {
+    return log_likelihood_behind(result->estimate.objective, beginning);
+  };
+  const auto aic = [&](const StoredResult* result) {
+    return 2.0 * (unknowns(result->estimate.objective) - likelihood(result));
+  };
+  const auto bic = [&](const StoredResult* result) {
+    const Objective& o = result->estimate.objective;
+    return unknowns(o) * std::log(static_cast<double>(o.samples)) - 2.0 * likelihood(result);
+  };
   std::vector<const StoredResult*> order;
   for (const StoredResult& result : results) order.push_back(&result);
-  std::stable_sort(order.begin(), order.end(), [](const StoredResult* a, const StoredResult* b) {
-    return a->estimate.objective.aic < b->estimate.objective.aic;
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](const StoredResult* a, const StoredResult* b) { return aic(a) < aic(b); });
   const StoredEstimate& best = order[0]->estimate;
   const StoredResult* least_bic = order[0];
   bool held_out = false, converged = true;
   for (const StoredResult* result : order) {
-    if (result->estimate.objective.bic < least_bic->estimate.objective.bic) least_bic = result;
+    if (bic(result) < bic(least_bic)) least_bic = result;
     held_out = held_out || held_out_value(result->estimate).has_value();
     converged = converged && result->estimate.status != Status::not_converged;
   }
@@ -269,7 +296,7 @@ Comparison compare_results(const std::vector<StoredResult>& results) {
   out.verb = "compare";
   out.model_name = fmt::format("{} results", results.size());
   out.objective.method = "compare";
-  out.objective.log_likelihood = best.objective.log_likelihood;
+  out.objective.log_likelihood = likelihood(order[0]);
   out.inputs = best.inputs;
   out.notes.push_back(
       fmt::format("rank    k log-likelihood      dAIC      dBIC {}status        result",
@@ -277,18 +304,18 @@ Comparison compare_results(const std::vector<StoredResult>& results) {
   for (std::size_t rank = 0; rank < order.size(); ++rank) {
     const StoredResult& result = *order[rank];
     const Objective& o = result.estimate.objective;
-    const double dAIC = o.aic - best.objective.aic;
-    const double dBIC = o.bic - least_bic->estimate.objective.bic;
+    const double dAIC = aic(order[rank]) - aic(order[0]);
+    const double dBIC = bic(order[rank]) - bic(least_bic);
     const std::optional<HeldOutValue> unseen = held_out_value(result.estimate);
     out.tests.push_back(reported_figure("aic", name_of(result), dAIC, dAIC == 0.0));
     out.tests.push_back(reported_figure("bic", name_of(result), dBIC, dBIC == 0.0));
     out.tests.push_back(
-        reported_figure("log_likelihood", name_of(result), o.log_likelihood, rank == 0));
+        reported_figure("log_likelihood", name_of(result), likelihood(&result), rank == 0));
     if (unseen)
       out.tests.push_back(reported_figure(unseen->id, name_of(result), unseen->value, true));
     const std::string held = !held_out ? "" : unseen ? unseen->text : "       -  ";
     out.notes.push_back(fmt::format("{:>4} {:>4.0f} {:>14.3f} {:>9.2f} {:>9.2f} {}{:<13} {}",
-                                    rank + 1, unknowns(o), o.log_likelihood, dAIC, dBIC, held,
+                                    rank + 1, unknowns(o), likelihood(&result), dAIC, dBIC, held,
                                     to_string(result.estimate.status),
                                     shortened(name_of(result), held_out ? 11 : 21)));
   }
@@ -297,7 +324,13 @@ Comparison compare_results(const std::vector<StoredResult>& results) {
       if (small != large) compare_nested(*small, *large, out);
     }
   }
-  const double lead = order[1]->estimate.objective.aic - best.objective.aic;
+  if (beginning > 0) {
+    out.notes.push_back(fmt::format(
+        "log-likelihoods are those of the samples behind the first {}, which determine a diffuse "
+        "start",
+        beginning));
+  }
+  const double lead = aic(order[1]) - aic(order[0]);
   if (!converged) {
     out.findings.push_back(
         make_finding(FindingCode::unconverged_results, {}, "; but not every search has converged"));

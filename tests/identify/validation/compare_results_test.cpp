@@ -121,7 +121,7 @@ TEST(CompareResults, WhatCannotBeRanked) {
   EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.method = "als-weighted"; }),
               HasSubstr("maximises no likelihood"));
   EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.initial = "diffuse"; }),
-              HasSubstr("starts diffuse"));
+              HasSubstr("does not say how likely its first samples are"));
   EXPECT_THAT(refusal([](StoredEstimate& e) { e.objective.samples = 98; }),
               HasSubstr("98 measured values"));
   EXPECT_THROW(compare_results({a}), InputError);
