@@ -19,6 +19,7 @@ namespace {
 
 struct ExportOptions {
   std::string result, format, file;
+  bool force = false;
 };
 
 // UTC day on which a file was written, "2026-03-01".
@@ -29,6 +30,16 @@ std::string day_of_file(const std::string& path) {
   return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
 }
 
+// What nobody should build on is not handed on by accident.
+void refuse_doubtful(const StoredResult& result) {
+  const Status status = result.estimate.status;
+  if (status != Status::untrusted && status != Status::not_converged) return;
+  throw InputError(
+      {result.path, 0, 0},
+      fmt::format("the result is '{}': {}", to_string(status), result.estimate.message),
+      "a result to be trusted", "--force exports it all the same");
+}
+
 Outcome export_result(const ExportOptions& options) {
   const std::optional<ExportFormat> format = export_format(options.format);
   if (!format) {
@@ -36,6 +47,7 @@ Outcome export_result(const ExportOptions& options) {
                      did_you_mean(options.format, export_formats()));
   }
   const StoredResult result = read_stored_result(options.result, PageData::if_there);
+  if (!options.force) refuse_doubtful(result);
   const std::string text = export_text(result, *format, day_of_file(result.path));
   Outcome out;
   out.text = text;
@@ -55,6 +67,7 @@ Verb export_verb() {
   add_required_text(verb, "--to", options->format,
                     "Choose the format: " + export_format_list() + ".");
   add_file(verb, "-o,--output", options->file, "Write the text to this file instead.");
+  add_flag(verb, "--force", options->force, "Export a result that is not to be trusted, too.");
   verb.run = [options](Call&) { return export_result(*options); };
   return verb;
 }

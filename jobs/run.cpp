@@ -94,6 +94,14 @@ void add_findings(Estimate& estimate, const Recordings& recordings) {
   }
 }
 
+// What is wrong with the recordings themselves: whatever was made of them is not to be trusted.
+void conclude_from(Estimate& estimate, const Recordings& recordings) {
+  const bool serious =
+      std::any_of(recordings.findings.begin(), recordings.findings.end(),
+                  [](const Finding& f) { return f.severity == Severity::serious; });
+  if (serious && estimate.status == Status::ok) conclude(estimate, estimate.message);
+}
+
 std::vector<ResultFile> folder_files(const ResultSections& result, const std::string& json,
                                      const std::string& page_data) {
   std::vector<ResultFile> out{{"result.json", json}};
@@ -130,6 +138,7 @@ Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
   }
   add_inputs(estimate, recordings);
   add_findings(estimate, recordings);
+  conclude_from(estimate, recordings);
   Outcome out;
   out.json = result_json(sections, options.strict, run.seconds());
   if (run.wants_pictures()) {

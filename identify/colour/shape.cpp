@@ -463,6 +463,20 @@ WhiteModel tune_white(const Model& model, const std::vector<Dataset>& recordings
   return out;
 }
 
+// The first channel whose innovations are their mean but for rounding; empty: none.
+std::string constant_innovations(const Series& series) {
+  constexpr double kRounding = 1e-10;  // of the power
+  for (std::size_t i = 0; i < series.channels.size(); ++i) {
+    const auto e = series.standardised.row(static_cast<Index>(i)).array();
+    const auto present = (e == e);
+    const double n = static_cast<double>(present.count());
+    const double mean = present.select(e, 0.0).sum() / n;
+    const double power = present.select(e, 0.0).square().sum() / n;
+    if (power - mean * mean <= kRounding * power) return series.channels[i];
+  }
+  return "";
+}
+
 // @param why  answers the verb, whatever the white model's own tuning came to
 ShapeResult without_filter(WhiteModel white, Shaping report, Finding why) {
   ShapeResult out;
@@ -535,6 +549,13 @@ ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
     return end_here(FindingCode::stopped, "stopped by the caller at: " + stages.current());
   };
   if (stages.stopped()) return as_stopped();
+  if (const std::string channel = constant_innovations(white.estimate.series); !channel.empty()) {
+    return end_here(FindingCode::colour_unexplained,
+                    fmt::format("the innovations of '{}' are constant: that is a drift, which no "
+                                "coloured noise explains; add a slope or a constant input to the "
+                                "model",
+                                channel));
+  }
   constexpr double kLevel = 0.05;  // of all tests of whiteness together
   if (!(white.whiteness.p < kLevel)) {
     return end_here(

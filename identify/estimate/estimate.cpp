@@ -7,6 +7,8 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "lib/data/units.h"
+
 namespace identikal {
 namespace {
 
@@ -99,6 +101,8 @@ std::string to_string(Verdict verdict) {
       return "not_identifiable";
     case Verdict::unfitted:
       return "unfitted";
+    case Verdict::untrusted:
+      return "untrusted";
   }
   return "";
 }
@@ -108,6 +112,10 @@ void conclude(Estimate& estimate, const std::string& message_when_ok, Basis basi
   estimate.status = conclusion.status;
   estimate.message = std::move(conclusion.message);
   estimate.findings = std::move(conclusion.findings);
+  if (estimate.status != Status::untrusted) return;
+  for (EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed && p.verdict == Verdict::ok) p.verdict = Verdict::untrusted;
+  }
 }
 
 std::vector<std::string> not_determined(const Estimate& estimate) {
@@ -134,6 +142,12 @@ int exit_code(const Estimate& estimate, bool strict) {
   return strict && warned ? 4 : 0;
 }
 
+double relative_error(const EstimatedParameter& p) {
+  const Unit unit = unit_or_dimensionless(p.unit);
+  const double value = std::abs(unit.to_si(p.value));
+  return value > 0.0 ? p.se * unit.scale / value : 0.0;
+}
+
 void judge_parameters(Estimate& estimate, const MatrixXd& information, const MatrixXd& covariance,
                       double quantile) {
   const std::vector<EstimatedParameter*> free = judged(estimate);
@@ -158,7 +172,7 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
     EstimatedParameter& p = *free[i];
     estimate.correlation_names.push_back(p.name);
     if (std::isnan(se[i])) continue;
-    const double relative = p.value != 0.0 ? se[i] / std::abs(p.value) : 0.0;
+    const double relative = relative_error(p);
     p.verdict = relative > 0.25 ? Verdict::poorly_determined : Verdict::ok;
     for (Index j = 0; j < k; ++j) {
       if (std::isnan(se[j])) continue;

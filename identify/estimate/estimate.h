@@ -28,6 +28,7 @@ enum class Verdict {
   unexcited,          ///< the recording never moved it
   not_identifiable,   ///< lies in a direction along which the fit does not change
   unfitted,           ///< nothing was fitted: the value is the start
+  untrusted,          ///< determined, by a model that the data contradict
 };
 
 struct EstimatedParameter {
@@ -75,6 +76,12 @@ struct Objective {
   std::string filter;   ///< of a nonlinear model: "extended", "iterated" or "unscented"
   double log_likelihood = kNone;
   double log_likelihood_start = kNone;
+  /// Leading samples of every recording that determine a diffuse start; aic and bic are those of
+  /// what comes behind them, so that the units of the states do not matter.
+  long diffuse_samples = 0;
+  /// Log-likelihood of the first 1, 2, ... samples of every recording together; NaN for fewer than
+  /// diffuse_samples (identify/filter/leading_samples.h).
+  Eigen::VectorXd leading;
   double aic = kNone;
   double bic = kNone;
   long samples = 0;  ///< measured values that the likelihood is of, as BIC counts them; 0: no BIC
@@ -139,6 +146,9 @@ std::vector<std::string> not_determined(const Estimate& estimate);
 /// Exit code of the contract: ok 0, rejected and untrusted 1, not_converged 3; `strict` turns
 /// warnings into 4.
 int exit_code(const Estimate& estimate, bool strict);
+
+/// Standard error over value, both in SI: the same in degC and in K. 0 where the value is zero.
+double relative_error(const EstimatedParameter& p);
 
 /// Fills correlation, identifiability, se, ci95 and verdicts. The k parameters judged are those
 /// that are neither fixed nor already found at a bound, in their order.

@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 87> kKinds = {{
+constexpr std::array<FindingKind, 89> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -109,8 +109,8 @@ constexpr std::array<FindingKind, 87> kKinds = {{
      Rank::other, InMessage::nothing, "The filter restarts from 'initial' behind gaps"},
     {FindingCode::starts_within, "starts_within", Severity::note, Severity::note, Status::ok,
      Rank::other, InMessage::nothing, "The filter starts from 'initial' within the recording"},
-    {FindingCode::step_differs, "step_differs", Severity::warning, Severity::warning, Status::ok,
-     Rank::other, InMessage::nothing,
+    {FindingCode::step_differs, "step_differs", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
      "A column of time stamps contradicts the step of the model file"},
     {FindingCode::repeated_data, "repeated_data", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "The same data are given twice, and count twice"},
@@ -126,7 +126,8 @@ constexpr std::array<FindingKind, 87> kKinds = {{
      Rank::other, InMessage::nothing, "The model file has changed since the result"},
     {FindingCode::outliers, "outliers", Severity::warning, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit,
-     "Samples lie far off; serious where they make up more than 5 % of the innovations' power"},
+     "Samples lie far off; serious where an estimate moves by more than its error and 5 % without "
+     "them, or where they make up more than 5 % of the power of given values' innovations"},
     {FindingCode::offset, "offset", Severity::warning, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit,
      "Innovations have a mean; serious where it makes up more than 5 % of their power"},
@@ -137,10 +138,14 @@ constexpr std::array<FindingKind, 87> kKinds = {{
     {FindingCode::few_samples, "few_samples", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "So few samples that the errors are too small"},
     {FindingCode::coloured_innovations, "coloured_innovations", Severity::warning,
-     Severity::warning, Status::ok, Rank::other, InMessage::nothing, "Innovations are not white"},
+     Severity::serious, Status::untrusted, Rank::other, InMessage::misfit,
+     "Innovations are not white; serious where their own past explains more than 2 % of them, or "
+     "with p below 0.001 more than 0.5 %"},
     {FindingCode::input_in_innovations, "input_in_innovations", Severity::warning,
-     Severity::warning, Status::ok, Rank::other, InMessage::nothing,
-     "Innovations follow earlier inputs"},
+     Severity::serious, Status::untrusted, Rank::other, InMessage::misfit,
+     "Innovations follow earlier inputs; serious where these explain more than 2 % of them, or "
+     "with "
+     "p below 0.001 more than 0.5 %"},
     {FindingCode::innovation_size, "innovation_size", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing,
      "Innovations are larger than the filter predicts"},
@@ -150,10 +155,17 @@ constexpr std::array<FindingKind, 87> kKinds = {{
     {FindingCode::innovations_change_size, "innovations_change_size", Severity::note,
      Severity::note, Status::ok, Rank::other, InMessage::nothing,
      "Innovations change their size with time: p-values are approximate"},
+    {FindingCode::depends_on_sampling, "depends_on_sampling", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::misfit,
+     "Every second, third or fifth sample alone contradicts an estimate, by more than 5 % of it"},
+    {FindingCode::heavy_tails, "heavy_tails", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::misfit,
+     "The innovations' variance is more than 10 % above that of their bulk, by rare large ones"},
     {FindingCode::methods_disagree, "methods_disagree", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing, "Two methods differ by more than their errors"},
-    {FindingCode::several_maxima, "several_maxima", Severity::warning, Severity::warning,
-     Status::ok, Rank::other, InMessage::nothing, "Not every start reached the same optimum"},
+    {FindingCode::several_maxima, "several_maxima", Severity::note, Severity::warning, Status::ok,
+     Rank::other, InMessage::nothing,
+     "Not every start reached the same optimum; a warning where some ended at other maxima"},
     {FindingCode::evaluation_method, "evaluation_method", Severity::note, Severity::note,
      Status::ok, Rank::other, InMessage::nothing,
      "A slower evaluation of the likelihood had to be taken"},

@@ -85,6 +85,8 @@ enum class FindingCode {
   innovation_size,
   innovations_not_gaussian,
   innovations_change_size,
+  depends_on_sampling,
+  heavy_tails,
   methods_disagree,
   several_maxima,
   evaluation_method,

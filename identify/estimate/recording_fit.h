@@ -20,6 +20,9 @@ struct TestResult {
   double p = kNone;
   bool pass = true;
   double level = kNone;  ///< how often it may fail an optimal filter; kNone: no part of the verdict
+  /// Of the channel's variance, what its own past or earlier inputs explain, beyond what chance
+  /// does: how much the failure matters. kNone: no such test.
+  double share = kNone;
 };
 
 struct ChannelFit {

@@ -133,9 +133,11 @@ std::string first_times(const std::vector<Dataset>& recordings,
 
 Findings check_outliers(const Model& model, const ParameterSet& parameters,
                         const std::vector<Dataset>& recordings,
-                        const std::vector<FilterResult>& filters) {
+                        const std::vector<FilterResult>& filters, const OutlierEffectOf& effect) {
   Findings out;
   const std::vector<Outlier> outliers = outliers_of(model, parameters, recordings, filters);
+  if (outliers.empty()) return out;
+  const OutlierEffect done = effect ? effect(without(recordings, outliers)) : OutlierEffect{};
   for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     std::vector<Outlier> here;
     std::copy_if(outliers.begin(), outliers.end(), std::back_inserter(here),
@@ -151,10 +153,10 @@ Findings check_outliers(const Model& model, const ParameterSet& parameters,
     const double share = of_outliers / power;
     out.push_back(
         {FindingCode::outliers,
-         share > kSerious ? Severity::serious : Severity::warning,
+         (effect ? done.matters : share > kSerious) ? Severity::serious : Severity::warning,
          {recordings[0].outputs[c].name},
          fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
-                     "and make{} up {:.2g} % of the innovations' power",
+                     "and make{} up {:.2g} % of the innovations' power{}",
                      here.size(), here.size() > 1 ? "s" : "", recordings[0].outputs[c].name,
                      first_times(recordings, here), here.size() > 1 ? "" : "s",
                      std::max_element(here.begin(), here.end(),
@@ -162,7 +164,7 @@ Findings check_outliers(const Model& model, const ParameterSet& parameters,
                                         return a.deviations < b.deviations;
                                       })
                          ->deviations,
-                     here.size() > 1 ? "" : "s", 100.0 * share),
+                     here.size() > 1 ? "" : "s", 100.0 * share, done.text),
          "--reject-outliers leaves them out; or empty their cells: missing samples are exact"});
   }
   return out;
@@ -250,8 +252,9 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
 
 Findings check_outliers_and_offset(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings,
-                                   const std::vector<FilterResult>& filters) {
-  Findings out = check_outliers(model, parameters, recordings, filters);
+                                   const std::vector<FilterResult>& filters,
+                                   const OutlierEffectOf& effect) {
+  Findings out = check_outliers(model, parameters, recordings, filters, effect);
   append(out, check_offset(model, parameters, recordings, filters));
   return out;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "identify/estimate/results.h"
@@ -32,13 +33,22 @@ std::vector<Outlier> find_outliers(const Model& model, const ParameterSet& param
 /// The recordings with these samples missing.
 std::vector<Dataset> without(std::vector<Dataset> recordings, const std::vector<Outlier>& outliers);
 
+/// What becomes of an estimate when outliers are left out.
+struct OutlierEffect {
+  bool matters = false;
+  std::string text;  ///< behind "... lie off", in words
+};
+using OutlierEffectOf = std::function<OutlierEffect(const std::vector<Dataset>& cleaned)>;
+
 /// Outliers, and innovations whose mean is not zero, with the offset that would explain it.
-/// Serious, so that the result is not to be trusted, when they make up more than 5 % of the
-/// innovations' power: by that much the noise is overestimated.
+/// An offset is serious, so that the result is not to be trusted, when it makes up more than 5 % of
+/// the innovations' power: by that much the noise is overestimated. Outliers are serious when
+/// they matter to the estimate; without `effect`, when they make up more than 5 % of the power.
 /// @param filters  of each recording, at these parameters (identify/filter/report.h)
 Findings check_outliers_and_offset(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings,
-                                   const std::vector<FilterResult>& filters);
+                                   const std::vector<FilterResult>& filters,
+                                   const OutlierEffectOf& effect = {});
 
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
 /// no more are found. The result's finding "outliers_left_out" names them.

@@ -17,6 +17,8 @@
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 #include "lib/filter/steady_state.h"
+#include "lib/statistics/autocorrelation.h"
+#include "lib/statistics/autoregression.h"
 #include "lib/statistics/input_correlation.h"
 #include "lib/statistics/whiteness.h"
 
@@ -25,6 +27,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 MatrixXd with_gaps(const std::vector<const MatrixXd*>& parts, Index gap) {
   Index total = gap * static_cast<Index>(parts.size() - 1), at = 0;
@@ -72,12 +75,28 @@ Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResu
   return out;
 }
 
+// Per channel, by an autoregression of all channels.
+VectorXd explained_by_past(const MatrixXd& e, int lags) {
+  constexpr int kHighestOrder = 10;
+  const Autocovariances Y =
+      sample_autocovariances(e, std::min(kHighestOrder, lags) + 1, Divisor::samples);
+  const auto samples = static_cast<Index>((e.array() == e.array()).colwise().all().count());
+  return share_explained_by_past(yule_walker(Y), samples);
+}
+
+// R^2 of the regression, adjusted for its degrees of freedom.
+double explained_share(const FStatistic& f) {
+  const double unexplained = f.dof_rest / (f.dof_rest + f.dof * f.value);
+  return std::max(0.0, 1.0 - unexplained * (f.dof + f.dof_rest) / f.dof_rest);
+}
+
 void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordings,
                   const std::vector<FilterResult>& filters) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
   const int lags = default_lags(shortest_of(recordings));
   const MatrixXd all = side_by_side(filters, lags);
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
+  const VectorXd by_past = explained_by_past(all, lags);
   const double level = 0.05 / static_cast<double>(1 + outputs.size() + by_input.size());
   const ChiSquareStatistic nis = normalised_innovation_squared(all);
   if (nis.dof > 0.0) estimate.tests.push_back(nis_test(nis, level));
@@ -88,12 +107,16 @@ void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordin
                                "' is not computed: its innovations are constant or missing");
       continue;
     }
-    estimate.tests.push_back(ljung_box_test(outputs[i].name, q, level));
+    TestResult test = ljung_box_test(outputs[i].name, q, level);
+    if (by_past.size() > 0) test.share = by_past[static_cast<Index>(i)];
+    estimate.tests.push_back(test);
   }
   for (std::size_t i = 0; i < by_input.size(); ++i) {
     const FStatistic& f = by_input[i];
     if (!std::isfinite(f.value)) continue;
-    estimate.tests.push_back(input_test(outputs[i].name, f, level));
+    TestResult test = input_test(outputs[i].name, f, level);
+    test.share = explained_share(f);
+    estimate.tests.push_back(test);
   }
 }
 

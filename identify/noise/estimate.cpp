@@ -6,11 +6,18 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
+#include "identify/filter/leading_samples.h"
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/noise/internal/outlier_effect.h"
+#include "identify/noise/internal/sampling_test.h"
+#include "lib/base/median.h"
 #include "lib/filter/information.h"
+#include "lib/statistics/normality.h"
+#include "lib/statistics/whiteness.h"
 
 namespace identikal {
 
@@ -125,6 +132,73 @@ ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
   return loss;
 }
 
+namespace {
+
+// Of one channel's innovations.
+struct Tails {
+  bool heavy = false;
+  double kurtosis = kNone;
+  double excess = kNone;  // of their variance over that of their bulk, as a share
+};
+
+Tails tails_of(const Eigen::VectorXd& standardised) {
+  constexpr double kStandardErrors = 5.0, kShare = 0.1, kChanges = 1e-3;
+  constexpr std::size_t kFewest = 100;
+  std::vector<double> squares;
+  for (const double e : standardised) {
+    if (!std::isnan(e)) squares.push_back(e * e);
+  }
+  if (squares.size() < kFewest) return {};
+  const Eigen::Map<const Eigen::ArrayXd> size(squares.data(), static_cast<Index>(squares.size()));
+  Tails out;
+  out.kurtosis = moments(standardised).kurtosis;
+  const double scale = kDeviationPerMedian * kDeviationPerMedian;
+  out.excess = size.mean() / (scale * median(squares)) - 1.0;
+  // Large for a while at a time is a noise that changes its size, and whose mean is right.
+  const ChiSquareStatistic changes = mcleod_li(standardised, default_lags(size.size()));
+  const double error = std::sqrt(24.0 / static_cast<double>(size.size()));
+  out.heavy = out.kurtosis - 3.0 > kStandardErrors * error && out.excess > kShare &&
+              !(chi_square_upper_tail(changes.value, changes.dof) < kChanges);
+  return out;
+}
+
+// The noise of most samples is smaller than the estimate.
+Findings check_tails(const FilterEstimate& estimate) {
+  Findings out;
+  const auto says_so = [](const Finding& f) {
+    return f.code == FindingCode::outliers && f.severity == Severity::serious;
+  };
+  if (std::any_of(estimate.findings.begin(), estimate.findings.end(), says_so)) return out;
+  for (std::size_t c = 0; c < estimate.series.channels.size(); ++c) {
+    const std::string& channel = estimate.series.channels[c];
+    const Tails tails = tails_of(estimate.series.standardised.row(static_cast<Index>(c)));
+    if (!tails.heavy) continue;
+    out.push_back(make_finding(
+        FindingCode::heavy_tails, {channel},
+        fmt::format("the innovations of '{}' have heavy tails (kurtosis {:.3g}, a Gaussian's is "
+                    "3): their variance is {:.2g} % above that of most samples",
+                    channel, tails.kurtosis, 100.0 * tails.excess),
+        "look for disturbed samples, and empty their cells: missing samples are exact"));
+  }
+  return out;
+}
+
+// AIC and BIC of what comes behind a diffuse start.
+void report_criteria(Objective& objective, double unknowns, const Model& model,
+                     const ParameterSet& end, const std::vector<Dataset>& recordings) {
+  const LeadingSamples leading = leading_samples(model, end, recordings);
+  objective.diffuse_samples = static_cast<long>(leading.diffuse);
+  objective.leading = leading.log_likelihood;
+  std::vector<Dataset> first;
+  for (const Dataset& data : recordings) first.push_back(first_samples(data, leading.diffuse));
+  const Index behind = samples_present(recordings) - samples_present(first);
+  const double L = log_likelihood_behind(objective, leading.diffuse);
+  objective.aic = 2.0 * unknowns - 2.0 * L;
+  objective.bic = unknowns * std::log(static_cast<double>(behind)) - 2.0 * L;
+}
+
+}  // namespace
+
 void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings) {
   const ReportedEntries entries = reported_entries(end);
@@ -134,7 +208,11 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   }
   estimate.excess_mean_square_error = excess_error(estimate, model, end);
   const std::vector<FilterResult> filters = report_filter(estimate, model, end, recordings);
-  append(estimate.findings, check_outliers_and_offset(model, end, recordings, filters));
+  const auto without_outliers = [&](const std::vector<Dataset>& cleaned) {
+    return outlier_effect(estimate, model, end, cleaned);
+  };
+  append(estimate.findings,
+         check_outliers_and_offset(model, end, recordings, filters, without_outliers));
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.samples = static_cast<long>(samples_present(recordings));
@@ -146,39 +224,69 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
                     objective.samples, k),
         "record more, or fix parameters that are known"));
   }
-  objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
-  objective.bic =
-      k * std::log(static_cast<double>(objective.samples)) - 2.0 * objective.log_likelihood;
+  report_criteria(objective, k, model, end, recordings);
   append(estimate.findings, check_innovations(estimate));
+  append(estimate.findings, check_tails(estimate));
+  append(estimate.findings, check_sampling(estimate, model, end, recordings));
 }
+
+namespace {
+
+// What is not significant is no finding; what is small does not make the values wrong, as far as
+// colour that goes on for long does not: check_sampling() sees that.
+constexpr double kPracticalShare = 0.02;
+// Beyond doubt, less counts: noise that integrates shows little of what moves it.
+constexpr double kBeyondDoubt = 1e-3, kSmallestShare = 0.005;
+
+Severity severity_of(const TestResult& test) {
+  const bool certain = test.p < kBeyondDoubt && test.share > kSmallestShare;
+  return test.share > kPracticalShare || certain ? Severity::serious : Severity::warning;
+}
+
+std::string size_of(const TestResult& test, const std::string& by) {
+  if (std::isnan(test.share)) return "";
+  return fmt::format(
+      ", and {} explain {:.2g} % of their variance (the mean-square error one step "
+      "ahead is {:.2g} % too large)",
+      by, 100.0 * test.share, 100.0 * test.share / std::max(1e-3, 1.0 - test.share));
+}
+
+Finding input_finding(const TestResult& test) {
+  return {FindingCode::input_in_innovations,
+          severity_of(test),
+          {test.channel},
+          fmt::format("the innovations of '{}' follow earlier inputs (p = {:.2g}){}: what the "
+                      "inputs do is not all in the model",
+                      test.channel, test.p, size_of(test, "these")),
+          "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which lag"};
+}
+
+Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape) {
+  return {FindingCode::coloured_innovations,
+          severity_of(test),
+          {test.channel},
+          fmt::format("the innovations of '{}' are not white (Ljung-Box p = {:.2g}){}: the model "
+                      "misses dynamics or coloured noise{}",
+                      test.channel, test.p, size_of(test, "their own last values"),
+                      has_errors ? ", and the errors above are too small" : ""),
+          can_shape ? "'identikal shape' looks for a shaping filter; else extend the model: a "
+                      "filter tuned on a wrong model is not optimal"
+                    : "extend the model, by states of coloured noise if need be: a filter tuned on "
+                      "a wrong model is not optimal"};
+}
+
+}  // namespace
 
 Findings check_innovations(const FilterEstimate& estimate) {
   Findings out;
-  const bool shapes = estimate.objective.filter.empty();  // it takes linear models
-  const bool errors =
+  const bool can_shape = estimate.objective.filter.empty();  // it takes linear models
+  const bool has_errors =
       std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
                   [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });
   for (const TestResult& test : estimate.tests) {
-    if (!test.pass && test.id == "input_correlation") {
-      out.push_back(make_finding(
-          FindingCode::input_in_innovations, {test.channel},
-          fmt::format("the innovations of '{}' follow earlier inputs (p = {:.2g}): what the inputs "
-                      "do is not all in the model",
-                      test.channel, test.p),
-          "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which "
-          "lag"));
-    }
-    if (test.pass || test.id != "ljung_box") continue;
-    out.push_back(make_finding(
-        FindingCode::coloured_innovations, {test.channel},
-        fmt::format(
-            "the innovations of '{}' are not white (Ljung-Box p = {:.2g}): the model misses "
-            "dynamics or coloured noise{}",
-            test.channel, test.p, errors ? ", and the errors above are too small" : ""),
-        shapes ? "'identikal shape' looks for a shaping filter; else extend the "
-                 "model: a filter tuned on a wrong model is not optimal"
-               : "extend the model, by states of coloured noise if need be: a filter tuned on "
-                 "a wrong model is not optimal"));
+    if (test.pass) continue;
+    if (test.id == "input_correlation") out.push_back(input_finding(test));
+    if (test.id == "ljung_box") out.push_back(colour_finding(test, has_errors, can_shape));
   }
   return out;
 }

@@ -19,6 +19,7 @@
 #include "identify/noise/estimate.h"
 #include "identify/noise/likelihood_profile.h"
 #include "lib/base/random.h"
+#include "lib/data/units.h"
 #include "lib/filter/likelihood.h"
 #include "solvers/covariance.h"
 #include "solvers/scoring.h"
@@ -53,10 +54,28 @@ VectorXd scattered_start(const ParameterSet& parameters, Random& random) {
   return coordinates(start);
 }
 
+// A search has ended at a maximum where it converged and every coordinate matters: where a variance
+// is zero, what it drives may lie anywhere, and the likelihood rises elsewhere on that plain.
+bool is_maximum(const LikelihoodProblem& problem, const Solution& end) {
+  constexpr double kNothing = 1e-9;  // information on a coordinate in units of itself
+  double L = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+  if (!end.summary.usable() || !problem.evaluate(end.x, L, &gradient, &information)) return false;
+  const VectorXd size = end.x.cwiseAbs().cwiseMax(1e-300);
+  const VectorXd weight = information.diagonal().array() * size.array().square();
+  for (Index i = 0; i < end.x.size(); ++i) {
+    if (end.x[i] != 0.0 && !(weight[i] > kNothing)) return false;
+  }
+  return true;
+}
+
 struct Search {
   Solution best;
   double start_value = kNone;
   int iterations = 0, evaluations = 0, tried = 0, agree = 0;
+  std::vector<double> other_maxima;  // log-likelihoods of ends that are maxima, below the best
+  std::vector<double> stopped;       // of ends that are none
   std::vector<std::vector<double>> paths;  // log-likelihood by iteration
 };
 
@@ -64,7 +83,7 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
               const NoiseMlOptions& options) {
   Search out;
   Random random(options.seed);
-  std::vector<double> ends;
+  std::vector<Solution> ends;
   bool stopped = false;
   for (int s = 0; s < options.starts && !stopped; ++s) {
     const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
@@ -87,7 +106,7 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
       --out.tried;
       continue;
     }
-    ends.push_back(solution.summary.objective);
+    ends.push_back(solution);
     out.paths.push_back(std::move(path));
     // A converged end beats an unconverged one unless that one is really higher.
     const double lead = solution.summary.objective - out.best.summary.objective;
@@ -103,10 +122,42 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
     out.best.summary.termination = Termination::stopped;
     out.best.summary.message = "stopped by the caller";
   }
-  out.agree = static_cast<int>(std::count_if(ends.begin(), ends.end(), [&out](double L) {
-    return std::abs(L - out.best.summary.objective) < kSameMaximum;
-  }));
+  for (const Solution& end : ends) {
+    const double L = end.summary.objective;
+    if (std::abs(L - out.best.summary.objective) < kSameMaximum) {
+      ++out.agree;
+    } else {
+      (is_maximum(problem, end) ? out.other_maxima : out.stopped).push_back(L);
+    }
+  }
   return out;
+}
+
+// Where the starts ended, if not all at the best. Where a search stopped short says nothing of other
+// maxima, however often it does.
+Findings check_starts(const Search& found) {
+  if (found.other_maxima.empty() && found.stopped.empty()) return {};
+  const auto below = [&](const std::vector<double>& ends) {
+    return found.best.summary.objective - *std::max_element(ends.begin(), ends.end());
+  };
+  std::string text =
+      fmt::format("{} of {} starts reached the same optimum", found.agree, found.tried);
+  if (!found.other_maxima.empty()) {
+    text += fmt::format("; {} ended at other maxima, the highest {:.3g} below",
+                        found.other_maxima.size(), below(found.other_maxima));
+  }
+  if (!found.stopped.empty()) {
+    text += fmt::format(
+        "; {} stopped where the likelihood is flat or short of a maximum, the "
+        "highest {:.3g} below",
+        found.stopped.size(), below(found.stopped));
+  }
+  const bool several = !found.other_maxima.empty();
+  return {{FindingCode::several_maxima,
+           several ? Severity::warning : Severity::note,
+           {},
+           text,
+           several ? "raise --starts until more of them reach the best" : ""}};
 }
 
 // Largest value of coordinate i whose profile likelihood lies within the one-sided 95 % limit.
@@ -285,7 +336,7 @@ struct Maximum {
   }
 };
 
-// Calls visit(parameter, coordinate, SI per unit, largest log-likelihood) for every one that a
+// Calls visit(parameter, coordinate, its unit, largest log-likelihood) for every one that a
 // profile can be taken of, where an evaluation is cheap. Coordinates of a full covariance matrix
 // are not its entries, and get none.
 template <typename Visit>
@@ -301,15 +352,15 @@ void for_each_profiled(Estimate& estimate, const Maximum& at, Visit&& visit) {
     ++i;
     const Domain domain = at.end[entries.parameter[k]].domain;
     if (domain == Domain::positive_definite || std::isnan(p.se)) continue;
-    visit(p, i, unit_scale(p.unit), maximum);
+    visit(p, i, unit_or_dimensionless(p.unit), maximum);
   }
 }
 
 void profile(Estimate& estimate, const Maximum& at) {
-  const auto find_ends = [&at](EstimatedParameter& p, Index i, double unit, double maximum) {
-    const auto low = profile_end(at.problem, at.best, maximum, i, p.se * unit, -1.0);
-    const auto high = profile_end(at.problem, at.best, maximum, i, p.se * unit, 1.0);
-    if (low && high) p.profile95 = {*low / unit, *high / unit};
+  const auto find_ends = [&at](EstimatedParameter& p, Index i, const Unit& unit, double maximum) {
+    const auto low = profile_end(at.problem, at.best, maximum, i, p.se * unit.scale, -1.0);
+    const auto high = profile_end(at.problem, at.best, maximum, i, p.se * unit.scale, 1.0);
+    if (low && high) p.profile95 = {unit.from_si(*low), unit.from_si(*high)};
   };
   for_each_profiled(estimate, at, find_ends);
 }
@@ -317,7 +368,7 @@ void profile(Estimate& estimate, const Maximum& at) {
 // The profile likelihood as a curve: from the maximum outwards until it has fallen well below the
 // 95 % limit, or to the bound.
 void picture_profiles(NoiseEstimate& estimate, const Maximum& at) {
-  const auto walk = [&](EstimatedParameter& p, Index i, double unit, double maximum) {
+  const auto walk = [&](EstimatedParameter& p, Index i, const Unit& unit, double maximum) {
     LikelihoodProblem held = at.problem;
     VectorXd x = at.best.x;
     const auto drop_at = [&](double value) -> std::optional<double> {
@@ -332,10 +383,10 @@ void picture_profiles(NoiseEstimate& estimate, const Maximum& at) {
       if (turned) x = at.best.x;
       return drop_at(value);
     };
-    LikelihoodProfile profile = walk_profile(at.best.x[i], p.se * unit, at.problem.lower[i],
+    LikelihoodProfile profile = walk_profile(at.best.x[i], p.se * unit.scale, at.problem.lower[i],
                                              at.problem.upper[i], drop_from_optimum);
     profile.name = p.name;
-    for (double& value : profile.value) value /= unit;
+    for (double& value : profile.value) value = unit.from_si(value);
     if (profile.value.size() > 2) estimate.pictures.profiles.push_back(std::move(profile));
   };
   for_each_profiled(estimate, at, walk);
@@ -480,11 +531,8 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   if (!converged) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
   report_noise_estimate(estimate, model, end, recordings);
-  if (found.agree < found.tried && found.best.summary.termination != Termination::stopped) {
-    estimate.findings.push_back(make_finding(
-        FindingCode::several_maxima, {},
-        fmt::format("{} of {} starts reached the same optimum", found.agree, found.tried),
-        "raise --starts; if they still end apart, the likelihood has several maxima"));
+  if (found.best.summary.termination != Termination::stopped) {
+    append(estimate.findings, check_starts(found));
   }
   conclude(estimate, "converged");
   return estimate;

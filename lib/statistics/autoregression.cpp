@@ -1,5 +1,6 @@
 #include "lib/statistics/autoregression.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -94,6 +95,15 @@ OrderChoice autoregressive_order(const Autoregressions& models, Index samples, P
   if (out.criterion.size() > 1) out.least = out.criterion.tail(out.criterion.size() - 1).minCoeff();
   out.criterion.minCoeff(&out.order);
   return out;
+}
+
+Eigen::VectorXd share_explained_by_past(const Autoregressions& models, Eigen::Index samples) {
+  if (models.S.empty()) return {};
+  const Eigen::Index order = static_cast<Eigen::Index>(models.S.size()) - 1;
+  const Eigen::VectorXd all = models.S.front().diagonal(), left = models.S.back().diagonal();
+  const double by_chance = static_cast<double>(order * all.size()) /
+                           static_cast<double>(std::max<Eigen::Index>(samples, 1));
+  return (1.0 - left.array() / all.array() - by_chance).cwiseMax(0.0).matrix();
 }
 
 }  // namespace identikal

@@ -23,6 +23,21 @@ struct Autoregressions {
 /// Source: Matisko (2013), (3.18) to (3.20).
 Autoregressions yule_walker(const Autocovariances& Y);
 
+/// Share of each channel's variance that its own and the others' past explains,
+///
+///   1 - S(m)_ii / S(0)_ii,
+///
+/// less what m l^2 / (l N) of it chance explains of white noise; 0 where nothing is left.
+///
+/// Example:
+///
+///     const Autocovariances Y = sample_autocovariances(e, 6, Divisor::samples);
+///     const Eigen::VectorXd share = share_explained_by_past(yule_walker(Y), e.cols());
+///
+/// @param samples  N
+/// @return per channel, of the highest order; empty without an order
+Eigen::VectorXd share_explained_by_past(const Autoregressions& models, Eigen::Index samples);
+
 /// g(N) of (3.17), per order, in multiples of l^2.
 enum class Penalty {
   aic,  ///< 2

@@ -83,7 +83,7 @@ class BadData(unittest.TestCase):
             x = 0.5 * x + w
             y.append(x + random.gauss(0, 1))
         for method in ("ml", "als-weighted"):
-            self.assertIn("coloured_innovations", self.tuned(y, "--method", method)[2])
+            self.assertIn("coloured_innovations", self.tuned(y, "--method", method, code=1)[2])
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ outputs: {y: {column: y, unit: m}}
     def test_innovations_that_follow_an_input_are_named(self):
         right, late = self.recording("right.csv", 1), self.recording("late.csv", 2, delay=7)
         for data, expected in ((right, True), (self.recording("loop.csv", 3, feedback=0.3), True), (late, False)):
-            out = result("tune", self.model, data, "--starts", 1, "-o", self.out)
+            out = result("tune", self.model, data, "--starts", 1, "-o", self.out, code=0 if expected else 1)
             test = next(t for t in out["tests"] if t["id"] == "input_correlation")
             self.assertEqual(expected, test["pass"], data)
             self.assertEqual(expected, "input_in_innovations" not in [w["code"] for w in out["warnings"]])

@@ -25,7 +25,7 @@ initial: diffuse
 inline std::vector<double> walk(std::size_t rows) {
   std::vector<double> y(rows);
   double level = 0.0;
-  unsigned state = 12345;
+  unsigned state = 7;
   const auto noise = [&] {
     state = 1664525u * state + 1013904223u;
     return static_cast<double>(state >> 8) / (1u << 24) - 0.5;

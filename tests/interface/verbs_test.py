@@ -34,7 +34,7 @@ def without_files_and_times(text):
         if isinstance(value, list):
             return [cleaned(v) for v in value]
         if isinstance(value, str):  # remarks name files
-            return re.sub(r"<(recording|result|model)[^>]*>|[\w./+-]+\.(csv|yaml|json)|\S*/\w+", "FILE", value)
+            return re.sub(r"<(recording|result|model)[^>]*>|[\w./+-]+\.(csv|yaml|json)|\S*/\w+", "FILE", value.replace(f"{ROOT}/", ""))
         return value
 
     return json.dumps(cleaned(result), indent=1, ensure_ascii=False)

@@ -35,6 +35,13 @@ struct NoiseStudy {
   int runs = 0, not_ok = 0, indefinite = 0;
 };
 
+/// A right model is refused in 1 % of the recordings (tests/campaigns): at most so many of them,
+/// with a probability of .999.
+inline int refused_by_chance(int runs) {
+  const double expected = 0.01 * runs;
+  return static_cast<int>(expected + 3.1 * std::sqrt(expected) + 1.0);
+}
+
 /// The Cramer-Rao standard deviations at the truth.
 inline Eigen::VectorXd bound_sd(const MatiskoSystem& system) {
   const ExpectedInformation information = expected_information(

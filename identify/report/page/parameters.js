@@ -2,7 +2,7 @@
 
 const kIdentifiability = {
   ok: "✓ ok", poorly_determined: "! poorly determined", correlated: "! correlated", at_bound: "| at bound",
-  unexcited: "✗ unexcited", not_identifiable: "✗ not identifiable",
+  unexcited: "✗ unexcited", not_identifiable: "✗ not identifiable", untrusted: "✗ untrusted",
 };
 const kUndetermined = ["not_identifiable", "unexcited"];
 

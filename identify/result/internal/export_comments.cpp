@@ -44,6 +44,8 @@ std::string remark_of(const EstimatedParameter& p) {
       return "NOT DETERMINED by the data" + (with.empty() ? "" : ", only with" + with);
     case Verdict::unfitted:
       return "NOT FITTED: where the search would have started";
+    case Verdict::untrusted:
+      return out + ", NOT TO BE TRUSTED";
     case Verdict::ok:
     case Verdict::poorly_determined:
     case Verdict::correlated:

@@ -129,8 +129,15 @@ void describe(Fields& fields, Objective& objective) {
   fields("log_likelihood", objective.log_likelihood, "log-likelihood at the estimate");
   fields("log_likelihood_start", objective.log_likelihood_start,
          "log-likelihood where the search began");
-  fields("aic", objective.aic, "Akaike's information criterion");
-  fields("bic", objective.bic, "Bayesian information criterion");
+  fields("diffuse_samples", objective.diffuse_samples,
+         "leading samples of every recording that determine a diffuse start");
+  fields("leading", objective.leading,
+         "log-likelihood of the first 1, 2, ... samples of every recording together; null for "
+         "fewer than diffuse_samples");
+  fields("aic", objective.aic,
+         "Akaike's information criterion, of the samples behind a diffuse start");
+  fields("bic", objective.bic,
+         "Bayesian information criterion, of the samples behind a diffuse start");
   fields("samples", objective.samples,
          "measured values, as BIC counts them; 0 where there is no BIC");
   fields("held_out", objective.held_out, "log-likelihood per held-out row, of a filter");
@@ -167,6 +174,9 @@ void describe(Fields& fields, TestResult& test) {
   fields("pass", test.pass, "whether the test does not reject");
   fields("level", test.level,
          "probability that it rejects an optimal filter; null: no part of the verdict");
+  fields("share", test.share,
+         "share of the channel's variance that its past, or earlier inputs, explain beyond chance; "
+         "null: no such test");
 }
 
 template <class Fields>

@@ -73,7 +73,7 @@ inline constexpr std::array kStatusValues{Status::ok, Status::rejected, Status::
                                           Status::untrusted};
 inline constexpr std::array kVerdictValues{
     Verdict::ok,        Verdict::poorly_determined, Verdict::correlated, Verdict::at_bound,
-    Verdict::unexcited, Verdict::not_identifiable,  Verdict::unfitted};
+    Verdict::unexcited, Verdict::not_identifiable,  Verdict::unfitted,   Verdict::untrusted};
 inline constexpr std::array kSeverityValues{Severity::note, Severity::warning, Severity::serious};
 constexpr const auto& values_of(Status /*any*/) { return kStatusValues; }
 constexpr const auto& values_of(Verdict /*any*/) { return kVerdictValues; }

@@ -91,6 +91,18 @@ void rename_keys(Json& file, const RenamedKey (&keys)[n]) {
   }
 }
 
+// What version 1 did not say.
+void add_new_keys(Json& result) {
+  const auto add = [&](std::string_view place, const char* key, const Json& value) {
+    for_each_object(result, place, [&](Json& object) {
+      if (!object.contains(key)) object[key] = value;
+    });
+  };
+  add("objective", "diffuse_samples", 0);
+  add("objective", "leading", Json::array());
+  add("tests/*", "share", nullptr);
+}
+
 // What a schema says itself, or a definition that it refers to, perhaps as one of two.
 Json& referred_to(Json& schema, Json& root) {
   if (schema.contains("anyOf")) return referred_to(schema["anyOf"][0], root);
@@ -135,6 +147,7 @@ void add_old_keys(Json& result) {
 
 void upgrade_result(Json& result) {
   rename_keys(result, kRenamedKeys);
+  add_new_keys(result);
   for (const RenamedValue& value : kRenamedValues) {
     for_each_object(result, value.place, [&](Json& object) {
       const auto at = object.find(value.key);

@@ -20,7 +20,7 @@ TEST(NoiseMlStudy, ReachesTheBoundAndCovers) {
   // exceeded.
   const int runs = 400;
   Eigen::VectorXd q(runs), bound(runs);
-  int covered = 0;
+  int covered = 0, refused = 0;
   NoiseMlOptions options;
   options.starts = 1;
   for (int run = 0; run < runs; ++run) {
@@ -28,7 +28,7 @@ TEST(NoiseMlStudy, ReachesTheBoundAndCovers) {
         scalar_model(0.5, 3.0, 0.2),
         {dataset_of(simulate_scalar(0.5, 1.0, 1.0, 1000, static_cast<std::uint64_t>(run) + 1))},
         options);
-    ASSERT_EQ(e.status, Status::ok) << run;
+    refused += e.status != Status::ok;
     q[run] = e.parameters[0].value;
     bound[run] = e.parameters[0].crb_se;
     covered += e.parameters[0].ci95[0] <= 1.0 && 1.0 <= e.parameters[0].ci95[1];
@@ -36,6 +36,7 @@ TEST(NoiseMlStudy, ReachesTheBoundAndCovers) {
   const double mean = q.mean(), sd = std::sqrt((q.array() - mean).square().sum() / (runs - 1));
   std::printf("q: mean %.4f, std %.4f, std / bound %.3f, coverage %.1f %%\n", mean, sd,
               sd / 0.14048, 100.0 * covered / runs);
+  EXPECT_LE(refused, refused_by_chance(runs));
   EXPECT_NEAR(mean, 1.0, 4.0 * 0.14048 / std::sqrt(runs));
   EXPECT_NEAR(sd / 0.140479, 1.0, 0.12);  // cases.json: 14.0479 %
   EXPECT_NEAR(covered / static_cast<double>(runs), 0.95, 0.035);
@@ -95,7 +96,7 @@ TEST(NoiseMlStudy, SystemsSixAndSevenReachTheBound) {
     const MatiskoSystem system = matisko_system(number);
     const NoiseStudy s =
         ml_study(system, simulated_recordings(system, 500, static_cast<std::uint64_t>(number)));
-    EXPECT_EQ(s.not_ok, 0);
+    EXPECT_LE(s.not_ok, refused_by_chance(s.runs));
     EXPECT_GE(s.ratio.minCoeff(), 0.85);
     EXPECT_LE(s.ratio.maxCoeff(), 1.15);
     EXPECT_GE(s.coverage.minCoeff(), 0.93);
@@ -111,7 +112,7 @@ TEST(NoiseMlStudy, ReferenceRecordings) {
     IDENTIKAL_NEEDS_SHARED_FILE(file);
     const MatiskoSystem system = matisko_system(number);
     const NoiseStudy s = ml_study(system, reference_recordings(system));
-    EXPECT_EQ(s.not_ok, 0);
+    EXPECT_LE(s.not_ok, refused_by_chance(s.runs));
     EXPECT_LE(s.ratio.maxCoeff(), 1.35);
     if (number == 6 || number == 7) {
       EXPECT_GE(s.ratio.minCoeff(), 0.75);
