@@ -42,13 +42,16 @@ class Machine:
         for name in ("resolv.conf", "hosts"):
             shutil.copy(f"/etc/{name}", self.root / "etc")
         subprocess.run(["mount", "-t", "proc", "proc", self.root / "proc"], check=True)
+        subprocess.run(["mount", "-t", "devpts", "-o", "newinstance,ptmxmode=0666", "devpts", self.root / "dev/pts"], check=True)
+        (self.root / "dev/ptmx").unlink(missing_ok=True)
+        (self.root / "dev/ptmx").symlink_to("pts/ptmx")
         for name in sources():
             target = self.root / HOME[1:] / name
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target)
 
     def leave(self):
-        subprocess.run(["umount", self.root / "proc"])
+        subprocess.run(["umount", self.root / "dev/pts", self.root / "proc"])
 
     def run(self, command, network=False):
         """Prints what it prints; its output, wall seconds, longest silence, processor seconds, most memory of a process in bytes."""
