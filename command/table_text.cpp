@@ -65,7 +65,7 @@ std::string time_text(const Table& table) {
     const auto uneven = std::count_if(steps.begin(), steps.end(), [usual](double s) {
       return std::abs(s - usual) > 0.05 * usual && s <= 1.5 * usual;
     });
-    const Unit unit = parse_unit(column.unit.empty() ? "s" : column.unit).value_or(Unit{});
+    const Unit unit = *parse_unit(time_unit(column));
     return fmt::format(
         "time   '{}': {:.6g} Hz (step {:.6g} s), {:.6g} s long, {} gaps, {} uneven steps\n",
         column.name, 1.0 / (usual * unit.scale), usual * unit.scale,
@@ -128,7 +128,7 @@ std::string channels_text(const Model& model, const Dataset& data) {
     for (std::size_t i = 0; i < channels.size(); ++i) {
       const Eigen::VectorXd row = values.row(static_cast<Eigen::Index>(i)).transpose();
       const Summary s = summarise(row);
-      const Unit unit = parse_unit(channels[i].unit).value_or(Unit{});
+      const Unit unit = unit_or_dimensionless(channels[i].unit);
       out += fmt::format("{:<8} {:<22} {:<8} {:>10.4g} {:>10.4g} {:>10.4g} {:>8}{}\n", kind,
                          channels[i].name, channels[i].unit.empty() ? "-" : channels[i].unit,
                          unit.from_si(s.min), unit.from_si(s.max), s.sd / unit.scale,

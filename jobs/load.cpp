@@ -176,6 +176,7 @@ Findings check_step(const Model& model, const Table& table) {
     if (!looks_like_time(column) || read(column)) continue;
     TimeSource source;
     source.column = column.name;
+    source.unit = time_unit(column);
     Eigen::VectorXd t;
     try {
       t = time_stamps(table, source);

@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 89> kKinds = {{
+constexpr std::array<FindingKind, 90> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -73,6 +73,8 @@ constexpr std::array<FindingKind, 89> kKinds = {{
      InMessage::nothing, "No column holds time stamps"},
     {FindingCode::several_runs, "several_runs", Severity::serious, Severity::serious, Status::ok,
      Rank::other, InMessage::nothing, "The file holds several runs"},
+    {FindingCode::repeated_stamps, "repeated_stamps", Severity::warning, Severity::warning,
+     Status::ok, Rank::other, InMessage::nothing, "Rows have the time stamp of the row before"},
     {FindingCode::too_short, "too_short", Severity::serious, Severity::serious, Status::ok,
      Rank::other, InMessage::nothing, "The car moves for less than a manoeuvre takes"},
     {FindingCode::no_steering, "no_steering", Severity::serious, Severity::serious, Status::ok,

@@ -50,6 +50,7 @@ enum class FindingCode {
   // What the survey of a recording finds.
   no_time,
   several_runs,
+  repeated_stamps,
   too_short,
   no_steering,
   no_speed,

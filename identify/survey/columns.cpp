@@ -37,6 +37,7 @@ struct Clock {
   VectorXd time;  // s
   std::string column, unit;
   int runs = 1;
+  int repeated = 0;  // stamps that are those of the row before
 };
 
 Eigen::Map<const VectorXd> raw_values(const Column& column) {
@@ -57,18 +58,20 @@ Clock read_clock(const Table& table) {
         std::count_if(steps.begin(), steps.end(), [](double s) { return !(s > 0.0); });
     if (static_cast<double>(back) > 0.1 * static_cast<double>(steps.size())) continue;
     const double usual = median(steps);
-    const std::optional<Unit> unit = parse_unit(column.unit.empty() ? "s" : column.unit);
-    const double scale = unit && same_dimension(*unit, *parse_unit("s")) ? unit->scale : 1.0;
     out.column = column.name;
-    out.unit = column.unit.empty() ? "s" : column.unit;
+    out.unit = time_unit(column);
+    const double scale = parse_unit(out.unit)->scale;
     out.time.resize(static_cast<Index>(column.values.size()));
     double shift = 0.0;
     out.time[0] = column.values[0] * scale;
     for (std::size_t i = 0; i < steps.size(); ++i) {
-      if (!(steps[i] > 0.0)) {
+      if (steps[i] < 0.0) {
         // Far enough that nothing is interpolated across, nor compared with the run before.
         shift += -steps[i] + std::max(20.0 * usual, 6.0 / scale);
         ++out.runs;
+      } else if (steps[i] == 0.0) {
+        shift += 1e-6 * usual;  // a row that is given twice, or rounded stamps: time goes on
+        ++out.repeated;
       }
       out.time[i + 1] = (column.values[i + 1] + shift) * scale;
     }
@@ -444,6 +447,14 @@ void Guess::check_clocks() {
       out_.findings.push_back(make_finding(
           FindingCode::no_time, {file}, fmt::format("no column of {} is an increasing time", file),
           "name it 'time' or 't'; time: {step: ...} in a model file"));
+    }
+    if (clocks_[f].repeated > 0) {
+      const std::string file = file_name(f);
+      out_.findings.push_back(
+          make_finding(FindingCode::repeated_stamps, {file},
+                       fmt::format("{} time stamps of {} are those of the row before",
+                                   clocks_[f].repeated, file),
+                       "remove the rows, or write time with all its digits"));
     }
     if (clocks_[f].runs > 1) {
       const std::string file = file_name(f);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -246,9 +247,41 @@ Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
 
 }  // namespace
 
+namespace {
+
+std::vector<std::string> words_in(const std::string& text) {
+  std::vector<std::string> out(1);
+  for (const char c : lower_case(text)) {
+    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0;
+    if (letter) out.back() += c;
+    if (!letter && !out.back().empty()) out.emplace_back();
+  }
+  if (out.back().empty()) out.pop_back();
+  return out;
+}
+
+bool is_time_unit(const std::string& text) {
+  const std::optional<Unit> unit = parse_unit(text);
+  return !text.empty() && unit && same_dimension(*unit, *parse_unit("s"));
+}
+
+}  // namespace
+
 bool looks_like_time(const Column& column) {
-  const std::string name = lower_case(column.name);
-  return name == "t" || name.find("time") != std::string::npos;
+  const std::vector<std::string> words = words_in(column.name);
+  if (words.empty()) return false;
+  if (words.front() == "t")
+    return words.size() == 1 || (words.size() == 2 && is_time_unit(words[1]));
+  return lower_case(column.name).find("time") != std::string::npos;
+}
+
+std::string time_unit(const Column& column) {
+  if (is_time_unit(column.unit)) return column.unit;
+  for (const std::string& text : {column.unit, column.name}) {
+    const std::vector<std::string> words = words_in(text);
+    if (words.size() > 1 && is_time_unit(words.back())) return words.back();
+  }
+  return "s";
 }
 
 Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {

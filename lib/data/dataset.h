@@ -67,8 +67,12 @@ struct TimeRange {
   TimeRange();
 };
 
-/// True for a name like "t", "Time" or "INS_time_sec".
+/// True for a name like "t", "t_s", "Time" or "INS_time_sec".
 bool looks_like_time(const Column& column);
+
+/// The unit of such a column: its own where that is one of time, else the last word of the unit
+/// ("GPS ns") or of the name ("t_ms"); "s" where nothing says so.
+std::string time_unit(const Column& column);
 
 /// The runs of a table whose time stamps restart: one table wherever a stamp is not above the one
 /// before it; itself when time.restarts is false. Throws InputError for a run of one row alone.

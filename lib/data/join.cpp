@@ -30,6 +30,7 @@ TimeSource time_of(const Table& table, TimeSource time, bool first) {
   for (const Column& column : table.columns) {
     if (!looks_like_time(column) || column.text_cells > 0) continue;
     time.column = column.name;
+    time.unit = time_unit(column);
     return time;
   }
   throw InputError(

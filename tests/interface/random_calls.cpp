@@ -1,4 +1,4 @@
-// Calls ik_run() with whatever comes: random verbs, models, sizes, NaN, NULL. random_calls [COUNT] [SEED]
+// Calls ik_run() and the filters with whatever comes: random verbs, models, sizes, NaN, NULL. random_calls [COUNT] [SEED]
 // Prints how often each code came; a crash, a leak or a hang is for whoever watches it (valgrind, a sanitizer).
 #include <array>
 #include <cmath>
@@ -90,6 +90,33 @@ std::vector<double> samples(Dice& dice, std::size_t n) {
   return out;
 }
 
+// A filter of a result, of a model, of both or of neither, and some samples. False: a code that is none.
+bool step_a_filter(Dice& dice, const ik_result* result, const char* model) {
+  ik_filter* filter = nullptr;
+  const int opened =
+      ik_filter_open(dice.below(2) == 0 ? result : nullptr, dice.below(2) == 0 ? model : nullptr,
+                     dice.below(20) != 0 ? &filter : nullptr);
+  const std::size_t n = ik_filter_states(filter), ny = ik_filter_outputs(filter);
+  const std::size_t nu = ik_filter_inputs(filter),
+                    k = ik_filter_parameters(filter, nullptr, nullptr);
+  std::vector<double> state(n + 1), sd(n + 1), innovation(ny + 1), value(k + 1), value_sd(k + 1);
+  bool known = opened == 0 || opened == 2;
+  for (std::size_t t = dice.below(20); t > 0; --t) {
+    const std::vector<double> y = samples(dice, ny + 1), u = samples(dice, nu + 1);
+    const bool nothing = dice.below(10) == 0;
+    const int stepped =
+        ik_filter_step(filter, dice.below(15) != 0 ? y.data() : nullptr,
+                       dice.below(15) != 0 ? u.data() : nullptr, nothing ? nullptr : state.data(),
+                       nothing ? nullptr : sd.data(), nothing ? nullptr : innovation.data());
+    known = known && stepped >= 0 && stepped <= 2;
+    ik_filter_parameters(filter, value.data(), nothing ? nullptr : value_sd.data());
+  }
+  known = known && ik_filter_parameter_name(filter, dice.below(4)) != nullptr &&
+          ik_filter_message(filter) != nullptr;
+  ik_filter_free(filter);
+  return known;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -146,6 +173,8 @@ int main(int argc, char** argv) {
     std::size_t series_rows = 0, cols = 0;
     ik_result_series(result, "innovations", &series_rows, &cols);
     if (dice.below(200) == 0) ik_result_report_html(result);
+    const ik_result* const of = dice.below(2) == 0 ? result : kept;
+    if (!step_a_filter(dice, of, model.text)) return std::puts("a filter's code"), 1;
     if (result != nullptr && code == 0 && dice.below(3) == 0) std::swap(kept, result);
     ik_result_free(result);
   }

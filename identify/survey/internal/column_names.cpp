@@ -76,6 +76,7 @@ constexpr NameRules kNameRules[] = {
       {r, 10, {{{"yaw"}}, kRate}},
       {r, 9, {{{"wz", "r"}, {"psidot", "psip", "dpsi", "gyroz", "gyrz", "omegaz"}}}},
       {r, 9, {{{}, {"gyro", "angrate", "angvel"}}, {{"z", "down", "up"}}}},
+      {r, 8, {{{"rate"}}, {{"z"}}}, {{{"sample", "frame", "data", "heart"}}}},
       {r, 7, {{{"omega"}}}, {{{"x", "y"}}, kCorner}}}},
     {{kAngular},
      {{ay, 10, {{{"ay"}, {"accy", "aycg"}}}},

@@ -420,6 +420,49 @@ TEST(VehicleColumns, FilesWithoutTimeOrRowsAreNamed) {
   EXPECT_TRUE(alarms(one).contains("no_time"));
 }
 
+TEST(VehicleColumns, TimeIsKnownByItsNameAndUnit) {
+  const Dataset d = drive_around();
+  struct Case {
+    const char *name, *unit;
+    double per_second;
+    const char* expected;
+  };
+  for (const Case& c : {Case{"t_s", "", 1.0, "s"}, Case{"t_ms", "", 1e3, "ms"},
+                        Case{"Time", "GPS ns", 1e9, "ns"}, Case{"t", "min", 1.0 / 60.0, "min"},
+                        Case{"INS_time_sec", "", 1.0, "sec"}, Case{"time", "UTC", 1.0, "s"}}) {
+    Table table = table_of({{c.name, d.time * c.per_second},
+                            {"swa_deg", d.u.row(0).transpose() * 57.29578},
+                            {"vx", d.u.row(1).transpose()},
+                            {"rate_hor_z_dps", d.y.row(kRowR).transpose() * 57.29578}});
+    table.columns[0].unit = c.unit;
+    const VehicleSignals s = guess_vehicle({table});
+    EXPECT_EQ(s.time_column, c.name);
+    EXPECT_EQ(s.time_unit, c.expected);
+    const VehicleSurvey found = survey(s);
+    EXPECT_EQ(alarms(found), Codes{}) << c.name;
+    EXPECT_EQ(proposal(found, "r").column, "rate_hor_z_dps");
+    EXPECT_EQ(proposal(found, "r").unit, "deg/s");
+  }
+  for (const char* name : {"T", "t_max", "torque", "t_front"}) {
+    Column column;
+    column.name = name;
+    EXPECT_EQ(looks_like_time(column), std::string(name) == "T") << name;
+  }
+}
+
+TEST(VehicleColumns, EqualTimeStampsAreNoRuns) {
+  const Dataset d = drive_around();
+  VectorXd time = d.time;
+  for (const Index row : {500, 1200, 1201}) time[row] = time[row - 1];
+  const VehicleSurvey found =
+      survey(guess_vehicle({table_of({{"t", time},
+                                      {"swa", d.u.row(0).transpose()},
+                                      {"vx", d.u.row(1).transpose()},
+                                      {"yaw_rate", d.y.row(kRowR).transpose()}})}));
+  EXPECT_EQ(alarms(found), Codes{"repeated_stamps"});
+  EXPECT_NE(finding_of(found, "repeated_stamps")->text.find("3 time stamps"), std::string::npos);
+}
+
 // --- Real recordings: what must be found in each of the ten, and what must not ---
 
 struct Real {
