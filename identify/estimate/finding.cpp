@@ -128,7 +128,7 @@ constexpr std::array<FindingKind, 90> kKinds = {{
      Rank::other, InMessage::nothing, "The model file has changed since the result"},
     {FindingCode::outliers, "outliers", Severity::warning, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit,
-     "Samples lie far off; serious where an estimate moves by more than its error and 5 % without "
+     "Samples lie far off; serious where an estimate moves by more than 2.6 errors and 5 % without "
      "them, or where they make up more than 5 % of the power of given values' innovations"},
     {FindingCode::offset, "offset", Severity::warning, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit,

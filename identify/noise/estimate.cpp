@@ -141,14 +141,18 @@ struct Tails {
   double excess = kNone;  // of their variance over that of their bulk, as a share
 };
 
-Tails tails_of(const Eigen::VectorXd& standardised) {
-  constexpr double kStandardErrors = 5.0, kShare = 0.1, kChanges = 1e-3;
+// Without what counts as an outlier: that is judged by what it does.
+Tails tails_of(Eigen::VectorXd standardised) {
+  constexpr double kStandardErrors = 5.0, kShare = 0.1, kChanges = 1e-3, kOutlier = 6.0;
   constexpr std::size_t kFewest = 100;
   std::vector<double> squares;
   for (const double e : standardised) {
     if (!std::isnan(e)) squares.push_back(e * e);
   }
   if (squares.size() < kFewest) return {};
+  const double limit = std::pow(kOutlier * kDeviationPerMedian, 2) * median(squares);
+  std::erase_if(squares, [&](double square) { return square > limit; });
+  standardised = (standardised.array().square() > limit).select(kNone, standardised);
   const Eigen::Map<const Eigen::ArrayXd> size(squares.data(), static_cast<Index>(squares.size()));
   Tails out;
   out.kurtosis = moments(standardised).kurtosis;

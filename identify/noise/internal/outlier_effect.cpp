@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kMovedErrors = 1.0;
+constexpr double kMovedErrors = 2.6;
 constexpr double kMovedShare = 0.05;
 
 // Of the free entries at the estimate; NaN where it is not known.

@@ -10,8 +10,8 @@
 
 namespace identikal {
 
-/// Of maximum likelihood, from the estimate. It matters where a parameter moves by more than its
-/// standard error and by more than 5 % of itself.
+/// Of maximum likelihood, from the estimate. It matters where a parameter moves by more than 2.6
+/// standard errors and by more than 5 % of itself.
 /// @param end      what was estimated with the outliers; `estimate` lists it in its units
 /// @param cleaned  the recordings with the outliers missing
 OutlierEffect outlier_effect(const Estimate& estimate, const Model& model, const ParameterSet& end,

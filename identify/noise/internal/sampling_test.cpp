@@ -130,7 +130,7 @@ struct Contradiction {
 // Chosen on simulated recordings (tests/campaigns): of faultless ones 1 % are refused by this.
 // @param found  the smallest p first
 bool contradicts(const std::vector<Contradiction>& found) {
-  constexpr double kTogether = 0.03, kAlone = 1e-5, kOnly = 1e-3, kShare = 0.05;
+  constexpr double kTogether = 0.03, kAlone = 1e-5, kOnly = 1e-4, kShare = 0.05;
   if (found.empty()) return false;
   const auto against = [&](std::size_t i, double level) {
     return i < found.size() && found[i].p < level && found[i].share > kShare;
@@ -141,7 +141,7 @@ bool contradicts(const std::vector<Contradiction>& found) {
 
 // Else chi-square is far off: a diffuse start takes its part.
 bool enough_samples(const Model& model, const std::vector<Dataset>& recordings, int every) {
-  const Index fewest = 40 + 5 * as_linear(model).A.constant.rows();
+  const Index fewest = 60 + 5 * as_linear(model).A.constant.rows();
   return std::all_of(recordings.begin(), recordings.end(),
                      [&](const Dataset& data) { return data.size() / every >= fewest; });
 }
