@@ -55,7 +55,8 @@ VectorXd scattered_start(const ParameterSet& parameters, Random& random) {
 }
 
 // A search has ended at a maximum where it converged and every coordinate matters: where a variance
-// is zero, what it drives may lie anywhere, and the likelihood rises elsewhere on that plain.
+// is zero, what it drives may lie anywhere, and the likelihood rises elsewhere on that
+// plateau.
 bool is_maximum(const LikelihoodProblem& problem, const Solution& end) {
   constexpr double kNothing = 1e-9;  // information on a coordinate in units of itself
   double L = 0.0;

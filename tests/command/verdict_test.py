@@ -108,7 +108,7 @@ class Verdict(unittest.TestCase):
         out = result("tune", self.model, data, "--starts", 1, code=1)
         self.assertEqual("serious", self.codes(out)["step_differs"])
 
-    def test_a_start_that_stopped_on_a_plain_is_no_other_maximum(self):
+    def test_a_start_that_stopped_on_a_plateau_is_no_other_maximum(self):
         model = self.folder.write("ar.yaml", AR)
         data = self.folder.write("ar.csv", run("simulate", model, "--set", "a=0.8", "-n", 500, code=0).stdout)
         out = result("tune", model, data)

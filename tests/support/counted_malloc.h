@@ -1,4 +1,4 @@
-// How often does a stretch of code ask for memory? Replaces malloc() of the whole program, so what
+// How often does a piece of code allocate memory? Replaces malloc() of the whole program, so what
 // includes it is a program of its own (and has no sanitizer, which replaces malloc() too).
 #pragma once
 

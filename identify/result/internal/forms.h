@@ -63,7 +63,7 @@ struct CodeOf {
   Finding& finding;
 };
 
-/// The printed() ones: what the status says already is not said again.
+/// Only the printed() ones: a finding whose text is in the message of the status is left out.
 struct Printed {
   Findings& findings;
 };
