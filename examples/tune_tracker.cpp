@@ -2,7 +2,6 @@
 #include <cstdio>
 
 #include "identify/model/builder.h"
-#include "identify/model/recording.h"
 #include "identify/noise/ml.h"
 #include "lib/base/random.h"
 

@@ -47,7 +47,7 @@ std::unique_ptr<SampleFilter> filter_of_result(const ik_result& result) {
     return noise_sample_filter(track->model, track->noise.value());
   }
   Inputs inputs;
-  inputs.keep_result(result_name_in_memory(0), result.outcome.json, "");
+  inputs.keep_result(result_name_in_memory(0), result.outcome.json.text(), "");
   const StoredResult stored = inputs.result(result_name_in_memory(0));
   return filter_of_model(estimated_model(stored.estimate, stored.path));
 }

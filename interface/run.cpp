@@ -98,7 +98,7 @@ void check_arguments(const Arguments& given, const std::string& verb) {
   }
   for (std::size_t i = 0; i < given.previous_count; ++i) {
     const bool there = given.previous != nullptr && given.previous[i] != nullptr;
-    if (there && !given.previous[i]->outcome.json.empty()) continue;
+    if (there && given.previous[i]->outcome.json.exists()) continue;
     throw InputError({}, fmt::format("previous result {} {}", i + 1, there ? "is none" : "is NULL"),
                      "what ik_run() has given with code 0, 1, 3 or 4");
   }
@@ -133,7 +133,7 @@ void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs
   if (given.model_yaml != nullptr) inputs.keep_text(model_name_in_memory(), given.model_yaml);
   for (std::size_t i = 0; i < given.previous_count; ++i) {
     const Outcome& outcome = given.previous[i]->outcome;
-    inputs.keep_result(result_name_in_memory(i), outcome.json, outcome.page_data);
+    inputs.keep_result(result_name_in_memory(i), outcome.json.text(), outcome.page_data);
   }
   if (given.count == 0) return;
   const Model model = model_of_recordings(given, verb, inputs);
@@ -189,6 +189,7 @@ Outcome run_verb(const ik_result& result, bool wants_page,
   call.inputs = result.inputs;
   call.wants_page = wants_page;
   call.wants_series = true;
+  call.wants_text = false;
   call.progress = progress;
   return verb.run(call);
 }
@@ -236,7 +237,11 @@ int ik_run(const char* verb, const char* model_yaml, const ik_recording* recordi
 const char* ik_result_json(const ik_result* result) {
   if (result == nullptr) return "";
   const identikal::Outcome& outcome = result->outcome;
-  return outcome.json.empty() ? outcome.text.c_str() : outcome.json.c_str();
+  if (!outcome.json.exists()) return outcome.text.c_str();
+  const char* text = "";
+  ik_result problem;
+  guarded(problem, [&] { text = outcome.json.text().c_str(); });
+  return text;
 }
 
 const char* ik_result_message(const ik_result* result) {
@@ -258,13 +263,13 @@ const double* ik_result_series(const ik_result* result, const char* name, size_t
 }
 
 const char* ik_result_report_html(ik_result* result) {
-  if (result == nullptr || result->outcome.json.empty()) return "";
+  if (result == nullptr || !result->outcome.json.exists()) return "";
   if (!result->page.empty()) return result->page.c_str();
   ik_result problem;
   guarded(problem, [&] {
     const identikal::Outcome drawn = identikal::run_verb(*result, true, {});
     if (drawn.page_data.empty()) return;
-    result->page = identikal::report_page(drawn.json, drawn.page_data);
+    result->page = identikal::report_page(drawn.json.text(), drawn.page_data);
   });
   return result->page.c_str();
 }

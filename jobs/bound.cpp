@@ -78,8 +78,9 @@ Outcome bound(const BoundRequest& request, Call& call) {
   if (request.runs > 0) options.runs = static_cast<int>(request.runs);
   options.seed = static_cast<std::uint64_t>(request.seed);
   if (!request.accuracy.empty()) options.accuracy = wanted_accuracy(request.accuracy);
-  CramerRaoBound estimate = bound_of(model, options, planned ? &*planned : nullptr);
-  return finish(run, recordings, estimate, sections_of(estimate));
+  const auto estimate =
+      std::make_shared<CramerRaoBound>(bound_of(model, options, planned ? &*planned : nullptr));
+  return finish(run, recordings, kept(estimate));
 }
 
 }  // namespace

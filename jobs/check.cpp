@@ -37,9 +37,9 @@ Outcome check(const CheckOptions& options, Call& call) {
   require_filter(model, run.verb);
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
-  OptimalityReport estimate = check(model, recordings.data);
-  if (run.wants_pictures()) picture_filter(model, recordings.data, estimate);
-  return finish(run, recordings, estimate, sections_of(estimate));
+  const auto estimate = std::make_shared<OptimalityReport>(check(model, recordings.data));
+  if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);
+  return finish(run, recordings, kept(estimate));
 }
 
 }  // namespace

@@ -33,13 +33,7 @@ Outcome compare_results_of(const CompareOptions& options, Call& call) {
   for (const std::string& path : options.recordings.files) {
     results.push_back(call.inputs.result(path));
   }
-  const Comparison estimate = compare_results(results);
-  Outcome out;
-  out.json = result_json(sections_of(estimate), options.result.strict, run.seconds());
-  out.message = to_string(estimate.status) + ": " + estimate.message;
-  out.text = options.result.json ? out.json : console_report(sections_of(estimate));
-  out.exit_code = exit_code(estimate, options.result.strict);
-  return out;
+  return outcome_of(run, kept(std::make_shared<Comparison>(compare_results(results))));
 }
 
 // Results hold no rows: models are ranked on recordings alone.
@@ -79,8 +73,8 @@ Outcome compare_models(const CompareOptions& options, Call& call) {
     take_period(models.back(), loaded.data.front());
     recordings.push_back(loaded.data);
   }
-  Comparison estimate = compare_filters(models, recordings);
-  return finish(run, loaded, estimate, sections_of(estimate));
+  const auto estimate = std::make_shared<Comparison>(compare_filters(models, recordings));
+  return finish(run, loaded, kept(estimate));
 }
 
 Verb compare_verb() {

@@ -84,10 +84,11 @@ Outcome filter(const FilterOptions& given, Call& call) {
     files.push_back({"innovations.csv", std::move(of_innovations).str()});
   }
   const Series innovations = std::exchange(states.series, {});  // innovations.csv says it
-  Outcome out = finish(run, recordings, states, sections_of(states), files);
+  const auto estimate = std::make_shared<StateEstimate>(std::move(states));
+  Outcome out = finish(run, recordings, kept(estimate), files);
   if (call.wants_series) {
     add_series(innovations, out);
-    add_states(states, out);
+    add_states(*estimate, out);
   }
   return out;
 }

@@ -50,11 +50,12 @@ Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& opt
     check_period(model, recordings.data.front(), each.recording);
   }
   const auto estimated = [&](const std::vector<Dataset>& data) { return estimator(model, data); };
-  NoiseEstimate estimate =
-      reject_outliers ? tune_robust(model, recordings.data, estimated) : estimated(recordings.data);
-  if (!held.empty()) validate_on(held, model, recordings, estimate);
-  if (run.wants_pictures()) picture_filter(model, recordings.data, estimate);
-  return finish(run, recordings, estimate, sections_of(estimate));
+  const auto estimate = std::make_shared<NoiseEstimate>(
+      reject_outliers ? tune_robust(model, recordings.data, estimated)
+                      : estimated(recordings.data));
+  if (!held.empty()) validate_on(held, model, recordings, *estimate);
+  if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);
+  return finish(run, recordings, kept(estimate));
 }
 
 }  // namespace identikal

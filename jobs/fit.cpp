@@ -51,8 +51,9 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& mode
   options.search.progress = [&](int iteration, double) {
     return report_progress(run.call, fmt::format("fitting the vehicle: iteration {}", iteration));
   };
-  VehicleEstimate estimate = fit_vehicle(model, recordings.data, options);
-  return finish(run, recordings, estimate, sections_of(estimate));
+  return finish(
+      run, recordings,
+      kept(std::make_shared<VehicleEstimate>(fit_vehicle(model, recordings.data, options))));
 }
 
 // Free physical parameters of a filter are found by the same likelihood as its noise.

@@ -126,42 +126,55 @@ void add_series(const Series& series, Outcome& out) {
   out.series.push_back({"standardised", series.standardised.transpose()});
 }
 
-Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
-               ResultSections sections, const std::vector<ResultFile>& more_files) {
-  const ResultOptions& options = run.options;
-  Inputs& inputs = run.call.inputs;
-  estimate.verb = run.verb;
-  ModelSource own;
-  if (sections.model_file == nullptr && !run.model.empty()) {
-    own = model_source(run.model, inputs);
-    sections.model_file = &own;
-  }
-  add_inputs(estimate, recordings);
-  add_findings(estimate, recordings);
-  conclude_from(estimate, recordings);
+void KeptResult::take(ModelSource file) {
+  model_file = std::make_shared<const ModelSource>(std::move(file));
+  sections.model_file = model_file.get();
+}
+
+Outcome outcome_of(const Run& run, KeptResult result) {
+  const bool strict = run.options.strict;
   Outcome out;
-  out.json = result_json(sections, options.strict, run.seconds());
+  out.message = to_string(result.core->status) + ": " + result.core->message;
+  out.exit_code = exit_code(*result.core, strict);
+  if (run.call.wants_text && !run.options.json) out.text = console_report(result.sections);
+  out.json = LateText([result = std::move(result), strict, seconds = run.seconds()] {
+    return result_json(result.sections, strict, seconds);
+  });
+  if (run.call.wants_text && run.options.json) out.text = out.json.text();
+  return out;
+}
+
+Outcome finish(const Run& run, const Recordings& recordings, KeptResult result,
+               const std::vector<ResultFile>& more_files) {
+  const ResultOptions& options = run.options;
+  const ResultSections& sections = result.sections;
+  Inputs& inputs = run.call.inputs;
+  result.core->verb = run.verb;
+  add_inputs(*result.core, recordings);
+  add_findings(*result.core, recordings);
+  conclude_from(*result.core, recordings);
+  if (sections.model_file == nullptr && !run.model.empty()) {
+    result.take(model_source(run.model, inputs));
+  }
+  Outcome out = outcome_of(run, result);
   if (run.wants_pictures()) {
     out.page_data =
         report_data_json(report_data(sections, recordings.data, recordings.held_out,
                                      {run.call.command, run.model, inputs.sha256(run.model)}),
-                         out.json);
+                         out.json.text());
   }
   std::vector<OutputFile> written;
   if (!options.page.empty()) {
-    written.push_back({options.page, report_page(out.json, out.page_data), "--report"});
+    written.push_back({options.page, report_page(out.json.text(), out.page_data), "--report"});
   }
   if (!options.folder.empty()) {
-    std::vector<ResultFile> files = folder_files(sections, out.json, out.page_data);
+    std::vector<ResultFile> files = folder_files(sections, out.json.text(), out.page_data);
     files.insert(files.end(), more_files.begin(), more_files.end());
     const std::vector<OutputFile> of_folder = in_folder(options.folder, files);
     written.insert(written.end(), of_folder.begin(), of_folder.end());
   }
   if (!written.empty()) write_files(written, files_read(run, recordings));
   if (run.call.wants_series && sections.fit != nullptr) add_series(sections.fit->series, out);
-  out.message = to_string(estimate.status) + ": " + estimate.message;
-  out.text = options.json ? out.json : console_report(sections);
-  out.exit_code = exit_code(estimate, options.strict);
   return out;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -36,13 +37,29 @@ struct Run {
   bool wants_pictures() const;
 };
 
+/// A result that lives as long as somebody may ask for its JSON.
+struct KeptResult {
+  std::shared_ptr<Estimate> core;
+  ResultSections sections;
+  std::shared_ptr<const ModelSource> model_file = {};  ///< that of the sections
+
+  void take(ModelSource file);
+};
+
+template <typename Result>
+KeptResult kept(const std::shared_ptr<Result>& result) {
+  return {result, sections_of(*result)};
+}
+
 /// Completes the estimate by the notes of the recordings, writes what the options ask for, and
 /// gives what is to be printed.
-/// @param sections    of the same result
 /// @param more_files  of the folder, in addition to those of every result
 /// @throws InputError, OutputError as write_files()
-Outcome finish(const Run& run, const Recordings& recordings, Estimate& estimate,
-               ResultSections sections, const std::vector<ResultFile>& more_files = {});
+Outcome finish(const Run& run, const Recordings& recordings, KeptResult result,
+               const std::vector<ResultFile>& more_files = {});
+
+/// The result as JSON, the text that the call wants, message and exit code.
+Outcome outcome_of(const Run& run, KeptResult result);
 
 /// Measured and predicted outputs, a row per sample: "time" [s], "measured", "predicted" in the
 /// channels' units, "innovations" (their difference), "standardised".

@@ -70,18 +70,17 @@ Outcome shape_noise(const ShapingOptions& options, Call& call) {
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
   ShapeResult result = shape(model, recordings.data, of_search);
+  const auto estimate = std::make_shared<ShapingEstimate>(std::move(result.estimate));
   if (run.wants_pictures()) {
-    picture_filter(result.model ? *result.model : model, recordings.data, result.estimate);
+    picture_filter(result.model ? *result.model : model, recordings.data, *estimate);
   }
   const std::vector<ResultFile> files = files_of(model, result);
-  ResultSections sections = sections_of(result.estimate);
-  ModelSource shaped;
+  KeptResult shaped = kept(estimate);
   if (result.model) {
     const std::string& text = files[1].content;
-    shaped = {kShapedModel, sha256_of_text(text), text, {}};
-    sections.model_file = &shaped;
+    shaped.take({kShapedModel, sha256_of_text(text), text, {}});
   }
-  return finish(run, recordings, result.estimate, sections, files);
+  return finish(run, recordings, std::move(shaped), files);
 }
 
 }  // namespace

@@ -71,8 +71,9 @@ Outcome track_recording(const TrackOptions& options, Call& call) {
   const Dataset& recording = recordings.data.front();
   take_period(model, recording);
   const auto finished = [&](auto estimate) {
-    Outcome out = finish(run, recordings, estimate, sections_of(estimate));
-    if (call.wants_series) add_course(estimate.time_history, out);
+    const auto shared = std::make_shared<decltype(estimate)>(std::move(estimate));
+    Outcome out = finish(run, recordings, kept(shared));
+    if (call.wants_series) add_course(shared->time_history, out);
     return out;
   };
   if (is_vehicle(model)) return finished(track_vehicle(model, recording));

@@ -59,11 +59,10 @@ Outcome validate_result(const ValidationOptions& given, Call& call) {
   options.robust = given.robust;
   if (!given.least_fit.empty()) options.least_fit = least_fit(given.least_fit);
   const Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
-  Validation estimate =
-      validate(sections_of(result.estimate), model, recordings.data, recordings.records, options);
-  ResultSections sections = sections_of(estimate);
-  sections.model_file = sections_of(result.estimate).model_file;
-  return finish(run, recordings, estimate, sections);
+  KeptResult validation = kept(std::make_shared<Validation>(
+      validate(sections_of(result.estimate), model, recordings.data, recordings.records, options)));
+  if (result.estimate.model_file) validation.take(*result.estimate.model_file);
+  return finish(run, recordings, std::move(validation));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "jobs/inputs.h"
+#include "jobs/late_text.h"
 #include "jobs/options.h"
 #include <Eigen/Core>
 
@@ -29,6 +30,7 @@ struct Call {
   /// Called while it works. @return false to stop with the best so far
   std::function<bool(const std::string& what, double share, double value)> progress;
   bool wants_series = false, wants_page = false;
+  bool wants_text = true;                               ///< else a result has no Outcome::text
   std::function<void(const std::string& line)> notice;  ///< takes remarks on how it was called
 };
 
@@ -40,7 +42,7 @@ bool report_progress(const Call& call, const std::string& what, double share = k
 struct Outcome {
   int exit_code = 0;
   std::string text;                 ///< for people, or JSON where the options ask for it
-  std::string json;                 ///< the result, of verbs that have one
+  LateText json;                    ///< the result, of verbs that have one
   std::string page_data;            ///< what the page draws beyond it (identify/report/page_data.h)
   std::string message;              ///< of a result, its status and why: "ok: converged"
   std::vector<NamedSeries> series;  ///< where the call asks for them

@@ -16,6 +16,7 @@
 #include <Eigen/Core>
 
 #include "identify/model/model.h"
+#include "identify/model/recording.h"  // its samples are in memory too
 #include "identify/model/yaml_reader.h"
 
 namespace identikal {
