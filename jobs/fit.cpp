@@ -19,6 +19,7 @@ struct FitOptions {
   ResultOptions result;
   SearchOptions search;
   std::string method;  // of a vehicle; empty: output-error
+  std::string structure;
   bool robust = false, reject_outliers = false;
   std::int64_t bootstrap = 0;
 };
@@ -42,6 +43,9 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& mode
   options.bootstrap = static_cast<int>(given.bootstrap);
   options.pictures = run.wants_pictures();
   options.method = vehicle_method(given.method);
+  if (given.structure == "auto") {
+    options.structure = VehicleFitOptions::Structure::automatic;
+  }
   for (const HeldOut& held :
        hold_out(given.search.hold_out, model, parse_range(given.recordings.range), recordings,
                 run.call.inputs)) {
@@ -60,7 +64,8 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& mode
 Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
   for (const auto& [is_given, option] :
        {std::pair{given.bootstrap > 0, std::string("--bootstrap")},
-        std::pair{!given.method.empty(), "--method " + given.method}}) {
+        std::pair{!given.method.empty(), "--method " + given.method},
+        std::pair{!given.structure.empty(), "--structure " + given.structure}}) {
     if (!is_given) continue;
     throw InputError({model.source, 0, 0}, option + " does not apply to a filter",
                      "model: single-track", "a filter is fitted by maximum likelihood");
@@ -101,6 +106,11 @@ Verb fit_verb() {
              "disturb, prediction-error: with a filter gain, or trajectory: with the states of all "
              "rows unknown.",
              "output-error");
+  add_choice(verb, "--structure", options->structure, {"as-written", "auto"},
+             "Vehicle: Choose what becomes of lags, roll and bending tyres that the model does not "
+             "have. as-written: they widen the errors; auto: the values are those with all of them "
+             "allowed for.",
+             "as-written");
   add_flag(verb, "--robust", options->robust,
            "Vehicle: Take the noise to follow Student's t instead of a normal distribution.");
   add_flag(verb, "--reject-outliers", options->reject_outliers,

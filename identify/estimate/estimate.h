@@ -39,6 +39,7 @@ struct EstimatedParameter {
   std::array<double, 2> ci95{kNone, kNone};
   std::array<double, 2> profile95{kNone, kNone};  ///< interval of the profile likelihood
   double se_sandwich = kNone;                     ///< allows for noise that is not Gaussian
+  double se_structure = kNone;  ///< the part of `se` that comes by what the model leaves out
   /// Cramér-Rao standard deviation at the estimate for white noise of the distribution that was
   /// fitted: normal, or Student's with `fit --robust`
   double crb_se = kNone;

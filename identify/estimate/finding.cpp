@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 90> kKinds = {{
+constexpr std::array<FindingKind, 91> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -196,6 +196,9 @@ constexpr std::array<FindingKind, 90> kKinds = {{
      "The recording contradicts the given steering ratio"},
     {FindingCode::steering_delay, "steering_delay", Severity::warning, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name, "The steering angle lags"},
+    {FindingCode::structure_dependent, "structure_dependent", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
+     "A parameter hangs on what the model leaves out: lags, roll, bending tyres"},
     {FindingCode::hold_out, "hold_out", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "Held-out data are predicted much worse than those fitted"},
     {FindingCode::insufficient_power, "insufficient_power", Severity::warning, Severity::warning,

@@ -101,6 +101,7 @@ enum class FindingCode {
   no_saturation,
   steering_gain,
   steering_delay,
+  structure_dependent,
   hold_out,
   insufficient_power,
   tracked_only,

@@ -18,6 +18,8 @@
 #include "identify/vehicle/internal/pictures.h"
 #include "identify/vehicle/internal/steady_cornering.h"
 #include "identify/vehicle/internal/structure_comparison.h"
+#include "identify/vehicle/internal/structure_judgement.h"
+#include "identify/vehicle/internal/structure_study.h"
 #include "identify/vehicle/internal/trajectory.h"
 #include "identify/vehicle/output_error.h"
 #include "identify/vehicle/search.h"
@@ -176,11 +178,22 @@ void report_series(const VehicleSearch& found, const VehicleCovariance& covarian
   }
 }
 
+/// The simulation that the study ended with stands for that of the model as it is written.
+void report_errors_of(const StructureStudy& study, const VehicleProblem& problem,
+                      VehicleEstimate& estimate) {
+  Series& series = estimate.series;
+  for (std::size_t i = 0; i < problem.row.size(); ++i) {
+    const Eigen::Index j = problem.output[i], t = problem.row[i];
+    series.predicted(j, t) =
+        series.measured(j, t) +
+        in_unit(problem.run->outputs[j], study.errors[static_cast<Eigen::Index>(i)]);
+  }
+  estimate.simulation = channel_fits(series, problem.robust);
+}
+
 /// Characteristic values, which the data may determine even where single parameters are not.
-void report_derived(const VehicleSearch& found, const VehicleCovariance& covariance,
-                    VehicleEstimate& estimate) {
-  const VehicleProblem& problem = found.problem;
-  const VehicleParameters<double> p = parameters_at(problem, found.best.z);
+void report_derived(const VehicleProblem& problem, const VehicleParameters<double>& p,
+                    const VehicleCovariance& covariance, VehicleEstimate& estimate) {
   const double u = problem.run->median_speed;
   const std::array<double, 6> x = {p[kMass], p[kA], p[kB], p[kYawInertia], p[kCf], p[kCr]};
 
@@ -385,11 +398,22 @@ struct VehicleFit {
   VehicleSearch found;
   VehicleCovariance covariance;
   bool stopped = false;  ///< by the caller: this search, and all that would follow
+  std::optional<StructureStudy> structure = {};
+  /// Values of the free parameters, SI: of the simulation, and of the method that went on from it.
+  Eigen::VectorXd simulated = {}, as_written = {};
 
+  bool takes_structure() const {
+    return structure && options.structure == VehicleFitOptions::Structure::automatic;
+  }
   bool simulates() const { return options.method == VehicleFitOptions::Method::output_error; }
   bool second_opinion() const { return options.second_opinion && !stopped; }
   VehicleParameters<double> parameters() const {
-    return parameters_at(found.problem, found.best.z);
+    VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
+    const VehicleUnknowns& unknowns = found.problem.unknowns;
+    for (std::size_t i = 0; i < unknowns.free.size() && takes_structure(); ++i) {
+      p[unknowns.free[i]] = structure->value[static_cast<Eigen::Index>(i)];
+    }
+    return p;
   }
 };
 
@@ -442,6 +466,34 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
       "more samples than unknowns");
 }
 
+/// What causes that the model does not have would change, where a stiffness or the inertia is free.
+std::optional<StructureStudy> structure_of(const VehicleFit& fit) {
+  const std::vector<VehicleParameter>& free = fit.found.problem.unknowns.free;
+  const bool any = std::any_of(free.begin(), free.end(), [](VehicleParameter p) {
+    return p == kCf || p == kCr || p == kYawInertia;
+  });
+  using Structure = VehicleFitOptions::Structure;
+  if (!any || !fit.second_opinion() || fit.options.structure == Structure::ignored) return {};
+  StructureStudy study = study_structure(fit.found.problem, fit.found.best);
+  if (study.covariance.size() == 0 || !study.covariance.allFinite()) return {};
+  return study;
+}
+
+Eigen::VectorXd free_values(const VehicleSearch& found) {
+  return found.best.z.head(found.problem.parameters()).cwiseProduct(found.problem.unknowns.scale);
+}
+
+/// Values and errors with the structure in view.
+void allow_for_structure(VehicleFit& fit) {
+  if (!fit.structure) return;
+  fit.as_written = free_values(fit.found);
+  if (fit.takes_structure()) {
+    take_structure(*fit.structure, fit.as_written, fit.covariance);
+  } else {
+    widen_by_structure(*fit.structure, fit.as_written, fit.simulated, fit.covariance);
+  }
+}
+
 /// The best simulation, from there on what the method adds to it, then the covariance.
 /// @return false when the simulation diverges from every start
 bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, VehicleFit& fit,
@@ -455,6 +507,8 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
   };
   VehicleSearch& found = fit.found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) return false;
+  fit.simulated = free_values(found);
+  fit.structure = structure_of(fit);
   if (fit.options.method == Method::trajectory) {
     fit.covariance = follow_trajectory(fit.options, watched, found, estimate);
   } else {
@@ -470,6 +524,7 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
   if (fit.options.bootstrap > 0 && !fit.stopped) {
     bootstrap_errors(found.problem, fit.options.bootstrap, fit.options.search.seed, fit.covariance);
   }
+  allow_for_structure(fit);
   return true;
 }
 
@@ -493,18 +548,34 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
           ? "inverse information, path eliminated; process and measurement noise taken as white"
           : kind_of(covariance, found.problem.robust);
   report_series(found, covariance, estimate);
-  report_derived(found, covariance, estimate);
+  report_derived(found.problem, p, covariance, estimate);
+  if (fit.structure) {
+    report_structure(*fit.structure, fit.as_written, fit.takes_structure(), unknowns, estimate);
+  }
+  if (fit.takes_structure()) report_errors_of(*fit.structure, found.problem, estimate);
   if (fit.options.hold_out.empty()) return;
   report_hold_out(
       validate_vehicle(fit.model, fit.options.hold_out, unknowns, p, fit.options.search.robust),
       found, covariance, fit.simulates(), estimate);
 }
 
+/// Where the errors allow for bending tyres, delays and ratio, these are no reasons to refuse.
+Findings informing(Findings findings) {
+  for (Finding& finding : findings) {
+    const FindingCode code = finding.code;
+    const bool in_errors = code == FindingCode::tyre_saturation ||
+                           code == FindingCode::steering_delay ||
+                           code == FindingCode::steering_gain;
+    if (in_errors && finding.severity == Severity::serious) finding.severity = Severity::warning;
+  }
+  return findings;
+}
+
 /// What other forms of the model say, where their fits can be compared with this one.
 Findings check_other_forms(const VehicleFit& fit, VehicleEstimate& estimate) {
   AlternativeForms other = compare_alternatives(fit.found, fit.options.search, estimate);
   estimate.notes.insert(estimate.notes.end(), other.notes.begin(), other.notes.end());
-  return std::move(other.findings);
+  return fit.structure ? informing(std::move(other.findings)) : std::move(other.findings);
 }
 
 /// The findings. Those on channels come first: where a channel is misread, other forms of the model
@@ -528,11 +599,14 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
   output_error(problem, fit.found.best.z, e, nullptr);
   append(found, check_fit(problem, rms_per_output(problem, e), estimate));
   if (unknowns.curve == TyreCurve::linear && fit.simulates() && !has_misreading(found)) {
-    append(found,
-           check_tyres(problem, test_tyre_saturation(problem, fit.found.best, fit.covariance),
-                       estimate));
+    Findings tyres = check_tyres(
+        problem, test_tyre_saturation(problem, fit.found.best, fit.covariance), estimate);
+    append(found, fit.structure ? informing(std::move(tyres)) : std::move(tyres));
   }
   append(found, check_whiteness(fit.covariance));
+  if (fit.structure && !has_misreading(found)) {
+    append(found, check_structure(*fit.structure, unknowns, estimate));
+  }
   append(found, check_steering_gain(problem, fit.covariance, p,
                                     as_vehicle(fit.model).steering_at_road_wheel));
   if (other_forms && !has_misreading(found)) append(found, check_other_forms(fit, estimate));

@@ -16,6 +16,11 @@ struct VehicleFitOptions {
   /// filter gain (identify/vehicle/output_error.h), trajectory with the states of all rows as
   /// unknowns (identify/vehicle/internal/trajectory.h).
   enum class Method { output_error, prediction_error, trajectory } method = Method::output_error;
+  /// What to make of lags, roll and bending tyres that the model does not have
+  /// (identify/vehicle/internal/structure_study.h): as_written keeps the values and widens their
+  /// errors, automatic takes the values with all of them allowed for, ignored does neither. Part of
+  /// the second opinion.
+  enum class Structure { as_written, automatic, ignored } structure = Structure::as_written;
   bool second_opinion = true;     ///< survey the recordings and try other forms of the model
   int bootstrap = 0;              ///< draws of the block bootstrap for the errors; 0: none
   std::vector<Dataset> hold_out;  ///< recordings, or the rest of them, to validate on

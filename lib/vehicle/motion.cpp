@@ -18,9 +18,6 @@ constexpr double kStepPerTimeConstant = 0.35;
 // The same for the lag of the forces, which is fed smoothly.
 constexpr double kStepPerRelaxation = 0.7;
 
-// A wheel that leaves the road: a glitch of the measured speed must not turn loads negative.
-constexpr double kLeastLoad = 0.1;
-
 /// An axle force and its derivatives with respect to vy, r and the parameters of the car.
 struct ForceJacobian {
   double by_vy = 0.0, by_r = 0.0;
@@ -62,8 +59,9 @@ class Balance {
   /// The forces that belong to the slip angles of `now`.
   Eigen::Vector2d forces(const Motion& now) const {
     if (loaded_) {
-      return {under_load(car_.front, front_change(now)).force(now.slip_front),
-              under_load(car_.rear, rear_change(now)).force(now.slip_rear)};
+      const LoadChange change = load_change(car_, now.vx_rate);
+      return {loaded(car_.front, change.front).force(now.slip_front),
+              loaded(car_.rear, change.rear).force(now.slip_rear)};
     }
     return {front_.force(now.slip_front), rear_.force(now.slip_rear)};
   }
@@ -83,13 +81,12 @@ class Balance {
   /// stays zero in `front` and `rear`.
   Eigen::Vector2d forces_and_jacobian(const Motion& now, const DrivenSegment::Node& at,
                                       ForceJacobian& front, ForceJacobian& rear) const {
-    const double change_front = front_change(now), change_rear = rear_change(now);
-    const AxleForce Ff =
-        loaded_ ? under_load(car_.front, change_front).force_and_jacobian(now.slip_front)
-                : front_.force_and_jacobian(now.slip_front);
-    const AxleForce Fr = loaded_
-                             ? under_load(car_.rear, change_rear).force_and_jacobian(now.slip_rear)
-                             : rear_.force_and_jacobian(now.slip_rear);
+    const auto [change_front, change_rear] = load_change(car_, now.vx_rate);
+    const AxleForce Ff = loaded_
+                             ? loaded(car_.front, change_front).force_and_jacobian(now.slip_front)
+                             : front_.force_and_jacobian(now.slip_front);
+    const AxleForce Fr = loaded_ ? loaded(car_.rear, change_rear).force_and_jacobian(now.slip_rear)
+                                 : rear_.force_and_jacobian(now.slip_rear);
     front.by_vy = Ff.by_slip * at.inverse_vx;
     front.by_r = front.by_vy * car_.a;
     front.by[kA] = front.by_vy * now.r;
@@ -119,18 +116,10 @@ class Balance {
   double angle(const DrivenSegment::Node& at) const {
     return at.steering + car_.steering_offset - later_ * at.steering_rate;
   }
-  double front_change(const Motion& now) const {
-    return std::max(kLeastLoad - 1.0, front_load_ * car_.cg_height * now.vx_rate);
-  }
-  double rear_change(const Motion& now) const {
-    return std::max(kLeastLoad - 1.0, rear_load_ * car_.cg_height * now.vx_rate);
-  }
 
   /// @param change  Fz/Fz0 - 1
-  AxleCurve under_load(Axle<> axle, double change) const {
-    axle.stiffness *= 1.0 + car_.load_sensitivity * change;
-    axle.softening /= (1.0 + change) * (1.0 + change);
-    return AxleCurve(axle);
+  AxleCurve loaded(const Axle<>& axle, double change) const {
+    return AxleCurve(under_load(axle, change, car_.load_sensitivity));
   }
 
   static void by_tyre(const AxleForce& force, VehicleParameter stiffness,
@@ -149,7 +138,7 @@ class Balance {
     by[stiffness] = force.by_stiffness * (1.0 + car_.load_sensitivity * change);
     by[softening] = force.by_softening * inverse_square;
     by[kLoadSensitivity] = force.by_stiffness * at_rest.stiffness * change;
-    if (change <= kLeastLoad - 1.0) return 0.0;
+    if (change <= kLeastLoadChange) return 0.0;
     return force.by_stiffness * at_rest.stiffness * car_.load_sensitivity -
            2.0 * force.by_softening * at_rest.softening * inverse_square / load;
   }

@@ -62,6 +62,17 @@ SingleTrackMatrices single_track_matrices(const SingleTrack<>& car, double vx) {
   return out;
 }
 
+LoadChange load_change(const SingleTrack<>& car, double vx_rate) {
+  const double moment = car.cg_height * vx_rate / kStandardGravity;
+  return {std::max(kLeastLoadChange, -moment / car.b), std::max(kLeastLoadChange, moment / car.a)};
+}
+
+Axle<> under_load(Axle<> axle, double change, double sensitivity) {
+  axle.stiffness *= 1.0 + sensitivity * change;
+  axle.softening /= (1.0 + change) * (1.0 + change);
+  return axle;
+}
+
 double decay_rate_times_speed(const SingleTrack<>& car) {
   return (car.front.stiffness + car.rear.stiffness) / car.m +
          (car.a * car.a * car.front.stiffness + car.b * car.b * car.rear.stiffness) / car.Iz;

@@ -89,6 +89,20 @@ SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p);
 /// The car with linear axles.
 SingleTrack<> linear_car(const VehicleParameters<double>& p);
 
+/// A glitch of the measured speed must not lift a wheel off the road.
+inline constexpr double kLeastLoadChange = -0.9;
+
+/// Change of an axle's load over its load at standstill that braking and driving make, but no less
+/// than kLeastLoadChange: front -h vx'/(g b), rear h vx'/(g a) with h the height of the centre of gravity.
+struct LoadChange {
+  double front = 0.0, rear = 0.0;
+};
+LoadChange load_change(const SingleTrack<>& car, double vx_rate);
+
+/// The axle with its load changed by that share: the largest force grows with it, the stiffness with
+/// `sensitivity` of it.
+Axle<> under_load(Axle<> axle, double change, double sensitivity);
+
 /// x' = A x + B delta with x = (vy, r) and delta the road-wheel angle, at constant vx > 0.
 /// Sladká (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz
 /// vx); the source prints -(a Cf + b Cr). Without bank.

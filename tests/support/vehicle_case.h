@@ -144,6 +144,13 @@ inline Parameter unknown(const std::string& name, const std::string& unit, doubl
 
 using identikal::sladka2010_model;
 
+/// The errors are those of the noise alone.
+inline VehicleFitOptions of_noise_alone() {
+  VehicleFitOptions options;
+  options.structure = VehicleFitOptions::Structure::ignored;
+  return options;
+}
+
 /// For Monte Carlo: the fit alone, without the survey and the other forms of the model.
 inline VehicleFitOptions without_second_opinion() {
   VehicleFitOptions options;

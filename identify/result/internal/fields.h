@@ -51,6 +51,8 @@ void describe(Fields& fields, EstimatedParameter& p) {
   fields("ci95", p.ci95, "95 % interval");
   fields("profile95", p.profile95, "95 % interval of the profile likelihood");
   fields("se_sandwich", p.se_sandwich, "standard error that allows for noise that is not Gaussian");
+  fields("se_structure", p.se_structure,
+         "part of the standard error that comes by what the model leaves out (vehicles)");
   fields("crb_se", p.crb_se,
          "Cramer-Rao standard deviation for white noise of the distribution that was fitted");
   fields("start", p.start, "value where the search began");

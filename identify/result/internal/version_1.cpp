@@ -101,6 +101,7 @@ void add_new_keys(Json& result) {
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
   add("tests/*", "share", nullptr);
+  add("parameters/*", "se_structure", nullptr);
 }
 
 // What a schema says itself, or a definition that it refers to, perhaps as one of two.

@@ -64,7 +64,7 @@ TEST(VehicleFit, StopsWhenToldAndSearchesNoFurther) {
 
 TEST(VehicleFit, FindsTheSladka2010Car) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
-  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, of_noise_alone());
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
   for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
     const EstimatedParameter& p = parameter(fit, name);
@@ -502,7 +502,7 @@ TEST(VehicleFit, SaturatingTyresAreSeen) {
   car.inverse_saturation_f = 1.0 / std::pow(6500.0, 2);
   car.inverse_saturation_r = 1.0 / std::pow(4500.0, 2);
   const Dataset data = with_noise(lane_change(car, 100.0), {0.01, 0.03}, 17);
-  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, of_noise_alone());
   const Finding* saturation = finding(fit, FindingCode::tyre_saturation);
   ASSERT_NE(saturation, nullptr);
   EXPECT_EQ(saturation->severity, Severity::serious) << saturation->text;
@@ -830,7 +830,7 @@ TEST(VehicleFitRecordings, RaceCar) {
   model.parameters = {known("m", "kg", 982.0),     known("a", "m", 1.33),
                       known("b", "m", 1.07),       unknown("Iz", "kg m^2", 1400.0),
                       unknown("Cf", "N/rad", 8e4), unknown("Cr", "N/rad", 8e4)};
-  const VehicleEstimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data, of_noise_alone());
   std::printf(
       "race car, linear: Cf %.0f +- %.0f (white %.0f), Cr %.0f +- %.0f (white %.0f), r fit %.1f "
       "%%\n",

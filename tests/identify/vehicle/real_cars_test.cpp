@@ -138,8 +138,8 @@ Dataset late_steering(double delay) {
 }
 
 TEST(VehicleModel, DelayIsFoundOrSaid) {
-  const VehicleEstimate fit =
-      fit_vehicle(with_free(sladka2010_model(), "steering_delay", "s", 0.0), late_steering(0.08));
+  const VehicleEstimate fit = fit_vehicle(with_free(sladka2010_model(), "steering_delay", "s", 0.0),
+                                          late_steering(0.08), of_noise_alone());
   const EstimatedParameter& delay = parameter(fit, "steering_delay");
   EXPECT_NEAR(delay.value, 0.08, 3.0 * delay.se);
   EXPECT_LT(delay.se, 0.01);
@@ -149,6 +149,7 @@ TEST(VehicleModel, DelayIsFoundOrSaid) {
   const Finding* said = finding(without, FindingCode::steering_delay);
   ASSERT_NE(said, nullptr);
   EXPECT_THAT(said->text, HasSubstr("with steering_delay free it is 0.07"));
+  EXPECT_EQ(without.status, Status::untrusted) << without.message;
   EXPECT_EQ(
       finding(fit_vehicle(sladka2010_model(), late_steering(0.0)), FindingCode::steering_delay),
       nullptr);
@@ -256,7 +257,7 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
   Parameter& Cf = *find(model, "Cf");
   (wrong < 88107.7 ? Cf.max : Cf.min) = 0.5 * (wrong + 88107.7);
   Cf.value(0, 0) = wrong;
-  const VehicleEstimate fit = fit_vehicle(model, data);
+  const VehicleEstimate fit = fit_vehicle(model, data, of_noise_alone());
   EXPECT_EQ(parameter(fit, "Cf").verdict, Verdict::ok);
   EXPECT_EQ(finding(fit, FindingCode::steering_gain), nullptr)
       << finding(fit, FindingCode::steering_gain)->text;
@@ -266,8 +267,9 @@ TEST(VehicleModel, AlternativesAtBoundsAreLeftOut) {
 TEST(VehicleModel, RecordingsAddUp) {
   const Dataset first = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 11);
   const Dataset second = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 12);
-  const VehicleEstimate one = fit_vehicle(sladka2010_model(), first);
-  const VehicleEstimate both = fit_vehicle(sladka2010_model(), std::vector<Dataset>{first, second});
+  const VehicleEstimate one = fit_vehicle(sladka2010_model(), first, of_noise_alone());
+  const VehicleEstimate both =
+      fit_vehicle(sladka2010_model(), std::vector<Dataset>{first, second}, of_noise_alone());
   ASSERT_EQ(both.inputs.size(), 2U);
   EXPECT_EQ(both.inputs[1].used, 700);
   for (const char* name : {"Cf", "Cr", "Iz"}) {
@@ -282,14 +284,14 @@ TEST(VehicleModel, RecordingsAddUp) {
 // both together.
 TEST(VehicleModel, PriorCountsAsAMeasurement) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
-  const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data);
+  const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data, of_noise_alone());
   const double value = parameter(plain, "Iz").value, se = parameter(plain, "Iz").se;
   for (const bool logarithm : {false, true}) {
     Model model = sladka2010_model();
     const double away = value + 4.0 * se;
     find(model, "Iz")->prior = logarithm ? Prior{Prior::Kind::log_normal, away, std::exp(se / away)}
                                          : Prior{Prior::Kind::normal, away, se};
-    const VehicleEstimate fit = fit_vehicle(model, data);
+    const VehicleEstimate fit = fit_vehicle(model, data, of_noise_alone());
     EXPECT_NEAR(parameter(fit, "Iz").value, value + 2.0 * se, 0.15 * se);
     EXPECT_NEAR(parameter(fit, "Iz").se, se / std::sqrt(2.0), 0.05 * se);
   }
@@ -396,7 +398,7 @@ TEST(VehicleModel, BoundBesideARobustFit) {
 // is printed is the sandwich of one recording, which scatters by several % more: hence 15 %.
 TEST(VehicleModel, RobustCostIsNearlyAsGoodForNormalNoise) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
-  VehicleFitOptions options;
+  VehicleFitOptions options = of_noise_alone();
   const VehicleEstimate plain = fit_vehicle(sladka2010_model(), data, options);
   options.search.robust = true;
   const VehicleEstimate robust = fit_vehicle(sladka2010_model(), data, options);
@@ -410,7 +412,7 @@ TEST(VehicleModel, RobustCostIsNearlyAsGoodForNormalNoise) {
 // White residuals: the bootstrap agrees with the information matrix.
 TEST(VehicleModel, BootstrapAgreesWithTheInformation) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 4);
-  VehicleFitOptions options;
+  VehicleFitOptions options = of_noise_alone();
   options.bootstrap = 2000;
   const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data, options);
   EXPECT_THAT(fit.covariance_kind, HasSubstr("block bootstrap, 2000 draws of 200 blocks"));

@@ -1,0 +1,141 @@
+#include "identify/vehicle/internal/structure_judgement.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "identify/estimate/parameter_table.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kOpen = 0.25;  // of a parameter: what makes it unknown
+constexpr double kAdoptedShift = 2.0 / 3.0;
+constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
+constexpr double kMistaken = 5.0;           // standard deviations of the prior
+constexpr double kSeen = 2.0;               // standard deviations from the prior's mean
+constexpr double kDetermined = 0.7;         // of the prior's standard deviation
+
+Eigen::MatrixXd structural_covariance(const StructureStudy& study, const Eigen::VectorXd& value,
+                                      double share) {
+  const Eigen::VectorXd shift = share * (study.value - value);
+  return study.covariance + shift * shift.transpose();
+}
+
+bool is_judged(VehicleParameter parameter) {
+  return parameter == kCf || parameter == kCr || parameter == kYawInertia;
+}
+
+/// What would narrow the error of these parameters most.
+std::string separating_measurement(const StructureStudy& study,
+                                   const std::vector<Eigen::Index>& parameters) {
+  std::vector<std::pair<double, std::string>> gain;
+  for (std::size_t c = 0; c < study.causes.size(); ++c) {
+    const std::string& name = study.causes[c].separated_by;
+    auto at =
+        std::find_if(gain.begin(), gain.end(), [&](const auto& g) { return g.second == name; });
+    if (at == gain.end()) at = gain.insert(gain.end(), {0.0, name});
+    for (const Eigen::Index i : parameters) {
+      at->first += std::pow(study.with_causes(i, static_cast<Eigen::Index>(c)), 2);
+    }
+  }
+  std::sort(gain.begin(), gain.end(),
+            [](const auto& a, const auto& b) { return a.first > b.first; });
+  if (gain.empty()) return "";
+  return gain.size() < 2 || gain[1].first < 0.5 * gain[0].first
+             ? gain[0].second
+             : fmt::format("{}; {}", gain[0].second, gain[1].second);
+}
+
+std::string in_words(const StructureCause& cause) {
+  return fmt::format("{} {:.2g} +- {:.1g}{}{}", cause.name, cause.value, cause.sd,
+                     cause.unit.empty() ? "" : " ", cause.unit);
+}
+
+/// A ratio is in the model file: one that is wrong by more than it can be uncertain is a mistake.
+Findings check_ratio(const StructureStudy& study) {
+  for (const StructureCause& cause : study.causes) {
+    if (cause.name != name_of(kSteeringGain)) continue;
+    if (std::abs(cause.value - cause.prior_mean) < kMistaken * cause.prior_sd) return {};
+    return {{FindingCode::steering_gain,
+             Severity::serious,
+             {cause.name},
+             fmt::format("the recording contradicts the steering ratio: {}", in_words(cause)),
+             "correct the ratio, or free steering_gain"}};
+  }
+  return {};
+}
+
+}  // namespace
+
+void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& value,
+                        const Eigen::VectorXd& simulated, VehicleCovariance& covariance) {
+  const Eigen::VectorXd by_method = simulated - value;
+  const Eigen::MatrixXd more =
+      structural_covariance(study, value, 1.0) + by_method * by_method.transpose();
+  covariance.covariance += more(covariance.inner, covariance.inner);
+}
+
+void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
+                    VehicleCovariance& covariance) {
+  const Eigen::MatrixXd own = structural_covariance(study, value, kAdoptedShift);
+  covariance.covariance = own(covariance.inner, covariance.inner);
+}
+
+void report_structure(const StructureStudy& study, const Eigen::VectorXd& value, bool adopted,
+                      const VehicleUnknowns& unknowns, VehicleEstimate& estimate) {
+  const Eigen::MatrixXd more = structural_covariance(study, value, adopted ? kAdoptedShift : 1.0);
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
+    const auto n = static_cast<Eigen::Index>(i);
+    if (std::isnan(p.se)) continue;
+    const double slope = in_user_terms(unknowns.free[i], adopted ? study.value[n] : value[n]).slope;
+    p.se_structure = std::sqrt(more(n, n)) * std::abs(slope) / unit_scale(p.unit);
+  }
+  if (!adopted) return;
+  for (const StructureCause& cause : study.causes) {
+    estimate.derived.push_back({cause.name, cause.unit, cause.value, cause.sd});
+  }
+}
+
+Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
+                         VehicleEstimate& estimate) {
+  std::vector<std::string> seen;
+  for (const StructureCause& cause : study.causes) {
+    const bool told = cause.sd < kDetermined * cause.prior_sd;
+    if (told && std::abs(cause.value - cause.prior_mean) > kSeen * cause.sd) {
+      seen.push_back(in_words(cause));
+    }
+  }
+  std::vector<Eigen::Index> open;
+  std::vector<std::string> names, texts;
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
+    if (!is_judged(unknowns.free[i]) || !(p.se > kOpen * std::abs(p.value))) continue;
+    if (std::pow(p.se_structure / p.se, 2) < kShareOfStructure) continue;
+    const auto n = static_cast<Eigen::Index>(i);
+    const double per_si = 1.0 / unit_scale(p.unit);
+    open.push_back(n);
+    names.push_back(p.name);
+    texts.push_back(fmt::format("{} {:.4g} here, {:.4g} +- {:.2g} {} with them", p.name, p.value,
+                                study.value[n] * per_si, std::sqrt(study.covariance(n, n)) * per_si,
+                                p.unit));
+  }
+  if (!seen.empty()) {
+    estimate.notes.push_back(
+        fmt::format("the recording shows what the model leaves out: {}", fmt::join(seen, ", ")));
+  }
+  Findings out = check_ratio(study);
+  if (open.empty()) return out;
+  out.push_back(make_finding(
+      FindingCode::structure_dependent, names,
+      fmt::format("{} hang{} on what the model leaves out (lags, roll, bending tyres): {}",
+                  fmt::join(names, ", "), names.size() == 1 ? "s" : "", fmt::join(texts, "; ")),
+      fmt::format("to tell the causes apart: {}", separating_measurement(study, open))));
+  return out;
+}
+
+}  // namespace identikal

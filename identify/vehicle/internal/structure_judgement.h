@@ -1,0 +1,32 @@
+// What does the study of the structure mean for values, errors and verdict?
+#pragma once
+
+#include "identify/estimate/results.h"
+#include "identify/vehicle/covariance.h"
+#include "identify/vehicle/internal/structure_study.h"
+
+namespace identikal {
+
+/// Adds to the covariance what the structure leaves open: the study's covariance, and the square of
+/// the shift between the values of the model as it is written and the study's; where the method does
+/// not simulate, that of the shift to what a simulation gives too.
+/// @param value, simulated  of the free parameters, SI, by the method and by a simulation of the
+///   model as it is written
+void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& value,
+                        const Eigen::VectorXd& simulated, VehicleCovariance& covariance);
+
+/// The covariance of the study's own values: the study's, and the square of two thirds of the shift,
+/// for its causes are not all there are.
+void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
+                    VehicleCovariance& covariance);
+
+/// Fills EstimatedParameter::se_structure.
+void report_structure(const StructureStudy& study, const Eigen::VectorXd& value, bool adopted,
+                      const VehicleUnknowns& unknowns, VehicleEstimate& estimate);
+
+/// What the recording shows of the causes, as a note; structure_dependent, serious, where a
+/// stiffness or the yaw inertia is left open by more than a quarter of it.
+Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
+                         VehicleEstimate& estimate);
+
+}  // namespace identikal

@@ -1,0 +1,45 @@
+// How much of the answer hangs on what a single track leaves out?
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/vehicle/output_error.h"
+#include "lib/vehicle/secondary_effects.h"
+
+namespace identikal {
+
+/// Something that the model takes as absent or as known, what cars and test equipment have of it,
+/// and what it is with the recording in view. All numbers are in `unit`.
+struct StructureCause {
+  std::string name, unit;
+  double prior_mean = 0.0, prior_sd = 0.0;
+  double value = 0.0, sd = 0.0;
+  std::string separated_by;  ///< the measurement that would tell it from the others
+};
+
+struct StructureStudy {
+  bool converged = false;
+  Eigen::VectorXd value;       ///< of the free parameters, SI, every cause allowed for
+  Eigen::MatrixXd covariance;  ///< of them, SI
+  std::vector<StructureCause> causes;
+  Eigen::MatrixXd with_causes;  ///< free parameters x causes: correlation
+  Eigen::VectorXd errors;       ///< simulated minus measured there, SI, as the problem's residuals
+};
+
+/// Fits the vehicle once more with everything unknown at once that explains the same milliseconds
+/// and degrees: delay, lag and noise of the steering, relaxation length, roll with camber and roll
+/// steer, bending tyres, filters of the sensors, offsets and the steering ratio. Each has a prior
+/// that says what cars and test equipment have; what the model file frees or names is left to it.
+/// The maximum of
+///   -1/2 sum_j 1/f_j sum_t (e_j(t)/sigma_j)^2 - 1/2 sum_c ((c - mean_c)/sd_c)^2
+/// with f_j the integrated autocorrelation of the residuals, so that samples which tell the same
+/// thing count once. Its curvature there is the precision of parameters and causes together, which
+/// averages over the structures instead of choosing one.
+///
+/// @param optimum  of output error, where it begins
+StructureStudy study_structure(const VehicleProblem& problem, const VehicleOptimum& optimum);
+
+}  // namespace identikal

@@ -1,0 +1,180 @@
+#include "lib/vehicle/secondary_effects.h"
+
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "lib/base/constants.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kRollFrequency = 2.0 * std::numbers::pi * 1.5;  // [rad/s]
+constexpr double kRollDamping = 0.35;
+constexpr double kRollArmOverWheelbase = 0.17;
+
+struct RollingState {
+  double vy, r;
+  double roll, roll_rate;  // over the roll gradient: the lateral acceleration that it follows
+};
+
+struct AxleForces {
+  double front, rear;
+};
+
+class RollingCar {
+ public:
+  RollingCar(const SingleTrack<>& car, const SecondaryEffects& effects)
+      : car_(car),
+        effects_(effects),
+        front_(bent(car.front, effects[kTyreSoftening],
+                    car.m * kStandardGravity * car.b / (car.a + car.b))),
+        rear_(bent(car.rear, effects[kTyreSoftening],
+                   car.m * kStandardGravity * car.a / (car.a + car.b))),
+        arm_(kRollArmOverWheelbase * (car.a + car.b)),
+        gravity_(kStandardGravity * std::sin(car.bank)) {}
+
+  AxleForces steady_forces(const RollingState& x, const DrivenSegment::Node& at,
+                           double wheel) const {
+    const double late = x.roll - at.vx * x.r;
+    const double front =
+        (x.vy + car_.a * x.r) * at.inverse_vx - wheel - effects_[kRollSteerFront] * late;
+    const double rear = (x.vy - car_.b * x.r) * at.inverse_vx - effects_[kRollSteerRear] * late;
+    if (!(car_.cg_height > 0.0)) return {front_.force(front), rear_.force(rear)};
+    const LoadChange change = load_change(car_, at.vx_rate);
+    const auto loaded = [&](const AxleCurve& axle, double by) {
+      return AxleCurve(under_load(axle.axle(), by, car_.load_sensitivity));
+    };
+    return {loaded(front_, change.front).force(front), loaded(rear_, change.rear).force(rear)};
+  }
+
+  RollingState rate(const RollingState& x, const AxleForces& F, double vx) const {
+    const double ay = (F.front + F.rear) / car_.m;
+    const double roll_acceleration =
+        kRollFrequency * (kRollFrequency * (ay - x.roll) - 2.0 * kRollDamping * x.roll_rate);
+    return {ay - gravity_ - vx * x.r + arm_ * effects_[kRollGradient] * roll_acceleration,
+            (car_.a * F.front - car_.b * F.rear) / car_.Iz, x.roll_rate, roll_acceleration};
+  }
+
+  Motion motion(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
+                double wheel) const {
+    Motion out{};
+    out.vy = x.vy;
+    out.r = x.r;
+    out.ay =
+        (F.front + F.rear) / car_.m + kStandardGravity * std::sin(effects_[kRollGradient] * x.roll);
+    out.yaw_acceleration = (car_.a * F.front - car_.b * F.rear) / car_.Iz;
+    out.slip_front = (x.vy + car_.a * x.r) * at.inverse_vx - wheel;
+    out.slip_rear = (x.vy - car_.b * x.r) * at.inverse_vx;
+    out.force_front = F.front;
+    out.force_rear = F.rear;
+    out.vx_rate = at.vx_rate;
+    return out;
+  }
+
+  double wheel_angle(const DrivenSegment::Node& at) const {
+    return car_.steering_gain * (at.steering + car_.steering_offset) / car_.steering_ratio;
+  }
+
+ private:
+  static AxleCurve bent(Axle<> axle, double softening, double load) {
+    if (softening > 0.0) {
+      axle.curve = TyreCurve::tanh;
+      axle.softening = softening / (load * load);
+    }
+    return AxleCurve(axle);
+  }
+
+  SingleTrack<> car_;
+  SecondaryEffects effects_;
+  AxleCurve front_, rear_;
+  double arm_, gravity_;
+};
+
+RollingState moved(const RollingState& x, const RollingState& rate, double t) {
+  return {x.vy + t * rate.vy, x.r + t * rate.r, x.roll + t * rate.roll,
+          x.roll_rate + t * rate.roll_rate};
+}
+
+// The wheels' angle at every node.
+std::vector<double> wheel_angles(const RollingCar& car, const DrivenSegment& segment,
+                                 double smoothing, double lag) {
+  std::vector<double> out, half;
+  out.reserve(segment.nodes.size());
+  half.reserve(segment.nodes.size());
+  for (const DrivenSegment::Node& node : segment.nodes) out.push_back(car.wheel_angle(node));
+  for (const DrivenSegment::Interval& interval : segment.intervals) {
+    half.insert(half.end(), 2 * interval.steps, 0.5 * interval.step);
+  }
+  for (int pass = 0; pass < (smoothing > 0.0 ? 2 : 0); ++pass) {
+    for (std::size_t i = 0; i < half.size(); ++i) {
+      const double share = 1.0 - std::exp(-half[i] / smoothing);
+      out[i + 1] = out[i] + share * (out[i + 1] - out[i]);
+    }
+    for (std::size_t i = half.size(); i-- > 0;) {
+      const double share = 1.0 - std::exp(-half[i] / smoothing);
+      out[i] = out[i + 1] + share * (out[i] - out[i + 1]);
+    }
+  }
+  if (lag > 0.0) {
+    double input = out[0];
+    for (std::size_t i = 0; i < half.size(); ++i) {
+      const double to = out[i + 1];
+      out[i + 1] = lagged(out[i], input, to, half[i], lag);
+      input = to;
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string_view name_of(SecondaryEffect effect) {
+  constexpr std::array<std::string_view, kSecondaryEffects> kNames = {
+      "steering smoothing", "steering lag",    "relaxation length", "roll gradient",
+      "roll steer front",   "roll steer rear", "tyre softening",    "lag of r",
+      "lag of vy",          "lag of ay"};
+  return kNames[effect];
+}
+
+double lagged(double x, double from, double to, double t, double T) {
+  if (T < 1e-9) return to;
+  const double lag = T * (to - from) / t;
+  return to - lag + (x - from + lag) * std::exp(-t / T);
+}
+
+void simulate_with_effects(const SingleTrack<>& given, const SecondaryEffects& effects,
+                           const DrivenSegment& segment, double vy, double r,
+                           const ObserveMotion& observe) {
+  const RollingCar car(given, effects);
+  const std::vector<double> wheel =
+      wheel_angles(car, segment, effects[kSteeringSmoothing], effects[kSteeringLag]);
+  RollingState x{vy, r, 0.0, 0.0};
+  AxleForces F = car.steady_forces(x, segment.nodes[0], wheel[0]);
+  x.roll = (F.front + F.rear) / given.m;
+  F = car.steady_forces(x, segment.nodes[0], wheel[0]);
+  observe(0, car.motion(x, F, segment.nodes[0], wheel[0]), segment.nodes[0].vx);
+  std::size_t at = 0;
+  for (std::size_t k = 0; k < segment.intervals.size(); ++k) {
+    const double h = segment.intervals[k].step;
+    for (int i = 0; i < segment.intervals[k].steps; ++i, at += 2) {
+      const DrivenSegment::Node &begin = segment.nodes[at], &middle = segment.nodes[at + 1],
+                                &end = segment.nodes[at + 2];
+      const AxleForces start = car.steady_forces(x, begin, wheel[at]);
+      const auto followed = [&](const AxleForces& to, double t, double vx) {
+        const double T = effects[kTyreRelaxation] / vx;
+        return AxleForces{lagged(F.front, start.front, to.front, t, T),
+                          lagged(F.rear, start.rear, to.rear, t, T)};
+      };
+      const RollingState halfway = moved(x, car.rate(x, F, begin.vx), 0.5 * h);
+      const AxleForces between =
+          followed(car.steady_forces(halfway, middle, wheel[at + 1]), 0.5 * h, begin.vx);
+      x = moved(x, car.rate(halfway, between, middle.vx), h);
+      F = followed(car.steady_forces(x, end, wheel[at + 2]), h, middle.vx);
+    }
+    observe(static_cast<Eigen::Index>(k) + 1, car.motion(x, F, segment.nodes[at], wheel[at]),
+            segment.nodes[at].vx);
+  }
+}
+
+}  // namespace identikal

@@ -1,0 +1,65 @@
+// How does a car move whose steering and tyres lag, whose body rolls and whose sensors filter?
+#pragma once
+
+#include <array>
+#include <functional>
+#include <string_view>
+
+#include "lib/vehicle/motion.h"
+
+namespace identikal {
+
+/// What a single track leaves out, each zero where it is absent.
+enum SecondaryEffect {
+  kSteeringSmoothing,  ///< time constant of a filter without phase on the measured angle, which is
+                       ///< noisy or stepped [s]
+  kSteeringLag,        ///< time constant between the measured angle and the wheels [s]
+  kTyreRelaxation,     ///< sigma of both axles [m], F' = vx/sigma (F(alpha) - F)
+  kRollGradient,       ///< steady roll angle over lateral acceleration [rad/(m/s^2)]
+  kRollSteerFront,     ///< steady slip angle of the front axle that comes by roll, camber thrust
+                       ///< included, over lateral acceleration: part of its stiffness in steady
+                       ///< cornering, late in all other [rad/(m/s^2)]
+  kRollSteerRear,      ///< the same of the rear axle
+  kTyreSoftening,      ///< (axle load / largest force)^2 of both axles, with the curve tanh
+  kLagOfR,             ///< time constant of the sensor's filter [s]
+  kLagOfVy,            ///< of vy and beta [s]
+  kLagOfAy,            ///< [s]
+  kSecondaryEffects
+};
+
+using SecondaryEffects = std::array<double, kSecondaryEffects>;
+
+/// "steering lag", "relaxation length", ...
+std::string_view name_of(SecondaryEffect effect);
+
+/// Value of x' = (u - x)/T a time t later, where u goes evenly from `from` to `to`; u itself where T
+/// is zero.
+double lagged(double x, double from, double to, double t, double T);
+
+/// Runs the car along a segment, as simulate() does, with
+///   m (vy' + vx r) = Ff + Fr - m g sin(bank) + m h phi'',  Iz r' = a Ff - b Fr,
+///   Ff, Fr follow F(alpha) by the relaxation length,
+///   alpha_f = (vy + a r)/vx - delta - roll_steer_front (psi - vx r),
+///   alpha_r = (vy - b r)/vx - roll_steer_rear (psi - vx r),
+///   psi'' = w^2 ((Ff + Fr)/m - psi) - 2 zeta w psi',  phi = roll_gradient psi,
+/// delta following the measured steering by its lag, roll of w = 2 pi 1.5 Hz, zeta = 0.35 about an
+/// axis h = 0.17 (a + b) below the centre of gravity, which a roll angle phi > 0 (left side up)
+/// moves to the right. Motion::ay holds what a sensor fixed to the body feels, g sin(phi) included.
+/// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
+/// short as they like; where all effects are zero it agrees with simulate() to its own second order.
+/// The filters of sensors are the reader's (kLagOfR, ...).
+///
+/// Example:
+///
+///     SecondaryEffects effects{};
+///     effects[kTyreRelaxation] = 0.3;  // [m]
+///     const auto segment = drive(time, steering, vx, {.longest_step = 0.005});
+///     simulate_with_effects(car, effects, segment, 0.0, 0.0, observe);
+///
+/// @param car      its tyres bend where the softening is above zero
+/// @param segment  of drive(), its steps at most 5 ms
+void simulate_with_effects(const SingleTrack<>& car, const SecondaryEffects& effects,
+                           const DrivenSegment& segment, double vy, double r,
+                           const ObserveMotion& observe);
+
+}  // namespace identikal

@@ -1,0 +1,131 @@
+#include "lib/vehicle/secondary_effects.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include "lib/base/constants.h"
+#include "lib/vehicle/sladka2010_car.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kSpeed = 22.0;  // [m/s]
+
+SingleTrack<> car() { return linear_car(sladka2010_car()); }
+
+Eigen::VectorXd times(double step, double seconds) {
+  return Eigen::VectorXd::LinSpaced(static_cast<Eigen::Index>(std::lround(seconds / step)) + 1, 0.0,
+                                    seconds);
+}
+
+// A sine whose frequency rises to 2.5 Hz.
+Eigen::VectorXd sweep(const Eigen::VectorXd& time) {
+  return time.unaryExpr(
+      [](double t) { return 0.4 * std::sin(2.0 * std::numbers::pi * (0.2 + 0.23 * t / 2) * t); });
+}
+
+DrivenSegment driven(const Eigen::VectorXd& time, const Eigen::VectorXd& steering, double step) {
+  return drive(time, steering, Eigen::VectorXd::Constant(time.size(), kSpeed),
+               {.longest_step = step});
+}
+
+// Rows r, vy, ay.
+Eigen::MatrixXd with(const SecondaryEffects& effects, const DrivenSegment& segment) {
+  Eigen::MatrixXd out(3, segment.rows());
+  simulate_with_effects(car(), effects, segment, 0.0, 0.0,
+                        [&](Eigen::Index k, const Motion& motion, double) {
+                          out.col(k) << motion.r, motion.vy, motion.ay;
+                        });
+  return out;
+}
+
+Eigen::MatrixXd plain(const SingleTrack<>& of, const DrivenSegment& segment) {
+  Eigen::MatrixXd out(3, segment.rows());
+  simulate(of, segment, 0.0, 0.0, [&](Eigen::Index k, const Motion& motion, double) {
+    out.col(k) << motion.r, motion.vy, motion.ay;
+  });
+  return out;
+}
+
+double difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  return ((a - b).rowwise().norm().cwiseQuotient(b.rowwise().norm())).maxCoeff();
+}
+
+TEST(SecondaryEffects, WithoutAnyItIsTheSingleTrackToSecondOrder) {
+  const Eigen::VectorXd time = times(0.01, 10.0), steering = sweep(time);
+  const Eigen::MatrixXd exact = plain(car(), driven(time, steering, 0.001));
+  const double coarse = difference(with({}, driven(time, steering, 0.005)), exact);
+  const double fine = difference(with({}, driven(time, steering, 0.0025)), exact);
+  std::printf("against Runge-Kutta: %.1e with steps of 5 ms, %.1e with 2.5 ms\n", coarse, fine);
+  EXPECT_LT(coarse, 1e-3);
+  EXPECT_NEAR(coarse / fine, 4.0, 0.5);
+}
+
+TEST(SecondaryEffects, RelaxationIsThatOfTheSingleTrack) {
+  const Eigen::VectorXd time = times(0.01, 10.0), steering = sweep(time);
+  SingleTrack<> relaxing = car();
+  relaxing.relaxation_length = 0.4;
+  const Eigen::MatrixXd exact =
+      plain(relaxing, drive(time, steering, Eigen::VectorXd::Constant(time.size(), kSpeed),
+                            {.relaxation_length = 0.4, .longest_step = 0.001}));
+  SecondaryEffects effects{};
+  effects[kTyreRelaxation] = 0.4;
+  EXPECT_LT(difference(with(effects, driven(time, steering, 0.005)), exact), 2e-3);
+}
+
+// The angle behind a first-order lag, by the exact solution for an input that goes evenly from
+// sample to sample; samples of 1 ms, so that it does not matter how one reads between them.
+TEST(SecondaryEffects, SteeringLagIsAFirstOrderFilter) {
+  constexpr double kLag = 0.05, kStep = 0.001;
+  const Eigen::VectorXd time = times(kStep, 5.0), steering = sweep(time);
+  Eigen::VectorXd late = steering;
+  for (Eigen::Index k = 1; k < late.size(); ++k) {
+    late[k] = lagged(late[k - 1], steering[k - 1], steering[k], kStep, kLag);
+  }
+  SecondaryEffects effects{};
+  effects[kSteeringLag] = kLag;
+  EXPECT_LT(
+      difference(with(effects, driven(time, steering, 0.005)), with({}, driven(time, late, 0.005))),
+      1e-4);
+}
+
+TEST(SecondaryEffects, LaggedIsTheExactSolution) {
+  // x' = (u - x)/T, u = 1 + 2 t, x(0) = 0: x = 1 + 2 (t - T) + (2 T - 1) e^(-t/T).
+  const double T = 0.3, t = 0.2;
+  EXPECT_NEAR(lagged(0.0, 1.0, 1.0 + 2.0 * t, t, T),
+              1.0 + 2.0 * (t - T) + (2.0 * T - 1.0) * std::exp(-t / T), 1e-14);
+  EXPECT_EQ(lagged(0.0, 1.0, 1.4, t, 0.0), 1.4);
+}
+
+TEST(SecondaryEffects, InSteadyCorneringRollShowsInAyAlone) {
+  const Eigen::VectorXd time = times(0.01, 12.0);
+  const DrivenSegment turn = driven(time, Eigen::VectorXd::Constant(time.size(), 0.5), 0.005);
+  SecondaryEffects rolling{};
+  rolling[kRollGradient] = 0.01;
+  rolling[kRollSteerFront] = 0.001;
+  rolling[kRollSteerRear] = -0.0005;
+  const Eigen::VectorXd stiff = with({}, turn).rightCols<1>(),
+                        soft = with(rolling, turn).rightCols<1>();
+  EXPECT_NEAR(soft[0], stiff[0], 1e-6 * stiff[0]);
+  EXPECT_NEAR(soft[1], stiff[1], 1e-6 * std::abs(stiff[1]));
+  EXPECT_NEAR(soft[2], stiff[2] + kStandardGravity * std::sin(0.01 * stiff[2]), 1e-5);
+}
+
+TEST(SecondaryEffects, SmoothingMovesNothingInTime) {
+  const Eigen::VectorXd time = times(0.01, 20.0);
+  const auto sine = [](double t) { return 0.3 * std::sin(2.0 * t); };
+  SecondaryEffects smooth{};
+  smooth[kSteeringSmoothing] = 0.02;
+  const DrivenSegment slalom = driven(time, time.unaryExpr(sine), 0.005);
+  const Eigen::VectorXd r = with(smooth, slalom).row(0).segment(600, 800).transpose();
+  const Eigen::VectorXd r0 = with({}, slalom).row(0).segment(600, 800).transpose();
+  const double gain = r.dot(r0) / r0.squaredNorm();
+  // Twice forwards and backwards: 1/(1 + (w T)^2)^2, w T = 0.04.
+  EXPECT_NEAR(gain, 1.0 / std::pow(1.0 + 0.0016, 2), 2e-4);
+  EXPECT_LT((r - gain * r0).norm() / r0.norm(), 1e-3);  // of another phase
+}
+
+}  // namespace
+}  // namespace identikal
