@@ -70,12 +70,11 @@ Outcome shape_noise(const ShapingOptions& options, Call& call) {
   const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
   ShapeResult result = shape(model, recordings.data, of_search);
-  const auto estimate = std::make_shared<ShapingEstimate>(std::move(result.estimate));
   if (run.wants_pictures()) {
-    picture_filter(result.model ? *result.model : model, recordings.data, *estimate);
+    picture_filter(result.model ? *result.model : model, recordings.data, result.estimate);
   }
   const std::vector<ResultFile> files = files_of(model, result);
-  KeptResult shaped = kept(estimate);
+  KeptResult shaped = kept(std::make_shared<ShapingEstimate>(std::move(result.estimate)));
   if (result.model) {
     const std::string& text = files[1].content;
     shaped.take({kShapedModel, sha256_of_text(text), text, {}});

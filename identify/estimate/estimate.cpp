@@ -107,6 +107,19 @@ std::string to_string(Verdict verdict) {
   return "";
 }
 
+namespace {
+
+/// A serious finding is about all parameters, but for the one that knows which it is about.
+bool is_doubted(const std::string& parameter, const Findings& findings) {
+  return std::any_of(findings.begin(), findings.end(), [&](const Finding& f) {
+    if (f.severity != Severity::serious) return false;
+    const bool of_some = f.code == FindingCode::structure_dependent;
+    return !of_some || std::find(f.about.begin(), f.about.end(), parameter) != f.about.end();
+  });
+}
+
+}  // namespace
+
 void conclude(Estimate& estimate, const std::string& message_when_ok, Basis basis) {
   Conclusion conclusion = conclude(estimate.findings, message_when_ok, basis);
   estimate.status = conclusion.status;
@@ -114,7 +127,8 @@ void conclude(Estimate& estimate, const std::string& message_when_ok, Basis basi
   estimate.findings = std::move(conclusion.findings);
   if (estimate.status != Status::untrusted) return;
   for (EstimatedParameter& p : estimate.parameters) {
-    if (!p.fixed && p.verdict == Verdict::ok) p.verdict = Verdict::untrusted;
+    const bool doubted = is_doubted(p.name, estimate.findings);
+    if (!p.fixed && p.verdict == Verdict::ok && doubted) p.verdict = Verdict::untrusted;
   }
 }
 

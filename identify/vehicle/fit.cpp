@@ -547,6 +547,11 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
       fit.options.method == Method::trajectory
           ? "inverse information, path eliminated; process and measurement noise taken as white"
           : kind_of(covariance, found.problem.robust);
+  if (fit.takes_structure()) {
+    estimate.covariance_kind = "the fit with lags, roll and bending tyres allowed for";
+  } else if (fit.structure) {
+    estimate.covariance_kind += ", and what lags, roll and bending tyres may add";
+  }
   report_series(found, covariance, estimate);
   report_derived(found.problem, p, covariance, estimate);
   if (fit.structure) {
@@ -566,7 +571,11 @@ Findings informing(Findings findings) {
     const bool in_errors = code == FindingCode::tyre_saturation ||
                            code == FindingCode::steering_delay ||
                            code == FindingCode::steering_gain;
-    if (in_errors && finding.severity == Severity::serious) finding.severity = Severity::warning;
+    if (!in_errors || finding.severity != Severity::serious) continue;
+    finding.severity = Severity::warning;
+    finding.remedy =
+        "the errors allow for it; other causes may explain it as well, and --structure "
+        "auto weighs them";
   }
   return findings;
 }

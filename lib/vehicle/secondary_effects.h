@@ -51,10 +51,10 @@ double lagged(double x, double from, double to, double t, double T);
 ///
 /// Example:
 ///
-///     SecondaryEffects effects{};
-///     effects[kTyreRelaxation] = 0.3;  // [m]
-///     const auto segment = drive(time, steering, vx, {.longest_step = 0.005});
-///     simulate_with_effects(car, effects, segment, 0.0, 0.0, observe);
+///     const Eigen::VectorXd vx = Eigen::VectorXd::Constant(time.size(), 60.0 / 3.6);
+///     const auto segment = drive(time, u.row(0), vx, {.longest_step = 0.005});
+///     simulate_with_effects(car, {.01}, segment, 0.0, 0.0,  // the angle is smoothed by 10 ms
+///                           [](Eigen::Index, const Motion& at, double) { std::printf("%g\n", at.r); });
 ///
 /// @param car      its tyres bend where the softening is above zero
 /// @param segment  of drive(), its steps at most 5 ms

@@ -16,7 +16,7 @@ constexpr double kOpen = 0.25;  // of a parameter: what makes it unknown
 constexpr double kAdoptedShift = 2.0 / 3.0;
 constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
 constexpr double kMistaken = 5.0;           // standard deviations of the prior
-constexpr double kSeen = 2.0;               // standard deviations from the prior's mean
+constexpr double kSeen = 2.0;               // standard deviations from what the model takes
 constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 
 Eigen::MatrixXd structural_covariance(const StructureStudy& study, const Eigen::VectorXd& value,
@@ -106,7 +106,7 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
   std::vector<std::string> seen;
   for (const StructureCause& cause : study.causes) {
     const bool told = cause.sd < kDetermined * cause.prior_sd;
-    if (told && std::abs(cause.value - cause.prior_mean) > kSeen * cause.sd) {
+    if (told && std::abs(cause.value - cause.as_written) > kSeen * cause.sd) {
       seen.push_back(in_words(cause));
     }
   }
@@ -115,6 +115,7 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
     if (!is_judged(unknowns.free[i]) || !(p.se > kOpen * std::abs(p.value))) continue;
+    if (p.ci95[0] <= 0.0) continue;  // nothing is known of it, and other findings say so
     if (std::pow(p.se_structure / p.se, 2) < kShareOfStructure) continue;
     const auto n = static_cast<Eigen::Index>(i);
     const double per_si = 1.0 / unit_scale(p.unit);

@@ -413,7 +413,8 @@ class StructureSearch {
       const bool effect = u.kind == StudyUnknown::Kind::effect;
       out.causes.push_back({std::string(effect ? name_of(static_cast<SecondaryEffect>(u.index))
                                                : name_of(static_cast<VehicleParameter>(u.index))),
-                            u.unit, u.mean, u.sd, entry(at_, u), sd[i], u.separated_by});
+                            u.unit, effect ? 0.0 : u.mean, u.mean, u.sd, entry(at_, u), sd[i],
+                            u.separated_by});
     }
   }
 

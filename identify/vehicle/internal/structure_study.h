@@ -15,6 +15,7 @@ namespace identikal {
 /// and what it is with the recording in view. All numbers are in `unit`.
 struct StructureCause {
   std::string name, unit;
+  double as_written = 0.0;  ///< what the model takes
   double prior_mean = 0.0, prior_sd = 0.0;
   double value = 0.0, sd = 0.0;
   std::string separated_by;  ///< the measurement that would tell it from the others

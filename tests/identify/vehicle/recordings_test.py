@@ -94,7 +94,10 @@ class Recordings(unittest.TestCase):
         fits = whole["fit"]["simulation"]
         print(f"\nrace car, all of it: Cf {p['Cf']['value']:.0f} +- {p['Cf']['se']:.0f}, Cr {p['Cr']['value']:.0f} +- "
               f"{p['Cr']['se']:.0f}, fit r {fits['r']['fit_percent']:.1f}, vy {fits['vy']['fit_percent']:.1f} %")
-        self.assertEqual(code, 0)
+        # A delay, and tyres that lag, ask for another inertia (883 with a delay of 35 ms); the stiffnesses stay.
+        self.assertEqual(code, 1)
+        self.assertEqual(["Iz"], self.warning(whole, "structure_dependent")["about"])
+        self.assertEqual(["ok", "ok", "poorly_determined"], [p[n]["verdict"] for n in ("Cf", "Cr", "Iz")])
         self.assertTrue(60e3 < p["Cf"]["value"] < 75e3)
         self.assertTrue(95e3 < p["Cr"]["value"] < 120e3)
         self.assertGreaterEqual(fits["vy"]["fit_percent"], 70)
