@@ -15,6 +15,7 @@
 #include "identify/model/check.h"
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/covariance.h"
+#include "identify/vehicle/internal/characteristic_values.h"
 #include "identify/vehicle/internal/pictures.h"
 #include "identify/vehicle/internal/steady_cornering.h"
 #include "identify/vehicle/internal/structure_comparison.h"
@@ -27,10 +28,8 @@
 #include "identify/vehicle/tyre_saturation.h"
 #include "identify/vehicle/usable_data.h"
 #include "lib/base/constants.h"
-#include "lib/base/dual.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
-#include "lib/vehicle/steering_response.h"
 
 namespace identikal {
 namespace {
@@ -191,63 +190,9 @@ void report_errors_of(const StructureStudy& study, const VehicleProblem& problem
   estimate.simulation = channel_fits(series, problem.robust);
 }
 
-/// Characteristic values, which the data may determine even where single parameters are not.
-void report_derived(const VehicleProblem& problem, const VehicleParameters<double>& p,
-                    const VehicleCovariance& covariance, VehicleEstimate& estimate) {
-  const double u = problem.run->median_speed;
-  const std::array<double, 6> x = {p[kMass], p[kA], p[kB], p[kYawInertia], p[kCf], p[kCr]};
-
-  const auto add = [&](const std::string& name, const std::string& unit, double per_si,
-                       auto&& quantity) {
-    const auto [value, gradient] = value_and_gradient(x, [&](const auto& q) {
-      using T = typename std::decay_t<decltype(q)>::value_type;
-      SingleTrack<T> car;
-      car.m = q[kMass];
-      car.a = q[kA];
-      car.b = q[kB];
-      car.Iz = q[kYawInertia];
-      car.front.stiffness = q[kCf];
-      car.rear.stiffness = q[kCr];
-      return T(quantity(car));
-    });
-    if (!std::isfinite(value) || !gradient.allFinite()) return;
-    Eigen::VectorXd by_free(problem.parameters());
-    for (Eigen::Index i = 0; i < by_free.size(); ++i) {
-      const VehicleParameter parameter = problem.unknowns.free[i];
-      by_free[i] = parameter <= kCr ? gradient[parameter] : 0.0;
-    }
-    double se = kNone;
-    if (by_free.size() > 0 && by_free.norm() > 0.0) {
-      se = standard_error(problem, covariance, by_free);
-      if (std::isnan(se)) return;
-    }
-    estimate.derived.push_back({name, unit, value * per_si, se * per_si});
-  };
-
-  constexpr double kDegreePerG = kDegreesPerRadian * kStandardGravity;
-  add("K", "rad/(m/s^2)", 1.0, [](const auto& car) { return understeer_gradient(car); });
-  add("K per g", "deg/g", kDegreePerG, [](const auto& car) { return understeer_gradient(car); });
-  add("DF", "deg/g", kDegreePerG, [](const auto& car) { return front_compliance(car); });
-  add("DR", "deg/g", kDegreePerG, [](const auto& car) { return rear_compliance(car); });
-  const bool understeers = p[kB] * p[kCr] > p[kA] * p[kCf];
-  add(understeers ? "v_ch" : "v_cr", "km/h", 3.6,
-      [](const auto& car) { return characteristic_speed(car); });
-  const std::string at = fmt::format(" at {:.0f} km/h", 3.6 * u);
-  add("yaw gain" + at, "1/s", 1.0,
-      [u](const auto& car) { return steering_response(car, u).yaw_gain; });
-  add("wn" + at, "rad/s", 1.0,
-      [u](const auto& car) { return steering_response(car, u).natural_frequency; });
-  add("zeta" + at, "", 1.0, [u](const auto& car) { return steering_response(car, u).damping; });
-  add("Tz" + at, "s", 1.0,
-      [u](const auto& car) { return steering_response(car, u).yaw_lead_time; });
-  const auto& free = problem.unknowns.free;
-  if (std::find(free.begin(), free.end(), kMass) != free.end()) {
-    // The response to steering depends on these alone: they may be determined where the mass is
-    // not.
-    add("Cf/m", "N/(rad kg)", 1.0, [](const auto& car) { return car.front.stiffness / car.m; });
-    add("Cr/m", "N/(rad kg)", 1.0, [](const auto& car) { return car.rear.stiffness / car.m; });
-    add("Iz/m", "m^2", 1.0, [](const auto& car) { return car.Iz / car.m; });
-  }
+/// The noise of every output, the given one without an error.
+void report_noise(const VehicleProblem& problem, const VehicleCovariance& covariance,
+                  VehicleEstimate& estimate) {
   for (std::size_t j = 0; j < problem.run->outputs.size(); ++j) {
     const VehicleRun::Output& output = problem.run->outputs[j];
     const double sd = in_unit(output, covariance.sd[j]);
@@ -396,7 +341,7 @@ struct VehicleFit {
   const std::vector<Dataset>& recordings;
   const VehicleFitOptions& options;
   VehicleSearch found;
-  VehicleCovariance covariance;
+  VehicleCovariance covariance, of_noise = {};  ///< the latter without the structure's part
   bool stopped = false;  ///< by the caller: this search, and all that would follow
   std::optional<StructureStudy> structure = {};
   /// Values of the free parameters, SI: of the simulation, and of the method that went on from it.
@@ -407,13 +352,19 @@ struct VehicleFit {
   }
   bool simulates() const { return options.method == VehicleFitOptions::Method::output_error; }
   bool second_opinion() const { return options.second_opinion && !stopped; }
-  VehicleParameters<double> parameters() const {
+  /// With the structure as written, or allowed for.
+  VehicleParameters<double> parameters(bool allowed_for) const {
     VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
     const VehicleUnknowns& unknowns = found.problem.unknowns;
-    for (std::size_t i = 0; i < unknowns.free.size() && takes_structure(); ++i) {
+    for (std::size_t i = 0; i < unknowns.free.size() && allowed_for; ++i) {
       p[unknowns.free[i]] = structure->value[static_cast<Eigen::Index>(i)];
     }
     return p;
+  }
+  VehicleParameters<double> parameters() const { return parameters(takes_structure()); }
+  StructuredAnswer answer() const {
+    if (!structure) return {parameters()};
+    return {parameters(), &*structure, takes_structure(), parameters(!takes_structure())};
   }
 };
 
@@ -524,6 +475,7 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
   if (fit.options.bootstrap > 0 && !fit.stopped) {
     bootstrap_errors(found.problem, fit.options.bootstrap, fit.options.search.seed, fit.covariance);
   }
+  fit.of_noise = fit.covariance;
   allow_for_structure(fit);
   return true;
 }
@@ -553,7 +505,8 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
     estimate.covariance_kind += ", and what lags, roll and bending tyres may add";
   }
   report_series(found, covariance, estimate);
-  report_derived(found.problem, p, covariance, estimate);
+  report_characteristic_values(found.problem, fit.answer(), fit.of_noise, estimate);
+  report_noise(found.problem, covariance, estimate);
   if (fit.structure) {
     report_structure(*fit.structure, fit.as_written, fit.takes_structure(), unknowns, estimate);
   }

@@ -12,8 +12,7 @@
 namespace identikal {
 namespace {
 
-constexpr double kOpen = 0.25;  // of a parameter: what makes it unknown
-constexpr double kAdoptedShift = 2.0 / 3.0;
+constexpr double kOpen = 0.25;              // of a parameter: what makes it unknown
 constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
 constexpr double kMistaken = 5.0;           // standard deviations of the prior
 constexpr double kSeen = 2.0;               // standard deviations from what the model takes
@@ -71,23 +70,25 @@ Findings check_ratio(const StructureStudy& study) {
 
 }  // namespace
 
+double shift_share(bool adopted) { return adopted ? 2.0 / 3.0 : 1.0; }
+
 void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                         const Eigen::VectorXd& simulated, VehicleCovariance& covariance) {
   const Eigen::VectorXd by_method = simulated - value;
   const Eigen::MatrixXd more =
-      structural_covariance(study, value, 1.0) + by_method * by_method.transpose();
+      structural_covariance(study, value, shift_share(false)) + by_method * by_method.transpose();
   covariance.covariance += more(covariance.inner, covariance.inner);
 }
 
 void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                     VehicleCovariance& covariance) {
-  const Eigen::MatrixXd own = structural_covariance(study, value, kAdoptedShift);
+  const Eigen::MatrixXd own = structural_covariance(study, value, shift_share(true));
   covariance.covariance = own(covariance.inner, covariance.inner);
 }
 
 void report_structure(const StructureStudy& study, const Eigen::VectorXd& value, bool adopted,
                       const VehicleUnknowns& unknowns, VehicleEstimate& estimate) {
-  const Eigen::MatrixXd more = structural_covariance(study, value, adopted ? kAdoptedShift : 1.0);
+  const Eigen::MatrixXd more = structural_covariance(study, value, shift_share(adopted));
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
     EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
     const auto n = static_cast<Eigen::Index>(i);

@@ -7,6 +7,10 @@
 
 namespace identikal {
 
+/// How much of the shift counts as an error: all of it as written, two thirds of it where the
+/// study's values are taken, for its causes are not all there are.
+double shift_share(bool adopted);
+
 /// Adds to the covariance what the structure leaves open: the study's covariance, and the square of
 /// the shift between the values of the model as it is written and the study's; where the method does
 /// not simulate, that of the shift to what a simulation gives too.
@@ -15,8 +19,7 @@ namespace identikal {
 void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                         const Eigen::VectorXd& simulated, VehicleCovariance& covariance);
 
-/// The covariance of the study's own values: the study's, and the square of two thirds of the shift,
-/// for its causes are not all there are.
+/// The covariance of the study's own values: the study's, and the square of its share of the shift.
 void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                     VehicleCovariance& covariance);
 
