@@ -310,16 +310,31 @@ std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
   return open;
 }
 
+/// What a fit is made for; all else that is free has its part in their errors.
+bool is_wanted(VehicleParameter p) { return p <= kSteeringGain; }
+
+/// Nobody refuses a stiffness for an offset that cannot be told from a bias.
+Findings check_determined(const VehicleUnknowns& unknowns, const std::vector<std::string>& open) {
+  if (open.empty()) return {};
+  const auto is_open = [&](VehicleParameter p) {
+    return std::find(open.begin(), open.end(), name_of(p)) != open.end();
+  };
+  const bool any_wanted = std::any_of(unknowns.free.begin(), unknowns.free.end(), is_wanted);
+  const bool only_others =
+      any_wanted && std::none_of(unknowns.free.begin(), unknowns.free.end(),
+                                 [&](VehicleParameter p) { return is_wanted(p) && is_open(p); });
+  const std::string text =
+      fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
+  if (!only_others) return {make_finding(FindingCode::not_identifiable, open, text)};
+  return {{FindingCode::not_identifiable, Severity::warning, open,
+           text + "; the errors of the others allow for it", ""}};
+}
+
 /// What stands against any fit: parameters that are open, a search that did not converge.
 Findings check_search(const VehicleSearch& found, const VehicleCovariance& covariance,
                       const VehicleEstimate& estimate) {
-  Findings out;
-  const std::vector<std::string> open = undetermined(found.problem.unknowns, covariance, estimate);
-  if (!open.empty()) {
-    out.push_back(make_finding(
-        FindingCode::not_identifiable, open,
-        fmt::format("this recording does not determine {} separately", fmt::join(open, ", "))));
-  }
+  const VehicleUnknowns& unknowns = found.problem.unknowns;
+  Findings out = check_determined(unknowns, undetermined(unknowns, covariance, estimate));
   if (!found.best.converged) {
     out.push_back(make_finding(FindingCode::not_converged, {},
                                "the search did not converge: " + found.best.message));

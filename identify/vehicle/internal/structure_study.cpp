@@ -16,7 +16,7 @@ constexpr int kMostIterations = 20;
 constexpr int kReweighted = 4;        // iterations; then the weights stay, so that it converges
 constexpr double kSettled = 0.03;     // of a standard deviation
 constexpr double kLeastShare = 0.01;  // of a step
-constexpr double kLongestStep = 0.005;
+constexpr double kLongestStudyStep = 0.005;
 constexpr double kStateStep = 1e-4;  // for differences, over kStateScale
 constexpr double kUncorrelated = 0.05;
 
@@ -143,7 +143,7 @@ class SecondarySimulation {
   SecondarySimulation(const VehicleProblem& problem, double delay) : problem_(problem) {
     IntegrationDemand demand = problem.demand;
     demand.relaxation_length = 0.0;
-    demand.longest_step = kLongestStep;
+    demand.longest_step = kLongestStudyStep;
     const VehicleRun& run = *problem.run;
     for (const VehicleRun::Segment& s : run.segments) {
       driven_.push_back(drive(run.time.segment(s.first, s.rows),

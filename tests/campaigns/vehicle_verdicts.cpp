@@ -1,0 +1,83 @@
+#include "tests/campaigns/vehicle_verdicts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "identify/vehicle/fit.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+constexpr const char* kJudged[] = {"Cf", "Cr", "Iz"};
+
+const EstimatedParameter& parameter(const VehicleEstimate& fit, const std::string& name) {
+  return *std::find_if(fit.parameters.begin(), fit.parameters.end(),
+                       [&](const EstimatedParameter& p) { return p.name == name; });
+}
+
+bool is_wrong(const EstimatedParameter& p, double truth) {
+  const double off = std::abs(p.value - truth);
+  return off > 0.05 * truth && !(off < 2.6 * p.se);
+}
+
+void print(const VehicleDrive& drive, const VehicleEstimate& fit) {
+  std::string line;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const EstimatedParameter& p = parameter(fit, kJudged[i]);
+    line +=
+        fmt::format(" {} {:+.1f} % ({:.1f})", kJudged[i], 100.0 * (p.value / drive.truth[i] - 1.0),
+                    (p.value - drive.truth[i]) / p.se);
+  }
+  std::printf("%-70s %s | %s\n", drive.words.c_str(), line.c_str(), fit.message.c_str());
+}
+
+}  // namespace
+
+VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, bool each) {
+  VehicleVerdicts out;
+  for (int i = 0; i < count; ++i) {
+    const VehicleDrive drive = draw_vehicle_drive(seed + static_cast<std::uint64_t>(i), faults);
+    try {
+      const VehicleEstimate fit = fit_vehicle(drive.model, drive.recording);
+      bool wrong = false;
+      for (std::size_t p = 0; p < 3; ++p)
+        wrong = wrong || is_wrong(parameter(fit, kJudged[p]), drive.truth[p]);
+      const bool ok = fit.status == Status::ok;
+      ++(ok ? (wrong ? out.ok_wrong : out.ok_right)
+            : (wrong ? out.refused_wrong : out.refused_right));
+      for (const DriveFault fault : drive.faults)
+        out.wrong_by_fault[to_string(fault)] += ok && wrong;
+      for (std::size_t p = 0; ok && p < 3; ++p) {
+        const EstimatedParameter& of = parameter(fit, kJudged[p]);
+        ++out.intervals;
+        out.covered += of.ci95[0] <= drive.truth[p] && drive.truth[p] <= of.ci95[1];
+      }
+      if (each) print(drive, fit);
+    } catch (const InputError&) {
+      ++out.refused_wrong;
+    }
+  }
+  return out;
+}
+
+std::string in_words(const std::string& name, const VehicleVerdicts& v) {
+  const auto percent = [](int part, int of) { return of > 0 ? 100.0 * part / of : 0.0; };
+  std::string out = fmt::format(
+      "{:<12} {:>5} drives: ok and right {:>4}, ok and wrong {:>4}, refused rightly {:>4}, refused "
+      "wrongly {:>4}; of the wrong {:.1f} % end ok, of the right {:.1f} %; intervals cover {:.1f} "
+      "%",
+      name, v.drives(), v.ok_right, v.ok_wrong, v.refused_wrong, v.refused_right,
+      percent(v.ok_wrong, v.ok_wrong + v.refused_wrong),
+      percent(v.ok_right, v.ok_right + v.refused_right), percent(v.covered, v.intervals));
+  for (const auto& [fault, count] : v.wrong_by_fault) {
+    if (count > 0) out += fmt::format("; {} {}", fault, count);
+  }
+  return out;
+}
+
+}  // namespace identikal

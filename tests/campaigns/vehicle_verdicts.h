@@ -1,0 +1,28 @@
+// Are verdicts on vehicles right? Counted over drives of cars that are known.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "tests/campaigns/vehicle_drive.h"
+
+namespace identikal {
+
+/// A parameter is wrong that lies more than 2.6 of its standard errors and more than 5 % off.
+struct VehicleVerdicts {
+  int ok_right = 0, ok_wrong = 0, refused_right = 0, refused_wrong = 0;
+  int intervals = 0, covered = 0;             ///< 95 % intervals of results with status ok
+  std::map<std::string, int> wrong_by_fault;  ///< of the ok and wrong, one for each fault
+
+  int drives() const { return ok_right + ok_wrong + refused_right + refused_wrong; }
+};
+
+/// Fits draw_vehicle_drive(seed + i, faults), i = 0 .. count - 1.
+/// @param each  a line for every drive, on standard output
+VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, bool each = false);
+
+/// One line, with the shares that matter.
+std::string in_words(const std::string& name, const VehicleVerdicts& verdicts);
+
+}  // namespace identikal

@@ -1,0 +1,22 @@
+#include <cstdio>
+
+#include <gtest/gtest.h>
+
+#include "tests/campaigns/vehicle_verdicts.h"
+
+namespace identikal {
+namespace {
+
+// The table of docs/when-is-it-ok.md.
+TEST(VehicleVerdictsStudy, TwoThousandDrives) {
+  const VehicleVerdicts right = judge_vehicle_drives(100'000, 400, 0);
+  const VehicleVerdicts one = judge_vehicle_drives(200'000, 900, 1);
+  const VehicleVerdicts two = judge_vehicle_drives(300'000, 700, 2);
+  std::puts(in_words("no fault", right).c_str());
+  std::puts(in_words("one fault", one).c_str());
+  std::puts(in_words("two faults", two).c_str());
+  EXPECT_LE(right.ok_wrong, 0.02 * right.drives());
+}
+
+}  // namespace
+}  // namespace identikal
