@@ -15,7 +15,7 @@ namespace {
 constexpr double kOpen = 0.25;              // of a parameter: what makes it unknown
 constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
 constexpr double kMistaken = 5.0;           // standard deviations of the prior
-constexpr double kNoticed = 2.0;               // standard deviations from what the model takes
+constexpr double kNoticed = 2.0;            // standard deviations from what the model takes
 constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 
 Eigen::MatrixXd structural_covariance(const StructureStudy& study, const Eigen::VectorXd& value,
