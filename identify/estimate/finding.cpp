@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 91> kKinds = {{
+constexpr std::array<FindingKind, 92> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -199,6 +199,9 @@ constexpr std::array<FindingKind, 91> kKinds = {{
     {FindingCode::structure_dependent, "structure_dependent", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "A parameter hangs on what the model leaves out: lags, roll, bending tyres"},
+    {FindingCode::sensor_differs, "sensor_differs", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
+     "A sensor is filtered, placed or scaled otherwise than the model file says"},
     {FindingCode::hold_out, "hold_out", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "Held-out data are predicted much worse than those fitted"},
     {FindingCode::insufficient_power, "insufficient_power", Severity::warning, Severity::warning,

@@ -102,6 +102,7 @@ enum class FindingCode {
   steering_gain,
   steering_delay,
   structure_dependent,
+  sensor_differs,
   hold_out,
   insufficient_power,
   tracked_only,

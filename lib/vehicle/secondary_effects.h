@@ -24,6 +24,9 @@ enum SecondaryEffect {
   kLagOfR,             ///< time constant of the sensor's filter [s]
   kLagOfVy,            ///< of vy and beta [s]
   kLagOfAy,            ///< [s]
+  kArmOfVy,            ///< how far its sensor sits ahead of where the model has it [m]
+  kArmOfAy,            ///< the same [m]
+  kGainOfAy,           ///< of its sensor, beyond 1
   kSecondaryEffects
 };
 
@@ -47,7 +50,7 @@ double lagged(double x, double from, double to, double t, double T);
 /// moves to the right. Motion::ay holds what a sensor fixed to the body feels, g sin(phi) included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.
-/// The filters of sensors are the reader's (kLagOfR, ...).
+/// Filters, places and gains of sensors are the reader's (kLagOfR to kGainOfAy).
 ///
 /// Example:
 ///

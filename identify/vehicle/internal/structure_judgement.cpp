@@ -54,18 +54,33 @@ std::string in_words(const StructureCause& cause) {
                      cause.unit.empty() ? "" : " ", cause.unit);
 }
 
-/// A ratio is in the model file: one that is wrong by more than it can be uncertain is a mistake.
-Findings check_ratio(const StructureStudy& study) {
-  for (const StructureCause& cause : study.causes) {
-    if (cause.name != name_of(kSteeringGain)) continue;
-    if (std::abs(cause.value - cause.prior_mean) < kMistaken * cause.prior_sd) return {};
-    return {{FindingCode::steering_gain,
-             Severity::serious,
-             {cause.name},
-             fmt::format("the recording contradicts the steering ratio: {}", in_words(cause)),
-             "correct the ratio, or free steering_gain"}};
+/// The finding that belongs to a cause which is beyond anything that cars and test equipment have;
+/// other: a car may have any.
+FindingCode mistake(const std::string& cause) {
+  if (cause == name_of(kSteeringGain)) return FindingCode::steering_gain;
+  if (cause == name_of(kSteeringDelay) || cause == name_of(kSteeringLag)) {
+    return FindingCode::steering_delay;
   }
-  return {};
+  const bool of_sensor =
+      cause.starts_with("lag of") || cause.starts_with("lever arm") || cause.starts_with("gain of");
+  return of_sensor ? FindingCode::sensor_differs : FindingCode::other;
+}
+
+/// What is wrong in the model file or with the equipment is no structure that errors allow for.
+Findings check_mistakes(const StructureStudy& study) {
+  Findings out;
+  for (const StructureCause& cause : study.causes) {
+    const FindingCode code = mistake(cause.name);
+    const bool usual = std::abs(cause.value - cause.as_written) < kMistaken * cause.prior_sd;
+    if (usual || code == FindingCode::other) continue;
+    out.push_back({code,
+                   Severity::serious,
+                   {cause.name},
+                   fmt::format("the recording contradicts the model file: {}, not {}",
+                               in_words(cause), cause.as_written),
+                   "check that channel; known better by: " + cause.separated_by});
+  }
+  return out;
 }
 
 }  // namespace
@@ -130,7 +145,7 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
     estimate.notes.push_back(
         fmt::format("the recording shows what the model leaves out: {}", fmt::join(seen, ", ")));
   }
-  Findings out = check_ratio(study);
+  Findings out = check_mistakes(study);
   if (open.empty()) return out;
   out.push_back(make_finding(
       FindingCode::structure_dependent, names,

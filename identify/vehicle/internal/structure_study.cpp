@@ -125,17 +125,39 @@ class StudyUnknowns {
     if (problem_.unknowns.curve == TyreCurve::linear) {
       add_effect(kTyreSoftening, 0.8, 0.5, "", "gentler driving, or `tyre: {curve: tanh}`");
     }
+    const bool sideslip = measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta);
+    const std::string place = "the place of the sensor";
+    if (sideslip) add_effect(kArmOfVy, 0.0, 0.04 * wheelbase, "m", place, false);
+    if (measured(VehicleQuantity::ay)) {
+      add_effect(kArmOfAy, 0.0, 0.04 * wheelbase, "m", place, false);
+      add_effect(kGainOfAy, 0.0, 0.015, "", "a calibration of ay on a slope", false);
+    }
     const std::string filters = "sensors that are filtered alike";
     if (measured(VehicleQuantity::r)) add_effect(kLagOfR, 0.0, 0.004, "s", filters);
-    if (measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta)) {
-      add_effect(kLagOfVy, 0.0, 0.004, "s", filters);
-    }
+    if (sideslip) add_effect(kLagOfVy, 0.0, 0.004, "s", filters);
     if (measured(VehicleQuantity::ay)) add_effect(kLagOfAy, 0.0, 0.004, "s", filters);
   }
 
   const VehicleProblem& problem_;
   const VehicleParameters<double>& p_;
 };
+
+/// Of a sensor that may sit elsewhere and be scaled.
+double reading(const SecondaryEffects& effects, const VehicleSensor& sensor,
+               const VehicleReading& as_given, const Motion& motion, double vx) {
+  const double value = as_given.value(motion, vx);
+  switch (sensor.quantity) {
+    case VehicleQuantity::vy:
+      return value + effects[kArmOfVy] * motion.r;
+    case VehicleQuantity::beta:
+      return value + effects[kArmOfVy] * motion.r / vx;
+    case VehicleQuantity::ay:
+      return (1.0 + effects[kGainOfAy]) * (value + effects[kArmOfAy] * motion.yaw_acceleration);
+    case VehicleQuantity::r:
+      break;
+  }
+  return value;
+}
 
 /// What the sensors say of the car with its secondary effects, minus what was measured.
 class SecondarySimulation {
@@ -179,7 +201,7 @@ class SecondarySimulation {
       const Eigen::Index row = first + k;
       for (std::size_t j = 0; j < sensors.size(); ++j) {
         const double T = point.effects[filter_of(run.outputs[j].sensor.quantity)];
-        const double now = sensors[j].value(motion, vx);
+        const double now = reading(point.effects, run.outputs[j].sensor, sensors[j], motion, vx);
         value[j] =
             k == 0 ? now : lagged(value[j], input[j], now, run.time[row] - run.time[row - 1], T);
         input[j] = now;
