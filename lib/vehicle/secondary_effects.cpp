@@ -133,8 +133,7 @@ std::string_view name_of(SecondaryEffect effect) {
   constexpr std::array<std::string_view, kSecondaryEffects> kNames = {
       "steering smoothing", "steering lag",    "relaxation length", "roll gradient",
       "roll steer front",   "roll steer rear", "tyre softening",    "lag of r",
-      "lag of vy",          "lag of ay",       "lever arm of vy",   "lever arm of ay",
-      "gain of ay"};
+      "lag of vy",          "lag of ay",       "lever arm of vy",   "lever arm of ay"};
   return kNames[effect];
 }
 

@@ -26,7 +26,6 @@ enum SecondaryEffect {
   kLagOfAy,            ///< [s]
   kArmOfVy,            ///< how far its sensor sits ahead of where the model has it [m]
   kArmOfAy,            ///< the same [m]
-  kGainOfAy,           ///< of its sensor, beyond 1
   kSecondaryEffects
 };
 
@@ -50,7 +49,7 @@ double lagged(double x, double from, double to, double t, double T);
 /// moves to the right. Motion::ay holds what a sensor fixed to the body feels, g sin(phi) included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.
-/// Filters, places and gains of sensors are the reader's (kLagOfR to kGainOfAy).
+/// Filters and places of sensors are the reader's (kLagOfR to kArmOfAy).
 ///
 /// Example:
 ///

@@ -61,9 +61,7 @@ FindingCode mistake(const std::string& cause) {
   if (cause == name_of(kSteeringDelay) || cause == name_of(kSteeringLag)) {
     return FindingCode::steering_delay;
   }
-  const bool of_sensor =
-      cause.starts_with("lag of") || cause.starts_with("lever arm") || cause.starts_with("gain of");
-  return of_sensor ? FindingCode::sensor_differs : FindingCode::other;
+  return cause.starts_with("lag of") ? FindingCode::sensor_differs : FindingCode::other;
 }
 
 /// What is wrong in the model file or with the equipment is no structure that errors allow for.

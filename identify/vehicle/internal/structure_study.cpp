@@ -127,10 +127,9 @@ class StudyUnknowns {
     }
     const bool sideslip = measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta);
     const std::string place = "the place of the sensor";
-    if (sideslip) add_effect(kArmOfVy, 0.0, 0.04 * wheelbase, "m", place, false);
+    if (sideslip) add_effect(kArmOfVy, 0.0, 0.02 * wheelbase, "m", place, false);
     if (measured(VehicleQuantity::ay)) {
-      add_effect(kArmOfAy, 0.0, 0.04 * wheelbase, "m", place, false);
-      add_effect(kGainOfAy, 0.0, 0.015, "", "a calibration of ay on a slope", false);
+      add_effect(kArmOfAy, 0.0, 0.02 * wheelbase, "m", place, false);
     }
     const std::string filters = "sensors that are filtered alike";
     if (measured(VehicleQuantity::r)) add_effect(kLagOfR, 0.0, 0.004, "s", filters);
@@ -142,7 +141,7 @@ class StudyUnknowns {
   const VehicleParameters<double>& p_;
 };
 
-/// Of a sensor that may sit elsewhere and be scaled.
+/// Of a sensor that may sit elsewhere.
 double reading(const SecondaryEffects& effects, const VehicleSensor& sensor,
                const VehicleReading& as_given, const Motion& motion, double vx) {
   const double value = as_given.value(motion, vx);
@@ -152,7 +151,7 @@ double reading(const SecondaryEffects& effects, const VehicleSensor& sensor,
     case VehicleQuantity::beta:
       return value + effects[kArmOfVy] * motion.r / vx;
     case VehicleQuantity::ay:
-      return (1.0 + effects[kGainOfAy]) * (value + effects[kArmOfAy] * motion.yaw_acceleration);
+      return value + effects[kArmOfAy] * motion.yaw_acceleration;
     case VehicleQuantity::r:
       break;
   }
