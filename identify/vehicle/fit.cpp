@@ -358,7 +358,8 @@ struct VehicleFit {
   VehicleSearch found;
   VehicleCovariance covariance, of_noise = {};  ///< the latter without the structure's part
   bool stopped = false;  ///< by the caller: this search, and all that would follow
-  std::optional<StructureStudy> structure = {};
+  bool structure_asked = false;
+  std::optional<StructureStudy> structure = {};  ///< none where it is not asked, or fails
   /// Values of the free parameters, SI: of the simulation, and of the method that went on from it.
   Eigen::VectorXd simulated = {}, as_written = {};
 
@@ -433,13 +434,17 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
 }
 
 /// What causes that the model does not have would change, where a stiffness or the inertia is free.
-std::optional<StructureStudy> structure_of(const VehicleFit& fit) {
+bool asks_for_structure(const VehicleFit& fit) {
   const std::vector<VehicleParameter>& free = fit.found.problem.unknowns.free;
   const bool any = std::any_of(free.begin(), free.end(), [](VehicleParameter p) {
     return p == kCf || p == kCr || p == kYawInertia;
   });
   using Structure = VehicleFitOptions::Structure;
-  if (!any || !fit.second_opinion() || fit.options.structure == Structure::ignored) return {};
+  return any && fit.second_opinion() && fit.options.structure != Structure::ignored;
+}
+
+std::optional<StructureStudy> structure_of(const VehicleFit& fit) {
+  if (!fit.structure_asked) return {};
   StructureStudy study = study_structure(fit.found.problem, fit.found.best);
   if (study.covariance.size() == 0 || !study.covariance.allFinite()) return {};
   return study;
@@ -474,6 +479,7 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
   VehicleSearch& found = fit.found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) return false;
   fit.simulated = free_values(found);
+  fit.structure_asked = asks_for_structure(fit);
   fit.structure = structure_of(fit);
   if (fit.options.method == Method::trajectory) {
     fit.covariance = follow_trajectory(fit.options, watched, found, estimate);
@@ -523,7 +529,8 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
   report_characteristic_values(found.problem, fit.answer(), fit.of_noise, estimate);
   report_noise(found.problem, covariance, estimate);
   if (fit.structure) {
-    report_structure(*fit.structure, fit.as_written, fit.takes_structure(), unknowns, estimate);
+    report_structure(*fit.structure, fit.takes_structure(), unknowns, fit.of_noise, covariance,
+                     estimate);
   }
   if (fit.takes_structure()) report_errors_of(*fit.structure, found.problem, estimate);
   if (fit.options.hold_out.empty()) return;
@@ -583,6 +590,8 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
   append(found, check_whiteness(fit.covariance));
   if (fit.structure && !has_misreading(found)) {
     append(found, check_structure(*fit.structure, unknowns, estimate));
+  } else if (fit.structure_asked && !fit.structure) {
+    append(found, check_structure_unknown(unknowns, estimate));
   }
   append(found, check_steering_gain(problem, fit.covariance, p,
                                     as_vehicle(fit.model).steering_at_road_wheel));

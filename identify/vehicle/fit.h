@@ -42,7 +42,8 @@ struct VehicleFitOptions {
 ///
 /// `one_step` is filled by prediction_error only. Steady-state cornering (circles and slow ramps) is
 /// answered with the products that it determines (identify/vehicle/internal/steady_cornering.h);
-/// fits with another structure of the model are compared
+/// what lags, roll and bending tyres may add is part of the standard errors
+/// (identify/vehicle/internal/structure_study.h), and fits with another structure are compared
 /// (identify/vehicle/internal/structure_comparison.h).
 ///
 /// Example:

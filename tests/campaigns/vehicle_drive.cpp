@@ -12,9 +12,13 @@
 #include "lib/vehicle/secondary_effects.h"
 #include "lib/vehicle/steering_response.h"
 #include "studies/sladka_lane_change.h"
+#include "tests/support/vehicle_case.h"
 
 namespace identikal {
 namespace {
+
+using testing::known;
+using testing::unknown;
 
 constexpr double kRate = 50.0, kSeconds = 30.0;  // [Hz], [s]
 constexpr double kPerDegree = 1.0 / kDegreesPerRadian;
@@ -273,23 +277,6 @@ void measure(const Setting& setting, const Faults& faults, Random& random, Chann
     chosen[static_cast<Eigen::Index>(random.uniform() * static_cast<double>(chosen.size()))] +=
         signed_size(random, 1.0, 4.0) * size;
   }
-}
-
-Parameter known(const char* name, const char* unit, double value) {
-  Parameter p;
-  p.name = name;
-  p.unit = unit;
-  p.value = Eigen::MatrixXd::Constant(1, 1, value);
-  p.fixed = true;
-  return p;
-}
-
-Parameter unknown(const char* name, const char* unit, double start, double min, double max) {
-  Parameter p = known(name, unit, start);
-  p.fixed = false;
-  p.min = min;
-  p.max = max;
-  return p;
 }
 
 Model model_of(const Setting& setting, const Faults& faults) {

