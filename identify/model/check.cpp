@@ -164,8 +164,7 @@ void check_filter(const Model& model) {
   }
 }
 
-void check_time(const Dataset& data) {
-  const Index size = data.y.cols();
+void check_time(const Dataset& data, Index size) {
   if (data.time.size() == 0) refuse("the recording has {} samples and no time", size);
   if (data.time.size() != size) {
     refuse("the recording has {} times for {} samples", data.time.size(), size);
@@ -177,6 +176,19 @@ void check_time(const Dataset& data) {
   for (Index k = 1; k < size; ++k) {
     if (data.time[k] > data.time[k - 1]) continue;
     refuse("time {} s follows {} s; expected times that rise", data.time[k], data.time[k - 1]);
+  }
+}
+
+// @param what  that the recording has `samples` of
+void check_input_rows(const Model& model, const Dataset& data, Index samples, const char* what) {
+  if (data.u.rows() != inputs_of(model)) {
+    refuse("the recording has {} inputs, the model {}", data.u.rows(), inputs_of(model));
+  }
+  if (data.u.rows() > 0 && data.u.cols() != samples) {
+    refuse("the recording has {} samples of its inputs and {} {}", data.u.cols(), samples, what);
+  }
+  if (data.inputs.size() != static_cast<std::size_t>(data.u.rows())) {
+    refuse("the recording names {} inputs and has {}", data.inputs.size(), data.u.rows());
   }
 }
 
@@ -220,21 +232,29 @@ void check_recording(const Model& model, const Dataset& data) {
   if (data.outputs.size() != static_cast<std::size_t>(data.y.rows())) {
     refuse("the recording names {} outputs and has {}", data.outputs.size(), data.y.rows());
   }
-  if (data.u.rows() != inputs_of(model)) {
-    refuse("the recording has {} inputs, the model {}", data.u.rows(), inputs_of(model));
-  }
-  if (data.u.rows() > 0 && data.u.cols() != data.y.cols()) {
-    refuse("the recording has {} samples of its inputs and {} of its outputs", data.u.cols(),
-           data.y.cols());
-  }
-  if (data.inputs.size() != static_cast<std::size_t>(data.u.rows())) {
-    refuse("the recording names {} inputs and has {}", data.inputs.size(), data.u.rows());
-  }
+  check_input_rows(model, data, data.y.cols(), "of its outputs");
   if (data.y.cols() == 0) refuse("the recording has no samples");
-  check_time(data);
+  check_time(data, data.y.cols());
   check_period(model, data);
   if (data.y.array().isInf().any()) refuse("a sample of the outputs is infinite");
   if (data.u.array().isInf().any()) refuse("a sample of the inputs is infinite");
+}
+
+void check_inputs(const Model& model, const Dataset& data) {
+  if (data.time.size() == 0) refuse("the recording of the inputs has no samples, or no time");
+  check_input_rows(model, data, data.time.size(), "times");
+  check_time(data, data.time.size());
+  check_period(model, data);
+  if (data.u.array().isInf().any()) refuse("a sample of the inputs is infinite");
+}
+
+Model checked_with_inputs(Model model, const Dataset* inputs) {
+  const bool filter = has_filter(model);
+  if (filter) noise_model(model) = with_defaults(std::move(noise_model(model)));
+  if (inputs != nullptr) check_inputs(model, *inputs);
+  if (inputs != nullptr && filter && model.time.step == 0.0) noise_model(model).dt = inputs->dt;
+  check_model(model);
+  return model;
 }
 
 Model checked(Model model, const std::vector<Dataset>& recordings) {

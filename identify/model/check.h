@@ -21,7 +21,10 @@ void check_model(const Model& model);
 ///   infinite
 void check_recording(const Model& model, const Dataset& recording);
 
-/// Both, and the model as a job uses it: a linear model that gives no sampling period has the
+/// The same of times and inputs; outputs are not looked at.
+void check_inputs(const Model& model, const Dataset& recording);
+
+/// A model and a recording of its outputs, and the model as a job uses it: a linear model that gives no sampling period has the
 /// recordings', matrices that were left empty are zero (B, D, S) or the identity (G).
 ///
 /// Example:
@@ -34,5 +37,9 @@ void check_recording(const Model& model, const Dataset& recording);
 ///
 /// @throws std::invalid_argument as both, and without a recording
 Model checked(Model model, const std::vector<Dataset>& recordings);
+
+/// The same for a job that needs no outputs: the model, and times and inputs where there are any.
+/// @param inputs  may be null
+Model checked_with_inputs(Model model, const Dataset* inputs);
 
 }  // namespace identikal

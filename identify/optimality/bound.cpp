@@ -13,6 +13,7 @@
 
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/nonlinear_recordings.h"
+#include "identify/model/check.h"
 #include "identify/noise/estimate.h"
 #include "identify/simulation/simulate.h"
 #include "lib/base/random.h"
@@ -96,10 +97,35 @@ Findings check_determined(const CramerRaoBound& estimate) {
                                    id.rank, id.of, fmt::join(open, ", ")))};
 }
 
+// The information of recordings of any length: what `samples` have, and
+// what each further one adds. A filter that has not settled from the first sample on adds something
+// else at the beginning, which the total holds.
+struct GrowingInformation {
+  MatrixXd total, per_sample;
+  double samples = 0.0;
+
+  // How many samples give parameter i this standard error? Newton's method on 1 / variance, which
+  // is nearly a straight line.
+  double samples_for(Index i, double se) const {
+    double N = covariance_of(per_sample)(i, i) / (se * se);
+    for (int step = 0; step < 20; ++step) {
+      const MatrixXd covariance = covariance_of(total + (N - samples) * per_sample);
+      const double variance = covariance(i, i);
+      const double slope = covariance.row(i) * per_sample * covariance.col(i);
+      const double next = N + variance * (variance / (se * se) - 1.0) / slope;
+      if (!std::isfinite(next) || !(next > 1.0)) break;
+      const bool close = std::abs(next - N) < 1e-9 * N;
+      N = next;
+      if (close) break;
+    }
+    return std::isfinite(N) ? std::ceil(N - 1e-6) : kNone;
+  }
+};
+
 // What recordings say of the free entries, SI.
 struct RecordingInformation {
   MatrixXd total;
-  MatrixXd per_sample;  // what further samples add; empty: as much as these
+  GrowingInformation growing;
   // Per free entry: its variance times the samples, with the states observed; kNone where the
   // noise alone does not say it. Empty: none of them.
   VectorXd complete;
@@ -127,6 +153,26 @@ VectorXd complete_variance(const StateSpace& system, const std::vector<StateSpac
   return out;
 }
 
+// Further samples add what a steady filter sees, so that a filter that has not settled by the last
+// sample is followed until it has. With inputs they add as much, on average, as so far.
+// @param found  of `samples` samples
+GrowingInformation growing_information(ExpectedInformation found, const StateSpace& system,
+                                       InitialState initial, Index samples,
+                                       const std::vector<StateSpace>& derivatives,
+                                       const MatrixXd& u) {
+  constexpr Index kLongest = 1000000;
+  while (u.size() == 0 && found.per_sample.size() == 0 && samples < kLongest) {
+    ExpectedInformation longer =
+        expected_information(system, initial, 4 * samples, derivatives, MatrixXd());
+    if (longer.status != FilterStatus::ok) break;
+    found = std::move(longer);
+    samples *= 4;
+  }
+  const auto count = static_cast<double>(samples);
+  const bool settles = u.size() == 0 && found.per_sample.size() > 0;
+  return {found.total, settles ? found.per_sample : MatrixXd(found.total / count), count};
+}
+
 RecordingInformation information_of_linear(const Model& model, const BoundOptions& options,
                                            const Dataset* inputs,
                                            const std::vector<StateSpace>& derivatives) {
@@ -143,8 +189,8 @@ RecordingInformation information_of_linear(const Model& model, const BoundOption
   }
   RecordingInformation out;
   out.total = information.total;
-  // Further samples add what a steady filter sees; of inputs, as much as so far.
-  if (u.size() == 0) out.per_sample = information.per_sample;
+  out.growing =
+      growing_information(information, system, linear.initial, options.samples, derivatives, u);
   out.complete = complete_variance(system, derivatives);
   out.gain = steady_gain_sensitivity(system, derivatives);
   if (out.gain) {
@@ -176,6 +222,8 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
   }
   const double runs = options.runs;
   out.total /= runs;
+  const auto samples = static_cast<double>(options.samples);
+  out.growing = {out.total, out.total / samples, samples};
   SimulatedInformation& simulation = bound.simulated.emplace();
   simulation.recordings = options.runs;
   simulation.seed = options.seed;
@@ -194,7 +242,7 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
 // Of every parameter, kNone and empty for those that are fixed: the complete data's standard error,
 // the samples that the accuracy takes, the change of the steady gain.
 void bound_parameters(CramerRaoBound& estimate, const RecordingInformation& information,
-                      const VectorXd& unit, const MatrixXd& covariance_rate) {
+                      const VectorXd& unit, const GrowingInformation& growing) {
   Bound& bound = estimate.bound;
   const double samples = static_cast<double>(bound.samples);
   Index i = 0;
@@ -208,9 +256,7 @@ void bound_parameters(CramerRaoBound& estimate, const RecordingInformation& info
       if (information.complete.size() > 0)
         out.complete_se = std::sqrt(information.complete[i] / samples) / unit[i];
       if (!std::isnan(p.crb_se)) {
-        const double relative = std::sqrt(covariance_rate(i, i)) / std::abs(p.value);
-        out.samples_needed = std::ceil(std::pow(relative / bound.accuracy, 2));
-        if (!std::isfinite(out.samples_needed)) out.samples_needed = kNone;
+        out.samples_needed = growing.samples_for(i, bound.accuracy * std::abs(p.value));
       }
       if (information.gain) {
         out.gain_change = 0.01 * p.value * unit[i] * information.gain->K_theta[i];
@@ -248,7 +294,8 @@ VectorXd free_units(const CramerRaoBound& estimate) {
 
 }  // namespace
 
-CramerRaoBound bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs) {
+CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const Dataset* inputs) {
+  const Model model = checked_with_inputs(given, inputs);
   const bool nonlinear = is_formula_model(model);
   if (nonlinear && (inputs == nullptr || options.runs < 2)) {
     throw std::invalid_argument(
@@ -280,10 +327,10 @@ CramerRaoBound bound_of(const Model& model, const BoundOptions& options, const D
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
   estimate.excess_mean_square_error = excess_error(estimate, model, model.parameters);
-  const MatrixXd rate = information.per_sample.size() > 0
-                            ? in_units(information.per_sample)
-                            : MatrixXd(total / static_cast<double>(options.samples));
-  bound_parameters(estimate, information, unit, covariance_of(rate));
+  const GrowingInformation growing{in_units(information.growing.total),
+                                   in_units(information.growing.per_sample),
+                                   information.growing.samples};
+  bound_parameters(estimate, information, unit, growing);
   if (information.gain) bound_gain(estimate, information, unit, covariance);
   append(estimate.findings, check_determined(estimate));
   conclude(estimate, "every free parameter can be determined");

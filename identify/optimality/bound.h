@@ -34,7 +34,8 @@ struct BoundOptions {
 /// @param inputs  recording whose times and inputs excite the model, of `samples` samples; null =
 ///   none, which a linear model without inputs needs not and one with inputs counts as silence
 /// @throws InputError when nothing is free or the model's values give no filter, or cannot be
-///   simulated; std::invalid_argument for a nonlinear model without `inputs` or with runs < 2
+///   simulated; std::invalid_argument for a nonlinear model without `inputs` or with runs < 2, and as
+///   checked_with_inputs() (identify/model/check.h)
 CramerRaoBound bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs);
 
 }  // namespace identikal

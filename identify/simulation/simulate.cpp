@@ -12,6 +12,7 @@
 
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/nonlinear_recordings.h"
+#include "identify/model/check.h"
 #include "identify/model/model_values.h"
 #include "identify/vehicle/output_error.h"
 #include "lib/base/interpolation.h"
@@ -151,8 +152,9 @@ Dataset refined(const Dataset& recording, InputPath path, int pieces) {
 
 }  // namespace
 
-Simulated simulate_linear(const Model& model, Index rows, const Dataset* inputs,
+Simulated simulate_linear(const Model& given, Index rows, const Dataset* inputs,
                           std::uint64_t seed) {
+  const Model model = checked_with_inputs(given, inputs);
   const LinearModel& linear = as_linear(model);
   const StateSpace system = instantiate(linear, model.parameters);
   const Location at{model.source, 0, 0};
@@ -219,6 +221,7 @@ Dataset signal_inputs(const Model& model, const std::vector<std::string>& signal
 }
 
 MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random& random) {
+  check_inputs(model, recording);
   const Location at{model.source, 0, 0};
   const Index N = recording.size();
   if (!recording.u.allFinite()) {
@@ -246,20 +249,27 @@ MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random&
   return y;
 }
 
-Simulated simulate_nonlinear(const Model& model, Index rows, const Dataset* inputs,
+Simulated simulate_nonlinear(const Model& given, Index rows, const Dataset* inputs,
                              std::uint64_t seed) {
+  const Model model = checked_with_inputs(given, inputs);
   const Index N = inputs != nullptr ? inputs->size() : rows;
   Dataset recording;
-  recording.name = inputs != nullptr ? inputs->name : model.name;
-  recording.time = sample_times(inputs, N, inputs != nullptr ? 0.0 : sampling_period(model));
-  recording.u = inputs != nullptr ? inputs->u : MatrixXd(0, N);
+  if (inputs != nullptr) {
+    recording = *inputs;
+  } else {
+    recording.name = model.name;
+    recording.dt = sampling_period(model);
+    recording.time = sample_times(nullptr, N, recording.dt);
+    recording.u = MatrixXd(0, N);
+  }
   Random random(seed);
   const MatrixXd y = simulated_outputs(model, recording, random);
   return {csv_of(model, seed, y, inputs, recording.time), N, {}};
 }
 
-Simulated simulate_vehicle(const Model& model, const ManoeuvreRequest& request,
+Simulated simulate_vehicle(const Model& given, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
+  const Model model = checked_with_inputs(given, inputs);
   const VehicleModel& car_model = as_vehicle(model);
   const VehicleUnknowns vehicle = vehicle_unknowns(model);
   const SingleTrack<> car = linear_car(vehicle.value);

@@ -34,8 +34,8 @@ struct Simulated {
 ///
 /// @param rows    length; ignored when `inputs` is given
 /// @param inputs  recording that holds the model's inputs; may be null when it has none
-/// @throws InputError when inputs are needed, an initial state does not exist, or noise is not
-/// positive semidefinite
+/// @throws InputError when inputs are needed or an initial state does not exist;
+/// std::invalid_argument as checked_with_inputs() (identify/model/check.h)
 Simulated simulate_linear(const Model& model, Eigen::Index rows, const Dataset* inputs,
                           std::uint64_t seed);
 

@@ -1,6 +1,7 @@
 #include "identify/survey/survey.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -10,9 +11,21 @@
 #include "identify/survey/internal/signal_quality.h"
 
 namespace identikal {
+namespace {
+
+void check_sizes(const VehicleSignals& signals) {
+  for (const VehicleSignal& signal : signals.signals) {
+    if (signal.time.size() == signal.value.size()) continue;
+    throw std::invalid_argument(fmt::format("signal '{}' has {} times and {} values", signal.column,
+                                            signal.time.size(), signal.value.size()));
+  }
+}
+
+}  // namespace
 
 VehicleSurvey survey(const VehicleSignals& signals) {
   using namespace surveying;  // NOLINT: its parts
+  check_sizes(signals);
   Scene scene;
   scene.out.findings = signals.findings;
   if (signals.signals.empty() && scene.found(FindingCode::no_time)) {

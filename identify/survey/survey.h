@@ -22,6 +22,7 @@ namespace identikal {
 ///
 ///     const auto seen = survey(vehicle_signals(car, recordings));
 ///     for (const Finding& finding : seen.findings) std::puts(finding.text.c_str());
+/// @throws std::invalid_argument for a signal with another number of times than values
 VehicleSurvey survey(const VehicleSignals& signals);
 
 }  // namespace identikal

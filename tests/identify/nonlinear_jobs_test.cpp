@@ -71,11 +71,11 @@ Dataset two_states_recording(Index N, std::uint64_t seed) {
   out.time = VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1));
   out.u.resize(1, N);
   for (double& u : out.u.reshaped()) u = random.normal();
+  out.inputs = {{"u", ""}};
   out.y = simulated_outputs(model, out, random);
   for (double& y : out.y.reshaped()) {
     if (random.uniform() < 0.1) y = kNone;
   }
-  out.inputs = {{"u", ""}};
   out.outputs = {{"y1", ""}, {"y2", ""}};
   return out;
 }

@@ -17,7 +17,10 @@
 #include "identify/noise/bayes.h"
 #include "identify/noise/ml.h"
 #include "identify/noise/track.h"
+#include "identify/optimality/bound.h"
 #include "identify/optimality/check.h"
+#include "identify/simulation/simulate.h"
+#include "identify/survey/survey.h"
 #include "identify/vehicle/fit.h"
 #include "lib/base/random.h"
 
@@ -144,6 +147,55 @@ TEST(Check, MatricesLeftEmptyHaveTheirDefaults) {
   as_linear(c.model).S.constant.resize(0, 0);
   EXPECT_EQ(tune_ml(c.model, {c.data}).objective.log_likelihood,
             tune_ml(Case().model, {c.data}).objective.log_likelihood);
+}
+
+TEST(Check, JobsWithoutOutputsLookAtModelAndInputs) {
+  const auto refused = [](const std::function<void(Case&)>& spoil, const std::string& words) {
+    Case c;
+    c.data.y.resize(0, 0);
+    c.data.outputs.clear();
+    spoil(c);
+    BoundOptions options;
+    options.samples = 200;
+    const std::pair<const char*, std::function<void()>> jobs[] = {
+        {"bound", [&] { bound_of(c.model, options, &c.data); }},
+        {"simulate", [&] { simulate_linear(c.model, 200, &c.data, 1); }}};
+    for (const auto& [name, job] : jobs) {
+      try {
+        job();
+        EXPECT_EQ(words, "") << name << " took what should be refused";
+      } catch (const std::invalid_argument& error) {
+        EXPECT_EQ(error.what(), words) << name;
+      }
+    }
+  };
+  refused([](Case&) {}, "");
+  refused([](Case& c) { c.data.u = MatrixXd::Zero(2, 200); },
+          "the recording has 2 inputs, the model 1");
+  refused([](Case& c) { c.data.u = MatrixXd::Zero(1, 150); },
+          "the recording has 150 samples of its inputs and 200 times");
+  refused([](Case& c) { c.data.time.resize(0); },
+          "the recording of the inputs has no samples, or no time");
+  refused([](Case& c) { c.data.time[7] = c.data.time[6]; },
+          "time 6 s follows 6 s; expected times that rise");
+  refused([](Case& c) { as_linear(c.model).C.constant.resize(1, 3); },
+          "C is 1 x 3; expected 1 x 1 (outputs x states)");
+  refused([](Case& c) { c.model.parameters[0].value.resize(0, 0); }, "parameter 'q' has no value");
+}
+
+TEST(Check, ASurveyCountsTimesAndValues) {
+  VehicleSignal signal;
+  signal.column = "yaw";
+  signal.time = VectorXd::LinSpaced(300, 0.0, 3.0);
+  signal.value = VectorXd::Zero(200);
+  VehicleSignals signals;
+  signals.signals = {signal};
+  try {
+    survey(signals);
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "signal 'yaw' has 300 times and 200 values");
+  }
 }
 
 TEST(Check, StartsAreCounted) {

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "identify/model/builder.h"
 #include "lib/base/error.h"
 #include "lib/filter/information.h"
 #include "lib/filter/steady_state.h"
@@ -83,6 +84,29 @@ TEST(BoundOf, AccuracyIsInvertedAndSystem1SaysWhatItNeeds) {
   // 2 Q^2 / t and 2 R^2 / t of the source, chapter 6.
   EXPECT_NEAR(estimate.bound.parameters[0].complete_se, 10.0 * std::sqrt(2.0 / 1000.0), 1e-12);
   EXPECT_NEAR(estimate.bound.parameters[1].complete_se, 1.0 * std::sqrt(2.0 / 1000.0), 1e-12);
+}
+
+// A level whose start is known settles slowly: the first samples say less of q than later ones.
+TEST(BoundOf, TheSamplesNeededAreExactWhereTheFilterHasToSettle) {
+  const Model model = linear_model()
+                          .A(1)
+                          .C(1)
+                          .process_noise(variance("q", 1.0))
+                          .measurement_noise(variance("r", 100.0))
+                          .initial(Eigen::VectorXd::Zero(1), Eigen::MatrixXd::Zero(1, 1));
+  BoundOptions options;
+  options.samples = 20;  // shorter than it takes to settle
+  options.accuracy = 0.25;
+  const CramerRaoBound planned = bound_of(model, options, nullptr);
+  for (const auto& [name, entry] : {std::pair{"q", 0}, {"r", 1}}) {
+    const double needed = planned.bound.parameters[entry].samples_needed;
+    const double wanted = 0.25 * named(planned, name).value;
+    options.samples = static_cast<Index>(needed);
+    EXPECT_LE(named(bound_of(model, options, nullptr), name).crb_se, wanted * (1.0 + 1e-9));
+    options.samples -= 1;
+    EXPECT_GT(named(bound_of(model, options, nullptr), name).crb_se, wanted * (1.0 - 1e-9)) << name;
+    std::printf("%s: %.0f samples\n", name, needed);
+  }
 }
 
 // x' = -k x + w, density q, every 0.1 s: with x observed a variance is known to q sqrt(2 / N), and
