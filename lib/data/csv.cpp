@@ -17,6 +17,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/data/internal/csv_cell.h"
+#include "lib/data/internal/quoted_rows.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -662,6 +663,7 @@ Table parse_csv(std::string bytes, const std::string& path) {
     throw InputError({path}, "the file is empty", "a header line and rows of numbers");
   }
   check_is_text(text, path);
+  unquote_rows(text.bytes);
   const Shape shape = find_shape(last_lines(begin, text.end()));
   const Layout layout = find_layout(text, read_head(begin, text.end(), shape, path), shape);
 
