@@ -218,17 +218,9 @@ void forget_delta(OnlineFilter& f) {
   f.diffuse = false;
 }
 
-void begin(OnlineFilter& f, const Eigen::Ref<const VectorXd>& y) {
-  f.begun = true;
-  if (!f.diffuse) return;
-  f.scale = proper_scale(f.model, y);
-  f.P = f.scale.asDiagonal();
-}
-
 void make_room(OnlineFilter& f) {
   const Index n = f.model.states(), ny = f.model.outputs();
   f.state = f.state_sd = f.delta = f.delta_score = VectorXd::Zero(n);
-  f.scale = VectorXd::Ones(n);
   f.innovation = f.innovation_sd = VectorXd::Zero(ny);
   f.delta_information = f.delta_factor = f.moved = f.FP = f.F = f.P_next = f.P_filt =
       MatrixXd::Zero(n, n);
@@ -266,7 +258,8 @@ OnlineFilter start_online_filter(const StateSpace& model, InitialState initial) 
   } else {
     f.diffuse = true;
     f.determined = false;
-    f.P = MatrixXd::Zero(n, n);
+    f.scale = proper_scale(model);
+    f.P = f.scale.asDiagonal();
     f.columns = 1 + n;
     f.Z.rightCols(n).setIdentity();
   }
@@ -282,7 +275,6 @@ bool step(OnlineFilter& f, const Eigen::Ref<const VectorXd>& y,
                  f.model.outputs(), " and ", f.model.inputs()}));
   }
   if (!u.allFinite() || y.array().isInf().any()) return false;
-  if (!f.begun) begin(f, y);
   find_present(f, y);
   const bool keep_gain = f.settled;
   f.innovation.setConstant(kNaN);

@@ -32,7 +32,7 @@ struct OnlineFilter {
   Eigen::VectorXd scale;       ///< n, variances: the proper part of a diffuse start
   Eigen::MatrixXd delta_information, delta_factor;  ///< L L' = I, once it is determined
   Eigen::VectorXd delta_score, delta;
-  bool begun = false, diffuse = false, determined = true;
+  bool diffuse = false, determined = true;
   bool settled = false;  ///< the gain does not change any more while nothing is missing
   std::vector<Eigen::Index> present;  ///< channels of the sample taken last
   Eigen::MatrixXd C, Sigma, L, E, SiE, PC, M, K, F, P_next, Z_next, P_filt, Z_filt, KR, FP, moved;

@@ -18,18 +18,6 @@ namespace {
 // be forgotten.
 constexpr double kWellDetermined = 1e-6;
 
-double mean_square(const Eigen::Ref<const MatrixXd>& y, double otherwise) {
-  double sum = 0.0, count = 0.0;
-  for (Index t = 0; t < y.cols(); ++t) {
-    for (Index i = 0; i < y.rows(); ++i) {
-      if (std::isnan(y(i, t))) continue;
-      sum += y(i, t) * y(i, t);
-      count += 1.0;
-    }
-  }
-  return count > 0.0 ? sum / count : otherwise;
-}
-
 }  // namespace
 
 double determined_share(const MatrixXd& information, const VectorXd& scale) {
@@ -39,15 +27,19 @@ double determined_share(const MatrixXd& information, const VectorXd& scale) {
   return eigen.eigenvalues().minCoeff();
 }
 
-VectorXd proper_scale(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y) {
-  const auto outputs = static_cast<double>(y.rows());
-  const double power = mean_square(y, 1.0) + model.R.trace() / outputs;
+VectorXd proper_scale(const StateSpace& model) {
+  const auto outputs = static_cast<double>(model.outputs());
+  const MatrixXd W = model.G * model.Q * model.G.transpose();
+  MatrixXd noise = MatrixXd::Zero(model.states(), model.states());
   VectorXd seen = VectorXd::Zero(model.states());
   MatrixXd response = model.C;
   for (Index t = 0; t < model.states(); ++t) {
     seen += response.colwise().squaredNorm().transpose() / outputs;
     response = (response * model.A).eval();
+    noise = (model.A * noise * model.A.transpose() + W).eval();
   }
+  const double power =
+      (model.R.trace() + (model.C * noise * model.C.transpose()).trace()) / outputs;
   return seen.unaryExpr([power](double gain) {
     const double scale = power / gain;
     return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;

@@ -22,10 +22,10 @@ inline constexpr double kDetermined = 1e-8;
 double determined_share(const Eigen::MatrixXd& information, const Eigen::VectorXd& scale);
 
 /// Variances, n, of the proper part that a diffuse start has added to it, and which delta absorbs:
-/// of the size that the states have, or that the first samples tell them by. No function of the
-/// parameters.
-/// @param y  ny x N, NaN = missing
-Eigen::VectorXd proper_scale(const StateSpace& model, const Eigen::Ref<const Eigen::MatrixXd>& y);
+/// what n samples, with the noise that comes in meanwhile, leave unknown of a state. Larger ones
+/// (the size of the data, say) cost the likelihood as many digits as they are too large. As delta
+/// absorbs them, the likelihood's derivatives know nothing of them.
+Eigen::VectorXd proper_scale(const StateSpace& model);
 
 struct DiffuseStart {
   Eigen::VectorXd scale;        ///< n: proper_scale()

@@ -117,7 +117,7 @@ bool Recursion::start_stationary() {
 
 void Recursion::start_diffuse() {
   const Index n = model_.states();
-  diffuse_.emplace(proper_scale(model_, y_), sensitivities_.size());
+  diffuse_.emplace(proper_scale(model_), sensitivities_.size());
   P_ = diffuse_->scale.asDiagonal();
   Z_ = MatrixXd::Zero(n, 1 + n);
   Z_.rightCols(n).setIdentity();

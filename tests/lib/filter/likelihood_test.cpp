@@ -460,6 +460,49 @@ TEST(Likelihood, DiffuseStartsDoNotDependOnTheUnitsOfTheStates) {
   }
 }
 
+// Chains of integrators, y = x(1) + v, whose last state white noise enters, from a diffuse start.
+// Reference: the dense joint density in 60 digits (mpmath: Cholesky of the covariance that noise
+// alone gives y, the start as a regression on the responses to it).
+TEST(Likelihood, DiffuseChainsOfIntegratorsKeepTheirDigits) {
+  struct Reference {
+    Index n;
+    double q, log_likelihood;
+  };
+  MatrixXd y(1, 60);
+  for (Index t = 0; t < 60; ++t) {
+    const auto T = static_cast<double>(t);
+    y(0, t) = static_cast<double>((t * t * 7919 + 31 * t) % 2003 - 1001) / 1000.0 + T * T / 20.0;
+  }
+  double worst = 0.0;
+  for (const Reference& c : {Reference{2, 1, -101.23239352543099},
+                             {2, 1e6, -453.94846277480602},
+                             {3, 1, -116.32587601749019},
+                             {3, 1e6, -446.12227374208742},
+                             {4, 1, -132.06379581266216},
+                             {4, 1e6, -438.2973648434175},
+                             {5, 1, -147.71590902026328},
+                             {5, 1e6, -430.47710757248501},
+                             {6, 1, -163.07315180870249},
+                             {6, 1e6, -422.67392820971108}}) {
+    StateSpace model;
+    model.A = MatrixXd::Identity(c.n, c.n);
+    model.A.diagonal(1).setOnes();
+    model.B.setZero(c.n, 0);
+    model.C = MatrixXd::Identity(1, c.n);
+    model.D.setZero(1, 0);
+    model.G = MatrixXd::Identity(c.n, c.n).rightCols(1);
+    model.Q.setConstant(1, 1, c.q);
+    model.R.setOnes(1, 1);
+    model.S.setZero(1, 1);
+    const double value = log_likelihood(model, InitialState::diffuse, y, MatrixXd(0, 60)).value;
+    const double off = std::abs(value / c.log_likelihood - 1.0);
+    std::printf("%d integrators, q %g: %.1e off\n", static_cast<int>(c.n), c.q, off);
+    if (c.n <= 4) worst = std::max(worst, off);
+    EXPECT_LT(off, 1e-7);
+  }
+  EXPECT_LT(worst, 1e-9);
+}
+
 TEST(Likelihood, RefusesShapesThatDisagree) {
   const LikelihoodCase c = random_case(3, 100, false);
   LikelihoodEngine engine;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <gtest/gtest.h>
 
 #include "lib/base/random.h"
@@ -194,6 +195,33 @@ StateSpace between(const StateSpace& from, const StateSpace& to, Index t) {
   mix(m.A, to.A), mix(m.B, to.B), mix(m.C, to.C), mix(m.D, to.D), mix(m.G, to.G);
   mix(m.Q, to.Q), mix(m.R, to.R), mix(m.S, to.S);
   return m;
+}
+
+// Positions that are thousands of times larger than their noise: the first state's covariance is
+// that of a regression of the joint density on it, and no function of the outputs' size.
+TEST(Smoother, DiffuseStartOfLargeOutputs) {
+  StateSpace m;
+  m.A = (MatrixXd(2, 2) << 1, 0.1, 0, 1).finished();
+  m.B.setZero(2, 0);
+  m.C = (MatrixXd(1, 2) << 1, 0).finished();
+  m.D.setZero(1, 0);
+  m.G = MatrixXd::Identity(2, 2);
+  m.Q = 2.0 * (MatrixXd(2, 2) << 1e-3 / 3.0, 5e-3, 5e-3, 0.1).finished();
+  m.R.setConstant(1, 1, 0.1);
+  m.S.setZero(2, 1);
+  constexpr Index kSamples = 300;
+  const MatrixXd y = VectorXd::LinSpaced(kSamples, -4000.0, 4000.0).transpose();
+  const MatrixXd u(0, kSamples);
+  const Stacked all = stack(m, u, kSamples, VectorXd::Zero(2), MatrixXd::Zero(2, 2));
+  const Eigen::LLT<MatrixXd> V(all.covariance);
+  const MatrixXd P = (all.from_x1.transpose() * V.solve(all.from_x1)).inverse();
+  const VectorXd x = P * (all.from_x1.transpose() * V.solve(y.transpose()));
+  const SmootherResult smoothed = smooth(m, InitialState::diffuse, y, u);
+  const double off =
+      (smoothed.sd.col(0).array() / P.diagonal().array().sqrt() - 1.0).abs().maxCoeff();
+  std::printf("standard errors of the first state %.1e off\n", off);
+  EXPECT_LT(off, 1e-9);
+  EXPECT_LT((smoothed.x.col(0) - x).cwiseAbs().maxCoeff(), 1e-8);
 }
 
 TEST(Smoother, ModelsThatChangeWithTime) {
