@@ -270,6 +270,13 @@ Fit fit_under_gain(const Als& als, Regression regression, const MatrixXd& L, boo
                    "give Q and R a positive start");
 }
 
+[[noreturn]] void refuse_short(const std::vector<Dataset>& recordings) {
+  throw InputError(
+      {recordings[0].name, 0, 0},
+      fmt::format("{} samples are no longer than the filter's memory", recordings[0].size()),
+      "a longer recording, fewer --lags, or a faster start of Q and R");
+}
+
 Fit fit(const Model& model, const Als& als, const std::vector<Dataset>& recordings,
         const NoiseAlsOptions& options) {
   constexpr int kMostGains = 20;
@@ -278,12 +285,7 @@ Fit fit(const Model& model, const Als& als, const std::vector<Dataset>& recordin
   MatrixXd L = steady->K;
   const auto regression = [&](const MatrixXd& gain) {
     auto out = als.regression(gain, options.lags, options.full_matrix);
-    if (!out) {
-      throw InputError(
-          {recordings[0].name, 0, 0},
-          fmt::format("{} samples are no longer than the filter's memory", recordings[0].size()),
-          "a longer recording, fewer --lags, or a faster start of Q and R");
-    }
+    if (!out) refuse_short(recordings);
     return *out;
   };
   Fit out = fit_under_gain(als, regression(L), L, options.weighted, {});
@@ -418,28 +420,37 @@ void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
 
 }  // namespace
 
-NoiseEstimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
-                       const NoiseAlsOptions& options) {
-  const Model model = checked(given, recordings);
-  check_recordings(model, recordings);
+namespace {
+
+void check_model_for_als(const Model& model, Index lags) {
   if (!is_linear_in_parameters(as_linear(model), model.parameters)) {
     throw InputError({model.source, 0, 0}, "als is linear in what it seeks, and the model is not",
                      "Q, R and S that are sums of multiples of parameters",
                      "variances instead of standard deviations, or --method ml");
   }
-  const Als als(model, recordings);
-  if (!std::all_of(als.basis().begin(), als.basis().end(), changes_only_noise)) {
+  const std::vector<StateSpace> basis = model_derivatives(as_linear(model), model.parameters);
+  if (!std::all_of(basis.begin(), basis.end(), changes_only_noise)) {
     throw InputError({model.source, 0, 0}, "als estimates noise, and other parameters are free",
                      "free entries of Q, R and S only", "fix the others, or use --method ml");
   }
-  const Index ny = als.fixed().outputs(), rows = std::max(options.lags, kFewestLags) * ny * ny;
+  const Index ny = as_linear(model).C.constant.rows(), rows = std::max(lags, kFewestLags) * ny * ny;
   if (rows > kMostRowsAsked) {
     throw InputError({model.source, 0, 0},
                      fmt::format("{} autocovariances of {} outputs are {} numbers to weigh",
-                                 std::max(options.lags, kFewestLags), ny, rows),
+                                 std::max(lags, kFewestLags), ny, rows),
                      fmt::format("no more than {}", kMostRowsAsked),
                      "fewer --lags, or --method ml");
   }
+}
+
+}  // namespace
+
+NoiseEstimate tune_als(const Model& given, const std::vector<Dataset>& recordings,
+                       const NoiseAlsOptions& options) {
+  const Model model = checked(given, recordings);
+  check_recordings(model, recordings);
+  check_model_for_als(model, options.lags);
+  const Als als(model, recordings);
   Fit found = fit(model, als, recordings, options);
   NoiseEstimate estimate;
   estimate.model_name = model.name;
@@ -457,6 +468,19 @@ NoiseEstimate tune_als(const Model& given, const std::vector<Dataset>& recording
   report_noise_estimate(estimate, model, end, recordings);
   conclude(estimate, "converged");
   return estimate;
+}
+
+VectorXd unconstrained_als(const Model& given, const std::vector<Dataset>& recordings, Index lags) {
+  const Model model = checked(given, recordings);
+  check_recordings(model, recordings);
+  check_model_for_als(model, lags);
+  const Als als(model, recordings);
+  const auto steady = steady_state(als.at(free_entries(model.parameters)));
+  if (!steady) refuse_gain(model);
+  const auto regression = als.regression(steady->K, lags, false);
+  if (!regression) refuse_short(recordings);
+  return regression->design.completeOrthogonalDecomposition().solve(regression->sample -
+                                                                    regression->constant);
 }
 
 }  // namespace identikal

@@ -45,4 +45,15 @@ struct NoiseAlsOptions {
 NoiseEstimate tune_als(const Model& model, const std::vector<Dataset>& recordings,
                        const NoiseAlsOptions& options = {});
 
+/// The least squares of tune_als() alone, unweighted, as the method was first published (Odelson
+/// et al. 2006, before its section on constraints): theta, SI, in the order of the free entries.
+/// Variances may come out negative, and then there is no filter of them. For comparisons with
+/// published numbers; tune_als() is what to estimate with.
+///
+///     const Eigen::VectorXd theta = unconstrained_als(model, recordings, 20);
+///
+/// @throws as tune_als()
+Eigen::VectorXd unconstrained_als(const Model& model, const std::vector<Dataset>& recordings,
+                                  Eigen::Index lags);
+
 }  // namespace identikal
