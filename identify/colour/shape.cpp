@@ -182,6 +182,14 @@ std::string channel_names(const Model& model, const ShapingStructure& structure)
   return out;
 }
 
+Index measured(const Dataset& data) { return samples_present({data}) / data.y.rows(); }
+
+const Dataset& longest_of(const std::vector<Dataset>& recordings) {
+  return *std::max_element(
+      recordings.begin(), recordings.end(),
+      [](const Dataset& a, const Dataset& b) { return measured(a) < measured(b); });
+}
+
 // The longest recording. Throws where no filter can be put into the model, or all are too short.
 const Dataset& longest_recording(const Model& model, const std::vector<Dataset>& recordings,
                                  const ShapeOptions& options) {
@@ -193,19 +201,16 @@ const Dataset& longest_recording(const Model& model, const std::vector<Dataset>&
         "a discrete-time model, 'initial: stationary' or 'diffuse'");
   }
   constexpr Index kFewest = 64;  // samples that make a spectrum
-  const auto measured = [](const Dataset& d) { return samples_present({d}) / d.y.rows(); };
-  const auto longest = std::max_element(
-      recordings.begin(), recordings.end(),
-      [&](const Dataset& a, const Dataset& b) { return measured(a) < measured(b); });
+  const Dataset& longest = longest_of(recordings);
   const Index fewest = kFewest + 2 * as_linear(model).A.constant.rows();
-  if (measured(*longest) < fewest) {
+  if (measured(longest) < fewest) {
     throw InputError(
-        {longest->name, 0, 0},
+        {longest.name, 0, 0},
         fmt::format("{} measured rows are too few to distinguish coloured noise from white",
-                    measured(*longest)),
+                    measured(longest)),
         fmt::format("at least {}", fewest), "use a longer recording");
   }
-  return *longest;
+  return longest;
 }
 
 // Samples that determine any shaped model's diffuse start: twice the states of the largest.
@@ -315,20 +320,44 @@ std::optional<Winner> first_determined(const std::vector<Candidate>& candidates,
   return std::nullopt;
 }
 
-// Both tuned on the first part of each recording, compared on the last.
-void compare_held_out(const Model& white, const Candidate& best,
-                      const std::vector<Dataset>& recordings, double hold_out, Shaping& report) {
-  const std::vector<Dataset> first = first_parts(recordings, 1.0 - hold_out);
+// What filters the recordings ask for, the smallest BIC first.
+std::vector<Candidate> candidates_for(const Model& white, const std::vector<Dataset>& recordings,
+                                      const Dataset& longest, Index beginning,
+                                      const ShapeOptions& options, Stages& stages) {
+  InnovationSpectrum spectrum = innovation_spectrum(white, longest);
+  const Model start = with_raised_variances(white, spectrum);
+  const std::vector<SpectralSolution> fits = spectral_fits(spectrum, white, options, stages);
+  return most_likely(start, recordings, fits, beginning, stages);
+}
+
+std::string in_words(const Model& model, const ShapingStructure& structure) {
+  return fmt::format("{} noise of {}, order {}", source_name(structure.source),
+                     channel_names(model, structure), structure.order);
+}
+
+// Of the first part of each recording alone: the filter is chosen and tuned there, and compared with
+// the white model, tuned there too, on the last. What was chosen after a look at the last part would
+// do well there because of that.
+void compare_held_out(const Model& white, const std::vector<Dataset>& recordings, Index beginning,
+                      const ShapeOptions& options, Stages& stages, Shaping& report) {
+  const double share = 1.0 - options.hold_out;
+  const std::vector<Dataset> first = first_parts(recordings, share);
   Model white_first = white;
   RecordingsLikelihood likelihood(white, first);
   const Solution refit = maximise(likelihood.problem(), coordinates(white.parameters));
   if (std::isfinite(refit.summary.objective)) {
     white_first.parameters = with_coordinates(white.parameters, refit.x);
   }
-  const Model best_first = maximise_shaped(best.model, best.structure, first).value_or(best.model);
+  const std::vector<Candidate> chosen =
+      candidates_for(white_first, first, longest_of(first), beginning, options, stages);
+  const double white_bic = bic_of(comparable_log_likelihood(white_first, first, beginning),
+                                  coordinates(white.parameters).size(), samples_present(first));
+  const bool any = !chosen.empty() && chosen.front().bic < white_bic;
+  const Model& best_first = any ? chosen.front().model : white_first;
+  report.held_out_choice = any ? in_words(white, chosen.front().structure) : "white";
   const std::vector<int> horizons{1, 2, 4, 8, 16};
-  const MatrixXd without = prediction_rms(white_first, recordings, horizons, 1.0 - hold_out);
-  const MatrixXd with = prediction_rms(best_first, recordings, horizons, 1.0 - hold_out);
+  const MatrixXd without = prediction_rms(white_first, recordings, horizons, share);
+  const MatrixXd with = prediction_rms(best_first, recordings, horizons, share);
   report.held_out_log_likelihood_without =
       log_likelihood_of(white_first, recordings) - log_likelihood_of(white_first, first);
   report.held_out_log_likelihood_with =
@@ -565,10 +594,8 @@ ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
                     white.whiteness.p));
   }
 
-  InnovationSpectrum spectrum = innovation_spectrum(white.model, longest);
-  const Model start = with_raised_variances(white.model, spectrum);
-  const std::vector<SpectralSolution> fits = spectral_fits(spectrum, model, options, stages);
-  const std::vector<Candidate> candidates = most_likely(start, recordings, fits, beginning, stages);
+  const std::vector<Candidate> candidates =
+      candidates_for(white.model, recordings, longest, beginning, options, stages);
   if (stages.stopped()) return as_stopped();
   for (const Candidate& c : candidates) {
     report.candidates.push_back({source_name(c.structure.source), channel_names(model, c.structure),
@@ -586,7 +613,8 @@ ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
                     white.whiteness.p));
   }
   if (!stages.begin("held-out comparison")) return as_stopped();
-  compare_held_out(white.model, *winner->candidate, recordings, options.hold_out, report);
+  compare_held_out(white.model, recordings, beginning, options, stages, report);
+  if (stages.stopped()) return as_stopped();
   report_structure(*winner, as_linear(model).dt, report);
   return with_filter(std::move(*winner), model, white, candidates, std::move(report));
 }

@@ -48,7 +48,8 @@ struct ShapeResult {
 ///    determined by the data. With a diffuse start all likelihoods are those behind the same first
 ///    samples.
 /// 4. On the last part of each recording: errors of 1 to 16 steps' prediction and log-likelihood of
-///    the winner and of the white model, both tuned on the first part.
+///    the filter that steps 2 and 3 choose from the first part alone, and of the white model, both
+///    tuned on the first part.
 /// Stopped by the caller, the result is the white model's, as not converged.
 ///
 /// Example:

@@ -122,6 +122,7 @@ struct Shaping {
   };
   std::vector<Prediction> predictions;  ///< channel by channel, more and more steps ahead
   double held_out_log_likelihood_without = kNone, held_out_log_likelihood_with = kNone;
+  std::string held_out_choice;  ///< what the rest alone asks for: "process noise of w1, order 2"
 };
 
 /// What a vehicle's recording holds and what it can determine, before any fit
@@ -176,7 +177,8 @@ struct VehicleSurvey {
   };
   std::vector<Proposal> mapping;
   std::string time_column, time_unit;  ///< empty: none
-  double least_speed = 3.0;            ///< [m/s] of use_when
+  bool restarts = false;     ///< several runs in one file: each begins where time goes back
+  double least_speed = 3.0;  ///< [m/s] of use_when
   Findings findings;
 };
 

@@ -35,8 +35,11 @@ std::string held_out_text(const Shaping& s) {
                        p.rmse_with, 100.0 * (1.0 - p.rmse_with / p.rmse_without));
   }
   if (std::isnan(s.held_out_log_likelihood_with)) return out;
-  return out + fmt::format("  log-likelihood {:.2f} white, {:.2f} shaped\n",
-                           s.held_out_log_likelihood_without, s.held_out_log_likelihood_with);
+  return out + fmt::format(
+                   "  log-likelihood {:.2f} white, {:.2f} shaped\n"
+                   "  shaped: what the rest alone asks for ({})\n",
+                   s.held_out_log_likelihood_without, s.held_out_log_likelihood_with,
+                   s.held_out_choice);
 }
 
 }  // namespace
