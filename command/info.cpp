@@ -23,7 +23,7 @@ namespace {
 struct InfoOptions {
   std::vector<std::string> files;  // a model among them, or none
   std::string range;
-  bool vehicle = false, json = false;
+  bool vehicle = false, json = false, model = false;
 };
 
 SurveyReport surveyed(const std::vector<Table>& files, const std::optional<Model>& model,
@@ -50,8 +50,16 @@ SurveyReport surveyed(const std::vector<Table>& files, const std::optional<Model
 // A survey of each recording, as a person or a program reads it.
 Outcome survey_vehicles(const InfoOptions& options, const std::optional<Model>& model,
                         const std::vector<std::string>& recordings, Inputs& inputs) {
-  if (options.json && recordings.size() > 1) {
-    throw InputError({}, fmt::format("{} recordings with --json", recordings.size()), "one");
+  const bool one = options.json || options.model;
+  if (one && recordings.size() > 1) {
+    throw InputError({},
+                     fmt::format("{} recordings with {}", recordings.size(),
+                                 options.json ? "--json" : "--model"),
+                     "one");
+  }
+  if (options.model && (model || options.json)) {
+    throw InputError({}, fmt::format("--model with {}", model ? "a model file" : "--json"),
+                     "--model with a recording alone", "it proposes a model file");
   }
   if (model && !is_vehicle(*model)) {
     throw InputError({model->source, 0, 0}, "--vehicle with a linear model", "model: single-track");
@@ -64,6 +72,8 @@ Outcome survey_vehicles(const InfoOptions& options, const std::optional<Model>& 
     if (options.json) {
       const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
       out.text += result_json(sections_of(estimate), false, took.count());
+    } else if (options.model) {
+      out.text += proposed_model(estimate.survey, argument);
     } else {
       for (const std::string& note : estimate.notes) out.text += note + "\n";
       out.text += argument + "\n" + survey_text(estimate.survey);
@@ -105,6 +115,9 @@ Outcome info(const InfoOptions& options, Call& call) {
   }
   if (options.vehicle) return survey_vehicles(options, model, recordings, inputs);
   if (options.json) throw InputError({}, "--json without --vehicle", "info --vehicle DATA --json");
+  if (options.model) {
+    throw InputError({}, "--model without --vehicle", "info --vehicle DATA --model");
+  }
   if (!model && !options.range.empty()) {
     throw InputError({}, "--range does not apply to columns", "a model file, or --vehicle",
                      "identikal info MODEL DATA --range FROM:TO");
@@ -127,6 +140,8 @@ Verb info_verb() {
   add_flag(verb, "--vehicle", options->vehicle,
            "Survey a vehicle's recording: signs, units, clocks, what can be identified.");
   add_flag(verb, "--json", options->json, "With --vehicle: Print the survey as JSON.");
+  add_flag(verb, "--model", options->model,
+           "With --vehicle: Print the model file that the survey proposes, to be completed.");
   verb.run = [options](Call& call) { return info(*options, call); };
   return verb;
 }

@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 92> kKinds = {{
+constexpr std::array<FindingKind, 94> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -102,6 +102,10 @@ constexpr std::array<FindingKind, 92> kKinds = {{
      Rank::other, InMessage::nothing, "Channels come from several clocks"},
     {FindingCode::one_clock, "one_clock", Severity::note, Severity::note, Status::ok, Rank::other,
      InMessage::nothing, "Two channels lag alike: they share a clock"},
+    {FindingCode::one_measurement, "one_measurement", Severity::note, Severity::note, Status::ok,
+     Rank::other, InMessage::nothing, "Two channels are one measurement, computed two ways"},
+    {FindingCode::gain_ay, "gain_ay", Severity::warning, Severity::warning, Status::ok, Rank::other,
+     InMessage::nothing, "The lateral acceleration is larger or smaller than speed times yaw rate"},
     {FindingCode::guessed_by_physics, "guessed_by_physics", Severity::note, Severity::note,
      Status::ok, Rank::other, InMessage::nothing,
      "A column was recognised by its values, not by its name"},

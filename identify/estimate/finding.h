@@ -63,6 +63,8 @@ enum class FindingCode {
   clock_unclear,
   several_clocks,
   one_clock,
+  one_measurement,
+  gain_ay,
   guessed_by_physics,
   unit_unclear,
   // How recordings go with the model file.

@@ -1,7 +1,9 @@
 #include "identify/report/survey_text.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <filesystem>
 
 #include <fmt/format.h>
 
@@ -41,10 +43,11 @@ std::string yaml(const std::string& text) {
 }  // namespace
 
 std::string mapping_text(const VehicleSurvey& survey) {
-  std::string out = "model: single-track\n";
+  std::string out;
   if (!survey.time_column.empty()) {
-    out += fmt::format("time: {{column: {}{}}}\n", yaml(survey.time_column),
-                       survey.time_unit.empty() ? "" : ", unit: " + yaml(survey.time_unit));
+    out += fmt::format("time: {{column: {}{}{}}}\n", yaml(survey.time_column),
+                       survey.time_unit.empty() ? "" : ", unit: " + yaml(survey.time_unit),
+                       survey.restarts ? ", runs: restart" : "");
   }
   for (const char* list : {"inputs", "outputs"}) {
     std::string lines;
@@ -150,7 +153,37 @@ std::string survey_text(const VehicleSurvey& survey) {
   out += "\n" + findings_text(survey.findings);
   if (survey.findings.empty()) out += "no faults found\n";
   if (survey.mapping.empty()) return out;
-  return out + "\nproposed for the model file (no file is changed):\n" + mapping_text(survey);
+  return out + "\nproposed for the model file (no file is changed):\nmodel: single-track\n" +
+         mapping_text(survey);
+}
+
+std::string proposed_model(const VehicleSurvey& survey, const std::string& recording) {
+  std::string out = fmt::format(
+      "# Proposed after a survey of {}. What has no value here, no recording tells.\n", recording);
+  for (const Finding& finding : survey.findings) {
+    if (finding.severity != Severity::serious) continue;
+    out +=
+        fmt::format("# To be settled first: {} ({})\n", finding.text, kind_of(finding.code).name);
+  }
+  out += fmt::format("identikal: 1\nname: {}\nmodel: single-track\n",
+                     yaml(std::filesystem::path(recording).stem().string()));
+  out +=
+      "parameters:\n"
+      "  m:                 # kg, as driven: weigh the car\n"
+      "  a:                 # m, front axle to centre of gravity: wheelbase times the rear axle's "
+      "share of m\n"
+      "  b:                 # m, centre of gravity to rear axle\n";
+  const bool at_wheel = std::any_of(
+      survey.mapping.begin(), survey.mapping.end(),
+      [](const VehicleSurvey::Proposal& p) { return p.name == "steering_wheel_angle"; });
+  if (at_wheel) {
+    out += "  steering_ratio:    # angle of the steering wheel over that of the road wheels\n";
+  }
+  out +=
+      "  Iz: {value: 2000 kg m^2}\n"
+      "  Cf: {value: 80000 N/rad}\n"
+      "  Cr: {value: 80000 N/rad}\n";
+  return out + mapping_text(survey);
 }
 
 }  // namespace identikal

@@ -37,46 +37,76 @@ struct Clock {
   VectorXd time;  // s
   std::string column, unit;
   int runs = 1;
-  int repeated = 0;  // stamps that are those of the row before
+  int repeated = 0;      // stamps that are those of the row before
+  bool guessed = false;  // no name says that it is time
 };
 
 Eigen::Map<const VectorXd> raw_values(const Column& column) {
   return {column.values.data(), static_cast<Index>(column.values.size())};
 }
 
-// The first column that looks like time and mostly increases; runs one after the other.
-Clock read_clock(const Table& table) {
-  Clock out;
-  for (const Column& column : table.columns) {
-    const bool usable = looks_like_time(column) && column.text_cells == 0 && column.missing == 0;
-    if (!usable || column.values.size() < 2) continue;
-    std::vector<double> steps;
-    for (std::size_t i = 1; i < column.values.size(); ++i) {
-      steps.push_back(column.values[i] - column.values[i - 1]);
-    }
-    const auto back =
-        std::count_if(steps.begin(), steps.end(), [](double s) { return !(s > 0.0); });
-    if (static_cast<double>(back) > 0.1 * static_cast<double>(steps.size())) continue;
-    const double usual = median(steps);
-    out.column = column.name;
-    out.unit = time_unit(column);
-    const double scale = parse_unit(out.unit)->scale;
-    out.time.resize(static_cast<Index>(column.values.size()));
-    double shift = 0.0;
-    out.time[0] = column.values[0] * scale;
-    for (std::size_t i = 0; i < steps.size(); ++i) {
-      if (steps[i] < 0.0) {
-        // Far enough that nothing is interpolated across, nor compared with the run before.
-        shift += -steps[i] + std::max(20.0 * usual, 6.0 / scale);
-        ++out.runs;
-      } else if (steps[i] == 0.0) {
-        shift += 1e-6 * usual;  // a row that is given twice, or rounded stamps: time goes on
-        ++out.repeated;
-      }
-      out.time[i + 1] = (column.values[i + 1] + shift) * scale;
-    }
-    return out;
+// Steps between rows; nothing where the column cannot be time, which mostly increases.
+std::vector<double> steps_of(const Column& column) {
+  std::vector<double> steps;
+  if (column.text_cells > 0 || column.missing > 0 || column.values.size() < 2) return steps;
+  for (std::size_t i = 1; i < column.values.size(); ++i) {
+    steps.push_back(column.values[i] - column.values[i - 1]);
   }
+  const auto back = std::count_if(steps.begin(), steps.end(), [](double s) { return !(s > 0.0); });
+  if (static_cast<double>(back) > 0.1 * static_cast<double>(steps.size())) steps.clear();
+  return steps;
+}
+
+// Of a column that no name calls time: it increases from row to row, by much the same.
+bool behaves_like_time(const std::vector<double>& steps) {
+  if (steps.size() < 8 || *std::min_element(steps.begin(), steps.end()) <= 0.0) return false;
+  const double usual = median(steps);
+  const auto near = std::count_if(steps.begin(), steps.end(),
+                                  [&](double s) { return s > 0.3 * usual && s < 3.0 * usual; });
+  return static_cast<double>(near) > 0.9 * static_cast<double>(steps.size());
+}
+
+// A recorder's step lies between a tenth of a millisecond and a few seconds.
+std::string unit_by_step(double step) {
+  return step < 5.0 ? "s" : step < 5e3 ? "ms" : step < 5e6 ? "us" : "ns";
+}
+
+// Runs one after the other.
+Clock clock_from(const Column& column, const std::string& unit, const std::vector<double>& steps) {
+  Clock out;
+  out.column = column.name;
+  out.unit = unit;
+  const double scale = parse_unit(unit)->scale, usual = median(steps);
+  out.time.resize(static_cast<Index>(column.values.size()));
+  double shift = 0.0;
+  out.time[0] = column.values[0] * scale;
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    if (steps[i] < 0.0) {
+      // Far enough that nothing is interpolated across, nor compared with the run before.
+      shift += -steps[i] + std::max(20.0 * usual, 6.0 / scale);
+      ++out.runs;
+    } else if (steps[i] == 0.0) {
+      shift += 1e-6 * usual;  // a row that is given twice, or rounded stamps: time goes on
+      ++out.repeated;
+    }
+    out.time[i + 1] = (column.values[i + 1] + shift) * scale;
+  }
+  return out;
+}
+
+// The first column that is called time; else the file's first one, where it behaves so.
+Clock read_clock(const Table& table) {
+  for (const Column& column : table.columns) {
+    if (!looks_like_time(column)) continue;
+    if (const auto steps = steps_of(column); !steps.empty()) {
+      return clock_from(column, time_unit(column), steps);
+    }
+  }
+  if (table.columns.empty() || !table.columns[0].unit.empty()) return {};
+  const std::vector<double> steps = steps_of(table.columns[0]);
+  if (!behaves_like_time(steps)) return {};
+  Clock out = clock_from(table.columns[0], unit_by_step(median(steps)), steps);
+  out.guessed = true;
   return out;
 }
 
@@ -342,6 +372,13 @@ void Guess::choose_steering_unit() {
   }
 }
 
+// A column with a unit of another kind of quantity is not that signal: a curvature in 1/m is no yaw
+// rate.
+bool may_be(const ColumnCandidate& c, SignalKind kind) {
+  const std::optional<Unit> unit = parse_unit(c.unit);
+  return c.unit.empty() || !unit || same_dimension(*unit, *parse_unit(si_unit(kind)));
+}
+
 // Columns whose names are not known.
 std::vector<ColumnCandidate> Guess::unnamed_columns() const {
   std::vector<ColumnCandidate> out;
@@ -351,6 +388,7 @@ std::vector<ColumnCandidate> Guess::unnamed_columns() const {
       const bool taken = column.text_cells > 0 || column.name == clocks_[f].column ||
                          std::any_of(candidates_.begin(), candidates_.end(),
                                      [&](const ColumnCandidate& c) { return c.column == &column; });
+      if (is_curvature(Words(words_of(column.name)))) continue;
       if (taken || column.missing > column.values.size() / 2) continue;
       out.push_back({&column, f, SignalKind::r, 1.0, column.unit, false, {}});
     }
@@ -366,10 +404,7 @@ void Guess::take_unnamed(ColumnCandidate c, SignalKind kind, const std::string& 
                    "check it: its name does not say so"));
   std::erase_if(unnamed_, [&](const ColumnCandidate& each) { return each.column == c.column; });
   c.kind = kind;
-  const std::optional<Unit> unit = parse_unit(c.unit);
-  if (c.unit.empty() || !unit || !same_dimension(*unit, *parse_unit(si_unit(kind)))) {
-    c.unit.clear();
-  }
+  if (!parse_unit(c.unit)) c.unit.clear();
   candidates_.push_back(std::move(c));
 }
 
@@ -385,6 +420,10 @@ void Guess::guess_speed_with_rates() {
     for (std::size_t j = 0; j < x.size(); ++j) {
       for (std::size_t k = 0; k < x.size(); ++k) {
         if (i == j || i == k || j == k) continue;
+        if (!may_be(unnamed_[i], SignalKind::vx) || !may_be(unnamed_[j], SignalKind::r) ||
+            !may_be(unnamed_[k], SignalKind::ay)) {
+          continue;
+        }
         const double with = std::abs(likeness(x[i].cwiseProduct(x[j]), x[k]).correlation);
         const double without = std::abs(likeness(x[j], x[k]).correlation);
         if (with <= top || with < without + 1e-4) continue;
@@ -411,6 +450,7 @@ void Guess::guess_by_correlation(SignalKind kind, SignalKind with, bool times_sp
   const ColumnCandidate* found = nullptr;
   double top = least;
   for (const ColumnCandidate& c : unnamed_) {
+    if (!may_be(c, kind)) continue;
     const VectorXd one = sampled(c);
     const double here = std::abs(times_speed ? likeness(v.cwiseProduct(one), y).correlation
                                              : likeness(one, v.cwiseProduct(y)).correlation);
@@ -447,6 +487,14 @@ void Guess::check_clocks() {
       out_.findings.push_back(make_finding(
           FindingCode::no_time, {file}, fmt::format("no column of {} is an increasing time", file),
           "name it 'time' or 't'; time: {step: ...} in a model file"));
+    }
+    if (clocks_[f].guessed) {
+      out_.findings.push_back(make_finding(
+          FindingCode::guessed_by_physics, {clocks_[f].column},
+          fmt::format(
+              "'{}' of {} is taken as time in {}: the first column, and it increases evenly",
+              clocks_[f].column, file_name(f), clocks_[f].unit),
+          "check it: its name does not say so"));
     }
     if (clocks_[f].repeated > 0) {
       const std::string file = file_name(f);
@@ -511,6 +559,7 @@ VehicleSignals Guess::run() {
 
   out_.time_column = clocks_[first_timed()].column;
   out_.time_unit = clocks_[first_timed()].unit;
+  out_.restarts = clocks_[first_timed()].runs > 1;
   std::set<const Column*> used;
   std::string unclear;
   for (const ColumnCandidate& c : candidates_) {

@@ -54,6 +54,7 @@ VehicleSignals vehicle_signals(const Model& model, const Dataset& data) {
   out.name = data.name;
   out.time_column = model.time.column;
   out.time_unit = model.time.unit;
+  out.restarts = model.time.restarts;
   const auto take = [&](const std::vector<ChannelSource>& sources,
                         const std::vector<Channel>& channels, const Eigen::MatrixXd& values) {
     for (std::size_t i = 0; i < sources.size(); ++i) {

@@ -41,7 +41,8 @@ struct VehicleSignals {
   std::string name;
   std::vector<VehicleSignal> signals;
   std::string time_column, time_unit;
-  Findings findings;  ///< what was found while the columns were guessed
+  bool restarts = false;  ///< several runs in one file: each begins where time goes back
+  Findings findings;      ///< what was found while the columns were guessed
 };
 
 /// The channels of a recording as a model file maps them.

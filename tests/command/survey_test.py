@@ -42,6 +42,23 @@ class Vehicle(unittest.TestCase):
             survey = self.surveyed(model, data)
             self.assertEqual(set(), {w["code"] for w in survey["findings"] if w["severity"] == "serious"})
 
+    def test_the_model_proposed_is_whole_but_for_what_no_recording_tells(self):
+        with Folder() as folder:
+            text = run("info", "--vehicle", "--model", LANE_CHANGE[1], code=0).stdout
+            asked = run("fit", folder.write("car.yaml", text), LANE_CHANGE[1], code=2).stderr
+            self.assertRegex(asked, r"car.yaml:6:3: 'm' in parameters has no value")
+            for line, value in (("m:", "1446 kg"), ("a:", "0.987 m"), ("b:", "1.525 m"), ("steering_ratio:", "21")):
+                text = text.replace(f"  {line} ", f"  {line} {value} ")
+            found = result("fit", folder.write("whole.yaml", text), LANE_CHANGE[1])
+            as_written = {p["name"]: p["value"] for p in result("fit", *LANE_CHANGE)["parameters"]}
+            for p in found["parameters"]:
+                if not p["fixed"]:
+                    self.assertAlmostEqual(p["value"] / as_written[p["name"]], 1.0, delta=0.02)
+        for wrong in (["--model", LANE_CHANGE[1]], ["--vehicle", "--model", *LANE_CHANGE],
+                      ["--vehicle", "--model", "--json", LANE_CHANGE[1]],
+                      ["--vehicle", "--model", LANE_CHANGE[1], LANE_CHANGE[1]]):
+            self.assertIn("--model", run("info", *wrong, code=2).stderr)
+
     def test_a_sign_that_the_model_turns_is_turned_back(self):
         """What is proposed in place of a scale of -1 is what fit finds the car with."""
         text = pathlib.Path(LANE_CHANGE[0]).read_text()

@@ -344,6 +344,8 @@ void describe(Fields& fields, Shaping& shaping) {
          "log-likelihood of held-out data with white noise");
   fields("held_out_log_likelihood_with", shaping.held_out_log_likelihood_with,
          "log-likelihood of held-out data with the filter");
+  fields("held_out_choice", shaping.held_out_choice,
+         "the filter that the rest of the data alone asks for, or white: it is what is compared");
 }
 
 template <class Fields>
@@ -459,6 +461,7 @@ void describe(Fields& fields, VehicleSurvey& survey) {
   fields.group("time", "time of the recording", [&](auto& time) {
     time("column", survey.time_column, "heading of the column; empty: none");
     time("unit", survey.time_unit, "unit of the column");
+    time("restarts", survey.restarts, "several runs in one file: each begins where time goes back");
   });
   fields("least_speed", survey.least_speed, "least speed of use_when [m/s]");
   fields("findings", survey.findings, "what is wrong with the recording");

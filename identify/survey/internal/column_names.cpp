@@ -138,7 +138,12 @@ bool Words::part(std::initializer_list<const char*> list) const {
                      [&](const char* w) { return all.find(w) != std::string::npos; });
 }
 
+bool is_curvature(const Words& w) {
+  return w.part({"radius", "curvat", "kappa"}) || w.all == "1r" || w.all == "invr";
+}
+
 std::vector<NameGuess> kinds_of(const Words& w) {
+  if (is_curvature(w)) return {};
   const double penalty = penalty_of(w);
   std::vector<NameGuess> out;
   for (const NameRules& group : kNameRules) {

@@ -26,6 +26,9 @@ struct Words {
   bool part(std::initializer_list<const char*> list) const;
 };
 
+/// A path's curvature, 1/R, or its radius: like a yaw rate, and none.
+bool is_curvature(const Words& words);
+
 /// A kind of signal that a name may mean; the higher the score the more likely.
 struct NameGuess {
   SignalKind kind = SignalKind::r;

@@ -171,6 +171,40 @@ void check_clock(Scene& scene, VehicleSurvey::Relation& relation, double least, 
       "shift it by 'delay' in the model file: a search that starts without shift stays wrong");
 }
 
+// Means over whole blocks of `length` seconds; NaN where a sample of the block is missing.
+VectorXd block_means(const Scene& scene, const VectorXd& x, double length) {
+  const auto size = std::max<Index>(1, std::lround(length / scene.step));
+  VectorXd out(x.size() / size);
+  for (Index k = 0; k < out.size(); ++k) out[k] = x.segment(k * size, size).mean();
+  return out;
+}
+
+// Over seconds dvy/dt averages out, and ay is vx r. What is left is the gain of a sensor, or the
+// body's roll, which adds g times its angle.
+void check_gain_of_acceleration(Scene& scene, const VectorXd& expected, const VectorXd& seen) {
+  constexpr double kBlock = 2.0, kLeast = 1.0;  // [s], [m/s^2]
+  constexpr Index kFewest = 10;
+  VectorXd x = block_means(scene, expected, kBlock), y = block_means(scene, seen, kBlock);
+  for (Index k = 0; k < x.size(); ++k) {
+    if (!(std::abs(x[k]) > kLeast)) x[k] = kNaN;
+  }
+  const PairedCorrelation pair = compare_pair(x, y);
+  if (pair.count < kFewest || !(pair.correlation > 0.98)) return;
+  const double scatter = 1.0 - pair.correlation * pair.correlation;
+  const double se = pair.slope * std::sqrt(scatter / static_cast<double>(pair.count - 2));
+  if (!(std::abs(pair.slope - 1.0) > std::max(0.05, 4.0 * se)) || !near_one(pair.slope)) return;
+  const double roll = (pair.slope - 1.0) / kDegree;  // deg per g
+  scene.add_finding(
+      FindingCode::gain_ay, Severity::warning, {scene.signal(SignalKind::ay).column},
+      fmt::format("over {:g} s, {} is {:.2f} +- {:.2f} times {} times {}", kBlock,
+                  scene.name(SignalKind::ay), pair.slope, se, scene.speed_name,
+                  scene.name(SignalKind::r)),
+      fmt::format("{}a gain of ay, of the speed or of the yaw rate: the model has none of these",
+                  roll > 0.0 && roll < 12.0
+                      ? fmt::format("a body that leans {:.1f} deg per g, or ", roll)
+                      : ""));
+}
+
 // dvy/dt on the sampling grid, over the length of the smoothing; empty when neither vy nor beta is measured.
 VectorXd lateral_rate(const Scene& scene) {
   if (!scene.has(SignalKind::vy) && !scene.has(SignalKind::beta)) return {};
@@ -205,6 +239,7 @@ void check_acceleration(Scene& scene) {
   }
   if (!scene.found(FindingCode::swapped_channels)) {
     check_clock(scene, relation, least, SignalKind::ay);
+    check_gain_of_acceleration(scene, expected, seen);
     const double ratio = 1.0 / relation.slope;  // vx r over ay
     if (std::abs(relation.correlation) > 0.7 && !near_one(relation.slope)) {
       std::string guess;
@@ -289,7 +324,10 @@ void check_steering(Scene& scene) {
   }
   Steered steered = compare_steering(scene);
   VehicleSurvey::Relation& relation = steered.relation;
-  check_clock(scene, relation, 0.15, SignalKind::r);
+  // Files of their own have clocks of their own: there any lag that is certain is one of clocks.
+  const bool one_file =
+      scene.signal(SignalKind::steering).source == scene.signal(SignalKind::r).source;
+  check_clock(scene, relation, one_file ? 0.15 : 0.0, SignalKind::r);
   if (relation.clock) {
     // The kinematics between yaw rate, ay and speed hold: it is the steering that comes early.
     Finding& w = scene.out.findings.back();
@@ -342,7 +380,30 @@ void check_wheels(Scene& scene) {
   scene.out.relations.push_back(relation);
 }
 
+// One device computes beta from the vy and vx that it writes: the same noise, so one measurement.
+void check_one_measurement(Scene& scene) {
+  const VectorXd& vx = scene.on[SignalKind::vx];
+  const VectorXd& vy = scene.on[SignalKind::vy];
+  VectorXd angle(vx.size());
+  for (Index k = 0; k < angle.size(); ++k) angle[k] = std::atan2(vy[k], vx[k]);
+  angle = while_driving(scene, angle, kSlowestUse);
+  const VectorXd beta = while_driving(scene, scene.on[SignalKind::beta], kSlowestUse);
+  const PairedCorrelation pair = compare_pair(angle, beta);
+  if (!(pair.correlation > 0.9999) || std::abs(pair.slope - 1.0) > 0.02) return;
+  scene.add_finding(FindingCode::one_measurement, Severity::note,
+                    {scene.signal(SignalKind::beta).column, scene.signal(SignalKind::vy).column},
+                    fmt::format("{} is the angle of {} and {}, sample by sample: one measurement",
+                                scene.name(SignalKind::beta), scene.name(SignalKind::vy),
+                                scene.name(SignalKind::vx)),
+                    "one of the two as output; both would count the same noise twice");
+  std::erase_if(scene.out.mapping,
+                [](const VehicleSurvey::Proposal& p) { return p.name == "beta"; });
+}
+
 void check_sideslip(Scene& scene) {
+  if (scene.has(SignalKind::vy) && scene.has(SignalKind::beta) && scene.has(SignalKind::vx)) {
+    check_one_measurement(scene);
+  }
   if (scene.has(SignalKind::vy) && scene.has(SignalKind::beta)) {
     const VectorXd angle =
         while_driving(scene, scene.smooth[SignalKind::vy].cwiseQuotient(scene.speed), kSlowestUse);

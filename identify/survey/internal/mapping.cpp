@@ -29,6 +29,7 @@ void propose_mapping(const VehicleSignals& signals, Scene& scene) {
   }
   scene.out.time_column = signals.time_column;
   scene.out.time_unit = signals.time_unit;
+  scene.out.restarts = signals.restarts;
   scene.out.least_speed = kSlowestUse;
 }
 

@@ -463,6 +463,98 @@ TEST(VehicleColumns, EqualTimeStampsAreNoRuns) {
   EXPECT_NE(finding_of(found, "repeated_stamps")->text.find("3 time stamps"), std::string::npos);
 }
 
+TEST(VehicleColumns, TheFirstColumnIsTimeWhereItIncreasesEvenly) {
+  const Dataset d = drive_around();
+  for (const auto& [per_second, unit] :
+       {std::pair{1.0, "s"}, {1e3, "ms"}, {1e6, "us"}, {1e9, "ns"}}) {
+    const VehicleSignals s =
+        guess_vehicle({table_of({{"column_1", d.time * per_second},
+                                 {"swa_deg", d.u.row(0).transpose() * 57.29578},
+                                 {"vx", d.u.row(1).transpose()},
+                                 {"yaw_rate", d.y.row(kRowR).transpose()}})});
+    EXPECT_EQ(s.time_column, "column_1");
+    EXPECT_EQ(s.time_unit, unit);
+    EXPECT_THAT(s.findings.at(0).text, HasSubstr("is taken as time in"));
+    EXPECT_EQ(alarms(survey(s)), Codes{});
+  }
+  // Not where it goes back, and not where it is a signal.
+  const VehicleSignals none = guess_vehicle(
+      {table_of({{"column_1", d.y.row(kRowR).transpose()}, {"vx", d.u.row(1).transpose()}})});
+  EXPECT_EQ(none.time_column, "");
+}
+
+TEST(VehicleColumns, RunsOfOneFileRestartInTheModelProposed) {
+  const Dataset d = drive_around();
+  VectorXd time = d.time;
+  time.tail(time.size() / 2).array() -= time[time.size() / 2];
+  const VehicleSurvey s =
+      survey(guess_vehicle({table_of({{"t", time},
+                                      {"swa", d.u.row(0).transpose()},
+                                      {"vx", d.u.row(1).transpose()},
+                                      {"yaw_rate", d.y.row(kRowR).transpose()}})}));
+  EXPECT_THAT(mapping_text(s), HasSubstr("time: {column: t, unit: s, runs: restart}"));
+}
+
+TEST(VehicleColumns, ACurvatureIsNoYawRate) {
+  const Dataset d = drive_around();
+  const VectorXd curvature = d.y.row(kRowR).transpose().cwiseQuotient(d.u.row(1).transpose());
+  for (const auto& [name, unit] :
+       {std::pair{"1/R", ""}, {"1/R", "1/m"}, {"Curvature", ""}, {"channel 7", "1/m"}}) {
+    Table table = table_of({{"t", d.time},
+                            {name, curvature},
+                            {"swa", d.u.row(0).transpose()},
+                            {"vx", d.u.row(1).transpose()},
+                            {"ay", d.y.row(kAy).transpose()}});
+    table.columns[1].unit = unit;
+    for (const VehicleSignal& signal : guess_vehicle({table}).signals) {
+      EXPECT_NE(signal.kind, SignalKind::r) << name << " " << unit;
+    }
+  }
+}
+
+TEST(VehicleSurvey, BetaAndVyOfOneDeviceAreOneMeasurement) {
+  const VehicleSurvey two = surveyed(drive_around());
+  EXPECT_EQ(finding_of(two, "one_measurement"), nullptr);
+  EXPECT_EQ(proposal(two, "beta").column, "beta");
+  const VehicleSurvey one = surveyed_when([](Dataset& d) {
+    for (Index k = 0; k < d.size(); ++k) d.y(kBeta, k) = std::atan2(d.y(kVy, k), d.u(1, k));
+  });
+  ASSERT_NE(finding_of(one, "one_measurement"), nullptr);
+  EXPECT_EQ(proposal(one, "beta").column, "");
+  EXPECT_EQ(proposal(one, "vy").column, "vy");
+}
+
+TEST(VehicleSurvey, TheGainOfAyIsNamed) {
+  // Slow turns, so that means over seconds are not near zero.
+  const auto wheel = [](double t) { return 0.6 * std::sin(0.25 * t); };
+  Dataset data =
+      testing::with_noise(testing::record({}, testing::uniform_time(60.0, 100.0), kAll, wheel,
+                                          [](double t) { return 17.0 + 5.0 * std::sin(0.11 * t); }),
+                          {0.005, 0.03, 0.1, 0.002}, 1);
+  EXPECT_EQ(finding_of(surveyed(data), "gain_ay"), nullptr);
+  data.y.row(kAy) *= 1.1;
+  const VehicleSurvey found = surveyed(data);
+  ASSERT_NE(finding_of(found, "gain_ay"), nullptr);
+  EXPECT_THAT(finding_of(found, "gain_ay")->text, HasSubstr("is 1.10 +- 0.0"));
+  EXPECT_EQ(alarms(found), Codes{"gain_ay"});
+}
+
+TEST(VehicleSurvey, ALagBetweenTwoFilesIsProposedAsDelay) {
+  const Dataset d = drive_around();
+  const auto files = [&](const VectorXd& of_steering, const std::string& path) {
+    Table steering = table_of({{"t", of_steering}, {"swa", d.u.row(0).transpose()}});
+    Table rest = table_of({{"t", d.time},
+                           {"vx", d.u.row(1).transpose()},
+                           {"yaw_rate", d.y.row(kRowR).transpose()},
+                           {"ay", d.y.row(kAy).transpose()}});
+    steering.path = path;
+    return survey(guess_vehicle({rest, steering}));
+  };
+  const VectorXd late = d.time.array() - 0.3;  // its clock is behind
+  EXPECT_NEAR(proposal(files(late, "steering.csv"), "steering_wheel_angle").delay, -0.3, 0.1);
+  EXPECT_EQ(proposal(files(d.time, "steering.csv"), "steering_wheel_angle").delay, 0.0);
+}
+
 // --- Real recordings: what must be found in each of the ten, and what must not ---
 
 struct Real {
