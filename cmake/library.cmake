@@ -50,3 +50,13 @@ function(identikal_precompile target)
     target_compile_options(${target} PRIVATE "SHELL:-Xclang -fno-pch-timestamp")
   endif()
 endfunction()
+
+# identikal_optimise_little(TARGET): -O1, for what reads options and prints. From g++ 13 on a precompiled header serves one
+# level alone, which is that of the rooms it is taken from.
+function(identikal_optimise_little target)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13)
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O2>)
+  else()
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+  endif()
+endfunction()

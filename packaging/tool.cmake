@@ -5,7 +5,7 @@ if(type STREQUAL SHARED_LIBRARY)
 endif()
 set(share ${CMAKE_INSTALL_DATADIR}/identikal)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples DESTINATION ${share} COMPONENT tool
-  FILES_MATCHING PATTERN *.yaml PATTERN *.md PATTERN *.cpp)
+  FILES_MATCHING PATTERN *.yaml PATTERN *.md PATTERN *.cpp PATTERN *.c PATTERN *.py)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/data DESTINATION ${share} COMPONENT tool
   FILES_MATCHING PATTERN *.csv PATTERN *.md)
 install(FILES ${PROJECT_SOURCE_DIR}/identify/result/result.schema.json DESTINATION ${share} COMPONENT tool)

@@ -3,6 +3,7 @@
 Makes one shared library of the static ones of BUILD with the linker's options that BUILD_SHARED_LIBS takes, looks at the names that
 it shows, and links somebody else's shared library to it. With --build (minutes) CMake builds and installs them, and the
 consumers of install_test.py are built against that."""
+import os
 import pathlib
 import re
 import sys
@@ -57,6 +58,8 @@ def build_and_install(folder):
         soname = re.search(r"SONAME\s+(\S+)", run("objdump", "-p", library)).group(1)
         expect(soname == f"libidentikal_{layer}.so.{version.rpartition('.')[0]}", soname)
     expect(run(prefix / "bin/identikal", "--version").startswith(f"identikal {version}\n"), "the program does not find its libraries")
+    # A prefix that the loader does not know, as of anybody who installs into a folder of his own.
+    os.environ["LD_LIBRARY_PATH"] = str(library.parent)
     build_consumers(cmake, prefix, folder, version)
 
 
