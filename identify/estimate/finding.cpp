@@ -205,7 +205,7 @@ constexpr std::array<FindingKind, 94> kKinds = {{
      "A parameter hangs on what the model leaves out: lags, roll, bending tyres"},
     {FindingCode::sensor_differs, "sensor_differs", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
-     "A sensor is late or filtered, and the model file does not say so"},
+     "A sensor is late, filtered or elsewhere, and the model file does not say so"},
     {FindingCode::hold_out, "hold_out", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "Held-out data are predicted much worse than those fitted"},
     {FindingCode::insufficient_power, "insufficient_power", Severity::warning, Severity::warning,

@@ -61,7 +61,8 @@ FindingCode mistake(const std::string& cause) {
   if (cause == name_of(kSteeringDelay) || cause == name_of(kSteeringLag)) {
     return FindingCode::steering_delay;
   }
-  return cause.starts_with("lag of") ? FindingCode::sensor_differs : FindingCode::other;
+  const bool of_sensor = cause.starts_with("lag of") || cause == name_of(kArmOfVy);
+  return of_sensor ? FindingCode::sensor_differs : FindingCode::other;
 }
 
 /// What is wrong in the model file or with the equipment is no structure that errors allow for.
