@@ -8,6 +8,7 @@
 #include "interface/sample_filter.h"
 #include "jobs/track_settings.h"
 #include <Eigen/Core>
+#include <fmt/format.h>
 
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
@@ -45,6 +46,12 @@ std::unique_ptr<SampleFilter> filter_of_result(const ik_result& result) {
   if (const auto& track = result.outcome.track) {
     if (track->regression) return regression_sample_filter(*track->regression);
     return noise_sample_filter(track->model, track->noise.value());
+  }
+  if (!result.outcome.json.exists()) {
+    throw InputError(
+        {},
+        fmt::format("the result is of '{}' and holds no model (code {})", result.verb, result.code),
+        "one of tune, track, shape or fit with code 0, 1, 3 or 4");
   }
   Inputs inputs;
   inputs.keep_result(result_name_in_memory(0), result.outcome.json.text(), "");

@@ -43,15 +43,15 @@ typedef struct ik_result ik_result;
 typedef struct {
   size_t size; /* sizeof(ik_callbacks) */
   /* what: a line for people; share: of the work that is done; value: of the objective; NaN: not known.
-     Answers 0 to stop with the best so far. */
+     Answers 0 to stop with the best so far. The als methods and a posterior on a grid do not ask. */
   int (*progress)(void* user, const char* what, double share, double value);
   void* user;
 } ik_callbacks;
 
 /* Runs a verb of the command line: tune, fit, check, shape, track, filter, bound, simulate, validate, compare.
 
-   model_yaml  the text of a model file; NULL for validate, and for compare of results
-   recordings  `count` of them; of bound and simulate one of the inputs, or none
+   model_yaml  the text of a model file; NULL for validate and compare, whose results hold their models
+   recordings  `count` of them; of bound and simulate one of the inputs, or none; of compare none
    previous    the results that the verb starts from: validate has one, compare two or more; of filter its
                values are taken. NULL where previous_count is 0
    options     a JSON object whose keys are the long options of the command line without dashes:
@@ -68,7 +68,7 @@ IK_API int ik_run(const char* verb, const char* model_yaml, const ik_recording* 
 /* The result as JSON (docs/file-formats.md); of simulate the recording as CSV; empty after a mistake. */
 IK_API const char* ik_result_json(const ik_result* result);
 
-/* One line: the status and why, or what is wrong with the arguments. */
+/* One line: the status and why, or what is wrong with the arguments; empty of simulate, which has no status. */
 IK_API const char* ik_result_message(const ik_result* result);
 
 /* A row per sample, row by row, in the channels' units: "time", "measured", "predicted", "innovations",

@@ -46,7 +46,13 @@ void take_value(const Option& option, const std::string& key, const Json& value)
 }  // namespace
 
 void take_json_options(const Verb& verb, const std::string& text) {
-  const Json given = Json::parse(text, nullptr, false);
+  Json given;
+  try {
+    given = Json::parse(text);
+  } catch (const Json::parse_error& error) {
+    throw InputError({}, fmt::format("the options are no JSON: they break at byte {}", error.byte),
+                     "{\"starts\": 1} or the like");
+  }
   if (!given.is_object()) {
     throw InputError({}, "the options are no JSON object", "{\"starts\": 1} or the like");
   }

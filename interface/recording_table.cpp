@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "lib/base/error.h"
+#include "lib/data/units.h"
 
 namespace identikal {
 namespace {
@@ -29,13 +32,20 @@ void check_pointers(const ik_recording& given, const std::string& name) {
     throw InputError({name, 0, 0}, what, expected);
   };
   if (given.rows == 0) refuse("has no rows", "one at least");
+  const std::size_t widest = std::max<std::size_t>({given.ny, given.nu, 1});
+  if (given.rows > std::numeric_limits<std::ptrdiff_t>::max() / sizeof(double) / widest) {
+    throw InputError({name, 0, 0},
+                     fmt::format("{} rows of {} outputs and {} inputs are more than any memory",
+                                 given.rows, given.ny, given.nu),
+                     "the number of rows that y and u have");
+  }
   if (given.ny > 0 && given.y == nullptr) refuse("y is NULL", "rows x ny numbers");
   if (given.nu > 0 && given.u == nullptr) refuse("u is NULL", "rows x nu numbers");
   for (const double* values : {given.y, given.u}) {
     const std::size_t width = values == given.y ? given.ny : given.nu;
     for (std::size_t i = 0; values != nullptr && i < given.rows * width; ++i) {
       if (std::isinf(values[i])) {
-        throw InputError({name, 0, 0}, fmt::format("row {} holds an infinite value", i / width),
+        throw InputError({name, 0, 0}, fmt::format("row {} holds an infinite value", i / width + 1),
                          "numbers, NaN where a value is missing");
       }
     }
@@ -50,7 +60,12 @@ std::vector<std::string> column_names(const ik_recording& given, const Model& mo
   if (given.names != nullptr) {
     for (std::size_t i = 0; i < columns; ++i) {
       if (given.names[i] == nullptr) {
-        throw InputError({name, 0, 0}, fmt::format("name {} of {} is NULL", i, columns), "a text");
+        throw InputError({name, 0, 0}, fmt::format("name {} of {} is NULL", i + 1, columns),
+                         "a text");
+      }
+      if (std::find(out.begin(), out.end(), given.names[i]) != out.end()) {
+        throw InputError({name, 0, 0}, fmt::format("the name '{}' stands twice", given.names[i]),
+                         "a name of its own for every column");
       }
       out.emplace_back(given.names[i]);
     }
@@ -95,7 +110,8 @@ void add_time(const ik_recording& given, const Model& model, const std::string& 
   } else {
     const double between = given.step != 0.0 ? given.step : model.time.step;
     if (!(between > 0.0) || !std::isfinite(between)) {
-      throw InputError({name, 0, 0}, "neither times nor a step", "one of them, above 0");
+      throw InputError({name, 0, 0}, fmt::format("no times, and a step of {}", between),
+                       "times, or a step above 0");
     }
     for (std::size_t row = 0; row < given.rows; ++row) {
       times.push_back(static_cast<double>(row) * between);
@@ -118,6 +134,11 @@ Table recording_table(const ik_recording& given, const Model& model, const std::
   table.line_runs = {{0, 1}};
   for (std::size_t i = 0; i < names.size(); ++i) {
     const char* unit = given.units != nullptr ? given.units[i] : nullptr;
+    if (unit != nullptr && !parse_unit(unit)) {
+      throw InputError({name, 0, 0},
+                       fmt::format("the unit of '{}' is unknown: '{}'", names[i], unit),
+                       "a unit such as m/s or deg, or NULL for the model's");
+    }
     const bool output = i < given.ny;
     table.columns.push_back(column_of(names[i], unit != nullptr ? unit : "",
                                       output ? given.y + i : given.u + (i - given.ny), given.rows,

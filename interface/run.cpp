@@ -99,19 +99,30 @@ void check_arguments(const Arguments& given, const std::string& verb) {
   for (std::size_t i = 0; i < given.previous_count; ++i) {
     const bool there = given.previous != nullptr && given.previous[i] != nullptr;
     if (there && given.previous[i]->outcome.json.exists()) continue;
-    throw InputError({}, fmt::format("previous result {} {}", i + 1, there ? "is none" : "is NULL"),
-                     "what ik_run() has given with code 0, 1, 3 or 4");
+    if (!there) {
+      throw InputError({}, fmt::format("previous result {} is NULL", i + 1), "a result");
+    }
+    throw InputError({},
+                     fmt::format("previous result {} is of '{}' and holds no estimate (code {})",
+                                 i + 1, given.previous[i]->verb, given.previous[i]->code),
+                     "one of tune, fit, check, shape or track with code 0, 1, 3 or 4");
   }
-  const bool of_results = verb == "validate" || (verb == "compare" && given.model_yaml == nullptr);
+  const bool of_results = verb == "validate" || verb == "compare";
   if (of_results && given.model_yaml != nullptr) {
-    throw InputError({}, "validate with a model", "a previous result, which holds its model");
+    throw InputError({}, fmt::format("'{}' with a model", verb),
+                     "previous results, which hold their models");
+  }
+  if (verb == "compare" && given.count > 0) {
+    throw InputError({}, fmt::format("'compare' with {} recordings", given.count),
+                     "previous results alone, which say what they were fitted to");
   }
   if (!of_results && given.model_yaml == nullptr) {
     throw InputError({}, "model_yaml is NULL", "the text of a model file");
   }
-  const std::size_t least = verb == "validate" ? 1 : verb == "compare" && of_results ? 2 : 0;
-  const std::size_t most = verb == "compare" ? (of_results ? 1000 : 0)
-                                             : (verb == "validate" || verb == "filter" ? 1 : 0);
+  const std::size_t least = verb == "validate" ? 1 : verb == "compare" ? 2 : 0;
+  const std::size_t most = verb == "compare"                        ? 1000
+                           : verb == "validate" || verb == "filter" ? 1
+                                                                    : 0;
   if (given.previous_count < least || given.previous_count > most) {
     throw InputError(
         {}, fmt::format("{} previous results for '{}'", given.previous_count, verb),

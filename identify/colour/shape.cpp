@@ -564,6 +564,12 @@ ShapeResult with_filter(Winner winner, const Model& model, const WhiteModel& whi
 
 ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
                   const ShapeOptions& options) {
+  if (!(options.hold_out > 0.0 && options.hold_out < 1.0) || options.most_order < 1) {
+    throw std::invalid_argument(
+        fmt::format("hold_out is {} and most_order {}; expected a share between 0 and 1, and 1 or "
+                    "more",
+                    options.hold_out, options.most_order));
+  }
   const Model model = checked(linear_model_of(written), recordings);
   Stages stages(options);
   const Dataset& longest = longest_recording(model, recordings, options);

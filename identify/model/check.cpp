@@ -169,13 +169,13 @@ void check_time(const Dataset& data, Index size) {
   if (data.time.size() != size) {
     refuse("the recording has {} times for {} samples", data.time.size(), size);
   }
-  if (!(data.dt > 0.0) || !std::isfinite(data.dt)) {
-    refuse("the recording's sampling period is {} s; expected a time above 0", data.dt);
-  }
   if (!data.time.allFinite()) refuse("a time of the recording is not finite");
   for (Index k = 1; k < size; ++k) {
     if (data.time[k] > data.time[k - 1]) continue;
     refuse("time {} s follows {} s; expected times that rise", data.time[k], data.time[k - 1]);
+  }
+  if (!(data.dt > 0.0) || !std::isfinite(data.dt)) {
+    refuse("the recording's sampling period is {} s; expected a time above 0", data.dt);
   }
 }
 
@@ -192,12 +192,38 @@ void check_input_rows(const Model& model, const Dataset& data, Index samples, co
   }
 }
 
+constexpr double kPeriodTolerance = 0.01;  // of a step
+
+bool takes_any_times(const Model& model) {
+  return !has_filter(model) || (is_formula_model(model) && as_formulas(model).irregular);
+}
+
 void check_period(const Model& model, const Dataset& data) {
   const double step = model.time.step;
   const bool irregular = is_formula_model(model) && as_formulas(model).irregular;
-  if (!(step > 0.0) || irregular) return;
-  if (std::abs(data.dt - step) <= 0.01 * step) return;
-  refuse("the recording is sampled every {} s, the model every {} s", data.dt, step);
+  if (step > 0.0 && !irregular && !(std::abs(data.dt - step) <= kPeriodTolerance * step)) {
+    refuse("the recording is sampled every {} s, the model every {} s", data.dt, step);
+  }
+  if (takes_any_times(model)) return;
+  for (Index k = 1; k < data.time.size(); ++k) {
+    const double between = data.time[k] - data.time[k - 1];
+    if (std::abs(between - data.dt) <= kPeriodTolerance * data.dt) continue;
+    refuse(
+        "samples {} and {} are {} s apart, and the sampling period is {} s; expected one step, "
+        "and a missing sample (NaN) where nothing was recorded",
+        k, k + 1, between, data.dt);
+  }
+}
+
+// Matrices of one step cannot serve recordings of two.
+void check_one_period(const Model& model, const std::vector<Dataset>& recordings) {
+  if (takes_any_times(model)) return;
+  const double first = recordings.front().dt;
+  for (std::size_t i = 1; i < recordings.size(); ++i) {
+    if (std::abs(recordings[i].dt - first) <= kPeriodTolerance * first) continue;
+    refuse("recording {} is sampled every {} s, the first every {} s", i + 1, recordings[i].dt,
+           first);
+  }
 }
 
 LinearModel with_defaults(LinearModel model) {
@@ -245,7 +271,13 @@ void check_inputs(const Model& model, const Dataset& data) {
   check_input_rows(model, data, data.time.size(), "times");
   check_time(data, data.time.size());
   check_period(model, data);
-  if (data.u.array().isInf().any()) refuse("a sample of the inputs is infinite");
+  for (Index k = 0; k < data.u.cols(); ++k) {
+    if (data.u.col(k).allFinite()) continue;
+    refuse(
+        "{}: an input is missing or infinite in row {}; expected every input in every row, or a "
+        "part of the recording where it is so",
+        data.name, k + 1);
+  }
 }
 
 Model checked_with_inputs(Model model, const Dataset* inputs) {
@@ -262,6 +294,7 @@ Model checked(Model model, const std::vector<Dataset>& recordings) {
   const bool filter = has_filter(model);
   if (filter) noise_model(model) = with_defaults(std::move(noise_model(model)));
   for (const Dataset& recording : recordings) check_recording(model, recording);
+  check_one_period(model, recordings);
   if (filter && model.time.step == 0.0) noise_model(model).dt = recordings.front().dt;
   check_model(model);
   return model;

@@ -20,17 +20,18 @@ bool holds(const Model& model) {
 template <typename Form, typename AnyModel>
 auto& form_of(AnyModel& model) {
   if (auto* form = std::get_if<Form>(&model.form)) return *form;
-  throw std::logic_error(fmt::format("{} is asked for, and the model is {}",
-                                     kForms[decltype(Model::form)(Form()).index()],
-                                     kForms[model.form.index()]));
+  throw std::invalid_argument(fmt::format("{} is asked for, and the model is {}",
+                                          kForms[decltype(Model::form)(Form()).index()],
+                                          kForms[model.form.index()]));
 }
 
 template <typename AnyModel>
 auto& noise_beside(AnyModel& model) {
   if (auto* formulas = std::get_if<FormulaModel>(&model.form)) return formulas->noise;
   if (auto* linear = std::get_if<LinearModel>(&model.form)) return *linear;
-  throw std::logic_error(fmt::format("the noise of {} or of {} is asked for, and the model is {}",
-                                     kForms[0], kForms[1], kForms[model.form.index()]));
+  throw std::invalid_argument(
+      fmt::format("the noise of {} or of {} is asked for, and the model is {}", kForms[0],
+                  kForms[1], kForms[model.form.index()]));
 }
 
 }  // namespace

@@ -107,7 +107,7 @@ bool is_regression(const Model& model);
 /// A linear model or formulas: there are states, noise, and so a filter.
 bool has_filter(const Model& model);
 
-/// The model's form. @throws std::logic_error, naming both, when it has another
+/// The model's form. @throws std::invalid_argument, naming both, when it has another
 const LinearModel& as_linear(const Model& model);
 LinearModel& as_linear(Model& model);
 const FormulaModel& as_formulas(const Model& model);
@@ -118,7 +118,7 @@ const RegressionModel& as_regression(const Model& model);
 RegressionModel& as_regression(Model& model);
 
 /// Noise and start of a model that has a filter: the linear model itself, or what stands beside the
-/// formulas. @throws std::logic_error for another
+/// formulas. @throws std::invalid_argument for another
 const LinearModel& noise_model(const Model& model);
 LinearModel& noise_model(Model& model);
 

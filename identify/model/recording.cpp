@@ -1,11 +1,13 @@
 #include "identify/model/recording.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "identify/model/check.h"
+#include "lib/base/error.h"
 #include "lib/base/median.h"
 
 namespace identikal {
@@ -36,6 +38,13 @@ Eigen::MatrixXd rows_named(const std::vector<ChannelSource>& sources,
       throw std::invalid_argument(
           fmt::format("the recording has no channel '{}', which the model has", sources[i].name));
     }
+    const auto again = std::find_if(found + 1, channels.end(), [&](const auto& channel) {
+      return channel.first == sources[i].name;
+    });
+    if (again != channels.end()) {
+      throw std::invalid_argument(
+          fmt::format("the recording has channel '{}' twice", sources[i].name));
+    }
     const Eigen::MatrixXd& values = found->second.values;
     if (i == 0) out.resize(static_cast<Index>(sources.size()), values.cols());
     if (values.rows() != 1 || values.cols() != out.cols()) {
@@ -46,6 +55,26 @@ Eigen::MatrixXd rows_named(const std::vector<ChannelSource>& sources,
     out.row(static_cast<Index>(i)) = values;
   }
   return out;
+}
+
+// Where the model has one step, rows that are absent between the times become missing samples.
+Dataset on_grid_of(const Model& model, Dataset data) {
+  const bool irregular = is_formula_model(model) && as_formulas(model).irregular;
+  const bool rises = (data.time.tail(std::max<Index>(data.time.size() - 1, 0)).array() >
+                      data.time.head(std::max<Index>(data.time.size() - 1, 0)).array())
+                         .all();
+  const bool whole = data.time.size() == data.y.cols() && data.time.allFinite() && rises;
+  if (has_filter(model) && !irregular && whole && data.dt > 0.0) {
+    const double step = model.time.step;
+    const bool as_model = step > 0.0 && std::abs(data.dt - step) <= 0.01 * step;
+    try {
+      data = on_uniform_grid(data, as_model ? step : data.dt);
+    } catch (const InputError& error) {
+      throw std::invalid_argument(error.what());
+    }
+  }
+  check_recording(model, data);
+  return data;
 }
 
 }  // namespace
@@ -65,6 +94,10 @@ Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
   out.inputs = channels_of(model.inputs, out.u.rows(), "inputs");
   out.dt = time.step;
   out.time = time.times;
+  if (out.time.size() == 0 && out.dt == 0.0) {
+    throw std::invalid_argument(
+        fmt::format("the sampling period is 0 s, and there are 0 times for {} samples", size));
+  }
   if (out.time.size() == 0) {
     out.time = Eigen::VectorXd::LinSpaced(size, 0.0, static_cast<double>(size - 1)) * time.step;
   } else if (out.dt == 0.0 && out.time.size() > 1) {
@@ -72,6 +105,7 @@ Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
     const Eigen::VectorXd step = out.time.tail(steps) - out.time.head(steps);
     out.dt = median({step.begin(), step.end()});
   }
+  if (time.times.size() > 0) return on_grid_of(model, std::move(out));
   check_recording(model, out);
   return out;
 }

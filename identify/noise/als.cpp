@@ -423,6 +423,7 @@ void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
 namespace {
 
 void check_model_for_als(const Model& model, Index lags) {
+  if (lags < 0) throw std::invalid_argument(fmt::format("lags is {}; expected 0 or more", lags));
   if (!is_linear_in_parameters(as_linear(model), model.parameters)) {
     throw InputError({model.source, 0, 0}, "als is linear in what it seeks, and the model is not",
                      "Q, R and S that are sums of multiples of parameters",

@@ -206,11 +206,24 @@ Findings check_priors(const Estimate& estimate, const Posterior& posterior) {
   return out;
 }
 
+// Draws on their way from the prior are none of the posterior: there is nothing to estimate from.
+NoiseEstimate stopped_at_start(const Model& model, const PosteriorPoints& points) {
+  NoiseEstimate out;
+  out.model_name = model.name;
+  out.objective.method = "bayes";
+  out.objective.evaluations = points.summary.evaluations;
+  list_parameters(out, model.parameters, model.parameters);
+  append(out.findings, check_search(out, points.summary));
+  conclude(out, "");
+  return out;
+}
+
 NoiseEstimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
                          const NoiseBayesOptions& options) {
   const Model model = checked(given, recordings);
   check_recordings(model, recordings);
   const PosteriorPoints points = posterior(model, recordings, options);
+  if (points.summary.termination == Termination::stopped) return stopped_at_start(model, points);
   if (!points.summary.usable()) {
     refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());
   }

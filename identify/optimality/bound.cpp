@@ -295,7 +295,14 @@ VectorXd free_units(const CramerRaoBound& estimate) {
 }  // namespace
 
 CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const Dataset* inputs) {
+  if (options.samples < 1) {
+    throw std::invalid_argument(fmt::format("samples is {}; expected 1 or more", options.samples));
+  }
   const Model model = checked_with_inputs(given, inputs);
+  if (inputs != nullptr && inputs->size() != options.samples) {
+    throw std::invalid_argument(fmt::format("samples is {}, and the recording has {} of inputs",
+                                            options.samples, inputs->size()));
+  }
   const bool nonlinear = is_formula_model(model);
   if (nonlinear && (inputs == nullptr || options.runs < 2)) {
     throw std::invalid_argument(

@@ -116,6 +116,10 @@ void check_models(const std::vector<Model>& models) {
 
 Comparison compare_filters(const std::vector<Model>& models,
                            const std::vector<std::vector<Dataset>>& recordings) {
+  if (models.size() != recordings.size()) {
+    throw std::invalid_argument(
+        fmt::format("{} models and {} lists of recordings", models.size(), recordings.size()));
+  }
   check_models(models);
   std::vector<Scored> all;
   std::vector<Model> filters;

@@ -104,6 +104,11 @@ VectorXd sample_times(const Dataset* inputs, Index N, double step) {
              : VectorXd(VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1) * step));
 }
 
+void check_rows(Index rows, const Dataset* inputs) {
+  if (inputs != nullptr || rows > 0) return;
+  throw std::invalid_argument(fmt::format("rows is {}; expected 1 or more", rows));
+}
+
 double sampling_period(const Model& model) {
   if (model.time.step > 0.0) return model.time.step;
   throw InputError(model.time.at, "the sampling period is not known",
@@ -154,6 +159,7 @@ Dataset refined(const Dataset& recording, InputPath path, int pieces) {
 
 Simulated simulate_linear(const Model& given, Index rows, const Dataset* inputs,
                           std::uint64_t seed) {
+  check_rows(rows, inputs);
   const Model model = checked_with_inputs(given, inputs);
   const LinearModel& linear = as_linear(model);
   const StateSpace system = instantiate(linear, model.parameters);
@@ -251,6 +257,7 @@ MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random&
 
 Simulated simulate_nonlinear(const Model& given, Index rows, const Dataset* inputs,
                              std::uint64_t seed) {
+  check_rows(rows, inputs);
   const Model model = checked_with_inputs(given, inputs);
   const Index N = inputs != nullptr ? inputs->size() : rows;
   Dataset recording;

@@ -1,6 +1,9 @@
 #include "identify/survey/signals.h"
 
 #include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
 
 #include "lib/base/constants.h"
 
@@ -57,6 +60,13 @@ VehicleSignals vehicle_signals(const Model& model, const Dataset& data) {
   out.restarts = model.time.restarts;
   const auto take = [&](const std::vector<ChannelSource>& sources,
                         const std::vector<Channel>& channels, const Eigen::MatrixXd& values) {
+    if (sources.size() != channels.size() || values.rows() != static_cast<Index>(channels.size()) ||
+        values.cols() != data.time.size()) {
+      throw std::invalid_argument(fmt::format(
+          "the model has {} channels, the recording {} x {} values, {} names and {} "
+          "times of them",
+          sources.size(), values.rows(), values.cols(), channels.size(), data.time.size()));
+    }
     for (std::size_t i = 0; i < sources.size(); ++i) {
       VehicleSignal s;
       const std::string& name = sources[i].name;

@@ -274,7 +274,8 @@ bool step(OnlineFilter& f, const Eigen::Ref<const VectorXd>& y,
         message({"a sample has ", y.size(), " outputs and ", u.size(), " inputs; expected ",
                  f.model.outputs(), " and ", f.model.inputs()}));
   }
-  if (!u.allFinite() || y.array().isInf().any()) return false;
+  // Nor may their powers overflow, which a state would never forget.
+  if (!u.array().square().allFinite() || y.array().square().isInf().any()) return false;
   find_present(f, y);
   const bool keep_gain = f.settled;
   f.innovation.setConstant(kNaN);

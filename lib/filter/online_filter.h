@@ -50,7 +50,7 @@ OnlineFilter start_online_filter(const StateSpace& model, InitialState initial);
 /// @param y  ny, NaN = missing
 /// @param u  nu
 /// @return false, and nothing has changed, when the covariance of the innovation is not positive
-///   definite or an input is not finite
+///   definite, an input is not finite, or a number's square overflows
 /// @throws std::invalid_argument when shapes disagree
 /// Source: Matisko (2013), section 2.1; Durbin & Koopman (2012), chapter 5.
 bool step(OnlineFilter& filter, const Eigen::Ref<const Eigen::VectorXd>& y,

@@ -50,6 +50,11 @@ TEST(Calls, EveryMistakeIsOneLine) {
   nameless.names = no_names;
   ik_recording other_step = good;
   other_step.step = 0.5;
+  ik_recording endless = good, foreign = good;
+  endless.rows = std::numeric_limits<std::size_t>::max() / 2 + 1;
+  endless.ny = 2;
+  const char* const furlong[] = {"furlong"};
+  foreign.units = furlong;
   const Result nothing("tune", kLevel, {});
   struct Case {
     const char *verb, *model, *options;
@@ -65,7 +70,7 @@ TEST(Calls, EveryMistakeIsOneLine) {
       {"tune", "identikal: 1\nA: [[1]]\n", nullptr, {good}, "<model>"},
       {"tune", kLevel, nullptr, {}, "without a recording"},
       {"tune", kLevel, "[]", {good}, "no JSON object"},
-      {"tune", kLevel, "{", {good}, "no JSON object"},
+      {"tune", kLevel, "{", {good}, "no JSON: they break at byte 2"},
       {"tune", kLevel, R"({"start": 1})", {good}, "unknown option 'start'"},
       {"tune", kLevel, R"({"json": true})", {good}, "unknown option 'json'"},
       {"tune", kLevel, R"({"starts": 0})", {good}, "a whole number from 1 to 1000"},
@@ -76,12 +81,16 @@ TEST(Calls, EveryMistakeIsOneLine) {
       {"tune", kLevel, nullptr, {empty}, "has no rows"},
       {"tune", kLevel, nullptr, {none}, "y is NULL"},
       {"tune", kLevel, nullptr, {two}, "2 outputs and 0 inputs"},
-      {"tune", kLevel, nullptr, {infinite}, "row 7 holds an infinite value"},
+      {"tune", kLevel, nullptr, {infinite}, "row 8 holds an infinite value"},
       {"tune", kLevel, nullptr, {backwards}, "0 s apart"},
-      {"tune", kLevel, nullptr, {nameless}, "name 0 of 1 is NULL"},
+      {"tune", kLevel, nullptr, {nameless}, "name 1 of 1 is NULL"},
       {"tune", kLevel, nullptr, {other_step}, "the model's step"},
       {"track", kLevel, nullptr, {good, good}, "with 2 recordings"},
-      {"validate", kLevel, nullptr, {good}, "validate with a model"},
+      {"tune", kLevel, nullptr, {endless}, "are more than any memory"},
+      {"tune", kLevel, nullptr, {foreign}, "the unit of 'y' is unknown: 'furlong'"},
+      {"validate", kLevel, nullptr, {good}, "'validate' with a model"},
+      {"compare", kLevel, nullptr, {good}, "'compare' with a model"},
+      {"compare", nullptr, nullptr, {good}, "'compare' with 1 recordings"},
       {"validate", nullptr, nullptr, {good}, "0 previous results"},
       {"compare", nullptr, nullptr, {}, "0 previous results"},
   };
@@ -105,7 +114,12 @@ TEST(Calls, AFailedResultIsNoPreviousOne) {
   const Result failed("tune", kLevel, {});
   const Result validated("validate", nullptr, {recording_of(y)}, nullptr, {failed.handle});
   EXPECT_EQ(validated.code, 2);
-  EXPECT_THAT(validated.message(), HasSubstr("previous result 1 is none"));
+  EXPECT_THAT(validated.message(),
+              HasSubstr("previous result 1 is of 'tune' and holds no estimate"));
+  ik_filter* filter = nullptr;
+  EXPECT_EQ(ik_filter_open(failed.handle, nullptr, &filter), 2);
+  EXPECT_THAT(ik_filter_message(filter), HasSubstr("the result is of 'tune' and holds no model"));
+  ik_filter_free(filter);
 }
 
 TEST(Calls, ACallbackStops) {
@@ -122,6 +136,17 @@ TEST(Calls, ACallbackStops) {
   ik_result* result = nullptr;
   ik_run("tune", kLevel, &recording, 1, nullptr, 0, nullptr, &callbacks, &result);
   EXPECT_EQ(calls, 1);
+  EXPECT_THAT(ik_result_message(result), HasSubstr("stopped by the caller"));
+  ik_result_free(result);
+  // Draws that are on their way are none of the posterior.
+  const char* const three =
+      "identikal: 1\nname: decay\ntime: {step: 1 s}\n"
+      "parameters: {a: {value: 0.9, min: 0.1, max: 0.99},\n"
+      "  q: {value: 1, min: 0}, r: {value: 1, min: 0}}\n"
+      "A: [[a]]\nC: [[1]]\nQ: [[q]]\nR: [[r]]\noutputs: {y: {column: y}}\n";
+  const int code = ik_run("tune", three, &recording, 1, nullptr, 0, R"({"method": "bayes"})",
+                          &callbacks, &result);
+  EXPECT_EQ(code, 3) << ik_result_message(result);
   EXPECT_THAT(ik_result_message(result), HasSubstr("stopped by the caller"));
   ik_result_free(result);
 }

@@ -19,6 +19,7 @@
 #include "identify/noise/track.h"
 #include "identify/optimality/bound.h"
 #include "identify/optimality/check.h"
+#include "identify/optimality/compare_filters.h"
 #include "identify/simulation/simulate.h"
 #include "identify/survey/survey.h"
 #include "identify/vehicle/fit.h"
@@ -27,6 +28,7 @@
 namespace identikal {
 namespace {
 
+using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using testing::HasSubstr;
@@ -100,6 +102,10 @@ TEST(Check, TimeGoesWithTheSamples) {
   expect_refused([](Case& c) { c.data.time[7] = std::nan(""); }, "is not finite");
   expect_refused([](Case& c) { c.model.time.step = 0.1; },
                  "sampled every 1 s, the model every 0.1 s");
+  expect_refused([](Case& c) { c.data.time.tail(100).array() += 50.0; },
+                 "samples 100 and 101 are 51 s apart, and the sampling period is 1 s");
+  expect_refused([](Case& c) { c.data.dt = 2.0; },
+                 "samples 1 and 2 are 1 s apart, and the sampling period is 2 s");
 }
 
 TEST(Check, ChannelsGoWithTheModel) {
@@ -198,6 +204,31 @@ TEST(Check, ASurveyCountsTimesAndValues) {
   }
 }
 
+TEST(Check, RecordingsShareOnePeriod) {
+  Case c;
+  Dataset other = c.data;
+  other.dt = 0.5;
+  other.time *= 0.5;
+  try {
+    tune_ml(c.model, {c.data, other});
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "recording 2 is sampled every 0.5 s, the first every 1 s");
+  }
+  EXPECT_THROW(compare_filters({c.model, c.model}, {{c.data}}), std::invalid_argument);
+  EXPECT_THROW(tune_ml(vehicle_model()
+                           .known("m", 1)
+                           .known("a", 1)
+                           .known("b", 1)
+                           .known("steering_ratio", 1)
+                           .parameter("Iz", 1)
+                           .parameter("Cf", 1)
+                           .parameter("Cr", 1)
+                           .output("r"),
+                       {c.data}),
+               std::invalid_argument);
+}
+
 TEST(Check, StartsAreCounted) {
   const Case c;
   for (const int starts : {0, -3}) {
@@ -219,6 +250,22 @@ TEST(Check, StartsAreCounted) {
   const Dataset drive = recording(car, MatrixXd::Zero(1, 50), 0.1, MatrixXd::Ones(2, 50));
   EXPECT_THROW(fit_vehicle(car, {drive}, options), std::invalid_argument);
   EXPECT_THROW(tune_ml(c.model, {}), std::invalid_argument);
+}
+
+TEST(Recording, TimesThatLackRowsGetMissingSamples) {
+  const Case c;
+  VectorXd y = c.data.y.row(0).head(20), u = c.data.u.row(0).head(20), times(20);
+  for (Index k = 0; k < 20; ++k) times[k] = static_cast<double>(k < 10 ? k : k + 5);
+  Model model = c.model;
+  const Dataset data = recording(model, y, times, u);
+  EXPECT_EQ(data.size(), 25);
+  EXPECT_EQ(data.absent.size(), 5u);
+  EXPECT_TRUE(std::isnan(data.y(0, 12)));
+  times[15] += 0.4;
+  EXPECT_THROW(recording(model, y, times, u), std::invalid_argument);
+  const std::vector<double> twice(20, 1.0);
+  EXPECT_THROW(recording(model, {{"y", twice}, {"y", twice}, {"u", twice}}, 1.0),
+               std::invalid_argument);
 }
 
 TEST(Recording, SizesAreNamed) {
