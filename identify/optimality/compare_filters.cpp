@@ -87,7 +87,11 @@ double difference(const Scored& a, const Scored& best) {
   return variance > 0.0 ? normal_two_sided(gap / std::sqrt(variance)) : 0.0;
 }
 
-void check_models(const std::vector<Model>& models) {
+void check_models(const std::vector<Model>& models, std::size_t lists) {
+  if (models.size() != lists) {
+    throw std::invalid_argument(
+        fmt::format("{} models and {} lists of recordings", models.size(), lists));
+  }
   if (models.size() < 2) {
     throw InputError({}, "one filter cannot be compared", "identikal compare A.yaml B.yaml DATA");
   }
@@ -116,11 +120,7 @@ void check_models(const std::vector<Model>& models) {
 
 Comparison compare_filters(const std::vector<Model>& models,
                            const std::vector<std::vector<Dataset>>& recordings) {
-  if (models.size() != recordings.size()) {
-    throw std::invalid_argument(
-        fmt::format("{} models and {} lists of recordings", models.size(), recordings.size()));
-  }
-  check_models(models);
+  check_models(models, recordings.size());
   std::vector<Scored> all;
   std::vector<Model> filters;
   Index beginning = 0;  // the same for all
