@@ -125,7 +125,7 @@ struct GrowingInformation {
 // What recordings say of the free entries, SI.
 struct RecordingInformation {
   MatrixXd total;
-  GrowingInformation growing;
+  std::optional<GrowingInformation> growing;  // where an accuracy is wanted
   // Per free entry: its variance times the samples, with the states observed; kNone where the
   // noise alone does not say it. Empty: none of them.
   VectorXd complete;
@@ -160,7 +160,7 @@ GrowingInformation growing_information(ExpectedInformation found, const StateSpa
                                        InitialState initial, Index samples,
                                        const std::vector<StateSpace>& derivatives,
                                        const MatrixXd& u) {
-  constexpr Index kLongest = 1000000;
+  constexpr Index kLongest = 5000;  // what settles later is hardly told from what never does
   while (u.size() == 0 && found.per_sample.size() == 0 && samples < kLongest) {
     ExpectedInformation longer =
         expected_information(system, initial, 4 * samples, derivatives, MatrixXd());
@@ -189,8 +189,10 @@ RecordingInformation information_of_linear(const Model& model, const BoundOption
   }
   RecordingInformation out;
   out.total = information.total;
-  out.growing =
-      growing_information(information, system, linear.initial, options.samples, derivatives, u);
+  if (std::isfinite(options.accuracy)) {
+    out.growing =
+        growing_information(information, system, linear.initial, options.samples, derivatives, u);
+  }
   out.complete = complete_variance(system, derivatives);
   out.gain = steady_gain_sensitivity(system, derivatives);
   if (out.gain) {
@@ -223,7 +225,7 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
   const double runs = options.runs;
   out.total /= runs;
   const auto samples = static_cast<double>(options.samples);
-  out.growing = {out.total, out.total / samples, samples};
+  out.growing = GrowingInformation{out.total, out.total / samples, samples};
   SimulatedInformation& simulation = bound.simulated.emplace();
   simulation.recordings = options.runs;
   simulation.seed = options.seed;
@@ -242,7 +244,7 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
 // Of every parameter, kNone and empty for those that are fixed: the complete data's standard error,
 // the samples that the accuracy takes, the change of the steady gain.
 void bound_parameters(CramerRaoBound& estimate, const RecordingInformation& information,
-                      const VectorXd& unit, const GrowingInformation& growing) {
+                      const VectorXd& unit, const std::optional<GrowingInformation>& growing) {
   Bound& bound = estimate.bound;
   const double samples = static_cast<double>(bound.samples);
   Index i = 0;
@@ -255,8 +257,8 @@ void bound_parameters(CramerRaoBound& estimate, const RecordingInformation& info
       p.ci95 = {kNone, kNone};
       if (information.complete.size() > 0)
         out.complete_se = std::sqrt(information.complete[i] / samples) / unit[i];
-      if (!std::isnan(p.crb_se)) {
-        out.samples_needed = growing.samples_for(i, bound.accuracy * std::abs(p.value));
+      if (growing && !std::isnan(p.crb_se)) {
+        out.samples_needed = growing->samples_for(i, bound.accuracy * std::abs(p.value));
       }
       if (information.gain) {
         out.gain_change = 0.01 * p.value * unit[i] * information.gain->K_theta[i];
@@ -334,9 +336,10 @@ CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const D
   const MatrixXd covariance = covariance_of(total);
   judge_parameters(estimate, total, covariance);
   estimate.excess_mean_square_error = excess_error(estimate, model, model.parameters);
-  const GrowingInformation growing{in_units(information.growing.total),
-                                   in_units(information.growing.per_sample),
-                                   information.growing.samples};
+  std::optional<GrowingInformation> growing;
+  if (const auto& found = information.growing) {
+    growing = {in_units(found->total), in_units(found->per_sample), found->samples};
+  }
   bound_parameters(estimate, information, unit, growing);
   if (information.gain) bound_gain(estimate, information, unit, covariance);
   append(estimate.findings, check_determined(estimate));
