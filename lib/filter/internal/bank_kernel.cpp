@@ -32,22 +32,27 @@ struct Lot {
 HWY_INLINE Lot Load(const double* p) {
   const Tag d;
   Lot out;
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) out.v[u] = hn::Load(d, p + u * hn::Lanes(d));
   return out;
 }
 HWY_INLINE void Store(const Lot& a, double* p) {
   const Tag d;
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) hn::Store(a.v[u], d, p + u * hn::Lanes(d));
 }
 HWY_INLINE Lot Same(double value) {
   Lot out;
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) out.v[u] = hn::Set(Tag(), value);
   return out;
 }
 HWY_INLINE void Add(Lot& sum, const Lot& a, const Lot& b) {
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) sum.v[u] = hn::MulAdd(a.v[u], b.v[u], sum.v[u]);
 }
 HWY_INLINE void Subtract(Lot& sum, const Lot& a, const Lot& b) {
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) sum.v[u] = hn::NegMulAdd(a.v[u], b.v[u], sum.v[u]);
 }
 
@@ -63,6 +68,7 @@ std::size_t BankScratch(int n, int r) {
 }
 
 HWY_INLINE void Scale(Lot& a, const Lot& by) {
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) a.v[u] = hn::Mul(a.v[u], by.v[u]);
 }
 
@@ -116,6 +122,7 @@ HWY_INLINE Lot InverseRoot(const Lot& sigma, Lot& least, Lot& density) {
   const Tag d;
   const Vector one = hn::Set(d, 1.0);
   Lot inverse;
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) {
     const auto positive = hn::Gt(sigma.v[u], hn::Zero(d));
     least.v[u] = hn::IfThenElse(positive, least.v[u], hn::Zero(d));
@@ -131,6 +138,7 @@ HWY_INLINE void Whiten(const LotStep& q, int j, const Lot& inverse, Lot& density
   const Tag d;
   Lot e = q.Get(q.z, j);
   for (int k = 0; k < j; ++k) Subtract(e, q.Get(q.L, At(q.s.present, j, k)), q.Get(q.z, k));
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) {
     e.v[u] = hn::Mul(e.v[u], inverse.v[u]);
     density.v[u] = hn::NegMulAdd(hn::Mul(hn::Set(d, 0.5), e.v[u]), e.v[u], density.v[u]);
@@ -160,6 +168,7 @@ HWY_INLINE void Factor(const LotStep& q) {
       Whiten(q, j, inverse, density);
     }
   }
+  HWY_UNROLL(4)
   for (std::size_t u = 0; u < kVectors; ++u) {
     const auto usable = hn::And(hn::Gt(least.v[u], hn::Zero(d)), hn::IsFinite(density.v[u]));
     hn::Store(hn::IfThenElse(usable, density.v[u], hn::Neg(hn::Inf(d))), d,
@@ -207,6 +216,7 @@ HWY_INLINE void ClosedLoopRow(const LotStep& q, int i) {
       Add(t, q.Get(q.K, At(n, i, k)), q.In(s.R, Lower(s.outputs, s.channel[k], s.channel[j])));
     }
     const Lot gs = q.In(s.GS, At(n, i, s.channel[j]));
+    HWY_UNROLL(4)
     for (std::size_t u = 0; u < kVectors; ++u) t.v[u] = hn::Sub(t.v[u], gs.v[u]);
     q.Put(t, q.T, At(n, i, j));
   }
