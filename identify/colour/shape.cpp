@@ -198,7 +198,7 @@ const Dataset& longest_recording(const Model& model, const std::vector<Dataset>&
     throw InputError(
         {model.source, 0, 0},
         "no shaping filter can be put into this model: " + shaping_fault(model, source),
-        "a discrete-time model, 'initial: stationary' or 'diffuse'");
+        "a model whose dynamics are known, 'initial: stationary' or 'diffuse'");
   }
   constexpr Index kFewest = 64;  // samples that make a spectrum
   const Dataset& longest = longest_of(recordings);
@@ -570,7 +570,7 @@ ShapeResult shape(const Model& written, const std::vector<Dataset>& recordings,
                     "more",
                     options.hold_out, options.most_order));
   }
-  const Model model = checked(linear_model_of(written), recordings);
+  const Model model = sampled_model(checked(linear_model_of(written), recordings));
   Stages stages(options);
   const Dataset& longest = longest_recording(model, recordings, options);
   const Index beginning = undetermined_beginning(as_linear(model), options.most_order);

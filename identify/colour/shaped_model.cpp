@@ -7,6 +7,7 @@
 
 #include "lib/data/units.h"
 #include "lib/filter/steady_state.h"
+#include "lib/model/discretise.h"
 
 namespace identikal {
 namespace {
@@ -78,11 +79,66 @@ void split_block(Model& model, ParametrisedMatrix& matrix, const std::string& le
   }
 }
 
+// Has the sampled model the same parameters, and are its matrices linear in them?
+bool keeps_parameters_when_sampled(const LinearModel& m, const ParameterSet& parameters) {
+  if (m.hold != InputHold::constant && m.B.constant.cols() > 0) return false;
+  if (!is_known(m.A, parameters) || !is_known(m.B, parameters)) return false;
+  return m.noise == ProcessNoise::per_sample ||
+         (is_known(m.G, parameters) && !is_full(m.Q, parameters));
+}
+
+// Q of the sampled model, from the density of a model whose matrices are `written`.
+ParametrisedMatrix sampled_density(const StateSpace& written, const ParametrisedMatrix& density,
+                                   double step) {
+  const auto integral = [&](const MatrixXd& of) {
+    StateSpace m = written;
+    m.Q = of;
+    return discretise(m, ProcessNoise::density, step).Q;
+  };
+  ParametrisedMatrix out = constant_matrix(integral(density.constant));
+  for (const int p : parameters_in(density)) {
+    MatrixXd by = MatrixXd::Zero(density.constant.rows(), density.constant.cols());
+    for (const ParametrisedMatrix::Entry& e : density.entries) {
+      if (e.parameter == p) by(e.row, e.col) += e.factor;
+    }
+    const MatrixXd sampled = integral(by);
+    for (Index j = 0; j < sampled.cols(); ++j) {
+      for (Index i = 0; i < sampled.rows(); ++i) {
+        if (sampled(i, j) == 0.0) continue;
+        out.entries.push_back({static_cast<int>(i), static_cast<int>(j), p, sampled(i, j)});
+      }
+    }
+  }
+  return out;
+}
+
 }  // namespace
+
+Model sampled_model(const Model& model) {
+  const LinearModel& given = as_linear(model);
+  if (!given.continuous || !keeps_parameters_when_sampled(given, model.parameters)) return model;
+  Model out = model;
+  const bool density = given.noise == ProcessNoise::density;
+  if (density) split_block(out, as_linear(out).Q, "q");
+  LinearModel& m = as_linear(out);
+  const StateSpace written = written_matrices(m, out.parameters);
+  const StateSpace sampled = discretise(written, m.noise, m.dt);
+  m.continuous = false;
+  m.A = constant_matrix(sampled.A);
+  m.B = constant_matrix(sampled.B);
+  if (!density) return out;
+  m.Q = sampled_density(written, m.Q, m.dt);
+  m.G = constant_matrix(sampled.G);
+  m.S = constant_matrix(sampled.S);
+  return out;
+}
 
 std::string shaping_fault(const Model& model, NoiseSource source) {
   const LinearModel& m = as_linear(model);
-  if (m.continuous) return "the model is in continuous time; shaping filters are sampled";
+  if (m.continuous) {
+    return "the model is in continuous time, and its dynamics hold free parameters, Q is a full "
+           "matrix or inputs are held linearly; shaping filters are sampled";
+  }
   if (m.initial == InitialState::given) {
     return "the initial state is given; say 'stationary' or 'diffuse'";
   }

@@ -23,6 +23,19 @@ struct ShapedChannel {
   double variance = 1.0;     ///< measurement only: of the filter's own white noise
 };
 
+/// Of a continuous-time model the discrete-time one with the same samples and the same parameters:
+///
+///   A = Phi, B = Gamma,  and of a density  G = I,  Q = sum over its parameters q_i of
+///   q_i int_0^h e^(A s) G E_i G' e^(A' s) ds
+///
+/// (lib/model/discretise.h). A model that is in discrete time already, whose A, B or G hold free
+/// parameters, whose density is a full matrix or whose inputs are held linearly stays as it is.
+///
+/// Example:
+///
+///     const Model sampled = sampled_model(checked(model, recordings));
+Model sampled_model(const Model& model);
+
 /// Why the model cannot take such a filter; empty when it can.
 std::string shaping_fault(const Model& model, NoiseSource source);
 

@@ -163,6 +163,12 @@ const FindingKind& kind_of(FindingCode code);
 /// Whether findings of this code are said by the message of the status, and not printed again.
 bool concludes(FindingCode code);
 
+/// One thing to change, as a program can do it.
+struct Change {
+  std::string option;  ///< of the command line, e.g. "--reject-outliers"; empty: none
+  std::string model;   ///< YAML to merge into the model file; empty: none
+};
+
 struct Finding {
   FindingCode code = FindingCode::other;
   Severity severity = Severity::note;
@@ -170,6 +176,8 @@ struct Finding {
   std::string text;      ///< what was seen, with figures
   std::string remedy{};  ///< what to do about it; may be empty
   std::string other{};   ///< the name of a code that this version does not know
+  /// The remedy, where the job that found this has tried it and it cures; else empty.
+  std::vector<Change> changes{};
 };
 
 using Findings = std::vector<Finding>;

@@ -151,9 +151,10 @@ Findings check_outliers(const Model& model, const ParameterSet& parameters,
     for (const Outlier& o : here)
       of_outliers += std::pow(filters[o.recording].e(o.channel, o.sample), 2);
     const double share = of_outliers / power;
+    const bool serious = effect ? done.matters : share > kSerious;
     out.push_back(
         {FindingCode::outliers,
-         (effect ? done.matters : share > kSerious) ? Severity::serious : Severity::warning,
+         serious ? Severity::serious : Severity::warning,
          {recordings[0].outputs[c].name},
          fmt::format("{} sample{} of '{}' ({}) lie{} up to {:.3g} robust standard deviations off "
                      "and make{} up {:.2g} % of the innovations' power{}",
@@ -166,6 +167,8 @@ Findings check_outliers(const Model& model, const ParameterSet& parameters,
                          ->deviations,
                      here.size() > 1 ? "" : "s", 100.0 * share, done.text),
          "--reject-outliers leaves them out; or empty their cells: missing samples are exact"});
+    // The estimate without them is what it was compared with.
+    if (effect && serious) out.back().changes = {{"--reject-outliers", ""}};
   }
   return out;
 }

@@ -3,6 +3,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "identify/filter/leading_samples.h"
+#include "lib/base/constants.h"
+
 namespace identikal {
 namespace {
 
@@ -28,7 +31,7 @@ bool admissible(const StateSpace& model) {
 RecordingsLikelihood::RecordingsLikelihood(const Model& model,
                                            const std::vector<Dataset>& recordings,
                                            EvaluationMethod method)
-    : model_(model), method_(method) {
+    : model_(model), method_(method), recordings_(recordings) {
   for (const Parameter& p : model.parameters) {
     curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
   }
@@ -54,12 +57,50 @@ bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivati
   return true;
 }
 
+void RecordingsLikelihood::condition_on_beginning() {
+  if (nonlinear_ || !first_outputs_.empty()) return;
+  const LinearModel& linear = as_linear(model_);
+  if (linear.initial != InitialState::diffuse) return;
+  if (is_known(linear.A, model_.parameters) && is_known(linear.C, model_.parameters)) return;
+  const LeadingSamples leading = leading_samples(model_, model_.parameters, recordings_);
+  if (leading.log_likelihood.size() == 0) return;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    first_outputs_.push_back(recordings_[i].y.leftCols(leading.diffuse));
+    first_inputs_.push_back(inputs_[i].leftCols(leading.diffuse));
+  }
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    beginning_.add_recording(first_outputs_[i], first_inputs_[i]);
+  }
+}
+
+double RecordingsLikelihood::log_likelihood_of_beginning(const ParameterSet& at) {
+  if (first_outputs_.empty()) return 0.0;
+  if (!set_system(at, false)) return kNone;
+  const Likelihood& first = beginning_.evaluate(system_, as_linear(model_).initial);
+  return first.status == FilterStatus::ok ? first.value : kNone;
+}
+
+const Likelihood& RecordingsLikelihood::behind_beginning(const Likelihood& all,
+                                                         bool with_gradient) {
+  const Likelihood& first =
+      beginning_.evaluate(system_, as_linear(model_).initial, with_gradient ? derivatives_ : none_);
+  conditional_ = all;
+  conditional_.status = all.status == FilterStatus::ok ? first.status : all.status;
+  if (conditional_.status != FilterStatus::ok) return conditional_;
+  conditional_.value -= first.value;
+  if (!with_gradient) return conditional_;
+  conditional_.gradient -= first.gradient;
+  conditional_.information -= first.information;
+  return conditional_;
+}
+
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
   if (!set_system(at, with_gradient && !nonlinear_)) return nullptr;
-  const Likelihood& result = nonlinear_
-                                 ? nonlinear_->evaluate(at, with_gradient)
-                                 : engine_.evaluate(system_, as_linear(model_).initial,
-                                                    with_gradient ? derivatives_ : none_, method_);
+  const Likelihood& all = nonlinear_
+                              ? nonlinear_->evaluate(at, with_gradient)
+                              : engine_.evaluate(system_, as_linear(model_).initial,
+                                                 with_gradient ? derivatives_ : none_, method_);
+  const Likelihood& result = first_outputs_.empty() ? all : behind_beginning(all, with_gradient);
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
 
@@ -90,7 +131,13 @@ LikelihoodProblem RecordingsLikelihood::problem() {
 
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
   if (!set_system(at, !nonlinear_)) return {};
-  if (!nonlinear_) return engine_.score_products(system_, as_linear(model_).initial, derivatives_);
+  if (!nonlinear_) {
+    const InitialState initial = as_linear(model_).initial;
+    const MatrixXd all = engine_.score_products(system_, initial, derivatives_);
+    if (first_outputs_.empty() || all.size() == 0) return all;
+    const MatrixXd first = beginning_.score_products(system_, initial, derivatives_);
+    return first.size() > 0 ? MatrixXd(all - first) : first;
+  }
   MatrixXd out;
   if (nonlinear_->evaluate(at, true, &out).status != FilterStatus::ok) return {};
   return out;

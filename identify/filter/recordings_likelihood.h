@@ -34,6 +34,21 @@ class RecordingsLikelihood {
   RecordingsLikelihood(Model&& model, const std::vector<Dataset>& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic) = delete;
 
+  /// From here on the likelihood of a linear model is
+  ///
+  ///   log p(y(k+1), ... | y(1), ..., y(k))
+  ///
+  /// where the start is diffuse and A or C hold free parameters; k samples of every recording
+  /// determine the start, at the model's own values. The diffuse likelihood compares no such models:
+  /// it rises without limit where two states become one to the outputs, as at a pole of a shaping
+  /// filter that comes to lie on one of the system's. Else nothing changes.
+  /// Source: Francke, Koopman and de Vos (2010), "Likelihood functions for state space models with
+  /// diffuse initial conditions".
+  void condition_on_beginning();
+
+  /// log p(y(1), ..., y(k)) of what it is conditioned on; 0 where it is not, NaN where undefined.
+  double log_likelihood_of_beginning(const ParameterSet& at);
+
   /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
   /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable
   /// stationary start, ...). Valid until the next call.
@@ -59,6 +74,7 @@ class RecordingsLikelihood {
  private:
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
+  const Likelihood& behind_beginning(const Likelihood& all, bool with_gradient);
 
   const Model& model_;
   EvaluationMethod method_;
@@ -67,6 +83,11 @@ class RecordingsLikelihood {
   std::optional<NonlinearRecordings> nonlinear_;
   std::vector<Eigen::MatrixXd> inputs_;  // the engine refers to them
   LikelihoodEngine engine_;
+  const std::vector<Dataset>& recordings_;
+  // What is conditioned on, if anything; the engine refers to the samples.
+  std::vector<Eigen::MatrixXd> first_outputs_, first_inputs_;
+  LikelihoodEngine beginning_;
+  Likelihood conditional_;
   StateSpace system_;
   const std::vector<StateSpace> none_;
   std::vector<StateSpace> derivatives_;

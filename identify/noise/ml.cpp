@@ -500,6 +500,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
     refuse_filter(model, recordings, start);
   }
+  likelihood.condition_on_beginning();
   const LikelihoodProblem problem = likelihood.problem();
   Search found = search(problem, parameters, options);
   // The integration was as fine as the start needs it; all starts are compared on the same.
@@ -511,7 +512,8 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   const ParameterSet end = with_coordinates(parameters, found.best.x);
   list_parameters(estimate, parameters, end);
   Objective& objective = estimate.objective;
-  objective.log_likelihood_start = found.start_value;
+  objective.log_likelihood_start =
+      found.start_value + likelihood.log_likelihood_of_beginning(parameters);
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
   objective.starts = found.tried;

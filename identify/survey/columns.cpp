@@ -512,6 +512,7 @@ void Guess::check_clocks() {
                       clocks_[f].runs),
           "time: {..., runs: restart} in the model file; this survey puts them one after the "
           "other"));
+      out_.findings.back().changes = {{"", "time: {runs: restart}"}};
     }
   }
 }

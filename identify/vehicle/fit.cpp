@@ -551,8 +551,22 @@ Findings informing(Findings findings) {
     finding.remedy =
         "the errors allow for it; other causes may explain it as well, and --structure "
         "auto weighs them";
+    finding.changes = {{"--structure auto", ""}};
   }
   return findings;
+}
+
+/// Channels that fit with the other sign, and the lines of the model file that reverse them.
+Findings check_reversed_channels(const VehicleFit& fit, const VehicleEstimate& estimate) {
+  Findings out = check_sensor_misalignment(fit.found, fit.options.search, estimate);
+  for (Finding& finding : out) {
+    for (const ChannelSource& output : fit.model.outputs) {
+      if (output.name != finding.about.front()) continue;
+      finding.changes = {
+          {"", fmt::format("outputs: {{{}: {{scale: {}}}}}", output.name, -output.scale)}};
+    }
+  }
+  return out;
 }
 
 /// What other forms of the model say, where their fits can be compared with this one.
@@ -577,7 +591,7 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
     append(found, check_hold_out_by_survey(fit.model, fit.options.hold_out, estimate.findings));
   }
   if (other_forms && !has_misreading(found)) {
-    append(found, check_sensor_misalignment(fit.found, fit.options.search, estimate));
+    append(found, check_reversed_channels(fit, estimate));
   }
   Eigen::VectorXd e;
   output_error(problem, fit.found.best.z, e, nullptr);

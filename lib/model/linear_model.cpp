@@ -108,6 +108,11 @@ std::vector<int> parameters_in(const ParametrisedMatrix& matrix) {
   return {out.begin(), out.end()};
 }
 
+bool is_known(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {
+  const std::vector<int> in = parameters_in(matrix);
+  return std::all_of(in.begin(), in.end(), [&](int p) { return parameters[p].fixed; });
+}
+
 namespace {
 
 bool is_known(const ParametrisedMatrix::Formula& formula, const ParameterSet& parameters) {

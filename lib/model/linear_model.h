@@ -64,6 +64,9 @@ struct LinearModel {
 /// The parameters that a matrix depends on, in rising order.
 std::vector<int> parameters_in(const ParametrisedMatrix& matrix);
 
+/// Does it hold no free parameter?
+bool is_known(const ParametrisedMatrix& matrix, const ParameterSet& parameters);
+
 /// Are the matrices linear in the free parameters, so that model_derivatives() are constant?
 bool is_linear_in_parameters(const LinearModel& model, const ParameterSet& parameters);
 

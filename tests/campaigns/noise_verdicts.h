@@ -12,6 +12,8 @@ namespace identikal {
 struct NoiseVerdicts {
   int ok_right = 0, ok_wrong = 0, refused_right = 0, refused_wrong = 0;
   int intervals = 0, covered = 0;  ///< 95 % intervals of results with status ok
+  /// Refused, and ok once the changes that the findings name were made.
+  int cured_right = 0, cured_wrong = 0;
 
   int recordings() const { return ok_right + ok_wrong + refused_right + refused_wrong; }
 };

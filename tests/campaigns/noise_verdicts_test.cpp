@@ -16,6 +16,7 @@ TEST(NoiseVerdicts, AreRightForMost) {
   std::puts(in_words("one fault", one).c_str());
   EXPECT_LE(right.refused_right + right.refused_wrong, 5);
   EXPECT_LE(one.ok_wrong, one.refused_wrong);
+  EXPECT_GE(one.cured_right, 5 * one.cured_wrong);
 }
 
 }  // namespace

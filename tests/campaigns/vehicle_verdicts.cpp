@@ -25,6 +25,42 @@ bool is_wrong(const EstimatedParameter& p, double truth) {
   return off > 0.05 * truth && !(off < 2.6 * p.se);
 }
 
+bool is_wrong(const VehicleEstimate& fit, const VehicleDrive& drive) {
+  bool wrong = false;
+  for (std::size_t p = 0; p < 3; ++p) {
+    wrong = wrong || is_wrong(parameter(fit, kJudged[p]), drive.truth[p]);
+  }
+  return wrong;
+}
+
+// What a program does that makes the changes of every finding; nothing where there are none.
+void follow_findings(const VehicleEstimate& fit, const VehicleDrive& drive,
+                     VehicleVerdicts& verdicts) {
+  VehicleFitOptions options;
+  Dataset recording = drive.recording;
+  bool any = false;
+  for (const Finding& finding : fit.findings) {
+    for (const Change& change : finding.changes) {
+      any = true;
+      if (change.option == "--structure auto") {
+        options.structure = VehicleFitOptions::Structure::automatic;
+      } else if (change.model ==
+                 fmt::format("outputs: {{{}: {{scale: -1}}}}", finding.about.front())) {
+        for (std::size_t j = 0; j < recording.outputs.size(); ++j) {
+          if (recording.outputs[j].name != finding.about.front()) continue;
+          recording.y.row(static_cast<Eigen::Index>(j)) *= -1.0;
+        }
+      } else {
+        throw std::logic_error("a change that the campaign does not know: " + change.model);
+      }
+    }
+  }
+  if (!any) return;
+  const VehicleEstimate after = fit_vehicle(drive.model, recording, options);
+  if (after.status != Status::ok) return;
+  ++(is_wrong(after, drive) ? verdicts.cured_wrong : verdicts.cured_right);
+}
+
 void print(const VehicleDrive& drive, const VehicleEstimate& fit) {
   std::string line;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -44,9 +80,7 @@ VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, 
     const VehicleDrive drive = draw_vehicle_drive(seed + static_cast<std::uint64_t>(i), faults);
     try {
       const VehicleEstimate fit = fit_vehicle(drive.model, drive.recording);
-      bool wrong = false;
-      for (std::size_t p = 0; p < 3; ++p)
-        wrong = wrong || is_wrong(parameter(fit, kJudged[p]), drive.truth[p]);
+      const bool wrong = is_wrong(fit, drive);
       const bool ok = fit.status == Status::ok;
       ++(ok ? (wrong ? out.ok_wrong : out.ok_right)
             : (wrong ? out.refused_wrong : out.refused_right));
@@ -57,6 +91,7 @@ VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, 
         ++out.intervals;
         out.covered += of.ci95[0] <= drive.truth[p] && drive.truth[p] <= of.ci95[1];
       }
+      if (!ok) follow_findings(fit, drive, out);
       if (each) print(drive, fit);
     } catch (const InputError&) {
       ++out.refused_wrong;
@@ -70,10 +105,11 @@ std::string in_words(const std::string& name, const VehicleVerdicts& v) {
   std::string out = fmt::format(
       "{:<12} {:>5} drives: ok and right {:>4}, ok and wrong {:>4}, refused rightly {:>4}, refused "
       "wrongly {:>4}; of the wrong {:.1f} % end ok, of the right {:.1f} %; intervals cover {:.1f} "
-      "%",
+      "%; remedies make {} right and {} wrong ones ok",
       name, v.drives(), v.ok_right, v.ok_wrong, v.refused_wrong, v.refused_right,
       percent(v.ok_wrong, v.ok_wrong + v.refused_wrong),
-      percent(v.ok_right, v.ok_right + v.refused_right), percent(v.covered, v.intervals));
+      percent(v.ok_right, v.ok_right + v.refused_right), percent(v.covered, v.intervals),
+      v.cured_right, v.cured_wrong);
   for (const auto& [fault, count] : v.wrong_by_fault) {
     if (count > 0) out += fmt::format("; {} {}", fault, count);
   }

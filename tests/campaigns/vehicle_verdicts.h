@@ -12,7 +12,9 @@ namespace identikal {
 /// A parameter is wrong that lies more than 2.6 of its standard errors and more than 5 % off.
 struct VehicleVerdicts {
   int ok_right = 0, ok_wrong = 0, refused_right = 0, refused_wrong = 0;
-  int intervals = 0, covered = 0;             ///< 95 % intervals of results with status ok
+  int intervals = 0, covered = 0;  ///< 95 % intervals of results with status ok
+  /// Refused, and ok once the changes that the findings name were made.
+  int cured_right = 0, cured_wrong = 0;
   std::map<std::string, int> wrong_by_fault;  ///< of the ok and wrong, one for each fault
 
   int drives() const { return ok_right + ok_wrong + refused_right + refused_wrong; }

@@ -70,6 +70,7 @@ Model shaped_start(const Model& base, const SpectralSolution& spectral) {
 std::optional<Model> maximise_shaped(const Model& shaped, const ShapingStructure& structure,
                                      const std::vector<Dataset>& recordings) {
   RecordingsLikelihood likelihood(shaped, recordings);
+  likelihood.condition_on_beginning();
   const LikelihoodProblem plain = likelihood.problem();
   VectorXd z = coordinates(shaped.parameters);
   const std::vector<std::pair<Index, Index>> parts = polynomials(structure, z.size());

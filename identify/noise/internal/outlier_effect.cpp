@@ -36,6 +36,7 @@ OutlierEffect outlier_effect(const Estimate& estimate, const Model& model, const
   Model started = model;
   started.parameters = end;
   RecordingsLikelihood likelihood(started, cleaned);
+  likelihood.condition_on_beginning();
   const Solution found = maximise(likelihood.problem(), coordinates(end));
   if (!found.summary.usable()) return {true, "; without them the search does not converge"};
   const ParameterSet without = with_coordinates(end, found.x);

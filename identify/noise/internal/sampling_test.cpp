@@ -175,6 +175,7 @@ SamplingTest sampling_test(const Model& model, const ParameterSet& at,
   constexpr double kNear = 1.0;   // squared standard errors: further off nothing is linear
   SamplingTest out;
   RecordingsLikelihood likelihood(model, recordings);
+  likelihood.condition_on_beginning();
   const auto all = score_of(likelihood.evaluate(at, true), entries);
   const auto some = thinned_score(model, at, recordings, entries, every);
   if (!all || !some) return out;

@@ -369,6 +369,13 @@ void describe(Fields& fields, RankSelection& selection) {
 }
 
 template <class Fields>
+void describe(Fields& fields, Change& change) {
+  fields.is("Change", "One thing to change.");
+  fields("option", change.option, "of the command line; empty: none");
+  fields("model", change.model, "YAML to merge into the model file; empty: none");
+}
+
+template <class Fields>
 void describe(Fields& fields, Finding& finding) {
   fields.is("Finding", "What was found in a recording, a model or an estimate.");
   fields("code", CodeOf{finding}, "stable name; docs/troubleshooting.md lists them");
@@ -376,6 +383,8 @@ void describe(Fields& fields, Finding& finding) {
   fields("about", finding.about, "parameters, channels or files that it is about");
   fields("text", finding.text, "what was seen, with figures");
   fields("remedy", finding.remedy, "what to do about it; may be empty");
+  fields("changes", finding.changes,
+         "the same as a program can do it, where the job has tried it and it cures");
 }
 
 template <class Fields>

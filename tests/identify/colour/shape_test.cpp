@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -16,8 +17,11 @@
 #include <unistd.h>
 
 #include "identify/colour/internal/spectrum.h"
+#include "identify/model/builder.h"
 #include "identify/model/model_file.h"
+#include "identify/model/recording.h"
 #include "lib/base/error.h"
+#include "lib/base/random.h"
 #include "lib/filter/kalman.h"
 #include "lib/model/shaping_filter.h"
 #include "studies/published_systems.h"
@@ -108,6 +112,79 @@ TEST(ShapedModel, SaysWhatItCannotTake) {
   as_linear(model).continuous = true;
   EXPECT_NE(shaping_fault(model, NoiseSource::process), "");
   EXPECT_THROW(with_shaping_filters(model, NoiseSource::process, {}), std::invalid_argument);
+}
+
+// dx/dt of a trolley, pushed by a force and by noise.
+LinearModelBuilder trolley(double friction = 0.5) {
+  return linear_model()
+      .A({{0, 1}, {0, -friction}})
+      .B({{0}, {2}})
+      .C({{1, 0}})
+      .G({{0}, {1}})
+      .measurement_noise(variance("r", 0.3))
+      .continuous()
+      .step(0.2)
+      .diffuse();
+}
+
+void expect_same_samples(const Model& continuous) {
+  const Model sampled = sampled_model(continuous);
+  ASSERT_FALSE(as_linear(sampled).continuous);
+  ASSERT_EQ(free_entries(sampled.parameters).size(), free_entries(continuous.parameters).size());
+  const StateSpace a = instantiate(as_linear(continuous), continuous.parameters);
+  const StateSpace b = instantiate(as_linear(sampled), sampled.parameters);
+  EXPECT_LT((a.A - b.A).norm() + (a.B - b.B).norm() + (a.C - b.C).norm(), 1e-14);
+  EXPECT_LT((a.G * a.Q * a.G.transpose() - b.G * b.Q * b.G.transpose()).norm(), 1e-14);
+  EXPECT_LT((a.R - b.R).norm(), 1e-14);
+  EXPECT_EQ(shaping_fault(sampled, NoiseSource::process), "");
+  EXPECT_EQ(shaping_fault(sampled, NoiseSource::measurement), "");
+}
+
+TEST(ShapedModel, OfAContinuousModelTheSampledOneIsTaken) {
+  expect_same_samples(trolley().process_noise(variance("q", 0.8)));
+  expect_same_samples(
+      trolley().G({{1, 0}, {0, 1}}).process_noise(variances({{"q1", 0.1}, {"q2", 2.0}})));
+  Model as_block = trolley().process_noise(variance("q", 0.8));
+  const int q = find_parameter(as_block.parameters, "q");
+  as_block.parameters[q].domain = Domain::scaled_identity;
+  as_linear(as_block).Q.entries.clear();
+  as_linear(as_block).Q.block = q;
+  expect_same_samples(as_block);
+  Model free_pole = trolley().process_noise(variance("q", 0.8));
+  free_pole.parameters.emplace_back();
+  free_pole.parameters.back().name = "d";
+  free_pole.parameters.back().value = MatrixXd::Constant(1, 1, -0.5);
+  as_linear(free_pole).A.entries = {{1, 1, static_cast<int>(free_pole.parameters.size()) - 1, 1.0}};
+  EXPECT_TRUE(as_linear(sampled_model(free_pole)).continuous);
+}
+
+// A sensor whose error lasts for a second, in a model in continuous time.
+TEST(Shape, AContinuousModelTakesAFilter) {
+  const Model model = trolley().process_noise(variance("q", 0.8));
+  StateSpace m = instantiate(as_linear(model), model.parameters);
+  Random random(3);
+  const MatrixXd L = semidefinite_factor(m.Q);
+  constexpr Index kSamples = 3000;
+  constexpr double kPole = 0.8;  // of the sensor's error, whose variance is 0.5
+  MatrixXd y(1, kSamples), u(1, kSamples);
+  VectorXd x = VectorXd::Zero(2);
+  double error = 0.0;
+  for (Index t = 0; t < kSamples; ++t) {
+    u(0, t) = random.normal();
+    error = kPole * error + std::sqrt(0.5 * (1.0 - kPole * kPole)) * random.normal();
+    y(0, t) = x[0] + error + std::sqrt(0.3) * random.normal();
+    x = m.A * x + m.B * u.col(t) + L * random.normal(2);
+  }
+  ShapeOptions options;
+  options.source = NoiseSource::measurement;
+  const ShapeResult found = shape(model, {recording(model, y, 0.2, u)}, options);
+  ASSERT_EQ(found.estimate.status, Status::ok) << found.estimate.message;
+  const std::map<std::string, double> truth = {{"q", 0.8}, {"r", 0.3}, {"v1_a1", -kPole}};
+  for (const EstimatedParameter& p : found.estimate.parameters) {
+    if (truth.contains(p.name)) {
+      EXPECT_NEAR(p.value, truth.at(p.name), 3.0 * p.se) << p.name;
+    }
+  }
 }
 
 TEST(ShapedModel, ItsNamesAreNobodyElses) {
