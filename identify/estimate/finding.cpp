@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 94> kKinds = {{
+constexpr std::array<FindingKind, 95> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -29,6 +29,9 @@ constexpr std::array<FindingKind, 94> kKinds = {{
     {FindingCode::values_differ, "values_differ", Severity::serious, Severity::serious,
      Status::rejected, Rank::answer, InMessage::text,
      "A refit on these data gives significantly different values"},
+    {FindingCode::outside_fitted_range, "outside_fitted_range", Severity::serious,
+     Severity::serious, Status::untrusted, Rank::answer, InMessage::text,
+     "A drive beyond what the result was fitted to contradicts it"},
     {FindingCode::not_identifiable, "not_identifiable", Severity::serious, Severity::serious,
      Status::rejected, Rank::undetermined, InMessage::text,
      "The data do not determine every unknown"},

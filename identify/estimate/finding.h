@@ -29,6 +29,7 @@ enum class FindingCode {
   test_rejects,
   does_not_predict,
   values_differ,
+  outside_fitted_range,
   not_identifiable,
   not_converged,
   unconverged_results,

@@ -41,11 +41,26 @@ struct Series {
   Eigen::MatrixXd standardised;         ///< residual / its standard deviation; may be empty
 };
 
+/// What 99 % of the rows of a vehicle's drive lie between.
+struct DrivenRange {
+  std::string quantity;  ///< identify/vehicle/driven_range.h lists them
+  std::string unit;
+  double low = kNone, high = kNone;
+};
+/// "vx 13.9 to 16.7 m/s"; of a frequency: "steering frequency up to 0.9 Hz".
+///
+/// Example:
+///
+///     const DrivenRange speed{"vx", "m/s", 13.9, 16.7};
+///     std::puts(in_words(speed).c_str());
+std::string in_words(const DrivenRange& range);
+
 /// Of the model at the values of the result.
 struct RecordingFit {
   std::vector<ChannelFit> one_step, simulation;
   std::vector<ChannelFit> hold_out;           ///< simulation of data that the fit did not see
   std::vector<ChannelFit> hold_out_one_step;  ///< a filter's fit to them
+  std::vector<DrivenRange> driven;            ///< of a vehicle; else empty
   std::vector<TestResult> tests;
   Series series;
   Pictures pictures;  ///< filled where a report is requested

@@ -22,6 +22,7 @@
 #include "identify/result/file_digest.h"
 #include "identify/validation/internal/vehicle_refit.h"
 #include "identify/vehicle/checks.h"
+#include "identify/vehicle/driven_range.h"
 #include "identify/vehicle/series.h"
 #include "lib/base/error.h"
 #include "lib/statistics/whiteness.h"
@@ -242,7 +243,9 @@ Validation validate_car(const ResultSections& validated, const Model& model,
     known.neutral = parameter && unknowns.value[*parameter] == neutral_vehicle()[*parameter];
     out.parameters.push_back(std::move(known));
   }
-  out.series = validate_vehicle(model, recordings, unknowns, unknowns.value, robust);
+  KnownCar along = validate_vehicle(model, recordings, unknowns, unknowns.value, robust);
+  out.series = std::move(along.series);
+  out.driven = std::move(along.driven);
   out.simulation = channel_fits(out.series, robust);
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     out.inputs.push_back({recordings[i].name, "", static_cast<long>(recordings[i].size()), 0});
@@ -416,13 +419,32 @@ Findings check_origin(const Estimate& result, const ModelSource* model_file) {
   return out;
 }
 
+// Another car, or the same one where the fit knows nothing of it?
+Findings check_range(const RecordingFit& own, const Findings& rejections, Validation& estimate) {
+  const std::string where = beyond(own.driven, estimate.driven);
+  if (where.empty()) return rejections;
+  if (rejections.empty()) {
+    estimate.notes.push_back("beyond what the result was fitted to, and it holds there: " + where);
+    return {};
+  }
+  std::vector<std::string> seen;
+  for (const Finding& each : rejections) seen.push_back(each.text);
+  return {make_finding(FindingCode::outside_fitted_range, {},
+                       fmt::format("the drive goes beyond what the result was fitted to: {}; "
+                                   "whether it is another car cannot be told: {}",
+                                   where, fmt::join(seen, "; ")),
+                       "validate on a drive within that range, or fit both together")};
+}
+
 // Of a car: its fits, and whether a refit gives other values.
-void conclude_car(const VehicleRefit& refit, const Findings& circumstances, Validation& estimate) {
+void conclude_car(const VehicleRefit& refit, const RecordingFit& own, const Findings& circumstances,
+                  Validation& estimate) {
   const std::vector<ChannelFit>& fits = estimate.simulation;
   std::vector<double> limits(fits.size(), 0.0);
   if (!limits.empty()) limits[leading_output(fits)] = kPoorFit;
-  append(estimate.findings, check_fits(fits, limits));
-  append(estimate.findings, check_values(refit, estimate));
+  Findings rejections = check_fits(fits, limits);
+  append(rejections, check_values(refit, estimate));
+  append(estimate.findings, check_range(own, rejections, estimate));
   append(estimate.findings, circumstances);
   conclude(estimate,
            refit.dof > 0.0 ? "it holds on these data: every fit is high enough, and the values of "
@@ -457,7 +479,7 @@ Validation validate(const ResultSections& result, const Model& model,
     append(out.findings, circumstances);
     conclude(out, "it holds on these data: every fit is high enough", Basis::tests);
   } else if (vehicle) {
-    conclude_car(refit, circumstances, out);
+    conclude_car(refit, own, circumstances, out);
   } else {
     append(out.findings, check_tests(out.tests));
     append(out.findings, circumstances);

@@ -15,6 +15,7 @@
 #include "identify/model/check.h"
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/covariance.h"
+#include "identify/vehicle/driven_range.h"
 #include "identify/vehicle/internal/characteristic_values.h"
 #include "identify/vehicle/internal/pictures.h"
 #include "identify/vehicle/internal/steady_cornering.h"
@@ -526,6 +527,10 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
     estimate.covariance_kind += ", and what lags, roll and bending tyres may add";
   }
   report_series(found, covariance, estimate);
+  estimate.driven = driven_ranges(found.problem, found.best.z);
+  std::vector<std::string> driven;
+  for (const DrivenRange& range : estimate.driven) driven.push_back(in_words(range));
+  estimate.notes.push_back(fmt::format("fitted to {}", fmt::join(driven, ", ")));
   report_characteristic_values(found.problem, fit.answer(), fit.of_noise, estimate);
   report_noise(found.problem, covariance, estimate);
   if (fit.structure) {
@@ -535,7 +540,8 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
   if (fit.takes_structure()) report_errors_of(*fit.structure, found.problem, estimate);
   if (fit.options.hold_out.empty()) return;
   report_hold_out(
-      validate_vehicle(fit.model, fit.options.hold_out, unknowns, p, fit.options.search.robust),
+      validate_vehicle(fit.model, fit.options.hold_out, unknowns, p, fit.options.search.robust)
+          .series,
       found, covariance, fit.simulates(), estimate);
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "identify/vehicle/driven_range.h"
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/data/units.h"
 
@@ -60,9 +61,9 @@ std::vector<ChannelFit> channel_fits(const Series& series, bool robust) {
   return out;
 }
 
-Series validate_vehicle(const Model& model, const std::vector<Dataset>& recordings,
-                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
-                        bool robust) {
+KnownCar validate_vehicle(const Model& model, const std::vector<Dataset>& recordings,
+                          const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                          bool robust) {
   const VehicleRun run = usable_run(model, recordings);
   VehicleUnknowns known;
   known.value = p;
@@ -71,7 +72,7 @@ Series validate_vehicle(const Model& model, const std::vector<Dataset>& recordin
   problem.robust = robust;
   const VehicleOptimum states =
       maximise_likelihood(problem, coordinates_of(problem, p), SolverOptions{});
-  return vehicle_series(problem, states.z);
+  return {vehicle_series(problem, states.z), driven_ranges(problem, states.z)};
 }
 
 }  // namespace identikal

@@ -14,22 +14,27 @@ Series vehicle_series(const VehicleProblem& problem, const Eigen::VectorXd& z);
 /// @param robust  samples weigh as error_weights() has it: outliers count little
 std::vector<ChannelFit> channel_fits(const Series& series, bool robust);
 
+/// A known car along recordings.
+struct KnownCar {
+  Series series;  ///< measured and simulated, to be compared by channel_fits()
+  std::vector<DrivenRange> driven;
+};
+
 /// How well the car of these parameters predicts other recordings: it is simulated along them, with
 /// only the state at the begin of every segment fitted.
 ///
 /// Example:
 ///
 ///     const VehicleUnknowns unknowns = vehicle_unknowns(car);
-///     const auto series = validate_vehicle(car, recordings, unknowns, unknowns.value, false);
-///     const auto fits = channel_fits(series, false);
+///     const auto along = validate_vehicle(car, recordings, unknowns, unknowns.value, false);
+///     const auto fits = channel_fits(along.series, false);
 ///
-/// @return measured and simulated, to be compared by channel_fits()
 /// @param model     its mapping of the channels is used, its parameters are not
 /// @param unknowns  of the fit; its curve and the parameters `p` make the car
 /// @param robust    noise with outliers, as in the fit
 /// @throws InputError when a recording holds no usable segment
-Series validate_vehicle(const Model& model, const std::vector<Dataset>& recordings,
-                        const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
-                        bool robust);
+KnownCar validate_vehicle(const Model& model, const std::vector<Dataset>& recordings,
+                          const VehicleUnknowns& unknowns, const VehicleParameters<double>& p,
+                          bool robust);
 
 }  // namespace identikal

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "identify/estimate/details.h"
 #include "identify/estimate/estimate.h"
 
 namespace identikal {

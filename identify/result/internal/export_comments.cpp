@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/result/schema.h"
 
@@ -116,6 +117,11 @@ std::vector<std::string> vehicle_lines(const StoredEstimate& e) {
         fmt::format("F = L for the {} axle, so there is no {}: it stays straight as far "
                     "as the recording goes",
                     p.name == "Ff_max" ? "front" : "rear", p.name));
+  }
+  if (!e.driven.empty()) {
+    std::vector<std::string> ranges;
+    for (const DrivenRange& range : e.driven) ranges.push_back(in_words(range));
+    out.push_back(fmt::format("fitted to {}; beyond, nothing is known", fmt::join(ranges, ", ")));
   }
   return out;
 }

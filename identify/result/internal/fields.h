@@ -477,6 +477,15 @@ void describe(Fields& fields, VehicleSurvey& survey) {
 }
 
 template <class Fields>
+void describe(Fields& fields, DrivenRange& range) {
+  fields.is("DrivenRange", "What 99 % of the rows of a vehicle's drive lie between.");
+  fields("quantity", range.quantity, "vx, ay, beta or steering frequency");
+  fields("unit", range.unit, "m/s, m/s^2, deg or Hz");
+  fields("low", range.low, "0.5 % lie below");
+  fields("high", range.high, "0.5 % lie above; of the frequency: 95 % of the power lies below");
+}
+
+template <class Fields>
 void describe(Fields& fields, DerivedValue& derived) {
   fields.is("DerivedValue", "A quantity computed from the parameters.");
   fields("name", derived.name, "name in words");

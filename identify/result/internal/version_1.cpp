@@ -91,7 +91,7 @@ void rename_keys(Json& file, const RenamedKey (&keys)[n]) {
   }
 }
 
-// What version 1 did not say.
+// What earlier versions did not say.
 void add_new_keys(Json& result) {
   const auto add = [&](std::string_view place, const char* key, const Json& value) {
     for_each_object(result, place, [&](Json& object) {
@@ -102,6 +102,9 @@ void add_new_keys(Json& result) {
   add("objective", "leading", Json::array());
   add("tests/*", "share", nullptr);
   add("parameters/*", "se_structure", nullptr);
+  add("fit", "driven", Json::array());
+  add("warnings/*", "changes", Json::array());
+  add("survey/findings/*", "changes", Json::array());
 }
 
 // What a schema says itself, or a definition that it refers to, perhaps as one of two.

@@ -172,7 +172,7 @@ VehicleRefit refit_vehicle(const Estimate& result, const Model& model,
   out.changes = found.named;
   test_changes(found, std::fmin(here.freedom, result.covariance_freedom), out);
 
-  out.moves = moves_between(validate_vehicle(model, recordings, unknowns, known, robust),
+  out.moves = moves_between(validate_vehicle(model, recordings, unknowns, known, robust).series,
                             vehicle_series(problem, best.z));
   return out;
 }
