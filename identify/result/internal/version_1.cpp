@@ -102,7 +102,7 @@ void add_new_keys(Json& result) {
   add("objective", "leading", Json::array());
   add("tests/*", "share", nullptr);
   add("parameters/*", "se_structure", nullptr);
-  add("fit", "driven", Json::array());
+  add("", "driven", Json::array());
   add("warnings/*", "changes", Json::array());
   add("survey/findings/*", "changes", Json::array());
 }

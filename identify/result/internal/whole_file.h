@@ -120,8 +120,8 @@ void describe_quality(Fields& fields, WholeFile& file) {
     fit("simulation", ByChannel{file.fit.simulation}, "predicted without any later correction");
     fit("hold_out", ByChannel{file.fit.hold_out}, "simulation of data that the fit did not see");
     fit("hold_out_one_step", ByChannel{file.fit.hold_out_one_step}, "a filter's fit to them");
-    fit("driven", file.fit.driven, "of a vehicle: what 99 % of the rows lie between");
   });
+  fields("driven", file.fit.driven, "of a vehicle: what 99 % of the rows lie between");
   fields("tests", file.tests, "tests of residuals or innovations");
   fields("identifiability", file.core.identifiability, "what the data determine");
 }
