@@ -2,6 +2,7 @@
 #include "identify/optimality/check.h"
 
 #include <memory>
+#include <utility>
 
 #include "jobs/compare.h"
 #include "jobs/filter_estimation.h"
@@ -35,8 +36,9 @@ Outcome check(const CheckOptions& options, Call& call) {
   const Run run{"check", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
-  const Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
+  Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
+  model = going_on_from_rows_before(std::move(model), options.recordings, recordings, call.inputs);
   const auto estimate = std::make_shared<OptimalityReport>(check(model, recordings.data));
   if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);
   return finish(run, recordings, kept(estimate));

@@ -8,12 +8,14 @@
 #include "jobs/quantity.h"
 #include <fmt/format.h>
 
+#include "identify/filter/model_filter.h"
 #include "identify/model/model_file.h"
 #include "identify/model/row_selection.h"
 #include "identify/result/file.h"
 #include "identify/result/file_digest.h"
 #include "identify/result/schema.h"
 #include "identify/result/values.h"
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 #include "lib/data/join.h"
@@ -89,8 +91,9 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& mod
   const std::vector<ChannelSource> no_outputs;
   std::vector<Dataset> out;
   for (const Table& run : split_runs(joined.table, model.time)) {
-    Dataset data = make_dataset(run, model.time, model.inputs,
-                                with_outputs ? model.outputs : no_outputs, range);
+    Dataset data =
+        make_dataset(run, model.time, model.inputs, with_outputs ? model.outputs : no_outputs,
+                     range, model.references.channels);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
     const bool as_recorded =
         is_vehicle(model) || (is_formula_model(model) && as_formulas(model).equations.continuous);
@@ -320,6 +323,34 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
   }
   append(out.findings, check_repeated(out.records));
   return out;
+}
+
+Model going_on_from_rows_before(Model model, const RecordingOptions& options,
+                                Recordings& recordings, Inputs& inputs) {
+  TimeRange range = parse_range(options.range);
+  if (!(range.from > 0.0) || options.files.size() > 1 || recordings.data.size() > 1) return model;
+  Dataset& recording = recordings.data.front();
+  range.from = -kInfinity;
+  std::vector<Dataset> all;
+  try {
+    all = load_runs(read_files(options.files.front(), inputs), model, range);
+  } catch (const InputError&) {
+    return model;  // the rows before are none that a filter could run through
+  }
+  // Of rows that use_when or a missing input cuts, those from the last cut on.
+  const Dataset& whole = all.back();
+  Eigen::Index from = 0;
+  while (from < whole.size() && whole.time[from] < recording.time[0]) ++from;
+  if (from == 0 || whole.size() - from != recording.size()) return model;
+  std::optional<Model> out = going_on(model, model.parameters, whole, from);
+  if (!out) return model;
+  std::erase_if(recordings.findings,
+                [](const Finding& finding) { return finding.code == FindingCode::starts_within; });
+  recording.begins.clear();
+  recordings.findings.push_back(make_finding(
+      FindingCode::goes_on, {},
+      fmt::format("{}: the filter goes on from the {} rows before", recording.name, from), ""));
+  return *std::move(out);
 }
 
 std::vector<HeldOut> hold_out(const std::string& hold_out, const Model& model,

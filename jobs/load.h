@@ -56,6 +56,10 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
                            const std::string& verb, Inputs& inputs);
 /// A model file that names no sampling period has the recording's.
 void take_period(Model& model, const Dataset& data);
+/// The model, in the state that its filter comes to through the rows before --range, where that is a
+/// range of one recording; the findings say so. Else the model itself, which starts anew.
+Model going_on_from_rows_before(Model model, const RecordingOptions& options,
+                                Recordings& recordings, Inputs& inputs);
 /// The files that a result rests on, and its own: nothing is to be written over them.
 /// @param named  the result as the command line names it
 std::vector<std::string> files_of(const StoredResult& result, const std::string& named);

@@ -6,15 +6,23 @@
 #include "jobs/verbs.h"
 #include <fmt/format.h>
 
+#include "identify/filter/pictures.h"
+#include "identify/model/included_files.h"
+#include "identify/model/model_file.h"
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
+#include "identify/noise/extend.h"
+#include "identify/noise/reference_tuning.h"
+#include "identify/result/file_digest.h"
 #include "lib/base/error.h"
 
 namespace identikal {
 namespace {
 
 const char* const kAutomatic = "automatic";
+const char* const kLikelihood = "likelihood";
+const char* const kEstimates = "estimates";
 
 // How the likelihood is evaluated: as --evaluation says it today, and as --path said it.
 struct Evaluation {
@@ -36,10 +44,10 @@ struct TuneOptions {
   RecordingOptions recordings;
   ResultOptions result;
   SearchOptions search;
-  std::string method = "ml", evaluation = kAutomatic;
+  std::string method = "ml", evaluation = kAutomatic, purpose = kLikelihood;
   bool reject_outliers = false;
   std::int64_t lags = 0, draws = 0;
-  bool iterate = false, min_rank = false, full_matrix = false;
+  bool iterate = false, min_rank = false, full_matrix = false, extend = false;
 
   bool is_als() const { return method == "als" || method == "als-weighted"; }
 };
@@ -86,6 +94,20 @@ NoiseEstimate by_both(const TuneOptions& given, const Model& model,
   return tune_auto(model, recordings, ml_options(given, run));
 }
 
+NoiseEstimate by_references(const TuneOptions& given, const Model& model,
+                            const std::vector<Dataset>& recordings, const Run& run) {
+  ReferenceTuningOptions options;
+  options.starts = given.search.number_of_starts();
+  options.seed = given.search.seed_number();
+  options.progress = [&](int start, int iteration, double criterion) {
+    const std::string what = fmt::format("start {} of {}, iteration {}, criterion {:.6f}", start,
+                                         options.starts, iteration, criterion);
+    return report_progress(run.call, what, static_cast<double>(start - 1) / options.starts,
+                           -criterion);
+  };
+  return tune_to_references(model, recordings, options);
+}
+
 struct Method {
   std::string name, what;
   bool linear_only;
@@ -117,6 +139,12 @@ void check_method(const TuneOptions& options, const Model& model) {
     bool given, applies;
     const char *option, *expected;
   };
+  const bool estimates = options.purpose == kEstimates;
+  if (estimates && options.method != "ml") {
+    throw InputError({},
+                     fmt::format("--for estimates does not apply to --method {}", options.method),
+                     "no --method: the references take the place of the likelihood");
+  }
   for (const Case& each :
        {Case{options.lags > 0, als, "--lags", "--method als or als-weighted"},
         Case{options.iterate, als, "--iterate", "--method als or als-weighted"},
@@ -124,7 +152,7 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.draws > 0, bayes, "--draws", "--method bayes"},
         Case{options.search.seed >= 0, !als, "--seed", "--method ml, auto or bayes"},
         Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
-        Case{chosen, !als && !bayes, "--evaluation", "--method ml or auto"}}) {
+        Case{chosen, !als && !bayes && !estimates, "--evaluation", "--method ml or auto"}}) {
     if (!each.given || each.applies) continue;
     throw InputError({},
                      fmt::format("{} does not apply to --method {}", each.option, options.method),
@@ -140,12 +168,53 @@ void check_method(const TuneOptions& options, const Model& model) {
   }
 }
 
+constexpr const char* kExtendedModel = "extended.yaml";
+
+void refuse_beside_extensions(const TuneOptions& options) {
+  for (const auto& [given, name] : {std::pair{options.method != "ml", "--method"},
+                                    std::pair{options.purpose == kEstimates, "--for estimates"},
+                                    std::pair{options.reject_outliers, "--reject-outliers"},
+                                    std::pair{!options.search.hold_out.empty(), "--hold-out"}}) {
+    if (!given) continue;
+    throw InputError({}, fmt::format("{} does not apply with --extend", name),
+                     "one of the two: extensions are compared by likelihood on the last 30 % of "
+                     "each recording");
+  }
+}
+
+Outcome tune_further(const TuneOptions& options, const Run& run, Model model) {
+  refuse_beside_extensions(options);
+  const Recordings recordings =
+      load_recordings(options.recordings, model, run.verb, run.call.inputs);
+  take_period(model, recordings.data.front());
+  ExtendOptions of_search;
+  of_search.search = ml_options(options, run);
+  of_search.progress = [&run](const std::string& what) {
+    return report_progress(run.call, "trying " + what);
+  };
+  const std::string& path = options.model.file;
+  const YamlNode root = parse_with_included(run.call.inputs.model_text(path), path);
+  ExtendResult result = tune_extended(root, model, recordings.data, of_search);
+  const auto estimate = std::make_shared<NoiseEstimate>(std::move(result.estimate));
+  std::vector<ResultFile> files;
+  KeptResult out = kept(estimate);
+  if (!result.text.empty()) {
+    model = parse_model_file(result.text, kExtendedModel);
+    files.push_back({kExtendedModel, result.text});
+    out.take({kExtendedModel, sha256_of_text(result.text), result.text, {}});
+  }
+  if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);
+  return finish(run, recordings, std::move(out), files);
+}
+
 Outcome tune(const TuneOptions& options, Call& call) {
   const Run run{"tune", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   check_method(options, model);
+  if (options.extend) return tune_further(options, run, std::move(model));
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
+    if (options.purpose == kEstimates) return by_references(options, of, recordings, run);
     return method_of(options).run(options, of, recordings, run);
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,
@@ -184,6 +253,12 @@ Verb tune_verb() {
     texts += (texts.empty() ? "" : "; ") + method.name + ": " + method.what;
   }
   add_choice(verb, "--method", options->method, names, "Choose the estimator. " + texts + ".");
+  add_choice(verb, "--for", options->purpose, {kLikelihood, kEstimates},
+             "Choose what the noise is for: to make the recordings likely, or to bring the states "
+             "closest to the references that the model file names.");
+  add_flag(verb, "--extend", options->extend,
+           "Try biases and lasting errors of the sensors, and further process noise, on rows held "
+           "out, and adopt what predicts better; -o writes that model as extended.yaml.");
   add_number(verb, "--lags", options->lags, 0, 1000,
              "als: Use this many autocovariances; 0 stands for as many as are informative.");
   add_number(verb, "--draws", options->draws, 10, 1000000,

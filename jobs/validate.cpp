@@ -2,6 +2,7 @@
 #include "identify/validation/validate.h"
 
 #include <memory>
+#include <utility>
 
 #include "jobs/quantity.h"
 #include "jobs/run.h"
@@ -48,7 +49,7 @@ void refuse_what_estimates_nothing(const StoredResult& result, const Model& mode
 Outcome validate_result(const ValidationOptions& given, Call& call) {
   const StoredResult result = call.inputs.result(given.result_path);
   const Run run{"validate", call, "", files_of(result, given.result_path), given.result};
-  const Model model = estimated_model(result.estimate, result.path);
+  Model model = estimated_model(result.estimate, result.path);
   refuse_what_estimates_nothing(result, model);
   const bool vehicle = is_vehicle(model);
   if (!vehicle) require_filter(model, run.verb);
@@ -58,7 +59,11 @@ Outcome validate_result(const ValidationOptions& given, Call& call) {
   ValidateOptions options;
   options.robust = given.robust;
   if (!given.least_fit.empty()) options.least_fit = least_fit(given.least_fit);
-  const Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
+  Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
+  if (!vehicle) {
+    take_period(model, recordings.data.front());
+    model = going_on_from_rows_before(std::move(model), given.recordings, recordings, call.inputs);
+  }
   KeptResult validation = kept(std::make_shared<Validation>(
       validate(sections_of(result.estimate), model, recordings.data, recordings.records, options)));
   if (result.estimate.model_file) validation.take(*result.estimate.model_file);

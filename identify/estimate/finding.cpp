@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 95> kKinds = {{
+constexpr std::array<FindingKind, 99> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -32,6 +32,13 @@ constexpr std::array<FindingKind, 95> kKinds = {{
     {FindingCode::outside_fitted_range, "outside_fitted_range", Severity::serious,
      Severity::serious, Status::untrusted, Rank::answer, InMessage::text,
      "A drive beyond what the result was fitted to contradicts it"},
+    {FindingCode::reference_band, "reference_band", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::addition,
+     "Errors against a reference are not of the size that the filter says, by more than a factor "
+     "of two in their mean square"},
+    {FindingCode::reference_disagrees, "reference_disagrees", Severity::warning, Severity::warning,
+     Status::ok, Rank::other, InMessage::nothing,
+     "Other noise brings the estimates significantly closer to a reference than the likeliest"},
     {FindingCode::not_identifiable, "not_identifiable", Severity::serious, Severity::serious,
      Status::rejected, Rank::undetermined, InMessage::text,
      "The data do not determine every unknown"},
@@ -118,6 +125,8 @@ constexpr std::array<FindingKind, 95> kKinds = {{
      Rank::other, InMessage::nothing, "The filter restarts from 'initial' behind gaps"},
     {FindingCode::starts_within, "starts_within", Severity::note, Severity::note, Status::ok,
      Rank::other, InMessage::nothing, "The filter starts from 'initial' within the recording"},
+    {FindingCode::goes_on, "goes_on", Severity::note, Severity::note, Status::ok, Rank::other,
+     InMessage::nothing, "The filter has run through the rows before the range"},
     {FindingCode::step_differs, "step_differs", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "A column of time stamps contradicts the step of the model file"},
@@ -133,6 +142,8 @@ constexpr std::array<FindingKind, 95> kKinds = {{
      Status::ok, Rank::other, InMessage::nothing, "The result that is used is itself not ok"},
     {FindingCode::model_changed, "model_changed", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "The model file has changed since the result"},
+    {FindingCode::turn, "turn", Severity::serious, Severity::serious, Status::untrusted,
+     Rank::misreading, InMessage::name, "An angle jumps by a turn"},
     {FindingCode::outliers, "outliers", Severity::warning, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit,
      "Samples lie far off; serious where an estimate moves by more than 2.6 errors and 5 % without "

@@ -30,6 +30,8 @@ enum class FindingCode {
   does_not_predict,
   values_differ,
   outside_fitted_range,
+  reference_band,
+  reference_disagrees,
   not_identifiable,
   not_converged,
   unconverged_results,
@@ -71,6 +73,7 @@ enum class FindingCode {
   // How recordings go with the model file.
   starts_anew,
   starts_within,
+  goes_on,
   step_differs,
   repeated_data,
   own_data,
@@ -79,6 +82,7 @@ enum class FindingCode {
   doubtful_result,
   model_changed,
   // Estimates of noise.
+  turn,
   outliers,
   offset,
   prior_edge,

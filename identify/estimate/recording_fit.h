@@ -55,12 +55,25 @@ struct DrivenRange {
 ///     std::puts(in_words(speed).c_str());
 std::string in_words(const DrivenRange& range);
 
+/// How far a filter's estimates of one quantity are from a reference: over all rows where both are
+/// known, e = estimate - reference, v = its variance by the filter and the reference's own sd.
+struct ReferenceFit {
+  std::string name, unit;
+  long rows = 0;
+  double rmse = kNone, bias = kNone;  ///< root of the mean of e^2, mean of e; in `unit`
+  double sd = kNone;                  ///< root of the mean of v, in `unit`
+  double nees = kNone;       ///< normalised error squared, mean of e^2 / v: 1 where v is right
+  double coverage = kNone;   ///< share of rows with |e| < 1.96 v^1/2: 0.95 where v is right
+  double log_score = kNone;  ///< mean log-density of e [nats], `unit` as the unit
+};
+
 /// Of the model at the values of the result.
 struct RecordingFit {
   std::vector<ChannelFit> one_step, simulation;
   std::vector<ChannelFit> hold_out;           ///< simulation of data that the fit did not see
   std::vector<ChannelFit> hold_out_one_step;  ///< a filter's fit to them
   std::vector<DrivenRange> driven;            ///< of a vehicle; else empty
+  std::vector<ReferenceFit> references;       ///< of a filter whose model has some
   std::vector<TestResult> tests;
   Series series;
   Pictures pictures;  ///< filled where a report is requested

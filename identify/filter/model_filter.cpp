@@ -33,6 +33,18 @@ FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                        model_inputs(linear, recording.u), keep);
 }
 
+std::optional<Model> going_on(Model model, const ParameterSet& parameters, const Dataset& recording,
+                              Index from) {
+  if (from == 0) return std::nullopt;
+  const FilterResult before = run_filter(model, parameters, first_samples(recording, from + 1));
+  if (before.status != FilterStatus::ok || before.first_proper > from) return std::nullopt;
+  LinearModel& start = noise_model(model);
+  start.initial = InitialState::given;
+  start.x0 = constant_matrix(before.x_pred.col(from));
+  start.P0 = constant_matrix(before.P_pred[static_cast<std::size_t>(from)]);
+  return model;
+}
+
 SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
                             const Dataset& recording, std::optional<Index> lag) {
   if (is_formula_model(model)) {

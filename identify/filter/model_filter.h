@@ -23,6 +23,12 @@ namespace identikal {
 FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, Keep keep = Keep::everything);
 
+/// The model, in the state that its filter comes to through the rows before number `from`: mean and
+/// covariance before that row is measured are its start. Nothing where from = 0, or where the filter
+/// does not run or the rows before do not determine a diffuse start.
+std::optional<Model> going_on(Model model, const ParameterSet& parameters, const Dataset& recording,
+                              Eigen::Index from);
+
 /// smooth() or nonlinear_smoother(), standard deviations without covariances.
 /// @param lag  given what was recorded up to so many samples later: 0 filters. None: given all
 SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,

@@ -47,6 +47,7 @@ NonlinearFilterOptions filter_options(const FormulaModel& model) {
   NonlinearFilterOptions out;
   out.method = model.filter;
   out.noise = model.noise.noise;
+  out.wraps = model.wraps;
   return out;
 }
 
@@ -155,6 +156,18 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
     if (score_products != nullptr) *score_products += products;
   }
   return sum_;
+}
+
+FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_derivatives,
+                                        std::size_t recording, const FilteredStateWatcher& see) {
+  const FormulaModel& model = as_formulas(model_);
+  const StateSpace written = written_matrices(model.noise, at);
+  const std::vector<FilterDirection> by =
+      with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
+  return watch_filtered_states(model.equations, memory_, formula_parameters(model, at),
+                               noise_of(written), by, inputs_[recording], recordings_[recording].y,
+                               options_, see)
+      .status;
 }
 
 NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Dataset& recording,

@@ -39,6 +39,10 @@ class NonlinearRecordings {
   const Likelihood& evaluate(const ParameterSet& at, bool with_derivatives,
                              Eigen::MatrixXd* score_products = nullptr);
 
+  /// watch_filtered_states() (lib/nonlinear/filter.h) of one of the recordings.
+  FilterStatus watch(const ParameterSet& at, bool with_derivatives, std::size_t recording,
+                     const FilteredStateWatcher& see);
+
   /// Halves the steps wherever the filter with these values needs it; those of the model's own are
   /// taken to begin with.
   /// @return has any been halved? Then the likelihood is a slightly different function.

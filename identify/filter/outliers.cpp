@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -253,12 +254,63 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
   return recordings;
 }
 
+namespace {
+
+bool is_angle(const Channel& channel) {
+  return channel.unit.empty() ||
+         same_dimension(unit_or_dimensionless(channel.unit), unit_or_dimensionless("rad"));
+}
+
+// An angle that jumps by a turn, which the filter takes for a large innovation.
+Findings check_turns(const Model& model, const std::vector<Dataset>& recordings,
+                     const std::vector<FilterResult>& filters) {
+  constexpr double kTurn = 2.0 * std::numbers::pi, kNear = 0.3;  // [rad]
+  Findings out;
+  for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
+    const bool wraps = c < model.outputs.size() && model.outputs[c].wraps;
+    if (wraps || !is_angle(recordings[0].outputs[c])) continue;
+    const auto row = static_cast<Index>(c);
+    long jumps = 0;
+    std::string first;
+    for (std::size_t r = 0; r < recordings.size(); ++r) {
+      const Dataset& data = recordings[r];
+      const auto within = [&](double low) {
+        return (data.y.row(row).array().isNaN() || (data.y.row(row).array() > low - 1e-3 &&
+                                                    data.y.row(row).array() < low + kTurn + 1e-3))
+            .all();
+      };
+      if (!within(-0.5 * kTurn) && !within(0.0)) continue;
+      double before = kNone;
+      for (Index t = 0; t < data.size(); ++t) {
+        const double now = data.y(row, t);
+        if (std::isnan(now)) continue;
+        const bool jumped = std::abs(std::abs(now - before) - kTurn) < kNear &&
+                            std::abs(filters[r].e(row, t)) > 0.5 * kTurn;
+        if (jumped && jumps++ == 0) first = fmt::format("{} at {:.6g} s", data.name, data.time[t]);
+        before = now;
+      }
+    }
+    if (jumps == 0) continue;
+    const std::string& name = recordings[0].outputs[c].name;
+    out.push_back(make_finding(
+        FindingCode::turn, {name},
+        fmt::format(
+            "'{}' jumps by a turn, {} time{}, first in {}: the filter takes it for a motion", name,
+            jumps, jumps > 1 ? "s" : "", first),
+        "write 'wrap: true' beside its column"));
+  }
+  return out;
+}
+
+}  // namespace
+
 Findings check_outliers_and_offset(const Model& model, const ParameterSet& parameters,
                                    const std::vector<Dataset>& recordings,
                                    const std::vector<FilterResult>& filters,
                                    const OutlierEffectOf& effect) {
   Findings out = check_outliers(model, parameters, recordings, filters, effect);
   append(out, check_offset(model, parameters, recordings, filters));
+  append(out, check_turns(model, recordings, filters));
   return out;
 }
 

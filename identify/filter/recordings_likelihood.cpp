@@ -104,6 +104,15 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
 
+FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_derivatives,
+                                         std::size_t recording, const FilteredStateWatcher& see) {
+  if (!set_system(at, with_derivatives && !nonlinear_)) return FilterStatus::indefinite;
+  if (nonlinear_) return nonlinear_->watch(at, with_derivatives, recording, see);
+  return watch_filtered_states(system_, as_linear(model_).initial, recordings_[recording].y,
+                               inputs_[recording], with_derivatives ? derivatives_ : none_, see)
+      .status;
+}
+
 LikelihoodProblem RecordingsLikelihood::problem() {
   LikelihoodProblem out;
   const Box box = coordinate_box(model_.parameters);

@@ -54,6 +54,11 @@ class RecordingsLikelihood {
   /// stationary start, ...). Valid until the next call.
   const Likelihood* evaluate(const ParameterSet& at, bool with_gradient);
 
+  /// Shows the filtered states of one of the recordings, by the free entries where requested.
+  /// @return indefinite where covariances are none; nothing is shown then
+  FilterStatus watch(const ParameterSet& at, bool with_derivatives, std::size_t recording,
+                     const FilteredStateWatcher& see);
+
   /// In the optimiser's coordinates. To the information is added what the coordinates' own
   /// curvature takes from the likelihood, where that is positive. Refers to this object.
   LikelihoodProblem problem();

@@ -12,6 +12,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/filter/reference_errors.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/matrix_reader.h"
 #include "lib/base/error.h"
@@ -367,6 +368,7 @@ std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& m
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }
   report_innovations(estimate, recordings, filters);
+  estimate.references = reference_fits(model, parameters, recordings);
   if (is_formula_model(model)) {
     append(estimate.findings, check_integration(model, parameters, recordings));
     report_simulation(estimate, model, parameters, recordings);

@@ -25,24 +25,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The model, known to be in this state before the first measurement.
-Model started_at(Model model, const VectorXd& x, const MatrixXd& P) {
-  LinearModel& start = noise_model(model);
-  start.initial = InitialState::given;
-  start.x0 = constant_matrix(x);
-  start.P0 = constant_matrix(P);
-  return model;
-}
-
-// The model where the held-out rows begin.
-Model at_the_cut(const Model& model, const ParameterSet& parameters, const HeldOut& held) {
-  if (held.from == 0) return model;
-  const FilterResult before =
-      run_filter(model, parameters, first_samples(held.recording, held.from + 1));
-  if (before.status != FilterStatus::ok || before.first_proper > held.from) return model;
-  return started_at(model, before.x_pred.col(held.from), before.P_pred[held.from]);
-}
-
 MatrixXd in_units(const MatrixXd& y, const std::vector<Channel>& outputs) {
   MatrixXd out = y;
   for (Index i = 0; i < y.rows(); ++i) {
@@ -140,7 +122,7 @@ void report_hold_out(FilterEstimate& estimate, const Model& model,
     FilterResult filter;
     // The estimate stands whatever these rows are.
     try {
-      here = at_the_cut(model, end, held);
+      here = going_on(model, end, held.recording, held.from).value_or(model);
       filter = run_filter(here, end, data, Keep::innovations);
     } catch (const InputError& error) {
       return fail(held, error.what());

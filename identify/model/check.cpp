@@ -131,6 +131,17 @@ void check_matrices(const Model& model) {
   }
 }
 
+void check_references(const Model& model) {
+  const StateReferences& references = model.references;
+  const auto count = static_cast<Index>(references.channels.size());
+  if (count == 0) return;
+  if (!has_filter(model)) refuse("a reference of states, and the model has no filter");
+  if (static_cast<Index>(references.sd.size()) != count || references.quantities.outputs != count) {
+    refuse("{} references with {} standard deviations and {} quantities", count,
+           references.sd.size(), references.quantities.outputs);
+  }
+}
+
 // A free parameter that nothing depends on has no estimate.
 void refuse_unused(const Model& model) {
   const LinearModel& m = noise_model(model);
@@ -246,6 +257,7 @@ LinearModel with_defaults(LinearModel model) {
 
 void check_model(const Model& model) {
   check_parameters(model.parameters);
+  check_references(model);
   if (has_filter(model)) check_filter(model);
 }
 
@@ -264,6 +276,12 @@ void check_recording(const Model& model, const Dataset& data) {
   check_period(model, data);
   if (data.y.array().isInf().any()) refuse("a sample of the outputs is infinite");
   if (data.u.array().isInf().any()) refuse("a sample of the inputs is infinite");
+  const auto references = static_cast<Index>(model.references.channels.size());
+  if (data.reference.rows() == 0) return;
+  if (data.reference.rows() != references || data.reference.cols() != data.y.cols()) {
+    refuse("the recording has {} x {} reference values; expected {} x {}", data.reference.rows(),
+           data.reference.cols(), references, data.y.cols());
+  }
 }
 
 void check_inputs(const Model& model, const Dataset& data) {

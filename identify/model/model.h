@@ -62,6 +62,7 @@ struct FormulaModel {
   InputPath inputs = InputPath::constant;
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
+  std::vector<bool> wraps;    ///< per output: an angle that is measured up to whole turns
   NonlinearMethod filter = NonlinearMethod::extended;
 };
 
@@ -74,6 +75,14 @@ NonlinearMethod nonlinear_method(const std::string& name, const Location& at);
 struct StateName {
   std::string name;
   std::string unit;  ///< the user's; empty: none
+};
+
+/// What another instrument measured of the states. No filter sees it; estimates are compared with
+/// it (identify/filter/reference_errors.h).
+struct StateReferences {
+  std::vector<ChannelSource> channels;
+  std::vector<double> sd;     ///< of the reference itself, SI; 0: exact
+  NonlinearModel quantities;  ///< its outputs: what each reference is of the states, h(x, u, p, t)
 };
 
 /// What is estimated, tested or filtered: read from a file (model_file.h), stated by a program
@@ -97,6 +106,7 @@ struct Model {
   /// The same: condition on the inputs under which a row is used; its symbols are states, then
   /// inputs.
   std::optional<Expression> use_when;
+  StateReferences references;
   std::variant<LinearModel, FormulaModel, VehicleModel, RegressionModel> form;
 };
 

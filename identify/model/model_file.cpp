@@ -23,9 +23,9 @@
 namespace identikal {
 namespace {
 
-const std::vector<std::string> kCommonKeys = {"identikal",  "name",   "model",   "time",
-                                              "parameters", "inputs", "outputs", "noise",
-                                              "use_when",   "include"};
+const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model",   "time",
+                                              "parameters", "inputs",    "outputs", "noise",
+                                              "use_when",   "reference", "include"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
@@ -99,11 +99,13 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
   } else if (is_vehicle(model)) {
     refuse(kLinearKeys, "does not belong to model: single-track");
     refuse(kFormulaKeys, "does not belong to model: single-track");
+    refuse({"reference"}, "does not belong to model: single-track, which has no filter");
   } else {
     refuse(kLinearKeys, "does not belong to model: regression");
     refuse(kVehicleKeys, "does not belong to model: regression");
     refuse(kFormulaKeys, "does not belong to model: regression");
-    refuse({"parameters", "noise", "use_when"}, "does not belong to model: regression");
+    refuse({"parameters", "noise", "use_when", "reference"},
+           "does not belong to model: regression");
   }
 }
 

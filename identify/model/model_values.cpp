@@ -239,7 +239,8 @@ void read_treatment(const YamlNode& item, ChannelSource& channel) {
 }  // namespace
 
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,
-                                         std::span<const ChannelRule> rules, bool with_equals) {
+                                         std::span<const ChannelRule> rules,
+                                         const std::vector<std::string>& more_keys) {
   const std::vector<std::string> known = names_of(rules);
   const auto count = static_cast<Eigen::Index>(node.items.size());
   if (node.kind == YamlNode::Kind::mapping) {
@@ -256,7 +257,7 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
   const bool named_by_key = node.kind == YamlNode::Kind::mapping;
   std::vector<std::string> keys = {"column", "unit", "scale", "offset", "delay"};
   if (!named_by_key) keys.insert(keys.begin(), "name");
-  if (with_equals) keys.emplace_back("equals");
+  keys.insert(keys.end(), more_keys.begin(), more_keys.end());
   std::vector<ChannelSource> out;
   for (std::size_t i = 0; i < node.items.size(); ++i) {
     const YamlNode& item = node.items[i];
@@ -283,6 +284,10 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
                  in_quotes(channel.name));
     }
     read_treatment(item, channel);
+    if (const YamlNode* wrap = find(item, "wrap")) {
+      channel.wraps = word_of(*wrap, "wrap", {"true", "false"}) == "true";
+      if (channel.wraps) check_unit(channel.unit, "rad", wrap->at, in_quotes(channel.name));
+    }
     out.push_back(std::move(channel));
   }
   return out;

@@ -83,10 +83,10 @@ struct ChannelRule {
 /// column that is not named is called as the channel. An offset with a unit needs the channel's
 /// `unit`, which it is converted to.
 /// @param rules        the names that may occur; none: any name, any unit
-/// @param with_equals  a channel may have the key 'equals', which the caller reads
+/// @param more_keys    that a channel may have, and the caller reads
 std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string& what,
                                          std::span<const ChannelRule> rules,
-                                         bool with_equals = false);
+                                         const std::vector<std::string>& more_keys = {});
 
 template <typename Rules>
 std::vector<std::string> names_of(const Rules& rules) {

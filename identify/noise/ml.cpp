@@ -17,7 +17,9 @@
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/scattered_start.h"
 #include "identify/noise/likelihood_profile.h"
+#include "identify/noise/reference_tuning.h"
 #include "lib/base/random.h"
 #include "lib/data/units.h"
 #include "lib/filter/likelihood.h"
@@ -33,26 +35,6 @@ using Eigen::VectorXd;
 
 constexpr int kRefinements = 4;        // of the integration, each with a search of its own
 constexpr double kSameMaximum = 1e-4;  // log-likelihoods closer than this are the same maximum
-
-// Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
-// anywhere between two finite bounds.
-VectorXd scattered_start(const ParameterSet& parameters, Random& random) {
-  ParameterSet start = parameters;
-  for (Parameter& p : start) {
-    if (p.fixed) continue;
-    if (p.domain != Domain::scalar || p.min >= 0.0) {
-      // A variance at zero has no size of its own to be scattered about.
-      if (p.value.isZero(0.0)) p.value.diagonal().setOnes();
-      p.value *= std::pow(10.0, 4.0 * random.uniform() - 2.0);
-    } else if (std::isfinite(p.min) && std::isfinite(p.max)) {
-      p.value(0, 0) = p.min + (p.max - p.min) * random.uniform();
-    } else {
-      p.value(0, 0) *= 1.0 + 0.6 * (random.uniform() - 0.5);
-    }
-    if (p.domain == Domain::scalar) p.value(0, 0) = std::clamp(p.scalar(), p.min, p.max);
-  }
-  return coordinates(start);
-}
 
 // A search has ended at a maximum where it converged and every coordinate matters: where a variance
 // is zero, what it drives may lie anywhere, and the likelihood rises elsewhere on that
@@ -87,7 +69,8 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
   std::vector<Solution> ends;
   bool stopped = false;
   for (int s = 0; s < options.starts && !stopped; ++s) {
-    const VectorXd start = s == 0 ? coordinates(parameters) : scattered_start(parameters, random);
+    const VectorXd start =
+        s == 0 ? coordinates(parameters) : coordinates(scattered_start(parameters, random));
     SolverOptions solver;
     solver.decrement_tolerance = 1e-15;
     std::vector<double> path;
@@ -536,6 +519,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   report_noise_estimate(estimate, model, end, recordings);
   if (found.best.summary.termination != Termination::stopped) {
     append(estimate.findings, check_starts(found));
+    append(estimate.findings, check_against_references(model, end, recordings));
   }
   conclude(estimate, "converged");
   return estimate;

@@ -236,6 +236,18 @@ std::string fits_text(const RecordingFit& fit) {
          fit_text("one step, hold-out", fit.hold_out_one_step, width);
 }
 
+std::string references_text(const std::vector<ReferenceFit>& references) {
+  std::string out;
+  for (const ReferenceFit& r : references) {
+    const std::string unit = r.unit.empty() ? "" : " " + r.unit;
+    out += fmt::format(
+        "states {:<12} rmse {:.4g}{}, bias {:.3g}, sd {:.4g}, NEES {:.3g}, {:.1f} % "
+        "in the 95 % band\n",
+        r.name, r.rmse, unit, r.bias, r.sd, r.nees, 100.0 * r.coverage);
+  }
+  return out;
+}
+
 std::string tests_text(const std::vector<TestResult>& tests) {
   std::string out;
   for (const TestResult& test : tests) {
@@ -283,7 +295,8 @@ std::string console_report(const ResultSections& result) {
          (result.time_history != nullptr ? history_text(*result.time_history) : "") +
          (result.shaping != nullptr ? shaping_text(*result.shaping) : "") +
          objective_text(estimate.objective) +
-         (result.fit != nullptr ? fits_text(*result.fit) : "") +
+         (result.fit != nullptr ? fits_text(*result.fit) + references_text(result.fit->references)
+                                : "") +
          (has_tests ? tests_text(*result.tests) : "") + notes_text(estimate) +
          unidentifiable_text(estimate) + findings_text(printed(estimate.findings)) +
          status_text(estimate);

@@ -382,7 +382,7 @@ Findings check_own_data(const Estimate& result, const std::vector<InputRecord>& 
   for (const InputRecord& input : inputs) {
     const bool own =
         std::any_of(result.inputs.begin(), result.inputs.end(), [&](const InputRecord& each) {
-          const bool apart = each.range[1] < input.range[0] || input.range[1] < each.range[0];
+          const bool apart = each.range[1] <= input.range[0] || input.range[1] <= each.range[0];
           return each.sha256 == input.sha256 && !apart;
         });
     if (!own) continue;

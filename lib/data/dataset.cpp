@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 
@@ -224,25 +225,43 @@ Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
   if (source.scale != 1.0 || source.offset != 0.0) {
     values = source.scale * values.array() + source.offset;
   }
-  bool any = false;
-  for (double& value : values) {
-    value = unit.unit.to_si(value);
-    any = any || !std::isnan(value);
-  }
-  if (!any) {
-    if (source.delay != 0.0) {
-      throw InputError(place(source.at, table),
-                       "no number of column " + quoted_excerpt(column.name) + " is left after a " +
-                           "delay of " + number(source.delay) + " s",
-                       "a delay shorter than the recording");
-    }
-    throw InputError({table.path, table.line_of_row(rows.first)},
-                     "no number in column " + quoted_excerpt(column.name) +
-                         " from this row to line " +
-                         std::to_string(table.line_of_row(rows.last - 1)),
-                     "at least one");
-  }
+  for (double& value : values) value = unit.unit.to_si(value);
   return values.transpose();
+}
+
+void refuse_without_numbers(const Table& table, const ChannelSource& source, const Rows& rows,
+                            const Eigen::RowVectorXd& values) {
+  if (!values.array().isNaN().all()) return;
+  const Column& column = find_column(table, source.column, source.at);
+  if (source.delay != 0.0) {
+    throw InputError(place(source.at, table),
+                     "no number of column " + quoted_excerpt(column.name) + " is left after a " +
+                         "delay of " + number(source.delay) + " s",
+                     "a delay shorter than the recording");
+  }
+  throw InputError({table.path, table.line_of_row(rows.first)},
+                   "no number in column " + quoted_excerpt(column.name) +
+                       " from this row to line " + std::to_string(table.line_of_row(rows.last - 1)),
+                   "at least one");
+}
+
+// Nothing where there is none to compare with: the note says so.
+Eigen::MatrixXd read_references(const Table& table, const std::vector<ChannelSource>& sources,
+                                const Stamps& stamps, const Rows& rows, Dataset& data) {
+  const auto n = static_cast<Index>(rows.last - rows.first);
+  Eigen::MatrixXd out =
+      Eigen::MatrixXd::Constant(static_cast<Index>(sources.size()), sources.empty() ? 0 : n, kNaN);
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    data.references.push_back({sources[i].name, sources[i].unit});
+    const bool there = table.find(sources[i].column) != nullptr;
+    auto row = out.row(static_cast<Index>(i));
+    if (there) row = read_channel(table, sources[i], stamps, rows, data.references[i], data);
+    if (!row.array().isNaN().all()) continue;
+    data.notes.push_back("nothing to compare " + sources[i].name + " with: column " +
+                         quoted_excerpt(sources[i].column) +
+                         (there ? " has no number here" : " is not in " + data.name));
+  }
+  return out;
 }
 
 }  // namespace
@@ -266,6 +285,8 @@ bool is_time_unit(const std::string& text) {
 }
 
 }  // namespace
+
+double wrapped(double angle) { return std::remainder(angle, 2.0 * std::numbers::pi); }
 
 bool looks_like_time(const Column& column) {
   const std::vector<std::string> words = words_in(column.name);
@@ -315,7 +336,8 @@ std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
 
 Dataset make_dataset(const Table& table, const TimeSource& time,
                      const std::vector<ChannelSource>& inputs,
-                     const std::vector<ChannelSource>& outputs, const TimeRange& range) {
+                     const std::vector<ChannelSource>& outputs, const TimeRange& range,
+                     const std::vector<ChannelSource>& references) {
   if (table.rows == 0) throw InputError({table.path}, "no rows", "at least one row of numbers");
   Stamps stamps;
   if (!time.column.empty()) {
@@ -375,11 +397,13 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
     for (std::size_t i = 0; i < sources.size(); ++i) {
       values.row(static_cast<Index>(i)) =
           read_channel(table, sources[i], stamps, rows, channels[i], data);
+      refuse_without_numbers(table, sources[i], rows, values.row(static_cast<Index>(i)));
     }
     return values;
   };
   data.u = read_all(inputs, data.inputs);
   data.y = read_all(outputs, data.outputs);
+  data.reference = read_references(table, references, stamps, rows, data);
   return data;
 }
 
@@ -391,6 +415,7 @@ Dataset first_samples(const Dataset& data, Index count) {
   std::erase_if(out.absent, [&](Index row) { return row >= keep; });
   out.u.conservativeResize(Eigen::NoChange, keep);
   out.y.conservativeResize(Eigen::NoChange, keep);
+  if (out.reference.rows() > 0) out.reference.conservativeResize(Eigen::NoChange, keep);
   return out;
 }
 
@@ -403,6 +428,7 @@ Dataset samples_from(const Dataset& data, Index first) {
   for (Index& row : out.absent) row -= first;
   out.u = data.u.rightCols(keep);
   out.y = data.y.rightCols(keep);
+  if (data.reference.rows() > 0) out.reference = data.reference.rightCols(keep);
   return out;
 }
 
@@ -450,8 +476,11 @@ Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
   }
   out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
   out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
+  const bool referenced = data.reference.rows() > 0;
+  if (referenced) out.reference = Eigen::MatrixXd::Constant(data.reference.rows(), rows, kNaN);
   for (Index i = 0; i < n; ++i) {
     const Index at = target[i];
+    if (referenced) out.reference.col(at) = data.reference.col(i);
     out.u.col(at) = data.u.col(i);
     out.y.col(at) = data.y.col(i);
   }

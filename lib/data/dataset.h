@@ -30,7 +30,11 @@ struct Dataset {
   Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
   std::vector<Channel> inputs;       ///< nu
   std::vector<Channel> outputs;      ///< ny
-  std::vector<std::string> notes;    ///< what was done to recorded values beyond their units
+  /// nr x N, SI, NaN = missing: what another instrument measured, for comparison alone. Where there
+  /// is none: 0 x 0.
+  Eigen::MatrixXd reference;
+  std::vector<Channel> references;         ///< nr
+  std::vector<std::string> notes;          ///< what was done to recorded values beyond their units
   std::vector<std::string> unknown_units;  ///< sentences on those that the model file overrules
   /// "after a missing input": why rows before are not in it; empty: it has all.
   std::string begins;
@@ -48,7 +52,11 @@ struct ChannelSource {
   double scale = 1.0;
   double offset = 0.0;  ///< in the column's unit
   double delay = 0.0;   ///< [s]: what is recorded at t was there at t - delay
+  bool wraps = false;   ///< an angle: values that are a turn apart are the same
 };
+
+/// What is a whole number of turns from the angle, and no further than half of one from zero [rad].
+double wrapped(double angle);
 
 /// Where time comes from: a column, or a fixed step.
 struct TimeSource {
@@ -105,10 +113,12 @@ Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
 ///   (its line), a median step more than 1 % off the step given, neither time column nor step, a
 ///   column without any number in the range, fewer than two time stamps, or no row inside the
 ///   range.
+/// @param references  columns that may be absent or without numbers: a note says so
 /// @throws std::invalid_argument when an si_unit is not a unit.
 Dataset make_dataset(const Table& table, const TimeSource& time,
                      const std::vector<ChannelSource>& inputs,
-                     const std::vector<ChannelSource>& outputs, const TimeRange& range = {});
+                     const std::vector<ChannelSource>& outputs, const TimeRange& range = {},
+                     const std::vector<ChannelSource>& references = {});
 
 /// The first `count` rows, or all when there are fewer.
 Dataset first_samples(const Dataset& data, Eigen::Index count);

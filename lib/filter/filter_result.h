@@ -48,6 +48,17 @@ struct FilterResult {
 /// What kalman_filter() stores. States and covariances of a long record take much memory.
 enum class Keep { everything, innovations };
 
+/// What a filter knows of the state at a sample, given y up to and with it, and how that moves with
+/// k parameters.
+struct FilteredState {
+  Eigen::Index t = 0;
+  Eigen::VectorXd x;   ///< n: its mean
+  Eigen::MatrixXd P;   ///< n x n: its covariance
+  Eigen::MatrixXd dx;  ///< n x k
+  Eigen::MatrixXd dP;  ///< n^2 x k: of P column by column
+};
+using FilteredStateWatcher = std::function<void(const FilteredState&)>;
+
 /// Room for N samples of what is to be kept: vectors are NaN, covariances empty.
 FilterResult empty_filter_result(Eigen::Index states, Eigen::Index outputs, Eigen::Index N,
                                  Keep keep);

@@ -58,6 +58,16 @@ Likelihood log_likelihood(const StateSpace& model, InitialState initial,
   return Recursion(model, initial, y, u, derivatives).run(options);
 }
 
+Likelihood watch_filtered_states(const StateSpace& model, InitialState initial,
+                                 const Eigen::Ref<const MatrixXd>& y,
+                                 const Eigen::Ref<const MatrixXd>& u,
+                                 const std::vector<StateSpace>& derivatives,
+                                 const FilteredStateWatcher& see) {
+  RecursionOptions options;
+  options.watcher = &see;
+  return Recursion(model, initial, y, u, derivatives).run(options);
+}
+
 MatrixXd score_products(const StateSpace& model, InitialState initial,
                         const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                         const std::vector<StateSpace>& derivatives) {

@@ -62,6 +62,24 @@ Likelihood log_likelihood(const ModelAt& model, InitialState initial,
                           const Eigen::Ref<const Eigen::MatrixXd>& y,
                           const Eigen::Ref<const Eigen::MatrixXd>& u, bool with_derivatives);
 
+/// Runs the filter and shows its state at every sample, with exact derivatives: the same forward
+/// sensitivities, behind the measurement,
+///
+///   Kf = P C' Sigma^-1,  x_filt = x + Kf e,  P_filt = (I - Kf C) P (I - Kf C)' + Kf R Kf'.
+///
+/// Samples of a diffuse start are not shown. Arguments and exceptions as log_likelihood().
+///
+/// Example:
+///
+///     double worst = 0.0;  // standard deviation of the first state
+///     const auto see = [&](const FilteredState& s) { worst = std::max(worst, std::sqrt(s.P(0, 0))); };
+///     watch_filtered_states(model, InitialState::diffuse, y, u, {}, see);
+Likelihood watch_filtered_states(const StateSpace& model, InitialState initial,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& y,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& u,
+                                 const std::vector<StateSpace>& derivatives,
+                                 const FilteredStateWatcher& see);
+
 /// sum_t s_t s_t' of the samples' own scores, s_t = d/d(theta) of the log-density of y(t) given
 /// what came before: with the observed information H, H^-1 (sum s s') H^-1 is the covariance of the
 /// estimate also where the noise is not Gaussian (White 1982). The samples of a diffuse start count

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 #include "lib/base/message.h"
@@ -233,7 +234,8 @@ class NonlinearRecursion {
     prepare(directions);
   }
 
-  Likelihood run(FilterResult* store, Keep keep, MatrixXd* score_products) {
+  Likelihood run(FilterResult* store, Keep keep, MatrixXd* score_products,
+                 const FilteredStateWatcher* watcher = nullptr) {
     store_ = store;
     states_ = store != nullptr && keep == Keep::everything;
     score_products_ = score_products;
@@ -247,6 +249,7 @@ class NonlinearRecursion {
       }
       if (present_count_ > 0 || store_ != nullptr) measure(t);
       if (status_ != FilterStatus::ok) break;
+      if (watcher != nullptr) (*watcher)({t, now_.x, now_.P, now_.dx, now_.dP});
       if (states_) {
         store_->x_filt.col(t) = now_.x;
         store_->P_filt[t] = now_.P;
@@ -338,6 +341,13 @@ class NonlinearRecursion {
       store_->standardised(a, t) = update_.standardised()[a];
     }
   }
+  static double nearest_turn(double angle) { return std::remainder(angle, 2.0 * std::numbers::pi); }
+  void take_nearest_turn() {
+    for (std::size_t i = 0; i < options_.wraps.size(); ++i) {
+      double& e = outputs_.e[static_cast<Index>(i)];
+      if (options_.wraps[i]) e = nearest_turn(e);
+    }
+  }
   auto inputs_at(Index t) const { return inputs_.at_sample.col(t); }
 
   // Output error.
@@ -353,6 +363,7 @@ class NonlinearRecursion {
     keep_covariance(t, noise_.R);
     if (present_count_ == 0) return;
     outputs_.e = y_.col(t) - h_;
+    take_nearest_turn();
     if (is_ok(update_.set_constant(outputs_, noise_.R, dR_))) add_terms(t);
   }
 
@@ -378,6 +389,7 @@ class NonlinearRecursion {
     for (int i = iterated ? options_.iterations : 1; i > 0; --i) {
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], h_, seen_slopes_, order_);
       outputs_.e = y_.col(t) - h_;
+      take_nearest_turn();
       if (iterated && i > 1 &&
           iterations_.steps_back(outputs_.e, now_.x, update_, i == 2, xi_, dxi_)) {
         continue;
@@ -503,10 +515,17 @@ class NonlinearRecursion {
       s.dvalues.middleRows(ny_ * q, ny_).setZero();
       chain_.add(seen_slopes_.wrt_x, seen_slopes_.wrt_p, dxi_, s.dvalues, ny_ * q);
     }
+    for (std::size_t i = 0; i < options_.wraps.size(); ++i) {
+      if (!options_.wraps[i]) continue;
+      auto row = s.values.row(static_cast<Index>(i));
+      const double middle = row[0];
+      for (double& value : row) value = middle + nearest_turn(value - middle);
+    }
     set_moments(s, weights_);
     s.rest += noise_.R;
     if (k_ > 0) s.drest += dR_;
     outputs_.e = y_.col(t) - s.mean;
+    take_nearest_turn();
     set_product(outputs_.M, L_, s.A.transpose());
     set_symmetric_product(outputs_.Sigma, s.A, s.A.transpose());
     outputs_.Sigma += s.rest;
@@ -654,6 +673,17 @@ Likelihood nonlinear_likelihood(const NonlinearModel& model, ModelMemory& memory
   check_arguments(model, p, noise, directions, inputs, y, options);
   NonlinearRecursion recursion(model, memory, p, noise, directions, inputs, y, options);
   return recursion.run(nullptr, Keep::innovations, score_products);
+}
+
+Likelihood watch_filtered_states(const NonlinearModel& model, ModelMemory& memory,
+                                 const Eigen::Ref<const VectorXd>& p, const FilterNoise& noise,
+                                 const std::vector<FilterDirection>& directions,
+                                 const InputNodes& inputs, const Eigen::Ref<const MatrixXd>& y,
+                                 const NonlinearFilterOptions& options,
+                                 const FilteredStateWatcher& see) {
+  check_arguments(model, p, noise, directions, inputs, y, options);
+  NonlinearRecursion recursion(model, memory, p, noise, directions, inputs, y, options);
+  return recursion.run(nullptr, Keep::innovations, nullptr, &see);
 }
 
 }  // namespace identikal

@@ -55,6 +55,9 @@ struct NonlinearFilterOptions {
   /// it is, with the exact derivatives of the steps made.
   int iterations = 30;
   UnscentedWeights weights;
+  /// Per output: an angle [rad] that is measured up to whole turns. An innovation is then the nearest
+  /// of those, and sigma points are. Empty: none.
+  std::vector<bool> wraps;
 };
 
 /// Runs the filter over a record.
@@ -107,5 +110,13 @@ Likelihood nonlinear_likelihood(
     const FilterNoise& noise, const std::vector<FilterDirection>& directions,
     const InputNodes& inputs, const Eigen::Ref<const Eigen::MatrixXd>& y,
     const NonlinearFilterOptions& options = {}, Eigen::MatrixXd* score_products = nullptr);
+
+/// The same filter, and its state at every sample with exact derivatives by the directions.
+/// Arguments and exceptions as nonlinear_likelihood().
+Likelihood watch_filtered_states(
+    const NonlinearModel& model, ModelMemory& memory, const Eigen::Ref<const Eigen::VectorXd>& p,
+    const FilterNoise& noise, const std::vector<FilterDirection>& directions,
+    const InputNodes& inputs, const Eigen::Ref<const Eigen::MatrixXd>& y,
+    const NonlinearFilterOptions& options, const FilteredStateWatcher& see);
 
 }  // namespace identikal

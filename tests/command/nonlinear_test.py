@@ -125,9 +125,12 @@ initial: {mean: {x: 0.3, v: 0}, sd: {x: 0.01, v: 0.1}}
         said = warnings(gap)["starts_anew"]
         self.assertEqual("warning", said["severity"])
         self.assertIn("restarts from 'initial' at t = 0.22 s, after a missing input", said["text"])
-        said = warnings(self.simulated(1, 100), "--range", "1:4")["starts_within"]
-        self.assertEqual("note", said["severity"])
-        self.assertIn("at t = 1 s, where --range begins", said["text"])
+        said = warnings(self.simulated(1, 100), "--range", "1:4")
+        self.assertIn("the filter goes on from the 50 rows before", said["goes_on"]["text"])
+        self.assertNotIn("starts_within", said)
+        both = warnings(self.simulated(1, 100), self.simulated(2, 100), "--range", "1:4")["starts_within"]
+        self.assertEqual("note", both["severity"])
+        self.assertIn("at t = 1 s, where --range begins", both["text"])
         self.assertNotIn("starts_anew", warnings(self.simulated(1, 100)))
 
     def test_advice_is_for_the_model_at_hand(self):

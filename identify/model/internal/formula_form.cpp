@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/internal/noise_form.h"
+#include "identify/model/internal/reference_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
 #include "lib/data/units.h"
@@ -124,6 +125,7 @@ class FormulaReader {
     read_initial(root_, physical, parameters_, noise);
     refuse_what_only_linear_models_have();
     read_use_when();
+    read_reference();
     refuse_unused_definitions();
     refuse_unused(parameters_);
     check_start();
@@ -204,7 +206,8 @@ class FormulaReader {
     if (let == nullptr) return;
     const std::size_t first = symbols_.names.size() - let->keys.size();
     std::vector<bool> used(let->keys.size());
-    for (const auto* formulas : {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs}) {
+    for (const auto* formulas :
+         {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs, &references_}) {
       for (const Expression& formula : *formulas) {
         for (const Expression::Node& each : formula.nodes) {
           const auto symbol = static_cast<std::size_t>(each.symbol);
@@ -273,7 +276,7 @@ class FormulaReader {
   std::vector<PhysicalName> read_outputs() {
     const YamlNode& node = required(root_, "outputs", "the model file",
                                     "outputs: {NAME: {column: ..., unit: ..., equals: formula}}");
-    out_.outputs = read_channels(node, "outputs", {}, true);
+    out_.outputs = read_channels(node, "outputs", {}, {"equals", "wrap"});
     std::vector<PhysicalName> out;
     for (std::size_t i = 0; i < out_.outputs.size(); ++i) {
       const ChannelSource& channel = out_.outputs[i];
@@ -304,17 +307,18 @@ class FormulaReader {
   void decide_form() {
     std::optional<LinearModel> linear =
         in_formula(*find(root_, "dynamics"), [&] { return linear_model_of(formulas_); });
-    if (linear && !general_.irregular && general_.inputs != InputPath::pchip &&
+    for (const ChannelSource& output : out_.outputs) general_.wraps.push_back(output.wraps);
+    const bool wraps = std::count(general_.wraps.begin(), general_.wraps.end(), true) > 0;
+    if (!wraps) general_.wraps.clear();
+    if (linear && !wraps && !general_.irregular && general_.inputs != InputPath::pchip &&
         general_.longest_step == 0.0) {
       linear->hold = general_.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
       if (out_.time.step > 0.0) linear->dt = out_.time.step;
       out_.form = std::move(*linear);
       return;
     }
-    std::vector<bool> known;
-    for (const Parameter& p : parameters_.set) known.push_back(p.fixed);
     general_.equations = in_formula(*find(root_, "dynamics"), [&] {
-      return make_nonlinear_model(formulas_, Derivatives::second, known);
+      return make_nonlinear_model(formulas_, Derivatives::second, known_parameters());
     });
     // Noise and start alone; their sizes follow from these.
     LinearModel& noise = general_.noise;
@@ -346,6 +350,26 @@ class FormulaReader {
     out_.use_when = condition;
   }
 
+  void read_reference() {
+    std::vector<std::string> states;
+    for (const StateName& state : out_.states) states.push_back(state.name);
+    const auto read = [&](const YamlNode& node, const ChannelSource& channel) {
+      const std::string what = fmt::format("reference '{}'", channel.name);
+      references_.push_back(formula(node, what));
+      if (!channel.unit.empty()) {
+        check(node, references_.back(), dimension_of(*parse_unit(channel.unit)), what);
+      }
+      return references_.back();
+    };
+    out_.references = read_references(root_, formulas_, states, known_parameters(), read);
+  }
+
+  std::vector<bool> known_parameters() const {
+    std::vector<bool> out;
+    for (const Parameter& p : parameters_.set) out.push_back(p.fixed);
+    return out;
+  }
+
   void refuse_what_only_linear_models_have() const {
     if (!is_formula_model(out_)) return;
     const LinearModel& noise = noise_model(out_);
@@ -373,6 +397,7 @@ class FormulaReader {
   Symbols symbols_;
   int first_parameter_ = 0;
   ModelFormulas formulas_;
+  std::vector<Expression> references_;
   FormulaModel general_;  // until the form is decided
 };
 

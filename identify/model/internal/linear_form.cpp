@@ -5,10 +5,32 @@
 #include <fmt/format.h>
 
 #include "identify/model/internal/noise_form.h"
+#include "identify/model/internal/reference_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
 
 namespace identikal {
+namespace {
+
+// The states are x1, x2, ... in formulas of them.
+StateReferences references_of(const YamlNode& root, const Model& model, Eigen::Index states) {
+  ModelFormulas formulas;
+  formulas.states = static_cast<int>(states);
+  formulas.inputs = static_cast<int>(model.inputs.size());
+  std::vector<std::string> names;
+  for (Eigen::Index i = 1; i <= states; ++i) names.push_back(fmt::format("x{}", i));
+  const std::vector<std::string> state_names = names;
+  for (const ChannelSource& input : model.inputs) names.push_back(input.name);
+  names.emplace_back("t");
+  NamedParameters none;
+  const auto first = static_cast<int>(names.size());
+  const auto read = [&](const YamlNode& node, const ChannelSource& channel) {
+    return read_formula(node, fmt::format("reference '{}'", channel.name), names, first, none);
+  };
+  return read_references(root, formulas, state_names, {}, read);
+}
+
+}  // namespace
 
 void read_linear(const YamlNode& root, Model& out) {
   NamedParameters parameters = read_named_parameters(root);
@@ -58,6 +80,7 @@ void read_linear(const YamlNode& root, Model& out) {
   read_noise(root, {}, parameters, model);
   read_initial(root, {}, parameters, model);
   if (out.time.step > 0.0) model.dt = out.time.step;
+  out.references = references_of(root, out, n);
   refuse_unused(parameters);
   if (const std::optional<ModelFault> fault = fault_at(model, parameters.set)) {
     throw InputError(find(root, fault->key)->at, fault->text);

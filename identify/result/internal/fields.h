@@ -486,6 +486,20 @@ void describe(Fields& fields, DrivenRange& range) {
 }
 
 template <class Fields>
+void describe(Fields& fields, ReferenceFit& fit) {
+  fields.is("ReferenceFit", "How far a filter's estimates of a quantity are from a reference.");
+  fields("name", fit.name, "of the reference in the model file");
+  fields("unit", fit.unit, "of rmse, bias and sd");
+  fields("rows", fit.rows, "rows where both are known");
+  fields("rmse", fit.rmse, "root of the mean squared error");
+  fields("bias", fit.bias, "mean error: estimate - reference");
+  fields("sd", fit.sd, "root of the mean variance, of the filter and the reference together");
+  fields("nees", fit.nees, "mean of squared error over variance; 1 where the variance is right");
+  fields("coverage", fit.coverage, "share of errors within 1.96 standard deviations");
+  fields("log_score", fit.log_score, "mean log-density of the errors [nats]");
+}
+
+template <class Fields>
 void describe(Fields& fields, DerivedValue& derived) {
   fields.is("DerivedValue", "A quantity computed from the parameters.");
   fields("name", derived.name, "name in words");

@@ -103,6 +103,7 @@ void add_new_keys(Json& result) {
   add("tests/*", "share", nullptr);
   add("parameters/*", "se_structure", nullptr);
   add("", "driven", Json::array());
+  add("", "references", Json::array());
   add("warnings/*", "changes", Json::array());
   add("survey/findings/*", "changes", Json::array());
 }

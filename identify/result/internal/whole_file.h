@@ -122,6 +122,7 @@ void describe_quality(Fields& fields, WholeFile& file) {
     fit("hold_out_one_step", ByChannel{file.fit.hold_out_one_step}, "a filter's fit to them");
   });
   fields("driven", file.fit.driven, "of a vehicle: what 99 % of the rows lie between");
+  fields("references", file.fit.references, "estimates against the model's references");
   fields("tests", file.tests, "tests of residuals or innovations");
   fields("identifiability", file.core.identifiability, "what the data determine");
 }

@@ -22,11 +22,12 @@ namespace identikal {
 struct RecursionOptions {
   bool constant_gain = true;        ///< once settled
   SegmentKernel* kernel = nullptr;  ///< prepared for this model and its derivatives; or none
-  std::vector<Segment>* segments = nullptr;   ///< of this recording, in time order
-  Eigen::Index jumped = 0;                    ///< out: samples that the kernel served
-  Eigen::MatrixXd* score_products = nullptr;  ///< k x k, or none: receives sum_t s_t s_t'
-  bool cancelled = false;                     ///< out: a segment was rejected by the kernel
-  bool late = false;                          ///< out: a diffuse start came after its first sample
+  std::vector<Segment>* segments = nullptr;       ///< of this recording, in time order
+  Eigen::Index jumped = 0;                        ///< out: samples that the kernel served
+  Eigen::MatrixXd* score_products = nullptr;      ///< k x k, or none: receives sum_t s_t s_t'
+  const FilteredStateWatcher* watcher = nullptr;  ///< is shown every sample, or none
+  bool cancelled = false;                         ///< out: a segment was rejected by the kernel
+  bool late = false;  ///< out: a diffuse start came after its first sample
 };
 
 /// check_shapes() of the model and its derivatives, x0 and P0 included where the start is given.
@@ -99,7 +100,9 @@ class Recursion {
                    double tolerance) const;
   bool fold_in(Likelihood& out);
 
-  void step(Eigen::Index t, Likelihood& out, FilterResult* store);
+  void step(Eigen::Index t, Likelihood& out, FilterResult* store,
+            const FilteredStateWatcher* watcher);
+  void show_filtered(Eigen::Index t, const FilteredStateWatcher& see);
   Eigen::Index skip_segment(Eigen::Index t, Place& place, bool storing, RecursionOptions& options,
                             Likelihood& out);
   bool run_by_kernel(const Segment& segment, RecursionOptions& options, Likelihood& out);
@@ -134,6 +137,7 @@ class Recursion {
   Eigen::LLT<Eigen::MatrixXd> llt_;
   Eigen::MatrixXd Kf_;
   FilterStep step_;
+  FilteredState filtered_;
 };
 
 /// Shows every sample, in time order, whether or not the filter runs to the end.

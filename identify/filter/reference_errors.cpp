@@ -1,0 +1,153 @@
+#include "identify/filter/reference_errors.h"
+
+#include <cmath>
+
+#include "identify/estimate/parameter_table.h"
+#include "lib/base/constants.h"
+#include "lib/model/nonlinear_model.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Evaluates the references' quantities and their derivatives at states of the filter.
+class Quantities {
+ public:
+  Quantities(const Model& model, const ParameterSet& at, bool with_derivatives)
+      : references_(model.references),
+        memory_(make_memory(references_.quantities)),
+        values_(references_.quantities.outputs),
+        with_derivatives_(with_derivatives) {
+    const NonlinearModel& quantities = references_.quantities;
+    VectorXd p(quantities.parameters);
+    for (Index i = 0; i < p.size(); ++i) p[i] = at[static_cast<std::size_t>(i)].scalar();
+    set_parameters(quantities, memory_, p);
+    if (!with_derivatives) return;
+    const std::vector<EntryDerivative> entries = entry_derivatives(at);
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      const Index parameter = entries[i].parameter;
+      if (parameter >= quantities.parameters) continue;
+      const Index column = quantities.column[static_cast<std::size_t>(parameter)];
+      if (column >= 0) moved_.push_back({static_cast<Index>(i), column});
+    }
+  }
+
+  void look(const FilteredState& state, const Dataset& recording) {
+    observe(references_.quantities, memory_, state.x, recording.u.col(state.t),
+            recording.time[state.t], values_, slopes_,
+            with_derivatives_ ? Derivatives::second : Derivatives::first);
+  }
+
+  ReferenceError compare(Index i, const FilteredState& state, double measured) const {
+    const Index n = state.x.size();
+    const Eigen::RowVectorXd H = slopes_.wrt_x.row(i);
+    ReferenceError out;
+    out.reference = i;
+    out.e = values_[i] - measured;
+    if (references_.channels[static_cast<std::size_t>(i)].wraps) out.e = wrapped(out.e);
+    const double sd = references_.sd[static_cast<std::size_t>(i)];
+    const VectorXd PH = state.P * H.transpose();
+    out.v = H.dot(PH) + sd * sd;
+    if (!with_derivatives_) return out;
+    out.de = state.dx.transpose() * H.transpose();
+    for (const Moved& each : moved_) out.de[each.entry] += slopes_.wrt_p(i, each.column);
+    out.dv.resize(state.dx.cols());
+    const Index outputs = slopes_.wrt_x.rows();
+    for (Index k = 0; k < out.dv.size(); ++k) {
+      VectorXd dH = VectorXd::Zero(n);
+      for (Index l = 0; l < n; ++l) {
+        const auto row = slopes_.wrt_x_jacobian.row(i + outputs * l);
+        dH[l] = row.head(n).dot(state.dx.col(k));
+        for (const Moved& each : moved_) {
+          if (each.entry == k) dH[l] += row[n + each.column];
+        }
+      }
+      out.dv[k] = H.dot(state.dP.col(k).reshaped(n, n) * H.transpose()) + 2.0 * dH.dot(PH);
+    }
+    return out;
+  }
+
+ private:
+  struct Moved {
+    Index entry, column;
+  };
+  const StateReferences& references_;
+  ModelMemory memory_;
+  VectorXd values_;
+  Jacobian slopes_;
+  std::vector<Moved> moved_;
+  bool with_derivatives_;
+};
+
+// A program's samples are in SI and have no names of their own.
+Channel channel_of(const Model& model, const Dataset& recording, std::size_t i) {
+  if (i < recording.references.size()) return recording.references[i];
+  return {model.references.channels[i].name, model.references.channels[i].si_unit};
+}
+
+}  // namespace
+
+FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
+                                const std::vector<Dataset>& recordings,
+                                RecordingsLikelihood& filters, bool with_derivatives,
+                                const std::function<void(const ReferenceError&)>& see) {
+  if (model.references.channels.empty()) return FilterStatus::ok;
+  Quantities quantities(model, at, with_derivatives);
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Dataset& recording = recordings[r];
+    const auto look = [&](const FilteredState& state) {
+      const auto measured = recording.reference.col(state.t);
+      if (measured.array().isNaN().all()) return;
+      quantities.look(state, recording);
+      for (Index i = 0; i < measured.size(); ++i) {
+        if (!std::isnan(measured[i])) see(quantities.compare(i, state, measured[i]));
+      }
+    };
+    if (recording.reference.rows() == 0) continue;
+    const FilterStatus status = filters.watch(at, with_derivatives, r, look);
+    if (status != FilterStatus::ok) return status;
+  }
+  return FilterStatus::ok;
+}
+
+std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet& at,
+                                         const std::vector<Dataset>& recordings) {
+  if (model.references.channels.empty() || recordings.empty()) return {};
+  struct Sums {
+    long rows = 0, covered = 0;
+    double e = 0.0, squares = 0.0, v = 0.0, nees = 0.0, log = 0.0;
+  };
+  std::vector<Sums> sums(model.references.channels.size());
+  const auto add = [&](const ReferenceError& at_row) {
+    if (!(at_row.v > 0.0)) return;
+    Sums& s = sums[static_cast<std::size_t>(at_row.reference)];
+    const double ratio = at_row.e * at_row.e / at_row.v;
+    constexpr double kQuantile = 1.959963984540054;  // of a normal distribution, 97.5 %
+    ++s.rows;
+    s.covered += ratio < kQuantile * kQuantile ? 1 : 0;
+    s.e += at_row.e;
+    s.squares += at_row.e * at_row.e;
+    s.v += at_row.v;
+    s.nees += ratio;
+    s.log -= 0.5 * (ratio + std::log(at_row.v) + kLogTwoPi);
+  };
+  RecordingsLikelihood filters(model, recordings);
+  if (for_each_reference(model, at, recordings, filters, false, add) != FilterStatus::ok) return {};
+  std::vector<ReferenceFit> out;
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    const Sums& s = sums[i];
+    if (s.rows == 0) continue;
+    const auto count = static_cast<double>(s.rows);
+    const Channel channel = channel_of(model, recordings.front(), i);
+    const double scale = unit_scale(channel.unit);
+    out.push_back({channel.name, channel.unit, s.rows, std::sqrt(s.squares / count) / scale,
+                   s.e / count / scale, std::sqrt(s.v / count) / scale, s.nees / count,
+                   static_cast<double>(s.covered) / count, s.log / count + std::log(scale)});
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,48 @@
+// How far are a filter's estimates from what another instrument measured?
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/estimate/recording_fit.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/model/model.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+/// One value of a reference z, measured with the standard deviation s, and what the filter says of
+/// it given y up to and with the same row:
+///
+///   e = h(x_filt) - z,   v = H P_filt H' + s^2,   H = dh/dx
+///
+/// with derivatives by the model's free entries. SI.
+struct ReferenceError {
+  Eigen::Index reference = 0;  ///< which of the model's
+  double e = 0.0, v = 0.0;
+  Eigen::VectorXd de, dv;  ///< empty unless requested
+};
+
+/// Shows every value of every reference of the recordings, but those of a diffuse start.
+///
+/// Example:
+///
+///     RecordingsLikelihood filters(model, recordings);
+///     double squares = 0.0;
+///     const auto see = [&](const ReferenceError& at) { squares += at.e * at.e; };
+///     for_each_reference(model, model.parameters, recordings, filters, false, see);
+///
+/// @param filters  of this model and these recordings
+/// @return how the filter ended; anything but ok: not all was shown
+FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
+                                const std::vector<Dataset>& recordings,
+                                RecordingsLikelihood& filters, bool with_derivatives,
+                                const std::function<void(const ReferenceError&)>& see);
+
+/// What all of them come to, per reference that has any value, over the recordings together.
+std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet& at,
+                                         const std::vector<Dataset>& recordings);
+
+}  // namespace identikal

@@ -1,0 +1,164 @@
+#include "identify/model/extension.h"
+
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "identify/model/internal/yaml_tree.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+namespace {
+
+using Kind = YamlNode::Kind;
+
+constexpr double kStartSteps = 30.0, kLeastSteps = 2.0, kMostSteps = 1e5;  // of tau
+
+const YamlNode& formulas_part(const YamlNode& model, const char* key) {
+  const YamlNode* part = find(model, key);
+  if (part == nullptr || part->kind != Kind::mapping) {
+    throw InputError(model.at, fmt::format("the model has no '{}' by names", key),
+                     "a model of formulas: states, dynamics, outputs, noise by their names");
+  }
+  return *part;
+}
+
+YamlNode& named_part(YamlNode& parent, const std::string& key, const char* where) {
+  YamlNode* part = const_cast<YamlNode*>(find(parent, key));
+  if (part == nullptr) throw InputError(parent.at, fmt::format("no {} '{}'", where, key));
+  return *part;
+}
+
+// The unit of an output as its model file has it, or of a state.
+std::string unit_of(const YamlNode& model, const std::string& name) {
+  const YamlNode& outputs = formulas_part(model, "outputs");
+  if (const YamlNode* output = find(outputs, name)) {
+    const YamlNode* unit = find(*output, "unit");
+    return unit != nullptr ? unit->text : "";
+  }
+  const YamlNode* states = find(model, "states");
+  const YamlNode* unit = states != nullptr ? find(*states, name) : nullptr;
+  return unit != nullptr ? unit->text : "";
+}
+
+void add_parameter(YamlNode& model, const std::string& name, double value, const std::string& unit,
+                   std::optional<double> least, std::optional<double> most = std::nullopt) {
+  YamlNode node = yaml_mapping();
+  const auto quantity = [&unit](double number) {
+    return yaml_scalar(fmt::format("{:.9g}{}{}", number, unit.empty() ? "" : " ", unit));
+  };
+  append(node, "value", quantity(value));
+  if (least) append(node, "min", quantity(*least));
+  if (most) append(node, "max", quantity(*most));
+  append(value_at(model, "parameters"), name, std::move(node));
+}
+
+void add_to_output(YamlNode& model, const std::string& output, const std::string& term) {
+  YamlNode& node = named_part(value_at(model, "outputs"), output, "output");
+  const YamlNode* equals = find(node, "equals");
+  const std::string before = equals != nullptr ? "(" + equals->text + ")" : output;
+  value_at(node, "equals") = yaml_scalar(before + " + " + term);
+}
+
+void add_state(YamlNode& model, const std::string& name, const std::string& unit,
+               const std::string& dynamics, const std::string& sd) {
+  YamlNode& states = value_at(model, "states");
+  if (states.kind == Kind::list) {
+    states.items.push_back(yaml_scalar(name));
+  } else {
+    append(states, name, yaml_scalar(unit.empty() ? "1" : unit));
+  }
+  append(value_at(model, "dynamics"), name, yaml_scalar(dynamics));
+  YamlNode& initial = value_at(model, "initial");
+  if (initial.kind != Kind::mapping) return;  // diffuse or stationary, as the others
+  append(value_at(initial, "mean"), name, yaml_scalar("0"));
+  append(value_at(initial, "sd"), name, yaml_scalar(sd));
+}
+
+// Beside the process noise that is there.
+void add_process_variance(YamlNode& model, const std::string& state, const std::string& formula) {
+  YamlNode& process = value_at(value_at(model, "noise"), "process");
+  const bool as_sd = find(process, "sd") != nullptr;
+  append(value_at(process, as_sd ? "sd" : "variance"), state,
+         yaml_scalar(as_sd ? "sqrt(" + formula + ")" : formula));
+}
+
+bool is_continuous(const YamlNode& model) {
+  const YamlNode* kind = find(formulas_part(model, "time"), "kind");
+  return kind != nullptr && kind->text == "continuous";
+}
+
+void add_lasting_error(YamlNode& model, const std::string& output, double size, double step) {
+  const std::string unit = unit_of(model, output), own = "error_" + output, sd = "sd_" + output,
+                    tau = "tau_" + output;
+  const double scale = unit_or_dimensionless(unit).scale;
+  const bool with_units = formulas_part(model, "dynamics").kind == Kind::mapping &&
+                          find(model, "states")->kind == Kind::mapping;
+  add_parameter(model, sd, size / scale, unit, 0.0);
+  add_parameter(model, tau, kStartSteps * step, with_units ? "s" : "", kLeastSteps * step,
+                kMostSteps * step);
+  const std::string sd_text =
+      fmt::format("{:.9g}{}{}", size / scale, unit.empty() ? "" : " ", unit);
+  if (is_continuous(model)) {
+    add_state(model, own, unit, fmt::format("-{}/{}", own, tau), sd_text);
+    add_process_variance(model, own, fmt::format("2*{}^2/{}", sd, tau));
+  } else {
+    const std::string h = fmt::format("{:.12g}{}", step, with_units ? " s" : "");
+    add_state(model, own, unit, fmt::format("{}*exp(-({})/{})", own, h, tau), sd_text);
+    add_process_variance(model, own, fmt::format("{}^2*(1 - exp(-2*({})/{}))", sd, h, tau));
+  }
+  add_to_output(model, output, own);
+}
+
+}  // namespace
+
+std::string in_words(const ModelExtension& extension) {
+  const std::string names = fmt::format("{}", fmt::join(extension.names, ", "));
+  const bool several = extension.names.size() > 1;
+  switch (extension.kind) {
+    case ExtensionKind::bias:
+      return (several ? "biases of " : "a bias of ") + names;
+    case ExtensionKind::lasting_error:
+      return (several ? "errors that last, of " : "an error that lasts, of ") + names;
+    case ExtensionKind::process_noise:
+      break;
+  }
+  return "process noise of " + names;
+}
+
+YamlNode extended(YamlNode model, const ModelExtension& extension, double step) {
+  formulas_part(model, "dynamics");
+  formulas_part(model, "noise");
+  for (std::size_t i = 0; i < extension.names.size(); ++i) {
+    const std::string& name = extension.names[i];
+    const double size = extension.size[i];
+    switch (extension.kind) {
+      case ExtensionKind::bias:
+        add_parameter(model, "bias_" + name, 0.0, unit_of(model, name), std::nullopt);
+        add_to_output(model, name, "bias_" + name);
+        break;
+      case ExtensionKind::lasting_error:
+        add_lasting_error(model, name, size, step);
+        break;
+      case ExtensionKind::process_noise: {
+        const std::string unit = unit_of(model, name);
+        const bool density = is_continuous(model);
+        const std::string of =
+            unit.empty() ? "" : fmt::format("({})^2{}", unit, density ? "/s" : "");
+        const double scale = unit_or_dimensionless(unit).scale;
+        add_parameter(model, "q_" + name, size * size / (scale * scale) / (density ? step : 1.0),
+                      of, 0.0);
+        add_process_variance(model, name, "q_" + name);
+        break;
+      }
+    }
+  }
+  return model;
+}
+
+std::string model_file_text(const YamlNode& model) { return yaml_text(model); }
+
+}  // namespace identikal

@@ -1,0 +1,41 @@
+// Which further part might a model of formulas have?
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "identify/model/yaml_reader.h"
+
+namespace identikal {
+
+enum class ExtensionKind {
+  bias,           ///< a constant error of outputs, a parameter each
+  lasting_error,  ///< of outputs: e' = -e/tau + w, a state each (first-order Gauss-Markov process)
+  process_noise,  ///< white noise in the dynamics of a state that has none
+};
+
+struct ModelExtension {
+  ExtensionKind kind = ExtensionKind::bias;
+  std::vector<std::string> names;  ///< outputs, or one state
+  std::vector<double> size;        ///< a standard deviation each, where a search begins, SI
+};
+/// "biases of d0, d1", "an error of z that lasts", "process noise of vx".
+std::string in_words(const ModelExtension& extension);
+
+/// The tree of a model file with the further part, and parameters for it: bias_OUTPUT; sd_OUTPUT and
+/// tau_OUTPUT of a lasting error, whose state is error_OUTPUT; q_STATE. A lasting error begins with
+/// its own variance where the start is given.
+///
+/// Example:
+///
+///     const YamlNode root = parse_yaml(text, "tracker.yaml");
+///     const Model model = model_of(extended(root, {ExtensionKind::bias, {"z"}, {0.1}}, 0.1));
+///
+/// @param step  the sampling period [s]
+/// @throws InputError where the tree is not that of formulas, or a name is taken
+YamlNode extended(YamlNode model, const ModelExtension& extension, double step);
+
+/// Text of a model file that reads as this tree.
+std::string model_file_text(const YamlNode& model);
+
+}  // namespace identikal

@@ -1,0 +1,47 @@
+// Would a further part of the model predict the recordings better, and which?
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "identify/estimate/results.h"
+#include "identify/model/extension.h"
+#include "identify/model/model.h"
+#include "identify/noise/ml.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+struct ExtendOptions {
+  double hold_out = 0.3;  ///< last share of each recording, on which extensions are compared
+  int most = 3;           ///< extensions, one after the other
+  NoiseMlOptions search;  ///< of the model that is chosen
+  std::function<bool(const std::string& what)> progress;  ///< return false to stop
+};
+
+/// What a further part of the model gained where nothing was fitted.
+struct ExtensionTrial {
+  std::string what;        ///< in_words() of it
+  double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
+  double gain_se = kNone;  ///< from its scatter between blocks of rows
+  bool adopted = false;
+};
+
+struct ExtendResult {
+  NoiseEstimate estimate;             ///< of the model chosen, on all rows
+  std::string text;                   ///< its model file; empty: the model as it was
+  std::vector<ExtensionTrial> tried;  ///< in the order of the trials
+};
+
+/// Step by step: every extension that there is (biases of one output and of all, errors that last,
+/// process noise of states without any; of more than four outputs all at once alone) is fitted to the first part of each recording by maximum
+/// likelihood, and predicts the last part, its filter going on from the first. The one with the
+/// largest gain is adopted where that is beyond 3 of its standard errors and 0.01 nats per row.
+/// What is chosen is tuned on all rows. @param root  the model's file as a tree
+/// @throws InputError as tune_ml(), and for a model that is not written as formulas
+ExtendResult tune_extended(const YamlNode& root, const Model& model,
+                           const std::vector<Dataset>& recordings,
+                           const ExtendOptions& options = {});
+
+}  // namespace identikal
