@@ -52,9 +52,9 @@ struct HandlingOptions {
 /// ISO 3888, double lane change.
 ///
 ///   log    K, compliances and the characteristic curve by regression over seconds of quasi-steady
-///          turning (identify/handling/internal/steady_turns.h), the frequency response by tapered
-///          spectra (lib/statistics/transfer_function.h), figures of the time histories of steps
-///          and lane changes that are found in it, through a local parabola
+///          turning (identify/handling/internal/steady_turns.h), the frequency response by the
+///          local polynomial method (lib/statistics/transfer_function.h), figures of steps and lane
+///          changes that are found in it, by parabolas through their samples
 ///   model  closed forms; where the log holds a step or a lane change, the same figures of its
 ///          simulation along the log
 ///

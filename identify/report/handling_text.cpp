@@ -37,11 +37,12 @@ class Footnotes {
 };
 
 /// Two digits of the error, and as many of the value as that leaves.
-std::string with_error(const Value& v) {
+/// @param most  decimals
+std::string with_error(const Value& v, int most = 9) {
   if (!std::isfinite(v.value)) return "-";
   if (!std::isfinite(v.se)) return fmt::format("{:.4g}", v.value);
   if (!(v.se > 0.0)) return fmt::format("{:.4g} +- 0", v.value);
-  const int decimals = std::clamp(1 - static_cast<int>(std::floor(std::log10(v.se))), 0, 9);
+  const int decimals = std::clamp(1 - static_cast<int>(std::floor(std::log10(v.se))), 0, most);
   return fmt::format("{:.{}f} +- {:.{}f}", v.value, decimals, v.se, decimals);
 }
 
@@ -77,7 +78,7 @@ std::string curve_text(const HandlingSheet& sheet) {
   if (sheet.curve.empty()) return "";
   std::string out = fmt::format("  characteristic curve, angle of the {}\n", sheet.steering);
   const auto line = [](const auto&... cells) {
-    return fmt::format("  {:>5} {:>4} {:>16} {:>6} {:>15} {:>6} {:>14} {:>6}\n", cells...);
+    return fmt::format("  {:>5} {:>4} {:>14} {:>6} {:>14} {:>6} {:>15} {:>6}\n", cells...);
   };
   out += line("ay", "time", "angle, log", "model", "yaw gain, log", "model", "sideslip, log",
               "model") +
@@ -87,8 +88,8 @@ std::string curve_text(const HandlingSheet& sheet) {
   };
   for (const HandlingSheet::CurvePoint& p : sheet.curve) {
     out += line(fmt::format("{:.2f}", p.ay), fmt::format("{:.0f}", p.seconds),
-                with_error(p.angle_log), model(p.angle_model), with_error(p.yaw_gain_log),
-                model(p.yaw_gain_model), with_error(p.sideslip_log), model(p.sideslip_model));
+                with_error(p.angle_log, 2), model(p.angle_model), with_error(p.yaw_gain_log, 3),
+                model(p.yaw_gain_model), with_error(p.sideslip_log, 3), model(p.sideslip_model));
   }
   return out + "\n";
 }
@@ -102,7 +103,7 @@ std::string response_text(const HandlingSheet& sheet) {
                           sheet.steering, 3.6 * sheet.speed),
               2);
   const auto line = [](const auto&... cells) {
-    return fmt::format("  {:>4} {:>5} {:>18}  {:>18} {:>13} {:>13}\n", cells...);
+    return fmt::format("  {:>4} {:>5} {:>20} {:>20} {:>12} {:>12}\n", cells...);
   };
   for (const HandlingSheet::Response& r : sheet.responses) {
     const std::string unit = r.unit == "-" ? "" : ", " + r.unit;
@@ -113,8 +114,8 @@ std::string response_text(const HandlingSheet& sheet) {
       if (!is_shown) continue;
       out += line(fmt::format("{:.1f}", p.frequency),
                   std::isfinite(p.coherence) ? fmt::format("{:.3f}", p.coherence) : "-",
-                  with_error(p.gain_log), with_error(p.gain_model), with_error(p.phase_log),
-                  with_error(p.phase_model));
+                  with_error(p.gain_log), with_error(p.gain_model), with_error(p.phase_log, 1),
+                  with_error(p.phase_model, 1));
     }
   }
   return out + "\n";

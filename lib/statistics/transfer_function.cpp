@@ -18,7 +18,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
-constexpr Index kTerms = 3;        // of every polynomial
+constexpr Index kTerms = 3,
+                kOwnTerms = 2;     // of the response; of what a record begins and ends with
 constexpr Index kFewestLines = 5;  // of a record
 
 /// A record's lines, the k-th at k / seconds.
@@ -67,7 +68,7 @@ TransferFunction at_frequency(const std::vector<Lines>& records, const Band& ban
     rows += count;
     if (count > 0) ++used;
   }
-  const Index unknowns = kTerms * (1 + used);
+  const Index unknowns = kTerms + kOwnTerms * used;
   TransferFunction out;
   out.value = Complex(out.relative_se, out.relative_se);
   if (rows <= unknowns) return out;
@@ -82,12 +83,12 @@ TransferFunction at_frequency(const std::vector<Lines>& records, const Band& ban
       double power = 1.0;
       for (Index term = 0; term < kTerms; ++term, power *= x) {
         X(row, term) = power * lines.input[k];
-        X(row, own + term) = power;
+        if (term < kOwnTerms) X(row, own + term) = power;
       }
       Y[row] = lines.output[k];
       out.input_power += std::norm(lines.input[k]) / static_cast<double>(rows);
     }
-    own += kTerms;
+    own += kOwnTerms;
   }
   const VectorXd scale = X.colwise().norm();
   if (!(scale.minCoeff() > 0.0)) return out;

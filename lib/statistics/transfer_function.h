@@ -21,7 +21,7 @@ struct TransferFunction {
 
 /// The local polynomial method: the lines of the discrete Fourier transform around a frequency, of
 /// all records together, by least squares on
-///   Y(f') = (H + H1 x + H2 x^2) U(f') + T_r + T1_r x + T2_r x^2,  x = (f' - f)/half_width,
+///   Y(f') = (H + H1 x + H2 x^2) U(f') + T_r + T1_r x,  x = (f' - f)/half_width,
 /// where T_r is what record r has of its begin and end, which is as smooth as a response to a start.
 /// Neither leakage nor the bend of H within the band is left in H. The output's noise may have any
 /// colour; noise of the input makes H smaller by its share of the power.

@@ -19,6 +19,8 @@ constexpr double kHeld = 0.1;         // of the step: how far a held angle may w
 constexpr double kLeastChange = 1.0;  // of vx r [m/s^2]
 constexpr double kLeastAngle = 0.05;  // of the range of the steering
 constexpr double kSettled = 1.25;     // after the step [s]
+constexpr double kLeastOvershoot = 0.005;
+constexpr double kHidden = 0.25;  // of a time: a standard error that says nothing of it
 constexpr double kOneSpeed = 0.1;
 constexpr double kBeyondNoise = 3.0;  // standard errors
 
@@ -118,11 +120,15 @@ Peak peak_of(const Rise& rise, const SteeringStep& step) {
   const double value_se = std::hypot(rise.sd * there.value_gain, rise.steady.se) / size;
   const bool at_end = at > step.hold_to - 0.1 * (step.hold_to - step.middle);
   const std::string none = "The yaw rate has no peak above its steady value.";
-  if (at_end || !(over > kBeyondNoise * value_se) || !(sign * there.curvature < 0.0)) {
+  if (at_end || !(over > std::max(kLeastOvershoot, kBeyondNoise * value_se)) ||
+      !(sign * there.curvature < 0.0)) {
     return {missing(none), missing(none)};
   }
   const double time_se = rise.sd * there.slope_gain / std::abs(there.curvature);
-  return {valued(at - step.middle, std::hypot(time_se, step.middle_se)), valued(over, value_se)};
+  const bool is_hidden = time_se > kHidden * (at - step.middle);
+  return {is_hidden ? missing("The noise of the yaw rate hides when its peak is.")
+                    : valued(at - step.middle, std::hypot(time_se, step.middle_se)),
+          valued(over, value_se)};
 }
 
 /// All figures of one step.
@@ -164,7 +170,8 @@ Value mean_of(const std::vector<StepFigures>& each, Value StepFigures::*figure) 
     squares += value.se * value.se;
     n += 1.0;
   }
-  if (n < 1.0) return out;
+  // What a few steps alone have is no figure of the car.
+  if (2.0 * n <= static_cast<double>(each.size())) return out;
   double scatter = 0.0;
   for (const StepFigures& one : each) {
     const double value = (one.*figure).value;

@@ -65,8 +65,8 @@ TEST(TransferFunction, BandsCover) {
   for (std::uint64_t seed = 1; seed <= 1000; ++seed) {
     const auto found = transfer_function({record(600, 1.0, seed)}, kStep, at, 0.2);
     for (Index i = 0; i < at.size(); ++i) {
-      ASSERT_DOUBLE_EQ(found[i].freedom, 14.0);
-      constexpr double kQuantile = 2.1448;  // of Student's t, 14 degrees of freedom
+      ASSERT_DOUBLE_EQ(found[i].freedom, 16.0);
+      constexpr double kQuantile = 2.1199;  // of Student's t, 16 degrees of freedom
       const double gain = std::abs(found[i].value), phase = std::arg(found[i].value / truth(at[i]));
       if (std::abs(gain - std::abs(truth(at[i]))) < kQuantile * gain * found[i].relative_se)
         ++gains;
