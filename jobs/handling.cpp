@@ -114,7 +114,7 @@ Verb handling_verb() {
            "Give the response to steering at this speed, e.g. '100 km/h'.",
            "that of the recordings; without one 80 km/h");
   add_range(verb, options->files.range);
-  add_result(verb, options->result);
+  add_result_with_page(verb, options->result);
   verb.run = [options](Call& call) { return handling(*options, call); };
   return verb;
 }
