@@ -56,6 +56,7 @@ void report_sheet(const KnownVehicle& car, const Model& model, const Recordings&
   out.model_name = model.name;
   out.verb = out.objective.method = "handling";
   out.handling = handling_sheet(car, model, recordings.data, options);
+  append(out.findings, check_log(car, model, recordings.data));
   conclude(out,
            recordings.data.empty() ? "figures of the model" : "figures of the log and the model",
            Basis::tests);

@@ -8,7 +8,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/handling/internal/sections.h"
-#include "identify/vehicle/driven_range.h"
+#include "identify/vehicle/checks.h"
 #include "identify/vehicle/unknowns.h"
 #include "lib/base/constants.h"
 #include "lib/data/units.h"
@@ -179,6 +179,15 @@ KnownVehicle known_vehicle(const Model& model, const StoredEstimate& result) {
                                             std::string(name_of(out.uncertain[j])));
     }
   }
+  return out;
+}
+
+Findings check_log(const KnownVehicle& car, const Model& model,
+                   const std::vector<Dataset>& recordings) {
+  if (recordings.empty()) return {};
+  const VehicleRun run = usable_run(model, recordings);
+  Findings out = run.findings;
+  append(out, check_signs(run, car.p));
   return out;
 }
 

@@ -73,4 +73,9 @@ HandlingSheet handling_sheet(const KnownVehicle& car, const Model& model,
                              const std::vector<Dataset>& recordings,
                              const HandlingOptions& options = {});
 
+/// What is wrong with the log before anything is made of it: signs, as check_signs() of
+/// identify/vehicle/checks.h finds them, and what usable_run() has left out.
+Findings check_log(const KnownVehicle& car, const Model& model,
+                   const std::vector<Dataset>& recordings);
+
 }  // namespace identikal

@@ -78,17 +78,17 @@ std::string curve_text(const HandlingSheet& sheet) {
   if (sheet.curve.empty()) return "";
   std::string out = fmt::format("  characteristic curve, angle of the {}\n", sheet.steering);
   const auto line = [](const auto&... cells) {
-    return fmt::format("  {:>5} {:>4} {:>14} {:>6} {:>14} {:>6} {:>15} {:>6}\n", cells...);
+    return fmt::format("  {:>5} {:>3} {:>14} {:>6} {:>16} {:>6} {:>15} {:>6}\n", cells...);
   };
-  out += line("ay", "time", "angle, log", "model", "yaw gain, log", "model", "sideslip, log",
-              "model") +
-         line("m/s^2", "s", "deg", "deg", "1/s", "1/s", "deg", "deg");
+  out +=
+      line("ay", "t", "angle, log", "model", "yaw gain, log", "model", "sideslip, log", "model") +
+      line("m/s^2", "s", "deg", "deg", "1/s", "1/s", "deg", "deg");
   const auto model = [](const Value& v) {
     return std::isfinite(v.value) ? fmt::format("{:.3g}", v.value) : std::string("-");
   };
   for (const HandlingSheet::CurvePoint& p : sheet.curve) {
     out += line(fmt::format("{:.2f}", p.ay), fmt::format("{:.0f}", p.seconds),
-                with_error(p.angle_log, 2), model(p.angle_model), with_error(p.yaw_gain_log, 3),
+                with_error(p.angle_log, 2), model(p.angle_model), with_error(p.yaw_gain_log, 4),
                 model(p.yaw_gain_model), with_error(p.sideslip_log, 3), model(p.sideslip_model));
   }
   return out + "\n";

@@ -124,6 +124,12 @@ class Handling(unittest.TestCase):
                 self.assertIn(said, done.stderr, arguments)
                 self.assertEqual(1, len(done.stderr.splitlines()), done.stderr)
 
+    def test_flipped_sign(self):
+        with Folder() as folder:
+            upside_down = re.sub("yaw_rate, unit: deg/s", "yaw_rate, unit: deg/s, scale: -1", pathlib.Path(LANE_CHANGE[0]).read_text())
+            done = run("handling", folder.write("upside_down.yaml", upside_down), LANE_CHANGE[1])
+            self.assertIn("sign_steering", done.stdout)
+
     def test_doubtful_result(self):
         with Folder() as folder:
             upside_down = re.sub("yaw_rate, unit: deg/s", "yaw_rate, unit: deg/s, scale: -1", pathlib.Path(LANE_CHANGE[0]).read_text())

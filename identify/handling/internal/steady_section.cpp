@@ -130,9 +130,12 @@ void add_special_speed(const KnownVehicle& car, const SteadyLog& log, HandlingSh
       speed.log = in_units(of_log(v, 0.5 * v * se / std::abs(K), log.K.freedom), 3.6);
     }
   }
+  const Value& K = out.figures.front().model;
   speed.model =
-      as_derived(car, understeers ? "v_ch" : "v_cr",
-                 of_car(car, [](const auto& c) { return 3.6 * characteristic_speed(c); }));
+      std::abs(K.value) <= kSure * K.se
+          ? blank("The model's K is not significantly different from zero.")
+          : as_derived(car, understeers ? "v_ch" : "v_cr",
+                       of_car(car, [](const auto& c) { return 3.6 * characteristic_speed(c); }));
   out.figures.push_back(speed);
 }
 

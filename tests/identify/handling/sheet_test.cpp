@@ -165,6 +165,33 @@ TEST(HandlingSheet, PeaksOfALaneChangeWithoutNoiseAreTheModels) {
   EXPECT_THAT(figure(sheet, "entry speed").model.why, HasSubstr("input of the model"));
 }
 
+// 9 and 8 kN: at 4 m/s^2 the front axle gives 3.5 kN, and K is larger than about straight driving.
+TEST(HandlingSheet, BendingTyresHaveALimitAndFrictions) {
+  testing::TrueCar bending;
+  bending.inverse_saturation_f = 1.0 / (9000.0 * 9000.0);
+  bending.inverse_saturation_r = 1.0 / (8000.0 * 8000.0);
+  KnownVehicle car = true_car();
+  car.curve = TyreCurve::tanh;
+  car.p[kInverseSaturationFront] = bending.inverse_saturation_f;
+  car.p[kInverseSaturationRear] = bending.inverse_saturation_r;
+  car.estimated = true;
+  car.uncertain = {kInverseSaturationFront};
+  // 3 % of the force are 6 % of the inverse saturation.
+  car.covariance =
+      Eigen::MatrixXd::Constant(1, 1, std::pow(0.06 * bending.inverse_saturation_f, 2));
+  const HandlingSheet sheet = sheet_of({circles(bending)}, car);
+  const double load = car.p[kMass] * 9.80665 * car.p[kB] / (car.p[kA] + car.p[kB]);
+  const Value& friction = figure(sheet, "friction of the front axle").model;
+  EXPECT_NEAR(friction.value, 9000.0 / load, 1e-9);
+  EXPECT_NEAR(friction.se, 0.03 * 9000.0 / load, 1e-3 * friction.se);
+  EXPECT_THAT(figure(sheet, "friction of the rear axle").model.why, HasSubstr("does not depend"));
+  EXPECT_NEAR(figure(sheet, "largest steady ay").model.value, 9.80665 * 9000.0 / load, 1e-9);
+  const Value& over = figure(sheet, "K of the model over these turns").model;
+  const Figure& K = figure(sheet, "understeer gradient K");
+  EXPECT_NEAR(K.log.value, over.value, 0.015 * over.value);
+  EXPECT_GT(over.value, 1.02 * K.model.value);
+}
+
 TEST(HandlingSheet, AnotherCarIsSeen) {
   KnownVehicle softer = true_car();
   softer.p[kCf] *= 0.8;
