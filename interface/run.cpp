@@ -66,11 +66,11 @@ struct NamedVerb {
   MakeVerb make;
 };
 
-constexpr NamedVerb kVerbs[] = {{"tune", tune_verb},         {"fit", fit_verb},
-                                {"check", check_verb},       {"shape", shape_verb},
-                                {"track", track_verb},       {"filter", filter_verb},
-                                {"bound", bound_verb},       {"simulate", simulate_verb},
-                                {"validate", validate_verb}, {"compare", compare_verb}};
+constexpr NamedVerb kVerbs[] = {
+    {"tune", tune_verb},       {"fit", fit_verb},           {"check", check_verb},
+    {"shape", shape_verb},     {"track", track_verb},       {"filter", filter_verb},
+    {"bound", bound_verb},     {"simulate", simulate_verb}, {"validate", validate_verb},
+    {"compare", compare_verb}, {"handling", handling_verb}};
 
 MakeVerb verb_called(const std::string& name) {
   std::vector<std::string> names;
@@ -107,7 +107,8 @@ void check_arguments(const Arguments& given, const std::string& verb) {
                                  i + 1, given.previous[i]->verb, given.previous[i]->code),
                      "one of tune, fit, check, shape or track with code 0, 1, 3 or 4");
   }
-  const bool of_results = verb == "validate" || verb == "compare";
+  const bool of_results =
+      verb == "validate" || verb == "compare" || (verb == "handling" && given.previous_count > 0);
   if (of_results && given.model_yaml != nullptr) {
     throw InputError({}, fmt::format("'{}' with a model", verb),
                      "previous results, which hold their models");
@@ -120,9 +121,9 @@ void check_arguments(const Arguments& given, const std::string& verb) {
     throw InputError({}, "model_yaml is NULL", "the text of a model file");
   }
   const std::size_t least = verb == "validate" ? 1 : verb == "compare" ? 2 : 0;
-  const std::size_t most = verb == "compare"                        ? 1000
-                           : verb == "validate" || verb == "filter" ? 1
-                                                                    : 0;
+  const std::size_t most = verb == "compare"                                              ? 1000
+                           : verb == "validate" || verb == "filter" || verb == "handling" ? 1
+                                                                                          : 0;
   if (given.previous_count < least || given.previous_count > most) {
     throw InputError(
         {}, fmt::format("{} previous results for '{}'", given.previous_count, verb),
@@ -132,7 +133,7 @@ void check_arguments(const Arguments& given, const std::string& verb) {
 
 // The model says which columns a recording has.
 Model model_of_recordings(const Arguments& given, const std::string& verb, Inputs& inputs) {
-  if (verb == "validate") {
+  if (verb == "validate" || (verb == "handling" && given.previous_count > 0)) {
     const StoredResult result = inputs.result(result_name_in_memory(0));
     return estimated_model(result.estimate, result.path);
   }

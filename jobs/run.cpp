@@ -102,6 +102,12 @@ void conclude_from(Estimate& estimate, const Recordings& recordings) {
   if (serious && estimate.status == Status::ok) conclude(estimate, estimate.message);
 }
 
+// Of a job on a result the model is that of the result.
+Provenance provenance(const Run& run, const ModelSource* model) {
+  if (model == nullptr) return {run.call.command, run.model, ""};
+  return {run.call.command, model->path, model->sha256};
+}
+
 std::vector<ResultFile> folder_files(const ResultSections& result, const std::string& json,
                                      const std::string& page_data) {
   std::vector<ResultFile> out{{"result.json", json}};
@@ -158,10 +164,9 @@ Outcome finish(const Run& run, const Recordings& recordings, KeptResult result,
   }
   Outcome out = outcome_of(run, result);
   if (run.wants_pictures()) {
-    out.page_data =
-        report_data_json(report_data(sections, recordings.data, recordings.held_out,
-                                     {run.call.command, run.model, inputs.sha256(run.model)}),
-                         out.json.text());
+    out.page_data = report_data_json(report_data(sections, recordings.data, recordings.held_out,
+                                                 provenance(run, sections.model_file)),
+                                     out.json.text());
   }
   std::vector<OutputFile> written;
   if (!options.page.empty()) {

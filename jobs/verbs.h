@@ -15,5 +15,6 @@ Verb shape_verb();
 Verb bound_verb();
 Verb validate_verb();
 Verb simulate_verb();
+Verb handling_verb();
 
 }  // namespace identikal

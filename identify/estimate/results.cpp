@@ -38,6 +38,7 @@ ResultSections sections_of(const StoredEstimate& result) {
   out.shaping = if_any(result.shaping);
   out.minimum_rank = if_any(result.minimum_rank);
   out.survey = if_any(result.survey);
+  out.handling = if_any(result.handling);
   return out;
 }
 
@@ -99,6 +100,12 @@ ResultSections sections_of(const CramerRaoBound& result) {
 ResultSections sections_of(const SurveyReport& result) {
   ResultSections out{&result};
   out.survey = &result.survey;
+  return out;
+}
+
+ResultSections sections_of(const HandlingReport& result) {
+  ResultSections out{&result};
+  out.handling = &result.handling;
   return out;
 }
 

@@ -8,6 +8,7 @@
 #include "identify/estimate/details.h"
 #include "identify/estimate/estimate.h"
 #include "identify/estimate/filter_matrices.h"
+#include "identify/estimate/handling.h"
 #include "identify/estimate/recording_fit.h"
 
 namespace identikal {
@@ -36,6 +37,7 @@ struct StoredEstimate : FilterEstimate {
   std::optional<Shaping> shaping;
   std::optional<RankSelection> minimum_rank;
   std::optional<VehicleSurvey> survey;
+  std::optional<HandlingSheet> handling;
 };
 
 /// Of tune, and of fit where the model is a filter.
@@ -91,6 +93,11 @@ struct SurveyReport : Estimate {
   VehicleSurvey survey;
 };
 
+/// Of handling: the engineer's sheet of a vehicle.
+struct HandlingReport : Estimate {
+  HandlingSheet handling;
+};
+
 /// A result section by section, as files, pages and the console show it. Sections that a job does
 /// not have are null. It refers to the result.
 ///
@@ -112,6 +119,7 @@ struct ResultSections {
   const ExcessMeanSquareError* excess_mean_square_error = nullptr;
   const RankSelection* minimum_rank = nullptr;
   const VehicleSurvey* survey = nullptr;
+  const HandlingSheet* handling = nullptr;
   const ModelSource* model_file = nullptr;  ///< of a result that is written: jobs with one model
 };
 
@@ -126,5 +134,6 @@ ResultSections sections_of(const Validation& result);
 ResultSections sections_of(const Comparison& result);
 ResultSections sections_of(const CramerRaoBound& result);
 ResultSections sections_of(const SurveyReport& result);
+ResultSections sections_of(const HandlingReport& result);
 
 }  // namespace identikal

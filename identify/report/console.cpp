@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/report/handling_text.h"
 #include "identify/report/internal/bound_text.h"
 #include "identify/report/internal/shaping_text.h"
 #include "identify/report/internal/text_layout.h"
@@ -283,10 +284,17 @@ std::string bound_report(const ResultSections& result) {
          status_text(estimate);
 }
 
+std::string handling_report(const ResultSections& result) {
+  const Estimate& estimate = *result.core;
+  return head_text(estimate) + handling_text(*result.handling) + notes_text(estimate) +
+         findings_text(printed(estimate.findings)) + status_text(estimate);
+}
+
 }  // namespace
 
 std::string console_report(const ResultSections& result) {
   if (result.bound != nullptr) return bound_report(result);
+  if (result.handling != nullptr) return handling_report(result);
   const Estimate& estimate = *result.core;
   // The table of a comparison has its tests.
   const bool has_tests = result.tests != nullptr && estimate.objective.method != "compare";

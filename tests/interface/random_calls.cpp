@@ -30,6 +30,7 @@ const NamedVerb kVerbs[] = {
     {"simulate", {R"({"rows": 5})", R"#({"rows": 9, "seed": 3, "input": ["u=sin(t)"]})#", nullptr}},
     {"validate", {nullptr, R"({"fit": "50%"})"}},
     {"compare", {nullptr}},
+    {"handling", {nullptr, R"({"speed": "80 km/h"})"}},
     {"info", {nullptr}},
     {"", {nullptr}},
     {"t\xff", {nullptr}}};

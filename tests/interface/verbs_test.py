@@ -98,8 +98,14 @@ with tempfile.TemporaryDirectory() as folder:
     names = [name for name in drive if name != list(drive)[0]]
     car = ik.recording(drive, names, time=list(drive)[0], names=names, units=[units[n] for n in names])
     code, text, _ = tool("fit", car_yaml, car_csv, "--json", "--starts", "2")
-    compare("fit of a vehicle", code, text,
-            ik.run(LIBRARY, "fit", car_yaml.read_text(), [car], options='{"starts": 2}'))
+    fitted = ik.run(LIBRARY, "fit", car_yaml.read_text(), [car], options='{"starts": 2}')
+    compare("fit of a vehicle", code, text, fitted)
+    tool("fit", car_yaml, car_csv, "--starts", "2", "-o", folder / "fitted")
+    code, text, _ = tool("handling", folder / "fitted", car_csv, "--json")
+    compare("handling of a result", code, text, ik.run(LIBRARY, "handling", None, [car], previous=[fitted]))
+    code, text, _ = tool("handling", car_yaml, "--speed", "100 km/h", "--json")
+    compare("handling of a model", code, text,
+            ik.run(LIBRARY, "handling", car_yaml.read_text(), options='{"speed": "100 km/h"}'))
 
     # What an own program asks beyond: pages, progress, and a stop.
     assert one.page.startswith("<!") and len(one.page) > 50_000, one.page[:100]

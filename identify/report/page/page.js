@@ -2,6 +2,7 @@
 
 showHeader();
 showStatus();
+showHandling();
 showParameters();
 showPredictions();
 showTimeHistory();

@@ -2,7 +2,7 @@
 
 const kVerbs = {
   tune: "Kalman filter tuning", check: "Kalman filter check", fit: "Parameter estimation",
-  shape: "Coloured noise", track: "Recursive estimation",
+  shape: "Coloured noise", track: "Recursive estimation", handling: "Handling of a vehicle",
 };
 const kStatus = {
   ok: ["good", "✓ Usable"], rejected: ["bad", "✗ Rejected"], untrusted: ["bad", "✗ Not to be trusted"],

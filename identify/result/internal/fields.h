@@ -477,6 +477,79 @@ void describe(Fields& fields, VehicleSurvey& survey) {
 }
 
 template <class Fields>
+void describe(Fields& fields, HandlingSheet::Value& value) {
+  fields.is("HandlingSheet.Value", "A number of the log or of the model.");
+  fields("value", value.value, "null where it does not exist");
+  fields("se", value.se, "standard error; null where there is none");
+  fields("ci95", value.ci95, "95 % interval");
+  fields("why", value.why, "why value or error is null, a sentence; empty: both are there");
+}
+
+template <class Fields>
+void describe(Fields& fields, HandlingSheet::Figure& figure) {
+  fields.is("HandlingSheet.Figure", "A figure from the log and from the model.");
+  fields("name", figure.name, "name in words");
+  fields("unit", figure.unit, "unit of all numbers; empty: none");
+  fields("log", figure.log, "from the recordings alone");
+  fields("model", figure.model, "of the model");
+}
+
+template <class Fields>
+void describe(Fields& fields, HandlingSheet::Section& section) {
+  fields.is("HandlingSheet.Section", "What one standard asks for.");
+  fields("standard", section.standard, "number of the standard");
+  fields("title", section.title, "manoeuvre of the standard");
+  fields("figures", section.figures, "figures in the order of the sheet");
+  fields("remarks", section.remarks, "sentences on what they rest on");
+}
+
+template <class Fields>
+void describe(Fields& fields, HandlingSheet::CurvePoint& point) {
+  fields.is("HandlingSheet.CurvePoint",
+            "A bin of the characteristic curve, 1 m/s^2 wide (ISO 4138).");
+  fields("ay", point.ay, "vx times yaw rate, mean of the bin [m/s^2]");
+  fields("seconds", point.seconds, "quasi-steady turning in it [s]");
+  fields("speed", point.speed, "mean speed [m/s]");
+  fields("angle_log", point.angle_log, "steering angle as measured [deg]");
+  fields("angle_model", point.angle_model, "that of the model [deg]");
+  fields("yaw_gain_log", point.yaw_gain_log, "yaw rate over steering angle [1/s]");
+  fields("yaw_gain_model", point.yaw_gain_model, "that of the model [1/s]");
+  fields("sideslip_log", point.sideslip_log, "sideslip angle of the centre of gravity [deg]");
+  fields("sideslip_model", point.sideslip_model, "that of the model [deg]");
+}
+
+template <class Fields>
+void describe(Fields& fields, HandlingSheet::ResponsePoint& point) {
+  fields.is("HandlingSheet.ResponsePoint", "A frequency of a response (ISO 7401).");
+  fields("frequency", point.frequency, "frequency [Hz]");
+  fields("coherence", point.coherence, "coherence of the log with its steering, 0 to 1");
+  fields("gain_log", point.gain_log, "gain, in the response's unit");
+  fields("gain_model", point.gain_model, "that of the model");
+  fields("phase_log", point.phase_log, "phase [deg], negative where the output is late");
+  fields("phase_model", point.phase_model, "that of the model [deg]");
+}
+
+template <class Fields>
+void describe(Fields& fields, HandlingSheet::Response& response) {
+  fields.is("HandlingSheet.Response", "Response of an output to the measured steering angle.");
+  fields("output", one_of(response.output, {"r", "ay", "beta"}), "the output");
+  fields("unit", response.unit, "unit of the gain");
+  fields("points", response.points, "frequencies, rising");
+}
+
+template <class Fields>
+void describe(Fields& fields, HandlingSheet& sheet) {
+  fields.is("HandlingSheet", "The handling of a vehicle, from a log and from a model.");
+  fields("steering", one_of(sheet.steering, {"steering wheel", "road wheel"}),
+         "whose angle the steering is");
+  fields("speed", sheet.speed, "speed that the model's response is at [m/s]");
+  fields("sections", sheet.sections, "figures standard by standard");
+  fields("curve", sheet.curve, "characteristic curve, rising in ay; empty without a log of it");
+  fields("responses", sheet.responses, "frequency responses");
+  fields("remarks", sheet.remarks, "sentences on log and model as a whole");
+}
+
+template <class Fields>
 void describe(Fields& fields, DrivenRange& range) {
   fields.is("DrivenRange", "What 99 % of the rows of a vehicle's drive lie between.");
   fields("quantity", range.quantity, "vx, ay, beta or steering frequency");

@@ -98,6 +98,7 @@ void add_new_keys(Json& result) {
       if (!object.contains(key)) object[key] = value;
     });
   };
+  add("", "handling", nullptr);
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
   add("tests/*", "share", nullptr);

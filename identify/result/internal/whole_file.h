@@ -26,6 +26,7 @@ struct WholeFile {
   Section<Shaping> shaping;
   Section<RankSelection> minimum_rank;
   Section<VehicleSurvey> survey;
+  Section<HandlingSheet> handling;
   std::string version = IDENTIKAL_VERSION;  ///< of the program that writes it
   int exit = 0;
   double timing_s = kNone;
@@ -48,7 +49,8 @@ inline WholeFile file_to_write(const ResultSections& r) {
           {r.model_file, nullptr},     {r.excess_mean_square_error, nullptr},
           {r.bound, nullptr},          {r.posterior, nullptr},
           {r.time_history, nullptr},   {r.shaping, nullptr},
-          {r.minimum_rank, nullptr},   {r.survey, nullptr}};
+          {r.minimum_rank, nullptr},   {r.survey, nullptr},
+          {r.handling, nullptr}};
 }
 
 /// Where a reader puts what it finds.
@@ -66,7 +68,8 @@ inline WholeFile file_to_read(StoredEstimate& e) {
           {nullptr, &e.time_history},
           {nullptr, &e.shaping},
           {nullptr, &e.minimum_rank},
-          {nullptr, &e.survey}};
+          {nullptr, &e.survey},
+          {nullptr, &e.handling}};
 }
 
 // Sections that say what the result is and what it rests on.
@@ -77,7 +80,7 @@ void describe_origin(Fields& fields, WholeFile& file) {
   fields("version", file.version, "version of the program");
   fields("verb",
          one_of(e.verb, {"tune", "track", "shape", "fit", "check", "bound", "info", "filter",
-                         "compare", "validate"}),
+                         "compare", "validate", "handling"}),
          "verb that was run");
   fields("model", e.model_name, "name of the model");
   fields.group("status", "whether the result may be used", [&](auto& status) {
@@ -136,6 +139,7 @@ void describe_details(Fields& fields, WholeFile& file) {
   fields("shaping", file.shaping, "verb shape only");
   fields("minimum_rank", file.minimum_rank, "tune --min-rank only");
   fields("survey", file.survey, "info --vehicle only");
+  fields("handling", file.handling, "verb handling only");
 }
 
 /// Every section in the order of the file.

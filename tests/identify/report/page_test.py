@@ -171,6 +171,13 @@ class Page(unittest.TestCase):
     def test_lane_change(self):
         self.looked_at("lane_change", self.made("lane_change", "fit", "examples/severe_lane_change.yaml", "data/severe_lane_change.csv"), 12)
 
+    def test_handling(self):
+        """The sheet of a model and a log: a response of three outputs, gain and phase."""
+        log = self.path / "sweep"
+        subprocess.run([PROGRAM, "simulate", "examples/severe_lane_change.yaml", "--manoeuvre", "sweep", "-o", log], cwd=ROOT, check=True, capture_output=True)
+        page = self.made("handling", "handling", "examples/severe_lane_change.yaml", log / "simulated.csv")
+        self.looked_at("handling", page, 6)
+
     def test_held_out(self):
         data = self.path / ("a_long_name_" * 8) / "recording.csv"
         data.parent.mkdir()
