@@ -14,6 +14,7 @@
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/model/check.h"
+#include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/minimum_rank.h"
 #include "lib/filter/information.h"
@@ -469,6 +470,11 @@ void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
 namespace {
 
 void check_model_for_als(const Model& model, Index lags) {
+  if (const auto priors = names_with_priors(model.parameters); !priors.empty()) {
+    throw InputError({model.source, 0, 0},
+                     fmt::format("als has no place for the prior of '{}'", priors[0]), "no prior",
+                     "--method ml or bayes, which honour it, or remove it from the model file");
+  }
   if (lags < 0) throw std::invalid_argument(fmt::format("lags is {}; expected 0 or more", lags));
   if (!is_linear_in_parameters(as_linear(model), model.parameters)) {
     throw InputError({model.source, 0, 0}, "als is linear in what it seeks, and the model is not",

@@ -40,7 +40,7 @@ struct NoiseAlsOptions {
 ///
 ///     const auto estimate = tune_als(model, recordings, {.lags = 20});
 ///
-/// @throws InputError as check_recordings(), when anything but noise is free, when the model's
+/// @throws InputError as check_recordings(), when anything but noise is free or a prior is stated, when the model's
 /// values give no stable filter, when the recordings are shorter than its memory, and when there
 /// are more than 6000 autocovariances to weigh
 NoiseEstimate tune_als(const Model& model, const std::vector<Dataset>& recordings,

@@ -102,6 +102,7 @@ void add_new_keys(Json& result) {
   add("objective", "leading", Json::array());
   add("tests/*", "share", nullptr);
   add("parameters/*", "se_structure", nullptr);
+  add("parameters/*", "prior", "");
   add("fit", "driven", Json::array());
   add("warnings/*", "changes", Json::array());
   add("survey/findings/*", "changes", Json::array());
