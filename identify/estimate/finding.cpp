@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 95> kKinds = {{
+constexpr std::array<FindingKind, 96> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -142,6 +142,9 @@ constexpr std::array<FindingKind, 95> kKinds = {{
      "Innovations have a mean; serious where it makes up more than 5 % of their power"},
     {FindingCode::prior_edge, "prior_edge", Severity::serious, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit, "A posterior is piled up against the edge of its prior"},
+    {FindingCode::no_measurement_noise, "no_measurement_noise", Severity::serious,
+     Severity::serious, Status::untrusted, Rank::other, InMessage::name,
+     "The measurement noise of an output was estimated as zero"},
     {FindingCode::outliers_left_out, "outliers_left_out", Severity::note, Severity::note,
      Status::ok, Rank::other, InMessage::nothing, "Samples were left out as outliers"},
     {FindingCode::few_samples, "few_samples", Severity::warning, Severity::warning, Status::ok,

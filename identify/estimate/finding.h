@@ -82,6 +82,7 @@ enum class FindingCode {
   outliers,
   offset,
   prior_edge,
+  no_measurement_noise,
   outliers_left_out,
   few_samples,
   coloured_innovations,
