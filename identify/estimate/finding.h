@@ -84,6 +84,7 @@ enum class FindingCode {
   prior_edge,
   no_measurement_noise,
   outliers_left_out,
+  too_many_outliers,
   few_samples,
   coloured_innovations,
   input_in_innovations,

@@ -10,6 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "identify/filter/outliers.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/model/model_file.h"
 #include "identify/noise/als.h"
@@ -342,6 +343,49 @@ TEST(NoiseMl, OtherMethodsRefuseAPrior) {
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("the prior of 'r'"));
   }
+}
+
+// A sensor that stands still for most of a recording, as wheels do: the same number for hundreds of
+// samples, beside which every other sample is large.
+TEST(RejectOutliers, StandstillIsNoScale) {
+  constexpr int kStill = 700, kSamples = 1000;
+  const Model model = scalar_model(0.999, 0.01, 0.1);
+  const auto tuned = [&](const MatrixXd& y) {
+    return tune_robust(model, {dataset_of(y)},
+                       [&](const std::vector<Dataset>& data) { return tune_ml(model, data); });
+  };
+  MatrixXd y = MatrixXd::Constant(1, kSamples, 0.03);
+  y.rightCols(kSamples - kStill) = simulate_scalar(0.999, 0.01, 0.1, kSamples - kStill, 8);
+  const NoiseEstimate e = tuned(y);
+  for (const Finding& f : e.findings) EXPECT_NE(f.code, FindingCode::outliers_left_out) << f.text;
+  EXPECT_GT(e.parameters[1].value, 0.01);
+  // Three that are outliers are still found.
+  for (const int t : {750, 820, 930}) y(0, t) += 20.0;
+  const NoiseEstimate three = tuned(y);
+  const auto left =
+      std::find_if(three.findings.begin(), three.findings.end(),
+                   [](const Finding& f) { return f.code == FindingCode::outliers_left_out; });
+  ASSERT_NE(left, three.findings.end());
+  EXPECT_THAT(left->text, testing::StartsWith("3 samples left out"));
+}
+
+TEST(RejectOutliers, MoreThanATenthAreNone) {
+  MatrixXd y = simulate_scalar(0.5, 1.0, 1.0, 1000, 8);
+  Random random(9);
+  for (double& value : y.reshaped()) {
+    if (random.uniform() < 0.2) value += 40.0 * random.normal();
+  }
+  const Model model = scalar_model(0.5, 1.0, 1.0);
+  const std::vector<Dataset> data = {dataset_of(y)};
+  const auto estimator = [&](const std::vector<Dataset>& from) { return tune_ml(model, from); };
+  const NoiseEstimate e = tune_robust(model, data, estimator);
+  EXPECT_EQ(e.status, Status::untrusted);
+  const auto many = std::find_if(e.findings.begin(), e.findings.end(), [](const Finding& f) {
+    return f.code == FindingCode::too_many_outliers;
+  });
+  ASSERT_NE(many, e.findings.end());
+  EXPECT_THAT(many->text, testing::HasSubstr("none was left out"));
+  EXPECT_EQ(e.objective.samples, 1000);
 }
 
 }  // namespace
