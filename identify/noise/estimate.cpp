@@ -282,10 +282,10 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
         "record more, or fix parameters that are known"));
   }
   report_criteria(objective, k, model, end, recordings);
-  append(estimate.findings, check_measurement_noise(estimate, model, end, recordings[0].outputs));
   append(estimate.findings, check_innovations(estimate));
   append(estimate.findings, check_tails(estimate));
   append(estimate.findings, check_sampling(estimate, model, end, recordings));
+  append(estimate.findings, check_measurement_noise(estimate, model, end, recordings[0].outputs));
 }
 
 namespace {
