@@ -81,6 +81,20 @@ std::vector<Table> read_files(const std::string& argument, Inputs& inputs) {
   return out;
 }
 
+namespace {
+
+// Of a recording that has less than two thirds of its grid's rows, which no reader would expect.
+void note_absent_rows(Dataset& data) {
+  const auto absent = static_cast<Eigen::Index>(data.absent.size());
+  if (3 * absent < data.size()) return;
+  data.notes.push_back(
+      fmt::format("{} of the {} rows of {} on its grid of {:.6g} s are recorded; "
+                  "the others are taken as missing samples",
+                  data.size() - absent, data.size(), data.name, data.dt));
+}
+
+}  // namespace
+
 std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& model,
                                const TimeRange& range, bool with_outputs) {
   if (model.time.restarts && files.size() > 1) {
@@ -89,17 +103,20 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& mod
   }
   const Joined joined = join_tables(files, model.time);
   const std::vector<ChannelSource> no_outputs;
+  const bool as_recorded =
+      is_vehicle(model) || (is_formula_model(model) && as_formulas(model).equations.continuous);
+  TimeSource time = model.time;
+  time.rows_absent = !as_recorded && has_filter(model);
   std::vector<Dataset> out;
   for (const Table& run : split_runs(joined.table, model.time)) {
     Dataset data =
-        make_dataset(run, model.time, model.inputs, with_outputs ? model.outputs : no_outputs,
-                     range, model.references.channels);
+        make_dataset(run, time, model.inputs, with_outputs ? model.outputs : no_outputs, range,
+                     model.references.channels);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
-    const bool as_recorded =
-        is_vehicle(model) || (is_formula_model(model) && as_formulas(model).equations.continuous);
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;
       data = on_uniform_grid(data, step);
+      note_absent_rows(data);
     }
     if (range.from > 0.0) {
       data.begins = "where --range begins";

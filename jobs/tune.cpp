@@ -46,7 +46,7 @@ struct TuneOptions {
   SearchOptions search;
   std::string method = "ml", evaluation = kAutomatic, purpose = kLikelihood;
   bool reject_outliers = false;
-  std::int64_t lags = 0, draws = 0;
+  std::int64_t lags = 0, draws = 0, seconds = 0;
   bool iterate = false, min_rank = false, full_matrix = false, extend = false;
 
   bool is_als() const { return method == "als" || method == "als-weighted"; }
@@ -67,11 +67,11 @@ NoiseEstimate by_posterior(const TuneOptions& given, const Model& model,
                            const std::vector<Dataset>& recordings, const Run& run) {
   NoiseBayesOptions options;
   if (given.draws > 0) options.draws = given.draws;
+  if (given.seconds > 0) options.max_seconds = static_cast<double>(given.seconds);
   options.seed = given.search.seed_number();
-  options.progress = [&](double temperature) {
+  options.progress = [&](double share) {
     return report_progress(run.call,
-                           fmt::format("from prior to posterior: {:.0f} %", 100.0 * temperature),
-                           temperature);
+                           fmt::format("from prior to posterior: {:.0f} %", 100.0 * share), share);
   };
   return tune_bayes(model, recordings, options);
 }
@@ -150,6 +150,7 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.iterate, als, "--iterate", "--method als or als-weighted"},
         Case{options.min_rank, als, "--min-rank", "--method als or als-weighted"},
         Case{options.draws > 0, bayes, "--draws", "--method bayes"},
+        Case{options.seconds > 0, bayes, "--time-limit", "--method bayes"},
         Case{options.search.seed >= 0, !als, "--seed", "--method ml, auto or bayes"},
         Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
         Case{chosen, !als && !bayes && !estimates, "--evaluation", "--method ml or auto"}}) {
@@ -263,6 +264,8 @@ Verb tune_verb() {
              "als: Use this many autocovariances; 0 stands for as many as are informative.");
   add_number(verb, "--draws", options->draws, 10, 1000000,
              "bayes: Number of draws from the posterior.", "2000");
+  add_number(verb, "--time-limit", options->seconds, 1, 1000000,
+             "bayes: End without a result after this many seconds.", "300");
   add_flag(verb, "--reject-outliers", options->reject_outliers,
            "Find samples that are outliers and leave them out.");
   add_old_flag(verb, "--robust", "--reject-outliers", options->reject_outliers);

@@ -236,19 +236,26 @@ std::optional<VectorXd> interior_point(const Blocks& blocks, Index k, double siz
   return size * at.y.head(k) / std::max(1e-300, at.y.head(k).cwiseAbs().maxCoeff());
 }
 
+bool is_semidefinite(const MatrixXd& X) {
+  return X.size() == 1 ? X(0, 0) >= 0.0 : Eigen::LLT<MatrixXd>(X).info() == Eigen::Success;
+}
+
 // What the path only tends to. The apex x = 0 is one; an unknown that a block of size 1 holds at
-// zero and that is nowhere else is another.
-void round_to_zero(const Blocks& blocks, bool apex, Iterate& at) {
-  Eigen::VectorXi uses = Eigen::VectorXi::Zero(at.y.size());
-  for (const PsdBlock& block : blocks) {
-    for (const PsdBlock::Entry& e : block.entries) ++uses[e.unknown];
-  }
+// its boundary is another, as long as all other blocks allow it.
+void round_to_boundary(const Blocks& blocks, bool apex, Iterate& at) {
   for (std::size_t i = 0; i < blocks.size(); ++i) {
-    if (blocks[i].size > 1 || blocks[i].entries.size() != 1 || blocks[i].constant.size() > 0) {
-      continue;
-    }
-    const Index unknown = blocks[i].entries[0].unknown;
-    if (uses[unknown] == 1 && at.L[i](0, 0) < at.F[i](0, 0)) at.y[unknown] = 0.0;
+    if (blocks[i].size > 1 || blocks[i].entries.size() != 1) continue;
+    if (!(at.L[i](0, 0) < at.F[i](0, 0))) continue;
+    const PsdBlock::Entry& entry = blocks[i].entries[0];
+    const double constant = blocks[i].constant.size() > 0 ? blocks[i].constant(0, 0) : 0.0;
+    VectorXd rounded = at.y;
+    rounded[entry.unknown] = constant == 0.0 ? 0.0 : -constant / entry.value;
+    const bool allowed = std::all_of(blocks.begin(), blocks.end(), [&](const PsdBlock& block) {
+      return std::none_of(block.entries.begin(), block.entries.end(),
+                          [&](const auto& e) { return e.unknown == entry.unknown; }) ||
+             is_semidefinite(value(block, rounded));
+    });
+    if (allowed) at.y = rounded;
   }
   if (apex) at.y.setZero();
 }
@@ -313,14 +320,16 @@ void check(const PsdLeastSquares& problem) {
               ") = ", H(i, j), " but H(", j, ", ", i, ") = ", H(j, i));
     }
   }
-  for (std::size_t b = 0; b < problem.blocks.size(); ++b) {
-    const Index m = problem.blocks[b].size;
+  Blocks all = problem.blocks;
+  all.insert(all.end(), problem.limits.begin(), problem.limits.end());
+  for (std::size_t b = 0; b < all.size(); ++b) {
+    const Index m = all[b].size;
     require(m > 0, "block ", b, " has size ", m);
-    const MatrixXd& constant = problem.blocks[b].constant;
+    const MatrixXd& constant = all[b].constant;
     require(constant.size() == 0 || (constant.rows() == m && constant.cols() == m &&
                                      constant.allFinite() && constant == constant.transpose()),
             "the constant of block ", b, " is not a symmetric ", m, " x ", m, " matrix");
-    for (const PsdBlock::Entry& e : problem.blocks[b].entries) {
+    for (const PsdBlock::Entry& e : all[b].entries) {
       require(e.unknown >= 0 && e.unknown < k && std::min(e.row, e.col) >= 0 &&
                   std::max(e.row, e.col) < m && std::isfinite(e.value),
               "block ", b, " of size ", m, " has ", e.value, " x[", e.unknown, "] at (", e.row,
@@ -352,66 +361,9 @@ bool inside_with_margin(const Blocks& blocks, const VectorXd& y) {
          });
 }
 
-}  // namespace
-
-PsdBlock full_block(Index first, Index size) {
-  PsdBlock block{size, {}, {}};
-  for (Index j = 0; j < size; ++j) {
-    for (Index i = j; i < size; ++i) block.entries.push_back({first++, i, j, 1.0});
-  }
-  return block;
-}
-
-std::vector<PsdBlock> independent_blocks(const MatrixXd& constant,
-                                         const std::vector<MatrixXd>& basis) {
-  const Index n = constant.rows();
-  MatrixXd used = constant.cwiseAbs();
-  for (const MatrixXd& B : basis) used += B.cwiseAbs();
-  std::vector<Index> part(static_cast<std::size_t>(n));
-  std::iota(part.begin(), part.end(), 0);
-  for (Index j = 0; j < n; ++j) {
-    for (Index i = 0; i < j; ++i) {
-      if (used(i, j) == 0.0) continue;
-      const Index from = part[j], to = part[i];
-      std::replace(part.begin(), part.end(), from, to);
-    }
-  }
-  std::vector<PsdBlock> out;
-  for (Index p = 0; p < n; ++p) {
-    std::vector<Index> rows;
-    for (Index i = 0; i < n; ++i) {
-      if (part[i] == p) rows.push_back(i);
-    }
-    PsdBlock block;
-    block.size = static_cast<Index>(rows.size());
-    const MatrixXd own = constant(rows, rows);
-    if (!own.isZero(0.0)) block.constant = own;
-    for (std::size_t e = 0; e < basis.size(); ++e) {
-      for (Index c = 0; c < block.size; ++c) {
-        for (Index r = c; r < block.size; ++r) {
-          const double value = basis[e](rows[r], rows[c]);
-          if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
-        }
-      }
-    }
-    if (!block.entries.empty()) out.push_back(std::move(block));
-  }
-  return out;
-}
-
-MatrixXd value(const PsdBlock& block, const VectorXd& x) {
-  MatrixXd X = MatrixXd::Zero(block.size, block.size);
-  if (block.constant.size() > 0) X = block.constant;
-  for (const PsdBlock::Entry& e : block.entries) {
-    X(e.row, e.col) += e.value * x[e.unknown];
-    if (e.row != e.col) X(e.col, e.row) += e.value * x[e.unknown];
-  }
-  return X;
-}
-
-PsdSolution minimise(const PsdLeastSquares& problem, const SolverOptions& options) {
+// All blocks of the problem, and no limits.
+PsdSolution minimise_blocks(const PsdLeastSquares& problem, const SolverOptions& options) {
   const Clock::time_point begin = Clock::now();
-  check(problem);
   Scaled s = scale(problem, false);
   ConicProblem p = conic(s, kFlatCurvatures[0]);
   const bool homogeneous = largest_constant(s.blocks) == 0.0;
@@ -466,7 +418,7 @@ PsdSolution minimise(const PsdLeastSquares& problem, const SolverOptions& option
     for (const MatrixXd& L : at.L) at.F.push_back(size * L.transpose().inverse());
     const auto done = [&](const VectorXd& y, double gap) { return small(y, 2.0 * gap); };
     follow_path(p, at, options, begin, done, summary);
-    round_to_zero(s.blocks, homogeneous && objective(at.y) >= 0.0, at);
+    round_to_boundary(s.blocks, homogeneous && objective(at.y) >= 0.0, at);
     const double added = 0.5 * (p.root * at.y).head(s.g.size() - p.rank).squaredNorm();
     const double gap = duality_gap(p, at.y, at.F) + added;
     if (gap < out.gap) {
@@ -480,6 +432,101 @@ PsdSolution minimise(const PsdLeastSquares& problem, const SolverOptions& option
   }
   return finish(best, Termination::no_progress,
                 "the objective still falls along a flat direction of H, far out");
+}
+
+}  // namespace
+
+PsdBlock full_block(Index first, Index size) {
+  PsdBlock block{size, {}, {}};
+  for (Index j = 0; j < size; ++j) {
+    for (Index i = j; i < size; ++i) block.entries.push_back({first++, i, j, 1.0});
+  }
+  return block;
+}
+
+PsdBlock lower_bound_block(Index unknown, double lower) {
+  return {1, {{unknown, 0, 0, 1.0}}, MatrixXd::Constant(1, 1, -lower)};
+}
+
+PsdBlock upper_bound_block(Index unknown, double upper) {
+  return {1, {{unknown, 0, 0, -1.0}}, MatrixXd::Constant(1, 1, upper)};
+}
+
+std::vector<PsdBlock> independent_blocks(const MatrixXd& constant,
+                                         const std::vector<MatrixXd>& basis) {
+  const Index n = constant.rows();
+  MatrixXd used = constant.cwiseAbs();
+  for (const MatrixXd& B : basis) used += B.cwiseAbs();
+  std::vector<Index> part(static_cast<std::size_t>(n));
+  std::iota(part.begin(), part.end(), 0);
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < j; ++i) {
+      if (used(i, j) == 0.0) continue;
+      const Index from = part[j], to = part[i];
+      std::replace(part.begin(), part.end(), from, to);
+    }
+  }
+  std::vector<PsdBlock> out;
+  for (Index p = 0; p < n; ++p) {
+    std::vector<Index> rows;
+    for (Index i = 0; i < n; ++i) {
+      if (part[i] == p) rows.push_back(i);
+    }
+    PsdBlock block;
+    block.size = static_cast<Index>(rows.size());
+    const MatrixXd own = constant(rows, rows);
+    if (!own.isZero(0.0)) block.constant = own;
+    for (std::size_t e = 0; e < basis.size(); ++e) {
+      for (Index c = 0; c < block.size; ++c) {
+        for (Index r = c; r < block.size; ++r) {
+          const double value = basis[e](rows[r], rows[c]);
+          if (value != 0.0) block.entries.push_back({static_cast<Index>(e), r, c, value});
+        }
+      }
+    }
+    if (!block.entries.empty()) out.push_back(std::move(block));
+  }
+  return out;
+}
+
+MatrixXd value(const PsdBlock& block, const VectorXd& x) {
+  MatrixXd X = MatrixXd::Zero(block.size, block.size);
+  if (block.constant.size() > 0) X = block.constant;
+  for (const PsdBlock::Entry& e : block.entries) {
+    X(e.row, e.col) += e.value * x[e.unknown];
+    if (e.row != e.col) X(e.col, e.row) += e.value * x[e.unknown];
+  }
+  return X;
+}
+
+PsdSolution minimise(const PsdLeastSquares& problem, const SolverOptions& options) {
+  check(problem);
+  PsdLeastSquares relaxed = problem;
+  const std::size_t own = problem.blocks.size();
+  std::vector<std::size_t> taken;  // of the limits, in the order in which they were broken
+  for (;;) {
+    const PsdSolution found = minimise_blocks(relaxed, options);
+    const std::size_t before = taken.size();
+    for (std::size_t i = 0; found.summary.usable() && i < problem.limits.size(); ++i) {
+      if (std::find(taken.begin(), taken.end(), i) != taken.end()) continue;
+      if (eigenvalues(value(problem.limits[i], found.x))[0] >= 0.0) continue;
+      relaxed.blocks.push_back(problem.limits[i]);
+      taken.push_back(i);
+    }
+    // What is least under fewer conditions, and meets them all, is least under all.
+    if (taken.size() > before) continue;
+    PsdSolution out = found;
+    out.blocks.resize(own);
+    for (std::size_t i = 0; i < problem.limits.size(); ++i) {
+      const auto at = std::find(taken.begin(), taken.end(), i);
+      const MatrixXd X = value(problem.limits[i], found.x);
+      out.blocks.push_back(
+          at != taken.end()
+              ? found.blocks[own + static_cast<std::size_t>(at - taken.begin())]
+              : PsdBlockSolution{X, MatrixXd::Zero(X.rows(), X.cols()), eigenvalues(X)[0], 0});
+    }
+    return out;
+  }
 }
 
 }  // namespace identikal

@@ -35,6 +35,10 @@ PsdBlock full_block(Eigen::Index first, Eigen::Index size);
 std::vector<PsdBlock> independent_blocks(const Eigen::MatrixXd& constant,
                                          const std::vector<Eigen::MatrixXd>& basis);
 
+/// x[unknown] >= lower, and x[unknown] <= upper.
+PsdBlock lower_bound_block(Eigen::Index unknown, double lower);
+PsdBlock upper_bound_block(Eigen::Index unknown, double upper);
+
 /// X(x), size x size.
 Eigen::MatrixXd value(const PsdBlock& block, const Eigen::VectorXd& x);
 
@@ -46,6 +50,9 @@ struct PsdLeastSquares {
   Eigen::MatrixXd H;  ///< k x k, symmetric positive semidefinite, may be singular
   Eigen::VectorXd g;  ///< k
   std::vector<PsdBlock> blocks;
+  /// Further blocks that hold by themselves more often than not, such as bounds far out: one is
+  /// taken in when the minimum without it breaks it, so that its size is that of the problem.
+  std::vector<PsdBlock> limits = {};
 };
 
 /// What became of one block.
@@ -62,13 +69,14 @@ struct PsdSolution {
   /// The objective exceeds the minimum by no more than this (see minimise() for flat directions).
   double gap = std::numeric_limits<double>::quiet_NaN();
   Eigen::Index rank = 0;                 ///< of H scaled to unit diagonal; < k: flat directions
-  std::vector<PsdBlockSolution> blocks;  ///< one per block, in order
+  std::vector<PsdBlockSolution> blocks;  ///< one per block, in order, then one per limit
 };
 
 /// Newton's method on the central path of the log-det barrier, primal-dual, with Nesterov and
 /// Todd's scaling and Mehrotra's corrector. The primal iterates stay inside the cone: every X_i has
-/// a Cholesky factor. Only what can be zero without rounding is rounded to it: an unknown that a
-/// block of size 1 holds at zero and that is in no other entry, and x = 0 when nothing is better.
+/// a Cholesky factor. Only what can end there without rounding is put at the boundary: an unknown
+/// that a block of size 1 holds there, where all other blocks allow it, and x = 0 when nothing is
+/// better.
 /// When the plain least-squares solution (of least norm) is positive definite, with relative pivots
 /// above 1e-10, it is returned as it is, with Z = 0.
 ///

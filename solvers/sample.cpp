@@ -89,6 +89,9 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
   constexpr double kInStage = 3.0, kAtTheEnd = 10.0;
   if (options.draws < 10) throw std::invalid_argument("sample: fewer than 10 draws");
   const auto begin = std::chrono::steady_clock::now();
+  const auto seconds = [&begin] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
   Random random(options.seed);
   PosteriorSample out = draw_prior(problem, options.draws, random);
   const auto finish = [&](Termination termination, const char* message) {
@@ -113,15 +116,17 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
       const double rate = move_draws(problem, temperature, L, scale, random, out);
       accepted += rate;
       scale *= std::clamp(std::exp(rate - 0.3), 0.6, 1.6);
+      if (options.moved && !options.moved(temperature)) {
+        return finish(Termination::stopped, "stopped by the caller");
+      }
+      if (seconds() <= options.max_seconds) continue;
+      if (temperature == 1.0) break;  // the draws are of the posterior, if not far apart
+      return finish(Termination::time_limit, "the time limit was reached");
     }
     ++out.stages;
     ++out.summary.iterations;
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (options.progress && !options.progress(temperature)) {
       return finish(Termination::stopped, "stopped by the caller");
-    }
-    if (temperature < 1.0 && spent.count() > options.max_seconds) {
-      return finish(Termination::time_limit, "the time limit was reached");
     }
   }
   return finish(Termination::converged, "the posterior is reached");

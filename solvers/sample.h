@@ -25,6 +25,8 @@ struct SampleOptions {
   double max_seconds = std::numeric_limits<double>::infinity();
   /// Called after every stage with the temperature reached, 0 to 1; return false to stop.
   std::function<bool(double)> progress;
+  /// The same after every move of all draws: a stage takes up to 50.
+  std::function<bool(double)> moved = {};
 };
 
 struct PosteriorSample {

@@ -50,6 +50,7 @@ struct EstimatedParameter {
   bool neutral = false;  ///< fixed at a value that changes nothing: people need not read it
   Verdict verdict = Verdict::ok;
   std::vector<std::string> with;
+  std::string prior;  ///< that counted beside the data, in words; empty: none (fit and tune, ml)
 };
 
 /// A quantity computed from the parameters, with its error carried over (delta method).

@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 99> kKinds = {{
+constexpr std::array<FindingKind, 101> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -153,8 +153,14 @@ constexpr std::array<FindingKind, 99> kKinds = {{
      "Innovations have a mean; serious where it makes up more than 5 % of their power"},
     {FindingCode::prior_edge, "prior_edge", Severity::serious, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit, "A posterior is piled up against the edge of its prior"},
+    {FindingCode::no_measurement_noise, "no_measurement_noise", Severity::serious,
+     Severity::serious, Status::untrusted, Rank::other, InMessage::name,
+     "The measurement noise of an output was estimated as zero"},
     {FindingCode::outliers_left_out, "outliers_left_out", Severity::note, Severity::note,
      Status::ok, Rank::other, InMessage::nothing, "Samples were left out as outliers"},
+    {FindingCode::too_many_outliers, "too_many_outliers", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::misfit,
+     "More than 10 % of the samples of an output lie off: none was left out"},
     {FindingCode::few_samples, "few_samples", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "So few samples that the errors are too small"},
     {FindingCode::coloured_innovations, "coloured_innovations", Severity::warning,

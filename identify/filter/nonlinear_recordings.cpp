@@ -204,6 +204,22 @@ MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Da
       .y;
 }
 
+MatrixXd transition_along(const Model& model, const ParameterSet& at, const Dataset& recording,
+                          const Eigen::Ref<const MatrixXd>& states) {
+  const FormulaModel& formulas = as_formulas(model);
+  ModelMemory memory = make_memory(formulas.equations);
+  set_parameters(formulas.equations, memory, formula_parameters(formulas, at));
+  const InputNodes nodes = filter_nodes(model, at, recording);
+  MatrixXd out = MatrixXd::Identity(states.rows(), states.rows());
+  Jacobian here;
+  for (Index k = 0; k + 1 < states.cols(); ++k) {
+    VectorXd x = states.col(k);
+    step(formulas.equations, memory, nodes, k, x, here);
+    out = (here.wrt_x * out).eval();
+  }
+  return out;
+}
+
 FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
                               Keep keep) {
   const FormulaModel& formulas = as_formulas(model);

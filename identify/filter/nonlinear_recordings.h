@@ -68,6 +68,14 @@ Eigen::MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at,
                                    const Dataset& recording,
                                    const Eigen::Ref<const Eigen::VectorXd>& x);
 
+/// What becomes of a small error of the state at the first sample until the last: the product of the
+/// transitions linearised at these states.
+/// @param states  nx x N
+/// @return nx x nx; not finite where it overflows
+Eigen::MatrixXd transition_along(const Model& model, const ParameterSet& at,
+                                 const Dataset& recording,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& states);
+
 /// The filter's run over one recording.
 FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
                               Keep keep);

@@ -26,9 +26,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kOutlier = 6.0;   // robust standard deviations
-constexpr double kOffset = 5.0;    // standard errors of the mean
-constexpr double kSerious = 0.05;  // share of the innovations' power
+constexpr double kOutlier = 6.0;      // robust standard deviations
+constexpr double kOffset = 5.0;       // standard errors of the mean
+constexpr double kSerious = 0.05;     // share of the innovations' power
+constexpr double kMostLeftOut = 0.1;  // of the samples of an output
 // Of a constant offset of the outputs, whitened, what the innovations have to keep in the steady
 // state: rounding leaves up to 1e-10 of one that the model integrates away.
 constexpr double kSeen = 1e-6;
@@ -45,15 +46,38 @@ std::vector<FilterResult> filtered(const Model& model, const ParameterSet& param
   return out;
 }
 
-// From the median |e| of one channel over all recordings; 0 when there is nothing.
-double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
-                        Index channel) {
-  std::vector<double> sizes;
-  for (const FilterResult& filter : filters) {
-    for (const double value : (filter.*e).row(channel)) {
-      if (!std::isnan(value)) sizes.push_back(std::abs(value));
+using Still = Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic>;
+
+// Which samples belong to ten or more equal ones in a row: the sensor stands still.
+Still still_samples(const Dataset& data) {
+  constexpr Index kFewest = 10;
+  Still out = Still::Constant(data.y.rows(), data.size(), false);
+  for (Index i = 0; i < data.y.rows(); ++i) {
+    Index first = 0;  // of the present run
+    for (Index t = 1; t <= data.size(); ++t) {
+      if (t < data.size() && data.y(i, t) == data.y(i, first)) continue;
+      if (t - first >= kFewest) out.row(i).segment(first, t - first).setConstant(true);
+      first = t;
     }
   }
+  return out;
+}
+
+// From the median |e| of one channel over all recordings, but for what stands still; 0 when there is
+// nothing.
+double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
+                        const std::vector<Still>& still, Index channel) {
+  constexpr std::size_t kFewest = 20;
+  std::vector<double> sizes, moving;
+  for (std::size_t r = 0; r < filters.size(); ++r) {
+    const auto row = (filters[r].*e).row(channel);
+    for (Index t = 0; t < row.size(); ++t) {
+      if (std::isnan(row[t])) continue;
+      sizes.push_back(std::abs(row[t]));
+      if (!still[r](channel, t)) moving.push_back(sizes.back());
+    }
+  }
+  if (moving.size() >= kFewest) sizes = std::move(moving);
   return sizes.empty() ? 0.0 : kDeviationPerMedian * median(std::move(sizes));
 }
 
@@ -82,13 +106,15 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
   const Index apart = memory(model, parameters);
   std::vector<Outlier> out;
   std::vector<Dataset> rest = recordings;
+  std::vector<Still> still;
+  for (const Dataset& data : recordings) still.push_back(still_samples(data));
   for (int pass = 0; pass < kMostPasses; ++pass) {
     std::vector<Outlier> found;
     const Index ny = rest[0].y.rows();
     VectorXd deviation(ny), white_deviation(ny);
     for (Index i = 0; i < ny; ++i) {
-      deviation[i] = robust_deviation(now, &FilterResult::e, i);
-      white_deviation[i] = robust_deviation(now, &FilterResult::standardised, i);
+      deviation[i] = robust_deviation(now, &FilterResult::e, still, i);
+      white_deviation[i] = robust_deviation(now, &FilterResult::standardised, still, i);
     }
     const auto largest = [](const VectorXd& sizes) {
       Index worst = 0;
@@ -241,6 +267,38 @@ Findings check_offset(const Model& model, const ParameterSet& parameters,
   return out;
 }
 
+// Outputs of which more samples lie off than outliers are.
+Findings check_share(const std::vector<Dataset>& recordings, const std::vector<Outlier>& outliers) {
+  Findings out;
+  for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
+    const auto channel = static_cast<Index>(c);
+    const auto off = std::count_if(outliers.begin(), outliers.end(),
+                                   [channel](const Outlier& o) { return o.channel == channel; });
+    Index present = 0, still = 0;
+    for (const Dataset& data : recordings) {
+      present += (data.y.row(channel).array() == data.y.row(channel).array()).count();
+      still += still_samples(data).row(channel).count();
+    }
+    if (!(static_cast<double>(off) > kMostLeftOut * static_cast<double>(present))) continue;
+    const std::string& name = recordings[0].outputs[c].name;
+    const double share = static_cast<double>(still) / static_cast<double>(present);
+    out.push_back(make_finding(
+        FindingCode::too_many_outliers, {name},
+        fmt::format("{} of {} samples of '{}' ({:.2g} %) lie off: no outliers but a noise of "
+                    "another kind{}; none was left out",
+                    off, present, name,
+                    100.0 * static_cast<double>(off) / static_cast<double>(present),
+                    share > 0.3 ? fmt::format(", and for {:.2g} % of the recording the sensor "
+                                              "stands still",
+                                              100.0 * share)
+                                : ""),
+        share > 0.3 ? "use the rows where it moves: use_when in the model file, or --range"
+                    : "a part of the recording with one noise: --range; or a noise that changes: "
+                      "track --adaptive"));
+  }
+  return out;
+}
+
 }  // namespace
 
 std::vector<Outlier> find_outliers(const Model& model, const ParameterSet& parameters,
@@ -319,7 +377,8 @@ NoiseEstimate tune_robust(
     const std::function<NoiseEstimate(const std::vector<Dataset>& recordings)>& estimator) {
   constexpr int kMostPasses = 10;
   std::vector<Outlier> left_out;
-  NoiseEstimate out = estimator(recordings);
+  const NoiseEstimate of_all = estimator(recordings);
+  NoiseEstimate out = of_all;
   for (int pass = 0; pass < kMostPasses; ++pass) {
     // Judged again on all samples: those that the first, too wide estimate wrongly took for
     // outliers come back.
@@ -336,6 +395,12 @@ NoiseEstimate tune_robust(
                                           a.channel == b.channel;
                                  });
     if (same) break;
+    if (const Findings many = check_share(recordings, found); !many.empty()) {
+      out = of_all;
+      append(out.findings, many);
+      conclude(out, "converged");
+      return out;
+    }
     left_out = found;
     out = estimator(without(recordings, left_out));
   }

@@ -19,7 +19,9 @@ struct Outlier {
 };
 
 /// Samples whose innovation, whitened by its own covariance, lies more than 6 robust standard
-/// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. An outlier disturbs the
+/// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. Where a sensor stands still,
+/// ten equal samples or more, its innovations say nothing of its noise: the median is that of the
+/// others. An outlier disturbs the
 /// filter for a while; so one is looked for at a time in every segment as long as the filter's
 /// memory, taken out, and the filter run again.
 ///
@@ -51,7 +53,9 @@ Findings check_outliers_and_offset(const Model& model, const ParameterSet& param
                                    const OutlierEffectOf& effect = {});
 
 /// Runs the estimator, leaves out what its estimate shows to be outliers, and runs it again until
-/// no more are found. The result's finding "outliers_left_out" names them.
+/// no more are found. The result's finding "outliers_left_out" names them. More than a tenth of the
+/// samples of an output are no outliers but a noise of another kind: then none is left out, and
+/// "too_many_outliers" says so.
 NoiseEstimate tune_robust(
     const Model& model, const std::vector<Dataset>& recordings,
     const std::function<NoiseEstimate(const std::vector<Dataset>& recordings)>& estimator);

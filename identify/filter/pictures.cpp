@@ -73,9 +73,10 @@ void picture_filter(const Model& model, const std::vector<Dataset>& recordings,
   out.simulation = MatrixXd::Constant(series.measured.rows(), rows, kNone);
   out.simulation_sd = out.simulation;
   Index at = 0;
+  const bool simulates = !estimate.simulation.empty();
   for (const Dataset& data : recordings) {
     if (is_formula_model(model)) {
-      simulate(model, end, data, at, out);
+      if (simulates) simulate(model, end, data, at, out);
     } else {
       const LinearModel& linear = as_linear(model);
       forecast(instantiate(linear, end), linear.initial, linear, data, at, out);

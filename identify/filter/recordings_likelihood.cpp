@@ -1,9 +1,12 @@
 #include "identify/filter/recordings_likelihood.h"
 
+#include <cmath>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include "identify/filter/leading_samples.h"
+#include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
 
 namespace identikal {
@@ -94,13 +97,30 @@ const Likelihood& RecordingsLikelihood::behind_beginning(const Likelihood& all,
   return conditional_;
 }
 
+void RecordingsLikelihood::weigh_by_priors() {
+  if (!names_with_priors(model_.parameters).empty()) prior_box_ = prior_box(model_);
+}
+
+const Likelihood& RecordingsLikelihood::with_priors(const Likelihood& of_data,
+                                                    const ParameterSet& at, bool with_gradient) {
+  const PriorTerms prior = stated_priors_at(at);
+  posterior_ = of_data;
+  posterior_.value += prior.value;
+  if (!std::isfinite(prior.value)) posterior_.status = FilterStatus::indefinite;
+  if (posterior_.status != FilterStatus::ok || !with_gradient) return posterior_;
+  posterior_.gradient += prior.gradient;
+  posterior_.information.diagonal() += prior.information;
+  return posterior_;
+}
+
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
   if (!set_system(at, with_gradient && !nonlinear_)) return nullptr;
   const Likelihood& all = nonlinear_
                               ? nonlinear_->evaluate(at, with_gradient)
                               : engine_.evaluate(system_, as_linear(model_).initial,
                                                  with_gradient ? derivatives_ : none_, method_);
-  const Likelihood& result = first_outputs_.empty() ? all : behind_beginning(all, with_gradient);
+  const Likelihood& of_data = first_outputs_.empty() ? all : behind_beginning(all, with_gradient);
+  const Likelihood& result = prior_box_ ? with_priors(of_data, at, with_gradient) : of_data;
   return result.status == FilterStatus::ok ? &result : nullptr;
 }
 
@@ -115,7 +135,7 @@ FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_deriv
 
 LikelihoodProblem RecordingsLikelihood::problem() {
   LikelihoodProblem out;
-  const Box box = coordinate_box(model_.parameters);
+  const Box box = prior_box_ ? *prior_box_ : coordinate_box(model_.parameters);
   out.lower = box.lower;
   out.upper = box.upper;
   out.evaluate = [this](const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) {

@@ -49,6 +49,12 @@ class RecordingsLikelihood {
   /// log p(y(1), ..., y(k)) of what it is conditioned on; 0 where it is not, NaN where undefined.
   double log_likelihood_of_beginning(const ParameterSet& at);
 
+  /// From here on the priors that the model file states count: their log-density, as
+  /// stated_priors_at() (identify/model/parameter_prior.h) has it, is added to the log-likelihood,
+  /// and uniform ones bound the optimiser's coordinates. The maximum is then the most probable
+  /// point. @throws InputError as prior_box()
+  void weigh_by_priors();
+
   /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
   /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable
   /// stationary start, ...). Valid until the next call.
@@ -80,6 +86,8 @@ class RecordingsLikelihood {
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
   const Likelihood& behind_beginning(const Likelihood& all, bool with_gradient);
+  const Likelihood& with_priors(const Likelihood& of_data, const ParameterSet& at,
+                                bool with_gradient);
 
   const Model& model_;
   EvaluationMethod method_;
@@ -93,6 +101,8 @@ class RecordingsLikelihood {
   std::vector<Eigen::MatrixXd> first_outputs_, first_inputs_;
   LikelihoodEngine beginning_;
   Likelihood conditional_;
+  std::optional<Box> prior_box_;  // where priors count
+  Likelihood posterior_;
   StateSpace system_;
   const std::vector<StateSpace> none_;
   std::vector<StateSpace> derivatives_;

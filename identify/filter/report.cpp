@@ -76,13 +76,32 @@ Joined join(const std::vector<Dataset>& recordings, const std::vector<FilterResu
   return out;
 }
 
-// Per channel, by an autoregression of all channels.
+// By an autoregression of a channel on its own samples before.
+double explained_by_own_past(const VectorXd& e, int order) {
+  const Index period = own_period(e);
+  const Autocovariances rows =
+      sample_autocovariances(e.transpose(), order * period + 1, Divisor::samples);
+  Autocovariances Y;
+  for (std::size_t k = 0; k < rows.size(); k += static_cast<std::size_t>(period)) {
+    if (rows[k].allFinite()) Y.push_back(rows[k]);
+  }
+  const Index samples = (e.array() == e.array()).count();
+  const VectorXd share = share_explained_by_past(yule_walker(Y), samples);
+  return share.size() > 0 ? share[0] : kNone;
+}
+
+// Per channel, by an autoregression of all channels; where they have no rows in common, of itself.
 VectorXd explained_by_past(const MatrixXd& e, int lags) {
   constexpr int kHighestOrder = 10;
-  const Autocovariances Y =
-      sample_autocovariances(e, std::min(kHighestOrder, lags) + 1, Divisor::samples);
+  const int order = std::min(kHighestOrder, lags);
+  const Autocovariances Y = sample_autocovariances(e, order + 1, Divisor::samples);
   const auto samples = static_cast<Index>((e.array() == e.array()).colwise().all().count());
-  return share_explained_by_past(yule_walker(Y), samples);
+  const bool together =
+      std::all_of(Y.begin(), Y.end(), [](const MatrixXd& each) { return each.allFinite(); });
+  if (together) return share_explained_by_past(yule_walker(Y), samples);
+  VectorXd out(e.rows());
+  for (Index i = 0; i < e.rows(); ++i) out[i] = explained_by_own_past(e.row(i).transpose(), order);
+  return out;
 }
 
 // R^2 of the regression, adjusted for its degrees of freedom.
@@ -95,7 +114,7 @@ void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordin
                   const std::vector<FilterResult>& filters) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
   const int lags = default_lags(shortest_of(recordings));
-  const MatrixXd all = side_by_side(filters, lags);
+  const MatrixXd all = side_by_side(filters, rows_apart(filters, lags));
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
   const VectorXd by_past = explained_by_past(all, lags);
   const double level = 0.05 / static_cast<double>(1 + outputs.size() + by_input.size());
@@ -224,6 +243,16 @@ Findings check_integration(const Model& model, const ParameterSet& parameters,
 }
 
 }  // namespace
+
+Index rows_apart(const std::vector<FilterResult>& filters, Index lags) {
+  Index longest = 1;
+  for (const FilterResult& filter : filters) {
+    for (Index i = 0; i < filter.standardised.rows(); ++i) {
+      longest = std::max(longest, own_period(filter.standardised.row(i).transpose()));
+    }
+  }
+  return lags * longest;
+}
 
 MatrixXd side_by_side(const std::vector<FilterResult>& filters, Index gap) {
   std::vector<const MatrixXd*> parts;

@@ -41,6 +41,10 @@ std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& m
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings);
 
+/// A gap between recordings that no test of so many lags looks across, lags counted in each
+/// channel's own samples (lib/statistics/whiteness.h).
+Eigen::Index rows_apart(const std::vector<FilterResult>& filters, Eigen::Index lags);
+
 /// Standardised innovations of all recordings, ny x N, with `gap` missing samples between one and
 /// the next, so that no test looks across; and the inputs in step with them.
 Eigen::MatrixXd side_by_side(const std::vector<FilterResult>& filters, Eigen::Index gap);

@@ -1,10 +1,12 @@
 #include "identify/filter/simulated_fit.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
@@ -65,6 +67,28 @@ MatrixXd simulated_from(const Model& model, const ParameterSet& parameters,
   return out;
 }
 
+// The state at the first sample, as the whole recording determines it.
+VectorXd smoothed_start(const Model& model, const ParameterSet& parameters,
+                        const Dataset& recording) {
+  const SmootherResult known = run_smoother(model, parameters, recording, std::nullopt);
+  const bool runs = known.status == FilterStatus::ok && known.x.col(0).allFinite();
+  return runs ? VectorXd(known.x.col(0)) : written_matrices(noise_model(model), parameters).x0;
+}
+
+// Does an error of the start fade, in one step or over a recording? Where it stays, as in an
+// integrator, so does what noise adds.
+bool fades(const MatrixXd& transition) {
+  constexpr double kStays = 1e-9;
+  return transition.allFinite() && transition.eigenvalues().cwiseAbs().maxCoeff() < 1.0 - kStays;
+}
+
+bool start_fades(const Model& model, const ParameterSet& parameters, const Dataset& recording) {
+  if (is_linear(model)) return fades(instantiate(as_linear(model), parameters).A);
+  const SmootherResult known = run_smoother(model, parameters, recording, std::nullopt);
+  if (known.status != FilterStatus::ok || !known.x.allFinite()) return true;  // nothing is known
+  return fades(transition_along(model, parameters, recording, known.x));
+}
+
 // A model that holds leaves innovations there as it does here.
 Findings check_held_out(const FilterEstimate& estimate, const MatrixXd& standardised) {
   constexpr double kRare = 1e-3, kMatters = 1.1;
@@ -85,12 +109,22 @@ Findings check_held_out(const FilterEstimate& estimate, const MatrixXd& standard
 
 MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                            const Dataset& recording) {
-  const SmootherResult known = run_smoother(model, parameters, recording, std::nullopt);
-  const bool runs = known.status == FilterStatus::ok && known.x.col(0).allFinite();
-  const VectorXd x =
-      runs ? VectorXd(known.x.col(0)) : written_matrices(noise_model(model), parameters).x0;
+  const VectorXd x = smoothed_start(model, parameters, recording);
   const MatrixXd out = simulated_from(model, parameters, recording, x);
   return out.array().isFinite().select(out, kInfinity);
+}
+
+std::string why_no_simulation(const Model& model, const ParameterSet& parameters,
+                              const Dataset& recording, const std::vector<ChannelFit>& fits) {
+  if (recording.u.rows() == 0) return "no input drives the model";
+  // A fit that is no number explains nothing either.
+  const bool explains = std::all_of(fits.begin(), fits.end(),
+                                    [](const ChannelFit& fit) { return fit.fit_percent > 0.0; });
+  if (explains) return "";
+  if (start_fades(model, parameters, recording)) return "";
+  return "it explains nothing, and the model is not asymptotically stable: an error of its start "
+         "does "
+         "not fade";
 }
 
 void report_simulation(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,
@@ -101,6 +135,10 @@ void report_simulation(FilterEstimate& estimate, const Model& model, const Param
     append(errors, data.y - simulated_outputs(model, parameters, data));
   }
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
+  const std::string why = why_no_simulation(model, parameters, recordings[0], estimate.simulation);
+  if (why.empty()) return;
+  estimate.simulation.clear();
+  estimate.notes.push_back("no simulation: " + why);
 }
 
 void report_hold_out(FilterEstimate& estimate, const Model& model,
@@ -140,6 +178,14 @@ void report_hold_out(FilterEstimate& estimate, const Model& model,
   }
   append(estimate.findings, check_held_out(estimate, standardised));
   estimate.hold_out = fits_of(outputs, y, y - simulated);
+  const std::string why = why_no_simulation(model, end, held_out[0].recording, estimate.hold_out);
+  if (!why.empty()) {
+    estimate.hold_out.clear();
+    simulated.setConstant(kNone);
+    const std::string note = "no simulation: " + why;
+    const auto& notes = estimate.notes;
+    if (std::find(notes.begin(), notes.end(), note) == notes.end()) estimate.notes.push_back(note);
+  }
   estimate.hold_out_one_step = fits_of(outputs, y, innovations);
   const auto rows = static_cast<double>(estimate.series.time.size());
   estimate.derived.push_back(

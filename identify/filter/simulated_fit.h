@@ -1,6 +1,7 @@
 // What does a model do on its own, and how well does it predict rows that were held out?
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -24,7 +25,16 @@ namespace identikal {
 Eigen::MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                                   const Dataset& recording);
 
-/// Fills `simulation` with the fit of these simulations.
+/// Why a simulation of this recording says nothing about the model: no input drives it, so that all
+/// that moves it is noise; or it explains nothing of an output and an error of the start does not
+/// fade, as in a model that integrates: then neither does what noise has added, and the simulation
+/// would fail with the true model too. In words; empty where it says something. Of a nonlinear model
+/// the transitions count that are linearised along the recording, at the smoothed states.
+/// @param fits  of the simulation
+std::string why_no_simulation(const Model& model, const ParameterSet& parameters,
+                              const Dataset& recording, const std::vector<ChannelFit>& fits);
+
+/// Fills `simulation` with the fit of these simulations; or says in a note why there is none.
 void report_simulation(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings);
 

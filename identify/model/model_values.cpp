@@ -167,6 +167,45 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
   return out;
 }
 
+namespace {
+
+double read_factor(const YamlNode& node, const std::string& prior) {
+  const double factor = read_plain_number(node, prior);
+  if (factor > 1.0) return factor;
+  throw InputError(node.at, fmt::format("factor of {} is {}", prior, describe(node)), "above 1");
+}
+
+// A data sheet's number: the standard deviation, within a factor.
+Prior read_prior_of_variance(const YamlNode& node, const std::string& unit,
+                             const std::string& prior) {
+  check_keys(node, prior, {"sd", "factor"});
+  const char* const example = "{sd: 0.1 deg, factor: 2}";
+  const YamlNode& at = required(node, "sd", prior, example);
+  const double factor = read_factor(required(node, "factor", prior, example), prior);
+  const Quantity sd = parse_quantity(text_of(at, prior), at.at, prior);
+  if (!(sd.number > 0.0)) {
+    throw InputError(at.at, fmt::format("sd of {} is {}", prior, describe(at)), "above 0");
+  }
+  const Unit own = known_unit(unit, at.at, prior);
+  if (sd.unit.empty()) {
+    return {Prior::Kind::log_normal, own.scale * sd.number * sd.number, factor * factor};
+  }
+  const std::string square = "(" + sd.unit + ")^2";
+  // A parameter in the sd's own unit is no variance; angles have no dimension to tell by.
+  if (!unit.empty() && unit == sd.unit && own.scale != 1.0) {
+    throw InputError(at.at,
+                     fmt::format("sd of {} is in {}, and so is the parameter, which is then no "
+                                 "variance",
+                                 prior, unit),
+                     "log-normal: {median: M, factor: F}");
+  }
+  if (!unit.empty()) check_unit(square, unit, at.at, prior);
+  const double value = known_unit(sd.unit, at.at, prior).scale * sd.number;
+  return {Prior::Kind::log_normal, value * value, factor * factor};
+}
+
+}  // namespace
+
 Prior read_prior(const YamlNode& node, const std::string& unit, const std::string& what) {
   struct Form {
     const char* name;
@@ -178,6 +217,9 @@ Prior read_prior(const YamlNode& node, const std::string& unit, const std::strin
                              {"normal", Prior::Kind::normal, "mean", "sd"},
                              {"log-normal", Prior::Kind::log_normal, "median", "factor"}};
   const std::string prior = "prior of " + what;
+  if (find(node, "sd") != nullptr || find(node, "factor") != nullptr) {
+    return read_prior_of_variance(node, unit, prior);
+  }
   check_keys(node, prior, names_of(kForms));
   if (node.keys.size() != 1) {
     throw InputError(node.at, fmt::format("{} has {} forms", prior, node.keys.size()), "one");
@@ -201,11 +243,11 @@ Prior read_prior(const YamlNode& node, const std::string& unit, const std::strin
     const YamlNode& second = required(body, form.second, prior, example);
     const bool factor = form.kind == Prior::Kind::log_normal;
     out.a = read_si(required(body, form.first, prior, example), unit, prior);
-    out.b = factor ? read_plain_number(second, prior) : read_si(second, unit, prior);
-    if (!(out.b > (factor ? 1.0 : 0.0))) {
+    out.b = factor ? read_factor(second, prior) : read_si(second, unit, prior);
+    if (!(out.b > 0.0)) {
       throw InputError(second.at,
                        fmt::format("{} of {} is {}", form.second, prior, describe(second)),
-                       factor ? "above 1" : "above 0");
+                       "above 0");
     }
   }
   const bool logarithm =

@@ -70,8 +70,10 @@ void check_value(const Parameter& parameter, const ParameterRule* rule, const Lo
 Parameter read_parameter(const std::string& name, const YamlNode& node, const ParameterRule* rule);
 
 /// {uniform: [LOW, HIGH]}, {log-uniform: [LOW, HIGH]}, {normal: {mean, sd}} or {log-normal:
-/// {median, factor}}; numbers in `unit` unless they carry one. Throws unless LOW < HIGH, sd > 0,
-/// factor > 1, and what a logarithm is taken of is above 0.
+/// {median, factor}}; numbers in `unit` unless they carry one. {sd, factor} is for variances: the
+/// standard deviation is log-normal, so that the variance is with sd^2 and factor^2; a bare sd is in
+/// the root of `unit`. Throws unless LOW < HIGH, sd > 0, factor > 1, and what a logarithm is taken
+/// of is above 0.
 Prior read_prior(const YamlNode& node, const std::string& unit, const std::string& what);
 
 /// What a channel of a built-in model is.

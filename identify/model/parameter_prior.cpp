@@ -75,23 +75,6 @@ Prior prior_of(const Model& model, const Parameter& p, double start, bool varian
                    "{log-uniform: [LOW, HIGH]}");
 }
 
-std::string in_words(const Prior& prior, const Unit& unit) {
-  const double a = unit.from_si(prior.a), b = unit.from_si(prior.b);
-  switch (prior.kind) {
-    case Prior::Kind::none:
-      return "";
-    case Prior::Kind::uniform:
-      return fmt::format("uniform {:.4g} .. {:.4g}", a, b);
-    case Prior::Kind::log_uniform:
-      return fmt::format("log-uniform {:.4g} .. {:.4g}", a, b);
-    case Prior::Kind::normal:
-      return fmt::format("normal {:.4g} +- {:.4g}", a, prior.b / unit.scale);
-    case Prior::Kind::log_normal:
-      return fmt::format("log-normal {:.4g} within a factor of {:.4g}", a, prior.b);
-  }
-  return "";
-}
-
 }  // namespace
 
 double PriorCoordinate::draw(Random& random) const {
@@ -179,7 +162,7 @@ ParameterPrior parameter_prior(const Model& model) {
     const bool scalar = p.domain == Domain::scalar;
     const Prior prior = prior_of(model, p, value, all.variance[e]);
     out.coordinates.push_back(number(prior, scalar ? p.min : 0.0, scalar ? p.max : kInfinity));
-    out.coordinates.back().words = in_words(prior, unit_or_dimensionless(p.unit));
+    out.coordinates.back().words = in_words(prior, p.unit);
   }
   // Of a full matrix, column by column: the variance, then the partial correlations below it.
   std::size_t at = 0;
@@ -229,6 +212,118 @@ VectorXd entries_at(const ParameterPrior& prior, const ParameterSet& parameters,
     out.segment(first, at - first) = lower_triangle(V);
   }
   return out;
+}
+
+namespace {
+
+bool is_uniform(const Prior& prior) {
+  return prior.kind == Prior::Kind::uniform || prior.kind == Prior::Kind::log_uniform;
+}
+
+// Of a log-normal one: 20 standard deviations below its median.
+double lowest_of(const Prior& prior) { return prior.a * std::pow(prior.b, -20.0); }
+
+// Calls visit(parameter, free entry, value) for every number that a stated prior is about.
+template <typename Visit>
+void for_each_stated(const ParameterSet& parameters, Visit&& visit) {
+  const ReportedEntries all = reported_entries(parameters);
+  Index entry = 0;
+  for (std::size_t e = 0; e < all.names.size(); ++e) {
+    const Parameter& p = parameters[all.parameter[e]];
+    if (p.fixed) continue;
+    const bool covariance = p.domain == Domain::positive_definite && !all.variance[e];
+    if (p.prior.kind != Prior::Kind::none && !covariance) {
+      visit(p, entry, all.value[static_cast<Index>(e)]);
+    }
+    ++entry;
+  }
+}
+
+}  // namespace
+
+PriorTerms stated_priors_at(const ParameterSet& parameters) {
+  const Index k = free_entries(parameters).size();
+  PriorTerms out{0.0, VectorXd::Zero(k), VectorXd::Zero(k)};
+  for_each_stated(parameters, [&](const Parameter& p, Index e, double x) {
+    if (is_uniform(p.prior)) return;
+    double residual = (x - p.prior.a) / p.prior.b, slope = 1.0 / p.prior.b;
+    if (p.prior.kind == Prior::Kind::log_normal) {
+      if (!(x > 0.0)) {
+        out.value = -kInfinity;
+        return;
+      }
+      residual = std::log(x / p.prior.a) / std::log(p.prior.b);
+      slope = 1.0 / (x * std::log(p.prior.b));
+    }
+    out.value -= 0.5 * residual * residual;
+    out.gradient[e] = -residual * slope;
+    out.information[e] = slope * slope;
+  });
+  return out;
+}
+
+Box prior_box(const Model& model) {
+  Box out = coordinate_box(model.parameters);
+  for_each_stated(model.parameters, [&](const Parameter& p, Index e, double) {
+    const bool full = p.domain == Domain::positive_definite;
+    if (full && is_uniform(p.prior)) {
+      throw InputError(
+          {model.source, 0, 0},
+          fmt::format("the variances of {} have a prior with limits, and a full matrix "
+                      "is not searched by its variances",
+                      p.name),
+          "log-normal: {median: M, factor: F}", "or --method bayes");
+    }
+    if (is_uniform(p.prior)) {
+      out.lower[e] = std::max(out.lower[e], p.prior.a);
+      out.upper[e] = std::min(out.upper[e], p.prior.b);
+    }
+    if (!full && p.prior.kind == Prior::Kind::log_normal) {
+      out.lower[e] = std::max(out.lower[e], lowest_of(p.prior));
+    }
+  });
+  return out;
+}
+
+ParameterSet started_within_priors(ParameterSet parameters) {
+  for (Parameter& p : parameters) {
+    if (p.fixed || p.prior.kind == Prior::Kind::none || p.prior.kind == Prior::Kind::normal)
+      continue;
+    const bool scalar = p.domain == Domain::scalar;
+    for (Index i = 0; i < p.value.rows(); ++i) {
+      double& x = p.value(i, i);
+      if (p.prior.kind == Prior::Kind::log_normal && !(x > lowest_of(p.prior))) x = p.prior.a;
+      if (is_uniform(p.prior)) x = std::min(std::max(x, p.prior.a), p.prior.b);
+      if (scalar) x = std::min(std::max(x, p.min), p.max);
+    }
+  }
+  return parameters;
+}
+
+std::vector<std::string> names_with_priors(const ParameterSet& parameters) {
+  std::vector<std::string> out;
+  for (const Parameter& p : parameters) {
+    if (!p.fixed && p.prior.kind != Prior::Kind::none) out.push_back(p.name);
+  }
+  return out;
+}
+
+std::string in_words(const Prior& prior, const std::string& unit_name) {
+  const Unit unit = unit_or_dimensionless(unit_name);
+  const double a = unit.from_si(prior.a), b = unit.from_si(prior.b);
+  switch (prior.kind) {
+    case Prior::Kind::none:
+      return "";
+    case Prior::Kind::uniform:
+      return fmt::format("uniform {:.4g} .. {:.4g}", a, b);
+    case Prior::Kind::log_uniform:
+      return fmt::format("log-uniform {:.4g} .. {:.4g}", a, b);
+    case Prior::Kind::normal:
+      return fmt::format("normal {:.4g} +- {:.4g}", a, prior.b / unit.scale);
+    case Prior::Kind::log_normal:
+      return fmt::format("log-normal {:.4g} within a factor of {:.4g}", a, prior.b);
+  }
+  return "";
 }
 
 }  // namespace identikal

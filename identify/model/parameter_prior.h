@@ -57,4 +57,30 @@ ParameterPrior parameter_prior(const Model& model);
 Eigen::VectorXd entries_at(const ParameterPrior& prior, const ParameterSet& parameters,
                            const Eigen::VectorXd& x);
 
+/// What the priors that a model file states add to a log-likelihood, up to a constant, and its
+/// derivatives by the free entries. The density is that of the prior's own coordinates, of the
+/// number or of its logarithm, so that without data a number comes out at the mean or median.
+/// Uniform priors add nothing inside their limits: prior_box().
+struct PriorTerms {
+  double value = 0.0;           ///< -infinity where a logarithm does not exist
+  Eigen::VectorXd gradient;     ///< one per free entry
+  Eigen::VectorXd information;  ///< of each by itself; not negative
+};
+PriorTerms stated_priors_at(const ParameterSet& parameters);
+
+/// The limits of an optimiser's coordinates that uniform priors set, inside the parameters' own; of
+/// a log-normal one, what lies more than 20 of its standard deviations below the median.
+/// @throws InputError for a uniform prior of the variances of a full matrix: they are no
+/// coordinates
+Box prior_box(const Model& model);
+
+/// The free parameters at starts that their stated priors allow.
+ParameterSet started_within_priors(ParameterSet parameters);
+
+/// The free parameters that have a stated prior.
+std::vector<std::string> names_with_priors(const ParameterSet& parameters);
+
+/// "log-normal 0.04 within a factor of 4", in the unit; empty without one.
+std::string in_words(const Prior& prior, const std::string& unit);
+
 }  // namespace identikal

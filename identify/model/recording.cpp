@@ -66,7 +66,9 @@ Dataset on_grid_of(const Model& model, Dataset data) {
   const bool whole = data.time.size() == data.y.cols() && data.time.allFinite() && rises;
   if (has_filter(model) && !irregular && whole && data.dt > 0.0) {
     const double step = model.time.step;
-    const bool as_model = step > 0.0 && std::abs(data.dt - step) <= 0.01 * step;
+    // Times that are several steps of the model apart are on its grid, with rows absent.
+    const bool as_model =
+        step > 0.0 && (std::abs(data.dt - step) <= 0.01 * step || has_rows_absent(data.time, step));
     try {
       data = on_uniform_grid(data, as_model ? step : data.dt);
     } catch (const InputError& error) {

@@ -14,6 +14,7 @@
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/model/check.h"
+#include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/minimum_rank.h"
 #include "lib/filter/information.h"
@@ -95,6 +96,23 @@ VectorXd times_in_full_matrix(Index lags, Index ny) {
   return stacked(out);
 }
 
+// min and max of the free entries, as far as there are any.
+std::vector<PsdBlock> bounds_of(const ParameterSet& parameters) {
+  std::vector<PsdBlock> out;
+  Index e = 0;
+  for (const Parameter& p : parameters) {
+    if (p.fixed) continue;
+    if (p.domain == Domain::scalar && std::isfinite(p.min)) {
+      out.push_back(lower_bound_block(e, p.min));
+    }
+    if (p.domain == Domain::scalar && std::isfinite(p.max)) {
+      out.push_back(upper_bound_block(e, p.max));
+    }
+    e += free_entries({p}).size();
+  }
+  return out;
+}
+
 class Als {
  public:
   Als(const Model& model, const std::vector<Dataset>& recordings)
@@ -103,8 +121,15 @@ class Als {
         basis_(model_derivatives(linear_, model.parameters)) {
     const VectorXd zero = VectorXd::Zero(static_cast<Index>(basis_.size()));
     fixed_ = instantiate(linear_, with_entries(parameters_, zero));
-    for (const StateSpace& d : basis_) joint_basis_.push_back(joint_covariance(d));
-    blocks_ = independent_blocks(joint_covariance(fixed_), joint_basis_);
+    // As they are written: what becomes of a density over one sample is positive definite for some
+    // that are negative.
+    joint_fixed_ = joint_covariance(written(zero));
+    for (Index e = 0; e < zero.size(); ++e) {
+      const StateSpace here = written(VectorXd::Unit(zero.size(), e));
+      joint_basis_.push_back(joint_covariance(here) - joint_fixed_);
+    }
+    blocks_ = independent_blocks(joint_fixed_, joint_basis_);
+    limits_ = bounds_of(parameters_);
     for (const Dataset& data : recordings) {
       recordings_.push_back({data.y, model_inputs(linear_, data.u)});
       gaps_ = gaps_ || data.y.hasNaN();
@@ -116,8 +141,10 @@ class Als {
   }
   const std::vector<StateSpace>& basis() const { return basis_; }
   const std::vector<PsdBlock>& blocks() const { return blocks_; }
-  const StateSpace& fixed() const { return fixed_; }
+  const std::vector<PsdBlock>& limits() const { return limits_; }
+  const MatrixXd& joint_fixed() const { return joint_fixed_; }
   const std::vector<MatrixXd>& joint_basis() const { return joint_basis_; }
+  Index process_noises() const { return written(free_entries(parameters_)).Q.rows(); }
 
   // Nothing when the recordings are no longer than the filter's memory.
   std::optional<Regression> regression(const MatrixXd& L, Index lags, bool full_matrix) const {
@@ -204,19 +231,24 @@ class Als {
     return out;
   }
 
+  StateSpace written(const VectorXd& theta) const {
+    return written_matrices(linear_, with_entries(parameters_, theta));
+  }
+
   const LinearModel& linear_;
   const ParameterSet& parameters_;
   std::vector<StateSpace> basis_;
+  MatrixXd joint_fixed_;  // [Q S; S' R] with every free entry at zero
   std::vector<MatrixXd> joint_basis_;
   StateSpace fixed_;  // with every free entry at zero
-  std::vector<PsdBlock> blocks_;
+  std::vector<PsdBlock> blocks_, limits_;
   std::vector<Recording> recordings_;
   bool gaps_ = false;
 };
 
-PsdSolution solve(const MatrixXd& design, const VectorXd& target,
-                  const std::vector<PsdBlock>& blocks) {
-  return minimise({design.transpose() * design, design.transpose() * target, blocks});
+PsdSolution solve(const MatrixXd& design, const VectorXd& target, const Als& als) {
+  return minimise(
+      {design.transpose() * design, design.transpose() * target, als.blocks(), als.limits()});
 }
 
 struct Fit {
@@ -242,7 +274,7 @@ Fit fit_under_gain(const Als& als, Regression regression, const MatrixXd& L, boo
   const Regression& r = out.regression;
   const VectorXd target = r.sample - r.constant;
   if (!weighted || !start) {
-    out.solution = solve(out.weighed(r.design), out.weighed(target), als.blocks());
+    out.solution = solve(out.weighed(r.design), out.weighed(target), als);
     out.passes = 1;
     if (!weighted || !out.solution.summary.usable()) return out;
   }
@@ -250,7 +282,7 @@ Fit fit_under_gain(const Als& als, Regression regression, const MatrixXd& L, boo
   for (bool settled = false; !settled && out.passes < kMostPasses; ++out.passes) {
     out.weight = als.error_factor(r, L, theta);
     const MatrixXd design = out.weighed(r.design);
-    out.solution = solve(design, out.weighed(target), als.blocks());
+    out.solution = solve(design, out.weighed(target), als);
     if (!out.solution.summary.usable()) return out;
     // Weighted residuals have unit variance, and so has theta by design' design.
     settled = (design * (out.solution.x - theta)).norm() <= kSettled;
@@ -304,8 +336,10 @@ Fit fit(const Model& model, const Als& als, const std::vector<Dataset>& recordin
   return out;
 }
 
-// Entries of a block that the constraint holds at its boundary.
-std::vector<bool> at_boundary(const Fit& fit, const std::vector<PsdBlock>& blocks) {
+// Entries of a block or a bound that the constraint holds at its boundary.
+std::vector<bool> at_boundary(const Fit& fit, const Als& als) {
+  std::vector<PsdBlock> blocks = als.blocks();
+  blocks.insert(blocks.end(), als.limits().begin(), als.limits().end());
   std::vector<bool> out(static_cast<std::size_t>(fit.solution.x.size()), false);
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     if (fit.solution.blocks[b].zero_eigenvalues == 0) continue;
@@ -352,6 +386,16 @@ Findings check_boundary(const Estimate& estimate, const Fit& fit) {
     if (p.fixed) continue;
     ++i;
     if (p.verdict != Verdict::at_bound) continue;
+    const bool lower = p.value == p.bounds[0], upper = p.value == p.bounds[1];
+    if (fit.solution.x[i] != 0.0 && (lower || upper)) {
+      out.push_back({FindingCode::at_bound,
+                     Severity::warning,
+                     {p.name},
+                     fmt::format("{} ended at its {} bound {:.6g}", p.name,
+                                 lower ? "lower" : "upper", p.value),
+                     "widen the bound in the model file if it is not physical"});
+      continue;
+    }
     out.push_back(make_finding(
         FindingCode::at_bound, {p.name},
         fit.solution.x[i] == 0.0
@@ -364,7 +408,7 @@ Findings check_boundary(const Estimate& estimate, const Fit& fit) {
 
 void judge(Estimate& estimate, const Als& als, const Fit& fit, const Model& model,
            const std::vector<Dataset>& recordings) {
-  const InteriorParameters inside = interior_parameters(estimate, at_boundary(fit, als.blocks()));
+  const InteriorParameters inside = interior_parameters(estimate, at_boundary(fit, als));
   const Regression& r = fit.regression;
   const Eigen::LLT<MatrixXd> error = als.error_factor(r, fit.L, fit.solution.x);
   report_boundary(estimate, fit, error);
@@ -404,14 +448,17 @@ void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
   const auto W = error.matrixL();
   const MinimumRank found = minimum_rank({{fit.weighed(r.design), fit.weighed(target)},
                                           {W.solve(r.design), W.solve(target)},
-                                          joint_covariance(als.fixed()),
+                                          als.joint_fixed(),
                                           als.joint_basis(),
-                                          als.fixed().Q.rows()});
+                                          als.process_noises(),
+                                          als.limits()});
   estimate.minimum_rank = found.report;
   fit.solution.x = found.theta;
-  for (std::size_t b = 0; b < als.blocks().size(); ++b) {
+  std::vector<PsdBlock> blocks = als.blocks();
+  blocks.insert(blocks.end(), als.limits().begin(), als.limits().end());
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
     constexpr double kZero = 1e-9;
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(value(als.blocks()[b], found.theta),
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(value(blocks[b], found.theta),
                                                         Eigen::EigenvaluesOnly);
     fit.solution.blocks[b].zero_eigenvalues =
         (eigen.eigenvalues().array() <= kZero * eigen.eigenvalues().maxCoeff()).count();
@@ -423,6 +470,11 @@ void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
 namespace {
 
 void check_model_for_als(const Model& model, Index lags) {
+  if (const auto priors = names_with_priors(model.parameters); !priors.empty()) {
+    throw InputError({model.source, 0, 0},
+                     fmt::format("als has no place for the prior of '{}'", priors[0]), "no prior",
+                     "--method ml or bayes, which honour it, or remove it from the model file");
+  }
   if (lags < 0) throw std::invalid_argument(fmt::format("lags is {}; expected 0 or more", lags));
   if (!is_linear_in_parameters(as_linear(model), model.parameters)) {
     throw InputError({model.source, 0, 0}, "als is linear in what it seeks, and the model is not",

@@ -27,10 +27,11 @@ struct NoiseAlsOptions {
 /// all recordings on the free entries of Q, R and S,
 ///
 ///   minimise || W^(1/2) (sum_e theta_e Y(dQ_e, dR_e, dS_e) - sample Y) ||^2,
-///   [Q S; S' R] positive semidefinite,
+///   [Q S; S' R] positive semidefinite, min <= theta_e <= max where a parameter has them,
 ///
-/// under the gain of the model's own values. The constraint is part of the problem: a variance that
-/// ends at zero is reported as such. Standard errors from the covariance of the sample
+/// under the gain of the model's own values. The constraints are part of the problem, which stays
+/// convex: a variance that ends at zero, or at another bound, is reported as such. Q is the one
+/// that the model writes: in continuous time a density. Standard errors from the covariance of the sample
 /// autocovariances at the estimate; alongside the Cramér-Rao bound from outputs alone. Only noise
 /// can be free. Sources: Odelson, Rajamani & Rawlings (2006), Automatica 42; Rajamani & Rawlings
 /// (2009), Automatica 45 (single column); Akesson et al. (2008) for S; Matisko (2013), section 4.3.
@@ -39,7 +40,7 @@ struct NoiseAlsOptions {
 ///
 ///     const auto estimate = tune_als(model, recordings, {.lags = 20});
 ///
-/// @throws InputError as check_recordings(), when anything but noise is free, when the model's
+/// @throws InputError as check_recordings(), when anything but noise is free or a prior is stated, when the model's
 /// values give no stable filter, when the recordings are shorter than its memory, and when there
 /// are more than 6000 autocovariances to weigh
 NoiseEstimate tune_als(const Model& model, const std::vector<Dataset>& recordings,

@@ -15,6 +15,7 @@
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/importance_sample.h"
 #include "identify/noise/internal/posterior_grid.h"
 #include "lib/base/constants.h"
 #include "lib/base/random.h"
@@ -66,6 +67,7 @@ std::optional<PosteriorPoints> on_grid(const ParameterPrior& prior, const Densit
   out.summary.message = "the posterior is summed on a grid";
   out.summary.evaluations = drawn.summary.evaluations + grid->evaluations;
   out.on_grid = true;
+  out.method = "grid";
   return out;
 }
 
@@ -74,7 +76,8 @@ PosteriorPoints by_sampling(const ParameterPrior& prior, const Density& log_like
   SampleOptions sampling;
   sampling.draws = options.draws;
   sampling.seed = options.seed;
-  sampling.progress = options.progress;
+  sampling.max_seconds = options.max_seconds;
+  sampling.moved = options.progress;
   const PosteriorSample drawn = drawn_from(prior, log_likelihood, sampling);
   PosteriorPoints out;
   out.coordinates = drawn.draws;
@@ -116,8 +119,11 @@ PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& record
         with_entries(model.parameters, entries_at(prior, model.parameters, x)), false);
     return at == nullptr ? -kInfinity : at->value;
   };
+  if (is_formula_model(model)) {
+    if (auto weighed = importance_sample(model, prior, likelihood, options)) return *weighed;
+  }
   std::optional<PosteriorPoints> summed;
-  if (options.grid && prior.coordinates.size() <= 2) {
+  if (!is_formula_model(model) && options.grid && prior.coordinates.size() <= 2) {
     summed = on_grid(prior, log_likelihood, options);
   }
   PosteriorPoints out = summed ? *summed : by_sampling(prior, log_likelihood, options);
@@ -207,13 +213,23 @@ Findings check_priors(const Estimate& estimate, const Posterior& posterior) {
 }
 
 // Draws on their way from the prior are none of the posterior: there is nothing to estimate from.
-NoiseEstimate stopped_at_start(const Model& model, const PosteriorPoints& points) {
+NoiseEstimate stopped_at_start(const Model& model, const PosteriorPoints& points,
+                               const NoiseBayesOptions& options) {
   NoiseEstimate out;
   out.model_name = model.name;
   out.objective.method = "bayes";
   out.objective.evaluations = points.summary.evaluations;
   list_parameters(out, model.parameters, model.parameters);
-  append(out.findings, check_search(out, points.summary));
+  SolverSummary summary = points.summary;
+  if (summary.termination == Termination::time_limit) {
+    summary.message = fmt::format(
+        "the posterior was not reached in {:.0f} s, {} filter runs of {:.2g} ms each: fewer free "
+        "parameters, narrower priors, a part of the recording (--range), fewer --draws or a larger "
+        "--time-limit; --method ml answers without draws",
+        options.max_seconds, summary.evaluations,
+        1e3 * options.max_seconds / std::max(1, summary.evaluations));
+  }
+  append(out.findings, check_search(out, summary));
   conclude(out, "");
   return out;
 }
@@ -223,7 +239,10 @@ NoiseEstimate tune_bayes(const Model& given, const std::vector<Dataset>& recordi
   const Model model = checked(given, recordings);
   check_recordings(model, recordings);
   const PosteriorPoints points = posterior(model, recordings, options);
-  if (points.summary.termination == Termination::stopped) return stopped_at_start(model, points);
+  const Termination ended = points.summary.termination;
+  if (ended == Termination::stopped || ended == Termination::time_limit) {
+    return stopped_at_start(model, points, options);
+  }
   if (!points.summary.usable()) {
     refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());
   }
@@ -231,8 +250,7 @@ NoiseEstimate tune_bayes(const Model& given, const std::vector<Dataset>& recordi
   estimate.model_name = model.name;
   estimate.objective.method = "bayes";
   estimate.objective.evaluations = points.summary.evaluations;
-  estimate.posterior =
-      report_posterior(estimate, model, points, points.on_grid ? "grid" : "sequential Monte Carlo");
+  estimate.posterior = report_posterior(estimate, model, points, points.method);
   append(estimate.findings, check_priors(estimate, *estimate.posterior));
   append(estimate.findings, check_search(estimate, points.summary, " beyond their priors"));
   const ParameterSet end = with_entries(model.parameters, points.entries * points.weight);

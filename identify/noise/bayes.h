@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "identify/estimate/results.h"
@@ -16,8 +17,10 @@ struct NoiseBayesOptions {
   Eigen::Index draws = 2000;  ///< of sequential Monte Carlo
   std::uint64_t seed = 1;
   bool grid = true;  ///< where one or two numbers are unknown, on a grid that checks itself
-  /// Called after every stage of sequential Monte Carlo; return false to stop, not converged.
-  std::function<bool(double temperature)> progress;
+  /// Of sequential Monte Carlo: not converged when it takes longer.
+  double max_seconds = 300.0;
+  /// Called while draws are made, with the share that is done; return false to stop, not converged.
+  std::function<bool(double share)> progress;
 };
 
 /// A posterior as points with weights that sum to one.
@@ -28,11 +31,14 @@ struct PosteriorPoints {
   Eigen::VectorXd log_density;  ///< n, prior times likelihood by the coordinates, up to a constant
   double log_evidence = 0.0;
   double effective = 0.0;
-  bool on_grid = false;  ///< else drawn by sequential Monte Carlo
+  bool on_grid = false;
+  std::string method = "sequential Monte Carlo";  ///< or "grid", "importance sampling"
   SolverSummary summary;
 };
 
-/// The posterior of all free parameters under parameter_prior() (identify/model/parameter_prior.h).
+/// The posterior of all free parameters under parameter_prior() (identify/model/parameter_prior.h):
+/// of one or two numbers on a grid, of more by sequential Monte Carlo. A nonlinear model, whose
+/// likelihood is dear, by importance sampling where its posterior allows it.
 /// @throws InputError as parameter_prior()
 PosteriorPoints posterior(const Model& model, const std::vector<Dataset>& recordings,
                           const NoiseBayesOptions& options = {});

@@ -187,6 +187,59 @@ Findings check_tails(const FilterEstimate& estimate) {
   return out;
 }
 
+// The free parameters at zero that the noise of output i comes from, which is zero with them.
+std::vector<const EstimatedParameter*> vanished_noise(const Estimate& estimate, const Model& model,
+                                                      const ParameterSet& end, Index i) {
+  const Eigen::VectorXd z = free_entries(end);
+  const auto noise_at = [&](const Eigen::VectorXd& entries) {
+    return instantiate(noise_model(model), with_entries(end, entries)).R(i, i);
+  };
+  std::vector<const EstimatedParameter*> out;
+  if (noise_at(z) != 0.0) return out;
+  Index e = -1;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.fixed) continue;
+    ++e;
+    if (p.value == 0.0 && noise_at(z + Eigen::VectorXd::Unit(z.size(), e)) != 0.0) {
+      out.push_back(&p);
+    }
+  }
+  return out;
+}
+
+// No sensor is without noise, and the likelihood says so only within its limits.
+Findings check_measurement_noise(const Estimate& estimate, const Model& model,
+                                 const ParameterSet& end, const std::vector<Channel>& outputs) {
+  Findings out;
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const auto vanished = vanished_noise(estimate, model, end, static_cast<Index>(i));
+    if (vanished.empty()) continue;
+    const EstimatedParameter& p = *vanished.front();
+    const auto same = std::find_if(out.begin(), out.end(),
+                                   [&](const Finding& f) { return f.about.front() == p.name; });
+    if (same != out.end()) {  // one number is the noise of several
+      same->about.push_back(outputs[i].name);
+      continue;
+    }
+    std::string text = fmt::format(
+        "the measurement noise of '{}' was estimated as zero ({} = 0): no sensor is without, and a "
+        "filter made with it takes every sample for the truth",
+        outputs[i].name, p.name);
+    std::string remedy =
+        "state what the data sheet says, as prior: {sd: ..., factor: 2} of " + p.name;
+    if (std::isfinite(p.ci95[1])) {
+      const std::string limit =
+          fmt::format("{:.4g}{}{}", p.ci95[1], p.unit.empty() ? "" : " ", p.unit);
+      text += fmt::format("; the recording allows up to {} = {} (95 %)", p.name, limit);
+      remedy = fmt::format("fix it at that limit, {}: {} under parameters, or {}", p.name, limit,
+                           remedy);
+    }
+    out.push_back(
+        make_finding(FindingCode::no_measurement_noise, {p.name, outputs[i].name}, text, remedy));
+  }
+  return out;
+}
+
 // AIC and BIC of what comes behind a diffuse start.
 void report_criteria(Objective& objective, double unknowns, const Model& model,
                      const ParameterSet& end, const std::vector<Dataset>& recordings) {
@@ -232,6 +285,7 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   append(estimate.findings, check_innovations(estimate));
   append(estimate.findings, check_tails(estimate));
   append(estimate.findings, check_sampling(estimate, model, end, recordings));
+  append(estimate.findings, check_measurement_noise(estimate, model, end, recordings[0].outputs));
 }
 
 namespace {

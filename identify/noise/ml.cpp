@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
@@ -16,6 +17,7 @@
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
+#include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "identify/noise/likelihood_profile.h"
@@ -69,8 +71,9 @@ Search search(const LikelihoodProblem& problem, const ParameterSet& parameters,
   std::vector<Solution> ends;
   bool stopped = false;
   for (int s = 0; s < options.starts && !stopped; ++s) {
-    const VectorXd start =
+    VectorXd start =
         s == 0 ? coordinates(parameters) : coordinates(scattered_start(parameters, random));
+    start = start.cwiseMax(problem.lower).cwiseMin(problem.upper);
     SolverOptions solver;
     solver.decrement_tolerance = 1e-15;
     std::vector<double> path;
@@ -425,6 +428,24 @@ Findings check_bounds(const Estimate& estimate, const LikelihoodProblem& problem
   return out;
 }
 
+// What counted beside the data.
+void report_priors(Estimate& estimate, const ParameterSet& end) {
+  const std::vector<std::string> names = names_with_priors(end);
+  if (names.empty()) return;
+  const ReportedEntries entries = reported_entries(end);
+  for (std::size_t e = 0; e < estimate.parameters.size(); ++e) {
+    EstimatedParameter& p = estimate.parameters[e];
+    const Parameter& of = end[entries.parameter[e]];
+    const bool covariance = of.domain == Domain::positive_definite && !entries.variance[e];
+    if (!p.fixed && !covariance) p.prior = in_words(of.prior, p.unit);
+  }
+  if (!estimate.covariance_kind.empty()) estimate.covariance_kind += ", priors included";
+  estimate.notes.push_back(
+      fmt::format("maximum a posteriori: the prior of {} counts; log-likelihood, AIC and BIC are "
+                  "those of the data alone",
+                  fmt::join(names, ", ")));
+}
+
 std::string evaluation_method(EvaluationMethod method) {
   switch (method) {
     case EvaluationMethod::autocovariances:
@@ -472,7 +493,8 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   if (options.starts < 1) {
     throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
   }
-  const Model model = checked(given, recordings);
+  Model model = checked(given, recordings);
+  model.parameters = started_within_priors(model.parameters);
   const ParameterSet& parameters = model.parameters;
   NoiseEstimate estimate;
   estimate.model_name = model.name;
@@ -484,6 +506,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
     refuse_filter(model, recordings, start);
   }
   likelihood.condition_on_beginning();
+  likelihood.weigh_by_priors();
   const LikelihoodProblem problem = likelihood.problem();
   Search found = search(problem, parameters, options);
   // The integration was as fine as the start needs it; all starts are compared on the same.
@@ -495,13 +518,14 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   const ParameterSet end = with_coordinates(parameters, found.best.x);
   list_parameters(estimate, parameters, end);
   Objective& objective = estimate.objective;
-  objective.log_likelihood_start =
-      found.start_value + likelihood.log_likelihood_of_beginning(parameters);
+  objective.log_likelihood_start = found.start_value - stated_priors_at(parameters).value +
+                                   likelihood.log_likelihood_of_beginning(parameters);
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
   objective.starts = found.tried;
   objective.starts_at_optimum = found.agree;
   judge(estimate, likelihood, problem, end, found.best);
+  report_priors(estimate, end);
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
          check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));

@@ -23,7 +23,9 @@ struct NoiseMlOptions {
 };
 
 /// Maximises the innovations' log-likelihood (lib/filter/likelihood.h) of all recordings over every
-/// free parameter of a linear model: covariances, and any other entry. Standard errors from the
+/// free parameter of a linear model: covariances, and any other entry. A prior that the model file
+/// states is added to it (identify/model/parameter_prior.h): the estimate is then the most probable
+/// point, and errors hold what the priors say. Standard errors from the
 /// observed information (differences of the exact gradient); beside them the Cramér-Rao bound from
 /// the expected information. A variance that ends at zero gets no interval but an upper limit from
 /// the profile likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman

@@ -67,7 +67,9 @@ std::string telling_lags(const VectorXd& e, int lags) {
   const VectorXd r = autocorrelation(e, lags, &pairs);
   std::vector<int> order(static_cast<std::size_t>(lags));
   std::iota(order.begin(), order.end(), 0);
-  const auto size = [&](int k) { return std::abs(r[k]) * std::sqrt(pairs[k]); };
+  const auto size = [&](int k) {  // nothing where there is no pair
+    return std::isfinite(r[k]) ? std::abs(r[k]) * std::sqrt(pairs[k]) : 0.0;
+  };
   std::sort(order.begin(), order.end(), [&](int a, int b) { return size(a) > size(b); });
   std::string out;
   for (std::size_t i = 0; i < order.size() && i < 3; ++i) {
@@ -86,7 +88,8 @@ std::string telling_pair(const MatrixXd& e, int lags, const std::vector<Channel>
   double largest = -1.0;
   for (std::size_t k = 1; k < gamma.size(); ++k) {
     Index i = 0, j = 0;
-    const double value = gamma[k].cwiseAbs().maxCoeff(&i, &j);
+    const double value =
+        gamma[k].array().isFinite().select(gamma[k].cwiseAbs(), 0.0).maxCoeff(&i, &j);
     if (value > largest) {
       largest = value;
       row = i;
@@ -231,7 +234,8 @@ Optimality test_optimality(const Model& model, const std::vector<Dataset>& recor
   const std::vector<Channel>& outputs = recordings[0].outputs;
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
-  const int most = default_lags(shortest), gap = std::max({most, kPairLags, kInputLags});
+  const int most = default_lags(shortest);
+  const Index gap = rows_apart(filters, std::max({most, kPairLags, kInputLags}));
   // With more, Ljung and Box' statistic of a short record scatters more than its distribution says.
   const int lags = std::clamp(static_cast<int>(shortest) / 20, 1, most);
   const MatrixXd e = side_by_side(filters, gap);

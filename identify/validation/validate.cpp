@@ -186,7 +186,7 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
   const UnseenTests unseen(result, recordings, outputs.size() + by_input.size());
   const int lags = default_lags(shortest);
-  const Eigen::MatrixXd all = side_by_side(filters, lags);
+  const Eigen::MatrixXd all = side_by_side(filters, rows_apart(filters, lags));
   estimate.tests.clear();
   if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
   if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {

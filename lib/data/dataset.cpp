@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 
@@ -177,6 +178,31 @@ double median_step(const double* first, const double* last) {
   std::nth_element(steps.begin(), middle, steps.end());
   if (steps.size() % 2 == 1) return *middle;
   return 0.5 * (*middle + *std::max_element(steps.begin(), middle));
+}
+
+// Are the stamps whole numbers of steps apart, and not all the same multiple of one? Then rows are
+// absent from a grid of that step; all two steps apart, they are a grid of their own.
+bool on_some_of_grid(const double* first, const double* last, double step) {
+  constexpr double kTolerance = 0.01, kMost = 1e6;
+  long common = 0;
+  for (const double* t = first; t + 1 < last; ++t) {
+    const double steps = (t[1] - t[0]) / step, whole = std::round(steps);
+    if (!(whole >= 1.0 && whole < kMost && std::abs(steps - whole) <= kTolerance)) return false;
+    common = std::gcd(common, static_cast<long>(whole));
+  }
+  return common == 1;
+}
+
+// The longest step, from the shortest distance down to a twentieth of it, of which some rows are
+// absent; 0: none.
+double grid_of(const double* first, const double* last) {
+  constexpr int kFinest = 20;
+  double shortest = kInfinity;
+  for (const double* t = first; t + 1 < last; ++t) shortest = std::min(shortest, t[1] - t[0]);
+  for (int parts = 1; parts <= kFinest; ++parts) {
+    if (on_some_of_grid(first, last, shortest / parts)) return shortest / parts;
+  }
+  return 0.0;
 }
 
 // Rows [first, last) of the table.
@@ -380,7 +406,10 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
     }
     const double median =
         median_step(t.data() + rows.first, t.data() + rows.last) * stamps.to_seconds;
-    if (time.step > 0.0 && std::abs(median - time.step) > 0.01 * time.step) {
+    const double step = time.step / stamps.to_seconds;
+    const bool absent = time.rows_absent && time.step > 0.0 &&
+                        on_some_of_grid(t.data() + rows.first, t.data() + rows.last, step);
+    if (time.step > 0.0 && !absent && std::abs(median - time.step) > 0.01 * time.step) {
       throw InputError(place(time.at, table),
                        "the rows of " + data.name + " are " + rounded(median) + " s apart (median)",
                        rounded(time.step) + " s, the step of the model");
@@ -432,6 +461,10 @@ Dataset samples_from(const Dataset& data, Index first) {
   return out;
 }
 
+bool has_rows_absent(const Eigen::VectorXd& time, double step) {
+  return on_some_of_grid(time.data(), time.data() + time.size(), step);
+}
+
 Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
   if (!(step > 0.0) || !std::isfinite(step)) {
     throw std::invalid_argument("on_uniform_grid: step is " + number(step) +
@@ -445,11 +478,15 @@ Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
     const double steps = (data.time[i] - data.time[i - 1]) / step;
     const double whole = std::round(steps);
     if (!(whole >= 1.0 && std::abs(steps - whole) <= tolerance)) {
+      const double grid = grid_of(data.time.data(), data.time.data() + n);
       throw InputError({data.name},
                        "time " + number(data.time[i]) + " s is " + rounded(steps) +
                            " steps after the row before",
                        "a whole number of steps of " + rounded(step) + " s",
-                       "resample the recording, or use a continuous-time model");
+                       grid > 0.0 ? "the stamps are on a grid of " + rounded(grid) +
+                                        " s with rows absent: 'step: " + rounded(grid) +
+                                        " s' under 'time' in the model file takes them so"
+                                  : "resample the recording, or use a continuous-time model");
     }
     k += whole;
     if (k + 1.0 > most) {

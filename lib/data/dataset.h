@@ -65,6 +65,9 @@ struct TimeSource {
   double step = 0.0;   ///< [s]; with a column: the expected step, or 0 to take the median
   Location at;
   bool restarts = false;  ///< several runs in one file: each begins where the stamps go back
+  /// Rows may be absent: stamps that are different whole numbers of `step` apart are taken, wherever
+  /// their median lies.
+  bool rows_absent = false;
 };
 
 /// Which rows to use, in seconds from the first row's time, both ends included. Infinite = no
@@ -110,7 +113,7 @@ Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
 /// column
 ///   (line and column of the first), an unknown unit, a unit of another dimension than si_unit, a
 ///   unit in the file that contradicts the model's, a missing, duplicate or backward time stamp
-///   (its line), a median step more than 1 % off the step given, neither time column nor step, a
+///   (its line), a median step more than 1 % off the step given (but for rows_absent), neither time column nor step, a
 ///   column without any number in the range, fewer than two time stamps, or no row inside the
 ///   range.
 /// @param references  columns that may be absent or without numbers: a note says so
@@ -125,6 +128,15 @@ Dataset first_samples(const Dataset& data, Eigen::Index count);
 
 /// The rows from number `first` (0-based) on.
 Dataset samples_from(const Dataset& data, Eigen::Index first);
+
+/// Are the times whole numbers of steps apart, to 1 % of a step, and not all a multiple of one
+/// number? Then rows are absent from a grid of that step: 0.2 s and 0.3 s of one of 0.1 s, where 0.2 s
+/// throughout are a grid of their own.
+///
+/// Example:
+///
+///     if (has_rows_absent(data.time, 0.1)) std::puts("a grid of 0.1 s, rows are absent");
+bool has_rows_absent(const Eigen::VectorXd& time, double step);
 
 /// Puts a recording onto the uniform sampling grid that a discrete-time model needs: rows whose
 /// time stamps are a whole number of steps apart keep their values, rows that are absent become

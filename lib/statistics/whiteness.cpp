@@ -26,14 +26,26 @@ Eigen::VectorXd centred(const Eigen::Ref<const Eigen::VectorXd>& e) {
 
 }  // namespace
 
+Eigen::Index own_period(const Eigen::Ref<const Eigen::VectorXd>& e) {
+  constexpr Eigen::Index kLongest = 100;
+  const Eigen::Array<bool, Eigen::Dynamic, 1> present = e.array() == e.array();
+  const Eigen::Index n = present.count();
+  for (Eigen::Index k = 1; k <= std::min(kLongest, e.size() - 1); ++k) {
+    const Eigen::Index rows = e.size() - k;
+    if (4 * (present.head(rows) && present.tail(rows)).count() >= n) return k;
+  }
+  return 1;
+}
+
 Eigen::VectorXd autocorrelation(const Eigen::Ref<const Eigen::VectorXd>& e, int lags,
                                 Eigen::VectorXd* pairs) {
   Eigen::VectorXd r = Eigen::VectorXd::Constant(lags, kNaN);
   if (pairs != nullptr) *pairs = Eigen::VectorXd::Zero(lags);
   const Eigen::VectorXd c = centred(e);
-  const SampleAutocovariances Y = sample_autocovariances(c.transpose(), lags + 1);
+  const Eigen::Index period = own_period(e);
+  const SampleAutocovariances Y = sample_autocovariances(c.transpose(), lags * period + 1);
   for (int k = 1; k <= lags; ++k) {
-    const auto lag = static_cast<std::size_t>(k);
+    const auto lag = static_cast<std::size_t>(k * period);
     if (pairs != nullptr) (*pairs)[k - 1] = Y.pairs[lag](0, 0);
     if (Y.value[0](0, 0) > 0.0) r[k - 1] = Y.value[lag](0, 0) / Y.value[0](0, 0);
   }

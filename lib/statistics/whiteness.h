@@ -22,13 +22,20 @@ struct FStatistic {
   double dof = 0.0, dof_rest = 0.0;
 };
 
-/// Autocorrelation of a scalar sequence about its mean at lags 1..lags. Missing samples (NaN) leave
+/// The rows from one sample of a channel to its next, where other channels have the rows between:
+/// the smallest lag, up to 100, at which at least a quarter of the samples present have a partner.
+/// 1 where there is none, as for a complete sequence and for one with samples missing here and
+/// there. e: N, NaN = missing.
+Eigen::Index own_period(const Eigen::Ref<const Eigen::VectorXd>& e);
+
+/// Autocorrelation of a scalar sequence about its mean at lags 1..lags, counted in own_period()s:
+/// the samples of a sensor that comes on every second row follow each other. Missing samples (NaN) leave
 /// out the pairs they are part of: r_k = (n / n_k) sum_t e_t e_(t+k) / sum_t e_t^2 over the n_k
 /// pairs present, so that a complete sequence gives the usual (biased) estimate times n / (n - k).
 /// @param e     N samples, NaN = missing
-/// @param lags  1 <= lags < N
+/// @param lags  at least 1
 /// @param pairs when not null, receives n_k
-/// @return lags numbers; NaN for a constant or empty sequence
+/// @return lags numbers; NaN for a constant or empty sequence, and where there is no pair
 Eigen::VectorXd autocorrelation(const Eigen::Ref<const Eigen::VectorXd>& e, int lags,
                                 Eigen::VectorXd* pairs = nullptr);
 

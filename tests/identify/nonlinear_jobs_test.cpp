@@ -17,6 +17,7 @@
 #include "identify/filter/run.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/model_file.h"
+#include "identify/noise/bayes.h"
 #include "identify/noise/ml.h"
 #include "identify/optimality/bound.h"
 #include "identify/optimality/check.h"
@@ -328,6 +329,120 @@ TEST(NonlinearJobs, ScoresScatterAsTheBoundSays) {
   EXPECT_NEAR(sum, 3.0, 3.0 * std::sqrt(6.0 / kRuns));
   for (Index i = 0; i < 3; ++i) {
     EXPECT_NEAR(bound.parameters[static_cast<std::size_t>(i)].crb_se / se[i], 1.0, 0.05);
+  }
+}
+
+// The linear spelling is drawn from by sequential Monte Carlo, the other one, whose likelihood is
+// dear, by importance sampling: one posterior. The second recording has hardly any measurement
+// noise, so that the posterior of r is as wide as its prior goes below.
+TEST(NonlinearBayes, ImportanceSamplingAgreesWithSequentialMonteCarlo) {
+  for (const bool vanishing : {false, true}) {
+    Dataset data = two_states_recording(100, 4);
+    if (vanishing) {
+      Model quiet = two_states(Form::formulas);
+      quiet.parameters[2].value *= 1e-4;
+      Random random(5);
+      data.y = simulated_outputs(quiet, data, random);
+    }
+    NoiseBayesOptions options;
+    options.draws = 2000;
+    const PosteriorPoints drawn = posterior(two_states(Form::linear), {data}, options);
+    const PosteriorPoints weighed = posterior(two_states(Form::formulas), {data}, options);
+    ASSERT_EQ(drawn.method, "sequential Monte Carlo");
+    ASSERT_EQ(weighed.method, "importance sampling");
+    EXPECT_GT(weighed.effective, 1000.0);
+    EXPECT_LT(weighed.summary.evaluations, 30'000);
+    // 2000 draws from the prior on know the evidence to 0.15, the weights to 0.02.
+    EXPECT_NEAR(weighed.log_evidence, drawn.log_evidence, 0.5);
+    options.seed = 2;
+    EXPECT_NEAR(weighed.log_evidence,
+                posterior(two_states(Form::formulas), {data}, options).log_evidence, 0.08);
+    for (Index i = 0; i < 3; ++i) {
+      const VectorXd x = drawn.coordinates.row(i), z = weighed.coordinates.row(i);
+      const double mean = x.dot(drawn.weight), own = z.dot(weighed.weight);
+      const double sd = std::sqrt((x.array() - mean).square().matrix().dot(drawn.weight));
+      const double other = std::sqrt((z.array() - own).square().matrix().dot(weighed.weight));
+      std::printf("%s: %.4f +- %.4f by draws, %.4f +- %.4f by weights (%d of %d filter runs)\n",
+                  two_states(Form::linear).parameters[static_cast<std::size_t>(i)].name.c_str(),
+                  mean, sd, own, other, weighed.summary.evaluations, drawn.summary.evaluations);
+      EXPECT_NEAR(own, mean, 0.1 * sd);
+      EXPECT_NEAR(other, sd, 0.1 * sd);
+    }
+  }
+}
+
+TEST(NonlinearBayes, StopsWhenTold) {
+  NoiseBayesOptions options;
+  int calls = 0;
+  options.progress = [&](double share) {
+    EXPECT_GE(share, 0.0);
+    EXPECT_LT(share, 1.0);
+    return ++calls < 3;
+  };
+  const NoiseEstimate e =
+      tune_bayes(two_states(Form::formulas), {two_states_recording(100, 4)}, options);
+  EXPECT_EQ(e.status, Status::not_converged);
+  EXPECT_EQ(calls, 3);
+}
+
+TEST(NonlinearBayes, SaysWhatToDoAtItsTimeLimit) {
+  NoiseBayesOptions options;
+  options.max_seconds = 0.0;
+  options.draws = 500;
+  options.grid = false;
+  const NoiseEstimate e =
+      tune_bayes(two_states(Form::linear), {two_states_recording(100, 4)}, options);
+  EXPECT_EQ(e.status, Status::not_converged);
+  EXPECT_NE(e.message.find("--method ml answers without draws"), std::string::npos) << e.message;
+}
+
+// What a simulation shows is the model only where inputs drive it and errors of its start fade.
+TEST(SimulatedFit, IsNoneWhereItSaysNothing) {
+  const auto noted = [](const std::vector<std::string>& notes, const std::string& text) {
+    return std::any_of(notes.begin(), notes.end(), [&](const std::string& note) {
+      return note.find(text) != std::string::npos;
+    });
+  };
+  NoiseMlOptions once;
+  once.starts = 1;
+  const Dataset data = two_states_recording(200, 4);
+  const NoiseEstimate driven = tune_ml(two_states(Form::formulas), {data}, once);
+  EXPECT_EQ(driven.simulation.size(), 2u);
+  EXPECT_FALSE(noted(driven.notes, "no simulation"));
+
+  Dataset alone = data;
+  alone.inputs.clear();
+  alone.u.resize(0, data.size());
+  std::string text = kTwoCoupled;
+  const auto without = [&text](const std::string& part) {
+    text.erase(text.find(part), part.size());
+  };
+  without("inputs: {u: {column: u}}\n");
+  without(" + u");
+  without(" + 0.2*u");
+  text.replace(text.find("0.1*x1\""), 6, "0.1*max(x1, -1e9)");
+  const Model still = parse_model_file(text, "still.yaml");
+  const NoiseEstimate undriven = tune_ml(still, {alone}, once);
+  EXPECT_TRUE(undriven.simulation.empty());
+  EXPECT_TRUE(noted(undriven.notes, "no simulation: no input drives the model"));
+
+  for (const Form form : {Form::linear, Form::formulas}) {
+    Model integrating = two_states(form);
+    ChannelFit off, on;
+    off.fit_percent = -480.0;
+    on.fit_percent = 30.0;
+    EXPECT_EQ(why_no_simulation(integrating, integrating.parameters, data, {on, off}), "");
+    std::string tracker = kTwoCoupled;
+    tracker.replace(tracker.find("a*x1 + 0.3*x2 + u"), 17, "x1 + 0.3*x2 + u  ");
+    tracker.replace(tracker.find("0.5*x2 - 0.1*x1"), 15,
+                    form == Form::linear ? "0.5*x2" : "0.5*max(x2, -1e9)");
+    const std::string unused = "  a: {value: 0.8, min: 0, max: 1}\n";
+    tracker.erase(tracker.find(unused), unused.size());
+    integrating = parse_model_file(tracker, "tracker.yaml");
+    EXPECT_NE(why_no_simulation(integrating, integrating.parameters, data, {on, off})
+                  .find("asymptotically stable"),
+              std::string::npos);
+    EXPECT_EQ(why_no_simulation(integrating, integrating.parameters, data, {on, on}), "");
   }
 }
 

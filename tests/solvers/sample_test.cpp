@@ -108,5 +108,22 @@ TEST(Sample, StopsWhenTold) {
   EXPECT_FALSE(s.summary.usable());
 }
 
+// Every move is heard of, and a time limit ends within a stage.
+TEST(Sample, EndsAtItsTimeLimit) {
+  PosteriorProblem p;
+  p.draw_prior = [](Random& random) { return random.normal(1); };
+  p.log_prior = [](const VectorXd& x) { return -0.5 * x.squaredNorm(); };
+  p.log_likelihood = [](const VectorXd& x) { return -1e8 * (x[0] - 0.5) * (x[0] - 0.5); };
+  SampleOptions options;
+  options.max_seconds = 0.0;
+  int moves = 0;
+  options.moved = [&](double) { return ++moves > 0; };
+  const PosteriorSample s = sample(p, options);
+  EXPECT_EQ(s.summary.termination, Termination::time_limit);
+  EXPECT_EQ(moves, 1);
+  options.moved = [&](double) { return false; };
+  EXPECT_EQ(sample(p, options).summary.termination, Termination::stopped);
+}
+
 }  // namespace
 }  // namespace identikal

@@ -26,9 +26,10 @@ double objective(const Misfit& misfit, const VectorXd& theta) {
   return 0.5 * (misfit.design * theta - misfit.target).squaredNorm();
 }
 
-PsdLeastSquares normal_equations(const Misfit& misfit, std::vector<PsdBlock> blocks) {
+PsdLeastSquares normal_equations(const Misfit& misfit, std::vector<PsdBlock> blocks,
+                                 std::vector<PsdBlock> limits) {
   return {misfit.design.transpose() * misfit.design, misfit.design.transpose() * misfit.target,
-          std::move(blocks)};
+          std::move(blocks), std::move(limits)};
 }
 
 MatrixXd joint_at(const MinimumRankProblem& p, const VectorXd& theta) {
@@ -41,11 +42,29 @@ MatrixXd joint_at(const MinimumRankProblem& p, const VectorXd& theta) {
 struct Confined {
   VectorXd offset;
   MatrixXd directions;
-  std::vector<PsdBlock> blocks;  // of phi
-  Index given_up = 0;            // unknowns
+  std::vector<PsdBlock> blocks, limits;  // of phi
+  Index given_up = 0;                    // unknowns
 };
 
-// Nothing when a constant of Q or S leaves the range. range: orthonormal columns.
+// Those of theta, seen from phi; nothing when what the range holds lies outside of them.
+std::optional<std::vector<PsdBlock>> limits_of_directions(const MinimumRankProblem& p,
+                                                          const Confined& to) {
+  std::vector<PsdBlock> out;
+  for (const PsdBlock& limit : p.limits) {
+    PsdBlock seen{limit.size, {}, value(limit, to.offset)};
+    for (const PsdBlock::Entry& e : limit.entries) {
+      for (Index c = 0; c < to.directions.cols(); ++c) {
+        const double share = to.directions(e.unknown, c);
+        if (share != 0.0) seen.entries.push_back({c, e.row, e.col, e.value * share});
+      }
+    }
+    if (seen.entries.empty() && seen.constant.diagonal().minCoeff() < 0.0) return std::nullopt;
+    if (!seen.entries.empty()) out.push_back(std::move(seen));
+  }
+  return out;
+}
+
+// Nothing when a constant of Q or S leaves the range, or the range the bounds. range: orthonormal columns.
 std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& range,
                                 const MatrixXd& complement) {
   const Index nw = p.process_noises, size = p.constant.rows();
@@ -64,7 +83,7 @@ std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& ran
   for (Index c = 0; c < count; ++c) {
     leaves.col(c) = outside(p.basis[touched[c]]).reshaped();
   }
-  Confined out{VectorXd::Zero(k), MatrixXd::Zero(k, 0), {}, 0};
+  Confined out{VectorXd::Zero(k), MatrixXd::Zero(k, 0), {}, {}, 0};
   MatrixXd kernel = MatrixXd::Identity(count, count);
   if (leaves.size() > 0) {
     const VectorXd wanted = -outside(p.constant).reshaped();
@@ -118,12 +137,17 @@ std::optional<Confined> confine(const MinimumRankProblem& p, const MatrixXd& ran
     basis.push_back(seen(joint));
   }
   out.blocks = independent_blocks(seen(joint_at(p, out.offset)), basis);
+  auto limits = limits_of_directions(p, out);
+  if (!limits) return std::nullopt;
+  out.limits = std::move(*limits);
   return out;
 }
 
-VectorXd refit(const Misfit& misfit, const Confined& to) {
+// Nothing when the range leaves no room between the bounds.
+std::optional<VectorXd> refit(const Misfit& misfit, const Confined& to) {
   const Misfit reduced{misfit.design * to.directions, misfit.target - misfit.design * to.offset};
-  const PsdSolution solution = minimise(normal_equations(reduced, to.blocks));
+  const PsdSolution solution = minimise(normal_equations(reduced, to.blocks, to.limits));
+  if (solution.summary.termination == Termination::start_undefined) return std::nullopt;
   return to.offset + to.directions * solution.x;
 }
 
@@ -131,7 +155,9 @@ VectorXd refit(const Misfit& misfit, const Confined& to) {
 class PenalisedFit {
  public:
   PenalisedFit(const MinimumRankProblem& p, const std::vector<PsdBlock>& blocks)
-      : p_(p), plain_(normal_equations(p.fit, blocks)), slope_(static_cast<Index>(p.basis.size())) {
+      : p_(p),
+        plain_(normal_equations(p.fit, blocks, p.limits)),
+        slope_(static_cast<Index>(p.basis.size())) {
     for (Index e = 0; e < slope_.size(); ++e) {
       slope_[e] = Q_part(p.basis[e]).trace();
     }
@@ -192,7 +218,9 @@ void try_ranges(const MinimumRankProblem& p, const MatrixXd& eigenvectors, Index
     auto range =
         confine(p, eigenvectors.rightCols(part), eigenvectors.leftCols(p.process_noises - part));
     if (!range) continue;
-    const double excess = 2.0 * (objective(p.chance, refit(p.chance, *range)) - least_excess);
+    const auto theta = refit(p.chance, *range);
+    if (!theta) continue;
+    const double excess = 2.0 * (objective(p.chance, *theta) - least_excess);
     auto& known = best[part];
     if (!known || excess < known->excess) known = Candidate{excess, std::move(*range)};
   }
@@ -207,7 +235,8 @@ MinimumRank minimum_rank(const MinimumRankProblem& p) {
   const VectorXd free = fit.minimum(0.0);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> of_free(fit.Q(free), Eigen::EigenvaluesOnly);
   const double vanished = kVanished * of_free.eigenvalues()[nw - 1];
-  const double least_excess = objective(p.chance, minimise(normal_equations(p.chance, blocks)).x);
+  const double least_excess =
+      objective(p.chance, minimise(normal_equations(p.chance, blocks, p.limits)).x);
 
   constexpr int kSteps = 24;  // over four decades
   const double most = fit.largest_penalty(free);
@@ -236,7 +265,9 @@ MinimumRank minimum_rank(const MinimumRankProblem& p) {
   for (Index rank = 0; rank < report.rank; ++rank) {
     const auto& known = best[rank];
     if (!known || known->excess > known->allowed()) continue;
-    out.theta = refit(p.fit, known->range);
+    const auto theta = refit(p.fit, known->range);
+    if (!theta) continue;
+    out.theta = *theta;
     report.rank = rank;
     break;
   }

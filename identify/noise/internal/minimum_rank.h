@@ -8,6 +8,7 @@
 
 #include "identify/estimate/details.h"
 #include "identify/estimate/estimate.h"
+#include "solvers/psd_least_squares.h"
 
 namespace identikal {
 
@@ -23,6 +24,7 @@ struct MinimumRankProblem {
   Eigen::MatrixXd constant;            ///< [Q S; S' R] at theta = 0
   std::vector<Eigen::MatrixXd> basis;  ///< its derivatives with respect to theta
   Eigen::Index process_noises = 0;     ///< size of Q
+  std::vector<PsdBlock> limits;        ///< bounds of theta
 };
 
 struct MinimumRank {

@@ -38,8 +38,11 @@ std::string remark_of(const EstimatedParameter& p) {
   for (const std::string& name : p.with) with += " " + name;
   switch (p.verdict) {
     case Verdict::at_bound:
-      return is_straight(p) ? "beyond what the recording showed: this axle stays straight"
-                            : "AT ITS BOUND, no standard error";
+      if (is_straight(p)) return "beyond what the recording showed: this axle stays straight";
+      return "AT ITS BOUND, no standard error" +
+             (p.value == 0.0 && std::isfinite(p.ci95[1])
+                  ? fmt::format(", below {:.4g}{} (95 %)", p.ci95[1], unit_text(p.unit))
+                  : std::string());
     case Verdict::not_identifiable:
     case Verdict::unexcited:
       return "NOT DETERMINED by the data" + (with.empty() ? "" : ", only with" + with);

@@ -60,6 +60,8 @@ void describe(Fields& fields, EstimatedParameter& p) {
   fields("fixed", p.fixed, "whether it is known, not estimated");
   fields("verdict", p.verdict, "how well the data determine it");
   fields("with", p.with, "parameters that it cannot be separated from");
+  fields("prior", p.prior,
+         "prior that counted beside the data, in words; empty: none (tune and fit of a filter)");
 }
 
 template <class Fields>

@@ -105,6 +105,7 @@ void add_new_keys(Json& result) {
   add("parameters/*", "se_structure", nullptr);
   add("", "driven", Json::array());
   add("", "references", Json::array());
+  add("parameters/*", "prior", "");
   add("warnings/*", "changes", Json::array());
   add("survey/findings/*", "changes", Json::array());
 }

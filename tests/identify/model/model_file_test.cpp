@@ -324,6 +324,17 @@ TEST_F(ModelFileTest, Priors) {
   EXPECT_DOUBLE_EQ(prior("{uniform: [1, 2 m]}").b, 2.0);
   EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").a, 0.005);
   EXPECT_DOUBLE_EQ(prior("{log-normal: {median: 5, factor: 3}}").b, 3.0);
+  const auto of_variance = [&](const std::string& value) {
+    return read(replaced(kLinear, "{value: 2, min: 0}", value)).parameters[0].prior;
+  };
+  const double degree = std::numbers::pi / 180.0;
+  for (const char* value : {"{value: 1, unit: deg^2, prior: {sd: 0.1 deg, factor: 2}}",
+                            "{value: 1, unit: deg^2, prior: {sd: 0.1, factor: 2}}",
+                            "{value: 1, prior: {sd: 0.1 deg, factor: 2}}"}) {
+    EXPECT_EQ(of_variance(value).kind, Prior::Kind::log_normal);
+    EXPECT_NEAR(of_variance(value).a / std::pow(0.1 * degree, 2), 1.0, 1e-12) << value;
+    EXPECT_DOUBLE_EQ(of_variance(value).b, 4.0);
+  }
   const Model m = read(replaced(replaced(kLinear, "[[r]]", "[[q + r]]"), "[[q, 0], [0, 1]]",
                                 "{structure: diagonal, prior: {log-uniform: [0.01, 15]}}"));
   EXPECT_EQ(m.parameters.back().prior.kind, Prior::Kind::log_uniform);
@@ -565,6 +576,15 @@ constexpr Mistake kLinearMistakes[] = {
      "5:38: prior of parameter 'q' reaches 0; expected above 0"},
     {"{value: 2, min: 0}", "{value: 2, prior: {log-normal: {median: 1, factor: 0.5}}}",
      "5:57: factor of prior of parameter 'q' is '0.5'; expected above 1"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {sd: 1}}",
+     "5:24: 'factor' is missing in prior of parameter 'q'; expected {sd: 0.1 deg, factor: 2}"},
+    {"{value: 2, min: 0}", "{value: 2, prior: {sd: 0, factor: 2}}",
+     "5:29: sd of prior of parameter 'q' is '0'; expected above 0"},
+    {"{value: 2, min: 0}", "{value: 2 deg, prior: {sd: 0.1 deg, factor: 2}}",
+     "5:33: sd of prior of parameter 'q' is in deg, and so is the parameter, which is then no "
+     "variance; expected log-normal: {median: M, factor: F}"},
+    {"{value: 2, min: 0}", "{value: 2 m, prior: {sd: 0.1 m, factor: 2}}",
+     "5:31: prior of parameter 'q' is in '(m)^2'; expected a unit like 'm'"},
     {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1}}}",
      "5:33: 'sd' is missing in prior of parameter 'q'; expected normal: {mean: ..., sd: ...}"},
     {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1, sd: 1}, uniform: [1, 2]}}",

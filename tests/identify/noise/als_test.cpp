@@ -11,10 +11,12 @@
 #include <Eigen/QR>
 #include <gtest/gtest.h>
 
+#include "identify/model/model_file.h"
 #include "identify/optimality/bound.h"
 #include "lib/base/error.h"
 #include "lib/filter/steady_state.h"
 #include "lib/statistics/autocovariance.h"
+#include "tests/support/bounded_als.h"
 #include "tests/support/few_sources.h"
 #include "tests/support/matisko_systems.h"
 #include "tests/support/scalar_case.h"
@@ -81,28 +83,6 @@ KroneckerForm kronecker_form(const StateSpace& m, const MatrixXd& L, Index N) {
   return out;
 }
 
-// Sample autocovariances as tune_als() takes them: x(0) from the first innovations, which are then
-// dropped until an initial error has fallen to a thousandth.
-Autocovariances samples_of(const StateSpace& m, const MatrixXd& L, const MatrixXd& y, Index lags) {
-  const Index n = m.states(), ny = m.outputs();
-  const MatrixXd F = m.A - L * m.C, none(0, y.cols());
-  Index first = 0;
-  MatrixXd power = MatrixXd::Identity(n, n);
-  for (; power.norm() > 1e-3; ++first) power = (F * power).eval();
-  const Index window = first + n;
-  const MatrixXd e = constant_gain_innovations(m, L, VectorXd::Zero(n), y, none);
-  MatrixXd response(window * ny, n);
-  power.setIdentity();
-  for (Index t = 0; t < window; ++t) {
-    response.middleRows(t * ny, ny) = m.C * power;
-    power = (F * power).eval();
-  }
-  const VectorXd x0 = response.colPivHouseholderQr().solve(VectorXd(e.leftCols(window).reshaped()));
-  return sample_autocovariances(
-             constant_gain_innovations(m, L, x0, y, none).rightCols(y.cols() - first), lags)
-      .value;
-}
-
 TEST(TuneAls, FullMatrixEqualsTheKroneckerForm) {
   double worst = 0.0;
   int compared = 0;
@@ -141,6 +121,68 @@ TEST(TuneAls, FullMatrixEqualsTheKroneckerForm) {
   }
   std::printf("full matrix: %d parameters within %.1e of the Kronecker form\n", compared, worst);
   EXPECT_LT(worst, 1e-7);
+}
+
+// Speed and a bias that drifts: what a negative density of the speed takes off, the bias gives back
+// within a sample, and the covariance of the sampled noise stays positive definite.
+TEST(TuneAls, KeepsADensityWithinItsBounds) {
+  const auto speed_and_bias = [](const std::string& bounds) {
+    return parse_model_file(
+        "identikal: 1\n"
+        "time: {kind: continuous, step: 20 ms}\n"
+        "parameters: {qv: {value: 1e-3" +
+            bounds +
+            "}, qb: {value: 0.05, min: 0}, "
+            "r: {value: 0.04, min: 0}}\n"
+            "states: {v: m/s, b: m/s^2}\n"
+            "dynamics: {v: -b, b: 0}\n"
+            "outputs: {wheel: {unit: m/s, equals: v}}\n"
+            "noise: {process: {kind: density, variance: {v: qv, b: qb}}, measurement: {variance: "
+            "{wheel: r}}}\n"
+            "initial: diffuse\n",
+        "speed.yaml");
+  };
+  Model truth = speed_and_bias(", min: 0");
+  truth.parameters[0].value.setZero();
+  int zero = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Random random(seed);
+    const StateSpace sampled = instantiate(as_linear(truth), truth.parameters);
+    Dataset simulated = dataset_of(outputs_from_rest(sampled, random, 3000));
+    simulated.dt = 0.02;
+    simulated.time *= 0.02;
+    const std::vector<Dataset> data = {simulated};
+    for (const bool weighted : {true, false}) {
+      for (const std::string bounds : {", min: 0", ""}) {
+        const NoiseEstimate e = tune_als(speed_and_bias(bounds), data, {.weighted = weighted});
+        EXPECT_GE(e.parameters[0].value, 0.0) << seed << weighted << bounds;
+        if (e.parameters[0].value > 0.0) continue;
+        EXPECT_EQ(e.parameters[0].verdict, Verdict::at_bound);
+        EXPECT_GT(e.parameters[0].ci95[1], 0.0);
+        ++zero;
+      }
+      const NoiseEstimate between =
+          tune_als(speed_and_bias(", min: 1e-4, max: 0.01"), data, {.weighted = weighted});
+      EXPECT_GE(between.parameters[0].value, 1e-4);
+      EXPECT_LE(between.parameters[0].value, 0.01);
+      const NoiseEstimate fewest =
+          tune_als(speed_and_bias(", min: 1e-4"), data, {.weighted = weighted, .min_rank = true});
+      EXPECT_GE(fewest.parameters[0].value, 1e-4);
+    }
+  }
+  std::printf("density at zero in %d of 40\n", zero);
+  EXPECT_GT(zero, 4);
+}
+
+TEST(TuneAls, EndsAtTheLeastMisfitWithinItsBounds) {
+  const BoundedAls found = judge_bounded_als(200, 1);
+  std::printf("%d solved, %d at a bound, conditions to %.1e; %d not converged\n", found.solved,
+              found.at_bound, found.worst, found.not_converged);
+  EXPECT_EQ(found.outside, 0);
+  EXPECT_EQ(found.not_converged, 0);
+  EXPECT_LT(found.refused, found.solved / 50);
+  EXPECT_GT(found.at_bound, 100);
+  EXPECT_LT(found.worst, 1e-4);
 }
 
 TEST(TuneAls, TooManyAutocovariancesAreRefused) {

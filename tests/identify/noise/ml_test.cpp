@@ -1,16 +1,24 @@
 // Maximum likelihood of Q and R against published digits and against the Cramér-Rao bound.
 #include "identify/noise/ml.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
+#include <Eigen/LU>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "identify/filter/outliers.h"
+#include "identify/filter/recordings_likelihood.h"
 #include "identify/model/model_file.h"
+#include "identify/noise/als.h"
+#include "lib/base/error.h"
 #include "lib/base/random.h"
 #include "lib/data/csv.h"
 #include "lib/filter/kalman.h"
+#include "tests/support/matisko_systems.h"
 #include "tests/support/scalar_case.h"
 #include "tests/support/shared_data.h"
 
@@ -122,9 +130,12 @@ TEST(NoiseMl, VarianceAtZeroGetsAnUpperLimitAndNoInterval) {
   for (std::uint64_t seed = 1; seed < 20; ++seed) {
     const NoiseEstimate e = tune_ml(scalar_model(0.9, 1.0, 1.0),
                                     {dataset_of(simulate_scalar(0.9, 1.0, 0.0, 400, seed))});
-    ASSERT_EQ(e.status, Status::ok);
     const EstimatedParameter& r = e.parameters[1];
-    if (r.verdict != Verdict::at_bound) continue;
+    if (r.verdict != Verdict::at_bound) {
+      ASSERT_EQ(e.status, Status::ok);
+      continue;
+    }
+    EXPECT_EQ(e.status, Status::untrusted);  // a sensor without noise
     EXPECT_EQ(r.value, 0.0);
     EXPECT_TRUE(std::isnan(r.se));
     EXPECT_GT(r.ci95[1], 0.0);
@@ -197,6 +208,184 @@ TEST(NoiseMl, RefusesInWords) {
               testing::HasSubstr("A has an eigenvalue of size 1.5"));
   EXPECT_THAT(message(scalar_model(0.5, 0.0, 0.0), dataset_of(MatrixXd::Random(1, 100))),
               testing::HasSubstr("not positive definite"));
+}
+
+// A sensor without noise is no result; what it may have at most is, and nothing else hides it.
+TEST(NoiseMl, MeasurementNoiseOfZeroIsNotTrusted) {
+  int found = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const std::vector<Dataset> data = {dataset_of(simulate_scalar(0.5, 1.0, 0.0, 300, seed))};
+    const Model model = scalar_model(0.5, 1.0, 1.0);
+    for (const bool ml : {true, false}) {
+      const NoiseEstimate e = ml ? tune_ml(model, data) : tune_als(model, data);
+      if (e.parameters[1].value > 0.0) continue;
+      ++found;
+      EXPECT_EQ(e.status, Status::untrusted);
+      const auto at = std::find_if(e.findings.begin(), e.findings.end(), [](const Finding& f) {
+        return f.code == FindingCode::no_measurement_noise;
+      });
+      ASSERT_NE(at, e.findings.end());
+      EXPECT_THAT(at->about, testing::ElementsAre("r", "y1"));
+      EXPECT_THAT(at->text,
+                  testing::HasSubstr(fmt::format("{:.4g} (95 %)", e.parameters[1].ci95[1])));
+      // The limit that it proposes: 1.35 nats below.
+      if (!ml) continue;
+      Model limited = model;
+      limited.parameters[1].value(0, 0) = e.parameters[1].ci95[1];
+      limited.parameters[1].fixed = true;
+      const NoiseEstimate there = tune_ml(limited, data);
+      EXPECT_NEAR(e.objective.log_likelihood - there.objective.log_likelihood, 1.3528, 0.01);
+    }
+  }
+  EXPECT_GT(found, 6);
+  // A process variance at zero is an answer, and a known noise of zero is the model's.
+  Model still = scalar_model(0.5, 1.0, 1.0);
+  int still_ok = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const NoiseEstimate e = tune_ml(still, {dataset_of(simulate_scalar(0.5, 0.0, 1.0, 300, seed))});
+    if (e.parameters[0].value > 0.0) continue;
+    still_ok += e.status == Status::ok;
+    EXPECT_GT(e.parameters[0].ci95[1], 0.0);
+  }
+  EXPECT_GT(still_ok, 2);
+  still.parameters[1].value.setZero();
+  still.parameters[1].fixed = true;
+  EXPECT_EQ(tune_ml(still, {dataset_of(simulate_scalar(0.5, 1.0, 0.0, 300, 1))}).status,
+            Status::ok);
+}
+
+// A prior counts as a measurement: the estimate is where the log-likelihood plus the priors'
+// log-density is largest, and its errors are those of the curvature there.
+TEST(NoiseMl, HonoursStatedPriors) {
+  Model model = scalar_model(0.5, 2.0, 2.0);
+  model.parameters[0].prior = {Prior::Kind::log_normal, 0.5, 1.5};
+  model.parameters[1].prior = {Prior::Kind::normal, 3.0, 0.2};
+  const std::vector<Dataset> data = {dataset_of(simulate_scalar(0.5, 2.0, 1.0, 200, 3))};
+  const NoiseEstimate e = tune_ml(model, data);
+  Model plain = model;
+  for (Parameter& p : plain.parameters) p.prior = {};
+  RecordingsLikelihood likelihood(plain, data);
+  const auto of_data = [&](const Eigen::Vector2d& x) {
+    return likelihood.evaluate(with_entries(plain.parameters, x), false)->value;
+  };
+  const auto posterior = [&](const Eigen::Vector2d& x) {
+    return of_data(x) - 0.5 * std::pow(std::log(x[0] / 0.5) / std::log(1.5), 2) -
+           0.5 * std::pow((x[1] - 3.0) / 0.2, 2);
+  };
+  const Eigen::Vector2d end(e.parameters[0].value, e.parameters[1].value);
+  Eigen::Matrix2d curvature;
+  const auto at = [&](double q, double r) { return posterior(end + Eigen::Vector2d(q, r)); };
+  constexpr double h = 1e-4;
+  EXPECT_NEAR((at(h, 0.0) - at(-h, 0.0)) / (2.0 * h), 0.0, 1e-4);
+  EXPECT_NEAR((at(0.0, h) - at(0.0, -h)) / (2.0 * h), 0.0, 1e-4);
+  curvature(0, 0) = -(at(h, 0.0) - 2.0 * at(0.0, 0.0) + at(-h, 0.0)) / (h * h);
+  curvature(1, 1) = -(at(0.0, h) - 2.0 * at(0.0, 0.0) + at(0.0, -h)) / (h * h);
+  curvature(0, 1) = curvature(1, 0) =
+      -(at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4.0 * h * h);
+  const Eigen::Matrix2d covariance = curvature.inverse();
+  for (const int i : {0, 1}) {
+    EXPECT_NEAR(e.parameters[i].se / std::sqrt(covariance(i, i)), 1.0, 1e-3) << i;
+  }
+  EXPECT_NEAR(e.objective.log_likelihood, of_data(end), 1e-8);
+  EXPECT_NEAR(e.objective.aic, 4.0 - 2.0 * of_data(end), 1e-7);
+  EXPECT_NEAR(e.objective.log_likelihood_start, of_data({2.0, 2.0}), 1e-8);
+  EXPECT_EQ(e.parameters[0].prior, "log-normal 0.5 within a factor of 1.5");
+  EXPECT_THAT(e.notes, testing::Contains(testing::HasSubstr("maximum a posteriori")));
+  const NoiseEstimate without = tune_ml(plain, data);
+  EXPECT_LT(without.parameters[1].value + 2.0 * without.parameters[1].se, end[1]);
+  EXPECT_EQ(without.parameters[0].prior, "");
+}
+
+// What the data say nothing about comes out as the prior has it, whatever the start, and a uniform
+// prior bounds the search.
+TEST(NoiseMl, PriorsDetermineWhatTheDataDoNot) {
+  Model model = scalar_model(0.5, 1.0, 0.0);
+  Parameter second = model.parameters[1];
+  second.name = "second";
+  model.parameters.push_back(second);  // R is the sum of both
+  as_linear(model).R.entries.push_back({0, 0, 2, 1.0});
+  model.parameters[1].prior = {Prior::Kind::log_normal, 0.4, 1.01};
+  model.parameters[0].prior = {Prior::Kind::uniform, 0.1, 0.5};
+  const std::vector<Dataset> data = {dataset_of(simulate_scalar(0.5, 1.0, 1.0, 2000, 5))};
+  const NoiseEstimate e = tune_ml(model, data);
+  EXPECT_NEAR(e.parameters[1].value, 0.4, 0.01);
+  EXPECT_NEAR(e.parameters[1].se, 0.4 * std::log(1.01), 1e-4);
+  EXPECT_EQ(e.identifiability.rank, 2);
+  EXPECT_EQ(e.identifiability.of, 2);
+  EXPECT_EQ(e.parameters[0].value, 0.5);
+  EXPECT_EQ(e.parameters[0].verdict, Verdict::at_bound);
+  EXPECT_GT(e.parameters[2].value, 0.3);
+}
+
+TEST(NoiseMl, PriorsOfAWholeMatrixAreOfItsVariances) {
+  MatiskoSystem system = matisko_system(6);
+  Random random(2);
+  const std::vector<Dataset> data = {dataset_of(simulate_matisko(system, random))};
+  Parameter& R = system.model.parameters[1];
+  R.prior = {Prior::Kind::log_normal, 4.0, 1.001};
+  for (const Domain domain : {Domain::diagonal, Domain::positive_definite}) {
+    R.domain = domain;
+    const NoiseEstimate e = tune_ml(system.model, data);
+    EXPECT_NEAR(e.noise.R(0, 0), 4.0, 0.05);
+    EXPECT_NEAR(e.noise.R(1, 1), 4.0, 0.05);
+  }
+  R.prior = {Prior::Kind::uniform, 1.0, 2.0};
+  EXPECT_THROW(tune_ml(system.model, data), InputError);
+}
+
+TEST(NoiseMl, OtherMethodsRefuseAPrior) {
+  Model model = scalar_model(0.5, 1.0, 1.0);
+  model.parameters[1].prior = {Prior::Kind::log_normal, 0.4, 2.0};
+  const std::vector<Dataset> data = {dataset_of(simulate_scalar(0.5, 1.0, 1.0, 500, 5))};
+  try {
+    tune_als(model, data);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("the prior of 'r'"));
+  }
+}
+
+// A sensor that stands still for most of a recording, as wheels do: the same number for hundreds of
+// samples, beside which every other sample is large.
+TEST(RejectOutliers, StandstillIsNoScale) {
+  constexpr int kStill = 700, kSamples = 1000;
+  const Model model = scalar_model(0.999, 0.01, 0.1);
+  const auto tuned = [&](const MatrixXd& y) {
+    return tune_robust(model, {dataset_of(y)},
+                       [&](const std::vector<Dataset>& data) { return tune_ml(model, data); });
+  };
+  MatrixXd y = MatrixXd::Constant(1, kSamples, 0.03);
+  y.rightCols(kSamples - kStill) = simulate_scalar(0.999, 0.01, 0.1, kSamples - kStill, 8);
+  const NoiseEstimate e = tuned(y);
+  for (const Finding& f : e.findings) EXPECT_NE(f.code, FindingCode::outliers_left_out) << f.text;
+  EXPECT_GT(e.parameters[1].value, 0.01);
+  // Three that are outliers are still found.
+  for (const int t : {750, 820, 930}) y(0, t) += 20.0;
+  const NoiseEstimate three = tuned(y);
+  const auto left =
+      std::find_if(three.findings.begin(), three.findings.end(),
+                   [](const Finding& f) { return f.code == FindingCode::outliers_left_out; });
+  ASSERT_NE(left, three.findings.end());
+  EXPECT_THAT(left->text, testing::StartsWith("3 samples left out"));
+}
+
+TEST(RejectOutliers, MoreThanATenthAreNone) {
+  MatrixXd y = simulate_scalar(0.5, 1.0, 1.0, 1000, 8);
+  Random random(9);
+  for (double& value : y.reshaped()) {
+    if (random.uniform() < 0.2) value += 40.0 * random.normal();
+  }
+  const Model model = scalar_model(0.5, 1.0, 1.0);
+  const std::vector<Dataset> data = {dataset_of(y)};
+  const auto estimator = [&](const std::vector<Dataset>& from) { return tune_ml(model, from); };
+  const NoiseEstimate e = tune_robust(model, data, estimator);
+  EXPECT_EQ(e.status, Status::untrusted);
+  const auto many = std::find_if(e.findings.begin(), e.findings.end(), [](const Finding& f) {
+    return f.code == FindingCode::too_many_outliers;
+  });
+  ASSERT_NE(many, e.findings.end());
+  EXPECT_THAT(many->text, testing::HasSubstr("none was left out"));
+  EXPECT_EQ(e.objective.samples, 1000);
 }
 
 }  // namespace

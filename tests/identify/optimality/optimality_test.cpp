@@ -18,6 +18,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 // y = v, v of variance R: nothing but a variance to be wrong about.
 StateSpace white_system(double R) {
@@ -70,6 +71,32 @@ TEST(ScoreStatistic, WhatTheFileLeavesFreeElseAllOfQAndR) {
   const Model all = with_free_noise(fixed_model(matisko_example_1()));
   EXPECT_EQ(reported_entries(all.parameters).names,
             (std::vector<std::string>{"Q(1,1)", "Q(2,1)", "Q(2,2)", "R(1,1)"}));
+}
+
+// Two sensors that take turns: each has samples on every second row, and neither has one on the row
+// before its own.
+TEST(Optimality, SensorsThatTakeTurnsHaveLagsOfTheirOwn) {
+  StateSpace m = matisko_example_1();
+  m.A = MatrixXd::Constant(1, 1, 0.9);
+  m.G = m.Q = MatrixXd::Ones(1, 1);
+  m.B.resize(1, 0);
+  m.C = MatrixXd::Ones(2, 1);
+  m.D.resize(2, 0);
+  m.S = MatrixXd::Zero(1, 2);
+  m.R = MatrixXd::Identity(2, 2);
+  Random random(3);
+  Dataset data = recording_of(m, 2000, random);
+  for (Index t = 0; t < data.size(); ++t) data.y(t % 2, t) = std::nan("");
+  m.Q *= 0.01;  // innovations are then correlated for many samples
+  const OptimalityReport wrong = check(fixed_model(m), {data});
+  EXPECT_EQ(wrong.status, Status::rejected);
+  for (const Finding& f : wrong.findings) EXPECT_THAT(f.text, Not(HasSubstr("nan"))) << f.text;
+  EXPECT_THAT(wrong.message, Not(HasSubstr("nan")));
+  const TestResult* white = find(wrong.tests, "ljung_box");
+  ASSERT_NE(white, nullptr);
+  EXPECT_FALSE(white->pass);
+  m.Q *= 100.0;
+  EXPECT_EQ(check(fixed_model(m), {data}).status, Status::ok);
 }
 
 // What no recording tells leaves the degrees of freedom: Q and R of y = w + v.

@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 #include <numbers>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/base/constants.h"
+#include "lib/data/csv.h"
 #include "tests/support/shared_data.h"
 
 namespace identikal {
@@ -469,6 +471,41 @@ TEST(Dataset, ScaleOffsetAndDelayOfAChannel) {
   EXPECT_EQ(message_of(t, time_column("t"), {source}),
             "model.yaml:9:5: no number of column 'ay' is left after a delay of 10 s; expected a "
             "delay shorter than the recording");
+}
+
+// Stamps of 0.2 s and 0.3 s are a grid of 0.1 s with rows absent, for who allows it; 0.2 s
+// throughout are a grid of their own, and a step that fits neither is refused.
+TEST(AbsentRows, OfAGridFinerThanTheMedian) {
+  const auto dataset = [](const std::string& times, bool rows_absent) {
+    TimeSource time;
+    time.column = "t";
+    time.step = 0.1;
+    time.rows_absent = rows_absent;
+    std::string text = "t,y\n";
+    std::istringstream in(times);
+    for (std::string t; in >> t;) text += t + "," + t + "\n";
+    ChannelSource y;
+    y.name = y.column = "y";
+    return make_dataset(parse_csv(text, "grid.csv"), time, {}, {y});
+  };
+  const Dataset data = dataset("0 0.2 0.5 0.7 1.0", true);
+  EXPECT_DOUBLE_EQ(data.dt, 0.1);
+  const Dataset grid = on_uniform_grid(data, data.dt);
+  EXPECT_EQ(grid.size(), 11);
+  EXPECT_EQ(grid.absent.size(), 6u);
+  EXPECT_DOUBLE_EQ(grid.y(0, 5), 0.5);
+  EXPECT_TRUE(std::isnan(grid.y(0, 6)));
+  EXPECT_THROW(dataset("0 0.2 0.5 0.7 1.0", false), InputError);
+  EXPECT_THROW(dataset("0 0.2 0.4 0.6 0.8", true), InputError);
+  EXPECT_THROW(dataset("0 0.2 0.5 0.74 1.0", true), InputError);
+  // Without a step the message names the grid.
+  Dataset no_step = data;
+  try {
+    on_uniform_grid(no_step, 0.25);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("'step: 0.1 s'"), std::string::npos) << error.what();
+  }
 }
 
 }  // namespace

@@ -28,6 +28,30 @@ TEST(Whiteness, MissingSamplesLeaveOutTheirPairs) {
   EXPECT_EQ(pairs[1], 3.0);
 }
 
+// Of sensors that take turns, each has the lags of its own samples: the same numbers as without the
+// rows of the others. Samples missing here and there stay missing.
+TEST(Whiteness, LagsAreThoseOfTheChannelsOwnSamples) {
+  Random random(4);
+  Eigen::VectorXd own = random.normal(200);
+  for (int t = 1; t < 200; ++t) own[t] += 0.6 * own[t - 1];
+  for (const int period : {2, 3, 7}) {
+    Eigen::VectorXd e = Eigen::VectorXd::Constant(200 * period, std::nan(""));
+    for (int t = 0; t < 200; ++t) e[t * period + 1] = own[t];
+    EXPECT_EQ(own_period(e), period);
+    Eigen::VectorXd pairs;
+    const Eigen::VectorXd r = autocorrelation(e, 20, &pairs), wanted = autocorrelation(own, 20);
+    EXPECT_LT((r - wanted).norm(), 1e-12);
+    EXPECT_EQ(pairs[4], 195.0);
+    EXPECT_NEAR(ljung_box(e, 20).value, ljung_box(own, 20).value, 1e-9);
+    EXPECT_EQ(ljung_box(e, 20).dof, 20.0);
+  }
+  for (int t = 0; t < 200; ++t) {
+    if (random.uniform() < 0.5) own[t] = std::nan("");
+  }
+  EXPECT_EQ(own_period(own), 1);
+  EXPECT_EQ(own_period(Eigen::VectorXd(0)), 1);
+}
+
 TEST(Whiteness, NothingComesFromNothing) {
   EXPECT_TRUE(std::isnan(ljung_box(Eigen::VectorXd::Constant(50, 0.1), 5).value));
   EXPECT_TRUE(std::isnan(ljung_box(Eigen::VectorXd::Constant(50, std::nan("")), 5).value));
