@@ -109,9 +109,8 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& mod
   time.rows_absent = !as_recorded && has_filter(model);
   std::vector<Dataset> out;
   for (const Table& run : split_runs(joined.table, model.time)) {
-    Dataset data =
-        make_dataset(run, time, model.inputs, with_outputs ? model.outputs : no_outputs, range,
-                     model.references.channels);
+    Dataset data = make_dataset(run, time, model.inputs, with_outputs ? model.outputs : no_outputs,
+                                range, model.references.channels);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;

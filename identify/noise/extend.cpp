@@ -60,6 +60,7 @@ bool fit_to(Model& model, const std::vector<Dataset>& recordings) {
   RecordingsLikelihood likelihood(model, recordings);
   if (likelihood.status_at_start() != FilterStatus::ok) return false;
   likelihood.condition_on_beginning();
+  likelihood.weigh_by_priors();
   SolverOptions solver;
   solver.max_iterations = 40;
   solver.decrement_tolerance = 1e-4;

@@ -13,6 +13,7 @@
 #include "identify/filter/reference_errors.h"
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
+#include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "identify/noise/ml.h"
@@ -325,6 +326,11 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
                                  const ReferenceTuningOptions& options) {
   const Model model = checked(given, recordings);
   refuse_without_references(model, recordings);
+  if (const auto priors = names_with_priors(model.parameters); !priors.empty()) {
+    throw InputError({model.source, 0, 0},
+                     fmt::format("the references have no place for the prior of '{}'", priors[0]),
+                     "no prior", "'tune' without --for takes priors");
+  }
   check_recordings(model, recordings);
   std::vector<ParameterSet> starts{model.parameters};
   if (options.starts > 1) {

@@ -79,6 +79,20 @@ class References(unittest.TestCase):
         error = run("tune", self.model, self.train, "--for", "estimates", "--method", "als", code=2).stderr
         self.assertIn("--for estimates does not apply to --method als", error)
 
+    def test_extensions_are_tried_and_the_model_is_written(self):
+        out = self.folder.path / "extended"
+        run("tune", self.model, self.train, "--extend", "--starts", 1, "-o", out)
+        result_file = json.loads((out / "result.json").read_text())
+        self.assertIn("an error that lasts, of z", " ".join(result_file["notes"]))
+        self.assertTrue((out / "extended.yaml").exists())
+        self.assertEqual(result_file["model_file"]["text"], (out / "extended.yaml").read_text())
+        names = {p["name"] for p in result_file["parameters"]}
+        self.assertLessEqual({"q", "r", "sd_z", "tau_z"}, names)
+        fits = result("filter", out / "extended.yaml", self.next, "--from", out)["references"]
+        self.assertGreater(fits[0]["coverage"], 0.85)
+        error = run("tune", self.model, self.train, "--extend", "--hold-out", "30%", code=2).stderr
+        self.assertIn("--hold-out does not apply with --extend", error)
+
 
 if __name__ == "__main__":
     unittest.main()

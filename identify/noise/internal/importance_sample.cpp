@@ -164,7 +164,7 @@ std::vector<Part> parts_at_maxima(const Model& model, const ParameterPrior& prio
 }
 
 // A tenth of the prior, the rest of the parts alike.
-struct Mixture {
+struct PosteriorMixture {
   std::vector<Part> parts;
 
   VectorXd draw(const ParameterPrior& prior, Random& random) const {
@@ -189,7 +189,7 @@ class Draws {
       : prior_(prior), problem_(problem) {}
 
   // false: the caller stops it.
-  bool add(const Mixture& mixture, Index count, Random& random,
+  bool add(const PosteriorMixture& mixture, Index count, Random& random,
            const std::function<bool(double)>& progress, SolverSummary& summary) {
     mixtures_.push_back(mixture);
     for (Index i = 0; i < count; ++i) {
@@ -224,7 +224,7 @@ class Draws {
       if (!std::isfinite(out.log_density[i])) continue;
       const double scale = prior_.log_density(x);
       double sum = 0.0;
-      for (const Mixture& mixture : mixtures_) sum += mixture.density(prior_, x, scale);
+      for (const PosteriorMixture& mixture : mixtures_) sum += mixture.density(prior_, x, scale);
       log_weight[i] =
           out.log_density[i] - scale - std::log(sum / static_cast<double>(mixtures_.size()));
     }
@@ -242,7 +242,7 @@ class Draws {
   const LikelihoodProblem& problem_;
   std::vector<VectorXd> points_;
   std::vector<double> log_density_;
-  std::vector<Mixture> mixtures_;
+  std::vector<PosteriorMixture> mixtures_;
 };
 
 // Fitted to the draws as they are weighed.
@@ -265,7 +265,7 @@ std::optional<PosteriorPoints> importance_sample(const Model& model, const Param
   const LikelihoodProblem problem = posterior_problem(model, prior, likelihood);
   Random random(options.seed);
   SolverSummary summary;
-  Mixture mixture{parts_at_maxima(model, prior, problem, random, summary)};
+  PosteriorMixture mixture{parts_at_maxima(model, prior, problem, random, summary)};
   if (mixture.parts.empty()) return std::nullopt;
   Draws draws(prior, problem);
   PosteriorPoints out;
