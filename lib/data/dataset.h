@@ -135,7 +135,8 @@ Dataset samples_from(const Dataset& data, Eigen::Index first);
 ///
 /// Example:
 ///
-///     if (has_rows_absent(data.time, 0.1)) std::puts("a grid of 0.1 s, rows are absent");
+///     const Eigen::VectorXd stamps{{0.0, 0.2, 0.5}};
+///     if (has_rows_absent(stamps, 0.1)) std::puts("a grid of 0.1 s, rows are absent");
 bool has_rows_absent(const Eigen::VectorXd& time, double step);
 
 /// Puts a recording onto the uniform sampling grid that a discrete-time model needs: rows whose
