@@ -260,6 +260,50 @@ void round_to_boundary(const Blocks& blocks, bool apex, Iterate& at) {
   if (apex) at.y.setZero();
 }
 
+// Where all blocks are bounds of single unknowns, the path shows which of them hold: with those held
+// the rest is plain least squares, without the path's rounding. Bounds that pull are let go, and
+// broken ones held. Nothing when that does not settle, or there are other blocks.
+std::optional<Iterate> held_at_bounds(const ConicProblem& p, const Iterate& from) {
+  constexpr int kMostChanges = 50;
+  const Index k = from.y.size();
+  std::vector<std::optional<std::size_t>> holder(static_cast<std::size_t>(k));
+  for (std::size_t i = 0; i < p.blocks.size(); ++i) {
+    if (p.blocks[i].size > 1 || p.blocks[i].entries.size() != 1) return std::nullopt;
+    if (from.L[i](0, 0) < from.F[i](0, 0)) holder[p.blocks[i].entries[0].unknown] = i;
+  }
+  for (int change = 0; change < kMostChanges; ++change) {
+    Iterate at{from.y, from.L, Matrices(p.blocks.size(), MatrixXd::Zero(1, 1))};
+    std::vector<Index> free, held;
+    for (Index e = 0; e < k; ++e) {
+      (holder[e] ? held : free).push_back(e);
+      if (!holder[e]) continue;
+      const PsdBlock& block = p.blocks[*holder[e]];
+      const double constant = block.constant.size() > 0 ? block.constant(0, 0) : 0.0;
+      at.y[e] = constant == 0.0 ? 0.0 : -constant / block.entries[0].value;
+    }
+    const VectorXd rest = p.target - p.root(Eigen::all, held) * at.y(held);
+    at.y(free) = MatrixXd(p.root(Eigen::all, free)).colPivHouseholderQr().solve(rest).eval();
+    const VectorXd slope = p.root.transpose() * (p.root * at.y - p.target);
+    bool settled = true;
+    for (std::size_t i = 0; settled && i < p.blocks.size(); ++i) {
+      const PsdBlock::Entry& entry = p.blocks[i].entries[0];
+      auto& by = holder[entry.unknown];
+      const double multiplier = slope[entry.unknown] / entry.value;
+      if (by == i && multiplier < 0.0) {
+        by.reset();
+        settled = false;
+      } else if (by == i) {
+        at.F[i](0, 0) = std::sqrt(multiplier);
+      } else if (!by && value(p.blocks[i], at.y)(0, 0) < 0.0) {
+        by = i;
+        settled = false;
+      }
+    }
+    if (settled) return at;
+  }
+  return std::nullopt;
+}
+
 // Powers of two, so that scaling does not round: a Cholesky factor scaled is one unscaled.
 double power_of_two(double x) { return std::exp2(std::round(std::log2(x))); }
 
@@ -419,11 +463,16 @@ PsdSolution minimise_blocks(const PsdLeastSquares& problem, const SolverOptions&
     const auto done = [&](const VectorXd& y, double gap) { return small(y, 2.0 * gap); };
     follow_path(p, at, options, begin, done, summary);
     round_to_boundary(s.blocks, homogeneous && objective(at.y) >= 0.0, at);
-    const double added = 0.5 * (p.root * at.y).head(s.g.size() - p.rank).squaredNorm();
-    const double gap = duality_gap(p, at.y, at.F) + added;
-    if (gap < out.gap) {
-      best = at;
+    const auto take = [&](const Iterate& point) {
+      const double added = 0.5 * (p.root * point.y).head(s.g.size() - p.rank).squaredNorm();
+      const double gap = duality_gap(p, point.y, point.F) + added;
+      if (!(gap < out.gap)) return;
+      best = point;
       out.gap = gap;
+    };
+    take(at);
+    if (!small(best.y, out.gap)) {
+      if (const auto held = held_at_bounds(p, at)) take(*held);
     }
     if (small(best.y, out.gap)) {
       return finish(best, Termination::converged, "the duality gap is below the tolerance");

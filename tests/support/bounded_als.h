@@ -111,6 +111,7 @@ inline Eigen::MatrixXd bounded_recording(const Model& model, Random& random, Eig
 
 struct BoundedAls {
   int solved = 0, outside = 0, at_bound = 0, not_converged = 0, refused = 0;
+  std::string why;     ///< of those that did not converge
   double worst = 0.0;  ///< of the optimality conditions, in units of the samples' size
 };
 
@@ -135,6 +136,7 @@ inline BoundedAls judge_bounded_als(int problems, std::uint64_t seed) {
     }
     if (estimate.status == Status::not_converged) {
       ++out.not_converged;
+      out.why += std::to_string(i) + ": " + estimate.message + "; ";
       continue;
     }
     const StateSpace start = instantiate(linear, model.parameters);
