@@ -4,6 +4,7 @@
 
 #include "identify/estimate/parameter_table.h"
 #include "lib/base/constants.h"
+#include "lib/base/median.h"
 #include "lib/model/nonlinear_model.h"
 
 namespace identikal {
@@ -103,7 +104,11 @@ FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
       if (measured.array().isNaN().all()) return;
       quantities.look(state, recording);
       for (Index i = 0; i < measured.size(); ++i) {
-        if (!std::isnan(measured[i])) see(quantities.compare(i, state, measured[i]));
+        if (std::isnan(measured[i])) continue;
+        ReferenceError error = quantities.compare(i, state, measured[i]);
+        error.recording = r;
+        error.row = state.t;
+        see(error);
       }
     };
     if (recording.reference.rows() == 0) continue;
@@ -113,16 +118,53 @@ FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
   return FilterStatus::ok;
 }
 
+SettledRows first_settled_rows(const Model& model, const ParameterSet& at,
+                               const std::vector<Dataset>& recordings,
+                               RecordingsLikelihood& filters) {
+  constexpr double kSettled = 4.0;  // times the median variance
+  struct Row {
+    Index row;
+    double v;
+  };
+  const std::size_t count = model.references.channels.size();
+  std::vector<std::vector<std::vector<Row>>> rows(recordings.size(),
+                                                  std::vector<std::vector<Row>>(count));
+  const auto add = [&](const ReferenceError& error) {
+    rows[error.recording][static_cast<std::size_t>(error.reference)].push_back(
+        {error.row, error.v});
+  };
+  if (for_each_reference(model, at, recordings, filters, false, add) != FilterStatus::ok) return {};
+  SettledRows out(recordings.size(), std::vector<Index>(count, 0));
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    for (std::size_t i = 0; i < count; ++i) {
+      std::vector<double> all;
+      for (const Row& each : rows[r][i]) all.push_back(each.v);
+      if (all.empty()) continue;
+      const double most = kSettled * median(std::move(all));
+      for (const Row& each : rows[r][i]) {
+        out[r][i] = each.row;
+        if (each.v <= most) break;
+      }
+    }
+  }
+  return out;
+}
+
 std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet& at,
-                                         const std::vector<Dataset>& recordings) {
+                                         const std::vector<Dataset>& recordings,
+                                         SettledRows settled) {
   if (model.references.channels.empty() || recordings.empty()) return {};
   struct Sums {
     long rows = 0, covered = 0;
     double e = 0.0, squares = 0.0, v = 0.0, nees = 0.0, log = 0.0;
   };
   std::vector<Sums> sums(model.references.channels.size());
+  RecordingsLikelihood filters(model, recordings);
+  if (settled.empty()) settled = first_settled_rows(model, at, recordings, filters);
+  if (settled.empty()) return {};
   const auto add = [&](const ReferenceError& at_row) {
     if (!(at_row.v > 0.0)) return;
+    if (at_row.row < settled[at_row.recording][static_cast<std::size_t>(at_row.reference)]) return;
     Sums& s = sums[static_cast<std::size_t>(at_row.reference)];
     const double ratio = at_row.e * at_row.e / at_row.v;
     constexpr double kQuantile = 1.959963984540054;  // of a normal distribution, 97.5 %
@@ -134,7 +176,6 @@ std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet&
     s.nees += ratio;
     s.log -= 0.5 * (ratio + std::log(at_row.v) + kLogTwoPi);
   };
-  RecordingsLikelihood filters(model, recordings);
   if (for_each_reference(model, at, recordings, filters, false, add) != FilterStatus::ok) return {};
   std::vector<ReferenceFit> out;
   for (std::size_t i = 0; i < sums.size(); ++i) {

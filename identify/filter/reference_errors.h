@@ -20,6 +20,8 @@ namespace identikal {
 ///
 /// with derivatives by the model's free entries. SI.
 struct ReferenceError {
+  std::size_t recording = 0;
+  Eigen::Index row = 0;        ///< of the recording
   Eigen::Index reference = 0;  ///< which of the model's
   double e = 0.0, v = 0.0;
   Eigen::VectorXd de, dv;  ///< empty unless requested
@@ -41,8 +43,19 @@ FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
                                 RecordingsLikelihood& filters, bool with_derivatives,
                                 const std::function<void(const ReferenceError&)>& see);
 
-/// What all of them come to, per reference that has any value, over the recordings together.
+/// Per recording and reference, the first row from which on v is no more than four times its median:
+/// the filter has settled. What comes before says how it begins, not how it estimates. Empty where
+/// the filter does not run.
+using SettledRows = std::vector<std::vector<Eigen::Index>>;
+SettledRows first_settled_rows(const Model& model, const ParameterSet& at,
+                               const std::vector<Dataset>& recordings,
+                               RecordingsLikelihood& filters);
+
+/// What all of them come to from those rows on, per reference that has any value there, over the
+/// recordings together.
+/// @param settled  rows to begin with, for a comparison of several filters; empty: this one's own
 std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet& at,
-                                         const std::vector<Dataset>& recordings);
+                                         const std::vector<Dataset>& recordings,
+                                         SettledRows settled = {});
 
 }  // namespace identikal

@@ -27,9 +27,10 @@ const YamlNode& formulas_part(const YamlNode& model, const char* key) {
 }
 
 YamlNode& named_part(YamlNode& parent, const std::string& key, const char* where) {
-  YamlNode* part = const_cast<YamlNode*>(find(parent, key));
-  if (part == nullptr) throw InputError(parent.at, fmt::format("no {} '{}'", where, key));
-  return *part;
+  if (find(parent, key) == nullptr) {
+    throw InputError(parent.at, fmt::format("no {} '{}'", where, key));
+  }
+  return value_at(parent, key);
 }
 
 // The unit of an output as its model file has it, or of a state.
@@ -147,7 +148,7 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
         const std::string unit = unit_of(model, name);
         const bool density = is_continuous(model);
         const std::string of =
-            unit.empty() ? "" : fmt::format("({})^2{}", unit, density ? "/s" : "");
+            unit.empty() ? "" : fmt::format("{0}*{0}{1}", unit, density ? "/s" : "");
         const double scale = unit_or_dimensionless(unit).scale;
         add_parameter(model, "q_" + name, size * size / (scale * scale) / (density ? step : 1.0),
                       of, 0.0);

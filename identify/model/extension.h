@@ -28,8 +28,9 @@ std::string in_words(const ModelExtension& extension);
 ///
 /// Example:
 ///
-///     const YamlNode root = parse_yaml(text, "tracker.yaml");
-///     const Model model = model_of(extended(root, {ExtensionKind::bias, {"z"}, {0.1}}, 0.1));
+///     const YamlNode root = read_yaml("tracker.yaml");
+///     const YamlNode more = extended(root, {ExtensionKind::bias, {"z"}, {0.1}}, 0.1);
+///     std::puts(model_file_text(more).c_str());
 ///
 /// @param step  the sampling period [s]
 /// @throws InputError where the tree is not that of formulas, or a name is taken

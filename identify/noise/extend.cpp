@@ -181,6 +181,38 @@ std::optional<ExtendedModel> tried(const ExtendedModel& base, const ModelExtensi
   }
 }
 
+bool pays(double gain, double se) { return gain > kStandardErrors * se && gain > kLeastGain; }
+
+// An extension of so many names that was tried.
+struct Fitted {
+  ExtendedModel candidate;
+  std::size_t names, trial;
+};
+
+// Of those that pay and that none predicts better than, the one with the fewest names; of those the
+// one that gains most.
+std::optional<std::size_t> simplest_of(const std::vector<Fitted>& fitted,
+                                       const std::vector<ExtensionTrial>& tried) {
+  const auto gains = [&](const Fitted& each) {
+    return pays(tried[each.trial].gain, tried[each.trial].gain_se);
+  };
+  const auto beaten = [&](const Fitted& each) {
+    return std::any_of(fitted.begin(), fitted.end(), [&](const Fitted& other) {
+      const auto [lead, lead_se] = gain_of(other.candidate, each.candidate);
+      return gains(other) && pays(lead, lead_se);
+    });
+  };
+  const auto order = [&](std::size_t k) {
+    return std::pair(fitted[k].names, -tried[fitted[k].trial].gain);
+  };
+  std::optional<std::size_t> out;
+  for (std::size_t i = 0; i < fitted.size(); ++i) {
+    if (!gains(fitted[i]) || beaten(fitted[i])) continue;
+    if (!out || order(i) < order(*out)) out = i;
+  }
+  return out;
+}
+
 std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
   std::vector<std::string> out{"further parts tried, by the log-likelihood per row held out:"};
   for (const ExtensionTrial& trial : tried) {
@@ -188,7 +220,9 @@ std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
                               std::isnan(trial.gain)
                                   ? "no filter, or no estimate"
                                   : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
-                              trial.adopted ? "  adopted" : ""));
+                              trial.adopted ? "  adopted"
+                              : trial.rival ? "  as good as what was adopted"
+                                            : ""));
   }
   return out;
 }
@@ -207,26 +241,28 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   const std::vector<Dataset> first = first_parts(recordings, options.hold_out);
   bool runs = fit_to(best.model, first) && predict(best, recordings, first);
   for (int step = 0; runs && step < options.most; ++step) {
-    std::optional<ExtendedModel> better;
-    std::size_t which = 0;
-    double most = 0.0;
+    std::vector<Fitted> fitted;
     for (const ModelExtension& extension : extensions_of(best.model, first)) {
       if (options.progress && !options.progress(in_words(extension))) runs = false;
       if (!runs) break;
       ExtensionTrial trial{in_words(extension), kNone, kNone, false};
       auto candidate = tried(best, extension, recordings, first);
-      if (candidate) std::tie(trial.gain, trial.gain_se) = gain_of(*candidate, best);
-      const bool pays = trial.gain > kStandardErrors * trial.gain_se && trial.gain > kLeastGain;
-      if (pays && trial.gain > most) {
-        most = trial.gain;
-        which = out.tried.size();
-        better = std::move(candidate);
+      if (candidate) {
+        std::tie(trial.gain, trial.gain_se) = gain_of(*candidate, best);
+        fitted.push_back({std::move(*candidate), extension.names.size(), out.tried.size()});
       }
       out.tried.push_back(std::move(trial));
     }
-    if (!better) break;
-    out.tried[which].adopted = true;
-    best = std::move(*better);
+    const auto chosen = simplest_of(fitted, out.tried);
+    if (!chosen) break;
+    Fitted& better = fitted[*chosen];
+    for (const Fitted& each : fitted) {
+      ExtensionTrial& trial = out.tried[each.trial];
+      trial.adopted = each.trial == better.trial;
+      const auto [lead, lead_se] = gain_of(better.candidate, each.candidate);
+      trial.rival = !trial.adopted && trial.gain > kLeastGain && !pays(lead, lead_se);
+    }
+    best = std::move(better.candidate);
     out.text = model_file_text(best.root);
   }
   Model chosen = out.text.empty() ? given : best.model;

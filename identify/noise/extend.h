@@ -26,6 +26,7 @@ struct ExtensionTrial {
   double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
   double gain_se = kNone;  ///< from its scatter between blocks of rows
   bool adopted = false;
+  bool rival = false;  ///< what was adopted in its place predicts no better, beyond chance
 };
 
 struct ExtendResult {
@@ -37,8 +38,17 @@ struct ExtendResult {
 /// Step by step: every extension that there is (biases of one output and of all, errors that last,
 /// process noise of states without any; of more than four outputs all at once alone) is fitted to the first part of each recording by maximum
 /// likelihood, and predicts the last part, its filter going on from the first. The one with the
-/// largest gain is adopted where that is beyond 3 of its standard errors and 0.01 nats per row.
-/// What is chosen is tuned on all rows. @param root  the model's file as a tree
+/// largest gain is adopted where that is beyond 3 of its standard errors and 0.01 nats per row, or a
+/// smaller one that it does not beat by as much.
+/// What is chosen is tuned on all rows.
+///
+/// Example:
+///
+///     const YamlNode root = read_yaml("tracker.yaml");
+///     const ExtendResult found = tune_extended(root, model, recordings);
+///     std::puts(found.text.c_str());  // a model file
+///
+/// @param root  the model's file as a tree
 /// @throws InputError as tune_ml(), and for a model that is not written as formulas
 ExtendResult tune_extended(const YamlNode& root, const Model& model,
                            const std::vector<Dataset>& recordings,

@@ -29,6 +29,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kBandWeight = 0.01;  // of (log nu)^2
+constexpr int kAnew = 2;              // searches with the rows that count for the last one's filter
 
 // What an optimiser moves: logarithms of what cannot be negative, all else as it is.
 class LogCoordinates {
@@ -91,11 +92,17 @@ struct Sums {
 
 class Criterion {
  public:
-  Criterion(const Model& model, const std::vector<Dataset>& recordings)
+  // Counts the rows where the filter with the values `begin` has settled.
+  Criterion(const Model& model, const ParameterSet& begin, const std::vector<Dataset>& recordings)
       : model_(model),
         recordings_(recordings),
         filters_(model, recordings),
+        settled(first_settled_rows(model, begin, recordings, filters_)),
         coordinates(model.parameters) {}
+
+  void begin_where_settled(const ParameterSet& at) {
+    settled = first_settled_rows(model_, at, recordings_, filters_);
+  }
 
   // -J; by x where requested. False: the filter does not run, or some variance is zero.
   bool evaluate(const VectorXd& x, double& value, VectorXd* gradient, MatrixXd* information) {
@@ -156,6 +163,7 @@ class Criterion {
     std::vector<Sums> sums(model_.references.channels.size());
     bool defined = true;
     const auto add = [&](const ReferenceError& row) {
+      if (!counts(row)) return;
       if (!(row.v > 0.0) || !std::isfinite(row.e)) defined = false;
       Sums& s = sums[static_cast<std::size_t>(row.reference)];
       const double ratio = row.e / row.v;
@@ -185,6 +193,7 @@ class Criterion {
     const auto sums = summed(at, true);
     std::vector<VectorXd> terms;
     const auto add = [&](const ReferenceError& row) {
+      if (!counts(row)) return;
       const Sums& s = (*sums)[static_cast<std::size_t>(row.reference)];
       const double nu = s.ratios / s.rows;
       const VectorXd band = 2.0 * s.by_ratios / s.ratios;
@@ -200,11 +209,17 @@ class Criterion {
     return out.colwise() - out.rowwise().mean();
   }
 
+  bool counts(const ReferenceError& row) const {
+    return settled.empty() ||
+           row.row >= settled[row.recording][static_cast<std::size_t>(row.reference)];
+  }
+
   const Model& model_;
   const std::vector<Dataset>& recordings_;
   RecordingsLikelihood filters_;
 
  public:
+  SettledRows settled;  // rows that count
   LogCoordinates coordinates;
 };
 
@@ -243,6 +258,23 @@ BestOfStarts closest_of(Criterion& criterion, const std::vector<ParameterSet>& s
   if (stopped) {
     out.best.summary.termination = Termination::stopped;
     out.best.summary.message = "stopped by the caller";
+  }
+  return out;
+}
+
+// Filters with a smaller and with a larger gain: what matters most, and where other optima lie.
+std::vector<ParameterSet> slower_and_faster(const Model& model, const ParameterSet& at) {
+  constexpr double kFactor = 300.0;
+  const LinearModel& noise = noise_model(model);
+  std::vector<ParameterSet> out;
+  for (const ParametrisedMatrix* matrix : {&noise.R, &noise.Q}) {
+    ParameterSet start = at;
+    for (const int i : parameters_in(*matrix)) {
+      Parameter& p = start[static_cast<std::size_t>(i)];
+      if (!p.fixed && p.min >= 0.0) p.value *= kFactor;
+      if (p.domain == Domain::scalar) p.value(0, 0) = std::clamp(p.scalar(), p.min, p.max);
+    }
+    out.push_back(std::move(start));
   }
   return out;
 }
@@ -340,12 +372,24 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
     const NoiseEstimate likeliest = tune_ml(model, recordings, once);
     starts.push_back(parameters_of(likeliest, model.parameters));
   }
+  for (ParameterSet& start : slower_and_faster(model, starts.back())) {
+    if (static_cast<int>(starts.size()) < options.starts) starts.push_back(std::move(start));
+  }
   Random random(options.seed);
   while (static_cast<int>(starts.size()) < options.starts) {
     starts.push_back(scattered_start(model.parameters, random));
   }
-  Criterion criterion(model, recordings);
-  const BestOfStarts found = closest_of(criterion, starts, options);
+  Criterion criterion(model, starts.size() > 1 ? starts[1] : starts[0], recordings);
+  BestOfStarts found = closest_of(criterion, starts, options);
+  // The rows that count are those of the filter that is found.
+  for (int i = 0; i < kAnew && found.best.summary.usable(); ++i) {
+    const ParameterSet so_far = criterion.coordinates.parameters(found.best.x);
+    criterion.begin_where_settled(so_far);
+    const BestOfStarts again = closest_of(criterion, {so_far}, options);
+    found.best = again.best;
+    found.iterations += again.iterations;
+    found.evaluations += again.evaluations;
+  }
   if (found.tried == 0) {
     refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());
   }
@@ -372,17 +416,18 @@ Findings check_against_references(const Model& model, const ParameterSet& likeli
                                   const std::vector<Dataset>& recordings) {
   constexpr double kLess = 0.01, kLevel = 0.01;  // of the error; of the test
   if (!has_references(model, recordings)) return {};
-  Criterion criterion(model, recordings);
-  Random random(1);
-  const std::vector<ParameterSet> starts{likeliest, scattered_start(likeliest, random),
-                                         scattered_start(likeliest, random)};
+  Criterion criterion(model, likeliest, recordings);
+  std::vector<ParameterSet> starts = slower_and_faster(model, likeliest);
+  starts.push_back(likeliest);
   const BestOfStarts found = closest_of(criterion, starts, {});
   if (found.tried == 0 || !found.best.summary.usable()) return {};
   const auto covariance = criterion.covariance(found.best.x);
   const VectorXd moved = found.best.x - criterion.coordinates.of(likeliest);
   const ParameterSet closest = criterion.coordinates.parameters(found.best.x);
-  const std::vector<ReferenceFit> before = reference_fits(model, likeliest, recordings);
-  const std::vector<ReferenceFit> after = reference_fits(model, closest, recordings);
+  const std::vector<ReferenceFit> before =
+      reference_fits(model, likeliest, recordings, criterion.settled);
+  const std::vector<ReferenceFit> after =
+      reference_fits(model, closest, recordings, criterion.settled);
   if (!covariance || before.size() != after.size() || before.empty()) return {};
   std::size_t most = 0;
   const auto share = [&](std::size_t i) { return after[i].rmse / before[i].rmse; };

@@ -13,7 +13,7 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const HandlingSheet sheet = handling_sheet(known_vehicle(car), car, recordings);
+///     HandlingSheet sheet;  // of handling_sheet(), identify/handling/sheet.h
 ///     std::puts(handling_text(sheet).c_str());
 std::string handling_text(const HandlingSheet& sheet);
 

@@ -153,7 +153,8 @@ outputs: {y: {column: y, unit: m}}
     def test_a_filter_at_rest_within_a_drive_is_said(self):
         data = self.recording("right.csv", 1)
         said = lambda *more: [w["code"] for w in json.loads(run("check", self.model, data, *more, "--json").stdout)["warnings"]]
-        self.assertIn("starts_within", said("--range", "20:50"))
+        self.assertIn("goes_on", said("--range", "20:50"))
+        self.assertIn("starts_within", said(self.recording("other.csv", 6), "--range", "20:50"))
         self.assertNotIn("starts_within", said())
 
 

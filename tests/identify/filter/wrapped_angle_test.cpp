@@ -43,7 +43,7 @@ Dataset turning(const Model& model, bool wrapped_at_half) {
     if (k % 7 != 3) rows += std::to_string(angle * 180.0 / std::numbers::pi);
     rows += "\n";
     course += 0.1 * rate;
-    rate += 0.03 * random.normal();
+    rate += 0.005 * random.normal();
   }
   return make_dataset(parse_csv(rows, "turning.csv"), model.time, {}, model.outputs);
 }

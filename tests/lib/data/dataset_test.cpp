@@ -374,8 +374,8 @@ TEST(UniformTimeGrid, RefusesOtherTimeStamps) {
               on_uniform_grid(recording({0.0, 0.1, 0.25}), 0.1);
             }),
             "run.csv: time 0.25 s is 1.5 steps after the row before; expected a whole number of "
-            "steps of 0.1 s; "
-            "resample the recording, or use a continuous-time model");
+            "steps of 0.1 s; the stamps are on a grid of 0.05 s with rows absent: 'step: 0.05 s' "
+            "under 'time' in the model file takes them so");
   EXPECT_THAT(message_of([] {
                 on_uniform_grid(recording({0.0, 0.001}), 0.1);
               }),
