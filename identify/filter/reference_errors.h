@@ -43,7 +43,7 @@ FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
                                 RecordingsLikelihood& filters, bool with_derivatives,
                                 const std::function<void(const ReferenceError&)>& see);
 
-/// Per recording and reference, the first row from which on v is no more than four times its median:
+/// Per recording and reference, the first row at which v is no more than four times its median:
 /// the filter has settled. What comes before says how it begins, not how it estimates. Empty where
 /// the filter does not run.
 using SettledRows = std::vector<std::vector<Eigen::Index>>;

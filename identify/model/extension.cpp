@@ -96,19 +96,16 @@ void add_lasting_error(YamlNode& model, const std::string& output, double size, 
   const std::string unit = unit_of(model, output), own = "error_" + output, sd = "sd_" + output,
                     tau = "tau_" + output;
   const double scale = unit_or_dimensionless(unit).scale;
-  const bool with_units = formulas_part(model, "dynamics").kind == Kind::mapping &&
-                          find(model, "states")->kind == Kind::mapping;
+  const bool with_units = find(model, "states")->kind == Kind::mapping;
   add_parameter(model, sd, size / scale, unit, 0.0);
   add_parameter(model, tau, kStartSteps * step, with_units ? "s" : "", kLeastSteps * step,
                 kMostSteps * step);
-  const std::string sd_text =
-      fmt::format("{:.9g}{}{}", size / scale, unit.empty() ? "" : " ", unit);
   if (is_continuous(model)) {
-    add_state(model, own, unit, fmt::format("-{}/{}", own, tau), sd_text);
+    add_state(model, own, unit, fmt::format("-{}/{}", own, tau), sd);
     add_process_variance(model, own, fmt::format("2*{}^2/{}", sd, tau));
   } else {
     const std::string h = fmt::format("{:.12g}{}", step, with_units ? " s" : "");
-    add_state(model, own, unit, fmt::format("{}*exp(-({})/{})", own, h, tau), sd_text);
+    add_state(model, own, unit, fmt::format("{}*exp(-({})/{})", own, h, tau), sd);
     add_process_variance(model, own, fmt::format("{}^2*(1 - exp(-2*({})/{}))", sd, h, tau));
   }
   add_to_output(model, output, own);

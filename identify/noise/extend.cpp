@@ -183,13 +183,19 @@ std::optional<ExtendedModel> tried(const ExtendedModel& base, const ModelExtensi
 
 bool pays(double gain, double se) { return gain > kStandardErrors * se && gain > kLeastGain; }
 
-// An extension of so many names that was tried.
+// An extension that was tried.
 struct Fitted {
   ExtendedModel candidate;
-  std::size_t names, trial;
+  std::size_t trial;
+
+  // Unknowns and states: what the part adds.
+  Index size() const {
+    const Model& model = candidate.model;
+    return free_entries(model.parameters).size() + static_cast<Index>(model.states.size());
+  }
 };
 
-// Of those that pay and that none predicts better than, the one with the fewest names; of those the
+// Of those that pay and that none predicts better than, the one with the fewest unknowns and states; of those the
 // one that gains most.
 std::optional<std::size_t> simplest_of(const std::vector<Fitted>& fitted,
                                        const std::vector<ExtensionTrial>& tried) {
@@ -203,7 +209,7 @@ std::optional<std::size_t> simplest_of(const std::vector<Fitted>& fitted,
     });
   };
   const auto order = [&](std::size_t k) {
-    return std::pair(fitted[k].names, -tried[fitted[k].trial].gain);
+    return std::pair(fitted[k].size(), -tried[fitted[k].trial].gain);
   };
   std::optional<std::size_t> out;
   for (std::size_t i = 0; i < fitted.size(); ++i) {
@@ -216,12 +222,12 @@ std::optional<std::size_t> simplest_of(const std::vector<Fitted>& fitted,
 std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
   std::vector<std::string> out{"further parts tried, by the log-likelihood per row held out:"};
   for (const ExtensionTrial& trial : tried) {
-    out.push_back(fmt::format("  {:<44} {}{}", trial.what,
+    out.push_back(fmt::format("  {:<36} {}{}", trial.what,
                               std::isnan(trial.gain)
                                   ? "no filter, or no estimate"
                                   : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
                               trial.adopted ? "  adopted"
-                              : trial.rival ? "  as good as what was adopted"
+                              : trial.rival ? "  as good"
                                             : ""));
   }
   return out;
@@ -249,7 +255,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
       auto candidate = tried(best, extension, recordings, first);
       if (candidate) {
         std::tie(trial.gain, trial.gain_se) = gain_of(*candidate, best);
-        fitted.push_back({std::move(*candidate), extension.names.size(), out.tried.size()});
+        fitted.push_back({std::move(*candidate), out.tried.size()});
       }
       out.tried.push_back(std::move(trial));
     }

@@ -29,7 +29,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kBandWeight = 0.01;  // of (log nu)^2
-constexpr int kAnew = 2;              // searches with the rows that count for the last one's filter
+// Searches with the rows that count for the last one's filter; where those turn back and forth,
+// the later ones are taken.
+constexpr int kMostAnew = 10, kTurns = 4;
 
 // What an optimiser moves: logarithms of what cannot be negative, all else as it is.
 class LogCoordinates {
@@ -100,8 +102,17 @@ class Criterion {
         settled(first_settled_rows(model, begin, recordings, filters_)),
         coordinates(model.parameters) {}
 
-  void begin_where_settled(const ParameterSet& at) {
-    settled = first_settled_rows(model_, at, recordings_, filters_);
+  // False: they are those already. @param as_late_as_before  no row that did not count counts now
+  bool begin_where_settled(const ParameterSet& at, bool as_late_as_before) {
+    SettledRows now = first_settled_rows(model_, at, recordings_, filters_);
+    for (std::size_t r = 0; as_late_as_before && r < now.size(); ++r) {
+      for (std::size_t i = 0; i < now[r].size(); ++i) {
+        now[r][i] = std::max(now[r][i], settled[r][i]);
+      }
+    }
+    const bool moved = now != settled;
+    settled = std::move(now);
+    return moved;
   }
 
   // -J; by x where requested. False: the filter does not run, or some variance is zero.
@@ -382,9 +393,9 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
   Criterion criterion(model, starts.size() > 1 ? starts[1] : starts[0], recordings);
   BestOfStarts found = closest_of(criterion, starts, options);
   // The rows that count are those of the filter that is found.
-  for (int i = 0; i < kAnew && found.best.summary.usable(); ++i) {
+  for (int i = 0; i < kMostAnew && found.best.summary.usable(); ++i) {
     const ParameterSet so_far = criterion.coordinates.parameters(found.best.x);
-    criterion.begin_where_settled(so_far);
+    if (!criterion.begin_where_settled(so_far, i >= kTurns)) break;
     const BestOfStarts again = closest_of(criterion, {so_far}, options);
     found.best = again.best;
     found.iterations += again.iterations;

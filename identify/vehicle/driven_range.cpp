@@ -24,12 +24,13 @@ struct Quantity {
   std::string_view name, unit;
   double share, least;
 };
-constexpr Quantity kSpeed{"vx", "m/s", 0.1, 0.0};
-constexpr Quantity kAcceleration{"ay", "m/s^2", 1.0 / 6.0, 0.3};
-constexpr Quantity kSideslip{"beta", "deg", 1.0 / 3.0, 1.0};
+constexpr Quantity kSpeedRange{"vx", "m/s", 0.1, 0.0};
+constexpr Quantity kAccelerationRange{"ay", "m/s^2", 1.0 / 6.0, 0.3};
+constexpr Quantity kSideslipRange{"beta", "deg", 1.0 / 3.0, 1.0};
 // A linear car answers to all frequencies alike.
-constexpr Quantity kFrequency{"steering frequency", "Hz", kInfinity, 0.0};
-constexpr Quantity kQuantities[] = {kSpeed, kAcceleration, kSideslip, kFrequency};
+constexpr Quantity kFrequencyRange{"steering frequency", "Hz", kInfinity, 0.0};
+constexpr Quantity kQuantities[] = {kSpeedRange, kAccelerationRange, kSideslipRange,
+                                    kFrequencyRange};
 
 DrivenRange range_of(const Quantity& quantity, const std::vector<double>& values) {
   constexpr double kLeftOut = 0.005;  // at each end
@@ -70,7 +71,7 @@ double beyond_by(const Quantity& quantity, double fitted) {
 }
 
 bool goes_beyond(const Quantity& quantity, const DrivenRange& fitted, const DrivenRange& here) {
-  if (quantity.name == kSpeed.name) {
+  if (quantity.name == kSpeedRange.name) {
     return here.low < fitted.low - beyond_by(quantity, fitted.low) ||
            here.high > fitted.high + beyond_by(quantity, fitted.high);
   }
@@ -88,10 +89,12 @@ std::vector<DrivenRange> driven_ranges(const VehicleProblem& problem, const Vect
     sideslip.push_back(kDegreesPerRadian * std::atan2(motion.vy, vx));
   });
   if (speed.empty()) return {};
-  std::vector<DrivenRange> out{range_of(kSpeed, speed), range_of(kAcceleration, acceleration),
-                               range_of(kSideslip, sideslip)};
+  std::vector<DrivenRange> out{range_of(kSpeedRange, speed),
+                               range_of(kAccelerationRange, acceleration),
+                               range_of(kSideslipRange, sideslip)};
   if (const auto frequency = steering_frequency(*problem.run)) {
-    out.push_back({std::string(kFrequency.name), std::string(kFrequency.unit), 0.0, *frequency});
+    out.push_back(
+        {std::string(kFrequencyRange.name), std::string(kFrequencyRange.unit), 0.0, *frequency});
   }
   return out;
 }

@@ -52,7 +52,8 @@ outputs: {r: {column: 3, unit: deg/s}, vy: {column: vy}}
 )";
 
 const std::string kTopKeys =
-    "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, include, A, B, C, "
+    "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
+    "include, A, B, C, "
     "D, G, Q, "
     "R, S, initial, sensors, tyre, regression, states, let, dynamics";
 const std::string kVehicleKeys =
