@@ -175,11 +175,13 @@ void refuse_beside_extensions(const TuneOptions& options) {
   for (const auto& [given, name] : {std::pair{options.method != "ml", "--method"},
                                     std::pair{options.purpose == kEstimates, "--for estimates"},
                                     std::pair{options.reject_outliers, "--reject-outliers"},
-                                    std::pair{!options.search.hold_out.empty(), "--hold-out"}}) {
+                                    std::pair{!options.search.hold_out.empty(), "--hold-out"},
+                                    std::pair{!options.model.settings.empty(), "--set"},
+                                    std::pair{!options.model.filter.empty(), "--filter"}}) {
     if (!given) continue;
     throw InputError({}, fmt::format("{} does not apply with --extend", name),
-                     "one of the two: extensions are compared by likelihood on the last 30 % of "
-                     "each recording");
+                     "one of the two: extensions of the model file, as it is, are compared by "
+                     "likelihood on the last 30 % of each recording");
   }
 }
 

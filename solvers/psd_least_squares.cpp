@@ -282,7 +282,9 @@ std::optional<Iterate> held_at_bounds(const ConicProblem& p, const Iterate& from
       at.y[e] = constant == 0.0 ? 0.0 : -constant / block.entries[0].value;
     }
     const VectorXd rest = p.target - p.root(Eigen::all, held) * at.y(held);
-    at.y(free) = MatrixXd(p.root(Eigen::all, free)).colPivHouseholderQr().solve(rest).eval();
+    if (!free.empty()) {
+      at.y(free) = MatrixXd(p.root(Eigen::all, free)).colPivHouseholderQr().solve(rest).eval();
+    }
     const VectorXd slope = p.root.transpose() * (p.root * at.y - p.target);
     bool settled = true;
     for (std::size_t i = 0; settled && i < p.blocks.size(); ++i) {

@@ -315,14 +315,13 @@ std::vector<Dataset> without(std::vector<Dataset> recordings,
 namespace {
 
 bool is_angle(const Channel& channel) {
-  return channel.unit.empty() ||
-         same_dimension(unit_or_dimensionless(channel.unit), unit_or_dimensionless("rad"));
+  return channel.unit.empty() || channel.unit == "rad" || channel.unit == "deg";
 }
 
 // An angle that jumps by a turn, which the filter takes for a large innovation.
 Findings check_turns(const Model& model, const std::vector<Dataset>& recordings,
                      const std::vector<FilterResult>& filters) {
-  constexpr double kTurn = 2.0 * std::numbers::pi, kNear = 0.3;  // [rad]
+  constexpr double kTurn = 2.0 * std::numbers::pi, kNear = 0.2;  // [rad]
   Findings out;
   for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     const bool wraps = c < model.outputs.size() && model.outputs[c].wraps;

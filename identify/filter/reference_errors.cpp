@@ -5,6 +5,7 @@
 #include "identify/estimate/parameter_table.h"
 #include "lib/base/constants.h"
 #include "lib/base/median.h"
+#include "lib/base/nearest_turn.h"
 #include "lib/model/nonlinear_model.h"
 
 namespace identikal {
@@ -48,7 +49,7 @@ class Quantities {
     ReferenceError out;
     out.reference = i;
     out.e = values_[i] - measured;
-    if (references_.channels[static_cast<std::size_t>(i)].wraps) out.e = wrapped(out.e);
+    if (references_.channels[static_cast<std::size_t>(i)].wraps) out.e = nearest_turn(out.e);
     const double sd = references_.sd[static_cast<std::size_t>(i)];
     const VectorXd PH = state.P * H.transpose();
     out.v = H.dot(PH) + sd * sd;
@@ -130,6 +131,7 @@ SettledRows first_settled_rows(const Model& model, const ParameterSet& at,
   std::vector<std::vector<std::vector<Row>>> rows(recordings.size(),
                                                   std::vector<std::vector<Row>>(count));
   const auto add = [&](const ReferenceError& error) {
+    if (!(error.v > 0.0)) return;  // a start that is known
     rows[error.recording][static_cast<std::size_t>(error.reference)].push_back(
         {error.row, error.v});
   };
@@ -163,7 +165,7 @@ std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet&
   if (settled.empty()) settled = first_settled_rows(model, at, recordings, filters);
   if (settled.empty()) return {};
   const auto add = [&](const ReferenceError& at_row) {
-    if (!(at_row.v > 0.0)) return;
+    if (!(at_row.v > 0.0) || !std::isfinite(at_row.e)) return;
     if (at_row.row < settled[at_row.recording][static_cast<std::size_t>(at_row.reference)]) return;
     Sums& s = sums[static_cast<std::size_t>(at_row.reference)];
     const double ratio = at_row.e * at_row.e / at_row.v;

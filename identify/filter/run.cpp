@@ -138,6 +138,10 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
     }
     rows += data.size();
   }
+  if (options.lag != Index{0} && !estimate.references.empty()) {
+    estimate.references.clear();  // of filtered states, which are not what is written
+    estimate.notes.emplace_back("references are compared with filtered states alone");
+  }
   const std::vector<NamedState> states = named_states(model);
   constexpr std::size_t kShown = 12;
   for (std::size_t i = 0; i < std::min(states.size(), kShown); ++i) {

@@ -17,6 +17,7 @@
 #include "identify/filter/report.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
+#include "lib/base/nearest_turn.h"
 #include "lib/data/units.h"
 #include "lib/statistics/whiteness.h"
 
@@ -40,6 +41,19 @@ void append(MatrixXd& to, const MatrixXd& more) {
   const Index had = to.cols();
   to.conservativeResize(more.rows(), had + more.cols());
   to.rightCols(more.cols()) = more;
+}
+
+// Of an angle that is measured up to whole turns, the nearest of them to what is measured.
+MatrixXd with_nearest_turns(const Model& model, const MatrixXd& measured, MatrixXd simulated) {
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    if (!model.outputs[i].wraps) continue;
+    const auto row = static_cast<Index>(i);
+    for (Index t = 0; t < simulated.cols(); ++t) {
+      const double y = measured(row, t);
+      if (!std::isnan(y)) simulated(row, t) = y - nearest_turn(y - simulated(row, t));
+    }
+  }
+  return simulated;
 }
 
 std::vector<ChannelFit> fits_of(const std::vector<Channel>& outputs, const MatrixXd& y,
@@ -132,7 +146,8 @@ void report_simulation(FilterEstimate& estimate, const Model& model, const Param
   MatrixXd y, errors;
   for (const Dataset& data : recordings) {
     append(y, data.y);
-    append(errors, data.y - simulated_outputs(model, parameters, data));
+    append(errors,
+           data.y - with_nearest_turns(model, data.y, simulated_outputs(model, parameters, data)));
   }
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
   const std::string why = why_no_simulation(model, parameters, recordings[0], estimate.simulation);
@@ -170,7 +185,7 @@ void report_hold_out(FilterEstimate& estimate, const Model& model,
     append(y, data.y);
     append(innovations, filter.e);
     append(standardised, filter.standardised);
-    append(simulated, simulated_outputs(here, end, data));
+    append(simulated, with_nearest_turns(model, data.y, simulated_outputs(here, end, data)));
     time.conservativeResize(y.cols());
     time.tail(data.size()) = data.time;
     recording.resize(static_cast<std::size_t>(y.cols()),

@@ -199,13 +199,13 @@ HandlingSheet handling_sheet(const KnownVehicle& car, const Model& model,
     log.emplace();
     log->run = usable_run(model, recordings);
     log->signals = measured_signals(log->run, car.p);
-    log->stretches = response_stretches(log->signals, options.speed);
+    log->segments = response_segments(log->signals, options.speed);
   }
   HandlingSheet out;
   out.steering = as_vehicle(model).steering_at_road_wheel ? "road wheel" : "steering wheel";
   out.speed = options.speed;
   if (log && std::isnan(out.speed)) {
-    out.speed = std::isfinite(log->stretches.speed) ? log->stretches.speed : mean_speed(log->run);
+    out.speed = std::isfinite(log->segments.speed) ? log->segments.speed : mean_speed(log->run);
   }
   if (std::isnan(out.speed)) out.speed = kUsualSpeed;
   add_steady_section(car, log, out);

@@ -43,7 +43,7 @@ KnownVehicle known_vehicle(const Model& model);
 KnownVehicle known_vehicle(const Model& model, const StoredEstimate& result);
 
 struct HandlingOptions {
-  /// Of the response to steering [m/s]; kNone: that of the stretch of the log in which the steering
+  /// Of the response to steering [m/s]; kNone: that of the segment of the log in which the steering
   /// moves most, without a log 80 km/h.
   double speed = kNone;
 };

@@ -1,6 +1,5 @@
 #include "identify/model/extension.h"
 
-#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -43,6 +42,20 @@ std::string unit_of(const YamlNode& model, const std::string& name) {
   const YamlNode* states = find(model, "states");
   const YamlNode* unit = states != nullptr ? find(*states, name) : nullptr;
   return unit != nullptr ? unit->text : "";
+}
+
+// The name, or one like it that nothing has.
+std::string unused(const YamlNode& model, std::string name) {
+  const auto taken = [&](const std::string& text) {
+    for (const char* key : {"parameters", "inputs", "let"}) {
+      const YamlNode* part = find(model, key);
+      if (part != nullptr && part->kind == Kind::mapping && find(*part, text) != nullptr)
+        return true;
+    }
+    return find(formulas_part(model, "dynamics"), text) != nullptr;
+  };
+  while (taken(name)) name += "_";
+  return name;
 }
 
 void add_parameter(YamlNode& model, const std::string& name, double value, const std::string& unit,
@@ -93,10 +106,11 @@ bool is_continuous(const YamlNode& model) {
 }
 
 void add_lasting_error(YamlNode& model, const std::string& output, double size, double step) {
-  const std::string unit = unit_of(model, output), own = "error_" + output, sd = "sd_" + output,
-                    tau = "tau_" + output;
+  const std::string unit = unit_of(model, output), own = unused(model, "error_" + output),
+                    sd = unused(model, "sd_" + output), tau = unused(model, "tau_" + output);
   const double scale = unit_or_dimensionless(unit).scale;
-  const bool with_units = find(model, "states")->kind == Kind::mapping;
+  const YamlNode* states = find(model, "states");
+  const bool with_units = states != nullptr && states->kind == Kind::mapping;
   add_parameter(model, sd, size / scale, unit, 0.0);
   add_parameter(model, tau, kStartSteps * step, with_units ? "s" : "", kLeastSteps * step,
                 kMostSteps * step);
@@ -104,11 +118,19 @@ void add_lasting_error(YamlNode& model, const std::string& output, double size, 
     add_state(model, own, unit, fmt::format("-{}/{}", own, tau), sd);
     add_process_variance(model, own, fmt::format("2*{}^2/{}", sd, tau));
   } else {
-    const std::string h = fmt::format("{:.12g}{}", step, with_units ? " s" : "");
-    add_state(model, own, unit, fmt::format("{}*exp(-({})/{})", own, h, tau), sd);
-    add_process_variance(model, own, fmt::format("{}^2*(1 - exp(-2*({})/{}))", sd, h, tau));
+    const std::string h = unused(model, "step_" + output);  // known
+    append(value_at(model, "parameters"), h,
+           yaml_scalar(fmt::format("{:.12g}{}", step, with_units ? " s" : "")));
+    add_state(model, own, unit, fmt::format("{}*exp(-{}/{})", own, h, tau), sd);
+    add_process_variance(model, own, fmt::format("{}^2*(1 - exp(-2*{}/{}))", sd, h, tau));
   }
   add_to_output(model, output, own);
+}
+
+void add_bias(YamlNode& model, const std::string& output) {
+  const std::string name = unused(model, "bias_" + output);
+  add_parameter(model, name, 0.0, unit_of(model, output), std::nullopt);
+  add_to_output(model, output, name);
 }
 
 }  // namespace
@@ -135,8 +157,7 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
     const double size = extension.size[i];
     switch (extension.kind) {
       case ExtensionKind::bias:
-        add_parameter(model, "bias_" + name, 0.0, unit_of(model, name), std::nullopt);
-        add_to_output(model, name, "bias_" + name);
+        add_bias(model, name);
         break;
       case ExtensionKind::lasting_error:
         add_lasting_error(model, name, size, step);

@@ -192,7 +192,7 @@ Prior read_prior_of_variance(const YamlNode& node, const std::string& unit,
   }
   const std::string square = "(" + sd.unit + ")^2";
   // A parameter in the sd's own unit is no variance; angles have no dimension to tell by.
-  if (!unit.empty() && unit == sd.unit && own.scale != 1.0) {
+  if (!unit.empty() && unit == sd.unit) {
     throw InputError(at.at,
                      fmt::format("sd of {} is in {}, and so is the parameter, which is then no "
                                  "variance",
@@ -329,6 +329,10 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
     if (const YamlNode* wrap = find(item, "wrap")) {
       channel.wraps = word_of(*wrap, "wrap", {"true", "false"}) == "true";
       if (channel.wraps) check_unit(channel.unit, "rad", wrap->at, in_quotes(channel.name));
+      if (channel.wraps && channel.delay != 0.0) {
+        throw InputError(wrap->at, "an angle that wraps has a delay",
+                         "one of the two: no value lies between two that are a turn apart");
+      }
     }
     out.push_back(std::move(channel));
   }

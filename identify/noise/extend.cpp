@@ -15,6 +15,7 @@
 #include "identify/model/model_file.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
+#include "solvers/covariance.h"
 #include "solvers/scoring.h"
 
 namespace identikal {
@@ -33,6 +34,7 @@ struct ExtendedModel {
   YamlNode root;
   Model model;
   std::vector<VectorXd> densities;  // of held-out rows, per recording; empty: it does not run
+  double criterion = 0.0;           // of the first part: log-likelihood less BIC's penalty
 };
 
 std::vector<Dataset> first_parts(const std::vector<Dataset>& recordings, double hold_out) {
@@ -55,6 +57,19 @@ void take_values(const Model& from, Model& to) {
   }
 }
 
+// Do the data tell all unknowns inside their bounds?
+bool determines(const LikelihoodProblem& problem, const VectorXd& x) {
+  double value = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+  if (!problem.evaluate(x, value, &gradient, &information)) return false;
+  std::vector<Index> inside;
+  for (Index i = 0; i < x.size(); ++i) {
+    if (x[i] > problem.lower[i] && x[i] < problem.upper[i]) inside.push_back(i);
+  }
+  return inside.empty() || scaled_inverse(information(inside, inside), kFlat).has_value();
+}
+
 // False where nothing is found.
 bool fit_to(Model& model, const std::vector<Dataset>& recordings) {
   RecordingsLikelihood likelihood(model, recordings);
@@ -65,7 +80,8 @@ bool fit_to(Model& model, const std::vector<Dataset>& recordings) {
   solver.max_iterations = 40;
   solver.decrement_tolerance = 1e-4;
   const Solution end = maximise(likelihood.problem(), coordinates(model.parameters), solver);
-  if (!std::isfinite(end.summary.objective)) return false;
+  if (!std::isfinite(end.summary.objective) || !determines(likelihood.problem(), end.x))
+    return false;
   model.parameters = with_coordinates(model.parameters, end.x);
   return true;
 }
@@ -94,12 +110,20 @@ std::optional<VectorXd> densities(const Model& model, const Dataset& data, Index
 
 bool predict(ExtendedModel& candidate, const std::vector<Dataset>& recordings,
              const std::vector<Dataset>& first) {
+  constexpr Index kSettles = 5;  // a share of the first part: diffuse starts do not compare
   candidate.densities.clear();
+  candidate.criterion = 0.0;
+  double rows = 0.0;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    auto rows = densities(candidate.model, recordings[r], first[r].size());
-    if (!rows) return false;
-    candidate.densities.push_back(std::move(*rows));
+    const Index held = first[r].size(), begin = held / kSettles;
+    const auto all = densities(candidate.model, recordings[r], begin);
+    if (!all) return false;
+    candidate.criterion += all->head(held - begin).sum();
+    rows += static_cast<double>(held - begin);
+    candidate.densities.push_back(all->tail(all->size() - (held - begin)));
   }
+  const auto unknowns = static_cast<double>(free_entries(candidate.model.parameters).size());
+  candidate.criterion -= 0.5 * unknowns * std::log(rows);
   return true;
 }
 
@@ -170,7 +194,8 @@ std::optional<ExtendedModel> tried(const ExtendedModel& base, const ModelExtensi
                                    const std::vector<Dataset>& recordings,
                                    const std::vector<Dataset>& first) {
   try {
-    ExtendedModel out{extended(base.root, extension, first[0].dt), {}, {}};
+    ExtendedModel out;
+    out.root = extended(base.root, extension, first[0].dt);
     out.model = model_of(out.root, base.model.source);
     take_values(base.model, out.model);
     out.model = checked(std::move(out.model), first);
@@ -187,18 +212,11 @@ bool pays(double gain, double se) { return gain > kStandardErrors * se && gain >
 struct Fitted {
   ExtendedModel candidate;
   std::size_t trial;
-
-  // Unknowns and states: what the part adds.
-  Index size() const {
-    const Model& model = candidate.model;
-    return free_entries(model.parameters).size() + static_cast<Index>(model.states.size());
-  }
 };
 
-// Of those that pay and that none predicts better than, the one with the fewest unknowns and states; of those the
-// one that gains most.
-std::optional<std::size_t> simplest_of(const std::vector<Fitted>& fitted,
-                                       const std::vector<ExtensionTrial>& tried) {
+// Of those that pay and that none predicts better than, the one that the first part asks for, by BIC.
+std::optional<std::size_t> chosen_of(const std::vector<Fitted>& fitted,
+                                     const std::vector<ExtensionTrial>& tried) {
   const auto gains = [&](const Fitted& each) {
     return pays(tried[each.trial].gain, tried[each.trial].gain_se);
   };
@@ -208,13 +226,10 @@ std::optional<std::size_t> simplest_of(const std::vector<Fitted>& fitted,
       return gains(other) && pays(lead, lead_se);
     });
   };
-  const auto order = [&](std::size_t k) {
-    return std::pair(fitted[k].size(), -tried[fitted[k].trial].gain);
-  };
   std::optional<std::size_t> out;
   for (std::size_t i = 0; i < fitted.size(); ++i) {
     if (!gains(fitted[i]) || beaten(fitted[i])) continue;
-    if (!out || order(i) < order(*out)) out = i;
+    if (!out || fitted[i].candidate.criterion > fitted[*out].candidate.criterion) out = i;
   }
   return out;
 }
@@ -243,9 +258,12 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
                      "'identikal shape' finds coloured noise of a model by matrices");
   }
   ExtendResult out;
-  ExtendedModel best{root, checked(given, recordings), {}};
+  ExtendedModel best;
+  best.root = root;
+  best.model = checked(given, recordings);
   const std::vector<Dataset> first = first_parts(recordings, options.hold_out);
-  bool runs = fit_to(best.model, first) && predict(best, recordings, first);
+  fit_to(best.model, first);  // where it does not determine all, it predicts with what it has
+  bool runs = predict(best, recordings, first);
   for (int step = 0; runs && step < options.most; ++step) {
     std::vector<Fitted> fitted;
     for (const ModelExtension& extension : extensions_of(best.model, first)) {
@@ -259,7 +277,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
       }
       out.tried.push_back(std::move(trial));
     }
-    const auto chosen = simplest_of(fitted, out.tried);
+    const auto chosen = chosen_of(fitted, out.tried);
     if (!chosen) break;
     Fitted& better = fitted[*chosen];
     for (const Fitted& each : fitted) {

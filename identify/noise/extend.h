@@ -36,10 +36,10 @@ struct ExtendResult {
 };
 
 /// Step by step: every extension that there is (biases of one output and of all, errors that last,
-/// process noise of states without any; of more than four outputs all at once alone) is fitted to the first part of each recording by maximum
-/// likelihood, and predicts the last part, its filter going on from the first. The one with the
-/// largest gain is adopted where that is beyond 3 of its standard errors and 0.01 nats per row, or a
-/// smaller one that it does not beat by as much.
+/// process noise of states without any; of more than four outputs all at once alone) is fitted to the
+/// first part of each recording by maximum likelihood, and predicts the last part, its filter going
+/// on from the first. Those pay whose gain is beyond 3 of its standard errors and 0.01 nats per row;
+/// of those that no other beats by as much, the one is adopted that the first part asks for by BIC.
 /// What is chosen is tuned on all rows.
 ///
 /// Example:

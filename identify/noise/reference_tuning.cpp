@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
@@ -38,15 +39,15 @@ class LogCoordinates {
  public:
   explicit LogCoordinates(const ParameterSet& parameters)
       : parameters_(parameters), box_(coordinate_box(parameters)) {
-    constexpr double kDecades = 25.0;  // to either side, of the natural logarithm
+    constexpr double kRange = 25.0;  // to either side, of the natural logarithm
     const VectorXd start = coordinates(parameters);
     lower = box_.lower;
     upper = box_.upper;
     for (Index i = 0; i < start.size(); ++i) {
       if (!is_logarithm(i)) continue;
       const double middle = start[i] > 0.0 ? std::log(start[i]) : 0.0;
-      lower[i] = std::max(middle - kDecades, std::log(std::max(box_.lower[i], 1e-300)));
-      upper[i] = std::min(middle + kDecades, std::log(box_.upper[i]));
+      lower[i] = std::max(middle - kRange, std::log(std::max(box_.lower[i], 1e-300)));
+      upper[i] = std::min(middle + kRange, std::log(box_.upper[i]));
     }
   }
   VectorXd of(const ParameterSet& at) const {
@@ -105,7 +106,7 @@ class Criterion {
   // False: they are those already. @param as_late_as_before  no row that did not count counts now
   bool begin_where_settled(const ParameterSet& at, bool as_late_as_before) {
     SettledRows now = first_settled_rows(model_, at, recordings_, filters_);
-    for (std::size_t r = 0; as_late_as_before && r < now.size(); ++r) {
+    for (std::size_t r = 0; as_late_as_before && r < std::min(now.size(), settled.size()); ++r) {
       for (std::size_t i = 0; i < now[r].size(); ++i) {
         now[r][i] = std::max(now[r][i], settled[r][i]);
       }
@@ -118,7 +119,8 @@ class Criterion {
   // -J; by x where requested. False: the filter does not run, or some variance is zero.
   bool evaluate(const VectorXd& x, double& value, VectorXd* gradient, MatrixXd* information) {
     const auto sums = summed(coordinates.parameters(x), gradient != nullptr);
-    if (!sums) return false;
+    const auto has_rows = [](const Sums& s) { return s.rows > 0.0; };
+    if (!sums || std::none_of(sums->begin(), sums->end(), has_rows)) return false;
     value = 0.0;
     VectorXd g;
     MatrixXd J;
@@ -175,7 +177,7 @@ class Criterion {
     bool defined = true;
     const auto add = [&](const ReferenceError& row) {
       if (!counts(row)) return;
-      if (!(row.v > 0.0) || !std::isfinite(row.e)) defined = false;
+      if (!std::isfinite(row.e)) defined = false;
       Sums& s = sums[static_cast<std::size_t>(row.reference)];
       const double ratio = row.e / row.v;
       if (with_derivatives && s.rows == 0.0) {
@@ -221,7 +223,7 @@ class Criterion {
   }
 
   bool counts(const ReferenceError& row) const {
-    return settled.empty() ||
+    return row.v > 0.0 && !settled.empty() &&
            row.row >= settled[row.recording][static_cast<std::size_t>(row.reference)];
   }
 
@@ -397,9 +399,16 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
     const ParameterSet so_far = criterion.coordinates.parameters(found.best.x);
     if (!criterion.begin_where_settled(so_far, i >= kTurns)) break;
     const BestOfStarts again = closest_of(criterion, {so_far}, options);
+    if (again.tried == 0) break;
     found.best = again.best;
     found.iterations += again.iterations;
     found.evaluations += again.evaluations;
+  }
+  if (found.tried == 0 && !criterion.settled.empty()) {
+    throw InputError(
+        {model.source, 0, 0},
+        "no reference has a value where the filter has settled and knows the state",
+        "reference values behind the first rows, and noise that leaves the state open");
   }
   if (found.tried == 0) {
     refuse_filter(model, recordings, RecordingsLikelihood(model, recordings).status_at_start());

@@ -16,7 +16,8 @@
 namespace identikal {
 
 struct ReferenceTuningOptions {
-  int starts = 5;  ///< optimisations: the model's values, the likeliest, then scattered ones
+  int starts =
+      5;  ///< optimisations: the model's values, the likeliest, slower and faster filters, scattered
   std::uint64_t seed = 1;  ///< of the scattered starts
   /// Called after every iteration; return false to stop: the best so far, not converged.
   std::function<bool(int start, int iteration, double criterion)> progress;

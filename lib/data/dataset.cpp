@@ -6,7 +6,6 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -279,7 +278,12 @@ Eigen::MatrixXd read_references(const Table& table, const std::vector<ChannelSou
       Eigen::MatrixXd::Constant(static_cast<Index>(sources.size()), sources.empty() ? 0 : n, kNaN);
   for (std::size_t i = 0; i < sources.size(); ++i) {
     data.references.push_back({sources[i].name, sources[i].unit});
-    const bool there = table.find(sources[i].column) != nullptr;
+    // In several joined files it has a name in each, and find_column() asks which.
+    const std::vector<std::string> names = table.column_names();
+    const bool there = table.find(sources[i].column) != nullptr ||
+                       std::any_of(names.begin(), names.end(), [&](const std::string& known) {
+                         return known.ends_with("." + sources[i].column);
+                       });
     auto row = out.row(static_cast<Index>(i));
     if (there) row = read_channel(table, sources[i], stamps, rows, data.references[i], data);
     if (!row.array().isNaN().all()) continue;
@@ -311,8 +315,6 @@ bool is_time_unit(const std::string& text) {
 }
 
 }  // namespace
-
-double wrapped(double angle) { return std::remainder(angle, 2.0 * std::numbers::pi); }
 
 bool looks_like_time(const Column& column) {
   const std::vector<std::string> words = words_in(column.name);

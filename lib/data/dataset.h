@@ -55,9 +55,6 @@ struct ChannelSource {
   bool wraps = false;   ///< an angle: values that are a turn apart are the same
 };
 
-/// What is a whole number of turns from the angle, and no further than half of one from zero [rad].
-double wrapped(double angle);
-
 /// Where time comes from: a column, or a fixed step.
 struct TimeSource {
   std::string column;  ///< empty: no time column, rows are `step` apart and the first is at 0

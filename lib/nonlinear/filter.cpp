@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
 #include "lib/base/message.h"
+#include "lib/base/nearest_turn.h"
 #include "lib/internal/direction_stack.h"
 #include "lib/internal/small_product.h"
 #include "lib/nonlinear/internal/innovation_update.h"
@@ -341,7 +341,6 @@ class NonlinearRecursion {
       store_->standardised(a, t) = update_.standardised()[a];
     }
   }
-  static double nearest_turn(double angle) { return std::remainder(angle, 2.0 * std::numbers::pi); }
   void take_nearest_turn() {
     for (std::size_t i = 0; i < options_.wraps.size(); ++i) {
       double& e = outputs_.e[static_cast<Index>(i)];

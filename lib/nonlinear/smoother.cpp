@@ -1,7 +1,9 @@
 #include "lib/nonlinear/smoother.h"
 
+#include <cmath>
 #include <vector>
 
+#include "lib/base/nearest_turn.h"
 #include "lib/nonlinear/internal/sigma_points.h"
 
 namespace identikal {
@@ -93,9 +95,16 @@ class Followed {
     const double time = inputs_.time[t];
     StraightLine out;
     if (unscented()) {
+      VectorXd middle;  // the first point's
       out = line_of_points(filter_.x_pred.col(t), filter_.P_pred[t], options_.weights,
                            model_.outputs, [&](const VectorXd& x) {
                              observe(model_, memory_, x, u, time, y_);
+                             if (middle.size() == 0) middle = y_;
+                             for (std::size_t i = 0; i < options_.wraps.size(); ++i) {
+                               const auto row = static_cast<Index>(i);
+                               if (!options_.wraps[i]) continue;
+                               y_[row] = middle[row] + nearest_turn(y_[row] - middle[row]);
+                             }
                              return y_;
                            });
       out.rest += noise_.R;
@@ -156,15 +165,24 @@ SmootherResult nonlinear_smoother(const NonlinearModel& model, const Eigen::Ref<
   std::vector<Followed::Lines> lines;
   lines.reserve(static_cast<std::size_t>(y.cols()));
   MatrixXd u(model.states + model.outputs, y.cols());
+  MatrixXd measured = y;
   for (Index t = 0; t < y.cols(); ++t) {
     lines.push_back(followed.at(t));
-    u.col(t) << lines.back().moved.offset, lines.back().seen.offset;
+    const StraightLine& seen = lines.back().seen;
+    u.col(t) << lines.back().moved.offset, seen.offset;
+    // Of an angle, the turn that the filter took.
+    for (std::size_t i = 0; i < options.wraps.size(); ++i) {
+      const auto row = static_cast<Index>(i);
+      if (!options.wraps[i] || std::isnan(y(row, t))) continue;
+      measured(row, t) =
+          seen.jacobian.row(row).dot(filter.x_pred.col(t)) + seen.offset[row] + filter.e(row, t);
+    }
   }
   const ModelAt at = [&](Index t, StateSpace& out, std::vector<StateSpace>*) {
     followed.set(lines[t], out);
   };
-  return lag ? smooth_with_lag(at, InitialState::given, y, u, *lag, keep)
-             : smooth(at, InitialState::given, y, u, keep);
+  return lag ? smooth_with_lag(at, InitialState::given, measured, u, *lag, keep)
+             : smooth(at, InitialState::given, measured, u, keep);
 }
 
 }  // namespace identikal

@@ -20,7 +20,7 @@ constexpr int kFewestSwings = 3, kMostSwings = 5;
 constexpr double kNearest = 2.0, kFarthest = 6.0, kBack = 1.5;  // to the side [m]
 constexpr double kMargin = 0.5;                                 // [s]
 
-/// A stretch of vx r to one side.
+/// A segment of vx r to one side.
 struct Swing {
   Index from, to;
   double peak;

@@ -46,13 +46,13 @@ VectorXd thinned(const VectorXd& x, Index every) {
 
 }  // namespace
 
-ResponseStretches response_stretches(const DriveSignals& s, double speed) {
+ResponseSegments response_segments(const DriveSignals& s, double speed) {
   constexpr double kOneSpeed = 0.1;
-  struct Stretch {
+  struct Segment {
     VehicleRun::Segment segment;
     double power, speed, weighted;  // of the steering's rate; mean of vx; power times vx
   };
-  std::vector<Stretch> all;
+  std::vector<Segment> all;
   double largest = 0.0;
   for (const VehicleRun::Segment& segment : s.segments) {
     if (static_cast<double>(segment.rows) * s.step < kLeastSeconds) continue;
@@ -65,12 +65,12 @@ ResponseStretches response_stretches(const DriveSignals& s, double speed) {
     if (!(all.back().power > largest)) continue;
     largest = all.back().power;
   }
-  ResponseStretches out;
-  for (const Stretch& each : all) {
+  ResponseSegments out;
+  for (const Segment& each : all) {
     if (std::isnan(speed) && each.power == largest) speed = each.speed;
   }
   double power = 0.0, weighted = 0.0;
-  for (const Stretch& each : all) {
+  for (const Segment& each : all) {
     if (std::abs(each.speed - speed) > kOneSpeed * speed) continue;
     out.segments.push_back(each.segment);
     power += each.power;
@@ -81,12 +81,12 @@ ResponseStretches response_stretches(const DriveSignals& s, double speed) {
 }
 
 std::vector<TransferFunction> log_response(const DriveSignals& signals,
-                                           const ResponseStretches& stretches, const VectorXd& x,
+                                           const ResponseSegments& segments, const VectorXd& x,
                                            const VectorXd& frequencies) {
   const Index every = std::max<Index>(1, std::lround(1.0 / (kRate * signals.step)));
   const double step = signals.step * static_cast<double>(every);
   std::vector<MatrixXd> records;
-  for (const VehicleRun::Segment& segment : stretches.segments) {
+  for (const VehicleRun::Segment& segment : segments.segments) {
     const auto input = even(signals, segment, signals.steering), output = even(signals, segment, x);
     if (!input || !output) continue;
     MatrixXd record(2, std::min(input->size(), output->size()) / every);

@@ -14,8 +14,8 @@ namespace identikal {
 /// over the gain, and from this share of the largest power on that the rate of steering has.
 inline constexpr double kLeastCoherence = 0.9, kLargestError = 0.1, kLeastPower = 1e-3;
 
-/// Stretches of the log at one speed.
-struct ResponseStretches {
+/// Segments of the log at one speed.
+struct ResponseSegments {
   std::vector<VehicleRun::Segment> segments;
   double speed = kNone;  ///< mean, weighted by the square of the steering's rate [m/s]
 };
@@ -23,15 +23,15 @@ struct ResponseStretches {
 /// The segments of ten seconds and more whose mean speed is within a tenth of `speed`, or of that
 /// of the segment in which the steering moves most.
 /// @param speed  [m/s]; kNone: of that segment
-ResponseStretches response_stretches(const DriveSignals& signals, double speed);
+ResponseSegments response_segments(const DriveSignals& signals, double speed);
 
-/// Of the steering angle to one signal of the log, over these stretches. Rows are averaged to about
+/// Of the steering angle to one signal of the log, over these segments. Rows are averaged to about
 /// twenty a second, which changes input and output alike; lines 0.15 Hz to each side count where a
-/// stretch is long enough for it.
+/// segment is long enough for it.
 /// @param frequencies  [Hz]
-/// @return nothing where there is no stretch or the signal is missing
+/// @return nothing where there is no segment or the signal is missing
 std::vector<TransferFunction> log_response(const DriveSignals& signals,
-                                           const ResponseStretches& stretches,
+                                           const ResponseSegments& segments,
                                            const Eigen::VectorXd& x,
                                            const Eigen::VectorXd& frequencies);
 

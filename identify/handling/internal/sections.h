@@ -13,8 +13,8 @@ namespace identikal {
 /// The log, where there is one.
 struct HandlingLog {
   VehicleRun run;
-  DriveSignals signals;         ///< measured
-  ResponseStretches stretches;  ///< of the frequency response
+  DriveSignals signals;       ///< measured
+  ResponseSegments segments;  ///< of the frequency response
 };
 
 /// ISO 4138: figures, remarks and the characteristic curve.
@@ -32,7 +32,7 @@ void add_lane_change_section(const KnownVehicle& car, const std::optional<Handli
 /// Why the log's side is blank where there is no log.
 inline constexpr const char* kNoLog = "No recording was given.";
 
-/// Of the run the stretches of rows alone that these windows need, each from two seconds before.
+/// Of the run the segments of rows alone that these windows need, each from two seconds before.
 VehicleRun around(const VehicleRun& run, const std::vector<VehicleRun::Segment>& windows);
 
 }  // namespace identikal

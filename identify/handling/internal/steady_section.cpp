@@ -226,7 +226,9 @@ void add_curve(const KnownVehicle& car, const SteadyLog& log, HandlingSheet& she
   }
   const double angle_sd = scatter_in(freed, [](const SteadySecond&s) { return s.angle; }),
                beta_sd = scatter_in(freed, beta_of);
-  for (const auto& [number, bin] : bins) {
+  for (const auto& entry : bins) {
+    const auto number = entry.first;
+    const Bin& bin = entry.second;
     HandlingSheet::CurvePoint point;
     point.ay = bin.mean([](const SteadySecond& s) { return s.ay(); });
     point.seconds = static_cast<double>(bin.seconds.size());

@@ -17,7 +17,7 @@ constexpr double kSpeedChange = 1.0;  // [m/s^2]
 constexpr std::size_t kFewest = 8;    // seconds
 constexpr double kLeastRange = 1.0;   // of vx r [m/s^2]
 
-/// Means of both halves of a stretch of rows.
+/// Means of both halves of a segment of rows.
 struct Halves {
   double first = kNone, second = kNone;
   double mean() const { return 0.5 * (first + second); }

@@ -27,8 +27,8 @@ using Value = HandlingSheet::Value;
 using Section = HandlingSheet::Section;
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
-constexpr const char* kNoStretch =
-    "The log has no stretch of ten seconds, without gaps, at one speed.";
+constexpr const char* kNoSegment =
+    "The log has no segment of ten seconds, without gaps, at one speed.";
 constexpr double kReference = 0.2;  // [Hz]: gains are related to the one there
 constexpr double kFastest = 10.0;   // [Hz]: how far a bandwidth is looked for
 
@@ -120,8 +120,8 @@ void add_log_response(const std::optional<HandlingLog>& log, const Output& outpu
   const VectorXd& signal = log->signals.*output.signal;
   if (signal.array().isNaN().all()) return leave_blank(output.none);
   const std::vector<TransferFunction> found =
-      log_response(log->signals, log->stretches, signal, all);
-  if (found.empty()) return leave_blank(kNoStretch);
+      log_response(log->signals, log->segments, signal, all);
+  if (found.empty()) return leave_blank(kNoSegment);
   const std::vector<bool> excited = is_excited(found, all);
   for (std::size_t i = 0; i < out.points.size(); ++i) {
     HandlingSheet::ResponsePoint& point = out.points[i];
@@ -292,10 +292,10 @@ void add_step_figures(const KnownVehicle& car, const std::optional<HandlingLog>&
   }
 }
 
-void remark_on_stretches(const HandlingLog& log, double speed, Section& out) {
+void remark_on_segments(const HandlingLog& log, double speed, Section& out) {
   constexpr double kOneSpeed = 1.2;
   std::vector<double> speeds;
-  for (const VehicleRun::Segment& s : log.stretches.segments) {
+  for (const VehicleRun::Segment& s : log.segments.segments) {
     const double* vx = log.run.vx.data() + s.first;
     speeds.insert(speeds.end(), vx, vx + s.rows);
   }
@@ -328,7 +328,7 @@ void add_transient_section(const KnownVehicle& car, const std::optional<Handling
   Section out{"ISO 7401", "transient response to steering", {}, {}};
   add_response_figures(car, sheet, log.has_value(), out);
   add_step_figures(car, log, sheet.speed, out);
-  if (log) remark_on_stretches(*log, sheet.speed, out);
+  if (log) remark_on_segments(*log, sheet.speed, out);
   sheet.sections.push_back(std::move(out));
 }
 

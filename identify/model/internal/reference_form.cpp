@@ -33,6 +33,17 @@ StateReferences read_references(const YamlNode& root, const ModelFormulas& symbo
     const bool by_key = node->kind == YamlNode::Kind::mapping;
     const YamlNode& name = by_key ? node->keys[i] : *find(item, "name");
     formulas.outputs.push_back(read(equals != nullptr ? *equals : name, channel));
+    const auto moves = [&](const Expression::Node& each) {
+      const int first_definition = symbols.states + symbols.inputs + symbols.parameters + 1;
+      return each.op == Op::symbol &&
+             (each.symbol < symbols.states || each.symbol >= first_definition);
+    };
+    const std::vector<Expression::Node>& nodes = formulas.outputs.back().nodes;
+    if (std::none_of(nodes.begin(), nodes.end(), moves)) {
+      throw InputError(equals != nullptr ? equals->at : name.at,
+                       fmt::format("reference '{}' depends on no state", channel.name),
+                       "a formula of states");
+    }
     const YamlNode* sd = find(item, "sd");
     out.sd.push_back(sd != nullptr ? read_si(*sd, channel.unit, "sd") : 0.0);
     if (sd != nullptr && !(out.sd.back() >= 0.0)) {

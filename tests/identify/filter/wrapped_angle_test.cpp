@@ -2,6 +2,7 @@
 // filter; without the word for it the jump is named.
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -11,6 +12,7 @@
 #include "identify/noise/ml.h"
 #include "identify/optimality/check.h"
 #include "lib/base/error.h"
+#include "lib/base/nearest_turn.h"
 #include "lib/base/random.h"
 #include "lib/data/csv.h"
 
@@ -38,7 +40,7 @@ Dataset turning(const Model& model, bool wrapped_at_half) {
   double course = 0.0, rate = 0.5;
   for (int k = 0; k < 300; ++k) {
     double angle = course + 0.03 * random.normal();
-    if (wrapped_at_half) angle = wrapped(angle);
+    if (wrapped_at_half) angle = nearest_turn(angle);
     rows += std::to_string(0.1 * k) + ",";
     if (k % 7 != 3) rows += std::to_string(angle * 180.0 / std::numbers::pi);
     rows += "\n";
@@ -60,6 +62,17 @@ TEST_P(WrappedAngle, IsFollowedThroughEveryTurn) {
   EXPECT_GT(whole.x_filt(0, 299), 2.0 * std::numbers::pi);
   EXPECT_LT((whole.x_filt - jumping.x_filt).norm(), 1e-5);
   EXPECT_NEAR(whole.log_likelihood, jumping.log_likelihood, 1e-4);
+}
+
+TEST_P(WrappedAngle, IsSmoothedThroughEveryTurn) {
+  Model model = parse_model_file(compass(", wrap: true"), "compass.yaml");
+  as_formulas(model).filter = GetParam();
+  for (const std::optional<Eigen::Index> lag :
+       {std::optional<Eigen::Index>(), std::optional<Eigen::Index>(5)}) {
+    const SmootherResult whole = run_smoother(model, model.parameters, turning(model, false), lag);
+    const SmootherResult jumping = run_smoother(model, model.parameters, turning(model, true), lag);
+    EXPECT_LT((whole.x - jumping.x).norm(), 1e-5);
+  }
 }
 
 TEST_P(WrappedAngle, OfALinearModelIsTheKalmanFilter) {

@@ -585,7 +585,8 @@ constexpr Mistake kLinearMistakes[] = {
      "5:33: sd of prior of parameter 'q' is in deg, and so is the parameter, which is then no "
      "variance; expected log-normal: {median: M, factor: F}"},
     {"{value: 2, min: 0}", "{value: 2 m, prior: {sd: 0.1 m, factor: 2}}",
-     "5:31: prior of parameter 'q' is in '(m)^2'; expected a unit like 'm'"},
+     "5:31: sd of prior of parameter 'q' is in m, and so is the parameter, which is then no "
+     "variance; expected log-normal: {median: M, factor: F}"},
     {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1}}}",
      "5:33: 'sd' is missing in prior of parameter 'q'; expected normal: {mean: ..., sd: ...}"},
     {"{value: 2, min: 0}", "{value: 2, prior: {normal: {mean: 1, sd: 1}, uniform: [1, 2]}}",

@@ -155,6 +155,16 @@ initial: diffuse
                                      ModelExtension{ExtensionKind::process_noise, {"p"}, {0.1}}}) {
     const std::string text = model_file_text(extended(root, each, 0.02));
     EXPECT_NO_THROW(parse_model_file(text, "more.yaml")) << text;
+    std::string discrete = model_file_text(root);
+    discrete.replace(discrete.find("continuous"), 10, "discrete");
+    discrete.replace(discrete.find("density"), 7, "per-sample");
+    discrete.replace(discrete.find("p: v\n"), 5, "p: p + h*v\n");
+    discrete.replace(discrete.find("v: 0\n"), 5, "v: v\n");
+    discrete.replace(discrete.find("m^2/s^3"), 7, "m^2/s^2");
+    discrete.replace(discrete.find("parameters:\n"), 12, "parameters:\n  h: 0.02 s\n");
+    const std::string more =
+        model_file_text(extended(parse_yaml(discrete, "speed.yaml"), each, 0.02));
+    EXPECT_NO_THROW(parse_model_file(more, "more.yaml")) << more;
   }
 }
 

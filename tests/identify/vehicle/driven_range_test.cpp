@@ -28,7 +28,7 @@ Dataset without_noise(const testing::TrueCar& car, double steering_wheel) {
 }
 
 // As usual sensors record it.
-Dataset drive(const testing::TrueCar& car, double steering_wheel) {
+Dataset recorded_drive(const testing::TrueCar& car, double steering_wheel) {
   return testing::with_noise(without_noise(car, steering_wheel), {0.002, 0.02}, 3);
 }
 
@@ -41,7 +41,7 @@ Validation validated(const VehicleEstimate& fit, Model model, const Dataset& dat
 
 TEST(DrivenRange, IsThatOfTheSimulation) {
   const testing::TrueCar car;
-  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r", "vy"}), drive(car, 0.5));
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r", "vy"}), recorded_drive(car, 0.5));
   const Dataset data = without_noise(car, 0.5);
   ASSERT_EQ(fit.driven.size(), 4u);
   EXPECT_NEAR(fit.driven[0].low, kSpeed, 1e-9);
@@ -67,14 +67,14 @@ TEST(DrivenRange, ADriveBeyondItAccusesNoCar) {
   testing::TrueCar car;
   car.inverse_saturation_f = car.inverse_saturation_r = 1.0 / std::pow(6500.0, 2);
   const Model model = sladka2010_model({"r", "vy"});
-  const VehicleEstimate fit = fit_vehicle(model, drive(car, 0.2));
-  const Validation beyond_it = validated(fit, model, drive(car, 1.2));
+  const VehicleEstimate fit = fit_vehicle(model, recorded_drive(car, 0.2));
+  const Validation beyond_it = validated(fit, model, recorded_drive(car, 1.2));
   EXPECT_EQ(beyond_it.status, Status::untrusted) << beyond_it.message;
   EXPECT_THAT(beyond_it.message, HasSubstr("goes beyond what the result was fitted to: ay"));
-  EXPECT_EQ(validated(fit, model, drive(car, 0.2)).status, Status::ok);
+  EXPECT_EQ(validated(fit, model, recorded_drive(car, 0.2)).status, Status::ok);
   testing::TrueCar other = car;
   other.Cf *= 0.7;
-  const Validation of_another = validated(fit, model, drive(other, 0.2));
+  const Validation of_another = validated(fit, model, recorded_drive(other, 0.2));
   EXPECT_EQ(of_another.status, Status::rejected) << of_another.message;
   EXPECT_THAT(of_another.message, Not(HasSubstr("beyond")));
 }

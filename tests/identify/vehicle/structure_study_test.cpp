@@ -12,8 +12,10 @@
 #include "lib/vehicle/sladka2010_car.h"
 #include "tests/support/vehicle_case.h"
 
-namespace identikal::testing {
+namespace identikal {
 namespace {
+
+using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
 using ::testing::HasSubstr;
 using Structure = VehicleFitOptions::Structure;
@@ -117,4 +119,4 @@ TEST(StructureStudy, UnitsChangeNothing) {
 }
 
 }  // namespace
-}  // namespace identikal::testing
+}  // namespace identikal
