@@ -1,6 +1,7 @@
 #include "identify/noise/internal/importance_sample.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -263,6 +264,14 @@ std::optional<PosteriorPoints> importance_sample(const Model& model, const Param
                                                  RecordingsLikelihood& likelihood,
                                                  const NoiseBayesOptions& options) {
   const LikelihoodProblem problem = posterior_problem(model, prior, likelihood);
+  const auto begin = std::chrono::steady_clock::now();
+  const auto is_late = [&] {
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+    return spent.count() > options.max_seconds;
+  };
+  const auto goes_on = [&](double share) {
+    return !is_late() && (!options.progress || options.progress(share));
+  };
   Random random(options.seed);
   SolverSummary summary;
   PosteriorMixture mixture{parts_at_maxima(model, prior, problem, random, summary)};
@@ -271,10 +280,10 @@ std::optional<PosteriorPoints> importance_sample(const Model& model, const Param
   PosteriorPoints out;
   const auto wanted = static_cast<double>(options.draws);
   for (int round = 0; round < kRounds && out.effective < 0.5 * wanted; ++round) {
-    const bool all = draws.add(mixture, options.draws, random, options.progress, summary);
+    const bool all = draws.add(mixture, options.draws, random, goes_on, summary);
     out = draws.weighed(model);
     if (!all) {
-      summary.termination = Termination::stopped;
+      summary.termination = is_late() ? Termination::time_limit : Termination::stopped;
       summary.message = "stopped by the caller";
       out.summary = summary;
       return out;
