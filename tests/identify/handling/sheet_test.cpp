@@ -195,7 +195,8 @@ TEST(HandlingSheet, BendingTyresHaveALimitAndFrictions) {
 TEST(HandlingSheet, AnotherCarIsSeen) {
   KnownVehicle softer = true_car();
   softer.p[kCf] *= 0.8;
-  const Figure& K = figure(sheet_of({circles()}, softer), "understeer gradient K");
+  const HandlingSheet sheet = sheet_of({circles()}, softer);
+  const Figure& K = figure(sheet, "understeer gradient K");
   EXPECT_GT(K.model.value, 1.5 * K.log.value);
 }
 
