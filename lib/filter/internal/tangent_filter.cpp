@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include <Eigen/Cholesky>
 
@@ -20,6 +19,8 @@ namespace {
 
 // Up to here the kernel is made for the number of states and F is dense.
 constexpr Index kUnrolled = 4;
+// Gains are kept of so many samples between changes of what is measured.
+constexpr Index kLongestPassage = 16;
 
 MatrixXd rows_of(const MatrixXd& M, const std::vector<int>& rows) {
   MatrixXd out(static_cast<Index>(rows.size()), M.cols());
@@ -35,21 +36,22 @@ MatrixXd columns_of(const MatrixXd& M, const std::vector<int>& columns) {
 
 Presence find_presence(const MatrixXd& y) {
   Presence out;
-  std::map<std::vector<int>, std::size_t> known;
-  std::vector<int> here, before{-1};
+  std::vector<std::vector<bool>> known;  // which channels are there, by pattern
+  std::vector<bool> here(static_cast<std::size_t>(y.rows()));
   for (Index t = 0; t < y.cols(); ++t) {
-    here.clear();
-    for (Index i = 0; i < y.rows(); ++i) {
-      if (!std::isnan(y(i, t))) here.push_back(static_cast<int>(i));
-    }
-    if (here == before) {
+    for (Index i = 0; i < y.rows(); ++i) here[i] = !std::isnan(y(i, t));
+    if (t > 0 && here == known[out.stretches.back().pattern]) {
       out.stretches.back().end = t + 1;
       continue;
     }
-    const auto [at, fresh] = known.try_emplace(here, out.channels.size());
-    if (fresh) out.channels.push_back(here);
-    out.stretches.push_back({t, t + 1, at->second});
-    before = here;
+    const auto at = std::find(known.begin(), known.end(), here);
+    out.stretches.push_back({t, t + 1, static_cast<std::size_t>(at - known.begin())});
+    if (at != known.end()) continue;
+    known.push_back(here);
+    out.channels.emplace_back();
+    for (Index i = 0; i < y.rows(); ++i) {
+      if (here[i]) out.channels.back().push_back(static_cast<int>(i));
+    }
   }
   return out;
 }
@@ -106,7 +108,10 @@ void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpac
   blocks_ = derivatives.size() / lanes_ + 1;
   find_structure();
   fill_common();
-  for (Pattern& p : patterns_) p.ready = false;
+  for (Pattern& p : patterns_) {
+    p.ready = false;
+    for (Passage& passage : p.passages) passage.known = false;
+  }
 }
 
 // Entries of F = A - K C: where A has one, and all of the columns that an output sees.
@@ -239,6 +244,7 @@ FilterStatus TangentFilter::begin(InitialState initial) {
   rejected_ = late_ = false;
   samples_ = folded_ = jumped_ = 0;
   reserve(diffuse_);
+  e_sd_.setZero(ny_);
   const std::size_t k = derivatives_->size();
   if (diffuse_) {
     scale_ = proper_scale(*model_);
@@ -293,8 +299,13 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
         }
         if (segment.begin > t) end = std::min(end, segment.begin);
       }
-      status = diffuse_ ? run_diffuse(p, recording, t, end, out)
-                        : run_stretch(p, recording, t, end, out);
+      if (diffuse_) {
+        status = run_diffuse(p, recording, t, end, out);
+      } else if (end - t <= kLongestPassage && presence.stretches.size() > 1) {
+        status = run_passage(p, recording, t, end, out);
+      } else {
+        status = run_stretch(p, recording, t, end, out);
+      }
     }
     if (status != FilterStatus::ok) return status;
   }
@@ -332,24 +343,124 @@ FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording
       const simd::TangentEnd how = step(p, recording, t, to);
       if (how == simd::TangentEnd::indefinite) return FilterStatus::indefinite;
       settled = how == simd::TangentEnd::settled;
+      if (recording.store != nullptr) find_innovation_sd();
     }
     if (watched) leave_sample(p, recording, t - 1, out);
   }
   return FilterStatus::ok;
 }
 
-// Of every channel, measured or not, at the sample that has just gone by.
-VectorXd TangentFilter::innovation_sd() const {
+// Does the covariance begin as it did, to 1e-13 of the standard deviations, and its derivatives to
+// 1e-11 of their largest entry?
+bool TangentFilter::comes_back(const Passage& passage) const {
+  const double *P = run_.P, *before = passage.begin.data();
+  const auto scale = [&](Index i, Index j) {
+    return P[place(n_ * n_, i * n_ + i, 0)] * P[place(n_ * n_, j * n_ + j, 0)];
+  };
+  for (std::size_t l = 0; l <= derivatives_->size(); ++l) {
+    double largest = 0.0, change = 0.0;  // squared, against the deviations
+    for (Index i = 0; i < n_; ++i) {
+      for (Index j = 0; j <= i; ++j) {
+        const std::size_t at = place(n_ * n_, i * n_ + j, l);
+        const double size = scale(i, j), moved = P[at] - before[at];
+        if (moved == 0.0 && P[at] == 0.0) continue;
+        if (!(size > 0.0)) return false;
+        largest = std::max(largest, P[at] * P[at] / size);
+        change = std::max(change, moved * moved / size);
+      }
+    }
+    if (!(change <= (l == 0 ? 1e-26 : 1e-22) * largest)) return false;
+  }
+  return true;
+}
+
+std::size_t TangentFilter::gain_size(const Pattern& p) const {
+  const auto n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(p.model.m);
+  return (n * m + m * m) * lanes_ * blocks_ + n * m + 3 * m * m + static_cast<std::size_t>(ny_);
+}
+
+// copy(number kept, number in use, how many) of all that a sample's gain consists of.
+template <typename Copy>
+void TangentFilter::copy_gain(const Pattern& p, double* gain, Copy&& copy) {
+  const auto n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(p.model.m);
+  const std::size_t all = lanes_ * blocks_;
+  const auto next = [&](double* used, std::size_t size) {
+    copy(gain, used, size);
+    gain += size;
+  };
+  next(run_.K_theta, n * m * all);
+  next(run_.Sigma, m * m * all);
+  next(run_.K, n * m);
+  next(run_.L_inverse, m * m);
+  next(run_.Sigma_inverse, m * m);
+  next(run_.work, m * m);  // L
+  next(e_sd_.data(), static_cast<std::size_t>(ny_));
+}
+
+// A few samples, with the gains of the last time where the covariance has come back.
+FilterStatus TangentFilter::run_passage(Pattern& p, const TangentRecording& recording, Index& t,
+                                        Index end, Likelihood& out) {
+  if (p.passages.empty()) p.passages.resize(kLongestPassage + 1);
+  Passage& passage = p.passages[static_cast<std::size_t>(end - t)];
+  const std::size_t size = static_cast<std::size_t>(n_ * n_) * lanes_ * blocks_;
+  const bool watched = recording.store != nullptr || recording.score_products != nullptr;
+  const bool same = passage.known && comes_back(passage);
+  if (!same) {
+    passage.begin.assign(run_.P, run_.P + size);
+    passage.gains.resize(gain_size(p) * static_cast<std::size_t>(end - t));
+    passage.known = false;
+  }
+  double* gain = passage.gains.data();
+  for (; t < end; gain += gain_size(p)) {
+    if (same) {
+      copy_gain(p, gain, [](const double* kept, double* used, std::size_t count) {
+        std::copy(kept, kept + count, used);
+      });
+      simd::run_settled_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
+                                 recording.u.data(), t, t + 1);
+      samples_ += p.model.m;
+      ++t;
+    } else {
+      if (step(p, recording, t, t + 1) == simd::TangentEnd::indefinite) {
+        return FilterStatus::indefinite;
+      }
+      if (recording.store != nullptr) find_innovation_sd();
+      copy_gain(p, gain, [](double* kept, const double* used, std::size_t count) {
+        std::copy(used, used + count, kept);
+      });
+    }
+    if (watched) leave_sample(p, recording, t - 1, out);
+  }
+  if (same) {
+    std::copy(passage.end.begin(), passage.end.end(), run_.P);
+  } else {
+    passage.end.assign(run_.P, run_.P + size);
+    passage.known = true;
+  }
+  return FilterStatus::ok;
+}
+
+// The covariance before the last sample has not been overwritten yet.
+void TangentFilter::find_innovation_sd() {
   const MatrixXd& C = model_->C;
-  const MatrixXd P = matrix(run_.next_P, 0);
-  return ((C * P).cwiseProduct(C).rowwise().sum() + model_->R.diagonal()).cwiseSqrt();
+  for (Index i = 0; i < ny_; ++i) {
+    double variance = model_->R(i, i);
+    for (Index j = 0; j < n_; ++j) {
+      if (C(i, j) == 0.0) continue;
+      for (Index k = 0; k < n_; ++k) {
+        if (C(i, k) == 0.0) continue;
+        variance += C(i, j) * C(i, k) * run_.next_P[place(n_ * n_, j * n_ + k, 0)];
+      }
+    }
+    e_sd_[i] = std::sqrt(variance);
+  }
 }
 
 void TangentFilter::leave_sample(const Pattern& p, const TangentRecording& recording, Index t,
                                  Likelihood& out) {
   const auto m = static_cast<std::size_t>(p.model.m);
   if (FilterResult* store = recording.store) {
-    store->e_sd.col(t) = innovation_sd();
+    store->e_sd.col(t) = e_sd_;
     for (std::size_t a = 0; a < m; ++a) {
       double z = 0.0;
       for (std::size_t c = 0; c <= a; ++c) z += run_.L_inverse[a * m + c] * run_.E[c * lanes_];

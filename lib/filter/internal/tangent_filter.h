@@ -56,10 +56,20 @@ class TangentFilter {
   bool diffuse_start_came_late() const { return late_; }     ///< for a segment
 
  private:
+  // How the covariance went through some samples of one pattern last time, with the gains. Where it
+  // comes back to the same beginning, as it does between outputs at different rates, they serve
+  // again.
+  struct Passage {
+    bool known = false;
+    std::vector<double> begin, end;  // P and its derivatives
+    std::vector<double> gains;       // of one sample after the other
+  };
+
   // A model with the channels of one pattern.
   struct Pattern {
     bool ready = false;
     simd::TangentModel model;
+    std::vector<Passage> passages;  // by number of samples
     std::vector<int> C_row, C_column;
     std::vector<double> C, R, S, D, C_theta;  // all but C in lanes
   };
@@ -75,9 +85,15 @@ class TangentFilter {
                         Eigen::Index end);
   FilterStatus run_diffuse(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
+  FilterStatus run_passage(Pattern& p, const TangentRecording& recording, Eigen::Index& t,
+                           Eigen::Index end, Likelihood& out);
+  bool comes_back(const Passage& passage) const;
+  std::size_t gain_size(const Pattern& p) const;
+  template <typename Copy>
+  void copy_gain(const Pattern& p, double* gain, Copy&& copy);
   void leave_sample(const Pattern& p, const TangentRecording& recording, Eigen::Index t,
                     Likelihood& out);
-  Eigen::VectorXd innovation_sd() const;
+  void find_innovation_sd();
   bool fold_in(DiffuseStart& start, Likelihood& out);
   bool run_by_kernel(const Segment& segment, SegmentKernel& kernel, Likelihood& out);
   void add_sums(Likelihood& out) const;
@@ -103,6 +119,7 @@ class TangentFilter {
   simd::TangentRun run_;
   Eigen::VectorXd scale_;   // of a diffuse start
   Eigen::VectorXd scored_;  // the gradient up to the last sample
+  Eigen::VectorXd e_sd_;    // of every channel, measured or not, at the last sample
   bool diffuse_ = false, rejected_ = false, late_ = false;
   Eigen::Index samples_ = 0, folded_ = 0, jumped_ = 0;
 };
