@@ -156,8 +156,9 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{chosen, !als && !bayes && !estimates, "--evaluation", "--method ml or auto"}}) {
     if (!each.given || each.applies) continue;
     throw InputError({},
-                     fmt::format("{} does not apply to --method {}", each.option, options.method),
-                     each.expected);
+                     fmt::format("{} does not apply to {}", each.option,
+                                 estimates ? "--for estimates" : "--method " + options.method),
+                     (estimates ? "no --for estimates, and " : "") + std::string(each.expected));
   }
   if (is_formula_model(model) && chosen) {
     throw InputError({}, "--evaluation does not apply to this model", "a linear model",

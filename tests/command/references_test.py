@@ -78,6 +78,8 @@ class References(unittest.TestCase):
         self.assertEqual(result("filter", self.model, without)["references"], [])
         error = run("tune", self.model, self.train, "--for", "estimates", "--method", "als", code=2).stderr
         self.assertIn("--for estimates does not apply to --method als", error)
+        error = run("tune", self.model, self.train, "--for", "estimates", "--lags", 3, code=2).stderr
+        self.assertIn("--lags does not apply to --for estimates", error)
 
     def test_extensions_are_tried_and_the_model_is_written(self):
         out = self.folder.path / "extended"
