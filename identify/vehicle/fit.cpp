@@ -434,6 +434,16 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
       "more samples than unknowns");
 }
 
+/// Filters of samples that correct the state know what the sensors show now, not what they showed.
+void require_simulation(const VehicleFitOptions& options, const VehicleRun& run,
+                        const VehicleUnknowns& unknowns) {
+  if (options.method == VehicleFitOptions::Method::output_error) return;
+  if (!has_late_sensor(run, unknowns)) return;
+  throw InputError({}, "a delay or lag in 'sensors' with a method that filters",
+                   "--method output-error",
+                   "or a known delay beside the column: {column: ..., delay: 80 ms}");
+}
+
 /// What causes that the model does not have would change, where a stiffness or the inertia is free.
 bool asks_for_structure(const VehicleFit& fit) {
   const std::vector<VehicleParameter>& free = fit.found.problem.unknowns.free;
@@ -638,6 +648,7 @@ VehicleEstimate fit_vehicle(const Model& given, const std::vector<Dataset>& reco
   }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, recordings);
+  require_simulation(options, run, unknowns);
   VehicleEstimate estimate = begun(model, recordings, run);
   if (is_answered_by_steady_cornering(model, run, unknowns, estimate)) return estimate;
   require_samples(recordings, run, unknowns);

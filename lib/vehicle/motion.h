@@ -66,6 +66,11 @@ DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
 void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                double delay);
 
+/// The same segment with a row at every integration step, and the times of these rows.
+/// @param time  those the segment was made of
+DrivenSegment with_every_step(const DrivenSegment& segment);
+Eigen::VectorXd times_of_steps(const DrivenSegment& segment, const Eigen::VectorXd& time);
+
 /// Motion under the inputs of a node in the state (vy, r), forces following at once:
 ///   m (vy' + vx r) = Ff + Fr - m g sin(bank),  Iz r' = a Ff - b Fr,
 ///   alpha_f = (vy + a r)/vx - delta,  alpha_r = (vy - b r)/vx

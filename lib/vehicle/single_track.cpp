@@ -28,7 +28,31 @@ constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
                                                                      "Ff_max",
                                                                      "Fr_max",
                                                                      "curve_shape",
-                                                                     "curve_curvature"};
+                                                                     "curve_curvature",
+                                                                     "gain_r",
+                                                                     "delay_r",
+                                                                     "lag_r",
+                                                                     "x_r",
+                                                                     "y_r",
+                                                                     "angle_r",
+                                                                     "gain_vy",
+                                                                     "delay_vy",
+                                                                     "lag_vy",
+                                                                     "x_vy",
+                                                                     "y_vy",
+                                                                     "angle_vy",
+                                                                     "gain_ay",
+                                                                     "delay_ay",
+                                                                     "lag_ay",
+                                                                     "x_ay",
+                                                                     "y_ay",
+                                                                     "angle_ay",
+                                                                     "gain_beta",
+                                                                     "delay_beta",
+                                                                     "lag_beta",
+                                                                     "x_beta",
+                                                                     "y_beta",
+                                                                     "angle_beta"};
 
 }  // namespace
 
@@ -50,6 +74,9 @@ VehicleParameters<double> neutral_vehicle() {
   p[kLoadSensitivity] = 1.0;
   p[kCurveShape] = CurveShape().shape;
   p[kCurveCurvature] = CurveShape().curvature;
+  for (int q = 0; q < kVehicleQuantities; ++q) {
+    p[sensor_parameter(static_cast<VehicleQuantity>(q), SensorProperty::gain)] = 1.0;
+  }
   return p;
 }
 
@@ -98,6 +125,13 @@ SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
   car.relaxation_length = p[kRelaxationLength];
   car.cg_height = p[kCgHeight];
   car.load_sensitivity = p[kLoadSensitivity];
+  for (int q = 0; q < kVehicleQuantities; ++q) {
+    const auto of = [&](SensorProperty property) {
+      return p[sensor_parameter(static_cast<VehicleQuantity>(q), property)];
+    };
+    using enum SensorProperty;
+    car.sensors[q] = {of(gain), of(delay), of(lag), of(x), of(y), of(angle)};
+  }
   return car;
 }
 

@@ -11,6 +11,7 @@
 #include "identify/model/internal/regression_form.h"
 #include "lib/base/constants.h"
 #include "lib/data/units.h"
+#include "lib/vehicle/sensor.h"
 #include "lib/vehicle/single_track.h"
 
 namespace identikal {
@@ -47,10 +48,38 @@ constexpr ParameterRule kMagicFormulaRules[] = {
     {"curve_curvature", "", false, CurveShape().curvature, [](double x) { return x < 1.0; },
      "below 1"}};
 
+// Of every sensor, in the order of SensorProperty; known as neutral where the file is silent.
+constexpr ParameterRule kSensorRules[kSensorProperties] = {
+    {"gain", "", true, 1.0},
+    {"delay", "s", false, 0.0, [](double x) { return std::abs(x) <= 1.0; }, "between -1 s and 1 s"},
+    {"lag", "s", false, 0.0, [](double x) { return x >= 0.0 && x <= 1.0; }, "between 0 s and 1 s"},
+    {"x", "m", false, 0.0},
+    {"y", "m", false, 0.0},
+    {"angle", "rad", false, 0.0}};
+
 constexpr ChannelRule kVehicleInputs[] = {
     {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
 constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
+
+/// The parameters of the car itself, without those of its sensors.
+std::vector<ParameterRule> car_rules(TyreCurve curve) {
+  std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
+  if (curve != TyreCurve::linear) {
+    out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
+  }
+  if (curve == TyreCurve::magic_formula) {
+    out.insert(out.end(), std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules));
+  }
+  return out;
+}
+
+/// The rule of a property, by the name that the parameter has among the others: "delay_r".
+ParameterRule sensor_rule(VehicleQuantity quantity, SensorProperty property) {
+  ParameterRule out = kSensorRules[static_cast<int>(property)];
+  out.name = name_of(sensor_parameter(quantity, property)).data();
+  return out;
+}
 
 /// The largest force of an axle that the file does not name: estimated, from its load on a road
 /// with a friction of 1.
@@ -85,7 +114,7 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
                                      TyreCurve curve) {
   const YamlNode& node =
       required(root, "parameters", "the model file", "parameters: m a b Iz Cf Cr steering_ratio");
-  const std::vector<ParameterRule> rules = vehicle_rules(curve);
+  const std::vector<ParameterRule> rules = car_rules(curve);
   for (const YamlNode& key : node.keys) {
     const auto is = [&key](const ParameterRule& rule) { return key.text == rule.name; };
     if (curve == TyreCurve::linear &&
@@ -147,18 +176,41 @@ double read_min_speed(const YamlNode& node) {
   return value;
 }
 
+/// One property of a sensor. A place or an angle that is a plain number is where the sensor is;
+/// all else is a parameter, "x_ay".
+void read_sensor_property(const YamlNode& node, VehicleQuantity quantity, SensorProperty property,
+                          SensorPosition& position, ParameterSet& parameters) {
+  const bool plain = node.kind == YamlNode::Kind::scalar;
+  const std::string key = kSensorRules[static_cast<int>(property)].name;
+  const std::string unit = kSensorRules[static_cast<int>(property)].si_unit;
+  if (plain && property == SensorProperty::x) position.x = read_si(node, unit, key);
+  if (plain && property == SensorProperty::y) position.y = read_si(node, unit, key);
+  if (plain && property == SensorProperty::angle) position.angle = read_si(node, unit, key);
+  const bool place = property >= SensorProperty::x;
+  if (plain && place) return;
+  const ParameterRule rule = sensor_rule(quantity, property);
+  if (place && quantity == VehicleQuantity::r) {
+    throw InputError(node.at, "'" + key + "' of the yaw rate's sensor is to be fitted", "",
+                     "a body turns at the same rate everywhere; free its gain, delay or lag");
+  }
+  parameters.push_back(read_parameter(rule.name, node, &rule));
+  require_logarithm(parameters.back(), node);
+}
+
 void read_sensors(const YamlNode& root, Model& out) {
   const YamlNode* node = find(root, "sensors");
   if (node == nullptr) return;
   check_keys(*node, "sensors", names_of(out.outputs));
   for (std::size_t i = 0; i < node->items.size(); ++i) {
     const YamlNode& item = node->items[i];
-    check_keys(item, in_quotes(node->keys[i].text), {"x", "y", "angle"});
-    SensorPosition& position = as_vehicle(out).sensors[node->keys[i].text];
-    if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
-    if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
-    if (const YamlNode* angle = find(item, "angle")) {
-      position.angle = read_si(*angle, "rad", "angle");
+    const std::string& output = node->keys[i].text;
+    check_keys(item, in_quotes(output), names_of(kSensorRules));
+    SensorPosition& position = as_vehicle(out).sensors[output];
+    for (int k = 0; k < kSensorProperties; ++k) {
+      const YamlNode* given = find(item, kSensorRules[k].name);
+      if (given == nullptr) continue;
+      read_sensor_property(*given, *vehicle_quantity(output), static_cast<SensorProperty>(k),
+                           position, out.parameters);
     }
   }
 }
@@ -189,12 +241,10 @@ void read_measurement_noise(const YamlNode& root, Model& out) {
 }  // namespace
 
 std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
-  std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
-  if (curve != TyreCurve::linear) {
-    out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
-  }
-  if (curve == TyreCurve::magic_formula) {
-    out.insert(out.end(), std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules));
+  std::vector<ParameterRule> out = car_rules(curve);
+  for (int i = kFirstOfSensors; i < kVehicleParameters; ++i) {
+    const auto parameter = static_cast<VehicleParameter>(i);
+    out.push_back(sensor_rule(quantity_of(parameter), property_of(parameter)));
   }
   return out;
 }
