@@ -291,7 +291,7 @@ VectorXd shown_by(const VehicleSensor& sensor, const SingleTrack<>& car,
   }
   const IntegrationDemand demand{decay_rate_times_speed(car), car.relaxation_length};
   const DrivenSegment segment =
-      drive(driven.time, driven.steering, driven.vx, demand, car.steering_delay);
+      drive(driven.time, driven.steering, driven.vx, demand, car.steering_delay, car.steering_lag);
   const VectorXd time = times_of_steps(segment, driven.time);
   SignalRows felt(time.size(), 1);
   simulate(
@@ -307,6 +307,10 @@ Simulated simulate_vehicle(const Model& given, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
   const Model model = checked_with_inputs(given, inputs);
   const VehicleModel& car_model = as_vehicle(model);
+  if (model.inputs.size() > 2) {
+    throw InputError(model.inputs[2].at, "simulate with the input roll",
+                     "roll: {gradient: ...}, which follows the motion");
+  }
   const VehicleUnknowns vehicle = vehicle_unknowns(model);
   DrivenRecord driven;
   if (inputs != nullptr) {

@@ -434,10 +434,18 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
       "more samples than unknowns");
 }
 
+bool rolls(const VehicleRun& run, const VehicleUnknowns& unknowns) {
+  return run.roll.size() > 0 || unknowns.find(kRollPerAcceleration) >= 0 ||
+         unknowns.value[kRollPerAcceleration] > 0.0;
+}
+
 /// Filters of samples that correct the state know what the sensors show now, not what they showed.
 void require_simulation(const VehicleFitOptions& options, const VehicleRun& run,
                         const VehicleUnknowns& unknowns) {
   if (options.method == VehicleFitOptions::Method::output_error) return;
+  if (rolls(run, unknowns)) {
+    throw InputError({}, "roll with a method that filters", "--method output-error");
+  }
   if (!has_late_sensor(run, unknowns)) return;
   throw InputError({}, "a delay or lag in 'sensors' with a method that filters",
                    "--method output-error",

@@ -85,9 +85,14 @@ VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns
   }
   std::vector<double> samples;
   for (const VehicleRun::Segment& s : run.segments) {
-    problem.driven.push_back(
-        drive(run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
-              run.vx.segment(s.first, s.rows), demand, unknowns.value[kSteeringDelay]));
+    problem.driven.push_back(drive(run.time.segment(s.first, s.rows),
+                                   run.steering.segment(s.first, s.rows),
+                                   run.vx.segment(s.first, s.rows), demand,
+                                   unknowns.value[kSteeringDelay], unknowns.value[kLagOfSteering]));
+    if (run.roll.size() > 0) {
+      set_roll(problem.driven.back(), run.time.segment(s.first, s.rows),
+               run.roll.segment(s.first, s.rows));
+    }
     const double begin = run.time[s.first] - 1e-9, end = run.time[s.first + s.rows - 1] + 1e-9;
     for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
       for (Eigen::Index j = 0; j < run.y.rows(); ++j) {
@@ -178,13 +183,16 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 
 std::vector<DrivenSegment> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p) {
-  if (problem.unknowns.find(kSteeringDelay) < 0) return {};
+  if (problem.unknowns.find(kSteeringDelay) < 0 && problem.unknowns.find(kLagOfSteering) < 0) {
+    return {};
+  }
   std::vector<DrivenSegment> moved = problem.driven;
   const VehicleRun& run = *problem.run;
   for (std::size_t s = 0; s < moved.size(); ++s) {
     const VehicleRun::Segment& segment = run.segments[s];
     set_delay(moved[s], run.time.segment(segment.first, segment.rows),
-              run.steering.segment(segment.first, segment.rows), p[kSteeringDelay]);
+              run.steering.segment(segment.first, segment.rows), p[kSteeringDelay],
+              p[kLagOfSteering]);
   }
   return moved;
 }

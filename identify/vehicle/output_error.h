@@ -82,7 +82,7 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J);
 
-/// The segments with the steering read at these parameters' delay; empty where that is known, and
+/// The segments with the steering read at these parameters' delay and lag; empty where these are known, and
 /// VehicleProblem::driven has it.
 std::vector<DrivenSegment> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p);

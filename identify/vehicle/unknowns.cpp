@@ -19,8 +19,9 @@ namespace {
 // What ends here is reported as at its bound: the likelihood rises towards a rigid car.
 constexpr double kSmallest = 1e-3, kLargest = 20.0;
 constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
-constexpr double kLongestDelay = 1.0;         // [s]
+constexpr double kLongestDelay = 1.0;         // [s], of the steering; and its longest lag
 constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
+constexpr double kLargestRollGradient = 0.1;  // [rad/(m/s^2)], 56 deg/g
 constexpr double kLongestSensorDelay = 0.5;   // [s]
 constexpr double kLongestSensorLag = 1.0;     // [s]
 constexpr double kLeastFiala = 1e-6;          // inverse saturation in typical sizes
@@ -65,7 +66,19 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
     case kBank:
       return 0.02;
     case kSteeringDelay:
+    case kLagOfSteering:
       return 0.05;
+    case kRollPerAcceleration:
+      return 0.005;
+    case kRollHeight:
+      return 0.5;
+    case kFrontSteerPerRoll:
+    case kRearSteerPerRoll:
+      return 0.1;
+    case kFrontCamberPerRoll:
+      return axle_loads(p)[0];
+    case kRearCamberPerRoll:
+      return axle_loads(p)[1];
     case kBiasVy:
     case kBiasAy:
       return 0.2;
@@ -169,7 +182,7 @@ void set_free_as_given(const Model& model, std::size_t position, VehicleUnknowns
 bool must_be_positive(VehicleParameter p) {
   return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
          p == kSteeringRatio || is_inverse_saturation(p) || p == kCurveShape ||
-         is_sensor(p, SensorProperty::gain);
+         p == kRollFrequency || p == kRollDamping || is_sensor(p, SensorProperty::gain);
 }
 
 UserValue in_user_terms(VehicleParameter parameter, double value) {
@@ -229,7 +242,17 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
     upper = kLargestAngle;
   }
   if (parameter == kRelaxationLength) lower = kShortestRelaxation;
-  if (parameter == kCgHeight || parameter == kLoadSensitivity) lower = 0.0;
+  if (parameter == kCgHeight || parameter == kLoadSensitivity || parameter == kRollHeight) {
+    lower = 0.0;
+  }
+  if (parameter == kLagOfSteering) {
+    lower = 0.0;
+    upper = kLongestDelay;
+  }
+  if (parameter == kRollPerAcceleration) {
+    lower = 0.0;
+    upper = kLargestRollGradient;
+  }
   if (parameter == kCurveShape) {
     lower = 1.0;
     upper = 2.0;

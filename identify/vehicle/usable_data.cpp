@@ -48,11 +48,12 @@ VehicleRun::Output output_of(const Model& model, const Dataset& data, std::size_
 
 /// Why rows were not used, for the message when none is left.
 struct Losses {
-  Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, segments = 0;
+  Eigen::Index no_steering = 0, no_speed = 0, no_roll = 0, slow = 0, fragments = 0, segments = 0;
 
   Losses& operator+=(const Losses& other) {
     no_steering += other.no_steering;
     no_speed += other.no_speed;
+    no_roll += other.no_roll;
     slow += other.slow;
     fragments += other.fragments;
     segments += other.segments;
@@ -74,8 +75,10 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
     const double steering = data.u(0, t), vx = data.u(1, t);
     if (!std::isfinite(steering)) ++lost.no_steering;
     if (!std::isfinite(vx)) ++lost.no_speed;
+    const bool has_roll = data.u.rows() < 3 || std::isfinite(data.u(2, t));
+    if (!has_roll) ++lost.no_roll;
     if (vx < min_speed) ++lost.slow;
-    if (!std::isfinite(steering) || !std::isfinite(vx) || vx < min_speed) {
+    if (!std::isfinite(steering) || !std::isfinite(vx) || !has_roll || vx < min_speed) {
       close(t);
       continue;
     }
@@ -119,6 +122,7 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
   }
   if (lost.no_speed > 0) add(fmt::format("{} without vx", lost.no_speed));
   if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
+  if (lost.no_roll > 0) add(fmt::format("{} without roll", lost.no_roll));
   if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
   throw InputError(
       in(data),
@@ -217,9 +221,11 @@ void require_possible(const Model& model, const Dataset& data) {
 }
 
 void require_shape(const Model& model, const Dataset& data) {
-  if (data.u.rows() != 2 || data.u.cols() != data.size()) {
-    throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
-                     "two: the steering angle, then vx");
+  const bool rolls = model.inputs.size() == 3;
+  if (data.u.rows() != (rolls ? 3 : 2) || data.u.cols() != data.size()) {
+    throw InputError(
+        in(data), fmt::format("{} inputs", data.u.rows()),
+        rolls ? "three: the steering angle, vx, then roll" : "two: the steering angle, then vx");
   }
   if (data.y.rows() != static_cast<Eigen::Index>(model.outputs.size()) ||
       data.y.cols() != data.size()) {
@@ -253,6 +259,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   run.time.resize(N);
   run.steering.resize(N);
   run.vx.resize(N);
+  if (model.inputs.size() == 3) run.roll.resize(N);
   Eigen::MatrixXd y(static_cast<Eigen::Index>(model.outputs.size()), N);
   std::vector<double> speeds, steps;
   Eigen::Index at = 0;
@@ -272,6 +279,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
     run.time.segment(at, data.size()) = data.time;
     run.steering.segment(at, data.size()) = data.u.row(0).transpose();
     run.vx.segment(at, data.size()) = data.u.row(1).transpose();
+    if (run.roll.size() > 0) run.roll.segment(at, data.size()) = data.u.row(2).transpose();
     y.middleCols(at, data.size()) = data.y;
     run.recording.insert(run.recording.end(), static_cast<std::size_t>(data.size()),
                          static_cast<int>(run.used_of.size()));
@@ -297,6 +305,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   if (lost.slow > 0) note += fmt::format("; {} rows below {:.3g} m/s", lost.slow, min_speed);
   if (lost.no_speed > 0) note += fmt::format("; {} without vx", lost.no_speed);
   if (lost.no_steering > 0) note += fmt::format("; {} without steering angle", lost.no_steering);
+  if (lost.no_roll > 0) note += fmt::format("; {} without roll", lost.no_roll);
   if (lost.fragments > 0) {
     note += fmt::format("; {} rows dropped in {} short segments", lost.fragments, lost.segments);
   }

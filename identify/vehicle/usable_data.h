@@ -30,6 +30,7 @@ struct VehicleRun {
 
   std::vector<Output> outputs;  ///< those that carry information
   Eigen::VectorXd time, steering, vx;
+  Eigen::VectorXd roll;               ///< of the body [rad]; empty where it is not measured
   std::vector<int> recording;         ///< 0, 1, ... of each row
   Eigen::MatrixXd y;                  ///< outputs x N; NaN where missing or not usable
   std::vector<Segment> segments;      ///< runs of usable rows, each with a separate initial state

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+
+#include "lib/vehicle/first_order_lag.h"
 
 namespace identikal {
 namespace {
 
 using Eigen::Index;
-
-constexpr double kNoLag = 1e-9;  // [s]
 
 /// Weights of up to four neighbours at a time t, and their derivatives by it (Lagrange).
 struct Cubic {
@@ -44,19 +43,11 @@ void filter_by_lag(const Eigen::VectorXd& time, double lag, SignalRows& x, Index
   if (!(lag > 0.0) && by_lag < 0) return;
   Eigen::RowVectorXd from = x.row(0), to;
   for (Index k = 1; k < x.rows(); ++k) {
-    const double h = time[k] - time[k - 1];
-    const bool none = lag < kNoLag;
-    // y1 = decay y0 + (mean - decay) from + (1 - mean) to
-    const double decay = none ? 0.0 : std::exp(-h / lag);
-    const double mean = lag / h * (1.0 - decay);
-    const double decay_by_lag = none ? 0.0 : decay * h / (lag * lag);
-    const double mean_by_lag = (1.0 - decay) / h - (none ? 0.0 : decay / lag);
+    const FirstOrderLag step(lag, time[k] - time[k - 1]);
     const double before = x(k - 1, 0);
     to = x.row(k);
-    x.row(k) = decay * x.row(k - 1) + (mean - decay) * from + (1.0 - mean) * to;
-    if (by_lag >= 0) {
-      x(k, by_lag) += decay_by_lag * (before - from[0]) + mean_by_lag * (from[0] - to[0]);
-    }
+    x.row(k) = step.decay() * x.row(k - 1) + step.from_weight() * from + step.to_weight() * to;
+    if (by_lag >= 0) x(k, by_lag) += step.by_lag(before, from[0], to[0]);
     from.swap(to);
   }
 }

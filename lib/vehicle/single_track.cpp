@@ -29,6 +29,15 @@ constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
                                                                      "Fr_max",
                                                                      "curve_shape",
                                                                      "curve_curvature",
+                                                                     "steering_lag",
+                                                                     "roll_gradient",
+                                                                     "roll_height",
+                                                                     "roll_frequency",
+                                                                     "roll_damping",
+                                                                     "roll_steer_front",
+                                                                     "roll_steer_rear",
+                                                                     "roll_camber_front",
+                                                                     "roll_camber_rear",
                                                                      "gain_r",
                                                                      "delay_r",
                                                                      "lag_r",
@@ -74,6 +83,8 @@ VehicleParameters<double> neutral_vehicle() {
   p[kLoadSensitivity] = 1.0;
   p[kCurveShape] = CurveShape().shape;
   p[kCurveCurvature] = CurveShape().curvature;
+  p[kRollFrequency] = SingleTrack<>().roll_frequency;
+  p[kRollDamping] = SingleTrack<>().roll_damping;
   for (int q = 0; q < kVehicleQuantities; ++q) {
     p[sensor_parameter(static_cast<VehicleQuantity>(q), SensorProperty::gain)] = 1.0;
   }
@@ -125,6 +136,15 @@ SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
   car.relaxation_length = p[kRelaxationLength];
   car.cg_height = p[kCgHeight];
   car.load_sensitivity = p[kLoadSensitivity];
+  car.steering_lag = p[kLagOfSteering];
+  car.roll_gradient = p[kRollPerAcceleration];
+  car.roll_height = p[kRollHeight];
+  car.roll_frequency = p[kRollFrequency];
+  car.roll_damping = p[kRollDamping];
+  car.front_steer_per_roll = p[kFrontSteerPerRoll];
+  car.rear_steer_per_roll = p[kRearSteerPerRoll];
+  car.front_camber_per_roll = p[kFrontCamberPerRoll];
+  car.rear_camber_per_roll = p[kRearCamberPerRoll];
   for (int q = 0; q < kVehicleQuantities; ++q) {
     const auto of = [&](SensorProperty property) {
       return p[sensor_parameter(static_cast<VehicleQuantity>(q), property)];

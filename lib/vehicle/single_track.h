@@ -57,6 +57,13 @@ struct SingleTrack {
   T relaxation_length = T(0.0);  ///< sigma of both axles [m]; 0: forces follow at once
   T cg_height = T(0.0);          ///< of the centre of gravity [m]; 0: axle loads are constant
   T load_sensitivity = T(1.0);   ///< relative change of stiffness over that of the axle's load
+  T steering_lag = T(0.0);       ///< time constant between the measured angle and the wheels [s]
+  T roll_gradient = T(0.0);   ///< steady roll angle over axle forces / m [rad/(m/s^2)]; 0: no roll
+  T roll_height = T(0.0);     ///< of the centre of gravity above the roll axis [m]
+  T roll_frequency = T(1.5);  ///< [Hz]
+  T roll_damping = T(0.35);   ///< over the critical one
+  T front_steer_per_roll = T(0.0), rear_steer_per_roll = T(0.0);    ///< [rad/rad]
+  T front_camber_per_roll = T(0.0), rear_camber_per_roll = T(0.0);  ///< camber thrust [N/rad]
   std::array<SensorFault<T>, kVehicleQuantities> sensors{};  ///< in the order of VehicleQuantity
 };
 
@@ -82,9 +89,18 @@ enum VehicleParameter {
   kLoadSensitivity,
   kInverseSaturationFront,  ///< 1/(largest force)^2; to its user the largest force, "Ff_max"
   kInverseSaturationRear,
-  kCurveShape,      ///< "curve_shape"
-  kCurveCurvature,  ///< "curve_curvature"
-  kFirstOfSensors,  ///< SensorProperty of r, vy, ay, beta: sensor_parameter()
+  kCurveShape,           ///< "curve_shape"
+  kCurveCurvature,       ///< "curve_curvature"
+  kLagOfSteering,        ///< "steering_lag"
+  kRollPerAcceleration,  ///< "roll_gradient"
+  kRollHeight,
+  kRollFrequency,
+  kRollDamping,
+  kFrontSteerPerRoll,   ///< "roll_steer_front"
+  kRearSteerPerRoll,    ///< "roll_steer_rear"
+  kFrontCamberPerRoll,  ///< "roll_camber_front"
+  kRearCamberPerRoll,   ///< "roll_camber_rear"
+  kFirstOfSensors,      ///< SensorProperty of r, vy, ay, beta: sensor_parameter()
   kVehicleParameters = kFirstOfSensors + 6 * kVehicleQuantities
 };
 
@@ -115,7 +131,8 @@ template <typename T>
 using VehicleParameters = std::array<T, kVehicleParameters>;
 
 /// Neutral values: gains, ratio and load sensitivity 1, no delay, offsets, biases, bank, relaxation,
-/// load transfer or softening, CurveShape's defaults; NaN where there is no neutral value (m, a, b,
+/// load transfer, lag, roll or softening, the defaults of CurveShape and of roll's frequency and
+/// damping; NaN where there is no neutral value (m, a, b,
 /// Iz, Cf, Cr).
 VehicleParameters<double> neutral_vehicle();
 

@@ -30,6 +30,8 @@ constexpr ParameterRule kVehicleRules[] = {
     {"steering_offset", "rad", false, 0.0},
     {"steering_delay", "s", false, 0.0, [](double x) { return std::abs(x) <= 1.0; },
      "between -1 s and 1 s"},
+    {"steering_lag", "s", false, 0.0, [](double x) { return x >= 0.0 && x <= 1.0; },
+     "between 0 s and 1 s"},
     {"bias_r", "rad/s", false, 0.0},
     {"bias_vy", "m/s", false, 0.0},
     {"bias_ay", "m/s^2", false, 0.0},
@@ -48,6 +50,30 @@ constexpr ParameterRule kMagicFormulaRules[] = {
     {"curve_curvature", "", false, CurveShape().curvature, [](double x) { return x < 1.0; },
      "below 1"}};
 
+// Of a body that rolls; keys of `roll`, {front, rear} of each axle.
+struct RollRule {
+  const char *key, *axle;
+  VehicleParameter parameter;
+  ParameterRule rule;
+};
+constexpr double kArmOverWheelbase = 0.17;  // what passenger cars have
+const RollRule kRollRules[] = {
+    {"gradient",
+     "",
+     kRollPerAcceleration,
+     {"roll_gradient", "rad/(m/s^2)", false, kRequired,
+      [](double x) { return x >= 0.0 && x <= 0.1; }, "between 0 and 0.1 rad/(m/s^2)"}},
+    {"height",
+     "",
+     kRollHeight,
+     {"roll_height", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"}},
+    {"frequency", "", kRollFrequency, {"roll_frequency", "Hz", true, 1.5}},
+    {"damping", "", kRollDamping, {"roll_damping", "", true, 0.35}},
+    {"steer", "front", kFrontSteerPerRoll, {"roll_steer_front", "", false, 0.0}},
+    {"steer", "rear", kRearSteerPerRoll, {"roll_steer_rear", "", false, 0.0}},
+    {"camber", "front", kFrontCamberPerRoll, {"roll_camber_front", "N/rad", false, 0.0}},
+    {"camber", "rear", kRearCamberPerRoll, {"roll_camber_rear", "N/rad", false, 0.0}}};
+
 // Of every sensor, in the order of SensorProperty; known as neutral where the file is silent.
 constexpr ParameterRule kSensorRules[kSensorProperties] = {
     {"gain", "", true, 1.0},
@@ -58,7 +84,7 @@ constexpr ParameterRule kSensorRules[kSensorProperties] = {
     {"angle", "rad", false, 0.0}};
 
 constexpr ChannelRule kVehicleInputs[] = {
-    {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
+    {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}, {"roll", "rad"}};
 constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
 
@@ -81,17 +107,29 @@ ParameterRule sensor_rule(VehicleQuantity quantity, SensorProperty property) {
   return out;
 }
 
-/// The largest force of an axle that the file does not name: estimated, from its load on a road
-/// with a friction of 1.
-Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
-  const auto value = [&](const char* name) {
-    return others[find_parameter(others, name)].scalar();
-  };
-  const double weight = value("m") * kStandardGravity / (value("a") + value("b"));
+double known_value(const ParameterSet& parameters, const char* name) {
+  return parameters[find_parameter(parameters, name)].scalar();
+}
+
+Parameter known_parameter(const ParameterRule& rule, double value) {
   Parameter out;
   out.name = rule.name;
   out.unit = rule.si_unit;
-  out.value = Eigen::MatrixXd::Constant(1, 1, weight * value(out.name == "Ff_max" ? "b" : "a"));
+  out.value = Eigen::MatrixXd::Constant(1, 1, value);
+  out.fixed = true;
+  return out;
+}
+
+/// The largest force of an axle that the file does not name: estimated, from its load on a road
+/// with a friction of 1.
+Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
+  const double weight = known_value(others, "m") * kStandardGravity /
+                        (known_value(others, "a") + known_value(others, "b"));
+  Parameter out;
+  out.name = rule.name;
+  out.unit = rule.si_unit;
+  out.value = Eigen::MatrixXd::Constant(
+      1, 1, weight * known_value(others, out.name == "Ff_max" ? "b" : "a"));
   out.min = 0.0;
   return out;
 }
@@ -151,12 +189,7 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
       required(node, rule.name, "parameters",
                fmt::format("{}: NUMBER {}", rule.name, rule.si_unit));
     }
-    Parameter known;
-    known.name = rule.name;
-    known.unit = rule.si_unit;
-    known.value = Eigen::MatrixXd::Constant(1, 1, rule.fallback);
-    known.fixed = true;
-    out.push_back(std::move(known));
+    out.push_back(known_parameter(rule, rule.fallback));
   }
   return out;
 }
@@ -174,6 +207,80 @@ double read_min_speed(const YamlNode& node) {
   const double value = si_value(*speed, "m/s", node.at, "use_when");
   if (!(value > 0.0)) throw InputError(node.at, "use_when is " + describe(node), "a speed above 0");
   return value;
+}
+
+/// The gradient m h / (K - m g h) of a body that springs of stiffness K [N m/rad] hold upright.
+Parameter gradient_of_stiffness(const YamlNode& node, const ParameterRule& rule,
+                                const ParameterSet& parameters) {
+  const double moment = known_value(parameters, "m") * known_value(parameters, "roll_height");
+  const double stiffness = read_si(node, "N m/rad", "stiffness of roll");
+  const double tilting = kStandardGravity * moment;
+  if (!(stiffness > tilting)) {
+    throw InputError(
+        node.at, "stiffness of roll is " + describe(node),
+        fmt::format("above m g height = {:.4g} N m/rad, or the body falls over", tilting));
+  }
+  return known_parameter(rule, moment / (stiffness - tilting));
+}
+
+/// The value of a rule in `roll`, if the file has it.
+const YamlNode* find_in_roll(const YamlNode& roll, const RollRule& rule) {
+  const YamlNode* node = find(roll, rule.key);
+  return node == nullptr || *rule.axle == '\0' ? node : find(*node, rule.axle);
+}
+
+void check_roll_keys(const YamlNode& node, bool measured) {
+  check_keys(node, "roll",
+             {"gradient", "stiffness", "height", "frequency", "damping", "steer", "camber"});
+  for (const char* key : {"gradient", "stiffness", "frequency", "damping"}) {
+    const YamlNode* given = find(node, key);
+    if (given == nullptr || !measured) continue;
+    throw InputError(given->at, fmt::format("roll has a {}, and is measured (inputs)", key),
+                     "one of them");
+  }
+  for (const char* key : {"steer", "camber"}) {
+    if (const YamlNode* axles = find(node, key)) {
+      check_keys(*axles, fmt::format("{} of roll", key), {"front", "rear"});
+    }
+  }
+  const YamlNode *stiffness = find(node, "stiffness"), *gradient = find(node, "gradient");
+  if (stiffness != nullptr && gradient != nullptr) {
+    throw InputError(stiffness->at, "roll has a gradient and a stiffness", "one of them");
+  }
+  if (!measured && stiffness == nullptr && gradient == nullptr) {
+    throw InputError(node.at, "roll has neither a gradient nor a stiffness",
+                     "gradient: {value: 0.008 rad/(m/s^2), min: 0, max: 0.03}");
+  }
+}
+
+/// Adds the parameters of a body that rolls, where the file has one.
+void read_roll(const YamlNode& root, bool measured, ParameterSet& parameters) {
+  const YamlNode* node = find(root, "roll");
+  if (node == nullptr) return;
+  check_roll_keys(*node, measured);
+  const double wheelbase = known_value(parameters, "a") + known_value(parameters, "b");
+  const YamlNode* stiffness = find(*node, "stiffness");
+  std::optional<RollRule> by_stiffness;
+  for (const RollRule& each : kRollRules) {
+    const bool gradient = each.parameter == kRollPerAcceleration;
+    if (measured &&
+        (gradient || each.parameter == kRollFrequency || each.parameter == kRollDamping)) {
+      continue;
+    }
+    if (gradient && stiffness != nullptr) {
+      by_stiffness = each;  // it needs the height
+    } else if (const YamlNode* given = find_in_roll(*node, each)) {
+      parameters.push_back(read_parameter(each.rule.name, *given, &each.rule));
+      require_logarithm(parameters.back(), *given);
+    } else {
+      const bool height = each.parameter == kRollHeight;
+      parameters.push_back(
+          known_parameter(each.rule, height ? kArmOverWheelbase * wheelbase : each.rule.fallback));
+    }
+  }
+  if (by_stiffness) {
+    parameters.push_back(gradient_of_stiffness(*stiffness, by_stiffness->rule, parameters));
+  }
 }
 
 /// One property of a sensor. A place or an angle that is a plain number is where the sensor is;
@@ -242,6 +349,7 @@ void read_measurement_noise(const YamlNode& root, Model& out) {
 
 std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
   std::vector<ParameterRule> out = car_rules(curve);
+  for (const RollRule& each : kRollRules) out.push_back(each.rule);
   for (int i = kFirstOfSensors; i < kVehicleParameters; ++i) {
     const auto parameter = static_cast<VehicleParameter>(i);
     out.push_back(sensor_rule(quantity_of(parameter), property_of(parameter)));
@@ -255,12 +363,17 @@ void read_vehicle(const YamlNode& root, Model& out) {
       "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
   const YamlNode& inputs = required(root, "inputs", top, inputs_example);
   out.inputs = read_channels(inputs, "inputs", kVehicleInputs);
-  std::sort(out.inputs.begin(), out.inputs.end(), [](const auto& one, const auto& other) {
-    return one.name != "vx" && other.name == "vx";
-  });
-  if (out.inputs.size() != 2 || out.inputs[1].name != "vx") {
+  const auto place = [](const ChannelSource& input) {
+    return input.name == "roll" ? 2 : input.name == "vx" ? 1 : 0;
+  };
+  std::stable_sort(out.inputs.begin(), out.inputs.end(),
+                   [&](const auto& one, const auto& other) { return place(one) < place(other); });
+  const std::size_t count = out.inputs.size();
+  if (count < 2 || count > 3 || place(out.inputs[0]) != 0 || place(out.inputs[1]) != 1 ||
+      (count == 3 && place(out.inputs[2]) != 2)) {
     throw InputError(inputs.at, "inputs are not one steering angle and vx",
-                     "one of steering_wheel_angle and road_wheel_angle, and vx");
+                     "one of steering_wheel_angle and road_wheel_angle, and vx; roll beside them "
+                     "where it is measured");
   }
   VehicleModel& vehicle = as_vehicle(out);
   vehicle.steering_at_road_wheel = out.inputs[0].name == "road_wheel_angle";
@@ -275,6 +388,7 @@ void read_vehicle(const YamlNode& root, Model& out) {
   }
   out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel, vehicle.curve);
 
+  read_roll(root, count == 3, out.parameters);
   read_sensors(root, out);
   read_measurement_noise(root, out);
   if (const YamlNode* use_when = find(root, "use_when")) {

@@ -80,7 +80,11 @@ class StudyUnknowns {
   }
   /// Whether the model file says, or frees, this of the sensor.
   bool has(VehicleQuantity quantity, SensorProperty property) const {
-    const VehicleParameter parameter = sensor_parameter(quantity, property);
+    return has(sensor_parameter(quantity, property));
+  }
+  bool has_roll() const { return problem_.run->roll.size() > 0 || has(kRollPerAcceleration); }
+  /// Of what is absent at 0.
+  bool has(VehicleParameter parameter) const {
     return problem_.unknowns.find(parameter) >= 0 || p_[parameter] != 0.0;
   }
 
@@ -122,20 +126,48 @@ class StudyUnknowns {
   void add_effects() {
     const double wheelbase = p_[kA] + p_[kB];
     add_effect(kSteeringSmoothing, 0.0, 0.01, "s", "a finer steering sensor");
-    add_effect(kSteeringLag, 0.0, 0.015, "s", "the angle of a road wheel");
+    if (!has(kLagOfSteering)) {
+      add_effect(kSteeringLag, 0.0, 0.015, "s", "the angle of a road wheel");
+    }
     if (problem_.unknowns.find(kRelaxationLength) < 0 && !(p_[kRelaxationLength] > 0.0)) {
       add_effect(kTyreRelaxation, 0.1 * wheelbase, 0.1 * wheelbase, "m", "two more speeds");
     }
-    const std::string roll = "the roll angle, or ay levelled by it";
-    add_effect(kRollGradient, 0.005, 0.005, "rad/(m/s^2)", roll);
     // A share of the slip angle that belongs to the lateral acceleration.
-    const double front = p_[kMass] * p_[kB] / wheelbase / p_[kCf];
-    const double rear = p_[kMass] * p_[kA] / wheelbase / p_[kCr];
-    add_effect(kRollSteerFront, 0.0, 0.15 * front, "rad/(m/s^2)", roll, false);
-    add_effect(kRollSteerRear, 0.0, 0.15 * rear, "rad/(m/s^2)", roll, false);
+    const double front = 0.15 * p_[kMass] * p_[kB] / wheelbase / p_[kCf];
+    const double rear = 0.15 * p_[kMass] * p_[kA] / wheelbase / p_[kCr];
+    if (has_roll()) {
+      add_steer_of_roll(front, rear);
+    } else {
+      add_roll(front, rear);
+    }
     if (problem_.unknowns.curve == TyreCurve::linear) {
       add_effect(kTyreSoftening, 0.8, 0.5, "", "gentler driving, or `tyre: {curve: tanh}`");
     }
+    add_sensor_effects(wheelbase);
+  }
+
+  /// @param front, rear  slip angles that may come by roll, over lateral acceleration
+  void add_roll(double front, double rear) {
+    const std::string roll = "the roll angle, or ay levelled by it";
+    add_effect(kRollGradient, 0.005, 0.005, "rad/(m/s^2)", roll);
+    add_effect(kRollSteerFront, 0.0, front, "rad/(m/s^2)", roll, false);
+    add_effect(kRollSteerRear, 0.0, rear, "rad/(m/s^2)", roll, false);
+  }
+
+  /// Of a body whose roll the model has: steer and camber by it, where the file says nothing of them.
+  void add_steer_of_roll(double front, double rear) {
+    const double gradient =
+        std::max(0.002, p_[kRollPerAcceleration] > 0.0 ? p_[kRollPerAcceleration] : 0.005);
+    const std::string suspension = "the kinematics of the suspension";
+    if (!has(kFrontSteerPerRoll) && !has(kFrontCamberPerRoll)) {
+      add_known(kFrontSteerPerRoll, front / gradient, 8.0 * front / gradient, "", suspension);
+    }
+    if (!has(kRearSteerPerRoll) && !has(kRearCamberPerRoll)) {
+      add_known(kRearSteerPerRoll, rear / gradient, 8.0 * rear / gradient, "", suspension);
+    }
+  }
+
+  void add_sensor_effects(double wheelbase) {
     const bool sideslip = measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta);
     const std::string place = "the place of the sensor";
     if (sideslip && !has(sideslip_sensor(), SensorProperty::x)) {
@@ -199,9 +231,13 @@ class SecondarySimulation {
     demand.longest_step = kLongestStudyStep;
     const VehicleRun& run = *problem.run;
     for (const VehicleRun::Segment& s : run.segments) {
-      driven_.push_back(drive(run.time.segment(s.first, s.rows),
-                              run.steering.segment(s.first, s.rows),
-                              run.vx.segment(s.first, s.rows), demand, delay));
+      driven_.push_back(drive(
+          run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
+          run.vx.segment(s.first, s.rows), demand, delay, problem.unknowns.value[kLagOfSteering]));
+      if (run.roll.size() > 0) {
+        set_roll(driven_.back(), run.time.segment(s.first, s.rows),
+                 run.roll.segment(s.first, s.rows));
+      }
     }
   }
 
@@ -220,10 +256,10 @@ class SecondarySimulation {
                    Eigen::VectorXd& e) {
     const VehicleRun& run = *problem_.run;
     const auto [first, rows] = run.segments[s];
-    const double delay = point.p[kSteeringDelay];
-    if (driven_[s].delay != delay) {
-      set_delay(driven_[s], run.time.segment(first, rows), run.steering.segment(first, rows),
-                delay);
+    const double delay = point.p[kSteeringDelay], lag = point.p[kLagOfSteering];
+    if (driven_[s].delay != delay || driven_[s].lag != lag) {
+      set_delay(driven_[s], run.time.segment(first, rows), run.steering.segment(first, rows), delay,
+                lag);
     }
     std::vector<FilteredSensor> filtered;
     for (const VehicleRun::Output& output : run.outputs) {

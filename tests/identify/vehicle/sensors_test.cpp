@@ -17,7 +17,7 @@ namespace {
 using ::testing::HasSubstr;
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
-const char* const kCar = R"(
+const char* const kCarOfSensors = R"(
 identikal: 1
 model: single-track
 time: {column: t, unit: s}
@@ -34,21 +34,23 @@ outputs: {r: {unit: rad/s}, vy: {unit: m/s}, ay: {unit: m/s^2}}
 )";
 
 Model car_with_sensors(const std::string& sensors) {
-  return parse_model_file(kCar + ("sensors: " + sensors + "\n"), "car.yaml");
+  return parse_model_file(kCarOfSensors + ("sensors: " + sensors + "\n"), "car.yaml");
 }
 
 /// A weave whose frequency rises, two speeds.
-double angle(double t) { return 0.6 * std::sin((1.2 + 0.15 * t) * t); }
-double speed(double t) { return 18.0 + 6.0 * std::tanh(t - 15.0); }
+double weave_angle(double t) { return 0.6 * std::sin((1.2 + 0.15 * t) * t); }
+double weave_speed(double t) { return 18.0 + 6.0 * std::tanh(t - 15.0); }
 
 /// What sensors with these faults show of the Sladká car, by its own integration at 1 kHz and
 /// Euler's rule for the filter.
-struct Faults {
+struct SensorFaults {
   double gain = 1.0, delay = 0.0, lag = 0.0, x = 0.0;
 };
-Dataset recorded(const Faults& r, const Faults& vy, const Faults& ay, double rate = 100.0) {
+Dataset shown_with(const SensorFaults& r, const SensorFaults& vy, const SensorFaults& ay,
+                   double rate = 100.0) {
   const double seconds = 30.0, fine_rate = 1000.0;
-  Dataset fine = record({}, uniform_time(seconds, fine_rate), {"r", "vy", "ay"}, angle, speed);
+  Dataset fine =
+      record({}, uniform_time(seconds, fine_rate), {"r", "vy", "ay"}, weave_angle, weave_speed);
   const Eigen::Index N = fine.size();
   const Eigen::RowVectorXd yaw = fine.y.row(0);
   for (Eigen::Index t = 0; t < N; ++t) {
@@ -56,8 +58,9 @@ Dataset recorded(const Faults& r, const Faults& vy, const Faults& ay, double rat
     fine.y(1, t) += vy.x * yaw[t];
     fine.y(2, t) += ay.x * (yaw[after] - yaw[before]) / (fine.time[after] - fine.time[before]);
   }
-  const Faults* faults[] = {&r, &vy, &ay};
-  Dataset out = record({}, uniform_time(seconds, rate), {"r", "vy", "ay"}, angle, speed);
+  const SensorFaults* faults[] = {&r, &vy, &ay};
+  Dataset out =
+      record({}, uniform_time(seconds, rate), {"r", "vy", "ay"}, weave_angle, weave_speed);
   for (Eigen::Index j = 0; j < 3; ++j) {
     Eigen::RowVectorXd y = faults[j]->gain * fine.y.row(j);
     if (faults[j]->lag > 0.0) {
@@ -82,7 +85,7 @@ TEST(VehicleSensors, OutputErrorHasExactDerivatives) {
       " vy: {x: {value: 0.3 m}, y: {value: -0.1 m}, angle: {value: 1 deg}, delay: 20 ms},"
       " ay: {x: {value: 0.5 m}, y: {value: 0.2 m}, angle: {value: 2 deg}, lag: {value: 30 ms},"
       " gain: {value: 0.9}, delay: {value: -7 ms}}}");
-  const Dataset data = recorded({}, {}, {}, 20.0);
+  const Dataset data = shown_with({}, {}, {}, 20.0);
   const VehicleRun run = usable_run(model, {data});
   const VehicleUnknowns theta = vehicle_unknowns(model);
   const VehicleProblem problem = make_vehicle_problem(run, theta, demand_of(theta, theta.value));
@@ -104,7 +107,7 @@ TEST(VehicleSensors, OutputErrorHasExactDerivatives) {
 }
 
 TEST(VehicleSensors, WithoutAFaultNothingChanges) {
-  const Dataset data = recorded({}, {}, {});
+  const Dataset data = shown_with({}, {}, {});
   const Model plain = car_with_sensors("{ay: {x: 0.2 m}}"),
               late = car_with_sensors("{ay: {x: 0.2 m}, r: {lag: {value: 0 ms}}}");
   Eigen::VectorXd e[2];
@@ -120,7 +123,7 @@ TEST(VehicleSensors, WithoutAFaultNothingChanges) {
 
 TEST(VehicleSensors, FaultsAreFoundWithTheCar) {
   const Dataset data = with_noise(
-      recorded({.gain = 1.05, .delay = 0.06}, {.delay = 0.15, .x = 0.8}, {.lag = 0.08, .x = 1.2}),
+      shown_with({.gain = 1.05, .delay = 0.06}, {.delay = 0.15, .x = 0.8}, {.lag = 0.08, .x = 1.2}),
       {0.003, 0.02, 0.1}, 4);
   const Model model = car_with_sensors(
       "{r: {gain: {value: 1, min: 0.8, max: 1.2}, delay: {value: 0 ms, min: -50, max: 400}},"
@@ -147,7 +150,8 @@ TEST(VehicleSensors, FaultsAreFoundWithTheCar) {
 }
 
 TEST(VehicleSensors, ValuesDoNotDependOnUnitsAndStart) {
-  const Dataset data = with_noise(recorded({.delay = 0.06}, {.x = 0.8}, {}), {0.003, 0.02, 0.1}, 5);
+  const Dataset data =
+      with_noise(shown_with({.delay = 0.06}, {.x = 0.8}, {}), {0.003, 0.02, 0.1}, 5);
   const auto fit = [&](const std::string& sensors) {
     return fit_vehicle(car_with_sensors(sensors), {data}, of_noise_alone());
   };
@@ -164,7 +168,7 @@ TEST(VehicleSensors, ValuesDoNotDependOnUnitsAndStart) {
 // The study of the structure knows a delayed sensor: a right model of it shifts no more than its
 // errors say.
 TEST(VehicleSensors, TheStudyOfTheStructureKnowsThem) {
-  const Dataset data = with_noise(recorded({.delay = 0.15}, {}, {}), {0.003, 0.02, 0.1}, 6);
+  const Dataset data = with_noise(shown_with({.delay = 0.15}, {}, {}), {0.003, 0.02, 0.1}, 6);
   const Model model = car_with_sensors("{r: {delay: {value: 100 ms}}}");
   const VehicleEstimate fit = fit_vehicle(model, {data});
   EXPECT_EQ(fit.status, Status::ok) << fit.message;
@@ -186,7 +190,7 @@ TEST(VehicleSensors, WhatDoesNotApplyIsRefused) {
   EXPECT_THAT(message([] { car_with_sensors("{r: {gain: -1}}"); }), HasSubstr("a value above 0"));
   EXPECT_THAT(message([] { car_with_sensors("{r: {delay: 5 s}}"); }), HasSubstr("between -1 s"));
   EXPECT_THAT(message([] { car_with_sensors("{r: {lag: {value: 1 m}}}"); }), HasSubstr("lag_r"));
-  const Dataset data = recorded({}, {}, {});
+  const Dataset data = shown_with({}, {}, {});
   VehicleFitOptions path;
   path.method = VehicleFitOptions::Method::trajectory;
   EXPECT_THAT(message([&] { fit_vehicle(car_with_sensors("{r: {delay: 80 ms}}"), {data}, path); }),

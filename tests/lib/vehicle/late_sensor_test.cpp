@@ -12,7 +12,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-VectorXd raster(Index rows, double step) {
+VectorXd late_raster(Index rows, double step) {
   return VectorXd::LinSpaced(rows, 0.0, step * static_cast<double>(rows - 1));
 }
 
@@ -30,7 +30,7 @@ TEST(LateSensor, TheLagIsExactForStraightLines) {
 }
 
 TEST(LateSensor, TheLagIsThatOfTheSecondaryEffects) {
-  const VectorXd time = raster(50, 0.02);
+  const VectorXd time = late_raster(50, 0.02);
   const VectorXd x = time.unaryExpr([](double t) { return std::sin(7.0 * t); });
   SignalRows filtered = x;
   filter_by_lag(time, 0.03, filtered);
@@ -42,7 +42,7 @@ TEST(LateSensor, TheLagIsThatOfTheSecondaryEffects) {
 }
 
 TEST(LateSensor, TheDelayIsExactForCubicsAndStandsStillOutside) {
-  const VectorXd time = raster(21, 0.1);
+  const VectorXd time = late_raster(21, 0.1);
   const auto cubic = [](double t) { return 1.0 - 2.0 * t + 0.5 * t * t - 0.3 * t * t * t; };
   const SignalRows y = time.unaryExpr(cubic);
   for (const double delay : {0.0, 0.034, 0.25, -0.17}) {
@@ -54,7 +54,7 @@ TEST(LateSensor, TheDelayIsExactForCubicsAndStandsStillOutside) {
 }
 
 TEST(LateSensor, CarriesExactDerivatives) {
-  const VectorXd time = raster(40, 0.03);
+  const VectorXd time = late_raster(40, 0.03);
   const auto series = [&](double amplitude) {
     SignalRows out = SignalRows::Zero(time.size(), 4);  // value, by amplitude, lag, delay
     for (Index k = 0; k < time.size(); ++k) {
