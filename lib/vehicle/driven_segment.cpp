@@ -38,6 +38,25 @@ void filter_steering(DrivenSegment& segment, double lag) {
   }
 }
 
+/// Slope at every sample of the straight line through those within kSlopeReach, and at least its
+/// neighbours: noise of a sensor would be all that a difference shows.
+Eigen::VectorXd local_slopes(const Eigen::VectorXd& time, const Eigen::VectorXd& x) {
+  constexpr double kSlopeReach = 0.04;  // [s]
+  const Eigen::Index N = time.size();
+  Eigen::VectorXd out(N);
+  Eigen::Index first = 0, last = 0;
+  for (Eigen::Index k = 0; k < N; ++k) {
+    while (time[k] - time[first] > kSlopeReach + 1e-9) ++first;
+    while (last + 1 < N && time[last + 1] - time[k] <= kSlopeReach + 1e-9) ++last;
+    const Eigen::Index from = std::max<Eigen::Index>(0, std::min(first, k - 1));
+    const Eigen::Index rows = std::min(N - 1, std::max(last, k + 1)) - from + 1;
+    const auto t = time.segment(from, rows), values = x.segment(from, rows);
+    const Eigen::VectorXd centred = t.array() - t.mean();
+    out[k] = centred.dot(values) / centred.squaredNorm();
+  }
+  return out;
+}
+
 }  // namespace
 
 DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
@@ -109,11 +128,11 @@ void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen:
 }
 
 void set_roll(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& roll) {
-  const Pchip roll_at(time, roll);
+  const Pchip roll_at(time, roll), rate_at(time, local_slopes(time, roll));
   std::size_t at = 0;
   const auto read = [&](Eigen::Index k, double t) {
     segment.nodes[at].roll = roll_at.in_interval(k, t);
-    segment.nodes[at++].roll_rate = roll_at.slope_in_interval(k, t);
+    segment.nodes[at++].roll_rate = rate_at.in_interval(k, t);
   };
   read(0, time[0]);
   for (Eigen::Index k = 0; k + 1 < time.size(); ++k) {
@@ -123,29 +142,6 @@ void set_roll(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::
     }
     read(k, time[k + 1]);
   }
-}
-
-DrivenSegment with_every_step(const DrivenSegment& segment) {
-  DrivenSegment out = segment;
-  out.intervals.clear();
-  for (const DrivenSegment::Interval& interval : segment.intervals) {
-    out.intervals.insert(out.intervals.end(), static_cast<std::size_t>(interval.steps),
-                         {1, interval.step});
-  }
-  return out;
-}
-
-Eigen::VectorXd times_of_steps(const DrivenSegment& segment, const Eigen::VectorXd& time) {
-  Eigen::VectorXd out((static_cast<Eigen::Index>(segment.nodes.size()) + 1) / 2);
-  Eigen::Index at = 0;
-  for (std::size_t k = 0; k < segment.intervals.size(); ++k) {
-    const DrivenSegment::Interval& interval = segment.intervals[k];
-    for (int step = 0; step < interval.steps; ++step) {
-      out[at++] = time[static_cast<Eigen::Index>(k)] + step * interval.step;
-    }
-  }
-  out[at] = time[time.size() - 1];
-  return out;
 }
 
 }  // namespace identikal

@@ -58,7 +58,8 @@ DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
 void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
                double delay, double lag = 0.0);
 
-/// Gives the body a measured roll angle, N values [rad]; its rate is the slope of Pchip.
+/// Gives the body a measured roll angle, N values [rad]; its rate is the slope of straight lines
+/// through the samples within 40 ms.
 void set_roll(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& roll);
 
 /// The same segment with a row at every integration step, and the times of these rows.
