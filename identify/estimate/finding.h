@@ -63,6 +63,7 @@ enum class FindingCode {
   held_samples,
   reversing,
   standstill,
+  spin,
   clock_unclear,
   several_clocks,
   one_clock,

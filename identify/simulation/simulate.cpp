@@ -307,7 +307,7 @@ Simulated simulate_vehicle(const Model& given, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
   const Model model = checked_with_inputs(given, inputs);
   const VehicleModel& car_model = as_vehicle(model);
-  if (model.inputs.size() > 2) {
+  if (has_measured_roll(model)) {
     throw InputError(model.inputs[2].at, "simulate with the input roll",
                      "roll: {gradient: ...}, which follows the motion");
   }

@@ -194,19 +194,75 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
   return out;
 }
 
-double read_min_speed(const YamlNode& node) {
+/// "vx > 5", "vx > 18 km/h": nothing where it is another condition.
+std::optional<double> read_min_speed(const YamlNode& node) {
   std::string_view rest = trimmed(text_of(node, "use_when"));
   for (const std::string_view sign : {"vx", ">"}) {
     rest = rest.starts_with(sign) ? trimmed(rest.substr(sign.size())) : "";
   }
   const std::optional<Quantity> speed = split_quantity(rest);
-  if (!speed || !parse_unit(speed->unit)) {
-    throw InputError(node.at, "use_when is " + describe(node), "'vx > 5' or 'vx > 18 km/h'",
-                     "other conditions are not available yet");
-  }
+  if (!speed || !parse_unit(speed->unit)) return std::nullopt;
   const double value = si_value(*speed, "m/s", node.at, "use_when");
   if (!(value > 0.0)) throw InputError(node.at, "use_when is " + describe(node), "a speed above 0");
   return value;
+}
+
+double read_duration(const YamlNode& node, const char* key) {
+  const double value = read_si(node, "s", fmt::format("{} of use_when", key));
+  if (value >= 0.0 && value <= 10.0) return value;
+  throw InputError(node.at, fmt::format("{} of use_when is {}", key, describe(node)),
+                   "between 0 s and 10 s");
+}
+
+Expression read_condition(const YamlNode& node, const Model& model) {
+  std::vector<std::string> names = names_of(model.inputs);
+  for (const ChannelSource& output : model.outputs) names.push_back(output.name);
+  try {
+    return parse_expression(text_of(node, "use_when"), names);
+  } catch (const FormulaError& error) {
+    throw InputError(node.at, fmt::format("use_when is {}: {}", describe(node), error.what()),
+                     "a condition on inputs, outputs and flags in SI: 'vx > 5 and abs(ay) < 4'");
+  }
+}
+
+/// A condition, or {condition, bridge, margin}.
+void read_use_when(const YamlNode& root, Model& out) {
+  const YamlNode* node = find(root, "use_when");
+  if (node == nullptr) return;
+  const bool plain = node->kind == YamlNode::Kind::scalar;
+  if (!plain) check_keys(*node, "use_when", {"condition", "bridge", "margin"});
+  const YamlNode& condition =
+      plain ? *node : required(*node, "condition", "use_when", "condition: 'vx > 5'");
+  VehicleModel& vehicle = as_vehicle(out);
+  if (plain) {
+    if (const std::optional<double> speed = read_min_speed(condition)) {
+      vehicle.min_speed = *speed;
+      return;
+    }
+  }
+  RowCondition rows{read_condition(condition, out)};
+  if (!plain) {
+    if (const YamlNode* bridge = find(*node, "bridge"))
+      rows.bridge = read_duration(*bridge, "bridge");
+    if (const YamlNode* margin = find(*node, "margin"))
+      rows.margin = read_duration(*margin, "margin");
+  }
+  vehicle.use_when = std::move(rows);
+}
+
+/// Columns that use_when may ask beside the inputs and outputs.
+void read_flags(const YamlNode& root, Model& out) {
+  const YamlNode* node = find(root, "flags");
+  if (node == nullptr) return;
+  for (ChannelSource& flag : read_channels(*node, "flags", {})) {
+    const auto same = [&](const ChannelSource& other) { return other.name == flag.name; };
+    if (std::any_of(out.inputs.begin(), out.inputs.end(), same) ||
+        std::any_of(out.outputs.begin(), out.outputs.end(), same)) {
+      throw InputError(flag.at, "flag " + in_quotes(flag.name) + " is a channel already",
+                       "another name");
+    }
+    out.inputs.push_back(std::move(flag));
+  }
 }
 
 /// The gradient m h / (K - m g h) of a body that springs of stiffness K [N m/rad] hold upright.
@@ -388,13 +444,16 @@ void read_vehicle(const YamlNode& root, Model& out) {
   }
   out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel, vehicle.curve);
 
+  read_flags(root, out);
+  read_use_when(root, out);
   read_roll(root, count == 3, out.parameters);
   read_sensors(root, out);
   read_measurement_noise(root, out);
-  if (const YamlNode* use_when = find(root, "use_when")) {
-    vehicle.min_speed = read_min_speed(*use_when);
-  }
   vehicle.tracking = read_tracking(root);
+}
+
+bool has_measured_roll(const Model& model) {
+  return model.inputs.size() > 2 && model.inputs[2].name == "roll";
 }
 
 std::string vehicle_unit(const std::string& parameter) {
