@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 102> kKinds = {{
+constexpr std::array<FindingKind, 103> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -222,6 +222,9 @@ constexpr std::array<FindingKind, 102> kKinds = {{
      "The recording contradicts the given steering ratio"},
     {FindingCode::steering_delay, "steering_delay", Severity::warning, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name, "The steering angle lags"},
+    {FindingCode::steering_steps, "steering_steps", Severity::warning, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
+     "The steps of the steering's sensor change the values"},
     {FindingCode::structure_dependent, "structure_dependent", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "A parameter hangs on what the model leaves out: lags, roll, bending tyres"},

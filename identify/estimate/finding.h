@@ -111,6 +111,7 @@ enum class FindingCode {
   no_saturation,
   steering_gain,
   steering_delay,
+  steering_steps,
   structure_dependent,
   sensor_differs,
   hold_out,

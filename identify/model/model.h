@@ -54,8 +54,9 @@ struct VehicleModel {
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
   std::optional<RowCondition> use_when;           ///< besides the speed
-  TyreCurve curve = TyreCurve::linear;            ///< of both axles
-  RegressionModel tracking;                       ///< forgetting, memory and reset of `track`
+  double steering_steps = 0.0;          ///< of the sensor, bridged [rad]; 0: taken as exact
+  TyreCurve curve = TyreCurve::linear;  ///< of both axles
+  RegressionModel tracking;             ///< forgetting, memory and reset of `track`
 };
 
 /// Whether roll is one of the vehicle's inputs, inputs[2].

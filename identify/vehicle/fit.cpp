@@ -26,6 +26,7 @@
 #include "identify/vehicle/output_error.h"
 #include "identify/vehicle/search.h"
 #include "identify/vehicle/series.h"
+#include "identify/vehicle/steering_steps.h"
 #include "identify/vehicle/tyre_saturation.h"
 #include "identify/vehicle/usable_data.h"
 #include "lib/base/constants.h"
@@ -634,6 +635,9 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
   append(found, check_steering_gain(problem, fit.covariance, p,
                                     as_vehicle(fit.model).steering_at_road_wheel));
   if (other_forms && !has_misreading(found)) append(found, check_other_forms(fit, estimate));
+  if (other_forms && !has_misreading(found)) {
+    append(found, check_steering_steps(fit.model, fit.found, estimate));
+  }
   append(found, check_plausibility(p, estimate));
   append(found, check_weakest_direction(problem, fit.covariance, p));
 }

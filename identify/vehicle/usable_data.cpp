@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/survey/events.h"
+#include "identify/vehicle/steering_steps.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
@@ -272,6 +273,16 @@ void pick_outputs(const Model& model, const Dataset& data, const Eigen::MatrixXd
   }
 }
 
+/// Between the steps of its sensor, where the model file says how large they are [rad].
+void bridge_steering(double step, VehicleRun& run) {
+  if (!(step > 0.0)) return;
+  for (const VehicleRun::Segment& s : run.segments) {
+    run.steering.segment(s.first, s.rows) = bridged_steps(
+        run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows), step);
+  }
+  run.notes.emplace_back("the steering angle is bridged between the steps of its sensor");
+}
+
 void require_steering(const Dataset& data, VehicleRun& run) {
   double lowest = kInfinity, highest = -lowest;
   for (const VehicleRun::Segment& s : run.segments) {
@@ -388,6 +399,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   }
   run.median_speed = median(std::move(speeds));
   run.step = median(std::move(steps));
+  bridge_steering(as_vehicle(model).steering_steps, run);
   pick_outputs(model, recordings.front(), y, run);
   require_steering(recordings.front(), run);
 

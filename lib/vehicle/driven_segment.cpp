@@ -144,4 +144,27 @@ void set_roll(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::
   }
 }
 
+DrivenSegment with_every_step(const DrivenSegment& segment) {
+  DrivenSegment out = segment;
+  out.intervals.clear();
+  for (const DrivenSegment::Interval& interval : segment.intervals) {
+    out.intervals.insert(out.intervals.end(), static_cast<std::size_t>(interval.steps),
+                         {1, interval.step});
+  }
+  return out;
+}
+
+Eigen::VectorXd times_of_steps(const DrivenSegment& segment, const Eigen::VectorXd& time) {
+  Eigen::VectorXd out((static_cast<Eigen::Index>(segment.nodes.size()) + 1) / 2);
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < segment.intervals.size(); ++k) {
+    const DrivenSegment::Interval& interval = segment.intervals[k];
+    for (int step = 0; step < interval.steps; ++step) {
+      out[at++] = time[static_cast<Eigen::Index>(k)] + step * interval.step;
+    }
+  }
+  out[at] = time[time.size() - 1];
+  return out;
+}
+
 }  // namespace identikal

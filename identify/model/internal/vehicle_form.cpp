@@ -194,6 +194,21 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
   return out;
 }
 
+/// Steps of the steering's sensor, in the unit of its column.
+void read_steps(const YamlNode& inputs, Model& out) {
+  for (std::size_t i = 0; i < inputs.items.size(); ++i) {
+    const YamlNode* steps = find(inputs.items[i], "steps");
+    if (steps == nullptr) continue;
+    const ChannelSource& input = out.inputs[i];
+    if (input.name == "vx" || input.name == "roll") {
+      throw InputError(steps->at, "steps of " + input.name, "of the steering angle alone");
+    }
+    const double step = read_si(*steps, input.unit.empty() ? "rad" : input.unit, "steps");
+    if (!(step > 0.0)) throw InputError(steps->at, "steps is " + describe(*steps), "above 0");
+    as_vehicle(out).steering_steps = std::abs(input.scale) * step;
+  }
+}
+
 /// "vx > 5", "vx > 18 km/h": nothing where it is another condition.
 std::optional<double> read_min_speed(const YamlNode& node) {
   std::string_view rest = trimmed(text_of(node, "use_when"));
@@ -218,10 +233,9 @@ Expression read_condition(const YamlNode& node, const Model& model) {
   std::vector<std::string> names = names_of(model.inputs);
   for (const ChannelSource& output : model.outputs) names.push_back(output.name);
   try {
-    return parse_expression(text_of(node, "use_when"), names);
+    return parse_expression(text_of(node, "use_when"), names, FormulaKind::condition);
   } catch (const FormulaError& error) {
-    throw InputError(node.at, fmt::format("use_when is {}: {}", describe(node), error.what()),
-                     "a condition on inputs, outputs and flags in SI: 'vx > 5 and abs(ay) < 4'");
+    throw InputError(node.at, fmt::format("use_when is {}: {}", describe(node), error.what()));
   }
 }
 
@@ -418,7 +432,8 @@ void read_vehicle(const YamlNode& root, Model& out) {
   const std::string inputs_example =
       "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
   const YamlNode& inputs = required(root, "inputs", top, inputs_example);
-  out.inputs = read_channels(inputs, "inputs", kVehicleInputs);
+  out.inputs = read_channels(inputs, "inputs", kVehicleInputs, {"steps"});
+  read_steps(inputs, out);
   const auto place = [](const ChannelSource& input) {
     return input.name == "roll" ? 2 : input.name == "vx" ? 1 : 0;
   };

@@ -146,7 +146,7 @@ TEST(VehicleSensors, FaultsAreFoundWithTheCar) {
     EXPECT_LT(p.se, 0.05 * truth) << name;
   }
   // What the drawings show is what was fitted.
-  EXPECT_GT(fit.simulation[0].fit_percent, 98.0);
+  EXPECT_GT(fit.simulation[0].fit_percent, 96.0);  // the noise is 3 % of it
 }
 
 TEST(VehicleSensors, ValuesDoNotDependOnUnitsAndStart) {
