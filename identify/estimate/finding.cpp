@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 101> kKinds = {{
+constexpr std::array<FindingKind, 103> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -106,6 +106,8 @@ constexpr std::array<FindingKind, 101> kKinds = {{
      "The car reverses, or the axis of its speed points backwards"},
     {FindingCode::standstill, "standstill", Severity::note, Severity::note, Status::ok, Rank::other,
      InMessage::nothing, "The car stands for a part of the time"},
+    {FindingCode::spin, "spin", Severity::warning, Severity::warning, Status::ok, Rank::other,
+     InMessage::nothing, "The car spins"},
     {FindingCode::clock_unclear, "clock_unclear", Severity::note, Severity::note, Status::ok,
      Rank::other, InMessage::nothing, "A channel may lag behind the others"},
     {FindingCode::several_clocks, "several_clocks", Severity::note, Severity::note, Status::ok,
@@ -220,6 +222,9 @@ constexpr std::array<FindingKind, 101> kKinds = {{
      "The recording contradicts the given steering ratio"},
     {FindingCode::steering_delay, "steering_delay", Severity::warning, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name, "The steering angle lags"},
+    {FindingCode::steering_steps, "steering_steps", Severity::warning, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
+     "The steps of the steering's sensor change the values"},
     {FindingCode::structure_dependent, "structure_dependent", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "A parameter hangs on what the model leaves out: lags, roll, bending tyres"},

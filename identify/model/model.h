@@ -38,17 +38,30 @@ struct RegressionModel {
   bool reset = false;  ///< lambda drops for one sample when a change is found
 };
 
+/// Rows of a recording that are to be used.
+struct RowCondition {
+  Expression holds;     ///< a formula of the inputs, then the outputs, SI; not 0 where it holds
+  double bridge = 0.0;  ///< where it fails for no longer it counts as holding [s]
+  double margin = 0.0;  ///< so near to where it fails rows are not used either [s]
+};
+
 /// The built-in single-track vehicle. Its parameters are the model's; inputs[0] is the steering
-/// angle, inputs[1] is vx, outputs are any of r, vy, ay, beta.
+/// angle, inputs[1] is vx, inputs[2] may be roll; further ones are for `use_when`. Outputs are any of r, vy, ay, beta.
 struct VehicleModel {
   /// The input is the road-wheel angle, and steering_ratio is not used.
   bool steering_at_road_wheel = false;
   std::map<std::string, SensorPosition> sensors;  ///< by output name
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
-  TyreCurve curve = TyreCurve::linear;            ///< of both axles
-  RegressionModel tracking;                       ///< forgetting, memory and reset of `track`
+  std::optional<RowCondition> use_when;           ///< besides the speed
+  double steering_steps = 0.0;          ///< of the sensor, bridged [rad]; 0: taken as exact
+  TyreCurve curve = TyreCurve::linear;  ///< of both axles
+  RegressionModel tracking;             ///< forgetting, memory and reset of `track`
 };
+
+/// Whether roll is one of the vehicle's inputs, inputs[2].
+struct Model;
+bool has_measured_roll(const Model& model);
 
 /// SI unit of a vehicle's parameter as people write it, "N/rad"; empty where it has none.
 std::string vehicle_unit(const std::string& parameter);

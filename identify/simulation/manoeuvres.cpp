@@ -223,7 +223,7 @@ DrivenRecord drive_inputs(TyreCurve curve, const VehicleParameters<double>& p, c
   const SingleTrack<> linear = linear_car(p);
   const DrivenSegment driven =
       drive(time, steering, vx, {decay_rate_times_speed(linear), p[kRelaxationLength]},
-            p[kSteeringDelay]);
+            p[kSteeringDelay], p[kLagOfSteering]);
   const Eigen::Vector2d start = from_steady_state ? steady_state(linear, driven.nodes.front())
                                                   : Eigen::Vector2d(Eigen::Vector2d::Zero());
   simulate(car_with(curve, p), driven, start[0], start[1],

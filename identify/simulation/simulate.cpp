@@ -20,6 +20,7 @@
 #include "lib/base/random.h"
 #include "lib/data/units.h"
 #include "lib/filter/simulation.h"
+#include "lib/vehicle/late_sensor.h"
 #include "lib/vehicle/sensor.h"
 
 namespace identikal {
@@ -274,12 +275,43 @@ Simulated simulate_nonlinear(const Model& given, Index rows, const Dataset* inpu
   return {csv_of(model, seed, y, inputs, recording.time), N, {}};
 }
 
+namespace {
+
+// What a sensor shows along a drive. One that filters, or is late, is read at every step of the
+// integration.
+VectorXd shown_by(const VehicleSensor& sensor, const SingleTrack<>& car,
+                  const DrivenRecord& driven) {
+  const VehicleReading reading(sensor, car);
+  const SensorFault<>& fault = car.sensors[static_cast<std::size_t>(sensor.quantity)];
+  const Index N = driven.time.size();
+  if (fault.lag == 0.0 && fault.delay == 0.0) {
+    VectorXd out(N);
+    for (Index t = 0; t < N; ++t) out[t] = reading.value(driven.motion[t], driven.vx[t]);
+    return out;
+  }
+  const IntegrationDemand demand{decay_rate_times_speed(car), car.relaxation_length};
+  const DrivenSegment segment =
+      drive(driven.time, driven.steering, driven.vx, demand, car.steering_delay, car.steering_lag);
+  const VectorXd time = times_of_steps(segment, driven.time);
+  SignalRows felt(time.size(), 1);
+  simulate(
+      car, with_every_step(segment), driven.motion[0].vy, driven.motion[0].r,
+      [&](Index k, const Motion& motion, double vx) { felt(k, 0) = reading.value(motion, vx); });
+  filter_by_lag(time, fault.lag, felt);
+  return late(time, felt, driven.time, fault.delay);
+}
+
+}  // namespace
+
 Simulated simulate_vehicle(const Model& given, const ManoeuvreRequest& request,
                            const Dataset* inputs, std::optional<double> snr, std::uint64_t seed) {
   const Model model = checked_with_inputs(given, inputs);
   const VehicleModel& car_model = as_vehicle(model);
+  if (has_measured_roll(model)) {
+    throw InputError(model.inputs[2].at, "simulate with the input roll",
+                     "roll: {gradient: ...}, which follows the motion");
+  }
   const VehicleUnknowns vehicle = vehicle_unknowns(model);
-  const SingleTrack<> car = linear_car(vehicle.value);
   DrivenRecord driven;
   if (inputs != nullptr) {
     const VectorXd angle = inputs->u.row(0).transpose(), vx = inputs->u.row(1).transpose();
@@ -309,11 +341,7 @@ Simulated simulate_vehicle(const Model& given, const ManoeuvreRequest& request,
       sensor.y = position->second.y;
       sensor.angle = position->second.angle;
     }
-    const VehicleReading reading(sensor, car);
-    VectorXd clean(N);
-    for (Index t = 0; t < N; ++t) {
-      clean[t] = reading.value(driven.motion[t], driven.vx[t]);
-    }
+    const VectorXd clean = shown_by(sensor, car_with(vehicle.curve, vehicle.value), driven);
     if (snr) {
       sd[i] = std::pow(10.0, -*snr / 20.0) * clean.norm() / std::sqrt(static_cast<double>(N));
       driven.notes.push_back(fmt::format("noise: {} {:g} dB, sd {:.6g} {}", source.name, *snr,

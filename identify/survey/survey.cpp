@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/survey/events.h"
 #include "identify/survey/internal/excitation.h"
 #include "identify/survey/internal/kinematics.h"
 #include "identify/survey/internal/mapping.h"
@@ -18,6 +19,23 @@ void check_sizes(const VehicleSignals& signals) {
     if (signal.time.size() == signal.value.size()) continue;
     throw std::invalid_argument(fmt::format("signal '{}' has {} times and {} values", signal.column,
                                             signal.time.size(), signal.value.size()));
+  }
+}
+
+// Where the car spins its kinematics say nothing of signs, units and clocks.
+void leave_out_spins(surveying::Scene& scene) {
+  if (!scene.has(SignalKind::steering) || !scene.has(SignalKind::r)) return;
+  Eigen::VectorXd vy;
+  if (scene.has(SignalKind::vy)) {
+    vy = scene.on[SignalKind::vy];
+  } else if (scene.has(SignalKind::beta)) {
+    vy = scene.speed.array() * scene.on[SignalKind::beta].array().tan();
+  }
+  const std::vector<Spin> spins = find_spins(
+      {scene.time, scene.on[SignalKind::steering], scene.speed, scene.on[SignalKind::r], vy});
+  for (const Spin& spin : spins) scene.speed.segment(spin.first, spin.rows).setConstant(kNone);
+  for (Finding& finding : check_spins(spins, scene.time, false)) {
+    scene.out.findings.push_back(std::move(finding));
   }
 }
 
@@ -61,6 +79,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   const auto driving = speed ? (scene.speed.array() > kSlowestTest).count() : Eigen::Index{0};
   const bool moved = static_cast<double>(driving) * (grid ? scene.step : 0.0) >= 2.0;
   if (grid && speed) measure_speed(scene);
+  if (grid && speed) leave_out_spins(scene);
   if (!grid || (speed && (!moved || driving < 40))) {
     scene.add_finding(
         FindingCode::too_short, Severity::serious, {},

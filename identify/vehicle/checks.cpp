@@ -211,9 +211,9 @@ Findings check_by_survey(const Model& model, const std::vector<Dataset>& recordi
     if (fit.channel == "r") leading = fit.fit_percent;
   }
   using enum FindingCode;
-  constexpr FindingCode kReportedElsewhere[] = {too_short,   no_steering,  no_speed,
-                                                no_yaw_rate, dead_channel, sign_steering,
-                                                sign_ay,     standstill,   one_clock};
+  constexpr FindingCode kReportedElsewhere[] = {too_short,    no_steering,   no_speed, no_yaw_rate,
+                                                dead_channel, sign_steering, sign_ay,  standstill,
+                                                one_clock,    spin};
   Findings out;
   for (const Dataset& data : recordings) {
     for (Finding& finding : survey(vehicle_signals(model, data)).findings) {

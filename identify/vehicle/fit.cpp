@@ -26,6 +26,7 @@
 #include "identify/vehicle/output_error.h"
 #include "identify/vehicle/search.h"
 #include "identify/vehicle/series.h"
+#include "identify/vehicle/steering_steps.h"
 #include "identify/vehicle/tyre_saturation.h"
 #include "identify/vehicle/usable_data.h"
 #include "lib/base/constants.h"
@@ -434,6 +435,24 @@ void require_samples(const std::vector<Dataset>& recordings, const VehicleRun& r
       "more samples than unknowns");
 }
 
+bool rolls(const VehicleRun& run, const VehicleUnknowns& unknowns) {
+  return run.roll.size() > 0 || unknowns.find(kRollPerAcceleration) >= 0 ||
+         unknowns.value[kRollPerAcceleration] > 0.0;
+}
+
+/// Filters of samples that correct the state know what the sensors show now, not what they showed.
+void require_simulation(const VehicleFitOptions& options, const VehicleRun& run,
+                        const VehicleUnknowns& unknowns) {
+  if (options.method == VehicleFitOptions::Method::output_error) return;
+  if (rolls(run, unknowns)) {
+    throw InputError({}, "roll with a method that filters", "--method output-error");
+  }
+  if (!has_late_sensor(run, unknowns)) return;
+  throw InputError({}, "a delay or lag in 'sensors' with a method that filters",
+                   "--method output-error",
+                   "or a known delay beside the column: {column: ..., delay: 80 ms}");
+}
+
 /// What causes that the model does not have would change, where a stiffness or the inertia is free.
 bool asks_for_structure(const VehicleFit& fit) {
   const std::vector<VehicleParameter>& free = fit.found.problem.unknowns.free;
@@ -616,6 +635,9 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
   append(found, check_steering_gain(problem, fit.covariance, p,
                                     as_vehicle(fit.model).steering_at_road_wheel));
   if (other_forms && !has_misreading(found)) append(found, check_other_forms(fit, estimate));
+  if (other_forms && !has_misreading(found)) {
+    append(found, check_steering_steps(fit.model, fit.found, estimate));
+  }
   append(found, check_plausibility(p, estimate));
   append(found, check_weakest_direction(problem, fit.covariance, p));
 }
@@ -638,6 +660,7 @@ VehicleEstimate fit_vehicle(const Model& given, const std::vector<Dataset>& reco
   }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, recordings);
+  require_simulation(options, run, unknowns);
   VehicleEstimate estimate = begun(model, recordings, run);
   if (is_answered_by_steady_cornering(model, run, unknowns, estimate)) return estimate;
   require_samples(recordings, run, unknowns);

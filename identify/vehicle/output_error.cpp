@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "identify/vehicle/internal/late_outputs.h"
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/constants.h"
 #include "solvers/scoring.h"
@@ -41,20 +42,62 @@ std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>&
   return out;
 }
 
+namespace {
+
+constexpr double kFarthestReach = 0.1;  // [s], of a delay that is free
+
+/// How far from the ends of a segment an output shows what was outside of it.
+struct Reach {
+  double begin = 0.0, end = 0.0;  // [s]
+};
+
+Reach reach_of(const VehicleUnknowns& unknowns, VehicleQuantity quantity) {
+  const VehicleParameter delay = sensor_parameter(quantity, SensorProperty::delay);
+  const Eigen::Index free = unknowns.find(delay);
+  const double known = unknowns.value[delay];
+  if (free < 0) return {std::max(0.0, known), std::max(0.0, -known)};
+  return {std::clamp(unknowns.upper[free], 0.0, kFarthestReach),
+          std::clamp(-unknowns.lower[free], 0.0, kFarthestReach)};
+}
+
+}  // namespace
+
+bool has_late_sensor(const VehicleRun& run, const VehicleUnknowns& unknowns) {
+  return std::any_of(run.outputs.begin(), run.outputs.end(), [&](const VehicleRun::Output& output) {
+    const auto is_late = [&](SensorProperty property) {
+      const VehicleParameter p = sensor_parameter(output.sensor.quantity, property);
+      return unknowns.find(p) >= 0 || unknowns.value[p] != 0.0;
+    };
+    return is_late(SensorProperty::delay) || is_late(SensorProperty::lag);
+  });
+}
+
 VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns& unknowns,
                                     const IntegrationDemand& demand) {
   VehicleProblem problem;
   problem.run = &run;
   problem.unknowns = unknowns;
   problem.demand = demand;
+  problem.late_sensors = has_late_sensor(run, unknowns);
+  std::vector<Reach> reach;
+  for (const VehicleRun::Output& output : run.outputs) {
+    reach.push_back(reach_of(unknowns, output.sensor.quantity));
+  }
   std::vector<double> samples;
   for (const VehicleRun::Segment& s : run.segments) {
-    problem.driven.push_back(
-        drive(run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
-              run.vx.segment(s.first, s.rows), demand, unknowns.value[kSteeringDelay]));
+    problem.driven.push_back(drive(run.time.segment(s.first, s.rows),
+                                   run.steering.segment(s.first, s.rows),
+                                   run.vx.segment(s.first, s.rows), demand,
+                                   unknowns.value[kSteeringDelay], unknowns.value[kLagOfSteering]));
+    if (run.roll.size() > 0) {
+      set_roll(problem.driven.back(), run.time.segment(s.first, s.rows),
+               run.roll.segment(s.first, s.rows));
+    }
+    const double begin = run.time[s.first] - 1e-9, end = run.time[s.first + s.rows - 1] + 1e-9;
     for (Eigen::Index t = s.first; t < s.first + s.rows; ++t) {
       for (Eigen::Index j = 0; j < run.y.rows(); ++j) {
         if (std::isnan(run.y(j, t))) continue;
+        if (run.time[t] < begin + reach[j].begin || run.time[t] > end - reach[j].end) continue;
         problem.row.push_back(t);
         problem.output.push_back(j);
         samples.push_back(run.y(j, t));
@@ -140,13 +183,16 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 
 std::vector<DrivenSegment> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p) {
-  if (problem.unknowns.find(kSteeringDelay) < 0) return {};
+  if (problem.unknowns.find(kSteeringDelay) < 0 && problem.unknowns.find(kLagOfSteering) < 0) {
+    return {};
+  }
   std::vector<DrivenSegment> moved = problem.driven;
   const VehicleRun& run = *problem.run;
   for (std::size_t s = 0; s < moved.size(); ++s) {
     const VehicleRun::Segment& segment = run.segments[s];
     set_delay(moved[s], run.time.segment(segment.first, segment.rows),
-              run.steering.segment(segment.first, segment.rows), p[kSteeringDelay]);
+              run.steering.segment(segment.first, segment.rows), p[kSteeringDelay],
+              p[kLagOfSteering]);
   }
   return moved;
 }
@@ -276,6 +322,10 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
   }
   std::size_t residual = 0;
   for (std::size_t s = 0; s < driven.size(); ++s) {
+    if (problem.late_sensors) {
+      late_segment_errors(problem, car, driven[s], z, s, residual, e, J);
+      continue;
+    }
     SegmentErrors errors(problem, car, z, s, residual, e);
     if (J == nullptr) {
       errors.run(driven[s]);

@@ -29,6 +29,7 @@ struct VehicleProblem {
   const VehicleRun* run = nullptr;
   VehicleUnknowns unknowns;
   bool robust = false;  ///< noise of Student's distribution, which allows for outliers; else normal
+  bool late_sensors = false;     ///< has_late_sensor()
   bool prediction = false;       ///< one-step prediction with a free filter gain; else simulation
   Eigen::VectorXd output_scale;  ///< typical size of every output's error, for the gain
   std::vector<DrivenSegment> driven;
@@ -50,8 +51,13 @@ struct VehicleProblem {
 
 inline const Eigen::Vector2d kStateScale(1.0, 0.2);  ///< m/s, rad/s
 
+/// Whether the sensor of some output has a lag or a delay, or may get one.
+bool has_late_sensor(const VehicleRun& run, const VehicleUnknowns& unknowns);
+
 /// The simulation of a run as residuals: every output of every usable row, the parameters and
-/// initial states of `unknowns` scaled to coordinates.
+/// initial states of `unknowns` scaled to coordinates. Samples at the ends of a segment that show
+/// what was before or behind it have none: those within a known delay of their sensor, or, of one
+/// that is free, within its bounds and 0.1 s.
 VehicleProblem make_vehicle_problem(const VehicleRun& run, const VehicleUnknowns& unknowns,
                                     const IntegrationDemand& demand);
 
@@ -76,13 +82,17 @@ Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParam
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J);
 
-/// The segments with the steering read at these parameters' delay; empty where that is known, and
+/// The segments with the steering read at these parameters' delay and lag; empty where these are known, and
 /// VehicleProblem::driven has it.
 std::vector<DrivenSegment> moved_by_delay(const VehicleProblem& problem,
                                           const VehicleParameters<double>& p);
 
 /// What each output of the run reads off that car.
 std::vector<VehicleReading> readings(const VehicleRun& run, const SingleTrack<>& car);
+
+/// What the outputs show at every row (outputs x rows of the run; NaN outside of segments), of
+/// sensors with lag and delay.
+Eigen::MatrixXd late_outputs(const VehicleProblem& problem, const Eigen::VectorXd& z);
 
 /// Motion of the simulated car at every row of the segments, without gain: calls observe(row,
 /// motion, vx).
@@ -110,9 +120,11 @@ void replay_outputs(const VehicleProblem& problem, const Eigen::VectorXd& z, Obs
   const std::vector<VehicleReading> sensors =
       readings(*problem.run, car_with(problem.unknowns.curve, parameters_at(problem, z)));
   Eigen::VectorXd values(problem.run->y.rows());
+  Eigen::MatrixXd late;
+  if (problem.late_sensors) late = late_outputs(problem, z);
   replay(problem, z, [&](Eigen::Index t, const Motion& motion, double vx) {
     for (Eigen::Index j = 0; j < values.size(); ++j) {
-      values[j] = sensors[j].value(motion, vx);
+      values[j] = late.size() > 0 ? late(j, t) : sensors[j].value(motion, vx);
     }
     observe(t, motion, vx, values);
   });

@@ -261,6 +261,10 @@ TrackedCoefficients track_vehicle(const Model& given, const Dataset& recording) 
   const Model model = checked(given, {recording});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {recording});
+  if (has_late_sensor(run, unknowns)) {
+    throw InputError({model.source, 0, 0}, "track with a delay or lag in 'sensors'",
+                     "a known delay beside the column: {column: ..., delay: 80 ms}");
+  }
   const VehicleBalances balances = tracked_balances(model, recording, run, unknowns.value);
   const BalanceRows rows = rows_of(balances, unknowns);
   if (rows.unknown.empty()) {

@@ -19,15 +19,40 @@ namespace {
 // What ends here is reported as at its bound: the likelihood rises towards a rigid car.
 constexpr double kSmallest = 1e-3, kLargest = 20.0;
 constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
-constexpr double kLongestDelay = 1.0;         // [s]
+constexpr double kLongestDelay = 1.0;         // [s], of the steering; and its longest lag
 constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
+constexpr double kLargestRollGradient = 0.1;  // [rad/(m/s^2)], 56 deg/g
+constexpr double kLongestSensorDelay = 0.5;   // [s]
+constexpr double kLongestSensorLag = 1.0;     // [s]
 constexpr double kLeastFiala = 1e-6;          // inverse saturation in typical sizes
 
 bool is_inverse_saturation(VehicleParameter p) {
   return p == kInverseSaturationFront || p == kInverseSaturationRear;
 }
 
+bool is_sensor(VehicleParameter p) { return p >= kFirstOfSensors; }
+bool is_sensor(VehicleParameter p, SensorProperty property) {
+  return is_sensor(p) && property_of(p) == property;
+}
+
+double typical_size(SensorProperty property) {
+  switch (property) {
+    case SensorProperty::gain:
+      return 1.0;
+    case SensorProperty::delay:
+      return 0.05;
+    case SensorProperty::x:
+    case SensorProperty::y:
+      return 0.5;
+    case SensorProperty::lag:
+    case SensorProperty::angle:
+      break;
+  }
+  return 0.02;
+}
+
 double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
+  if (is_sensor(parameter)) return typical_size(property_of(parameter));
   switch (parameter) {
     case kYawInertia:
       return p[kMass] * p[kA] * p[kB];
@@ -41,7 +66,19 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
     case kBank:
       return 0.02;
     case kSteeringDelay:
+    case kLagOfSteering:
       return 0.05;
+    case kRollPerAcceleration:
+      return 0.005;
+    case kRollHeight:
+      return 0.5;
+    case kFrontSteerPerRoll:
+    case kRearSteerPerRoll:
+      return 0.1;
+    case kFrontCamberPerRoll:
+      return axle_loads(p)[0];
+    case kRearCamberPerRoll:
+      return axle_loads(p)[1];
     case kBiasVy:
     case kBiasAy:
       return 0.2;
@@ -132,7 +169,8 @@ void set_free_as_given(const Model& model, std::size_t position, VehicleUnknowns
     // What the file allows expressly is allowed.
     if (std::isfinite(high)) out.upper[k] = high;
     const bool bounded_both_ways =
-        parameter == kSteeringDelay || parameter == kMountingAngle || parameter == kBank;
+        parameter == kSteeringDelay || parameter == kMountingAngle || parameter == kBank ||
+        is_sensor(parameter, SensorProperty::delay) || is_sensor(parameter, SensorProperty::angle);
     if (bounded_both_ways && std::isfinite(low)) out.lower[k] = low;
   }
   double& start = out.value[parameter];
@@ -143,7 +181,8 @@ void set_free_as_given(const Model& model, std::size_t position, VehicleUnknowns
 
 bool must_be_positive(VehicleParameter p) {
   return p == kMass || p == kA || p == kB || p == kYawInertia || p == kCf || p == kCr ||
-         p == kSteeringRatio || is_inverse_saturation(p) || p == kCurveShape;
+         p == kSteeringRatio || is_inverse_saturation(p) || p == kCurveShape ||
+         p == kRollFrequency || p == kRollDamping || is_sensor(p, SensorProperty::gain);
 }
 
 UserValue in_user_terms(VehicleParameter parameter, double value) {
@@ -189,12 +228,31 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
     lower = -kLongestDelay;
     upper = kLongestDelay;
   }
-  if (parameter == kMountingAngle || parameter == kBank) {
+  if (is_sensor(parameter, SensorProperty::delay)) {
+    lower = -kLongestSensorDelay;
+    upper = kLongestSensorDelay;
+  }
+  if (is_sensor(parameter, SensorProperty::lag)) {
+    lower = 0.0;
+    upper = kLongestSensorLag;
+  }
+  if (parameter == kMountingAngle || parameter == kBank ||
+      is_sensor(parameter, SensorProperty::angle)) {
     lower = -kLargestAngle;
     upper = kLargestAngle;
   }
   if (parameter == kRelaxationLength) lower = kShortestRelaxation;
-  if (parameter == kCgHeight || parameter == kLoadSensitivity) lower = 0.0;
+  if (parameter == kCgHeight || parameter == kLoadSensitivity || parameter == kRollHeight) {
+    lower = 0.0;
+  }
+  if (parameter == kLagOfSteering) {
+    lower = 0.0;
+    upper = kLongestDelay;
+  }
+  if (parameter == kRollPerAcceleration) {
+    lower = 0.0;
+    upper = kLargestRollGradient;
+  }
   if (parameter == kCurveShape) {
     lower = 1.0;
     upper = 2.0;

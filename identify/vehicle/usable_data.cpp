@@ -6,11 +6,14 @@
 
 #include <fmt/format.h>
 
+#include "identify/survey/events.h"
+#include "identify/vehicle/steering_steps.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
+#include "lib/formula/expression.h"
 
 namespace identikal {
 namespace {
@@ -20,6 +23,7 @@ constexpr double kShortest = 1.0;    // [s]
 constexpr double kLongestGap = 3.0;  // [sampling periods]
 constexpr std::size_t kMostSegments = 60;
 constexpr double kSlowestModel = 0.5;    // [m/s]; the model divides by the speed
+constexpr double kSpeedNoise = 0.25;     // [s]; for so long the speed may be below the least one
 constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
 
 Location in(const Dataset& data) { return Location{data.name, 0, 0}; }
@@ -48,11 +52,15 @@ VehicleRun::Output output_of(const Model& model, const Dataset& data, std::size_
 
 /// Why rows were not used, for the message when none is left.
 struct Losses {
-  Eigen::Index no_steering = 0, no_speed = 0, slow = 0, fragments = 0, segments = 0;
+  Eigen::Index no_steering = 0, no_speed = 0, no_roll = 0, unwanted = 0, spinning = 0, slow = 0,
+               fragments = 0, segments = 0;
 
   Losses& operator+=(const Losses& other) {
     no_steering += other.no_steering;
     no_speed += other.no_speed;
+    no_roll += other.no_roll;
+    unwanted += other.unwanted;
+    spinning += other.spinning;
     slow += other.slow;
     fragments += other.fragments;
     segments += other.segments;
@@ -62,7 +70,95 @@ struct Losses {
 
 constexpr double kLongestStep = 1.0;  // [s]
 
-std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Losses& lost) {
+/// Sets the marks of the runs of unmarked rows that last no longer than `bridge`, and that have marked
+/// rows before and behind them.
+void bridge(const Dataset& data, double bridge, std::vector<bool>& marks) {
+  Eigen::Index last = -1;  // marked
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    if (!marks[t]) continue;
+    const bool short_enough = last >= 0 && data.time[t] - data.time[last] - data.dt <= bridge;
+    for (Eigen::Index k = last + 1; k < t && short_enough; ++k) marks[k] = true;
+    last = t;
+  }
+}
+
+/// Takes the marks off rows that are so near to an unmarked one.
+void shrink(const Dataset& data, double margin, std::vector<bool>& marks) {
+  const std::vector<bool> before = marks;
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    if (before[t]) continue;
+    for (Eigen::Index k = t; k >= 0 && data.time[t] - data.time[k] <= margin; --k) marks[k] = false;
+    for (Eigen::Index k = t; k < data.size() && data.time[k] - data.time[t] <= margin; ++k) {
+      marks[k] = false;
+    }
+  }
+}
+
+/// Rows where the model file's condition holds. Where a channel has no sample its last one counts.
+std::vector<bool> wanted_rows(const RowCondition& use_when, const Dataset& data) {
+  std::vector<double> symbols(static_cast<std::size_t>(data.u.rows() + data.y.rows()), kNone);
+  std::vector<bool> out(static_cast<std::size_t>(data.size()));
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    for (Eigen::Index i = 0; i < data.u.rows() + data.y.rows(); ++i) {
+      const double value = i < data.u.rows() ? data.u(i, t) : data.y(i - data.u.rows(), t);
+      if (std::isfinite(value)) symbols[i] = value;
+    }
+    const double holds = evaluate(use_when.holds, symbols);
+    out[t] = std::isfinite(holds) && holds != 0.0;
+  }
+  bridge(data, use_when.bridge, out);
+  if (use_when.margin > 0.0) shrink(data, use_when.margin, out);
+  return out;
+}
+
+std::vector<Spin> spins_of(const Model& model, const Dataset& data) {
+  const auto output = [&](const char* name) -> Eigen::VectorXd {
+    for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+      if (model.outputs[i].name == name)
+        return data.y.row(static_cast<Eigen::Index>(i)).transpose();
+    }
+    return {};
+  };
+  const Eigen::VectorXd vx = data.u.row(1).transpose(), beta = output("beta");
+  Eigen::VectorXd vy = output("vy");
+  if (vy.size() == 0 && beta.size() > 0) vy = vx.array() * beta.array().tan();
+  return find_spins({data.time, data.u.row(0).transpose(), vx, output("r"), vy});
+}
+
+/// Rows that the model's equations and its file allow.
+std::vector<bool> usable_rows(const Model& model, const Dataset& data, Findings& findings,
+                              Losses& lost) {
+  const VehicleModel& vehicle = as_vehicle(model);
+  const double min_speed = std::max(vehicle.min_speed, kSlowestModel);
+  const auto N = static_cast<std::size_t>(data.size());
+  std::vector<bool> fast(N), out(N, true);
+  for (std::size_t t = 0; t < N; ++t)
+    fast[t] = data.u(1, static_cast<Eigen::Index>(t)) >= min_speed;
+  bridge(data, kSpeedNoise, fast);
+  if (vehicle.use_when) out = wanted_rows(*vehicle.use_when, data);
+  lost.unwanted = std::count(out.begin(), out.end(), false);
+  const std::vector<Spin> spins = spins_of(model, data);
+  append(findings, check_spins(spins, data.time, true));
+  for (const Spin& spin : spins) {
+    lost.spinning += spin.rows;
+    for (Eigen::Index k = 0; k < spin.rows; ++k) out[spin.first + k] = false;
+  }
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    const double vx = data.u(1, t);
+    const bool has_steering = std::isfinite(data.u(0, t)), has_speed = std::isfinite(vx);
+    const bool has_roll = !has_measured_roll(model) || std::isfinite(data.u(2, t));
+    if (!has_steering) ++lost.no_steering;
+    if (!has_speed) ++lost.no_speed;
+    if (!has_roll) ++lost.no_roll;
+    const bool slow = has_speed && !(fast[t] && vx >= kSlowestModel);
+    if (slow) ++lost.slow;
+    out[t] = out[t] && has_steering && has_speed && has_roll && !slow;
+  }
+  return out;
+}
+
+std::vector<VehicleRun::Segment> split(const Dataset& data, const std::vector<bool>& usable,
+                                       Losses& lost) {
   std::vector<VehicleRun::Segment> out;
   Eigen::Index first = -1;
   double longest_gap = kLongestGap * data.dt;
@@ -71,11 +167,7 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
     first = -1;
   };
   for (Eigen::Index t = 0; t < data.size(); ++t) {
-    const double steering = data.u(0, t), vx = data.u(1, t);
-    if (!std::isfinite(steering)) ++lost.no_steering;
-    if (!std::isfinite(vx)) ++lost.no_speed;
-    if (vx < min_speed) ++lost.slow;
-    if (!std::isfinite(steering) || !std::isfinite(vx) || vx < min_speed) {
+    if (!usable[t]) {
       close(t);
       continue;
     }
@@ -119,6 +211,9 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, double min_speed, Lo
   }
   if (lost.no_speed > 0) add(fmt::format("{} without vx", lost.no_speed));
   if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
+  if (lost.unwanted > 0) add(fmt::format("{} where use_when does not hold", lost.unwanted));
+  if (lost.spinning > 0) add(fmt::format("{} where the car spins", lost.spinning));
+  if (lost.no_roll > 0) add(fmt::format("{} without roll", lost.no_roll));
   if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
   throw InputError(
       in(data),
@@ -178,6 +273,16 @@ void pick_outputs(const Model& model, const Dataset& data, const Eigen::MatrixXd
   }
 }
 
+/// Between the steps of its sensor, where the model file says how large they are [rad].
+void bridge_steering(double step, VehicleRun& run) {
+  if (!(step > 0.0)) return;
+  for (const VehicleRun::Segment& s : run.segments) {
+    run.steering.segment(s.first, s.rows) = bridged_steps(
+        run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows), step);
+  }
+  run.notes.emplace_back("the steering angle is bridged between the steps of its sensor");
+}
+
 void require_steering(const Dataset& data, VehicleRun& run) {
   double lowest = kInfinity, highest = -lowest;
   for (const VehicleRun::Segment& s : run.segments) {
@@ -217,9 +322,12 @@ void require_possible(const Model& model, const Dataset& data) {
 }
 
 void require_shape(const Model& model, const Dataset& data) {
-  if (data.u.rows() != 2 || data.u.cols() != data.size()) {
+  const bool rolls = has_measured_roll(model);
+  if (data.u.rows() != static_cast<Eigen::Index>(model.inputs.size()) ||
+      data.u.cols() != data.size()) {
     throw InputError(in(data), fmt::format("{} inputs", data.u.rows()),
-                     "two: the steering angle, then vx");
+                     fmt::format("the {} of the model: the steering angle, then vx{}",
+                                 model.inputs.size(), rolls ? ", then roll" : ""));
   }
   if (data.y.rows() != static_cast<Eigen::Index>(model.outputs.size()) ||
       data.y.cols() != data.size()) {
@@ -253,6 +361,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   run.time.resize(N);
   run.steering.resize(N);
   run.vx.resize(N);
+  if (has_measured_roll(model)) run.roll.resize(N);
   Eigen::MatrixXd y(static_cast<Eigen::Index>(model.outputs.size()), N);
   std::vector<double> speeds, steps;
   Eigen::Index at = 0;
@@ -260,7 +369,8 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
     require_shape(model, data);
     require_possible(model, data);
     Losses here;
-    std::vector<VehicleRun::Segment> segments = split(data, min_speed, here);
+    std::vector<VehicleRun::Segment> segments =
+        split(data, usable_rows(model, data, run.findings, here), here);
     if (segments.empty()) {
       no_usable_row(
           data, min_speed, here,
@@ -272,6 +382,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
     run.time.segment(at, data.size()) = data.time;
     run.steering.segment(at, data.size()) = data.u.row(0).transpose();
     run.vx.segment(at, data.size()) = data.u.row(1).transpose();
+    if (run.roll.size() > 0) run.roll.segment(at, data.size()) = data.u.row(2).transpose();
     y.middleCols(at, data.size()) = data.y;
     run.recording.insert(run.recording.end(), static_cast<std::size_t>(data.size()),
                          static_cast<int>(run.used_of.size()));
@@ -288,6 +399,7 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   }
   run.median_speed = median(std::move(speeds));
   run.step = median(std::move(steps));
+  bridge_steering(as_vehicle(model).steering_steps, run);
   pick_outputs(model, recordings.front(), y, run);
   require_steering(recordings.front(), run);
 
@@ -297,6 +409,11 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   if (lost.slow > 0) note += fmt::format("; {} rows below {:.3g} m/s", lost.slow, min_speed);
   if (lost.no_speed > 0) note += fmt::format("; {} without vx", lost.no_speed);
   if (lost.no_steering > 0) note += fmt::format("; {} without steering angle", lost.no_steering);
+  if (lost.unwanted > 0) {
+    note += fmt::format("; {} where use_when does not hold", lost.unwanted);
+  }
+  if (lost.spinning > 0) note += fmt::format("; {} where the car spins", lost.spinning);
+  if (lost.no_roll > 0) note += fmt::format("; {} without roll", lost.no_roll);
   if (lost.fragments > 0) {
     note += fmt::format("; {} rows dropped in {} short segments", lost.fragments, lost.segments);
   }

@@ -30,6 +30,7 @@ struct VehicleRun {
 
   std::vector<Output> outputs;  ///< those that carry information
   Eigen::VectorXd time, steering, vx;
+  Eigen::VectorXd roll;               ///< of the body [rad]; empty where it is not measured
   std::vector<int> recording;         ///< 0, 1, ... of each row
   Eigen::MatrixXd y;                  ///< outputs x N; NaN where missing or not usable
   std::vector<Segment> segments;      ///< runs of usable rows, each with a separate initial state
@@ -44,8 +45,9 @@ struct VehicleRun {
   Eigen::Index find(VehicleQuantity quantity) const;
 };
 
-/// Splits the recordings where steering or vx is missing, vx is below the minimum speed or time
-/// jumps by more than three sampling periods; leaves out segments under 1 s or 8 rows and outputs
+/// Splits the recordings where steering, vx or a measured roll is missing, vx is below the minimum
+/// speed for more than 0.25 s, the model's condition does not hold, the car spins or time jumps by
+/// more than three sampling periods; leaves out segments under 1 s or 8 rows and outputs
 /// that are dead. A segment never reaches from one recording into the next.
 ///
 /// Example:

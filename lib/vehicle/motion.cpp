@@ -2,25 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
+#include <numbers>
 
 #include <Eigen/LU>
-
-#include "lib/base/interpolation.h"
-#include "lib/base/message.h"
 
 namespace identikal {
 namespace {
 
-// Largest step in units of the fastest time constant. One Runge-Kutta step of this length errs by
-// about 0.35^5 / 120 = 4e-5 of a mode that has already decayed to 70 % within it.
-constexpr double kStepPerTimeConstant = 0.35;
-// The same for the lag of the forces, which is fed smoothly.
-constexpr double kStepPerRelaxation = 0.7;
-
-/// An axle force and its derivatives with respect to vy, r and the parameters of the car.
+/// An axle force and its derivatives with respect to v, r, roll and the parameters of the car.
 struct ForceJacobian {
-  double by_vy = 0.0, by_r = 0.0;
+  double by_vy = 0.0, by_r = 0.0, by_roll = 0.0, by_roll_rate = 0.0;
   VehicleParameters<double> by{};
 };
 
@@ -28,7 +19,7 @@ struct ForceJacobian {
 class Balance {
  public:
   /// @param by_height  derivatives with respect to the height of the centre of gravity are wanted
-  Balance(const SingleTrack<>& car, double delay, bool by_height = false)
+  Balance(const SingleTrack<>& car, double delay, double lag, bool by_height = false)
       : car_(car),
         front_(car.front),
         rear_(car.rear),
@@ -36,43 +27,67 @@ class Balance {
         inverse_Iz_(1.0 / car.Iz),
         per_angle_(car.steering_gain / car.steering_ratio),
         later_(car.steering_delay - delay),
+        slower_(car.steering_lag - lag),
         loaded_(car.cg_height > 0.0 || by_height),
         inverse_ratio_(1.0 / car.steering_ratio),
         gravity_(kStandardGravity * std::sin(car.bank)),
         gravity_by_bank_(-kStandardGravity * std::cos(car.bank)),
         // Fz/Fz0 - 1 per vx' and height.
         front_load_(-1.0 / (kStandardGravity * car.b)),
-        rear_load_(1.0 / (kStandardGravity * car.a)) {}
+        rear_load_(1.0 / (kStandardGravity * car.a)),
+        roll_rate_(2.0 * std::numbers::pi * car.roll_frequency) {}
 
   const SingleTrack<>& car() const { return car_; }
 
-  Motion slips(double vy, double r, const DrivenSegment::Node& at) const {
+  /// Slip angles at this velocity v of the centre of gravity, yaw rate and roll.
+  Motion slips(double v, double r, double roll, double roll_rate,
+               const DrivenSegment::Node& at) const {
     Motion now;
-    now.vy = vy;
+    now.vy = v + car_.roll_height * roll_rate;
     now.r = r;
+    now.roll = roll;
+    now.roll_rate = roll_rate;
     now.vx_rate = at.vx_rate;
-    now.slip_front = (vy + car_.a * r) * at.inverse_vx - per_angle_ * angle(at);
-    now.slip_rear = (vy - car_.b * r) * at.inverse_vx;
+    now.slip_front = (now.vy + car_.a * r) * at.inverse_vx - per_angle_ * angle(at) -
+                     car_.front_steer_per_roll * roll;
+    now.slip_rear = (now.vy - car_.b * r) * at.inverse_vx - car_.rear_steer_per_roll * roll;
     return now;
   }
 
-  /// The forces that belong to the slip angles of `now`.
+  /// The forces that belong to the slip angles and the roll of `now`.
   Eigen::Vector2d forces(const Motion& now) const {
+    const Eigen::Vector2d camber(car_.front_camber_per_roll * now.roll,
+                                 car_.rear_camber_per_roll * now.roll);
     if (loaded_) {
       const LoadChange change = load_change(car_, now.vx_rate);
-      return {loaded(car_.front, change.front).force(now.slip_front),
-              loaded(car_.rear, change.rear).force(now.slip_rear)};
+      return camber + Eigen::Vector2d(loaded(car_.front, change.front).force(now.slip_front),
+                                      loaded(car_.rear, change.rear).force(now.slip_rear));
     }
-    return {front_.force(now.slip_front), rear_.force(now.slip_rear)};
+    return camber + Eigen::Vector2d(front_.force(now.slip_front), rear_.force(now.slip_rear));
   }
 
   void accelerate(Motion& now) const {
-    now.ay = (now.force_front + now.force_rear) * inverse_m_;
+    now.ay = per_mass(now);
+    if (now.roll != 0.0) now.ay += kStandardGravity * std::sin(now.roll);
     now.yaw_acceleration = (car_.a * now.force_front - car_.b * now.force_rear) * inverse_Iz_;
   }
 
-  /// vy' [m/s^2].
-  double lateral_rate(const Motion& now, double vx) const { return now.ay - gravity_ - now.r * vx; }
+  /// Axle forces / m [m/s^2].
+  double per_mass(const Motion& now) const {
+    return (now.force_front + now.force_rear) * inverse_m_;
+  }
+
+  /// Roll acceleration [rad/s^2].
+  double roll_acceleration(const Motion& now) const {
+    return roll_rate_ * (roll_rate_ * (car_.roll_gradient * per_mass(now) - now.roll) -
+                         2.0 * car_.roll_damping * now.roll_rate);
+  }
+  double natural_roll_rate() const { return roll_rate_; }
+
+  /// v' [m/s^2].
+  double lateral_rate(const Motion& now, double vx) const {
+    return per_mass(now) - gravity_ - now.r * vx;
+  }
   double lateral_rate_by_bank() const { return gravity_by_bank_; }
   double inverse_m() const { return inverse_m_; }
   double inverse_Iz() const { return inverse_Iz_; }
@@ -89,13 +104,20 @@ class Balance {
                                  : rear_.force_and_jacobian(now.slip_rear);
     front.by_vy = Ff.by_slip * at.inverse_vx;
     front.by_r = front.by_vy * car_.a;
+    by_roll(Ff, now, car_.front_steer_per_roll, car_.front_camber_per_roll, front);
+    front.by[kFrontSteerPerRoll] = -Ff.by_slip * now.roll;
+    front.by[kFrontCamberPerRoll] = now.roll;
     front.by[kA] = front.by_vy * now.r;
     front.by[kSteeringGain] = -Ff.by_slip * angle(at) * inverse_ratio_;
     front.by[kSteeringRatio] = Ff.by_slip * angle(at) * per_angle_ * inverse_ratio_;
     front.by[kSteeringOffset] = -Ff.by_slip * per_angle_;
     front.by[kSteeringDelay] = Ff.by_slip * per_angle_ * at.steering_rate;
+    front.by[kLagOfSteering] = -Ff.by_slip * per_angle_ * at.steering_by_lag;
     rear.by_vy = Fr.by_slip * at.inverse_vx;
     rear.by_r = -rear.by_vy * car_.b;
+    by_roll(Fr, now, car_.rear_steer_per_roll, car_.rear_camber_per_roll, rear);
+    rear.by[kRearSteerPerRoll] = -Fr.by_slip * now.roll;
+    rear.by[kRearCamberPerRoll] = now.roll;
     rear.by[kB] = -rear.by_vy * now.r;
     by_tyre(Ff, kCf, kInverseSaturationFront, front.by);
     by_tyre(Fr, kCr, kInverseSaturationRear, rear.by);
@@ -109,12 +131,22 @@ class Balance {
       rear.by[kCgHeight] = by_change_rear * rear_load_ * now.vx_rate;
       rear.by[kA] = -by_change_rear * change_rear / car_.a;
     }
-    return {Ff.value, Fr.value};
+    return {Ff.value + car_.front_camber_per_roll * now.roll,
+            Fr.value + car_.rear_camber_per_roll * now.roll};
   }
 
  private:
   double angle(const DrivenSegment::Node& at) const {
-    return at.steering + car_.steering_offset - later_ * at.steering_rate;
+    return at.steering + car_.steering_offset - later_ * at.steering_rate +
+           slower_ * at.steering_by_lag;
+  }
+
+  /// @param steer, camber  of the axle, per roll
+  void by_roll(const AxleForce& force, const Motion& now, double steer, double camber,
+               ForceJacobian& out) const {
+    out.by_roll = camber - force.by_slip * steer;
+    out.by_roll_rate = out.by_vy * car_.roll_height;
+    out.by[kRollHeight] = out.by_vy * now.roll_rate;
   }
 
   /// @param change  Fz/Fz0 - 1
@@ -145,22 +177,38 @@ class Balance {
 
   SingleTrack<> car_;
   AxleCurve front_, rear_;
-  double inverse_m_, inverse_Iz_, per_angle_, later_;
+  double inverse_m_, inverse_Iz_, per_angle_, later_, slower_;
   bool loaded_;
   double inverse_ratio_, gravity_, gravity_by_bank_;
   double front_load_, rear_load_;
+  double roll_rate_;  // natural, [rad/s]
 };
 
-/// The state: (vy, r), then (Ff, Fr) where the forces relax.
-template <std::size_t states>
-using State = std::array<double, states>;
+/// The state: (v, r), then (phi, phi') of a body whose roll is simulated, then (Ff, Fr) where the
+/// forces relax.
+template <bool rolling, bool relaxing>
+struct Layout {
+  static constexpr std::size_t states = 2 + (rolling ? 2 : 0) + (relaxing ? 2 : 0);
+  static constexpr std::size_t forces = states - 2;  // where they begin
+  using State = std::array<double, states>;
+};
+template <bool rolling, bool relaxing>
+using StateOf = typename Layout<rolling, relaxing>::State;
 
-template <std::size_t states>
-Motion motion_of(const Balance& balance, const State<states>& x, const DrivenSegment::Node& at) {
-  Motion now = balance.slips(x[0], x[1], at);
-  if constexpr (states == 4) {
-    now.force_front = x[2];
-    now.force_rear = x[3];
+template <bool rolling, bool relaxing>
+Motion slips_of(const Balance& balance, const StateOf<rolling, relaxing>& x,
+                const DrivenSegment::Node& at) {
+  if constexpr (rolling) return balance.slips(x[0], x[1], x[2], x[3], at);
+  return balance.slips(x[0], x[1], at.roll, at.roll_rate, at);
+}
+
+template <bool rolling, bool relaxing>
+Motion motion_of(const Balance& balance, const StateOf<rolling, relaxing>& x,
+                 const DrivenSegment::Node& at) {
+  Motion now = slips_of<rolling, relaxing>(balance, x, at);
+  if constexpr (relaxing) {
+    now.force_front = x[Layout<rolling, relaxing>::forces];
+    now.force_rear = x[Layout<rolling, relaxing>::forces + 1];
   } else {
     const Eigen::Vector2d F = balance.forces(now);
     now.force_front = F[0];
@@ -170,26 +218,58 @@ Motion motion_of(const Balance& balance, const State<states>& x, const DrivenSeg
   return now;
 }
 
-template <std::size_t states>
-State<states> rates_of(const Balance& balance, const Motion& now, const DrivenSegment::Node& at) {
-  State<states> out;
+/// @param F  forces that belong to the slip angles, which relaxing ones follow
+template <bool rolling, bool relaxing>
+StateOf<rolling, relaxing> rates_of(const Balance& balance, const Motion& now,
+                                    const DrivenSegment::Node& at, const Eigen::Vector2d& F) {
+  StateOf<rolling, relaxing> out;
   out[0] = balance.lateral_rate(now, at.vx);
   out[1] = now.yaw_acceleration;
-  if constexpr (states == 4) {
-    const Eigen::Vector2d F = balance.forces(now);
+  if constexpr (rolling) {
+    out[2] = now.roll_rate;
+    out[3] = balance.roll_acceleration(now);
+  }
+  if constexpr (relaxing) {
+    constexpr std::size_t forces = Layout<rolling, relaxing>::forces;
     const double rate = at.vx / balance.car().relaxation_length;
-    out[2] = rate * (F[0] - now.force_front);
-    out[3] = rate * (F[1] - now.force_rear);
+    out[forces] = rate * (F[0] - now.force_front);
+    out[forces + 1] = rate * (F[1] - now.force_rear);
   }
   return out;
+}
+
+/// The state where a segment begins: roll as of the forces of a body that stands upright, then the
+/// forces as of that roll.
+template <bool rolling, bool relaxing>
+StateOf<rolling, relaxing> begin_at(const Balance& balance, double vy, double r,
+                                    const DrivenSegment::Node& at) {
+  StateOf<rolling, relaxing> x{vy, r};
+  if constexpr (rolling) {
+    const Motion upright = motion_of<true, false>(balance, {vy, r, 0.0, 0.0}, at);
+    x[2] = balance.car().roll_gradient * balance.per_mass(upright);
+  } else {
+    x[0] -= balance.car().roll_height * at.roll_rate;
+  }
+  if constexpr (relaxing) {
+    StateOf<rolling, false> steady;
+    std::copy_n(x.begin(), steady.size(), steady.begin());
+    const Motion begin = motion_of<rolling, false>(balance, steady, at);
+    x[Layout<rolling, relaxing>::forces] = begin.force_front;
+    x[Layout<rolling, relaxing>::forces + 1] = begin.force_rear;
+  }
+  return x;
 }
 
 constexpr std::size_t kSlopeLanes = 4;
 using JacobianLanes = Eigen::Array<double, kSlopeLanes, 1>;
 
 /// The linearised equations: derivatives of the rates from those of the state, row by row.
-template <std::size_t states>
+template <bool rolling, bool relaxing>
 class Linearised {
+  static constexpr std::size_t states = Layout<rolling, relaxing>::states;
+  static constexpr std::size_t forces = Layout<rolling, relaxing>::forces;
+  using State = StateOf<rolling, relaxing>;
+
  public:
   Linearised(const Balance& balance, const JacobianColumns& columns)
       : balance_(balance),
@@ -206,57 +286,26 @@ class Linearised {
   }
 
   /// The rates at x, and their derivatives k (states x columns, row after row) from those of x.
-  State<states> rates(const State<states>& x, const DrivenSegment::Node& at, const double* s,
-                      double* k, Motion& now) {
-    const SingleTrack<>& car = balance_.car();
-    now = balance_.slips(x[0], x[1], at);
+  State rates(const State& x, const DrivenSegment::Node& at, const double* s, double* k,
+              Motion& now) {
+    now = slips_of<rolling, relaxing>(balance_, x, at);
     const Eigen::Vector2d F = balance_.forces_and_jacobian(now, at, front_, rear_);
-    now.force_front = states == 4 ? x[states - 2] : F[0];
-    now.force_rear = states == 4 ? x[states - 1] : F[1];
+    now.force_front = relaxing ? x[forces] : F[0];
+    now.force_rear = relaxing ? x[forces + 1] : F[1];
     balance_.accelerate(now);
-    const double inverse_m = balance_.inverse_m(), inverse_Iz = balance_.inverse_Iz();
-    const double yaw_front = car.a * inverse_Iz, yaw_rear = -car.b * inverse_Iz;
+    const State out = rates_of<rolling, relaxing>(balance_, now, at, F);
 
     double A[states][states] = {};
-    State<states> out;
-    out[0] = balance_.lateral_rate(now, at.vx);
-    out[1] = now.yaw_acceleration;
-    if constexpr (states == 4) {
-      const double rate = at.vx / car.relaxation_length;
-      out[2] = rate * (F[0] - now.force_front);
-      out[3] = rate * (F[1] - now.force_rear);
-      A[0][1] = -at.vx;
-      A[0][2] = A[0][3] = inverse_m;
-      A[1][2] = yaw_front;
-      A[1][3] = yaw_rear;
-      A[2][0] = rate * front_.by_vy;
-      A[2][1] = rate * front_.by_r;
-      A[3][0] = rate * rear_.by_vy;
-      A[3][1] = rate * rear_.by_r;
-      A[2][2] = A[3][3] = -rate;
-      for (const std::size_t p : asked_) {
-        direct(0, p) = direct(1, p) = 0.0;
-        direct(2, p) = rate * front_.by[p];
-        direct(3, p) = rate * rear_.by[p];
-      }
-      direct(2, kRelaxationLength) -= out[2] / car.relaxation_length;
-      direct(3, kRelaxationLength) -= out[3] / car.relaxation_length;
-    } else {
-      A[0][0] = (front_.by_vy + rear_.by_vy) * inverse_m;
-      A[0][1] = (front_.by_r + rear_.by_r) * inverse_m - at.vx;
-      A[1][0] = yaw_front * front_.by_vy + yaw_rear * rear_.by_vy;
-      A[1][1] = yaw_front * front_.by_r + yaw_rear * rear_.by_r;
-      for (const std::size_t p : asked_) {
-        direct(0, p) = (front_.by[p] + rear_.by[p]) * inverse_m;
-        direct(1, p) = yaw_front * front_.by[p] + yaw_rear * rear_.by[p];
-      }
-    }
+    balances(A);
+    if constexpr (relaxing) relaxation(at.vx / balance_.car().relaxation_length, out, A);
     for (std::size_t i = 0; i < states; ++i) direct_[i * width_ + width_ - 1] = 0.0;
-    direct(0, kMass) -= now.ay * inverse_m;
+    direct(0, kMass) -= balance_.per_mass(now) * balance_.inverse_m();
+    if constexpr (rolling) roll(now, A);
+    A[0][1] -= at.vx;
     direct(0, kBank) += balance_.lateral_rate_by_bank();
-    direct(1, kA) += now.force_front * inverse_Iz;
-    direct(1, kB) -= now.force_rear * inverse_Iz;
-    direct(1, kYawInertia) -= now.yaw_acceleration * inverse_Iz;
+    direct(1, kA) += now.force_front * balance_.inverse_Iz();
+    direct(1, kB) -= now.force_rear * balance_.inverse_Iz();
+    direct(1, kYawInertia) -= now.yaw_acceleration * balance_.inverse_Iz();
 
     for (std::size_t i = 0; i < states; ++i) {
       const double* d = direct_.data() + i * width_;
@@ -274,30 +323,133 @@ class Linearised {
   /// Distance between the rows of derivatives.
   std::size_t width() const { return width_; }
 
-  /// Derivatives of the forces at rest, where relaxing ones begin.
-  void begin_forces(const Motion& now, const DrivenSegment::Node& at, double* s) {
-    balance_.forces_and_jacobian(now, at, front_, rear_);
-    for (std::size_t j = 0; j < width_; ++j) {
-      s[2 * width_ + j] = front_.by_vy * s[j] + front_.by_r * s[width_ + j];
-      s[3 * width_ + j] = rear_.by_vy * s[j] + rear_.by_r * s[width_ + j];
+  /// Derivatives of the state that begin_at() gives, from those of v and r in s.
+  void begin(const State& x, const DrivenSegment::Node& at, double* s) {
+    if constexpr (rolling) {
+      const Motion upright = motion_of<true, false>(balance_, {x[0], x[1], 0.0, 0.0}, at);
+      const double gain = balance_.car().roll_gradient * balance_.inverse_m();
+      balance_.forces_and_jacobian(upright, at, front_, rear_);
+      for (const ForceJacobian* axle : {&front_, &rear_}) {
+        add_force_of_motion(*axle, gain, s, s + 2 * width_);
+      }
+      s[2 * width_ + column_[kMass]] -= gain * balance_.per_mass(upright);
+      s[2 * width_ + column_[kRollPerAcceleration]] += balance_.per_mass(upright);
+    } else {
+      s[column_[kRollHeight]] -= at.roll_rate;
     }
-    for (const std::size_t p : asked_) {
-      s[2 * width_ + column_[p]] += front_.by[p];
-      s[3 * width_ + column_[p]] += rear_.by[p];
+    if constexpr (relaxing) {
+      balance_.forces_and_jacobian(slips_of<rolling, relaxing>(balance_, x, at), at, front_, rear_);
+      const ForceJacobian* axles[] = {&front_, &rear_};
+      for (std::size_t i = 0; i < 2; ++i) {
+        double* to = s + (forces + i) * width_;
+        add_force_of_motion(*axles[i], 1.0, s, to);
+        if constexpr (rolling) {
+          for (std::size_t j = 0; j < width_; ++j) to[j] += axles[i]->by_roll * s[2 * width_ + j];
+        }
+      }
     }
+    for (std::size_t i = 0; i < states; ++i) s[i * width_ + width_ - 1] = 0.0;
+  }
+
+  /// Derivatives of vy, from those of the state.
+  void lateral_velocity(const double* s, const Motion& now, Eigen::RowVectorXd& out) const {
+    out = Row(s, columns_.columns);
+    if constexpr (rolling) {
+      out += balance_.car().roll_height * Row(s + 3 * width_, columns_.columns);
+    }
+    const Eigen::Index height = columns_.parameter[kRollHeight];
+    if (height >= 0) out[height] += now.roll_rate;
   }
 
   /// Derivatives of the accelerations, from those of the rates.
-  void accelerations(const double* s, const double* k, double vx, MotionJacobian& out) const {
+  void accelerations(const double* s, const double* k, const Motion& now, double vx,
+                     MotionJacobian& out) const {
     const Eigen::Index n = columns_.columns;
-    using Row = Eigen::Map<const Eigen::RowVectorXd>;
     out.ay = Row(k, n) + vx * Row(s + width_, n);
     out.yaw_acceleration = Row(k + width_, n);
     const Eigen::Index bank = columns_.parameter[kBank];
     if (bank >= 0) out.ay[bank] -= balance_.lateral_rate_by_bank();
+    if constexpr (rolling) {
+      out.ay += kStandardGravity * std::cos(now.roll) * Row(s + 2 * width_, n);
+    }
   }
 
  private:
+  using Row = Eigen::Map<const Eigen::RowVectorXd>;
+
+  /// Force and moment, without the turning of the axes.
+  void balances(double (&A)[states][states]) {
+    const double inverse_m = balance_.inverse_m(), inverse_Iz = balance_.inverse_Iz();
+    const double yaw_front = balance_.car().a * inverse_Iz,
+                 yaw_rear = -balance_.car().b * inverse_Iz;
+    if constexpr (relaxing) {
+      A[0][forces] = A[0][forces + 1] = inverse_m;
+      A[1][forces] = yaw_front;
+      A[1][forces + 1] = yaw_rear;
+      for (const std::size_t p : asked_) direct(0, p) = direct(1, p) = 0.0;
+      return;
+    }
+    const auto add = [&](std::size_t state, double front, double rear) {
+      A[0][state] = (front + rear) * inverse_m;
+      A[1][state] = yaw_front * front + yaw_rear * rear;
+    };
+    add(0, front_.by_vy, rear_.by_vy);
+    add(1, front_.by_r, rear_.by_r);
+    if constexpr (rolling) {
+      add(2, front_.by_roll, rear_.by_roll);
+      add(3, front_.by_roll_rate, rear_.by_roll_rate);
+    }
+    for (const std::size_t p : asked_) {
+      direct(0, p) = (front_.by[p] + rear_.by[p]) * inverse_m;
+      direct(1, p) = yaw_front * front_.by[p] + yaw_rear * rear_.by[p];
+    }
+  }
+
+  /// @param rate  vx / sigma
+  void relaxation(double rate, const State& rates, double (&A)[states][states]) {
+    const ForceJacobian* axles[] = {&front_, &rear_};
+    for (std::size_t i = 0; i < 2; ++i) {
+      const ForceJacobian& axle = *axles[i];
+      double* row = A[forces + i];
+      row[0] = rate * axle.by_vy;
+      row[1] = rate * axle.by_r;
+      if constexpr (rolling) {
+        row[2] = rate * axle.by_roll;
+        row[3] = rate * axle.by_roll_rate;
+      }
+      row[forces + i] = -rate;
+      for (const std::size_t p : asked_) direct(forces + i, p) = rate * axle.by[p];
+      direct(forces + i, kRelaxationLength) -= rates[forces + i] / balance_.car().relaxation_length;
+    }
+  }
+
+  /// From row 0, which has the derivatives of force over mass.
+  void roll(const Motion& now, double (&A)[states][states]) {
+    const SingleTrack<>& car = balance_.car();
+    const double w = balance_.natural_roll_rate(), gain = w * w * car.roll_gradient;
+    for (std::size_t j = 0; j < states; ++j) A[3][j] = gain * A[0][j];
+    A[2][3] = 1.0;
+    A[3][2] -= w * w;
+    A[3][3] -= 2.0 * w * car.roll_damping;
+    for (const std::size_t p : asked_) {
+      direct(2, p) = 0.0;
+      direct(3, p) = gain * direct(0, p);
+    }
+    const double steady = car.roll_gradient * balance_.per_mass(now);
+    direct(3, kRollPerAcceleration) += w * w * balance_.per_mass(now);
+    direct(3, kRollFrequency) +=
+        4.0 * std::numbers::pi * (w * (steady - now.roll) - car.roll_damping * now.roll_rate);
+    direct(3, kRollDamping) -= 2.0 * w * now.roll_rate;
+  }
+
+  /// Adds gain times the derivatives of an axle's force, from those of v and r.
+  void add_force_of_motion(const ForceJacobian& axle, double gain, const double* s, double* to) {
+    for (std::size_t j = 0; j < width_; ++j) {
+      to[j] += gain * (axle.by_vy * s[j] + axle.by_r * s[width_ + j]);
+    }
+    for (const std::size_t p : asked_) to[column_[p]] += gain * axle.by[p];
+  }
+
   double& direct(std::size_t state, std::size_t parameter) {
     return direct_[state * width_ + column_[parameter]];
   }
@@ -311,69 +463,69 @@ class Linearised {
   ForceJacobian front_, rear_;
 };
 
-template <std::size_t states>
-State<states> ahead(const State<states>& from, double h, const State<states>& k) {
-  State<states> out;
-  for (std::size_t i = 0; i < states; ++i) out[i] = from[i] + h * k[i];
+template <typename State>
+State ahead(const State& from, double h, const State& k) {
+  State out;
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = from[i] + h * k[i];
   return out;
 }
 
-template <std::size_t states>
+template <bool rolling, bool relaxing>
 void integrate(const SingleTrack<>& car, const DrivenSegment& segment, double vy, double r,
                const ObserveMotion& observe,
                const std::function<bool(Eigen::Index, double&, double&)>& correct) {
-  const Balance balance(car, segment.delay);
+  using State = StateOf<rolling, relaxing>;
+  const Balance balance(car, segment.delay, segment.lag);
   const DrivenSegment::Node* node = segment.nodes.data();
-  State<states> x{vy, r};
-  if constexpr (states == 4) {
-    const Motion begin = motion_of<2>(balance, {vy, r}, *node);
-    x[2] = begin.force_front;
-    x[3] = begin.force_rear;
-  }
-  const auto rates = [&](const State<states>& at, const DrivenSegment::Node& when) {
-    return rates_of<states>(balance, motion_of<states>(balance, at, when), when);
+  State x = begin_at<rolling, relaxing>(balance, vy, r, *node);
+  const auto motion = [&](const State& at, const DrivenSegment::Node& when) {
+    return motion_of<rolling, relaxing>(balance, at, when);
+  };
+  const auto rates_in = [&](const Motion& now, const DrivenSegment::Node& when) {
+    Eigen::Vector2d F;
+    if constexpr (relaxing) F = balance.forces(now);
+    return rates_of<rolling, relaxing>(balance, now, when, F);
+  };
+  const auto rates = [&](const State& at, const DrivenSegment::Node& when) {
+    return rates_in(motion(at, when), when);
   };
   Eigen::Index row = 0;
   for (const DrivenSegment::Interval& interval : segment.intervals) {
     const double h = interval.step, half = 0.5 * h;
     for (int step = 0; step < interval.steps; ++step, node += 2) {
-      Motion now = motion_of<states>(balance, x, node[0]);
+      Motion now = motion(x, node[0]);
       if (step == 0) {
         observe(row, now, node[0].vx);
-        if (correct && correct(row, x[0], x[1])) now = motion_of<states>(balance, x, node[0]);
+        if (correct && correct(row, x[0], x[1])) now = motion(x, node[0]);
       }
-      const State<states> k1 = rates_of<states>(balance, now, node[0]);
-      const State<states> k2 = rates(ahead(x, half, k1), node[1]);
-      const State<states> k3 = rates(ahead(x, half, k2), node[1]);
-      const State<states> k4 = rates(ahead(x, h, k3), node[2]);
-      for (std::size_t i = 0; i < states; ++i) {
+      const State k1 = rates_in(now, node[0]);
+      const State k2 = rates(ahead(x, half, k1), node[1]);
+      const State k3 = rates(ahead(x, half, k2), node[1]);
+      const State k4 = rates(ahead(x, h, k3), node[2]);
+      for (std::size_t i = 0; i < x.size(); ++i) {
         x[i] += (h / 6.0) * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
       }
     }
     ++row;
   }
-  observe(row, motion_of<states>(balance, x, *node), node->vx);
+  observe(row, motion(x, *node), node->vx);
 }
 
-template <std::size_t states>
+template <bool rolling, bool relaxing>
 void integrate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segment, double vy,
                              double r, const JacobianColumns& columns,
                              const ObserveJacobian& observe, const CorrectJacobian& correct,
                              const ObserveJacobian& corrected) {
-  const Balance balance(car, segment.delay, columns.parameter[kCgHeight] >= 0);
-  Linearised<states> linearised(balance, columns);
+  using State = StateOf<rolling, relaxing>;
+  const Balance balance(car, segment.delay, segment.lag, columns.parameter[kCgHeight] >= 0);
+  Linearised<rolling, relaxing> linearised(balance, columns);
   const DrivenSegment::Node* node = segment.nodes.data();
-  const std::size_t width = linearised.width(), size = states * width;
+  const std::size_t width = linearised.width(), size = State().size() * width;
   std::vector<double> s(size, 0.0), between(size), k1(size), k(size), sum(size);
-  State<states> x{vy, r};
+  State x = begin_at<rolling, relaxing>(balance, vy, r, *node);
   if (columns.vy >= 0) s[columns.vy] = 1.0;
   if (columns.r >= 0) s[width + static_cast<std::size_t>(columns.r)] = 1.0;
-  if constexpr (states == 4) {
-    const Motion begin = motion_of<2>(balance, {vy, r}, *node);
-    x[2] = begin.force_front;
-    x[3] = begin.force_rear;
-    linearised.begin_forces(begin, *node, s.data());
-  }
+  linearised.begin(x, *node, s.data());
   const auto step_to = [&](double h, const std::vector<double>& slope) {
     for (std::size_t j = 0; j < size; j += kSlopeLanes) {
       JacobianLanes::Map(&between[j]) =
@@ -393,19 +545,19 @@ void integrate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segm
   }
   Motion now;
   const auto look = [&](Eigen::Index row, const ObserveJacobian& at) {
-    jacobian.vy = Eigen::Map<const Eigen::RowVectorXd>(s.data(), columns.columns);
+    linearised.lateral_velocity(s.data(), now, jacobian.vy);
     jacobian.r = Eigen::Map<const Eigen::RowVectorXd>(s.data() + width, columns.columns);
-    linearised.accelerations(s.data(), k1.data(), node->vx, jacobian);
+    linearised.accelerations(s.data(), k1.data(), now, node->vx, jacobian);
     at(row, now, jacobian, node->vx);
   };
   // The rates at a row, after it was observed and perhaps corrected.
   const auto rates_at_row = [&](Eigen::Index row) {
-    const State<states> k1x = linearised.rates(x, *node, s.data(), k1.data(), now);
+    const State k1x = linearised.rates(x, *node, s.data(), k1.data(), now);
     look(row, observe);
     if (!correct || !correct(row, x[0], x[1], jacobian)) return k1x;
     Eigen::Map<Eigen::RowVectorXd>(s.data(), columns.columns) = jacobian.vy;
     Eigen::Map<Eigen::RowVectorXd>(s.data() + width, columns.columns) = jacobian.r;
-    const State<states> moved = linearised.rates(x, *node, s.data(), k1.data(), now);
+    const State moved = linearised.rates(x, *node, s.data(), k1.data(), now);
     if (corrected) look(row, corrected);
     return moved;
   };
@@ -413,22 +565,21 @@ void integrate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segm
   for (const DrivenSegment::Interval& interval : segment.intervals) {
     const double h = interval.step, half = 0.5 * h;
     for (int step = 0; step < interval.steps; ++step, node += 2) {
-      const State<states> k1x =
+      const State k1x =
           step == 0 ? rates_at_row(row) : linearised.rates(x, node[0], s.data(), k1.data(), now);
       sum = k1;
       step_to(half, k1);
-      const State<states> k2x =
+      const State k2x =
           linearised.rates(ahead(x, half, k1x), node[1], between.data(), k.data(), now);
       add(2.0, k, sum);
       step_to(half, k);
-      const State<states> k3x =
+      const State k3x =
           linearised.rates(ahead(x, half, k2x), node[1], between.data(), k.data(), now);
       add(2.0, k, sum);
       step_to(h, k);
-      const State<states> k4x =
-          linearised.rates(ahead(x, h, k3x), node[2], between.data(), k.data(), now);
+      const State k4x = linearised.rates(ahead(x, h, k3x), node[2], between.data(), k.data(), now);
       add(1.0, k, sum);
-      for (std::size_t i = 0; i < states; ++i) {
+      for (std::size_t i = 0; i < x.size(); ++i) {
         x[i] += (h / 6.0) * (k1x[i] + 2.0 * (k2x[i] + k3x[i]) + k4x[i]);
       }
       add(h / 6.0, sum, s);
@@ -440,77 +591,17 @@ void integrate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segm
 
 }  // namespace
 
-DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
-                    const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay) {
-  const Eigen::Index n = time.size();
-  if (n < 2 || steering.size() != n || vx.size() != n || !(vx.minCoeff() > 0.0)) {
-    const std::string smallest =
-        vx.size() > 0 ? message({" (smallest ", vx.minCoeff(), " m/s)"}) : std::string();
-    throw std::invalid_argument(message({"drive: ", n, " time stamps, ", steering.size(),
-                                         " steering angles, ", vx.size(), " speeds", smallest}));
-  }
-  const Pchip vx_at(time, vx);
-  DrivenSegment out;
-  out.intervals.reserve(static_cast<std::size_t>(n - 1));
-  const auto add_node = [&](Eigen::Index k, double t) {
-    const double speed = vx_at.in_interval(k, t);
-    out.nodes.push_back({0.0, speed, 1.0 / speed, 0.0, vx_at.slope_in_interval(k, t)});
-  };
-  add_node(0, time[0]);
-  for (Eigen::Index k = 0; k + 1 < n; ++k) {
-    const double length = time[k + 1] - time[k];
-    const double slowest = std::min(vx[k], vx[k + 1]), fastest = std::max(vx[k], vx[k + 1]);
-    double limit =
-        std::min(demand.longest_step, kStepPerTimeConstant * slowest / demand.decay_rate);
-    if (demand.relaxation_length > 0.0) {
-      limit = std::min(limit, kStepPerRelaxation * demand.relaxation_length / fastest);
-    }
-    // A step that is too long by rounding only is not worth a second one.
-    const int steps = std::max(1, static_cast<int>(std::ceil(length / limit - 1e-6)));
-    const double step = length / steps;
-    out.intervals.push_back({steps, step});
-    for (int half = 1; half < 2 * steps; ++half) add_node(k, time[k] + 0.5 * half * step);
-    add_node(k, time[k + 1]);
-  }
-  set_delay(out, time, steering, delay);
-  return out;
-}
-
-void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
-               double delay) {
-  const Pchip steering_at(time, steering);
-  const Eigen::Index n = time.size();
-  segment.delay = delay;
-  Eigen::Index from = 0;  // interval that holds the time to read at
-  const auto read = [&](DrivenSegment::Node& node, double t) {
-    if (t < time[0] || t > time[n - 1]) {
-      node.steering = steering[t < time[0] ? 0 : n - 1];
-      node.steering_rate = 0.0;
-      return;
-    }
-    while (from + 2 < n && time[from + 1] < t) ++from;
-    node.steering = steering_at.in_interval(from, t);
-    node.steering_rate = steering_at.slope_in_interval(from, t);
-  };
-  std::size_t at = 0;
-  read(segment.nodes[at++], time[0] - delay);
-  for (Eigen::Index k = 0; k + 1 < n; ++k) {
-    const DrivenSegment::Interval& interval = segment.intervals[k];
-    for (int half = 1; half < 2 * interval.steps; ++half) {
-      read(segment.nodes[at++], time[k] + 0.5 * half * interval.step - delay);
-    }
-    read(segment.nodes[at++], time[k + 1] - delay);
-  }
-}
-
 Motion motion_at(const SingleTrack<>& car, double vy, double r, const DrivenSegment::Node& at) {
-  return motion_of<2>(Balance(car, car.steering_delay), {vy, r}, at);
+  return motion_of<false, false>(Balance(car, car.steering_delay, car.steering_lag),
+                                 {vy - car.roll_height * at.roll_rate, r}, at);
 }
 
 void simulate(const SingleTrack<>& car, const DrivenSegment& segment, double vy, double r,
               const ObserveMotion& observe,
               const std::function<bool(Eigen::Index, double&, double&)>& correct) {
-  const auto run = car.relaxation_length > 0.0 ? integrate<4> : integrate<2>;
+  const bool rolls = car.roll_gradient > 0.0, relaxes = car.relaxation_length > 0.0;
+  const auto run = rolls ? (relaxes ? integrate<true, true> : integrate<true, false>)
+                         : (relaxes ? integrate<false, true> : integrate<false, false>);
   run(car, segment, vy, r, observe, correct);
 }
 
@@ -518,8 +609,12 @@ void simulate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segme
                             double r, const JacobianColumns& columns,
                             const ObserveJacobian& observe, const CorrectJacobian& correct,
                             const ObserveJacobian& corrected) {
+  const bool rolls = car.roll_gradient > 0.0 || columns.parameter[kRollPerAcceleration] >= 0;
+  const bool relaxes = car.relaxation_length > 0.0;
   const auto run =
-      car.relaxation_length > 0.0 ? integrate_with_jacobian<4> : integrate_with_jacobian<2>;
+      rolls ? (relaxes ? integrate_with_jacobian<true, true> : integrate_with_jacobian<true, false>)
+            : (relaxes ? integrate_with_jacobian<false, true>
+                       : integrate_with_jacobian<false, false>);
   run(car, segment, vy, r, columns, observe, correct, corrected);
 }
 

@@ -7,64 +7,24 @@
 
 #include <Eigen/Core>
 
+#include "lib/vehicle/driven_segment.h"
 #include "lib/vehicle/single_track.h"
 
 namespace identikal {
 
 /// What moves: the state, and the accelerations that follow from it.
 struct Motion {
-  double vy;  ///< lateral velocity of the centre of gravity [m/s]
+  double vy;  ///< lateral velocity of the roll axis below the centre of gravity [m/s]
   double r;   ///< yaw rate [rad/s]
-  double ay;  ///< axle forces / m [m/s^2]: what an accelerometer at the centre of gravity feels,
-              ///< vy' + vx r + g sin(bank)
+  double ay;  ///< what an accelerometer at the centre of gravity feels [m/s^2]: axle forces / m +
+              ///< g sin(phi); without roll that is vy' + vx r + g sin(bank)
   double yaw_acceleration;         ///< r' [rad/s^2]
   double slip_front, slip_rear;    ///< axle slip angles [rad]
   double force_front, force_rear;  ///< axle side forces [N]
   double vx_rate;                  ///< vx' [m/s^2]
+  double roll = 0.0;               ///< phi of the body, left side up [rad]
+  double roll_rate = 0.0;          ///< [rad/s]
 };
-
-/// Inputs of one uninterrupted segment of a recording, at every point of time that the integrator
-/// visits. They are interpolated once; of the parameters only a steering delay moves them.
-struct DrivenSegment {
-  struct Node {
-    double steering;  ///< as measured, `delay` earlier [rad]
-    double vx;        ///< [m/s]
-    double inverse_vx;
-    double steering_rate = 0.0;  ///< [rad/s]
-    double vx_rate = 0.0;        ///< [m/s^2]
-  };
-  struct Interval {
-    int steps;    ///< Runge-Kutta steps between two samples
-    double step;  ///< of this length [s]
-  };
-  std::vector<Interval> intervals;  ///< N - 1
-  std::vector<Node> nodes;  ///< begin, middle and end of every step; neighbours share theirs
-  double delay = 0.0;       ///< that the steering was read with [s]
-  Eigen::Index rows() const { return static_cast<Eigen::Index>(intervals.size()) + 1; }
-};
-
-/// What the integration steps have to follow.
-struct IntegrationDemand {
-  double decay_rate = 0.0;         ///< decay_rate_times_speed() of the stiffest car to be expected
-  double relaxation_length = 0.0;  ///< the shortest to be expected [m]; 0: none
-  double longest_step = 0.01;      ///< [s], that of Sladká (2010), section 9.1
-};
-
-/// Prepares a segment: steering and vx between samples by Pchip, Runge-Kutta steps of at most
-/// `longest_step`, 0.35 / (decay_rate / vx) and 0.7 relaxation_length / vx. Before the first and
-/// after the last sample, where a delay may reach, the steering stands still.
-/// @param time      N >= 2 strictly increasing time stamps [s], any spacing
-/// @param steering  N measured steering angles [rad]
-/// @param vx        N forward speeds [m/s], > 0
-/// @param delay     by which the steering is read earlier [s]
-/// @throws std::invalid_argument when the shapes disagree, N < 2 or a speed is not positive
-DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
-                    const Eigen::VectorXd& vx, const IntegrationDemand& demand, double delay = 0.0);
-
-/// Reads the steering again with another delay; everything else stays.
-/// @param time, steering  those the segment was made of
-void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen::VectorXd& steering,
-               double delay);
 
 /// Motion under the inputs of a node in the state (vy, r), forces following at once:
 ///   m (vy' + vx r) = Ff + Fr - m g sin(bank),  Iz r' = a Ff - b Fr,
@@ -74,6 +34,15 @@ void set_delay(DrivenSegment& segment, const Eigen::VectorXd& time, const Eigen:
 /// Braking and driving shift load between the axles, Fz_f/Fz_f0 = 1 - h vx'/(g b) and Fz_r/Fz_r0 =
 /// 1 + h vx'/(g a) with h the height of the centre of gravity: the largest force grows with the
 /// load, the stiffness with 1 + load_sensitivity (Fz/Fz0 - 1).
+///
+/// A body that rolls by phi (left side up) about an axis h = roll_height below the centre of gravity:
+///   vy = v + h phi',  m (v' + vx r) = Ff + Fr - m g sin(bank),
+///   alpha_f = (vy + a r)/vx - delta - e_f phi,  alpha_r = (vy - b r)/vx - e_r phi,
+///   F = F(alpha) + G phi,
+/// with v the velocity of the centre of gravity, vy that of the axis, e roll steer [rad/rad] and G camber
+/// thrust over roll [N/rad]. phi is measured (DrivenSegment), or follows
+///   phi'' = w^2 (roll_gradient (Ff + Fr)/m - phi) - 2 zeta w phi',  w = 2 pi roll_frequency,
+/// from its steady value (Milliken & Milliken 1995, chapters 5 and 16; the sprung mass taken as m).
 Motion motion_at(const SingleTrack<>& car, double vy, double r, const DrivenSegment::Node& at);
 
 /// Looks at the motion at a row of the segment, 0-based.
@@ -81,7 +50,8 @@ using ObserveMotion = std::function<void(Eigen::Index row, const Motion& motion,
 
 /// Runs the car along a segment by the classical fourth-order Runge-Kutta method from the state
 /// (vy, r) and calls observe at every row of it in order. With a relaxation length sigma the axle
-/// forces are states too, F' = vx/sigma (F(alpha) - F), and begin as if they had followed.
+/// forces are states too, F' = vx/sigma (F(alpha) - F), and begin as if they had followed. Roll and
+/// its rate are states where roll_gradient is above 0.
 ///
 /// Example:
 ///
@@ -121,7 +91,7 @@ using CorrectJacobian =
 /// simulate() with exact derivatives of the discrete solution: the linearised equations go through
 /// the same Runge-Kutta steps. A steering delay in the columns is derived at the delay the segment
 /// was read with.
-/// @param correct  called after every row was observed; may be empty
+/// @param correct  called after every row was observed; may be empty; not for a body that rolls
 /// @param corrected  looks again where `correct` moved the state; may be empty
 void simulate_with_jacobian(const SingleTrack<>& car, const DrivenSegment& segment, double vy,
                             double r, const JacobianColumns& columns,

@@ -9,8 +9,8 @@
 namespace identikal {
 namespace {
 
-constexpr double kRollFrequency = 2.0 * std::numbers::pi * 1.5;  // [rad/s]
-constexpr double kRollDamping = 0.35;
+constexpr double kUsualRollFrequency = 2.0 * std::numbers::pi * 1.5;  // [rad/s]
+constexpr double kUsualRollDamping = 0.35;
 constexpr double kRollArmOverWheelbase = 0.17;
 
 struct RollingState {
@@ -31,41 +31,62 @@ class RollingCar {
                     car.m * kStandardGravity * car.b / (car.a + car.b))),
         rear_(bent(car.rear, effects[kTyreSoftening],
                    car.m * kStandardGravity * car.a / (car.a + car.b))),
+        gradient_(effects[kRollGradient]),
+        frequency_(kUsualRollFrequency),
+        damping_(kUsualRollDamping),
         arm_(kRollArmOverWheelbase * (car.a + car.b)),
-        gravity_(kStandardGravity * std::sin(car.bank)) {}
+        gravity_(kStandardGravity * std::sin(car.bank)) {
+    if (!(car.roll_gradient > 0.0)) return;
+    gradient_ = car.roll_gradient;
+    frequency_ = 2.0 * std::numbers::pi * car.roll_frequency;
+    damping_ = car.roll_damping;
+    arm_ = car.roll_height;
+  }
+
+  /// Of the body: simulated, and measured.
+  double roll_angle(const RollingState& x, const DrivenSegment::Node& at) const {
+    return gradient_ * x.roll + at.roll;
+  }
 
   AxleForces steady_forces(const RollingState& x, const DrivenSegment::Node& at,
                            double wheel) const {
-    const double late = x.roll - at.vx * x.r;
-    const double front =
-        (x.vy + car_.a * x.r) * at.inverse_vx - wheel - effects_[kRollSteerFront] * late;
-    const double rear = (x.vy - car_.b * x.r) * at.inverse_vx - effects_[kRollSteerRear] * late;
-    if (!(car_.cg_height > 0.0)) return {front_.force(front), rear_.force(rear)};
+    const double late = x.roll - at.vx * x.r, roll = roll_angle(x, at);
+    const double vy = axis_velocity(x, at);
+    const double front = (vy + car_.a * x.r) * at.inverse_vx - wheel -
+                         effects_[kRollSteerFront] * late - car_.front_steer_per_roll * roll;
+    const double rear = (vy - car_.b * x.r) * at.inverse_vx - effects_[kRollSteerRear] * late -
+                        car_.rear_steer_per_roll * roll;
+    const AxleForces camber{car_.front_camber_per_roll * roll, car_.rear_camber_per_roll * roll};
+    if (!(car_.cg_height > 0.0)) {
+      return {front_.force(front) + camber.front, rear_.force(rear) + camber.rear};
+    }
     const LoadChange change = load_change(car_, at.vx_rate);
     const auto loaded = [&](const AxleCurve& axle, double by) {
       return AxleCurve(under_load(axle.axle(), by, car_.load_sensitivity));
     };
-    return {loaded(front_, change.front).force(front), loaded(rear_, change.rear).force(rear)};
+    return {loaded(front_, change.front).force(front) + camber.front,
+            loaded(rear_, change.rear).force(rear) + camber.rear};
   }
 
   RollingState rate(const RollingState& x, const AxleForces& F, double vx) const {
     const double ay = (F.front + F.rear) / car_.m;
     const double roll_acceleration =
-        kRollFrequency * (kRollFrequency * (ay - x.roll) - 2.0 * kRollDamping * x.roll_rate);
-    return {ay - gravity_ - vx * x.r + arm_ * effects_[kRollGradient] * roll_acceleration,
+        frequency_ * (frequency_ * (ay - x.roll) - 2.0 * damping_ * x.roll_rate);
+    return {ay - gravity_ - vx * x.r + arm_ * gradient_ * roll_acceleration,
             (car_.a * F.front - car_.b * F.rear) / car_.Iz, x.roll_rate, roll_acceleration};
   }
 
   Motion motion(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
                 double wheel) const {
     Motion out{};
-    out.vy = x.vy;
+    out.vy = axis_velocity(x, at);
     out.r = x.r;
-    out.ay =
-        (F.front + F.rear) / car_.m + kStandardGravity * std::sin(effects_[kRollGradient] * x.roll);
+    out.roll = roll_angle(x, at);
+    out.roll_rate = gradient_ * x.roll_rate + at.roll_rate;
+    out.ay = (F.front + F.rear) / car_.m + kStandardGravity * std::sin(out.roll);
     out.yaw_acceleration = (car_.a * F.front - car_.b * F.rear) / car_.Iz;
-    out.slip_front = (x.vy + car_.a * x.r) * at.inverse_vx - wheel;
-    out.slip_rear = (x.vy - car_.b * x.r) * at.inverse_vx;
+    out.slip_front = (out.vy + car_.a * x.r) * at.inverse_vx - wheel;
+    out.slip_rear = (out.vy - car_.b * x.r) * at.inverse_vx;
     out.force_front = F.front;
     out.force_rear = F.rear;
     out.vx_rate = at.vx_rate;
@@ -77,6 +98,11 @@ class RollingCar {
   }
 
  private:
+  /// Where roll is measured the state holds the velocity of the centre of gravity.
+  double axis_velocity(const RollingState& x, const DrivenSegment::Node& at) const {
+    return x.vy + car_.roll_height * at.roll_rate;
+  }
+
   static AxleCurve bent(Axle<> axle, double softening, double load) {
     if (softening > 0.0) {
       axle.curve = TyreCurve::tanh;
@@ -88,7 +114,7 @@ class RollingCar {
   SingleTrack<> car_;
   SecondaryEffects effects_;
   AxleCurve front_, rear_;
-  double arm_, gravity_;
+  double gradient_, frequency_, damping_, arm_, gravity_;
 };
 
 RollingState moved(const RollingState& x, const RollingState& rate, double t) {
@@ -149,7 +175,7 @@ void simulate_with_effects(const SingleTrack<>& given, const SecondaryEffects& e
   const RollingCar car(given, effects);
   const std::vector<double> wheel =
       wheel_angles(car, segment, effects[kSteeringSmoothing], effects[kSteeringLag]);
-  RollingState x{vy, r, 0.0, 0.0};
+  RollingState x{vy - given.roll_height * segment.nodes[0].roll_rate, r, 0.0, 0.0};
   AxleForces F = car.steady_forces(x, segment.nodes[0], wheel[0]);
   x.roll = (F.front + F.rear) / given.m;
   F = car.steady_forces(x, segment.nodes[0], wheel[0]);

@@ -49,7 +49,9 @@ double lagged(double x, double from, double to, double t, double T);
 /// moves to the right. Motion::ay holds what a sensor fixed to the body feels, g sin(phi) included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.
-/// Filters and places of sensors are the reader's (kLagOfR to kArmOfAy).
+/// Filters and places of sensors are the reader's (kLagOfR to kArmOfAy). The roll of a car that has
+/// its own (SingleTrack::roll_gradient), or whose roll is measured, is that of motion_at(); the
+/// effects' then has to be zero.
 ///
 /// Example:
 ///

@@ -10,20 +10,18 @@
 
 namespace identikal {
 
-/// Yaw rate [rad/s], lateral velocity [m/s], lateral acceleration [m/s^2], sideslip angle [rad].
-enum class VehicleQuantity { r, vy, ay, beta };
-
 /// The quantity of that name: "r", "vy", "ay" or "beta".
 std::optional<VehicleQuantity> vehicle_quantity(std::string_view name);
 
 /// What a sensor at (x, y) from the centre of gravity measures:
-///   r:    r + bias_r
-///   vy:   vy_s cos(angle) - vx_s sin(angle) + bias_vy,  vx_s = vx - r y,  vy_s = vy + r x
-///   ay:   ay_s cos(angle) - ax_s sin(angle) + bias_ay,  ay_s = ay + r' x - r^2 y,
+///   r:    gain r + bias_r
+///   vy:   gain (vy_s cos(angle) - vx_s sin(angle)) + bias_vy,  vx_s = vx - r y,  vy_s = vy + r x
+///   ay:   gain (ay_s cos(angle) - ax_s sin(angle)) + bias_ay,  ay_s = ay + r' x - r^2 y,
 ///         ax_s = vx' - r vy - r^2 x - r' y
-///   beta: atan2(vy_s, vx_s) - angle
-/// A sensor turned to the left by `angle` sees the car's motion turned to the right. The car's
-/// mounting_angle comes on top of it for vy and beta.
+///   beta: gain (atan2(vy_s, vx_s) - angle)
+/// A sensor turned to the left by `angle` sees the car's motion turned to the right. Place and angle
+/// are those given here and on top of them the car's (SingleTrack::sensors), for vy and beta its
+/// mounting_angle too. Lag and delay are those of lib/vehicle/late_sensor.h.
 ///
 /// Example:
 ///
@@ -57,8 +55,11 @@ class VehicleReading {
                 const MotionJacobian& by, Eigen::Ref<Eigen::RowVectorXd> out) const;
 
  private:
+  /// Without gain and bias.
+  double true_value(const Motion& motion, double vx) const;
+
   VehicleQuantity quantity_;
-  double x_, y_, angle_, cos_, sin_, bias_;
+  double x_, y_, angle_, cos_, sin_, gain_, bias_;
 };
 
 }  // namespace identikal

@@ -28,7 +28,40 @@ constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
                                                                      "Ff_max",
                                                                      "Fr_max",
                                                                      "curve_shape",
-                                                                     "curve_curvature"};
+                                                                     "curve_curvature",
+                                                                     "steering_lag",
+                                                                     "roll_gradient",
+                                                                     "roll_height",
+                                                                     "roll_frequency",
+                                                                     "roll_damping",
+                                                                     "roll_steer_front",
+                                                                     "roll_steer_rear",
+                                                                     "roll_camber_front",
+                                                                     "roll_camber_rear",
+                                                                     "gain_r",
+                                                                     "delay_r",
+                                                                     "lag_r",
+                                                                     "x_r",
+                                                                     "y_r",
+                                                                     "angle_r",
+                                                                     "gain_vy",
+                                                                     "delay_vy",
+                                                                     "lag_vy",
+                                                                     "x_vy",
+                                                                     "y_vy",
+                                                                     "angle_vy",
+                                                                     "gain_ay",
+                                                                     "delay_ay",
+                                                                     "lag_ay",
+                                                                     "x_ay",
+                                                                     "y_ay",
+                                                                     "angle_ay",
+                                                                     "gain_beta",
+                                                                     "delay_beta",
+                                                                     "lag_beta",
+                                                                     "x_beta",
+                                                                     "y_beta",
+                                                                     "angle_beta"};
 
 }  // namespace
 
@@ -50,6 +83,11 @@ VehicleParameters<double> neutral_vehicle() {
   p[kLoadSensitivity] = 1.0;
   p[kCurveShape] = CurveShape().shape;
   p[kCurveCurvature] = CurveShape().curvature;
+  p[kRollFrequency] = SingleTrack<>().roll_frequency;
+  p[kRollDamping] = SingleTrack<>().roll_damping;
+  for (int q = 0; q < kVehicleQuantities; ++q) {
+    p[sensor_parameter(static_cast<VehicleQuantity>(q), SensorProperty::gain)] = 1.0;
+  }
   return p;
 }
 
@@ -98,6 +136,22 @@ SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
   car.relaxation_length = p[kRelaxationLength];
   car.cg_height = p[kCgHeight];
   car.load_sensitivity = p[kLoadSensitivity];
+  car.steering_lag = p[kLagOfSteering];
+  car.roll_gradient = p[kRollPerAcceleration];
+  car.roll_height = p[kRollHeight];
+  car.roll_frequency = p[kRollFrequency];
+  car.roll_damping = p[kRollDamping];
+  car.front_steer_per_roll = p[kFrontSteerPerRoll];
+  car.rear_steer_per_roll = p[kRearSteerPerRoll];
+  car.front_camber_per_roll = p[kFrontCamberPerRoll];
+  car.rear_camber_per_roll = p[kRearCamberPerRoll];
+  for (int q = 0; q < kVehicleQuantities; ++q) {
+    const auto of = [&](SensorProperty property) {
+      return p[sensor_parameter(static_cast<VehicleQuantity>(q), property)];
+    };
+    using enum SensorProperty;
+    car.sensors[q] = {of(gain), of(delay), of(lag), of(x), of(y), of(angle)};
+  }
   return car;
 }
 

@@ -15,6 +15,22 @@
 
 namespace identikal {
 
+/// What sensors measure: yaw rate [rad/s], lateral velocity [m/s], lateral acceleration [m/s^2],
+/// sideslip angle [rad].
+enum class VehicleQuantity { r, vy, ay, beta };
+inline constexpr int kVehicleQuantities = 4;
+
+/// How the sensor of a quantity departs from an ideal one at its given place.
+template <typename T = double>
+struct SensorFault {
+  T gain = T(1.0);   ///< measured over true
+  T delay = T(0.0);  ///< what it shows is that much older [s]
+  T lag = T(0.0);    ///< time constant of its first-order filter [s]
+  T x = T(0.0);      ///< further ahead of the centre of gravity than given [m]
+  T y = T(0.0);      ///< further to the left [m]
+  T angle = T(0.0);  ///< turned further to the left [rad]
+};
+
 /// Parameters of the car. The road-wheel angle is delta(t) = steering_gain (angle(t -
 /// steering_delay) + steering_offset) / steering_ratio: the offset is added where the angle is
 /// measured. When that is at the road wheel, the ratio is 1.
@@ -41,6 +57,14 @@ struct SingleTrack {
   T relaxation_length = T(0.0);  ///< sigma of both axles [m]; 0: forces follow at once
   T cg_height = T(0.0);          ///< of the centre of gravity [m]; 0: axle loads are constant
   T load_sensitivity = T(1.0);   ///< relative change of stiffness over that of the axle's load
+  T steering_lag = T(0.0);       ///< time constant between the measured angle and the wheels [s]
+  T roll_gradient = T(0.0);   ///< steady roll angle over axle forces / m [rad/(m/s^2)]; 0: no roll
+  T roll_height = T(0.0);     ///< of the centre of gravity above the roll axis [m]
+  T roll_frequency = T(1.5);  ///< [Hz]
+  T roll_damping = T(0.35);   ///< over the critical one
+  T front_steer_per_roll = T(0.0), rear_steer_per_roll = T(0.0);    ///< [rad/rad]
+  T front_camber_per_roll = T(0.0), rear_camber_per_roll = T(0.0);  ///< camber thrust [N/rad]
+  std::array<SensorFault<T>, kVehicleQuantities> sensors{};  ///< in the order of VehicleQuantity
 };
 
 /// The scalar parameters in the order in which arrays of them are written here and elsewhere.
@@ -65,10 +89,38 @@ enum VehicleParameter {
   kLoadSensitivity,
   kInverseSaturationFront,  ///< 1/(largest force)^2; to its user the largest force, "Ff_max"
   kInverseSaturationRear,
-  kCurveShape,      ///< "curve_shape"
-  kCurveCurvature,  ///< "curve_curvature"
-  kVehicleParameters
+  kCurveShape,           ///< "curve_shape"
+  kCurveCurvature,       ///< "curve_curvature"
+  kLagOfSteering,        ///< "steering_lag"
+  kRollPerAcceleration,  ///< "roll_gradient"
+  kRollHeight,
+  kRollFrequency,
+  kRollDamping,
+  kFrontSteerPerRoll,   ///< "roll_steer_front"
+  kRearSteerPerRoll,    ///< "roll_steer_rear"
+  kFrontCamberPerRoll,  ///< "roll_camber_front"
+  kRearCamberPerRoll,   ///< "roll_camber_rear"
+  kFirstOfSensors,      ///< SensorProperty of r, vy, ay, beta: sensor_parameter()
+  kVehicleParameters = kFirstOfSensors + 6 * kVehicleQuantities
 };
+
+/// The entries of SensorFault: "gain_r", "delay_r", "lag_r", "x_r", "y_r", "angle_r", "gain_vy", ...
+enum class SensorProperty { gain, delay, lag, x, y, angle };
+inline constexpr int kSensorProperties = 6;
+
+/// The parameter that is this property of the sensor of that quantity.
+constexpr VehicleParameter sensor_parameter(VehicleQuantity quantity, SensorProperty property) {
+  return static_cast<VehicleParameter>(kFirstOfSensors +
+                                       kSensorProperties * static_cast<int>(quantity) +
+                                       static_cast<int>(property));
+}
+/// Of a parameter from kFirstOfSensors on: which sensor's, and what of it.
+constexpr VehicleQuantity quantity_of(VehicleParameter sensor) {
+  return static_cast<VehicleQuantity>((sensor - kFirstOfSensors) / kSensorProperties);
+}
+constexpr SensorProperty property_of(VehicleParameter sensor) {
+  return static_cast<SensorProperty>((sensor - kFirstOfSensors) % kSensorProperties);
+}
 
 /// Name in model files.
 std::string_view name_of(VehicleParameter parameter);
@@ -78,8 +130,9 @@ std::optional<VehicleParameter> vehicle_parameter(std::string_view name);
 template <typename T>
 using VehicleParameters = std::array<T, kVehicleParameters>;
 
-/// Neutral values: gain, ratio and load sensitivity 1, no delay, offsets, biases, bank, relaxation,
-/// load transfer or softening, CurveShape's defaults; NaN where there is no neutral value (m, a, b,
+/// Neutral values: gains, ratio and load sensitivity 1, no delay, offsets, biases, bank, relaxation,
+/// load transfer, lag, roll or softening, the defaults of CurveShape and of roll's frequency and
+/// damping; NaN where there is no neutral value (m, a, b,
 /// Iz, Cf, Cr).
 VehicleParameters<double> neutral_vehicle();
 

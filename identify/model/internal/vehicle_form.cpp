@@ -11,6 +11,7 @@
 #include "identify/model/internal/regression_form.h"
 #include "lib/base/constants.h"
 #include "lib/data/units.h"
+#include "lib/vehicle/sensor.h"
 #include "lib/vehicle/single_track.h"
 
 namespace identikal {
@@ -29,6 +30,8 @@ constexpr ParameterRule kVehicleRules[] = {
     {"steering_offset", "rad", false, 0.0},
     {"steering_delay", "s", false, 0.0, [](double x) { return std::abs(x) <= 1.0; },
      "between -1 s and 1 s"},
+    {"steering_lag", "s", false, 0.0, [](double x) { return x >= 0.0 && x <= 1.0; },
+     "between 0 s and 1 s"},
     {"bias_r", "rad/s", false, 0.0},
     {"bias_vy", "m/s", false, 0.0},
     {"bias_ay", "m/s^2", false, 0.0},
@@ -47,22 +50,86 @@ constexpr ParameterRule kMagicFormulaRules[] = {
     {"curve_curvature", "", false, CurveShape().curvature, [](double x) { return x < 1.0; },
      "below 1"}};
 
+// Of a body that rolls; keys of `roll`, {front, rear} of each axle.
+struct RollRule {
+  const char *key, *axle;
+  VehicleParameter parameter;
+  ParameterRule rule;
+};
+constexpr double kArmOverWheelbase = 0.17;  // what passenger cars have
+const RollRule kRollRules[] = {
+    {"gradient",
+     "",
+     kRollPerAcceleration,
+     {"roll_gradient", "rad/(m/s^2)", false, kRequired,
+      [](double x) { return x >= 0.0 && x <= 0.1; }, "between 0 and 0.1 rad/(m/s^2)"}},
+    {"height",
+     "",
+     kRollHeight,
+     {"roll_height", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"}},
+    {"frequency", "", kRollFrequency, {"roll_frequency", "Hz", true, 1.5}},
+    {"damping", "", kRollDamping, {"roll_damping", "", true, 0.35}},
+    {"steer", "front", kFrontSteerPerRoll, {"roll_steer_front", "", false, 0.0}},
+    {"steer", "rear", kRearSteerPerRoll, {"roll_steer_rear", "", false, 0.0}},
+    {"camber", "front", kFrontCamberPerRoll, {"roll_camber_front", "N/rad", false, 0.0}},
+    {"camber", "rear", kRearCamberPerRoll, {"roll_camber_rear", "N/rad", false, 0.0}}};
+
+// Of every sensor, in the order of SensorProperty; known as neutral where the file is silent.
+constexpr ParameterRule kSensorRules[kSensorProperties] = {
+    {"gain", "", true, 1.0},
+    {"delay", "s", false, 0.0, [](double x) { return std::abs(x) <= 1.0; }, "between -1 s and 1 s"},
+    {"lag", "s", false, 0.0, [](double x) { return x >= 0.0 && x <= 1.0; }, "between 0 s and 1 s"},
+    {"x", "m", false, 0.0},
+    {"y", "m", false, 0.0},
+    {"angle", "rad", false, 0.0}};
+
 constexpr ChannelRule kVehicleInputs[] = {
-    {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}};
+    {"steering_wheel_angle", "rad"}, {"road_wheel_angle", "rad"}, {"vx", "m/s"}, {"roll", "rad"}};
 constexpr ChannelRule kVehicleOutputs[] = {
     {"r", "rad/s"}, {"vy", "m/s"}, {"ay", "m/s^2"}, {"beta", "rad"}};
+
+/// The parameters of the car itself, without those of its sensors.
+std::vector<ParameterRule> car_rules(TyreCurve curve) {
+  std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
+  if (curve != TyreCurve::linear) {
+    out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
+  }
+  if (curve == TyreCurve::magic_formula) {
+    out.insert(out.end(), std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules));
+  }
+  return out;
+}
+
+/// The rule of a property, by the name that the parameter has among the others: "delay_r".
+ParameterRule sensor_rule(VehicleQuantity quantity, SensorProperty property) {
+  ParameterRule out = kSensorRules[static_cast<int>(property)];
+  out.name = name_of(sensor_parameter(quantity, property)).data();
+  return out;
+}
+
+double known_value(const ParameterSet& parameters, const char* name) {
+  return parameters[find_parameter(parameters, name)].scalar();
+}
+
+Parameter known_parameter(const ParameterRule& rule, double value) {
+  Parameter out;
+  out.name = rule.name;
+  out.unit = rule.si_unit;
+  out.value = Eigen::MatrixXd::Constant(1, 1, value);
+  out.fixed = true;
+  return out;
+}
 
 /// The largest force of an axle that the file does not name: estimated, from its load on a road
 /// with a friction of 1.
 Parameter unknown_peak(const ParameterRule& rule, const ParameterSet& others) {
-  const auto value = [&](const char* name) {
-    return others[find_parameter(others, name)].scalar();
-  };
-  const double weight = value("m") * kStandardGravity / (value("a") + value("b"));
+  const double weight = known_value(others, "m") * kStandardGravity /
+                        (known_value(others, "a") + known_value(others, "b"));
   Parameter out;
   out.name = rule.name;
   out.unit = rule.si_unit;
-  out.value = Eigen::MatrixXd::Constant(1, 1, weight * value(out.name == "Ff_max" ? "b" : "a"));
+  out.value = Eigen::MatrixXd::Constant(
+      1, 1, weight * known_value(others, out.name == "Ff_max" ? "b" : "a"));
   out.min = 0.0;
   return out;
 }
@@ -85,7 +152,7 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
                                      TyreCurve curve) {
   const YamlNode& node =
       required(root, "parameters", "the model file", "parameters: m a b Iz Cf Cr steering_ratio");
-  const std::vector<ParameterRule> rules = vehicle_rules(curve);
+  const std::vector<ParameterRule> rules = car_rules(curve);
   for (const YamlNode& key : node.keys) {
     const auto is = [&key](const ParameterRule& rule) { return key.text == rule.name; };
     if (curve == TyreCurve::linear &&
@@ -122,29 +189,189 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
       required(node, rule.name, "parameters",
                fmt::format("{}: NUMBER {}", rule.name, rule.si_unit));
     }
-    Parameter known;
-    known.name = rule.name;
-    known.unit = rule.si_unit;
-    known.value = Eigen::MatrixXd::Constant(1, 1, rule.fallback);
-    known.fixed = true;
-    out.push_back(std::move(known));
+    out.push_back(known_parameter(rule, rule.fallback));
   }
   return out;
 }
 
-double read_min_speed(const YamlNode& node) {
+/// Steps of the steering's sensor, in the unit of its column.
+void read_steps(const YamlNode& inputs, Model& out) {
+  for (std::size_t i = 0; i < inputs.items.size(); ++i) {
+    const YamlNode* steps = find(inputs.items[i], "steps");
+    if (steps == nullptr) continue;
+    const ChannelSource& input = out.inputs[i];
+    if (input.name == "vx" || input.name == "roll") {
+      throw InputError(steps->at, "steps of " + input.name, "of the steering angle alone");
+    }
+    const double step = read_si(*steps, input.unit.empty() ? "rad" : input.unit, "steps");
+    if (!(step > 0.0)) throw InputError(steps->at, "steps is " + describe(*steps), "above 0");
+    as_vehicle(out).steering_steps = std::abs(input.scale) * step;
+  }
+}
+
+/// "vx > 5", "vx > 18 km/h": nothing where it is another condition.
+std::optional<double> read_min_speed(const YamlNode& node) {
   std::string_view rest = trimmed(text_of(node, "use_when"));
   for (const std::string_view sign : {"vx", ">"}) {
     rest = rest.starts_with(sign) ? trimmed(rest.substr(sign.size())) : "";
   }
   const std::optional<Quantity> speed = split_quantity(rest);
-  if (!speed || !parse_unit(speed->unit)) {
-    throw InputError(node.at, "use_when is " + describe(node), "'vx > 5' or 'vx > 18 km/h'",
-                     "other conditions are not available yet");
-  }
+  if (!speed || !parse_unit(speed->unit)) return std::nullopt;
   const double value = si_value(*speed, "m/s", node.at, "use_when");
   if (!(value > 0.0)) throw InputError(node.at, "use_when is " + describe(node), "a speed above 0");
   return value;
+}
+
+double read_duration(const YamlNode& node, const char* key) {
+  const double value = read_si(node, "s", fmt::format("{} of use_when", key));
+  if (value >= 0.0 && value <= 10.0) return value;
+  throw InputError(node.at, fmt::format("{} of use_when is {}", key, describe(node)),
+                   "between 0 s and 10 s");
+}
+
+Expression read_condition(const YamlNode& node, const Model& model) {
+  std::vector<std::string> names = names_of(model.inputs);
+  for (const ChannelSource& output : model.outputs) names.push_back(output.name);
+  try {
+    return parse_expression(text_of(node, "use_when"), names, FormulaKind::condition);
+  } catch (const FormulaError& error) {
+    throw InputError(node.at, fmt::format("use_when is {}: {}", describe(node), error.what()));
+  }
+}
+
+/// A condition, or {condition, bridge, margin}.
+void read_use_when(const YamlNode& root, Model& out) {
+  const YamlNode* node = find(root, "use_when");
+  if (node == nullptr) return;
+  const bool plain = node->kind == YamlNode::Kind::scalar;
+  if (!plain) check_keys(*node, "use_when", {"condition", "bridge", "margin"});
+  const YamlNode& condition =
+      plain ? *node : required(*node, "condition", "use_when", "condition: 'vx > 5'");
+  VehicleModel& vehicle = as_vehicle(out);
+  if (plain) {
+    if (const std::optional<double> speed = read_min_speed(condition)) {
+      vehicle.min_speed = *speed;
+      return;
+    }
+  }
+  RowCondition rows{read_condition(condition, out)};
+  if (!plain) {
+    if (const YamlNode* bridge = find(*node, "bridge"))
+      rows.bridge = read_duration(*bridge, "bridge");
+    if (const YamlNode* margin = find(*node, "margin"))
+      rows.margin = read_duration(*margin, "margin");
+  }
+  vehicle.use_when = std::move(rows);
+}
+
+/// Columns that use_when may ask beside the inputs and outputs.
+void read_flags(const YamlNode& root, Model& out) {
+  const YamlNode* node = find(root, "flags");
+  if (node == nullptr) return;
+  for (ChannelSource& flag : read_channels(*node, "flags", {})) {
+    const auto same = [&](const ChannelSource& other) { return other.name == flag.name; };
+    if (std::any_of(out.inputs.begin(), out.inputs.end(), same) ||
+        std::any_of(out.outputs.begin(), out.outputs.end(), same)) {
+      throw InputError(flag.at, "flag " + in_quotes(flag.name) + " is a channel already",
+                       "another name");
+    }
+    out.inputs.push_back(std::move(flag));
+  }
+}
+
+/// The gradient m h / (K - m g h) of a body that springs of stiffness K [N m/rad] hold upright.
+Parameter gradient_of_stiffness(const YamlNode& node, const ParameterRule& rule,
+                                const ParameterSet& parameters) {
+  const double moment = known_value(parameters, "m") * known_value(parameters, "roll_height");
+  const double stiffness = read_si(node, "N m/rad", "stiffness of roll");
+  const double tilting = kStandardGravity * moment;
+  if (!(stiffness > tilting)) {
+    throw InputError(
+        node.at, "stiffness of roll is " + describe(node),
+        fmt::format("above m g height = {:.4g} N m/rad, or the body falls over", tilting));
+  }
+  return known_parameter(rule, moment / (stiffness - tilting));
+}
+
+/// The value of a rule in `roll`, if the file has it.
+const YamlNode* find_in_roll(const YamlNode& roll, const RollRule& rule) {
+  const YamlNode* node = find(roll, rule.key);
+  return node == nullptr || *rule.axle == '\0' ? node : find(*node, rule.axle);
+}
+
+void check_roll_keys(const YamlNode& node, bool measured) {
+  check_keys(node, "roll",
+             {"gradient", "stiffness", "height", "frequency", "damping", "steer", "camber"});
+  for (const char* key : {"gradient", "stiffness", "frequency", "damping"}) {
+    const YamlNode* given = find(node, key);
+    if (given == nullptr || !measured) continue;
+    throw InputError(given->at, fmt::format("roll has a {}, and is measured (inputs)", key),
+                     "one of them");
+  }
+  for (const char* key : {"steer", "camber"}) {
+    if (const YamlNode* axles = find(node, key)) {
+      check_keys(*axles, fmt::format("{} of roll", key), {"front", "rear"});
+    }
+  }
+  const YamlNode *stiffness = find(node, "stiffness"), *gradient = find(node, "gradient");
+  if (stiffness != nullptr && gradient != nullptr) {
+    throw InputError(stiffness->at, "roll has a gradient and a stiffness", "one of them");
+  }
+  if (!measured && stiffness == nullptr && gradient == nullptr) {
+    throw InputError(node.at, "roll has neither a gradient nor a stiffness",
+                     "gradient: {value: 0.008 rad/(m/s^2), min: 0, max: 0.03}");
+  }
+}
+
+/// Adds the parameters of a body that rolls, where the file has one.
+void read_roll(const YamlNode& root, bool measured, ParameterSet& parameters) {
+  const YamlNode* node = find(root, "roll");
+  if (node == nullptr) return;
+  check_roll_keys(*node, measured);
+  const double wheelbase = known_value(parameters, "a") + known_value(parameters, "b");
+  const YamlNode* stiffness = find(*node, "stiffness");
+  std::optional<RollRule> by_stiffness;
+  for (const RollRule& each : kRollRules) {
+    const bool gradient = each.parameter == kRollPerAcceleration;
+    if (measured &&
+        (gradient || each.parameter == kRollFrequency || each.parameter == kRollDamping)) {
+      continue;
+    }
+    if (gradient && stiffness != nullptr) {
+      by_stiffness = each;  // it needs the height
+    } else if (const YamlNode* given = find_in_roll(*node, each)) {
+      parameters.push_back(read_parameter(each.rule.name, *given, &each.rule));
+      require_logarithm(parameters.back(), *given);
+    } else {
+      const bool height = each.parameter == kRollHeight;
+      parameters.push_back(
+          known_parameter(each.rule, height ? kArmOverWheelbase * wheelbase : each.rule.fallback));
+    }
+  }
+  if (by_stiffness) {
+    parameters.push_back(gradient_of_stiffness(*stiffness, by_stiffness->rule, parameters));
+  }
+}
+
+/// One property of a sensor. A place or an angle that is a plain number is where the sensor is;
+/// all else is a parameter, "x_ay".
+void read_sensor_property(const YamlNode& node, VehicleQuantity quantity, SensorProperty property,
+                          SensorPosition& position, ParameterSet& parameters) {
+  const bool plain = node.kind == YamlNode::Kind::scalar;
+  const std::string key = kSensorRules[static_cast<int>(property)].name;
+  const std::string unit = kSensorRules[static_cast<int>(property)].si_unit;
+  if (plain && property == SensorProperty::x) position.x = read_si(node, unit, key);
+  if (plain && property == SensorProperty::y) position.y = read_si(node, unit, key);
+  if (plain && property == SensorProperty::angle) position.angle = read_si(node, unit, key);
+  const bool place = property >= SensorProperty::x;
+  if (plain && place) return;
+  const ParameterRule rule = sensor_rule(quantity, property);
+  if (place && quantity == VehicleQuantity::r) {
+    throw InputError(node.at, "'" + key + "' of the yaw rate's sensor is to be fitted", "",
+                     "a body turns at the same rate everywhere; free its gain, delay or lag");
+  }
+  parameters.push_back(read_parameter(rule.name, node, &rule));
+  require_logarithm(parameters.back(), node);
 }
 
 void read_sensors(const YamlNode& root, Model& out) {
@@ -153,12 +380,14 @@ void read_sensors(const YamlNode& root, Model& out) {
   check_keys(*node, "sensors", names_of(out.outputs));
   for (std::size_t i = 0; i < node->items.size(); ++i) {
     const YamlNode& item = node->items[i];
-    check_keys(item, in_quotes(node->keys[i].text), {"x", "y", "angle"});
-    SensorPosition& position = as_vehicle(out).sensors[node->keys[i].text];
-    if (const YamlNode* x = find(item, "x")) position.x = read_si(*x, "m", "x");
-    if (const YamlNode* y = find(item, "y")) position.y = read_si(*y, "m", "y");
-    if (const YamlNode* angle = find(item, "angle")) {
-      position.angle = read_si(*angle, "rad", "angle");
+    const std::string& output = node->keys[i].text;
+    check_keys(item, in_quotes(output), names_of(kSensorRules));
+    SensorPosition& position = as_vehicle(out).sensors[output];
+    for (int k = 0; k < kSensorProperties; ++k) {
+      const YamlNode* given = find(item, kSensorRules[k].name);
+      if (given == nullptr) continue;
+      read_sensor_property(*given, *vehicle_quantity(output), static_cast<SensorProperty>(k),
+                           position, out.parameters);
     }
   }
 }
@@ -189,12 +418,11 @@ void read_measurement_noise(const YamlNode& root, Model& out) {
 }  // namespace
 
 std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
-  std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
-  if (curve != TyreCurve::linear) {
-    out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
-  }
-  if (curve == TyreCurve::magic_formula) {
-    out.insert(out.end(), std::begin(kMagicFormulaRules), std::end(kMagicFormulaRules));
+  std::vector<ParameterRule> out = car_rules(curve);
+  for (const RollRule& each : kRollRules) out.push_back(each.rule);
+  for (int i = kFirstOfSensors; i < kVehicleParameters; ++i) {
+    const auto parameter = static_cast<VehicleParameter>(i);
+    out.push_back(sensor_rule(quantity_of(parameter), property_of(parameter)));
   }
   return out;
 }
@@ -204,13 +432,19 @@ void read_vehicle(const YamlNode& root, Model& out) {
   const std::string inputs_example =
       "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
   const YamlNode& inputs = required(root, "inputs", top, inputs_example);
-  out.inputs = read_channels(inputs, "inputs", kVehicleInputs);
-  std::sort(out.inputs.begin(), out.inputs.end(), [](const auto& one, const auto& other) {
-    return one.name != "vx" && other.name == "vx";
-  });
-  if (out.inputs.size() != 2 || out.inputs[1].name != "vx") {
+  out.inputs = read_channels(inputs, "inputs", kVehicleInputs, {"steps"});
+  read_steps(inputs, out);
+  const auto place = [](const ChannelSource& input) {
+    return input.name == "roll" ? 2 : input.name == "vx" ? 1 : 0;
+  };
+  std::stable_sort(out.inputs.begin(), out.inputs.end(),
+                   [&](const auto& one, const auto& other) { return place(one) < place(other); });
+  const std::size_t count = out.inputs.size();
+  if (count < 2 || count > 3 || place(out.inputs[0]) != 0 || place(out.inputs[1]) != 1 ||
+      (count == 3 && place(out.inputs[2]) != 2)) {
     throw InputError(inputs.at, "inputs are not one steering angle and vx",
-                     "one of steering_wheel_angle and road_wheel_angle, and vx");
+                     "one of steering_wheel_angle and road_wheel_angle, and vx; roll beside them "
+                     "where it is measured");
   }
   VehicleModel& vehicle = as_vehicle(out);
   vehicle.steering_at_road_wheel = out.inputs[0].name == "road_wheel_angle";
@@ -225,12 +459,16 @@ void read_vehicle(const YamlNode& root, Model& out) {
   }
   out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel, vehicle.curve);
 
+  read_flags(root, out);
+  read_use_when(root, out);
+  read_roll(root, count == 3, out.parameters);
   read_sensors(root, out);
   read_measurement_noise(root, out);
-  if (const YamlNode* use_when = find(root, "use_when")) {
-    vehicle.min_speed = read_min_speed(*use_when);
-  }
   vehicle.tracking = read_tracking(root);
+}
+
+bool has_measured_roll(const Model& model) {
+  return model.inputs.size() > 2 && model.inputs[2].name == "roll";
 }
 
 std::string vehicle_unit(const std::string& parameter) {

@@ -10,7 +10,7 @@
 
 namespace identikal {
 
-/// The parameters of a car with tyres of this curve.
+/// The parameters of a car with tyres of this curve, and of its sensors.
 std::vector<ParameterRule> vehicle_rules(TyreCurve curve);
 
 /// Fills inputs, outputs, parameters and the vehicle.

@@ -8,6 +8,7 @@
 
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/constants.h"
+#include "lib/vehicle/late_sensor.h"
 
 namespace identikal {
 namespace {
@@ -74,6 +75,19 @@ class StudyUnknowns {
  private:
   bool measured(VehicleQuantity quantity) const { return problem_.run->find(quantity) >= 0; }
 
+  VehicleQuantity sideslip_sensor() const {
+    return measured(VehicleQuantity::vy) ? VehicleQuantity::vy : VehicleQuantity::beta;
+  }
+  /// Whether the model file says, or frees, this of the sensor.
+  bool has(VehicleQuantity quantity, SensorProperty property) const {
+    return has(sensor_parameter(quantity, property));
+  }
+  bool has_roll() const { return problem_.run->roll.size() > 0 || has(kRollPerAcceleration); }
+  /// Of what is absent at 0.
+  bool has(VehicleParameter parameter) const {
+    return problem_.unknowns.find(parameter) >= 0 || p_[parameter] != 0.0;
+  }
+
   void add_free(std::size_t i) {
     const VehicleUnknowns& u = problem_.unknowns;
     const auto n = static_cast<Eigen::Index>(i);
@@ -112,30 +126,64 @@ class StudyUnknowns {
   void add_effects() {
     const double wheelbase = p_[kA] + p_[kB];
     add_effect(kSteeringSmoothing, 0.0, 0.01, "s", "a finer steering sensor");
-    add_effect(kSteeringLag, 0.0, 0.015, "s", "the angle of a road wheel");
+    if (!has(kLagOfSteering)) {
+      add_effect(kSteeringLag, 0.0, 0.015, "s", "the angle of a road wheel");
+    }
     if (problem_.unknowns.find(kRelaxationLength) < 0 && !(p_[kRelaxationLength] > 0.0)) {
       add_effect(kTyreRelaxation, 0.1 * wheelbase, 0.1 * wheelbase, "m", "two more speeds");
     }
-    const std::string roll = "the roll angle, or ay levelled by it";
-    add_effect(kRollGradient, 0.005, 0.005, "rad/(m/s^2)", roll);
     // A share of the slip angle that belongs to the lateral acceleration.
-    const double front = p_[kMass] * p_[kB] / wheelbase / p_[kCf];
-    const double rear = p_[kMass] * p_[kA] / wheelbase / p_[kCr];
-    add_effect(kRollSteerFront, 0.0, 0.15 * front, "rad/(m/s^2)", roll, false);
-    add_effect(kRollSteerRear, 0.0, 0.15 * rear, "rad/(m/s^2)", roll, false);
+    const double front = 0.15 * p_[kMass] * p_[kB] / wheelbase / p_[kCf];
+    const double rear = 0.15 * p_[kMass] * p_[kA] / wheelbase / p_[kCr];
+    if (has_roll()) {
+      add_steer_of_roll(front, rear);
+    } else {
+      add_roll(front, rear);
+    }
     if (problem_.unknowns.curve == TyreCurve::linear) {
       add_effect(kTyreSoftening, 0.8, 0.5, "", "gentler driving, or `tyre: {curve: tanh}`");
     }
+    add_sensor_effects(wheelbase);
+  }
+
+  /// @param front, rear  slip angles that may come by roll, over lateral acceleration
+  void add_roll(double front, double rear) {
+    const std::string roll = "the roll angle, or ay levelled by it";
+    add_effect(kRollGradient, 0.005, 0.005, "rad/(m/s^2)", roll);
+    add_effect(kRollSteerFront, 0.0, front, "rad/(m/s^2)", roll, false);
+    add_effect(kRollSteerRear, 0.0, rear, "rad/(m/s^2)", roll, false);
+  }
+
+  /// Of a body whose roll the model has: steer and camber by it, where the file says nothing of them.
+  void add_steer_of_roll(double front, double rear) {
+    const double gradient =
+        std::max(0.002, p_[kRollPerAcceleration] > 0.0 ? p_[kRollPerAcceleration] : 0.005);
+    const std::string suspension = "the kinematics of the suspension";
+    if (!has(kFrontSteerPerRoll) && !has(kFrontCamberPerRoll)) {
+      add_known(kFrontSteerPerRoll, front / gradient, 8.0 * front / gradient, "", suspension);
+    }
+    if (!has(kRearSteerPerRoll) && !has(kRearCamberPerRoll)) {
+      add_known(kRearSteerPerRoll, rear / gradient, 8.0 * rear / gradient, "", suspension);
+    }
+  }
+
+  void add_sensor_effects(double wheelbase) {
     const bool sideslip = measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta);
     const std::string place = "the place of the sensor";
-    if (sideslip) add_effect(kArmOfVy, 0.0, 0.02 * wheelbase, "m", place, false);
-    if (measured(VehicleQuantity::ay)) {
+    if (sideslip && !has(sideslip_sensor(), SensorProperty::x)) {
+      add_effect(kArmOfVy, 0.0, 0.02 * wheelbase, "m", place, false);
+    }
+    if (measured(VehicleQuantity::ay) && !has(VehicleQuantity::ay, SensorProperty::x)) {
       add_effect(kArmOfAy, 0.0, 0.02 * wheelbase, "m", place, false);
     }
     const std::string filters = "sensors that are filtered alike";
-    if (measured(VehicleQuantity::r)) add_effect(kLagOfR, 0.0, 0.004, "s", filters);
-    if (sideslip) add_effect(kLagOfVy, 0.0, 0.004, "s", filters);
-    if (measured(VehicleQuantity::ay)) add_effect(kLagOfAy, 0.0, 0.004, "s", filters);
+    const auto add_filter = [&](bool any, VehicleQuantity quantity) {
+      if (!any || has(quantity, SensorProperty::lag)) return;
+      add_effect(filter_of(quantity), 0.0, 0.004, "s", filters);
+    };
+    add_filter(measured(VehicleQuantity::r), VehicleQuantity::r);
+    add_filter(sideslip, sideslip_sensor());
+    add_filter(measured(VehicleQuantity::ay), VehicleQuantity::ay);
   }
 
   const VehicleProblem& problem_;
@@ -159,6 +207,21 @@ double reading(const SecondaryEffects& effects, const VehicleSensor& sensor,
   return value;
 }
 
+/// A sensor behind two filters, its own and one that the study allows for.
+struct FilteredSensor {
+  double own_lag, allowed_lag;
+  double input = 0.0, between = 0.0, value = 0.0;
+
+  /// @param step  since the sample before [s]; 0: there is none
+  double next(double now, double step) {
+    const double after_own = step > 0.0 ? lagged(between, input, now, step, own_lag) : now;
+    value = step > 0.0 ? lagged(value, between, after_own, step, allowed_lag) : now;
+    input = now;
+    between = after_own;
+    return value;
+  }
+};
+
 /// What the sensors say of the car with its secondary effects, minus what was measured.
 class SecondarySimulation {
  public:
@@ -168,9 +231,13 @@ class SecondarySimulation {
     demand.longest_step = kLongestStudyStep;
     const VehicleRun& run = *problem.run;
     for (const VehicleRun::Segment& s : run.segments) {
-      driven_.push_back(drive(run.time.segment(s.first, s.rows),
-                              run.steering.segment(s.first, s.rows),
-                              run.vx.segment(s.first, s.rows), demand, delay));
+      driven_.push_back(drive(
+          run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
+          run.vx.segment(s.first, s.rows), demand, delay, problem.unknowns.value[kLagOfSteering]));
+      if (run.roll.size() > 0) {
+        set_roll(driven_.back(), run.time.segment(s.first, s.rows),
+                 run.roll.segment(s.first, s.rows));
+      }
     }
   }
 
@@ -189,28 +256,52 @@ class SecondarySimulation {
                    Eigen::VectorXd& e) {
     const VehicleRun& run = *problem_.run;
     const auto [first, rows] = run.segments[s];
-    const double delay = point.p[kSteeringDelay];
-    if (driven_[s].delay != delay) {
-      set_delay(driven_[s], run.time.segment(first, rows), run.steering.segment(first, rows),
-                delay);
+    const double delay = point.p[kSteeringDelay], lag = point.p[kLagOfSteering];
+    if (driven_[s].delay != delay || driven_[s].lag != lag) {
+      set_delay(driven_[s], run.time.segment(first, rows), run.steering.segment(first, rows), delay,
+                lag);
     }
-    std::vector<double> value(sensors.size()), input(sensors.size());
+    std::vector<FilteredSensor> filtered;
+    for (const VehicleRun::Output& output : run.outputs) {
+      const VehicleQuantity quantity = output.sensor.quantity;
+      filtered.push_back({car.sensors[static_cast<std::size_t>(quantity)].lag,
+                          point.effects[filter_of(quantity)]});
+    }
+    SignalRows value(rows, static_cast<Eigen::Index>(sensors.size()));
+    const Eigen::Index begin = n;
     const Eigen::Index at = 2 * static_cast<Eigen::Index>(s);
     const double vy = point.states[at] * kStateScale[0], r = point.states[at + 1] * kStateScale[1];
     const auto observe = [&, first = first](Eigen::Index k, const Motion& motion, double vx) {
       const Eigen::Index row = first + k;
+      const double step = k == 0 ? 0.0 : run.time[row] - run.time[row - 1];
       for (std::size_t j = 0; j < sensors.size(); ++j) {
-        const double T = point.effects[filter_of(run.outputs[j].sensor.quantity)];
         const double now = reading(point.effects, run.outputs[j].sensor, sensors[j], motion, vx);
-        value[j] =
-            k == 0 ? now : lagged(value[j], input[j], now, run.time[row] - run.time[row - 1], T);
-        input[j] = now;
+        value(k, static_cast<Eigen::Index>(j)) = filtered[j].next(now, step);
       }
       for (; n < e.size() && problem_.row[n] == row; ++n) {
-        e[n] = value[problem_.output[n]] - problem_.sample[n];
+        e[n] = value(k, problem_.output[n]) - problem_.sample[n];
       }
     };
     simulate_with_effects(car, point.effects, driven_[s], vy, r, observe);
+    if (problem_.late_sensors) show_late(car, s, value, begin, n, e);
+  }
+
+  /// Errors of what the sensors showed, which are late.
+  void show_late(const SingleTrack<>& car, std::size_t s, const SignalRows& value,
+                 Eigen::Index begin, Eigen::Index end, Eigen::VectorXd& e) const {
+    const VehicleRun& run = *problem_.run;
+    const auto [first, rows] = run.segments[s];
+    const Eigen::VectorXd time = run.time.segment(first, rows);
+    for (std::size_t j = 0; j < run.outputs.size(); ++j) {
+      const auto quantity = static_cast<std::size_t>(run.outputs[j].sensor.quantity);
+      const auto column = static_cast<Eigen::Index>(j);
+      if (car.sensors[quantity].delay == 0.0) continue;
+      const SignalRows shown = late(time, value.col(column), time, car.sensors[quantity].delay);
+      for (Eigen::Index n = begin; n < end; ++n) {
+        if (problem_.output[n] == column)
+          e[n] = shown(problem_.row[n] - first) - problem_.sample[n];
+      }
+    }
   }
 
   const VehicleProblem& problem_;

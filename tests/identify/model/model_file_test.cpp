@@ -55,9 +55,10 @@ const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
     "include, A, B, C, "
     "D, G, Q, "
-    "R, S, initial, sensors, tyre, regression, states, let, dynamics";
+    "R, S, initial, flags, roll, sensors, tyre, regression, states, let, dynamics";
 const std::string kVehicleKeys =
-    "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, bias_r, "
+    "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, "
+    "steering_lag, bias_r, "
     "bias_vy, bias_ay, mounting_angle, bank, relaxation_length, cg_height, load_sensitivity";
 
 std::string replaced(const std::string& text, const std::string& from, const std::string& to) {
@@ -186,9 +187,9 @@ TEST_F(ModelFileTest, ReadsTheLaneChangeExample) {
     if (!p.fixed) free.push_back(p.name);
   }
   EXPECT_THAT(names, ElementsAre("m", "a", "b", "Iz", "Cf", "Cr", "steering_ratio", "steering_gain",
-                                 "steering_offset", "steering_delay", "bias_r", "bias_vy",
-                                 "bias_ay", "mounting_angle", "bank", "relaxation_length",
-                                 "cg_height", "load_sensitivity"));
+                                 "steering_offset", "steering_delay", "steering_lag", "bias_r",
+                                 "bias_vy", "bias_ay", "mounting_angle", "bank",
+                                 "relaxation_length", "cg_height", "load_sensitivity"));
   EXPECT_THAT(free, ElementsAre("Iz", "Cf", "Cr"));
   EXPECT_EQ(named(model, "Iz").scalar(), 2000.0);
   EXPECT_EQ(named(model, "Cf").min, 1e4);
@@ -864,18 +865,18 @@ constexpr Mistake kVehicleMistakes[] = {
      "11:15: parameter 'Cf' is 80 kN/rad; expected 0 kN/rad (max) or below"},
     {"vx: {column: speed, unit: km/h}, ", "",
      "13:9: inputs are not one steering angle and vx; expected one of steering_wheel_angle and "
-     "road_wheel_angle, and vx"},
+     "road_wheel_angle, and vx; roll beside them where it is measured"},
     {"unit: km/h", "unit: km", "13:36: 'vx' is in 'km'; expected a unit like 'm/s'"},
     {"steering_wheel_angle: {column: swa, unit: deg}", "steer: {column: swa}",
      "13:43: unknown key 'steer' in inputs; expected one of steering_wheel_angle, "
-     "road_wheel_angle, vx"},
+     "road_wheel_angle, vx, roll"},
     {", steering_wheel_angle: {column: swa, unit: deg}", "",
      "13:9: inputs are not one steering angle and vx; expected one of steering_wheel_angle and "
-     "road_wheel_angle, and vx"},
+     "road_wheel_angle, and vx; roll beside them where it is measured"},
     {", steering_wheel_angle: {column: swa, unit: deg}",
      ", steering_wheel_angle: {column: swa}, road_wheel_angle: {column: rwa}",
      "13:9: inputs are not one steering angle and vx; expected one of steering_wheel_angle and "
-     "road_wheel_angle, and vx"},
+     "road_wheel_angle, and vx; roll beside them where it is measured"},
     {"inputs: {vx: {column: speed, unit: km/h}, steering_wheel_angle: {column: swa, unit: deg}}\n",
      "",
      "1:1: 'inputs' is missing in the model file; expected inputs: {steering_wheel_angle: {column: "
@@ -888,7 +889,7 @@ constexpr Mistake kVehicleMistakes[] = {
     {"model: single-track", "model: single-track\nsensors: {vy: {x: 0.2 s}}",
      "4:19: x is in 's'; expected a unit like 'm'"},
     {"model: single-track", "model: single-track\nsensors: {vy: {z: 0.2}}",
-     "4:16: unknown key 'z' in 'vy'; expected one of x, y, angle"},
+     "4:16: unknown key 'z' in 'vy'; expected one of gain, delay, lag, x, y, angle"},
     {"model: single-track", "model: single-track\ntyre: {curve: linaer}",
      "4:15: curve is 'linaer'; expected one of linear, tanh, fiala, magic-formula; did you mean "
      "'linear'?"},
@@ -896,19 +897,25 @@ constexpr Mistake kVehicleMistakes[] = {
      "4:7: 'curve' is missing in tyre; expected curve: linear"},
     {"model: single-track", "model: single-track\ntyre: linear",
      "4:7: tyre is 'linear'; expected a mapping of 'key: value'"},
-    {"model: single-track", "model: single-track\nuse_when: vx >= 5",
-     "4:11: use_when is 'vx >= 5'; expected 'vx > 5' or 'vx > 18 km/h'; other conditions are not "
-     "available yet"},
     {"model: single-track", "model: single-track\nuse_when: vx > 5 and ay < 3",
-     "4:11: use_when is 'vx > 5 and ay < 3'; expected 'vx > 5' or 'vx > 18 km/h'; other conditions "
-     "are not available yet"},
+     "4:11: use_when is 'vx > 5 and ay < 3': column 12: unknown name 'ay'; expected a name that "
+     "the "
+     "model declares; did you mean 'vy'?"},
+    {"model: single-track", "model: single-track\nuse_when: {condition: vx >= 5, bridge: 1 m}",
+     "4:40: bridge of use_when is in 'm'; expected a unit like 's'"},
+    {"model: single-track", "model: single-track\nuse_when: {condition: vx >= 5, margin: -1}",
+     "4:40: margin of use_when is '-1'; expected between 0 s and 10 s"},
+    {"model: single-track", "model: single-track\nroll: {height: 0.4 m}",
+     "4:7: roll has neither a gradient nor a stiffness; expected gradient: {value: 0.008 "
+     "rad/(m/s^2), min: 0, max: 0.03}"},
+    {"model: single-track", "model: single-track\nroll: {stiffness: 1 kN m/rad, height: 0.4 m}",
+     "4:19: stiffness of roll is '1 kN m/rad'; expected above m g height = 5672 N m/rad, or the "
+     "body "
+     "falls over"},
     {"model: single-track", "model: single-track\nuse_when: vx > 5 kg",
      "4:11: use_when is in 'kg'; expected a unit like 'm/s'"},
     {"model: single-track", "model: single-track\nuse_when: vx > 0",
      "4:11: use_when is 'vx > 0'; expected a speed above 0"},
-    {"model: single-track", "model: single-track\nuse_when: ay < 4",
-     "4:11: use_when is 'ay < 4'; expected 'vx > 5' or 'vx > 18 km/h'; other conditions are not "
-     "available yet"},
     {"model: single-track", "model: single-track\nnoise: {process: density}",
      "4:9: 'process' is not available yet; known: measurement"},
     {"model: single-track", "model: single-track\nnoise: {measurement: {sd: {ay: 1}}}",
@@ -1363,7 +1370,7 @@ TEST_F(ModelFileTest, DamagedFilesAreReadOrRefused) {
         ASSERT_EQ(at.outputs(), static_cast<Eigen::Index>(model.outputs.size()));
         ASSERT_EQ(at.inputs(), static_cast<Eigen::Index>(model.inputs.size()));
       } else {
-        ASSERT_EQ(model.parameters.size(), 18U);
+        ASSERT_EQ(model.parameters.size(), 19U);
         ASSERT_EQ(model.inputs.size(), 2U);
       }
       try {

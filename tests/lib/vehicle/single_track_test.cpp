@@ -245,7 +245,8 @@ TEST(Simulation, DoesNotDependOnTheSampling) {
 
 // Derivatives by every parameter and by the initial state against central differences of the same
 // simulation, for every curve, with forces that relax and without.
-void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double tolerance) {
+void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double roll_gradient,
+                              double tolerance) {
   VehicleParameters<double> p = sladka2010_car();
   p[kCr] = 110000.0;
   p[kSteeringOffset] = 0.01;
@@ -254,6 +255,14 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
   p[kBank] = 0.02;
   p[kMountingAngle] = 0.03;
   p[kRelaxationLength] = relaxation_length;
+  p[kRollPerAcceleration] = roll_gradient;
+  p[kRollHeight] = 0.45;
+  p[kRollFrequency] = 1.3;
+  p[kFrontSteerPerRoll] = -0.08;
+  p[kRearSteerPerRoll] = 0.04;
+  p[kFrontCamberPerRoll] = -9000.0;
+  p[kRearCamberPerRoll] = -5000.0;
+  p[kLagOfSteering] = 0.04;
   p[kCgHeight] = 0.5;
   p[kLoadSensitivity] = 0.7;
   p[kInverseSaturationFront] = 1.0 / std::pow(7000.0, 2);
@@ -269,7 +278,8 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
   constexpr int kStates = kVehicleParameters, kVariables = kVehicleParameters + 2;
   const auto outputs = [&](const VehicleParameters<double>& q, double vy, double r) {
     std::vector<double> out;
-    const DrivenSegment segment = drive(time, angle, vx, demand, q[kSteeringDelay]);
+    const DrivenSegment segment =
+        drive(time, angle, vx, demand, q[kSteeringDelay], q[kLagOfSteering]);
     const SingleTrack<> car = car_with(curve, q);
     simulate(car, segment, vy, r, [&](Eigen::Index, const Motion& motion, double u) {
       for (const VehicleSensor& sensor : sensors) {
@@ -278,7 +288,8 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
     });
     return out;
   };
-  const DrivenSegment segment = drive(time, angle, vx, demand, p[kSteeringDelay]);
+  const DrivenSegment segment =
+      drive(time, angle, vx, demand, p[kSteeringDelay], p[kLagOfSteering]);
   const SingleTrack<> car = car_with(curve, p);
   JacobianColumns columns;
   columns.columns = kVariables;
@@ -302,6 +313,7 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
   for (int i = 0; i < kVariables; ++i) {
     // Zero stands for "no relaxation", and is no point to differentiate at.
     if (i == kRelaxationLength && relaxation_length == 0.0) continue;
+    if (i == kRollPerAcceleration && roll_gradient == 0.0) continue;
     const auto n = static_cast<std::size_t>(i);
     const double value = i < kStates ? p[n] : i == kStates ? 0.3 : 0.1;
     const double h = value != 0.0 ? 1e-5 * std::abs(value) : 1e-5;
@@ -327,11 +339,13 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
 
 TEST(Simulation, CarriesExactDerivatives) {
   for (const double relaxation_length : {0.0, 0.4}) {
-    expect_exact_derivatives(TyreCurve::linear, relaxation_length, 1e-6);
-    expect_exact_derivatives(TyreCurve::tanh, relaxation_length, 1e-6);
-    expect_exact_derivatives(TyreCurve::magic_formula, relaxation_length, 1e-6);
-    // Its second derivative jumps where the whole contact begins to slide.
-    expect_exact_derivatives(TyreCurve::fiala, relaxation_length, 1e-5);
+    for (const double roll : {0.0, 0.012}) {
+      expect_exact_derivatives(TyreCurve::linear, relaxation_length, roll, 1e-6);
+      expect_exact_derivatives(TyreCurve::tanh, relaxation_length, roll, 1e-6);
+      expect_exact_derivatives(TyreCurve::magic_formula, relaxation_length, roll, 1e-6);
+      // Its second derivative jumps where the whole contact begins to slide.
+      expect_exact_derivatives(TyreCurve::fiala, relaxation_length, roll, 1e-5);
+    }
   }
 }
 
