@@ -116,7 +116,7 @@ void add_result_with_page(Verb& verb, ResultOptions& result);
 
 /// How is the optimum searched for, and what is it validated on?
 struct SearchOptions {
-  std::int64_t seed = -1;   ///< -1: not given
+  std::int64_t seed = -1;    ///< -1: not given
   std::int64_t starts = 0;   ///< 0: not given
   std::int64_t threads = 0;  ///< 0: one for each core; of a filter's likelihood
   std::string hold_out;

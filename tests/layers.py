@@ -26,7 +26,7 @@ MOST_FLOORS = 7
 ONLY_IN = {
     r"ceres/": r"solvers/(ceres_backend|sparse_least_squares|internal/ceres_options)\.(cpp|h)",
     r"nlopt": r"solvers/nlopt_backend\.cpp",
-    r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel)\.cpp",
+    r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel|tangent_kernel)\.cpp",
     r"CLI/": r"command/.*",
     r"nlohmann/": r"(identify/(result|report)/(.*\.cpp|internal/.*\.h)|interface/.*\.cpp)",
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",

@@ -1,6 +1,9 @@
 #include "lib/filter/kalman.h"
 
+#include <cmath>
+
 #include "lib/filter/internal/recursion.h"
+#include "lib/filter/internal/tangent_filter.h"
 
 namespace identikal {
 
@@ -18,13 +21,37 @@ FilterResult run(Recursion& recursion, Index n, const Eigen::Ref<const MatrixXd>
   return out;
 }
 
+// Innovations alone, or the products of scores: what needs no states goes without allocation.
+Likelihood run_tangents(const StateSpace& model, InitialState initial, const MatrixXd& y,
+                        const MatrixXd& u, const std::vector<StateSpace>& derivatives,
+                        FilterResult* store, MatrixXd* score_products) {
+  const Presence presence = find_presence(y);
+  const auto k = static_cast<Index>(derivatives.size());
+  Likelihood out;
+  out.gradient.setZero(k);
+  out.information.setZero(k, k);
+  TangentFilter filter;
+  filter.prepare(model, derivatives);
+  out.status = filter.run({y, u, presence, {}, nullptr, store, score_products}, initial, out);
+  if (out.status == FilterStatus::ok && !std::isfinite(out.value)) {
+    out.status = FilterStatus::not_finite;
+  }
+  return out;
+}
+
 }  // namespace
 
 FilterResult kalman_filter(const StateSpace& model, InitialState initial,
                            const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                            Keep keep) {
-  Recursion recursion(model, initial, y, u, {});
-  return run(recursion, model.states(), y, keep);
+  const std::vector<StateSpace> none;
+  Recursion recursion(model, initial, y, u, none);  // checks the shapes
+  if (keep == Keep::everything) return run(recursion, model.states(), y, keep);
+  FilterResult out = empty_filter_result(model.states(), y.rows(), y.cols(), keep);
+  const Likelihood likelihood = run_tangents(model, initial, y, u, none, &out, nullptr);
+  out.status = likelihood.status;
+  out.log_likelihood = likelihood.value;
+  return out;
 }
 
 FilterResult kalman_filter(const ModelAt& model, InitialState initial,
@@ -71,11 +98,11 @@ Likelihood watch_filtered_states(const StateSpace& model, InitialState initial,
 MatrixXd score_products(const StateSpace& model, InitialState initial,
                         const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                         const std::vector<StateSpace>& derivatives) {
-  MatrixXd out;
-  RecursionOptions options;
-  options.score_products = &out;
-  const Likelihood l = Recursion(model, initial, y, u, derivatives).run(options);
-  return l.status == FilterStatus::ok ? out : MatrixXd();
+  check_shapes(model, initial, derivatives);
+  const auto k = static_cast<Index>(derivatives.size());
+  MatrixXd out = MatrixXd::Zero(k, k);
+  const Likelihood l = run_tangents(model, initial, y, u, derivatives, nullptr, &out);
+  return l.status == FilterStatus::ok && out.allFinite() ? out : MatrixXd();
 }
 
 }  // namespace identikal

@@ -5,9 +5,11 @@
 #include <stdexcept>
 
 #include "lib/base/constants.h"
+#include "lib/filter/internal/nominal_innovations.h"
 #include "lib/filter/internal/recursion.h"
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/steady_filter.h"
+#include "lib/filter/internal/tangent_filter.h"
 
 namespace identikal {
 namespace {
@@ -19,7 +21,7 @@ using Eigen::VectorXd;
 // Shorter segments are left to the recursion.
 constexpr Index kShortest = 32;
 // Beyond, computing the sums costs as much as ten evaluations with constant gain.
-constexpr Index kMostLags = 1024;
+constexpr Index kMostLags = 4096;
 // The sums are computed for this many lags, then for twice as many, ...
 constexpr Index kFirstLags = 64;
 // A mean this many standard deviations from zero is taken out before products are summed.
@@ -36,24 +38,25 @@ Segment make_segment(const MatrixXd& y, const MatrixXd& u, Index begin, Index le
     const double variance = (z.row(i).array() - mean[i]).square().mean();
     far = far || mean[i] * mean[i] > kFarFromZero * kFarFromZero * variance;
   }
-  if (!far) return {begin, VectorXd(), SegmentAutocovariances(z), {}};
+  if (!far) return {begin, VectorXd(), SegmentAutocovariances(z), {}, {}};
   z.colwise() -= mean;
   z.conservativeResize(z.rows() + 1, Eigen::NoChange);
   z.bottomRows(1).setOnes();
-  return {begin, mean, SegmentAutocovariances(z), {}};
+  return {begin, mean, SegmentAutocovariances(z), {}, {}};
 }
 
 struct Recording {
   const MatrixXd* y;
   const MatrixXd* u;
   std::vector<Segment> segments;
+  Presence presence;
   Index samples = 0;
 
   bool gapless() const { return segments.size() == 1 && segments[0].sums.samples() == y->cols(); }
 };
 
 Recording prepare(const MatrixXd& y, const MatrixXd& u) {
-  Recording out{&y, &u, {}, 0};
+  Recording out{&y, &u, {}, find_presence(y), 0};
   Index begin = 0;
   for (Index t = 0; t <= y.cols(); ++t) {
     bool complete = false;
@@ -71,14 +74,17 @@ Recording prepare(const MatrixXd& y, const MatrixXd& u) {
   return out;
 }
 
-// Sample autocovariances for a filter that forgets after `memory` samples, in the segments that are
-// longer.
-void extend_sums(Recording& recording, Index memory) {
+// Enough sample autocovariances for a filter that forgets after `memory` samples.
+void extend_sums(SegmentAutocovariances& sums, Index memory) {
   Index lags = kFirstLags;
   while (lags < memory) lags *= 2;
-  for (Segment& segment : recording.segments) {
-    if (segment.sums.samples() > memory) segment.sums.extend_to(lags);
-  }
+  sums.extend_to(lags);
+}
+
+// Do outputs of this model drift away?
+bool drifts(const StateSpace& model) {
+  Powers<Eigen::Dynamic> powers;
+  return !powers.compute(model.A);
 }
 
 }  // namespace
@@ -87,13 +93,25 @@ struct LikelihoodEngine::Recordings {
   std::vector<Recording> all;
   std::unique_ptr<SegmentKernel> kernel;
   Index kernel_states = -1;
+  TangentFilter tangents;
   Likelihood result;
   EvaluationTaken taken;
 
   FallbackReason prepare_kernel(const StateSpace& model, InitialState initial,
                                 const std::vector<StateSpace>& derivatives);
-  bool add_gapless(const Recording& recording, const StateSpace& model, InitialState initial);
-  FallbackReason fallback_of(const RecursionOptions& options) const;
+  void prepare_sums(Recording& recording, const StateSpace& model);
+  void make_nominal(const Recording& recording, Segment& segment, const StateSpace& model);
+  bool add_gapless(Recording& recording, const StateSpace& model, InitialState initial);
+  FilterStatus add_by_tangents(const Recording& recording, InitialState initial, bool by_kernel);
+  FilterStatus add_by_recursion(Recording& recording, const StateSpace& model, InitialState initial,
+                                const std::vector<StateSpace>& derivatives, bool by_kernel,
+                                bool constant_gain);
+  FallbackReason fallback_of(bool late, bool rejected) const;
+
+  Index jumped = 0;  // samples of the last recording that the kernel served
+  bool noise_alone = false, drifting = false;  // of the model and derivatives at hand
+  MatrixXd drifts_of;                          // the A that outputs_drift is known for
+  bool outputs_drift = false;
 };
 
 const char* to_string(EvaluationMethod method) {
@@ -182,29 +200,104 @@ FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
     kernel = make_segment_kernel(model.states());
     kernel_states = model.states();
   }
-  if (!kernel->prepare(model, derivatives)) return FallbackReason::no_steady_state;
+  Index longest = 0;
+  bool made = false;
+  for (const Recording& recording : all) {
+    for (const Segment& segment : recording.segments) {
+      longest = std::max(longest, segment.samples());
+      made = made || segment.nominal.has_value();
+    }
+  }
+  if (longest == 0) return FallbackReason::short_segment;
+  if (!kernel->prepare(model, derivatives, longest)) {
+    return kernel->slow() ? FallbackReason::short_segment : FallbackReason::no_steady_state;
+  }
+  noise_alone = std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
+  if (noise_alone && (drifts_of.size() == 0 || drifts_of != model.A)) {
+    drifts_of = model.A;
+    outputs_drift = drifts(model);
+  }
+  drifting = noise_alone && (made || outputs_drift);
   taken.pole = kernel->pole();
   return kernel->memory() > kMostLags ? FallbackReason::long_memory : FallbackReason::none;
 }
 
-// All of a recording without gaps by the kernel; false where that will not do.
-bool LikelihoodEngine::Recordings::add_gapless(const Recording& recording, const StateSpace& model,
-                                               InitialState initial) {
-  if (!recording.gapless() || recording.segments[0].sums.samples() <= kernel->memory() ||
-      !kernel->add_from_model(recording.segments[0], initial, result)) {
-    return false;
+// The sums that the kernel needs, in the segments that are longer than its memory. Innovations of a
+// nominal filter take the place of outputs that drift, as long as nothing but noise is unknown.
+void LikelihoodEngine::Recordings::prepare_sums(Recording& recording, const StateSpace& model) {
+  for (Segment& segment : recording.segments) {
+    if (segment.samples() <= kernel->memory()) continue;
+    if (segment.nominal && !serves(*segment.nominal, model)) segment.nominal.reset();
+    if (drifting && !segment.nominal) make_nominal(recording, segment, model);
+    extend_sums(noise_alone && segment.nominal ? segment.nominal->sums : segment.sums,
+                kernel->memory());
   }
+}
+
+void LikelihoodEngine::Recordings::make_nominal(const Recording& recording, Segment& segment,
+                                                const StateSpace& model) {
+  segment.nominal = nominal_innovations(model, kernel->gain(), kernel->memory(), *recording.y,
+                                        *recording.u, segment.begin, segment.samples());
+  extend_sums(segment.nominal->sums, kernel->memory());
+}
+
+// All of a recording without gaps by the kernel; false where that will not do.
+bool LikelihoodEngine::Recordings::add_gapless(Recording& recording, const StateSpace& model,
+                                               InitialState initial) {
+  if (!recording.gapless()) return false;
+  Segment& segment = recording.segments[0];
+  if (segment.samples() <= kernel->memory()) return false;
+  bool added = kernel->add_from_model(segment, initial, result);
+  if (!added && noise_alone && !segment.nominal &&
+      kernel->reject_reason() == RejectReason::cancellation) {
+    make_nominal(recording, segment, model);
+    added = kernel->add_from_model(segment, initial, result);
+  }
+  if (!added) return false;
   const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
   result.value -= 0.5 * kLogTwoPi * static_cast<double>(recording.samples - diffuse);
   return true;
 }
 
 // Why the kernel did not serve all of a recording.
-FallbackReason LikelihoodEngine::Recordings::fallback_of(const RecursionOptions& options) const {
-  if (options.late || (options.cancelled && kernel->reject_reason() == RejectReason::known_start)) {
+FallbackReason LikelihoodEngine::Recordings::fallback_of(bool late, bool rejected) const {
+  if (late || (rejected && kernel->reject_reason() == RejectReason::known_start)) {
     return FallbackReason::known_start;
   }
-  return options.cancelled ? FallbackReason::cancellation : FallbackReason::short_segment;
+  return rejected ? FallbackReason::cancellation : FallbackReason::short_segment;
+}
+
+// Value, gradient and information sample by sample, whatever is missing.
+FilterStatus LikelihoodEngine::Recordings::add_by_tangents(const Recording& recording,
+                                                           InitialState initial, bool by_kernel) {
+  const FilterStatus status = tangents.run({*recording.y, *recording.u, recording.presence,
+                                            recording.segments, by_kernel ? kernel.get() : nullptr},
+                                           initial, result);
+  jumped = tangents.served_by_kernel();
+  if (by_kernel && jumped < recording.y->cols()) {
+    taken.fallback = fallback_of(tangents.diffuse_start_came_late(), tangents.kernel_rejected());
+  }
+  return status;
+}
+
+FilterStatus LikelihoodEngine::Recordings::add_by_recursion(
+    Recording& recording, const StateSpace& model, InitialState initial,
+    const std::vector<StateSpace>& derivatives, bool by_kernel, bool constant_gain) {
+  RecursionOptions options;
+  options.constant_gain = constant_gain;
+  options.segments = &recording.segments;
+  if (by_kernel) options.kernel = kernel.get();
+  const Likelihood one =
+      Recursion(model, initial, *recording.y, *recording.u, derivatives).run(options);
+  if (one.status != FilterStatus::ok) return one.status;
+  result.value += one.value;
+  result.gradient += one.gradient;
+  result.information += one.information;
+  jumped = options.jumped;
+  if (by_kernel && jumped < recording.y->cols()) {
+    taken.fallback = fallback_of(options.late, options.cancelled);
+  }
+  return FilterStatus::ok;
 }
 
 const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialState initial,
@@ -230,32 +323,32 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
       kernel_may ? r.prepare_kernel(model, initial, derivatives) : FallbackReason::not_requested;
   const bool by_kernel = why == FallbackReason::none;
   Index total = 0, compressed = 0;
+  bool prepared = false;
   for (Recording& recording : r.all) {
     total += recording.y->cols();
     if (by_kernel) {
-      extend_sums(recording, r.kernel->memory());
+      r.prepare_sums(recording, model);
       if (r.add_gapless(recording, model, initial)) {
         compressed += recording.y->cols();
         continue;
       }
     }
-    RecursionOptions options;
-    options.constant_gain = method != EvaluationMethod::time_varying;
-    options.segments = &recording.segments;
-    if (by_kernel) options.kernel = r.kernel.get();
-    const Likelihood one =
-        Recursion(model, initial, *recording.y, *recording.u, derivatives).run(options);
-    if (one.status != FilterStatus::ok) {
-      out.status = one.status;
+    // Code made for gapless samples needs no derivatives and goes faster without; the full
+    // recursion stays the witness of the others.
+    const bool plain = method == EvaluationMethod::time_varying || (k == 0 && recording.gapless());
+    if (!plain && !prepared) {
+      r.tangents.prepare(model, derivatives);
+      prepared = true;
+    }
+    const FilterStatus status =
+        plain ? r.add_by_recursion(recording, model, initial, derivatives, by_kernel,
+                                   method != EvaluationMethod::time_varying)
+              : r.add_by_tangents(recording, initial, by_kernel);
+    if (status != FilterStatus::ok) {
+      out.status = status;
       return out;
     }
-    out.value += one.value;
-    out.gradient += one.gradient;
-    out.information += one.information;
-    compressed += options.jumped;
-    if (by_kernel && options.jumped < recording.y->cols()) {
-      r.taken.fallback = r.fallback_of(options);
-    }
+    compressed += r.jumped;
   }
   if (!by_kernel) r.taken.fallback = why;
   if (2 * compressed > total) {

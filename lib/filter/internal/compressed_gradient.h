@@ -101,8 +101,8 @@ void CompressedKernel<n>::back_through_determinants(double samples, const Square
 /// Back through F = A - K C, Kz = [K, B - K D], H = [I, -D], and a mean that was taken out.
 template <int n>
 void CompressedKernel<n>::back_through_gain(const Segment& segment, Adjoints& bar) const {
-  const Eigen::Index ny = model_->outputs(), nu = model_->inputs();
-  if (segment.mean.size() > 0) {
+  const Eigen::Index ny = model_->outputs(), nu = nominal_ != nullptr ? 0 : model_->inputs();
+  if (nominal_ == nullptr && segment.mean.size() > 0) {
     const auto last = channels_ - 1;
     add_product(bar.Kz.leftCols(last), bar.Kz.col(last), segment.mean.transpose());
     add_product(bar.H.leftCols(last), bar.H.col(last), segment.mean.transpose());
@@ -161,7 +161,7 @@ double CompressedKernel<n>::derivative(std::size_t i, const SegmentStart<n>& sta
 template <int n>
 void CompressedKernel<n>::add_gradient(const Segment& segment, const SegmentStart<n>& start,
                                        Likelihood& out) {
-  const SegmentAutocovariances& sums = segment.sums;
+  const SegmentAutocovariances& sums = *sums_;
   Square M_F;
   set_product(M_F, M_, filter_.F);
   Adjoints bar;

@@ -103,7 +103,7 @@ void CompressedKernel<n>::sum_response(std::size_t i, const Segment& segment,
   r.dx0.setZero(model_->states());
   if (start.kind == InitialState::given) r.dx0 = start.mean_theta[i];
   follow_start(segment, r);
-  r.dxN = last_response(segment, r);
+  r.dxN = last_response(r);
   // What drives dx, g = a x + b z, times x' and z'.
   set_product(r.g_x, r.a, X_);
   add_product(r.g_x, r.b, Yt_.transpose());

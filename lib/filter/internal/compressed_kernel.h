@@ -16,6 +16,9 @@
 //   X = sum_t x x' = F X F' + Kz Gamma_0 Kz' + Kz Y F' + F Y' Kz' + x0 x0' - xN xN',
 //   S_e = H Gamma_0 H' - H Y C' - C Y' H' + C X C'.
 //
+// Where z drifts, or is much larger than e, those sums lose digits. Then x is the difference to a
+// nominal filter and z its innovations (lib/filter/internal/segment.h): Kz = K - K0, H = I.
+//
 // Gradient and information follow in compressed_gradient.h and compressed_information.h.
 #pragma once
 
@@ -52,16 +55,19 @@ class CompressedKernel final : public SegmentKernel {
   using State = Eigen::Matrix<double, n, 1>;
   using Columns = ChannelColumns<n>;
 
-  bool prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) override {
+  bool prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives,
+               Eigen::Index longest) override {
     model_ = &model;
     derivatives_ = &derivatives;
-    if (!filter_.solve(model)) return false;
+    if (!filter_.solve(model, longest)) return false;
     set_product(CW_, filter_.Ct, filter_.Sigma_inverse);
     set_product(M_, CW_, filter_.Ct.transpose());
     filter_.powers.sum_backward(M_);
     return find_directions();
   }
 
+  bool slow() const override { return filter_.slow; }
+  Eigen::MatrixXd gain() const override { return filter_.K; }
   Eigen::Index memory() const override { return filter_.powers.memory(); }
   double pole() const override { return filter_.powers.radius(); }
   RejectReason reject_reason() const override { return reject_reason_; }
@@ -132,7 +138,7 @@ class CompressedKernel final : public SegmentKernel {
 
   bool find_directions();
   void respond(std::size_t i, const Segment& segment, Response& r) const;
-  State last_response(const Segment& segment, const Response& r) const;
+  State last_response(const Response& r) const;
   bool add(const Segment& segment, const SegmentStart<n>& start, Likelihood& out);
   void augment(const Segment& segment);
   State score_of_start(const SegmentAutocovariances& sums, const State& mean);
@@ -185,6 +191,8 @@ class CompressedKernel final : public SegmentKernel {
   SmallMatrix small_;
 
   // Of the segment at hand.
+  const SegmentAutocovariances* sums_ = nullptr;
+  const NominalInnovations* nominal_ = nullptr;  // what the sums are of, if not outputs and inputs
   Eigen::Index lags_ = 0, channels_ = 0;
   Columns Kz_, Yt_;  // Yt = sum x z'
   SmallMatrix H_, S_e_, SiSeSi_;
@@ -272,11 +280,15 @@ template <int n>
 void CompressedKernel<n>::augment(const Segment& segment) {
   const StateSpace& m = *model_;
   const Eigen::Index ny = m.outputs(), nu = m.inputs();
-  channels_ = segment.sums.channels();
+  channels_ = sums_->channels();
   Kz_.resize(m.states(), channels_);
   H_.setZero(ny, channels_);
   Kz_.leftCols(ny) = filter_.K;
   H_.leftCols(ny).setIdentity();
+  if (nominal_ != nullptr) {
+    Kz_ -= nominal_->gain;
+    return;
+  }
   if (nu > 0) {
     Kz_.middleCols(ny, nu) = m.B;
     add_product(Kz_.middleCols(ny, nu), filter_.K, m.D, -1.0);
@@ -498,17 +510,24 @@ template <int n>
 bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& start,
                               Likelihood& out) {
   const SteadyFilter<n>& f = filter_;
-  const SegmentAutocovariances& sums = segment.sums;
+  bool dynamics = false;
+  for (const Direction& d : directions_) dynamics = dynamics || d.dynamics;
+  nominal_ = segment.nominal && !dynamics ? &*segment.nominal : nullptr;
+  sums_ = nominal_ != nullptr ? &nominal_->sums : &segment.sums;
+  const SegmentAutocovariances& sums = *sums_;
   const auto samples = static_cast<double>(sums.samples());
   augment(segment);
   reject_reason_ = RejectReason::cancellation;
   StartTerms terms;
-  const State s = score_of_start(sums, start.mean);
+  State mean = start.mean;
+  // A diffuse start is as well about the nominal one.
+  if (nominal_ != nullptr && start.kind != InitialState::diffuse) mean -= nominal_->start;
+  const State s = score_of_start(sums, mean);
   if (start.kind == InitialState::diffuse ? !find_diffuse_delta(s, terms)
                                           : !find_delta(start, s, terms)) {
     return false;
   }
-  x0_ = start.mean + delta_;
+  x0_ = mean + delta_;
   sum_states_with_channels(sums);
   find_last_state(sums);
   const auto Gamma_0 = sums.at(0);
@@ -524,8 +543,6 @@ bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& sta
   out.value -= 0.5 * (samples * log_det_Sigma + squares + terms.log_det + terms.penalty);
   if (directions_.empty()) return true;
   add_gradient(segment, start, out);
-  bool dynamics = false;
-  for (const Direction& d : directions_) dynamics = dynamics || d.dynamics;
   if (dynamics) {
     add_full_information(segment, start, out);
   } else {
@@ -548,6 +565,7 @@ void CompressedKernel<n>::respond(std::size_t i, const Segment& segment, Respons
   r.b.setZero(m.states(), channels_);
   r.g.setZero(ny, channels_);
   r.b.leftCols(ny) = d.K;
+  if (nominal_ != nullptr) return;
   if (nu > 0) {
     r.b.middleCols(ny, nu) = by.B;
     add_product(r.b.middleCols(ny, nu), d.K, m.D, -1.0);
@@ -562,14 +580,14 @@ void CompressedKernel<n>::respond(std::size_t i, const Segment& segment, Respons
 
 /// dx behind the last sample.
 template <int n>
-auto CompressedKernel<n>::last_response(const Segment& segment, const Response& r) const -> State {
-  const Eigen::Index L = memory(), N = segment.sums.samples();
+auto CompressedKernel<n>::last_response(const Response& r) const -> State {
+  const Eigen::Index L = memory(), N = sums_->samples();
   State dx = State::Zero(model_->states()), next;
   for (Eigen::Index t = 0; t < L; ++t) {
     set_product(next, filter_.F, dx);
     add_product(next, r.a, tail_.col(t));
     for (Eigen::Index c = 0; c < channels_; ++c) {
-      next += segment.sums.sample(c, N - L + t) * r.b.col(c);
+      next += sums_->sample(c, N - L + t) * r.b.col(c);
     }
     dx = next;
   }
@@ -579,11 +597,12 @@ auto CompressedKernel<n>::last_response(const Segment& segment, const Response& 
 template <int n>
 void CompressedKernel<n>::end_of_segment(const Segment& segment, FilterState& state) {
   state.x = xN_;
+  if (nominal_ != nullptr) state.x += nominal_->end;
   state.P = filter_.P;
   for (std::size_t i = 0; i < directions_.size(); ++i) {
     Response r;
     respond(i, segment, r);
-    state.x_theta[i] = last_response(segment, r);
+    state.x_theta[i] = last_response(r);
     state.P_theta[i] = directions_[i].P;
   }
 }

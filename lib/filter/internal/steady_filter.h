@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
@@ -39,16 +40,21 @@ struct SteadyFilter {
   OutputSquare Sigma, Sigma_inverse;
   Eigen::LLT<OutputSquare> llt;
   Powers<n> powers;
+  bool slow = false;  ///< solve() gave up
 
+  /// @param longest  give up once it is certain that the filter takes longer to settle
   /// @return false when there is no stabilising solution: a mode that does not decay and is not
   ///         observed, or is not excited; or a singular Sigma.
-  bool solve(const StateSpace& model) {
+  bool solve(const StateSpace& model,
+             Eigen::Index longest = std::numeric_limits<Eigen::Index>::max()) {
+    longest_ = longest;
+    slow = false;
     A = model.A;
     Ct = model.C.transpose();
     set_product(work_, model.G, model.Q);
     set_product(W, work_, model.G.transpose());
     set_product(Sw, model.G, model.S);
-    if (!start_by_doubling(model) && !start_by_iteration(model)) return false;
+    if (!start_by_doubling(model) && (slow || !start_by_iteration(model))) return false;
     // Newton's method (Kleinman 1968) polishes: the gain's error enters P squared.
     for (int round = 0; round < 12; ++round) {
       if (!gain(model) || !powers.compute(F)) return false;
@@ -67,6 +73,7 @@ struct SteadyFilter {
  private:
   Eigen::MatrixXd work_;  // G Q
   OutputSquare R_inverse_;
+  Eigen::Index longest_ = 0;
 
   bool gain(const StateSpace& model) {
     set_product(PCt, P, Ct);
@@ -144,7 +151,9 @@ struct SteadyFilter {
       set_product(K, Sw, R_inverse_);
       add_product(H, K, Sw.transpose(), -1.0);
     }
-    for (int k = 0; k < 50; ++k) {
+    // Settled to 1e-9 after 2^k steps, it takes twice as many to forget to rounding.
+    for (int k = 0; k < 50 && !slow; ++k) {
+      slow = (Eigen::Index(1) << k) > longest_;
       step.setIdentity(A.rows(), A.cols());
       add_product(step, G, H);
       inverse = step.inverse();
@@ -160,7 +169,10 @@ struct SteadyFilter {
       set_product(step, Ak, Gk);
       Ak = step;
       if (!P.allFinite()) return false;
-      if (close(H, P, 1e-9, Size::Zero(A.rows()))) return true;
+      if (close(H, P, 1e-9, Size::Zero(A.rows()))) {
+        slow = false;
+        return true;
+      }
       H = P;
     }
     return false;
@@ -178,7 +190,8 @@ struct SteadyFilter {
       P.diagonal().array() += 1.0;
     }
     Square next, step;
-    for (int k = 0; k < 2000; ++k) {
+    for (int k = 0; k < 2000 && !slow; ++k) {
+      slow = k > longest_;
       if (!gain(model)) return false;
       set_product(step, F, P);
       next = W;
@@ -188,7 +201,10 @@ struct SteadyFilter {
       if (!next.allFinite()) return false;
       const bool done = close(P, next, 1e-9, noise_size());
       P = next;
-      if (done) return true;
+      if (done) {
+        slow = false;
+        return true;
+      }
     }
     return false;
   }

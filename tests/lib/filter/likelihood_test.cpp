@@ -503,6 +503,131 @@ TEST(Likelihood, DiffuseChainsOfIntegratorsKeepTheirDigits) {
   EXPECT_LT(worst, 1e-9);
 }
 
+// A recording of `m` with gaps, and what the automatic choice makes of it against the recursion.
+void expect_agreement(const StateSpace& m, InitialState initial, const MatrixXd& y,
+                      const std::vector<StateSpace>& derivatives, EvaluationMethod by) {
+  const MatrixXd u(0, y.cols());
+  LikelihoodEngine engine;
+  engine.add_recording(y, u);
+  const Likelihood fast = engine.evaluate(m, initial, derivatives);
+  EXPECT_EQ(engine.evaluation_taken().method, by);
+  const Likelihood full = log_likelihood(m, initial, y, u, derivatives);
+  ASSERT_EQ(fast.status, full.status);
+  EXPECT_NEAR(fast.value, full.value, 1e-9 * std::abs(full.value));
+  // Either rounds terms of the size of the information's root.
+  for (Index i = 0; i < full.gradient.size(); ++i) {
+    EXPECT_NEAR(fast.gradient[i], full.gradient[i], 1e-7 * std::sqrt(full.information(i, i)));
+  }
+  const double information = by == EvaluationMethod::autocovariances ? 0.3 : 1e-7;
+  EXPECT_LT(relative(fast.information, full.information), information);
+}
+
+// Only Q and R are unknown: one variance each.
+std::vector<StateSpace> variances_of(const StateSpace& m) {
+  std::vector<StateSpace> out;
+  for (Index i = 0; i < m.Q.rows(); ++i) {
+    out.push_back(zero_like(m));
+    out.back().Q(i, i) = 1.0;
+  }
+  for (Index i = 0; i < m.R.rows(); ++i) {
+    out.push_back(zero_like(m));
+    out.back().R(i, i) = 1.0;
+  }
+  return out;
+}
+
+// Local linear trend and a dummy season, one output.
+StateSpace structural_model(Index season, double level, double slope, double seasonal,
+                            double noise) {
+  const Index n = 1 + season;
+  StateSpace m;
+  m.A = MatrixXd::Zero(n, n);
+  m.A.topLeftCorner(2, 2) << 1, 1, 0, 1;
+  m.A.row(2).rightCols(n - 2).setConstant(-1.0);
+  for (Index i = 3; i < n; ++i) m.A(i, i - 1) = 1.0;
+  m.C = MatrixXd::Zero(1, n);
+  m.C(0, 0) = m.C(0, 2) = 1.0;
+  m.G = MatrixXd::Identity(n, 3);
+  m.Q = Eigen::Vector3d(level, slope, seasonal).asDiagonal();
+  m.R = MatrixXd::Constant(1, 1, noise);
+  m.S = MatrixXd::Zero(3, 1);
+  m.B.resize(n, 0), m.D.resize(1, 0);
+  m.x0 = VectorXd::Zero(n);
+  m.P0 = MatrixXd::Zero(n, n);
+  return m;
+}
+
+TEST(Likelihood, StructuralModelsAgreeWithTheRecursion) {
+  Random random(11);
+  for (const double slope : {1e-3, 0.0}) {
+    const StateSpace m = structural_model(12, 0.1, slope, 0.02, 0.5);
+    MatrixXd y = simulate_outputs(random, m, MatrixXd(0, 200), 200);
+    y.array() += 300.0;
+    expect_agreement(m, InitialState::diffuse, y, variances_of(m), EvaluationMethod::steady_state);
+    knock_out(y, 5, 2, 0);
+    knock_out(y, 90, 20, 0);
+    expect_agreement(m, InitialState::diffuse, y, variances_of(m), EvaluationMethod::steady_state);
+  }
+}
+
+TEST(Likelihood, OutputsAtDifferentRatesAgreeWithTheRecursion) {
+  Random random(12);
+  StateSpace m = random_model(random, 4, 0, 4, 4);
+  m.A << 1, 0.02, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.02, 0, 0, 0, 1;
+  m.C << 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1;
+  m.S.setZero();
+  MatrixXd y = simulate_outputs(random, m, MatrixXd(0, 1000), 1000);
+  for (Index t = 0; t < y.cols(); ++t) {
+    if (t % 5 != 0) knock_out(y, t, 1, 0), knock_out(y, t, 1, 1);
+    if (random.uniform() < 0.1) knock_out(y, t, 1, -1);
+  }
+  std::vector<StateSpace> derivatives = variances_of(m);
+  derivatives.push_back(noise_direction(random, m));
+  expect_agreement(m, InitialState::diffuse, y, derivatives, EvaluationMethod::steady_state);
+  expect_agreement(m, InitialState::given, y, derivatives, EvaluationMethod::steady_state);
+}
+
+TEST(Likelihood, DriftingOutputsKeepTheirDigitsFromSums) {
+  Random random(13);
+  const auto chain = [&](Index n, const VectorXd& q) {
+    StateSpace m = structural_model(2, 0.0, 0.0, 0.0, 1.0);
+    m.A = MatrixXd::Identity(n, n);
+    for (Index i = 0; i + 1 < n; ++i) m.A(i, i + 1) = 1.0;
+    m.C = MatrixXd::Identity(1, n);
+    m.G = m.Q = MatrixXd::Identity(n, n);
+    m.Q.diagonal() = q;
+    m.S = MatrixXd::Zero(n, 1);
+    m.B.resize(n, 0);
+    m.x0 = VectorXd::Zero(n);
+    m.P0 = MatrixXd::Zero(n, n);
+    return m;
+  };
+  const StateSpace models[] = {chain(1, VectorXd{{0.1}}), chain(2, VectorXd{{0.1, 0.02}}),
+                               chain(3, VectorXd{{0.1, 0.02, 0.01}}),
+                               structural_model(4, 0.2, 0.05, 0.1, 0.5)};
+  for (const StateSpace& m : models) {
+    SCOPED_TRACE(m.states());
+    MatrixXd y = simulate_outputs(random, m, MatrixXd(0, 10000), 10000);
+    y.array() += 1e4;
+    expect_agreement(m, InitialState::diffuse, y, variances_of(m),
+                     EvaluationMethod::autocovariances);
+    // A second segment begins from a state.
+    knock_out(y, 6000, 3, 0);
+    expect_agreement(m, InitialState::diffuse, y, variances_of(m),
+                     EvaluationMethod::autocovariances);
+    // A maximum elsewhere: the nominal gain stays what the first evaluation made it.
+    LikelihoodEngine engine;
+    const MatrixXd u(0, y.cols());
+    engine.add_recording(y, u);
+    engine.evaluate(m, InitialState::diffuse, variances_of(m));
+    StateSpace other = m;
+    other.Q *= 3.0;
+    EXPECT_NEAR(engine.evaluate(other, InitialState::diffuse).value,
+                log_likelihood(other, InitialState::diffuse, y, u).value,
+                1e-9 * std::abs(log_likelihood(other, InitialState::diffuse, y, u).value));
+  }
+}
+
 TEST(Likelihood, RefusesShapesThatDisagree) {
   const LikelihoodCase c = random_case(3, 100, false);
   LikelihoodEngine engine;

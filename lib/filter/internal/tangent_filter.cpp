@@ -1,0 +1,587 @@
+#include "lib/filter/internal/tangent_filter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "lib/base/constants.h"
+#include "lib/filter/internal/sensitivity.h"
+#include "lib/filter/steady_state.h"
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+// Up to here the kernel is made for the number of states and F is dense.
+constexpr Index kUnrolled = 4;
+// Gains are kept of so many samples between changes of what is measured.
+constexpr Index kLongestPassage = 16;
+
+MatrixXd rows_of(const MatrixXd& M, const std::vector<int>& rows) {
+  MatrixXd out(static_cast<Index>(rows.size()), M.cols());
+  for (Index i = 0; i < out.rows(); ++i) out.row(i) = M.row(rows[static_cast<std::size_t>(i)]);
+  return out;
+}
+
+MatrixXd columns_of(const MatrixXd& M, const std::vector<int>& columns) {
+  return rows_of(M.transpose(), columns).transpose();
+}
+
+}  // namespace
+
+Presence find_presence(const MatrixXd& y) {
+  Presence out;
+  std::vector<std::vector<bool>> known;  // which channels are there, by pattern
+  std::vector<bool> here(static_cast<std::size_t>(y.rows()));
+  for (Index t = 0; t < y.cols(); ++t) {
+    for (Index i = 0; i < y.rows(); ++i) here[i] = !std::isnan(y(i, t));
+    if (t > 0 && here == known[out.stretches.back().pattern]) {
+      out.stretches.back().end = t + 1;
+      continue;
+    }
+    const auto at = std::find(known.begin(), known.end(), here);
+    out.stretches.push_back({t, t + 1, static_cast<std::size_t>(at - known.begin())});
+    if (at != known.end()) continue;
+    known.push_back(here);
+    out.channels.emplace_back();
+    for (Index i = 0; i < y.rows(); ++i) {
+      if (here[i]) out.channels.back().push_back(static_cast<int>(i));
+    }
+  }
+  return out;
+}
+
+// ---- The model in lanes
+
+// Of an element, counted row by row, in lane l.
+std::size_t TangentFilter::place(Index elements, Index element, std::size_t l) const {
+  return (l / lanes_ * static_cast<std::size_t>(elements) + static_cast<std::size_t>(element)) *
+             lanes_ +
+         l % lanes_;
+}
+
+MatrixXd TangentFilter::matrix(const double* of, std::size_t l) const {
+  MatrixXd out(n_, n_);
+  for (Index i = 0; i < n_; ++i) {
+    for (Index j = 0; j < n_; ++j) out(i, j) = of[place(n_ * n_, i * n_ + j, l)];
+  }
+  return out;
+}
+
+// The first of some columns.
+VectorXd TangentFilter::vector(const double* of, Index columns, std::size_t l) const {
+  VectorXd out(n_);
+  for (Index i = 0; i < n_; ++i) out[i] = of[place(columns * n_, i, l)];
+  return out;
+}
+
+void TangentFilter::set_matrix(double* of, std::size_t l, const MatrixXd& value) const {
+  for (Index i = 0; i < n_; ++i) {
+    for (Index j = 0; j < n_; ++j) of[place(n_ * n_, i * n_ + j, l)] = value(i, j);
+  }
+}
+
+void TangentFilter::set_vector(double* of, std::size_t l, const VectorXd& value) const {
+  for (Index i = 0; i < n_; ++i) of[place(n_, i, l)] = value[i];
+}
+
+// Lane 0 comes first and clears the others.
+void TangentFilter::fill(std::vector<double>& to, std::size_t l, const MatrixXd& value) const {
+  if (l == 0) to.assign(static_cast<std::size_t>(value.size()) * lanes_ * blocks_, 0.0);
+  for (Index i = 0; i < value.rows(); ++i) {
+    for (Index j = 0; j < value.cols(); ++j) {
+      to[place(value.size(), i * value.cols() + j, l)] = value(i, j);
+    }
+  }
+}
+
+void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) {
+  model_ = &model;
+  derivatives_ = &derivatives;
+  n_ = model.states(), ny_ = model.outputs(), nu_ = model.inputs();
+  lanes_ = static_cast<std::size_t>(simd::tangent_lanes(static_cast<int>(derivatives.size())));
+  blocks_ = derivatives.size() / lanes_ + 1;
+  find_structure();
+  fill_common();
+  for (Pattern& p : patterns_) {
+    p.ready = false;
+    for (Passage& passage : p.passages) passage.known = false;
+  }
+}
+
+// Entries of F = A - K C: where A has one, and all of the columns that an output sees.
+void TangentFilter::find_structure() {
+  row_.assign(1, 0);
+  column_.clear();
+  A_.clear();
+  for (Index i = 0; i < n_; ++i) {
+    for (Index j = 0; j < n_; ++j) {
+      if (n_ > kUnrolled && model_->A(i, j) == 0.0 && model_->C.col(j).isZero(0.0)) continue;
+      column_.push_back(static_cast<int>(j));
+      A_.push_back(model_->A(i, j));
+    }
+    row_.push_back(static_cast<int>(column_.size()));
+  }
+}
+
+void TangentFilter::fill_common() {
+  const StateSpace& m = *model_;
+  const std::vector<StateSpace>& by = *derivatives_;
+  const MatrixXd GQ = m.G * m.Q;
+  Sw_.resize(1 + by.size());
+  Sw_[0] = m.G * m.S;
+  fill(W_, 0, GQ * m.G.transpose());
+  fill(B_, 0, m.B);
+  crossed_ = !Sw_[0].isZero(0.0);
+  diagonal_R_ = m.R.isDiagonal(0.0);
+  dynamics_ = false;
+  for (std::size_t i = 0; i < by.size(); ++i) {
+    const StateSpace& d = by[i];
+    MatrixXd W = m.G * d.Q * m.G.transpose();
+    if (!d.G.isZero(0.0)) {
+      const MatrixXd half = d.G * GQ.transpose();
+      W += half + half.transpose();
+    }
+    fill(W_, 1 + i, W);
+    fill(B_, 1 + i, d.B);
+    Sw_[1 + i] = d.G * m.S + m.G * d.S;
+    crossed_ = crossed_ || !Sw_[1 + i].isZero(0.0);
+    diagonal_R_ = diagonal_R_ && d.R.isDiagonal(0.0);
+    dynamics_ = dynamics_ || !d.A.isZero(0.0) || !d.C.isZero(0.0);
+  }
+  if (!dynamics_) return;
+  fill(A_theta_, 0, MatrixXd::Zero(n_, n_));
+  for (std::size_t i = 0; i < by.size(); ++i) fill(A_theta_, 1 + i, by[i].A);
+}
+
+void TangentFilter::fill_pattern(Pattern& p, const std::vector<int>& channels) const {
+  const StateSpace& m = *model_;
+  const MatrixXd C = rows_of(m.C, channels);
+  p.C_row.assign(1, 0);
+  p.C_column.clear();
+  p.C.clear();
+  for (Index i = 0; i < C.rows(); ++i) {
+    for (Index j = 0; j < n_; ++j) {
+      if (C(i, j) == 0.0) continue;
+      p.C_column.push_back(static_cast<int>(j));
+      p.C.push_back(C(i, j));
+    }
+    p.C_row.push_back(static_cast<int>(p.C.size()));
+  }
+  const std::vector<StateSpace>& by = *derivatives_;
+  for (std::size_t l = 0; l <= by.size(); ++l) {
+    const StateSpace& of = l == 0 ? m : by[l - 1];
+    fill(p.R, l, columns_of(rows_of(of.R, channels), channels));
+    fill(p.S, l, columns_of(Sw_[l], channels));
+    fill(p.D, l, rows_of(of.D, channels));
+    if (dynamics_)
+      fill(p.C_theta, l, l == 0 ? MatrixXd::Zero(C.rows(), n_) : rows_of(of.C, channels));
+  }
+  simd::TangentModel& to = p.model;
+  to.n = static_cast<int>(n_), to.m = static_cast<int>(C.rows()), to.nu = static_cast<int>(nu_);
+  to.blocks = static_cast<int>(blocks_), to.lanes = static_cast<int>(lanes_);
+  to.derivatives = static_cast<int>(by.size());
+  to.row = row_.data(), to.column = column_.data(), to.A = A_.data();
+  to.C_row = p.C_row.data(), to.C_column = p.C_column.data(), to.C = p.C.data();
+  to.channel = channels.data();
+  to.W = W_.data(), to.R = p.R.data(), to.S = crossed_ ? p.S.data() : nullptr;
+  to.B = B_.data(), to.D = p.D.data();
+  to.A_theta = dynamics_ ? A_theta_.data() : nullptr;
+  to.C_theta = dynamics_ ? p.C_theta.data() : nullptr;
+  to.diagonal_R = diagonal_R_;
+  p.ready = true;
+}
+
+// ---- State and workspace
+
+void TangentFilter::reserve(bool diffuse) {
+  const std::size_t n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(ny_);
+  const std::size_t all = lanes_ * blocks_, columns = diffuse ? 1 + n : 1;
+  const std::size_t white = m * (m + 1) / 2 + m, entries = column_.size();
+  std::size_t used = 0;
+  const auto lay_out = [&](double*& to, std::size_t size) {
+    if (!memory_.empty()) to = memory_.data() + used;
+    used += size;
+  };
+  const auto lay_out_all = [&] {
+    used = 0;
+    simd::TangentRun& r = run_;
+    for (double** each : {&r.P, &r.next_P, &r.T}) lay_out(*each, n * n * all);
+    for (double** each : {&r.x, &r.next_x}) lay_out(*each, columns * n * all);
+    for (double** each : {&r.PC, &r.K_theta}) lay_out(*each, n * m * all);
+    lay_out(r.Sigma, m * m * all);
+    lay_out(r.E, columns * m * all);
+    lay_out(r.white, white * all);
+    lay_out(r.white_lanes, std::max(n * m, all));
+    lay_out(r.F, entries);
+    lay_out(r.K, n * m);
+    lay_out(r.L_inverse, m * m);
+    lay_out(r.Sigma_inverse, m * m);
+    lay_out(r.Sie, m);
+    lay_out(r.work, m * m + m * m * lanes_);
+    lay_out(r.gradient, all);
+    lay_out(r.information, (1 + derivatives_->size()) * all);
+    lay_out(r.delta_information, diffuse ? n * n * all : 0);
+    lay_out(r.delta_score, diffuse ? n * all : 0);
+  };
+  memory_.clear();
+  lay_out_all();
+  memory_.assign(used, 0.0);
+  lay_out_all();
+  run_.columns = static_cast<int>(columns);
+  run_.informed = !diffuse;
+  run_.squares = run_.log_det = 0.0;
+  run_.determinant = 1.0;
+}
+
+FilterStatus TangentFilter::begin(InitialState initial) {
+  diffuse_ = initial == InitialState::diffuse;
+  rejected_ = late_ = false;
+  samples_ = folded_ = jumped_ = 0;
+  reserve(diffuse_);
+  e_sd_.setZero(ny_);
+  const std::size_t k = derivatives_->size();
+  if (diffuse_) {
+    scale_ = proper_scale(*model_);
+    set_matrix(run_.P, 0, scale_.asDiagonal());
+    const Index columns = 1 + n_;
+    for (Index i = 0; i < n_; ++i) run_.x[place(columns * n_, (1 + i) * n_ + i, 0)] = 1.0;
+  } else if (initial == InitialState::given) {
+    for (std::size_t l = 0; l <= k; ++l) {
+      const StateSpace& of = l == 0 ? *model_ : (*derivatives_)[l - 1];
+      set_matrix(run_.P, l, of.P0);
+      set_vector(run_.x, l, of.x0);
+    }
+  } else {
+    const MatrixXd& A = model_->A;
+    const auto P = solve_discrete_lyapunov(A, matrix(W_.data(), 0));
+    if (!P) return FilterStatus::unstable;
+    set_matrix(run_.P, 0, *P);
+    for (std::size_t l = 1; l <= k; ++l) {
+      const MatrixXd half = (*derivatives_)[l - 1].A * *P * A.transpose();
+      const auto dP = solve_discrete_lyapunov(A, half + half.transpose() + matrix(W_.data(), l));
+      if (!dP) return FilterStatus::unstable;
+      set_matrix(run_.P, l, *dP);
+    }
+  }
+  return FilterStatus::ok;
+}
+
+// ---- The recording
+
+FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState initial,
+                                Likelihood& out) {
+  const Presence& presence = recording.presence;
+  if (channels_ != presence.channels) {
+    channels_ = presence.channels;
+    patterns_.assign(channels_.size(), {});
+  }
+  FilterStatus status = begin(initial);
+  scored_ = out.gradient;
+  std::size_t next = 0;
+  for (const Presence::Stretch& stretch : presence.stretches) {
+    Pattern& p = patterns_[stretch.pattern];
+    if (!p.ready) fill_pattern(p, channels_[stretch.pattern]);
+    for (Index t = stretch.begin; t < stretch.end && status == FilterStatus::ok;) {
+      const std::vector<Segment>& segments = recording.segments;
+      while (next < segments.size() && segments[next].begin < t) ++next;
+      Index end = stretch.end;
+      if (recording.kernel != nullptr && next < segments.size()) {
+        const Segment& segment = segments[next];
+        if (segment.begin == t && run_by_kernel(segment, *recording.kernel, out)) {
+          t += segment.sums.samples();
+          continue;
+        }
+        if (segment.begin > t) end = std::min(end, segment.begin);
+      }
+      if (diffuse_) {
+        status = run_diffuse(p, recording, t, end, out);
+      } else if (end - t <= kLongestPassage && presence.stretches.size() > 1) {
+        status = run_passage(p, recording, t, end, out);
+      } else {
+        status = run_stretch(p, recording, t, end, out);
+      }
+    }
+    if (status != FilterStatus::ok) return status;
+  }
+  if (status != FilterStatus::ok) return status;
+  if (diffuse_) return FilterStatus::undetermined;
+  add_sums(out);
+  return FilterStatus::ok;
+}
+
+simd::TangentEnd TangentFilter::step(const Pattern& p, const TangentRecording& recording, Index& t,
+                                     Index end) {
+  const Index before = t;
+  long at = t;
+  const bool complete = p.model.m == static_cast<int>(ny_) && ny_ > 0;
+  const simd::TangentEnd how =
+      simd::run_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
+                         recording.u.data(), at, end, complete && !diffuse_);
+  t = at;
+  samples_ += (t - before) * p.model.m;
+  return how;
+}
+
+FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording& recording,
+                                        Index& t, Index end, Likelihood& out) {
+  const bool watched = recording.store != nullptr || recording.score_products != nullptr;
+  bool settled = false;
+  while (t < end) {
+    const Index to = watched ? t + 1 : end;
+    if (settled) {
+      simd::run_settled_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
+                                 recording.u.data(), t, to);
+      samples_ += (to - t) * p.model.m;
+      t = to;
+    } else {
+      const simd::TangentEnd how = step(p, recording, t, to);
+      if (how == simd::TangentEnd::indefinite) return FilterStatus::indefinite;
+      settled = how == simd::TangentEnd::settled;
+      if (recording.store != nullptr) find_innovation_sd();
+    }
+    if (watched) leave_sample(p, recording, t - 1, out);
+  }
+  return FilterStatus::ok;
+}
+
+// Does the covariance begin as it did, to 1e-13 of the standard deviations, and its derivatives to
+// 1e-11 of their largest entry?
+bool TangentFilter::comes_back(const Passage& passage) const {
+  const double *P = run_.P, *before = passage.begin.data();
+  const auto scale = [&](Index i, Index j) {
+    return P[place(n_ * n_, i * n_ + i, 0)] * P[place(n_ * n_, j * n_ + j, 0)];
+  };
+  for (std::size_t l = 0; l <= derivatives_->size(); ++l) {
+    double largest = 0.0, change = 0.0;  // squared, against the deviations
+    for (Index i = 0; i < n_; ++i) {
+      for (Index j = 0; j <= i; ++j) {
+        const std::size_t at = place(n_ * n_, i * n_ + j, l);
+        const double size = scale(i, j), moved = P[at] - before[at];
+        if (moved == 0.0 && P[at] == 0.0) continue;
+        if (!(size > 0.0)) return false;
+        largest = std::max(largest, P[at] * P[at] / size);
+        change = std::max(change, moved * moved / size);
+      }
+    }
+    if (!(change <= (l == 0 ? 1e-26 : 1e-22) * largest)) return false;
+  }
+  return true;
+}
+
+std::size_t TangentFilter::gain_size(const Pattern& p) const {
+  const auto n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(p.model.m);
+  return (n * m + m * m) * lanes_ * blocks_ + n * m + 3 * m * m + static_cast<std::size_t>(ny_);
+}
+
+// copy(number kept, number in use, how many) of all that a sample's gain consists of.
+template <typename Copy>
+void TangentFilter::copy_gain(const Pattern& p, double* gain, Copy&& copy) {
+  const auto n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(p.model.m);
+  const std::size_t all = lanes_ * blocks_;
+  const auto next = [&](double* used, std::size_t size) {
+    copy(gain, used, size);
+    gain += size;
+  };
+  next(run_.K_theta, n * m * all);
+  next(run_.Sigma, m * m * all);
+  next(run_.K, n * m);
+  next(run_.L_inverse, m * m);
+  next(run_.Sigma_inverse, m * m);
+  next(run_.work, m * m);  // L
+  next(e_sd_.data(), static_cast<std::size_t>(ny_));
+}
+
+// A few samples, with the gains of the last time where the covariance has come back.
+FilterStatus TangentFilter::run_passage(Pattern& p, const TangentRecording& recording, Index& t,
+                                        Index end, Likelihood& out) {
+  if (p.passages.empty()) p.passages.resize(kLongestPassage + 1);
+  Passage& passage = p.passages[static_cast<std::size_t>(end - t)];
+  const std::size_t size = static_cast<std::size_t>(n_ * n_) * lanes_ * blocks_;
+  const bool watched = recording.store != nullptr || recording.score_products != nullptr;
+  const bool same = passage.known && comes_back(passage);
+  if (!same) {
+    passage.begin.assign(run_.P, run_.P + size);
+    passage.gains.resize(gain_size(p) * static_cast<std::size_t>(end - t));
+    passage.known = false;
+  }
+  double* gain = passage.gains.data();
+  for (; t < end; gain += gain_size(p)) {
+    if (same) {
+      copy_gain(p, gain, [](const double* kept, double* used, std::size_t count) {
+        std::copy(kept, kept + count, used);
+      });
+      simd::run_settled_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
+                                 recording.u.data(), t, t + 1);
+      samples_ += p.model.m;
+      ++t;
+    } else {
+      if (step(p, recording, t, t + 1) == simd::TangentEnd::indefinite) {
+        return FilterStatus::indefinite;
+      }
+      if (recording.store != nullptr) find_innovation_sd();
+      copy_gain(p, gain, [](double* kept, const double* used, std::size_t count) {
+        std::copy(used, used + count, kept);
+      });
+    }
+    if (watched) leave_sample(p, recording, t - 1, out);
+  }
+  if (same) {
+    std::copy(passage.end.begin(), passage.end.end(), run_.P);
+  } else {
+    passage.end.assign(run_.P, run_.P + size);
+    passage.known = true;
+  }
+  return FilterStatus::ok;
+}
+
+// The covariance before the last sample has not been overwritten yet.
+void TangentFilter::find_innovation_sd() {
+  const MatrixXd& C = model_->C;
+  for (Index i = 0; i < ny_; ++i) {
+    double variance = model_->R(i, i);
+    for (Index j = 0; j < n_; ++j) {
+      if (C(i, j) == 0.0) continue;
+      for (Index k = 0; k < n_; ++k) {
+        if (C(i, k) == 0.0) continue;
+        variance += C(i, j) * C(i, k) * run_.next_P[place(n_ * n_, j * n_ + k, 0)];
+      }
+    }
+    e_sd_[i] = std::sqrt(variance);
+  }
+}
+
+void TangentFilter::leave_sample(const Pattern& p, const TangentRecording& recording, Index t,
+                                 Likelihood& out) {
+  const auto m = static_cast<std::size_t>(p.model.m);
+  if (FilterResult* store = recording.store) {
+    store->e_sd.col(t) = e_sd_;
+    for (std::size_t a = 0; a < m; ++a) {
+      double z = 0.0;
+      for (std::size_t c = 0; c <= a; ++c) z += run_.L_inverse[a * m + c] * run_.E[c * lanes_];
+      store->e(p.model.channel[a], t) = run_.E[a * lanes_];
+      store->standardised(p.model.channel[a], t) = z;
+    }
+  }
+  if (recording.score_products == nullptr) return;
+  VectorXd now = out.gradient;
+  for (Index i = 0; i < now.size(); ++i) now[i] += run_.gradient[i + 1];
+  const VectorXd score = now - scored_;
+  *recording.score_products += score * score.transpose();
+  scored_ = now;
+}
+
+// Sample by sample, until all of the start is determined.
+FilterStatus TangentFilter::run_diffuse(const Pattern& p, const TangentRecording& recording,
+                                        Index& t, Index end, Likelihood& out) {
+  while (t < end && diffuse_) {
+    if (step(p, recording, t, t + 1) == simd::TangentEnd::indefinite) {
+      return FilterStatus::indefinite;
+    }
+    const bool last = t == recording.y.cols();
+    if (samples_ < n_) continue;
+    DiffuseStart start(scale_, derivatives_->size());
+    start.information = matrix(run_.delta_information, 0);
+    if (!start.is_determined(last)) continue;
+    if (!fold_in(start, out)) {
+      if (last) return FilterStatus::undetermined;
+      continue;
+    }
+    if (recording.store != nullptr) recording.store->first_proper = t;
+  }
+  return FilterStatus::ok;
+}
+
+bool TangentFilter::fold_in(DiffuseStart& start, Likelihood& out) {
+  const Index columns = 1 + n_;
+  const auto all_columns = [&](std::size_t l) {
+    MatrixXd Z(n_, columns);
+    for (Index c = 0; c < columns; ++c) {
+      for (Index i = 0; i < n_; ++i) Z(i, c) = run_.x[place(columns * n_, c * n_ + i, l)];
+    }
+    return Z;
+  };
+  const std::size_t k = derivatives_->size();
+  start.score = vector(run_.delta_score, 1, 0);
+  std::vector<Sensitivity> sensitivities(k);
+  for (std::size_t i = 0; i < k; ++i) {
+    start.by[i] = {matrix(run_.delta_information, 1 + i), vector(run_.delta_score, 1, 1 + i)};
+    sensitivities[i].P = matrix(run_.P, 1 + i);
+    sensitivities[i].Z = all_columns(1 + i);
+  }
+  MatrixXd P = matrix(run_.P, 0), Z = all_columns(0);
+  if (!start.fold_in(P, Z, sensitivities, out)) return false;
+  run_.columns = 1;
+  run_.informed = true;
+  set_matrix(run_.P, 0, P);
+  set_vector(run_.x, 0, Z.col(0));
+  for (std::size_t i = 0; i < k; ++i) {
+    set_matrix(run_.P, 1 + i, sensitivities[i].P);
+    set_vector(run_.x, 1 + i, sensitivities[i].Z.col(0));
+  }
+  folded_ = n_;
+  diffuse_ = false;
+  return true;
+}
+
+// false: the segment is too short, or sums would lose digits.
+bool TangentFilter::run_by_kernel(const Segment& segment, SegmentKernel& kernel, Likelihood& out) {
+  if (segment.sums.samples() <= kernel.memory()) return false;
+  // Only an untouched start is known to the kernel.
+  if (diffuse_ && (samples_ > 0 || segment.begin > 0)) {
+    late_ = true;
+    return false;
+  }
+  const std::size_t k = derivatives_->size();
+  FilterState state;
+  state.x_theta.resize(k);
+  state.P_theta.resize(k);
+  if (!diffuse_) {
+    state.x = vector(run_.x, 1, 0);
+    state.P = matrix(run_.P, 0);
+    for (std::size_t i = 0; i < k; ++i) {
+      state.x_theta[i] = vector(run_.x, 1, 1 + i);
+      state.P_theta[i] = matrix(run_.P, 1 + i);
+    }
+  }
+  if (diffuse_ ? !kernel.add_from_model(segment, InitialState::diffuse, out)
+               : !kernel.add_from_state(segment, state, out)) {
+    rejected_ = true;
+    return false;
+  }
+  if (diffuse_) folded_ = n_;
+  diffuse_ = false;
+  run_.columns = 1;
+  run_.informed = true;
+  kernel.end_of_segment(segment, state);
+  for (std::size_t l = 0; l <= k; ++l) {
+    set_vector(run_.x, l, l == 0 ? state.x : state.x_theta[l - 1]);
+    set_matrix(run_.P, l, l == 0 ? state.P : state.P_theta[l - 1]);
+  }
+  samples_ += segment.sums.samples() * ny_;
+  jumped_ += segment.sums.samples();
+  return true;
+}
+
+void TangentFilter::add_sums(Likelihood& out) const {
+  const std::size_t all = lanes_ * blocks_;
+  out.value -= 0.5 * (run_.log_det + std::log(run_.determinant) + run_.squares +
+                      kLogTwoPi * static_cast<double>(samples_ - folded_));
+  for (std::size_t i = 1; i <= derivatives_->size(); ++i) {
+    const auto row = static_cast<Index>(i) - 1;
+    out.gradient[row] += run_.gradient[i];
+    for (std::size_t j = 1; j <= i; ++j) {
+      const auto column = static_cast<Index>(j) - 1;
+      const double sum = run_.information[i * all + j];
+      out.information(row, column) += sum;
+      if (i != j) out.information(column, row) += sum;
+    }
+  }
+}
+
+}  // namespace identikal

@@ -1,0 +1,127 @@
+// How does the likelihood move with every parameter, sample by sample, whatever is missing? The
+// value, its exact gradient and the information in one pass without allocation, for recordings that
+// a steady filter does not fit: short ones, slow poles, gaps, outputs at different rates. Internal
+// to the filter.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "lib/filter/filter_result.h"
+#include "lib/filter/internal/diffuse_start.h"
+#include "lib/filter/internal/segment.h"
+#include "lib/filter/internal/tangent_kernel.h"
+#include "lib/model/state_space.h"
+
+namespace identikal {
+
+/// Which outputs of a recording are there when: samples begin .. end - 1 have channels[pattern].
+struct Presence {
+  struct Stretch {
+    Eigen::Index begin, end;
+    std::size_t pattern;
+  };
+  std::vector<std::vector<int>> channels;
+  std::vector<Stretch> stretches;
+};
+
+/// @param y  ny x N, NaN = missing
+Presence find_presence(const Eigen::MatrixXd& y);
+
+/// A recording as the filter runs over it; gapless segments may go through a kernel instead.
+struct TangentRecording {
+  const Eigen::MatrixXd& y;
+  const Eigen::MatrixXd& u;
+  const Presence& presence;
+  const std::vector<Segment>& segments;
+  SegmentKernel* kernel = nullptr;  ///< prepared for the model and its derivatives; or none
+  // What every sample leaves is wanted where these are not null; there is no kernel then.
+  FilterResult* store = nullptr;              ///< receives innovations
+  Eigen::MatrixXd* score_products = nullptr;  ///< k x k: receives sum_t s_t s_t'
+};
+
+class TangentFilter {
+ public:
+  /// Keeps references to both until run() has returned.
+  void prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives);
+
+  /// Adds value, gradient and information of lib/filter/filter_result.h; they are undefined unless
+  /// the status is ok.
+  FilterStatus run(const TangentRecording& recording, InitialState initial, Likelihood& out);
+
+  // Of the last run.
+  Eigen::Index served_by_kernel() const { return jumped_; }  ///< samples
+  bool kernel_rejected() const { return rejected_; }         ///< a segment
+  bool diffuse_start_came_late() const { return late_; }     ///< for a segment
+
+ private:
+  // How the covariance went through some samples of one pattern last time, with the gains. Where it
+  // comes back to the same beginning, as it does between outputs at different rates, they serve
+  // again.
+  struct Passage {
+    bool known = false;
+    std::vector<double> begin, end;  // P and its derivatives
+    std::vector<double> gains;       // of one sample after the other
+  };
+
+  // A model with the channels of one pattern.
+  struct Pattern {
+    bool ready = false;
+    simd::TangentModel model;
+    std::vector<Passage> passages;  // by number of samples
+    std::vector<int> C_row, C_column;
+    std::vector<double> C, R, S, D, C_theta;  // all but C in lanes
+  };
+
+  void find_structure();
+  void fill_common();
+  void fill_pattern(Pattern& p, const std::vector<int>& channels) const;
+  void reserve(bool diffuse);
+  FilterStatus begin(InitialState initial);
+  FilterStatus run_stretch(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
+                           Eigen::Index end, Likelihood& out);
+  simd::TangentEnd step(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
+                        Eigen::Index end);
+  FilterStatus run_diffuse(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
+                           Eigen::Index end, Likelihood& out);
+  FilterStatus run_passage(Pattern& p, const TangentRecording& recording, Eigen::Index& t,
+                           Eigen::Index end, Likelihood& out);
+  bool comes_back(const Passage& passage) const;
+  std::size_t gain_size(const Pattern& p) const;
+  template <typename Copy>
+  void copy_gain(const Pattern& p, double* gain, Copy&& copy);
+  void leave_sample(const Pattern& p, const TangentRecording& recording, Eigen::Index t,
+                    Likelihood& out);
+  void find_innovation_sd();
+  bool fold_in(DiffuseStart& start, Likelihood& out);
+  bool run_by_kernel(const Segment& segment, SegmentKernel& kernel, Likelihood& out);
+  void add_sums(Likelihood& out) const;
+
+  std::size_t place(Eigen::Index elements, Eigen::Index element, std::size_t l) const;
+  Eigen::MatrixXd matrix(const double* of, std::size_t l) const;
+  Eigen::VectorXd vector(const double* of, Eigen::Index columns, std::size_t l) const;
+  void set_matrix(double* of, std::size_t l, const Eigen::MatrixXd& value) const;
+  void set_vector(double* of, std::size_t l, const Eigen::VectorXd& value) const;
+  void fill(std::vector<double>& to, std::size_t l, const Eigen::MatrixXd& value) const;
+
+  const StateSpace* model_ = nullptr;
+  const std::vector<StateSpace>* derivatives_ = nullptr;
+  Eigen::Index n_ = 0, ny_ = 0, nu_ = 0;
+  std::size_t lanes_ = 0, blocks_ = 0;
+  bool dynamics_ = false, crossed_ = false, diagonal_R_ = true;
+  std::vector<int> row_, column_;
+  std::vector<double> A_, W_, B_, A_theta_;  // all but A in lanes
+  std::vector<Eigen::MatrixXd> Sw_;          // G S of the model, then of every derivative
+  std::vector<std::vector<int>> channels_;   // that the patterns are of
+  std::vector<Pattern> patterns_;
+  std::vector<double> memory_;
+  simd::TangentRun run_;
+  Eigen::VectorXd scale_;   // of a diffuse start
+  Eigen::VectorXd scored_;  // the gradient up to the last sample
+  Eigen::VectorXd e_sd_;    // of every channel, measured or not, at the last sample
+  bool diffuse_ = false, rejected_ = false, late_ = false;
+  Eigen::Index samples_ = 0, folded_ = 0, jumped_ = 0;
+};
+
+}  // namespace identikal

@@ -1,0 +1,681 @@
+#include "lib/filter/internal/tangent_kernel.h"
+
+#include <algorithm>
+#include <cmath>
+
+// Instruction sets that add nothing here only take the compiler longer.
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SSE4 | HWY_AVX3_DL)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "lib/filter/internal/tangent_kernel.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace identikal::simd {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// The lanes of one number in one block.
+template <int W>
+struct Pack {
+  using Tag = hn::CappedTag<double, W>;
+  static constexpr int kWidth = static_cast<int>(hn::MaxLanes(Tag()));
+  static constexpr int kVectors = W / kWidth;
+  hn::Vec<Tag> v[kVectors];
+
+  static HWY_INLINE Pack Load(const double* p) {
+    Pack out;
+    for (int s = 0; s < kVectors; ++s) out.v[s] = hn::LoadU(Tag(), p + s * kWidth);
+    return out;
+  }
+  static HWY_INLINE Pack Zero() {
+    Pack out;
+    for (int s = 0; s < kVectors; ++s) out.v[s] = hn::Zero(Tag());
+    return out;
+  }
+  // `value` in the first lane, zero in the others.
+  static HWY_INLINE Pack First(double value) {
+    Pack out = Zero();
+    out.v[0] = hn::IfThenElseZero(hn::FirstN(Tag(), 1), hn::Set(Tag(), value));
+    return out;
+  }
+  HWY_INLINE void Store(double* p) const {
+    for (int s = 0; s < kVectors; ++s) hn::StoreU(v[s], Tag(), p + s * kWidth);
+  }
+  HWY_INLINE void Add(double factor, const Pack& a) {
+    const auto f = hn::Set(Tag(), factor);
+    for (int s = 0; s < kVectors; ++s) v[s] = hn::MulAdd(f, a.v[s], v[s]);
+  }
+  HWY_INLINE void Subtract(double factor, const Pack& a) {
+    const auto f = hn::Set(Tag(), factor);
+    for (int s = 0; s < kVectors; ++s) v[s] = hn::NegMulAdd(f, a.v[s], v[s]);
+  }
+  HWY_INLINE void Add(const Pack& a) {
+    for (int s = 0; s < kVectors; ++s) v[s] = hn::Add(v[s], a.v[s]);
+  }
+};
+
+// Sigma = L L' of the first lanes; L^-1, Sigma^-1. false unless positive definite.
+template <int W>
+bool FactorSigma(int m, TangentRun& r) {
+  double *L = r.work, *Li = r.L_inverse, *Si = r.Sigma_inverse;
+  for (int j = 0; j < m; ++j) {
+    double pivot = r.Sigma[(j * m + j) * W];
+    for (int k = 0; k < j; ++k) pivot -= L[j * m + k] * L[j * m + k];
+    if (!(pivot > 0.0) || !(pivot < 1e300)) return false;
+    const double before = r.determinant;
+    r.determinant *= pivot;
+    // The logarithm is dear: one for many samples, unless a single one leaves the range.
+    if (!(r.determinant > 1e-100 && r.determinant < 1e100)) {
+      r.log_det += std::log(before) + std::log(pivot);
+      r.determinant = 1.0;
+    }
+    const double root = std::sqrt(pivot), inverse = 1.0 / root;
+    L[j * m + j] = root;
+    Li[j * m + j] = inverse;
+    for (int i = j + 1; i < m; ++i) {
+      double entry = r.Sigma[(i * m + j) * W];
+      for (int k = 0; k < j; ++k) entry -= L[i * m + k] * L[j * m + k];
+      L[i * m + j] = entry * inverse;
+    }
+    for (int k = 0; k < j; ++k) {
+      double entry = 0.0;
+      for (int l = k; l < j; ++l) entry -= L[j * m + l] * Li[l * m + k];
+      Li[j * m + k] = entry * inverse;
+      Li[k * m + j] = 0.0;
+    }
+  }
+  for (int i = 0; i < m; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      double sum = 0.0;
+      for (int k = i; k < m; ++k) sum += Li[k * m + i] * Li[k * m + j];
+      Si[i * m + j] = Si[j * m + i] = sum;
+    }
+  }
+  return true;
+}
+
+// K = (A P C' + S) Sigma^-1 by substitution, F = A - K C.
+template <int W, int N, int M>
+HWY_INLINE void FindGain(const TangentModel& f, TangentRun& r) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const double* L = r.work;
+  for (int i = 0; i < n; ++i) {
+    double* k = r.K + i * m;
+    for (int a = 0; a < m; ++a) k[a] = f.S != nullptr ? f.S[(i * m + a) * W] : 0.0;
+    for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
+      const double* PC = r.PC + f.column[at] * m * W;
+      for (int a = 0; a < m; ++a) k[a] += f.A[at] * PC[a * W];
+    }
+    for (int a = 0; a < m; ++a) {
+      for (int c = 0; c < a; ++c) k[a] -= L[a * m + c] * k[c];
+      k[a] *= r.L_inverse[a * m + a];
+    }
+    for (int a = m - 1; a >= 0; --a) {
+      for (int c = a + 1; c < m; ++c) k[a] -= L[c * m + a] * k[c];
+      k[a] *= r.L_inverse[a * m + a];
+    }
+  }
+  for (int at = 0; at < f.row[n]; ++at) r.F[at] = f.A[at];
+  // Columns of F in C's are all there, in order.
+  for (int a = 0; a < m; ++a) {
+    for (int c = f.C_row[a]; c < f.C_row[a + 1]; ++c) {
+      for (int i = 0; i < n; ++i) {
+        int at = f.row[i];
+        if constexpr (N > 0) {
+          at += f.C_column[c];
+        } else {
+          while (f.column[at] != f.C_column[c]) ++at;
+        }
+        r.F[at] -= r.K[i * m + a] * f.C[c];
+      }
+    }
+  }
+}
+
+// E = y - D u - C x, column by column; the responses to a diffuse start know neither y nor u.
+template <int W, int N, int M>
+HWY_INLINE void Innovate(const TangentModel& f, TangentRun& r, const double* y, const double* u) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  for (int b = 0; b < f.blocks; ++b) {
+    for (int c = 0; c < r.columns; ++c) {
+      const double* x = r.x + (b * r.columns + c) * n * W;
+      const double* first = r.x + c * n * W;
+      double* E = r.E + (b * r.columns + c) * m * W;
+      for (int a = 0; a < m; ++a) {
+        Pack<W> e = b == 0 && c == 0 ? Pack<W>::First(y[f.channel[a]]) : Pack<W>::Zero();
+        for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
+          e.Subtract(f.C[at], Pack<W>::Load(x + f.C_column[at] * W));
+        }
+        if (c == 0) {
+          for (int j = 0; j < f.nu; ++j) {
+            e.Subtract(u[j], Pack<W>::Load(f.D + ((b * m + a) * f.nu + j) * W));
+          }
+        }
+        if (f.C_theta != nullptr) {
+          for (int k = 0; k < n; ++k) {
+            e.Subtract(first[k * W], Pack<W>::Load(f.C_theta + ((b * m + a) * n + k) * W));
+          }
+        }
+        e.Store(E + a * W);
+      }
+    }
+  }
+}
+
+// Sigma^-1 e, and what e adds to the squares.
+template <int W, int M>
+HWY_INLINE void Weigh(const TangentModel& f, TangentRun& r) {
+  const int m = M > 0 ? M : f.m;
+  for (int a = 0; a < m; ++a) r.Sie[a] = 0.0;
+  for (int a = 0; a < m; ++a) {
+    double z = 0.0;
+    for (int c = 0; c <= a; ++c) z += r.L_inverse[a * m + c] * r.E[c * W];
+    r.squares += z * z;
+    for (int c = 0; c <= a; ++c) r.Sie[c] += r.L_inverse[a * m + c] * z;
+  }
+}
+
+template <int W, int N, int M>
+HWY_INLINE void AdvanceStates(const TangentModel& f, TangentRun& r, const double* u) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  for (int b = 0; b < f.blocks; ++b) {
+    const double* K_theta = r.K_theta + b * n * m * W;
+    for (int c = 0; c < r.columns; ++c) {
+      const double *x = r.x + (b * r.columns + c) * n * W, *first = r.x + c * n * W;
+      const double *E = r.E + (b * r.columns + c) * m * W, *first_E = r.E + c * m * W;
+      double* next = r.next_x + (b * r.columns + c) * n * W;
+      for (int i = 0; i < n; ++i) {
+        Pack<W> sum = Pack<W>::Zero();
+        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
+          sum.Add(f.A[at], Pack<W>::Load(x + f.column[at] * W));
+        }
+        for (int a = 0; a < m; ++a) {
+          sum.Add(r.K[i * m + a], Pack<W>::Load(E + a * W));
+          sum.Add(first_E[a * W], Pack<W>::Load(K_theta + (i * m + a) * W));
+        }
+        if (c == 0) {
+          for (int j = 0; j < f.nu; ++j) {
+            sum.Add(u[j], Pack<W>::Load(f.B + ((b * n + i) * f.nu + j) * W));
+          }
+        }
+        if (f.A_theta != nullptr) {
+          for (int k = 0; k < n; ++k) {
+            sum.Add(first[k * W], Pack<W>::Load(f.A_theta + ((b * n + i) * n + k) * W));
+          }
+        }
+        sum.Store(next + i * W);
+      }
+    }
+  }
+  std::swap(r.x, r.next_x);
+}
+
+// The derivatives of the sample's log-density, and what they owe to Sigma and e in units of the
+// innovations' standard deviations.
+template <int W, int M>
+HWY_INLINE void AddScore(const TangentModel& f, TangentRun& r, bool with_Sigma) {
+  constexpr double kRootHalf = 0.70710678118654752440;
+  const int m = M > 0 ? M : f.m, stride = f.blocks * W;
+  for (int b = 0; b < f.blocks; ++b) {
+    const double *Sigma = r.Sigma + b * m * m * W, *E = r.E + b * r.columns * m * W;
+    Pack<W> score = Pack<W>::Load(r.gradient + b * W);
+    for (int a = 0; a < m; ++a) {
+      score.Subtract(r.Sie[a], Pack<W>::Load(E + a * W));
+      for (int c = 0; c <= a; ++c) {
+        const double weight = r.Sigma_inverse[a * m + c] - r.Sie[a] * r.Sie[c];
+        score.Subtract(a == c ? 0.5 * weight : weight, Pack<W>::Load(Sigma + (a * m + c) * W));
+      }
+    }
+    score.Store(r.gradient + b * W);
+    if (!r.informed) continue;
+    double* white = r.white + b * W;
+    for (int a = 0; a < m; ++a, white += stride) {
+      Pack<W> z = Pack<W>::Zero();
+      for (int c = 0; c <= a; ++c) z.Add(r.L_inverse[a * m + c], Pack<W>::Load(E + c * W));
+      z.Store(white);
+    }
+    if (!with_Sigma) continue;
+    double* half = r.work + m * m;  // L^-1 dSigma
+    for (int a = 0; a < m; ++a) {
+      for (int c = 0; c < m; ++c) {
+        Pack<W> sum = Pack<W>::Zero();
+        for (int k = 0; k <= a; ++k) {
+          sum.Add(r.L_inverse[a * m + k], Pack<W>::Load(Sigma + (k * m + c) * W));
+        }
+        sum.Store(half + (a * m + c) * W);
+      }
+    }
+    for (int a = 0; a < m; ++a) {
+      for (int c = 0; c <= a; ++c, white += stride) {
+        const double root = a == c ? kRootHalf : 1.0;
+        Pack<W> sum = Pack<W>::Zero();
+        for (int k = 0; k <= c; ++k) {
+          sum.Add(root * r.L_inverse[c * m + k], Pack<W>::Load(half + (a * m + k) * W));
+        }
+        sum.Store(white);
+      }
+    }
+  }
+}
+
+template <int W>
+HWY_INLINE void AddInformation(const TangentModel& f, TangentRun& r, int rows, double factor) {
+  const int stride = f.blocks * W;
+  for (int q = 0; q < rows; ++q) {
+    const double* white = r.white + q * stride;
+    for (int b = 0; b < f.blocks; ++b) {
+      const Pack<W> own = Pack<W>::Load(white + b * W);
+      // Both triangles of the blocks on the diagonal, the lower one of the others.
+      for (int i = std::max(1, b * W); i <= f.derivatives; ++i) {
+        double* to = r.information + i * stride + b * W;
+        Pack<W> sum = Pack<W>::Load(to);
+        sum.Add(factor * white[i], own);
+        sum.Store(to);
+      }
+    }
+  }
+}
+
+// What the sample says about a diffuse start, and its derivatives.
+template <int W>
+void AddDelta(const TangentModel& f, TangentRun& r) {
+  const int n = f.n, m = f.m;
+  // Sigma^-1 E of the first lanes; column 0 is r.Sie.
+  double* SiE = r.white_lanes;
+  for (int c = 0; c < n; ++c) {
+    for (int a = 0; a < m; ++a) {
+      double sum = 0.0;
+      for (int k = 0; k < m; ++k) sum += r.Sigma_inverse[a * m + k] * r.E[((1 + c) * m + k) * W];
+      SiE[c * m + a] = sum;
+    }
+  }
+  double* moved = r.work + m * m;  // m: dSigma Sigma^-1 E of one column
+  for (int b = 0; b < f.blocks; ++b) {
+    const double *E = r.E + b * r.columns * m * W, *Sigma = r.Sigma + b * m * m * W;
+    for (int c = 0; c <= n; ++c) {  // 0: the innovation
+      const double* weight = c == 0 ? r.Sie : SiE + (c - 1) * m;
+      for (int a = 0; a < m; ++a) {
+        Pack<W> sum = Pack<W>::Load(E + (c * m + a) * W);
+        for (int k = 0; k < m; ++k) {
+          sum.Subtract(weight[k], Pack<W>::Load(Sigma + (a * m + k) * W));
+        }
+        sum.Store(moved + a * W);  // dE - dSigma Sigma^-1 E
+      }
+      for (int d = 0; d < n; ++d) {
+        double* to = c == 0 ? r.delta_score + (b * n + d) * W
+                            : r.delta_information + ((b * n + d) * n + c - 1) * W;
+        Pack<W> sum = Pack<W>::Load(to);
+        for (int a = 0; a < m; ++a) {
+          sum.Add(SiE[d * m + a], Pack<W>::Load(moved + a * W));
+          sum.Add(weight[a], Pack<W>::Load(E + ((1 + d) * m + a) * W));
+        }
+        sum.Store(to);
+      }
+    }
+  }
+}
+
+// P C' and Sigma in all lanes.
+template <int W, int N, int M>
+HWY_INLINE void SeeCovariance(const TangentModel& f, TangentRun& r) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  for (int b = 0; b < f.blocks; ++b) {
+    const double* P = r.P + b * n * n * W;
+    double *PC = r.PC + b * n * m * W, *Sigma = r.Sigma + b * m * m * W;
+    for (int i = 0; i < n; ++i) {
+      for (int a = 0; a < m; ++a) {
+        Pack<W> sum = Pack<W>::Zero();
+        for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
+          sum.Add(f.C[at], Pack<W>::Load(P + (i * n + f.C_column[at]) * W));
+        }
+        sum.Store(PC + (i * m + a) * W);
+      }
+    }
+    for (int a = 0; a < m; ++a) {
+      for (int c = 0; c <= a; ++c) {
+        Pack<W> sum = Pack<W>::Load(f.R + ((b * m + a) * m + c) * W);
+        for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
+          sum.Add(f.C[at], Pack<W>::Load(PC + (f.C_column[at] * m + c) * W));
+        }
+        if (f.C_theta != nullptr) {
+          for (int k = 0; k < n; ++k) {
+            sum.Add(r.PC[(k * m + c) * W], Pack<W>::Load(f.C_theta + ((b * m + a) * n + k) * W));
+            sum.Add(r.PC[(k * m + a) * W], Pack<W>::Load(f.C_theta + ((b * m + c) * n + k) * W));
+          }
+        }
+        sum.Store(Sigma + (a * m + c) * W);
+        if (c < a) sum.Store(Sigma + (c * m + a) * W);
+      }
+    }
+  }
+}
+
+// T = F P
+template <int W, int N>
+HWY_INLINE void MultiplyByF(const TangentModel& f, const TangentRun& r, const double* P,
+                            double* T) {
+  const int n = N > 0 ? N : f.n;
+  for (int i = 0; i < n; ++i) {
+    int j = 0;
+    if constexpr (N == 0) {
+      for (; j + 4 <= n; j += 4) {
+        Pack<W> s0 = Pack<W>::Zero(), s1 = s0, s2 = s0, s3 = s0;
+        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
+          const double* p = P + (f.column[at] * n + j) * W;
+          s0.Add(r.F[at], Pack<W>::Load(p));
+          s1.Add(r.F[at], Pack<W>::Load(p + W));
+          s2.Add(r.F[at], Pack<W>::Load(p + 2 * W));
+          s3.Add(r.F[at], Pack<W>::Load(p + 3 * W));
+        }
+        double* to = T + (i * n + j) * W;
+        s0.Store(to);
+        s1.Store(to + W);
+        s2.Store(to + 2 * W);
+        s3.Store(to + 3 * W);
+      }
+    }
+    for (; j < n; ++j) {
+      Pack<W> sum = Pack<W>::Zero();
+      if constexpr (N > 0) {
+        for (int k = 0; k < N; ++k) sum.Add(r.F[i * N + k], Pack<W>::Load(P + (k * N + j) * W));
+      } else {
+        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
+          sum.Add(r.F[at], Pack<W>::Load(P + (f.column[at] * n + j) * W));
+        }
+      }
+      sum.Store(T + (i * n + j) * W);
+    }
+  }
+}
+
+// dK in lanes; zero in the first.
+template <int W, int N, int M>
+HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const double* T = r.T + b * n * n * W;
+  double *K_theta = r.K_theta + b * n * m * W, *row = r.work + m * m;
+  for (int i = 0; i < n; ++i) {
+    for (int a = 0; a < m; ++a) {
+      Pack<W> sum =
+          f.S != nullptr ? Pack<W>::Load(f.S + ((b * n + i) * m + a) * W) : Pack<W>::Zero();
+      for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
+        sum.Add(f.C[at], Pack<W>::Load(T + (i * n + f.C_column[at]) * W));
+      }
+      for (int c = f.diagonal_R ? a : 0; c < (f.diagonal_R ? a + 1 : m); ++c) {
+        sum.Subtract(r.K[i * m + c], Pack<W>::Load(f.R + ((b * m + c) * m + a) * W));
+      }
+      if (f.A_theta != nullptr) {
+        for (int k = 0; k < n; ++k) {
+          // dF P C' + F P dC'
+          const double PC = r.PC[(k * m + a) * W];
+          sum.Add(PC, Pack<W>::Load(f.A_theta + ((b * n + i) * n + k) * W));
+          for (int c = 0; c < m; ++c) {
+            sum.Subtract(r.K[i * m + c] * PC, Pack<W>::Load(f.C_theta + ((b * m + c) * n + k) * W));
+          }
+          sum.Add(r.T[(i * n + k) * W], Pack<W>::Load(f.C_theta + ((b * m + a) * n + k) * W));
+        }
+      }
+      sum.Store(row + a * W);
+    }
+    for (int a = 0; a < m; ++a) {
+      Pack<W> sum = Pack<W>::Zero();
+      for (int c = 0; c < m; ++c) {
+        sum.Add(r.Sigma_inverse[c * m + a], Pack<W>::Load(row + c * W));
+      }
+      // What rounding leaves of K Sigma - A P C' - S is none of the gain's derivatives.
+      if (b == 0) sum.v[0] = hn::IfThenZeroElse(hn::FirstN(typename Pack<W>::Tag(), 1), sum.v[0]);
+      sum.Store(K_theta + (i * m + a) * W);
+    }
+  }
+}
+
+// += dF P F' + its transpose, lower triangle; r.T holds F P in its first lanes.
+template <int W>
+void AddDynamics(const TangentModel& f, const TangentRun& r, int b, int i, int j, Pack<W>& sum) {
+  const int n = f.n, m = f.m;
+  for (int k = 0; k < n; ++k) {
+    const double of_j = r.T[(j * n + k) * W], of_i = r.T[(i * n + k) * W];
+    sum.Add(of_j, Pack<W>::Load(f.A_theta + ((b * n + i) * n + k) * W));
+    sum.Add(of_i, Pack<W>::Load(f.A_theta + ((b * n + j) * n + k) * W));
+    for (int c = 0; c < m; ++c) {
+      sum.Subtract(r.K[i * m + c] * of_j + r.K[j * m + c] * of_i,
+                   Pack<W>::Load(f.C_theta + ((b * m + c) * n + k) * W));
+    }
+  }
+}
+
+// P+ in all lanes.
+template <int W, int N, int M>
+HWY_INLINE void AdvanceCovariance(const TangentModel& f, TangentRun& r, int b) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const double* T = r.T + b * n * n * W;
+  double *next = r.next_P + b * n * n * W, *KR = r.PC + b * n * m * W;  // P C' has been used
+  for (int i = 0; i < n; ++i) {
+    for (int a = 0; a < m; ++a) {
+      Pack<W> sum = Pack<W>::Zero();
+      for (int c = f.diagonal_R ? a : 0; c < (f.diagonal_R ? a + 1 : m); ++c) {
+        sum.Add(r.K[i * m + c], Pack<W>::Load(f.R + ((b * m + c) * m + a) * W));
+      }
+      if (f.S != nullptr) sum.Subtract(1.0, Pack<W>::Load(f.S + ((b * n + i) * m + a) * W));
+      sum.Store(KR + (i * m + a) * W);
+    }
+  }
+  for (int j = 0; j < n; ++j) {
+    for (int i = j; i < n; ++i) {
+      Pack<W> sum = Pack<W>::Load(f.W + ((b * n + i) * n + j) * W);
+      if constexpr (N > 0) {
+        for (int k = 0; k < N; ++k) sum.Add(r.F[j * N + k], Pack<W>::Load(T + (i * N + k) * W));
+      } else {
+        for (int at = f.row[j]; at < f.row[j + 1]; ++at) {
+          sum.Add(r.F[at], Pack<W>::Load(T + (i * n + f.column[at]) * W));
+        }
+      }
+      for (int a = 0; a < m; ++a) {
+        sum.Add(r.K[j * m + a], Pack<W>::Load(KR + (i * m + a) * W));
+        if (f.S != nullptr) {
+          sum.Subtract(r.K[i * m + a], Pack<W>::Load(f.S + ((b * n + j) * m + a) * W));
+        }
+      }
+      if (f.A_theta != nullptr) AddDynamics<W>(f, r, b, i, j, sum);
+      sum.Store(next + (i * n + j) * W);
+      if (i != j) sum.Store(next + (j * n + i) * W);
+    }
+  }
+}
+
+// Has P stopped changing, to 1e-14 of the standard deviations?
+template <int W>
+bool CovarianceSettled(int n, const double* P, const double* next) {
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      const double size = next[(i * n + i) * W] * next[(j * n + j) * W];
+      const double change = next[(i * n + j) * W] - P[(i * n + j) * W];
+      if (!(change * change <= 1e-28 * size)) return false;
+    }
+  }
+  return true;
+}
+
+// The same of lane l, to 1e-12 of its own entries or what P's deviations make of the largest.
+template <int W>
+bool DerivativeSettled(int n, const double* P, const double* before, const double* after) {
+  const auto scale = [&](int i, int j) {
+    return std::sqrt(P[(i * n + i) * W] * P[(j * n + j) * W]);
+  };
+  double largest = 0.0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      const double size = scale(i, j);
+      if (size > 0.0) largest = std::max(largest, std::abs(after[(i * n + j) * W]) / size);
+    }
+  }
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      const double own =
+          std::sqrt(std::abs(after[(i * n + i) * W]) * std::abs(after[(j * n + j) * W]));
+      const double size =
+          std::max({std::abs(after[(i * n + j) * W]), own, 1e-3 * largest * scale(i, j)});
+      if (std::abs(after[(i * n + j) * W] - before[(i * n + j) * W]) > 1e-12 * size) return false;
+    }
+  }
+  return true;
+}
+
+template <int W>
+bool Settled(const TangentModel& f, const TangentRun& r) {
+  const int n = f.n;
+  if (!CovarianceSettled<W>(n, r.P, r.next_P)) return false;
+  for (int i = 1; i <= f.derivatives; ++i) {
+    const int at = (i / W) * n * n * W + i % W;
+    if (!DerivativeSettled<W>(n, r.P, r.P + at, r.next_P + at)) return false;
+  }
+  return true;
+}
+
+template <int W, int N, int M>
+TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, const double* u,
+               long& t, long end, bool stop_when_settled) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  while (t < end) {
+    const double* input = u + t * f.nu;
+    Innovate<W, N, M>(f, r, y + t * ny, input);
+    SeeCovariance<W, N, M>(f, r);
+    if (!FactorSigma<W>(m, r)) return TangentEnd::indefinite;
+    FindGain<W, N, M>(f, r);
+    Weigh<W, M>(f, r);
+    if (f.derivatives > 0) {
+      AddScore<W, M>(f, r, true);
+      if (r.informed) AddInformation<W>(f, r, m + m * (m + 1) / 2, 1.0);
+    }
+    if (r.columns > 1) AddDelta<W>(f, r);
+    // Block 0 first: the others need F P of its first lanes.
+    for (int b = 0; b < f.blocks; ++b) {
+      MultiplyByF<W, N>(f, r, r.P + b * n * n * W, r.T + b * n * n * W);
+    }
+    for (int b = f.blocks - 1; b >= 0; --b) {
+      DifferentiateGain<W, N, M>(f, r, b);
+      AdvanceCovariance<W, N, M>(f, r, b);
+    }
+    AdvanceStates<W, N, M>(f, r, input);
+    ++t;
+    const bool settled = stop_when_settled && (t & 3) == 0 && Settled<W>(f, r);
+    std::swap(r.P, r.next_P);
+    if (settled) return TangentEnd::settled;
+  }
+  return TangentEnd::done;
+}
+
+template <int W, int N, int M>
+void RunSettled(const TangentModel& f, TangentRun& r, const double* y, int ny, const double* u,
+                long t, long end) {
+  const int m = M > 0 ? M : f.m;
+  const double samples = static_cast<double>(end - t);
+  const double* L = r.work;
+  for (int a = 0; a < m; ++a) r.log_det += samples * 2.0 * std::log(L[a * m + a]);
+  for (; t < end; ++t) {
+    const double* input = u + t * f.nu;
+    Innovate<W, N, M>(f, r, y + t * ny, input);
+    Weigh<W, M>(f, r);
+    if (f.derivatives > 0) {
+      AddScore<W, M>(f, r, false);
+      AddInformation<W>(f, r, m, 1.0);
+    }
+    AdvanceStates<W, N, M>(f, r, input);
+  }
+  if (f.derivatives == 0 || samples == 0.0) return;
+  // What Sigma adds to the information is the same at every sample.
+  double* gradient = r.gradient;
+  r.gradient = r.white_lanes;
+  AddScore<W, M>(f, r, true);
+  r.gradient = gradient;
+  r.white += m * f.blocks * W;
+  AddInformation<W>(f, r, m * (m + 1) / 2, samples);
+  r.white -= m * f.blocks * W;
+}
+
+template <int W, int N>
+TangentEnd RunOutputs(const TangentModel& f, TangentRun& r, const double* y, int ny,
+                      const double* u, long& t, long end, bool stop_when_settled) {
+  if (f.m == 1) return Run<W, N, 1>(f, r, y, ny, u, t, end, stop_when_settled);
+  return Run<W, N, 0>(f, r, y, ny, u, t, end, stop_when_settled);
+}
+
+template <int W, int N>
+void RunSettledOutputs(const TangentModel& f, TangentRun& r, const double* y, int ny,
+                       const double* u, long t, long end) {
+  if (f.m == 1) return RunSettled<W, N, 1>(f, r, y, ny, u, t, end);
+  RunSettled<W, N, 0>(f, r, y, ny, u, t, end);
+}
+
+template <int W>
+TangentEnd RunStates(const TangentModel& f, TangentRun& r, const double* y, int ny, const double* u,
+                     long& t, long end, bool stop_when_settled) {
+  switch (f.n) {
+    case 1:
+      return RunOutputs<W, 1>(f, r, y, ny, u, t, end, stop_when_settled);
+    case 2:
+      return RunOutputs<W, 2>(f, r, y, ny, u, t, end, stop_when_settled);
+    case 3:
+      return RunOutputs<W, 3>(f, r, y, ny, u, t, end, stop_when_settled);
+    case 4:
+      return RunOutputs<W, 4>(f, r, y, ny, u, t, end, stop_when_settled);
+    default:
+      return RunOutputs<W, 0>(f, r, y, ny, u, t, end, stop_when_settled);
+  }
+}
+
+template <int W>
+void RunSettledStates(const TangentModel& f, TangentRun& r, const double* y, int ny,
+                      const double* u, long t, long end) {
+  switch (f.n) {
+    case 1:
+      return RunSettledOutputs<W, 1>(f, r, y, ny, u, t, end);
+    case 2:
+      return RunSettledOutputs<W, 2>(f, r, y, ny, u, t, end);
+    case 3:
+      return RunSettledOutputs<W, 3>(f, r, y, ny, u, t, end);
+    case 4:
+      return RunSettledOutputs<W, 4>(f, r, y, ny, u, t, end);
+    default:
+      return RunSettledOutputs<W, 0>(f, r, y, ny, u, t, end);
+  }
+}
+
+TangentEnd RunTangents(const TangentModel& f, TangentRun& r, const double* y, int ny,
+                       const double* u, long& t, long end, bool stop_when_settled) {
+  if (f.lanes == 4) return RunStates<4>(f, r, y, ny, u, t, end, stop_when_settled);
+  return RunStates<8>(f, r, y, ny, u, t, end, stop_when_settled);
+}
+
+void RunSettledTangents(const TangentModel& f, TangentRun& r, const double* y, int ny,
+                        const double* u, long t, long end) {
+  if (f.lanes == 4) return RunSettledStates<4>(f, r, y, ny, u, t, end);
+  RunSettledStates<8>(f, r, y, ny, u, t, end);
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace identikal::simd
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace identikal::simd {
+
+HWY_EXPORT(RunTangents);
+HWY_EXPORT(RunSettledTangents);
+
+int tangent_lanes(int derivatives) { return derivatives < 4 ? 4 : 8; }
+
+TangentEnd run_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
+                        const double* u, long& t, long end, bool stop_when_settled) {
+  return HWY_DYNAMIC_DISPATCH(RunTangents)(model, run, y, ny, u, t, end, stop_when_settled);
+}
+
+void run_settled_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
+                          const double* u, long t, long end) {
+  HWY_DYNAMIC_DISPATCH(RunSettledTangents)(model, run, y, ny, u, t, end);
+}
+
+}  // namespace identikal::simd
+#endif

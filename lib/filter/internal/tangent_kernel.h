@@ -1,0 +1,78 @@
+// One sample of a Kalman predictor and of its derivatives by every parameter at once: the value
+// stands in the first lane of each number, the derivatives in the lanes behind it, so that what is
+// done to one is done to all in the same instructions. Raw pointers only: this file is compiled for
+// several instruction sets. Internal to the filter: tangent_filter.h drives it.
+//
+//   e = y - C x - D u,  Sigma = C P C' + R = L L',  K = (A P C' + S) Sigma^-1,  F = A - K C,
+//   x+ = A x + B u + K e,  P+ = F P F' + W + (K R - S) K' - K S',
+//   de = -C dx - dC x - dD u,  dK = (F dP C' + dS - K dR + dF P C' + F P dC') Sigma^-1,
+//   dx+ = A dx + dA x + dB u + K de + dK e,
+//   dP+ = F dP F' + dW + (K dR - dS) K' - K dS' + dF P F' + F P dF',  dF = dA - K dC;
+//
+// dSigma has dC P C' + C P dC' beside C dP C' + dR. W is G Q G' and S is G S of
+// lib/model/state_space.h. The gain minimises P+, so dK drops out of dP+.
+#pragma once
+
+#include <cstddef>
+
+namespace identikal::simd {
+
+/// How many lanes a number has in a block, for a value and k derivatives: 1 + k lanes take as many
+/// blocks as they need.
+int tangent_lanes(int derivatives);
+
+/// A model with the channels that a sample has, m of them. Numbers in lanes: matrix [i][j] of
+/// rows x cols, block b, lane l at ((b rows + i) cols + j) lanes + l.
+struct TangentModel {
+  int n = 0, m = 0, nu = 0, blocks = 0, lanes = 0, derivatives = 0;
+  /// Entries of F that may differ from zero, row by row, and what A has there.
+  const int *row = nullptr, *column = nullptr;  ///< n + 1; row[n]
+  const double* A = nullptr;                    ///< row[n]
+  /// C, row by row.
+  const int *C_row = nullptr, *C_column = nullptr;  ///< m + 1; C_row[m]
+  const double* C = nullptr;
+  const int* channel = nullptr;  ///< m: rows of y
+  // In lanes; those that may be null are zero then.
+  const double *W = nullptr, *R = nullptr;              ///< n x n; m x m
+  const double* S = nullptr;                            ///< n x m, or null
+  const double *B = nullptr, *D = nullptr;              ///< n x nu, m x nu; null without inputs
+  const double *A_theta = nullptr, *C_theta = nullptr;  ///< n x n, m x n; null: noise alone
+  bool diagonal_R = true;                               ///< in every lane
+};
+
+/// State before a sample, workspace and sums. x has one column, or 1 + n with the responses to a
+/// diffuse start behind the first.
+struct TangentRun {
+  int columns = 1;
+  bool informed = true;                                  ///< whether samples add to the information
+  double *P = nullptr, *next_P = nullptr, *T = nullptr;  ///< n x n in lanes
+  double *x = nullptr, *next_x = nullptr;                ///< columns x n in lanes
+  double *PC = nullptr, *Sigma = nullptr, *K_theta = nullptr;  ///< n x m, m x m, n x m in lanes
+  double* E = nullptr;                                         ///< columns x m in lanes
+  double *white = nullptr,
+         *white_lanes = nullptr;      ///< m (m + 1)/2 + m rows of blocks * lanes; a row
+  double *F = nullptr, *K = nullptr;  ///< row[n]; n x m
+  double *L_inverse = nullptr, *Sigma_inverse = nullptr;  ///< m x m
+  double* Sie = nullptr;                                  ///< m: Sigma^-1 e
+  double* work = nullptr;                                 ///< m m lanes + m m
+  // Sums.
+  double* gradient = nullptr;     ///< blocks * lanes
+  double* information = nullptr;  ///< (1 + derivatives) x blocks * lanes
+  double *delta_information = nullptr, *delta_score = nullptr;  ///< n x n, n in lanes; or null
+  double squares = 0.0, log_det = 0.0, determinant = 1.0;
+};
+
+/// How a stretch of samples ended.
+enum class TangentEnd { done, settled, indefinite };
+
+/// Samples t .. end - 1, all with the channels of the model. Advances t. `settled` ends it behind a
+/// sample at which P and its derivatives have stopped changing, to 1e-14 and 1e-12 of themselves.
+/// @param y, u  sample s at y + s ny, u + s nu
+TangentEnd run_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
+                        const double* u, long& t, long end, bool stop_when_settled);
+
+/// The same with K, dK, Sigma and dSigma as the last sample left them; x has one column.
+void run_settled_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
+                          const double* u, long t, long end);
+
+}  // namespace identikal::simd
