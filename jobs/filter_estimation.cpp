@@ -27,12 +27,15 @@ void validate_on(const std::vector<HeldOut>& held_out, const Model& model, Recor
 
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;
-  options.starts = search.number_of_starts();
+  options.starts = static_cast<int>(search.starts);
+  options.threads = static_cast<int>(search.threads);
   options.seed = search.seed_number();
   options.pictures = run.wants_pictures();
-  options.progress = [&run, starts = options.starts](int start, int iteration, double L) {
-    const std::string what = fmt::format("start {} of {}, iteration {}, log-likelihood {:.6f}",
-                                         start, starts, iteration, L);
+  const std::string of = options.starts > 0 ? "of" : "of up to";
+  options.progress = [&run, of, starts = search.number_of_starts()](int start, int iteration,
+                                                                    double L) {
+    const std::string what = fmt::format("start {} {} {}, iteration {}, log-likelihood {:.6f}",
+                                         start, of, starts, iteration, L);
     return report_progress(run.call, what, static_cast<double>(start - 1) / starts, L);
   };
   return options;

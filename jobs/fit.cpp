@@ -35,6 +35,10 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& mode
     throw InputError({model.source, 0, 0}, "--reject-outliers does not apply to a vehicle",
                      "--robust");
   }
+  if (given.search.threads > 0) {
+    throw InputError({model.source, 0, 0}, "--threads does not apply to a vehicle",
+                     "no --threads: its searches follow one another");
+  }
   Recordings recordings = load_recordings(given.recordings, model, run.verb, run.call.inputs);
   VehicleFitOptions options;
   options.search.starts = given.search.number_of_starts();

@@ -224,7 +224,12 @@ void add_result_with_page(Verb& verb, ResultOptions& result) {
 
 void add_search(Verb& verb, SearchOptions& search) {
   add_seed(verb, search.seed, "Seed of the random starts.", "1");
-  add_number(verb, "--starts", search.starts, 1, 1000, "Number of starts of the search.", "5");
+  add_number(verb, "--starts", search.starts, 1, 1000,
+             "Number of starts of the search. Without it 5; by likelihood 1, and 5 where the first "
+             "leaves a doubt.");
+  add_number(verb, "--threads", search.threads, 1, 1024,
+             "Number of threads that share starts and profiles of a likelihood; the result does "
+             "not depend on it. Without it, one for each core.");
   add_text(verb, "--hold-out", search.hold_out,
            "Hold out data for validation: a recording, or the last share of each, e.g. 30%.");
 }

@@ -31,6 +31,9 @@ struct SolverOptions {
       1e-10;  ///< stop when |dx| <= parameter_tolerance * (|x| + parameter_tolerance)
   double decrement_tolerance =
       1e-9;  ///< scoring: stop when g' J^-1 g / 2, the gain still expected, is below it
+  /// Scoring: a search that comes no further has converged where the gain still expected is below
+  /// this; 0: a thousand times decrement_tolerance.
+  double acceptable_decrement = 0.0;
   /// Called after every iteration (NLopt: evaluation) with its number and objective; return false
   /// to stop with the best so far.
   std::function<bool(int, double)> progress;
@@ -43,6 +46,8 @@ struct SolverSummary {
   int evaluations = 0;
   double initial_objective = std::numeric_limits<double>::quiet_NaN();
   double objective = std::numeric_limits<double>::quiet_NaN();
+  /// Scoring: the gain still expected of the point where it ended.
+  double expected_gain = 0.0;
   bool usable() const { return termination == Termination::converged; }
 };
 

@@ -1,8 +1,10 @@
 #include "solvers/scoring.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <vector>
 
@@ -78,9 +80,13 @@ class CurvatureCorrection {
   MatrixXd E_;
 };
 
+constexpr double kNoInformation = 1e-13;  // eigenvalues of the scaled system over the largest
+constexpr double kFlat = 1e-9;            // directions below are not determined
+
 // (J + lambda diag J)^-1 g on the given coordinates, zero elsewhere. Directions without information
-// get no step: the scaled system's eigenvalues below 1e-13 of the largest are left out.
-VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lambda) {
+// get no step: the scaled system's eigenvalues below `least` of the largest are left out.
+VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lambda,
+                     double least = kNoInformation) {
   const auto m = static_cast<Index>(free.size());
   if (m == 0) return VectorXd::Zero(at.x.size());
   VectorXd scale(m), g(m);
@@ -97,7 +103,7 @@ VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lam
     }
   }
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(J);
-  const double floor = 1e-13 * std::max(1e-300, eigen.eigenvalues().maxCoeff());
+  const double floor = least * std::max(1e-300, eigen.eigenvalues().maxCoeff());
   VectorXd rotated = eigen.eigenvectors().transpose() * g;
   for (Index i = 0; i < m; ++i) {
     const double value = eigen.eigenvalues()[i];
@@ -107,6 +113,12 @@ VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lam
   VectorXd step = VectorXd::Zero(at.x.size());
   for (Index i = 0; i < m; ++i) step[free[i]] = scale[i] * d[i];
   return step;
+}
+
+// The gain that the quadratic expects of the full step along directions of at least this
+// information.
+double expected_gain(const Point& at, const std::vector<Index>& free, double least) {
+  return 0.5 * at.gradient.dot(damped_step(at, free, 0.0, least));
 }
 
 // The step that stays in the box: coordinates that would leave it stop at the bound and the others
@@ -178,6 +190,21 @@ Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd
   return out;
 }
 
+// The gains of the last steps.
+class RecentGains {
+ public:
+  void add(double gain) { gains_[steps_++ % kSteps] = gain; }
+  // Did a row of steps bring less than this together?
+  bool are_below(double limit) const {
+    return steps_ >= kSteps && std::accumulate(gains_.begin(), gains_.end(), 0.0) < limit;
+  }
+
+ private:
+  static constexpr std::size_t kSteps = 8;
+  std::array<double, kSteps> gains_{};
+  std::size_t steps_ = 0;
+};
+
 }  // namespace
 
 Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
@@ -202,22 +229,34 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   summary.initial_objective = summary.objective = at.L;
   if (start.size() == 0) return finish(Termination::converged, "nothing is free");
 
+  const double acceptable = options.acceptable_decrement > 0.0 ? options.acceptable_decrement
+                                                               : 1e3 * options.decrement_tolerance;
   double lambda = 0.0;
   CurvatureCorrection correction(start.size());
+  RecentGains recent;
   while (true) {
     const std::vector<Index> free = free_coordinates(problem, at);
-    const double decrement = 0.5 * at.gradient.dot(damped_step(at, free, 0.0));
-    Point model = at;
-    model.information = correction.apply(at, free);
-    if (decrement <= options.decrement_tolerance) {
+    summary.expected_gain = expected_gain(at, free, kNoInformation);
+    if (summary.expected_gain <= options.decrement_tolerance) {
       return finish(Termination::converged, "the increase still expected is below the tolerance");
     }
+    Point model = at;
+    model.information = correction.apply(at, free);
+    // What is not determined has no maximum to be away from.
+    summary.expected_gain =
+        std::max(expected_gain(at, free, kFlat), expected_gain(model, free, kFlat));
+    const bool arrived = summary.expected_gain < acceptable;
+    const auto end_short = [&](Termination termination, const char* message) {
+      if (!arrived) return finish(termination, message);
+      return finish(Termination::converged, "the increase still expected is negligible");
+    };
+    if (arrived && recent.are_below(acceptable)) return end_short(Termination::no_progress, "");
     if (summary.iterations >= options.max_iterations) {
-      return finish(Termination::iteration_limit, "the iteration limit was reached");
+      return end_short(Termination::iteration_limit, "the iteration limit was reached");
     }
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
     if (spent.count() > options.max_seconds) {
-      return finish(Termination::time_limit, "the time limit was reached");
+      return end_short(Termination::time_limit, "the time limit was reached");
     }
 
     Trial trial;
@@ -226,14 +265,13 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       ++summary.evaluations;
       if (trial.accepted) break;
       lambda = std::max(1e-2, 4.0 * lambda);
-      if (lambda > 1e12) {
-        return finish(decrement < 1e3 * options.decrement_tolerance ? Termination::converged
-                                                                    : Termination::no_progress,
-                      "no step increases the likelihood");
+      if (lambda > (arrived ? 1.0 : 1e12)) {
+        return end_short(Termination::no_progress, "no step increases the likelihood");
       }
     }
     if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
     correction.learn(at, trial.next, trial.gain);
+    recent.add(trial.gain);
     at = std::move(trial.next);
     out.x = at.x;
     summary.objective = at.L;

@@ -23,7 +23,9 @@ struct LikelihoodProblem {
 /// projected into the box, so that a variance of exactly zero is reachable and left again when the
 /// gradient says so. For variances the natural coordinate is the right one: with independent
 /// samples one full step from any start is the maximum. Converged when g' J^-1 g / 2, the increase
-/// still expected, is below options.decrement_tolerance. summary.objective is L. Source: Osborne
+/// still expected, is below options.decrement_tolerance; where steps come no further, or bring nothing
+/// any more (a likelihood that rises for ever along what it does not determine), when what is expected
+/// of the determined directions is below options.acceptable_decrement. summary.objective is L. Source: Osborne
 /// (1992), "Fisher's method of scoring", Int. Stat. Rev. 60.
 ///
 /// Example:

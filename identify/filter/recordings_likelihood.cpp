@@ -51,6 +51,14 @@ RecordingsLikelihood::RecordingsLikelihood(const Model& model,
   }
 }
 
+std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
+  auto out = std::make_unique<RecordingsLikelihood>(model_, recordings_, method_);
+  if (nonlinear_) out->nonlinear_.emplace(*nonlinear_);  // as fine as this one
+  if (!first_outputs_.empty()) out->condition_on_beginning();
+  out->prior_box_ = prior_box_;
+  return out;
+}
+
 bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivatives) {
   instantiate(noise_model(model_), at, system_);
   if (!admissible(system_)) return false;

@@ -2,6 +2,7 @@
 // of noise maximises.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -55,6 +56,9 @@ class RecordingsLikelihood {
   /// point. @throws InputError as prior_box()
   void weigh_by_priors();
 
+  /// The same function with memory of its own, for another thread.
+  std::unique_ptr<RecordingsLikelihood> another() const;
+
   /// Log-likelihood, and with_gradient its gradient and Fisher information by the free entries.
   /// @return nullptr where it is undefined (Q and R not positive semidefinite together, an unstable
   /// stationary start, ...). Valid until the next call.
@@ -72,6 +76,8 @@ class RecordingsLikelihood {
   /// Makes the integration of a nonlinear model as fine as the filter with these values needs it.
   /// @return is it finer than before? Then the likelihood is a slightly different function.
   bool refine(const ParameterSet& at) { return nonlinear_ && nonlinear_->refine(at); }
+
+  const Model& model() const { return model_; }
 
   /// How the evaluation at the model's own values ends.
   FilterStatus status_at_start();

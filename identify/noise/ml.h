@@ -13,9 +13,12 @@
 namespace identikal {
 
 struct NoiseMlOptions {
-  int starts = 5;          ///< optimisations: the file's start, then scattered ones
+  /// Searches: from the file's values, then from scattered ones. 0: one, and four more where its
+  /// end leaves a doubt (a variance of zero, other unknowns than variances, no convergence).
+  int starts = 0;
   std::uint64_t seed = 1;  ///< of the scattered starts
   EvaluationMethod evaluation = EvaluationMethod::automatic;
+  int threads = 1;        ///< searches and profiles at a time; 0: as many as there are cores
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap
   bool pictures = false;  ///< searches and profiles as curves, RecordingFit::pictures
   /// Called after every iteration; return false to stop: the best so far, not converged.
@@ -27,8 +30,11 @@ struct NoiseMlOptions {
 /// states is added to it (identify/model/parameter_prior.h): the estimate is then the most probable
 /// point, and errors hold what the priors say. Standard errors from the
 /// observed information (differences of the exact gradient); beside them the Cramér-Rao bound from
-/// the expected information. A variance that ends at zero gets no interval but an upper limit from
-/// the profile likelihood (one-sided 95 %). Source: Matisko (2013), section 4.3; Durbin & Koopman
+/// the expected information. Intervals are those of the profile likelihood
+/// (identify/noise/internal/likelihood_intervals.h), `se` away where it is too dear; a variance that
+/// ends at zero gets an upper limit from it (one-sided 95 %). The search has converged where the gain
+/// still expected is below 1e-4; a direction along which the likelihood does not change is said to be
+/// not determined. Source: Matisko (2013), section 4.3; Durbin & Koopman
 /// (2012), section 7.3.
 ///
 /// Example:

@@ -23,6 +23,7 @@ constexpr double kShortest = 1.0;    // [s]
 constexpr double kLongestGap = 3.0;  // [sampling periods]
 constexpr std::size_t kMostSegments = 60;
 constexpr double kSlowestModel = 0.5;    // [m/s]; the model divides by the speed
+constexpr double kNearlyFast = 0.9;      // and not below this share of it, which is no noise
 constexpr double kSpeedNoise = 0.25;     // [s]; for so long the speed may be below the least one
 constexpr double kMovedSteering = 1e-4;  // [rad] at the sensor
 
@@ -150,7 +151,8 @@ std::vector<bool> usable_rows(const Model& model, const Dataset& data, Findings&
     if (!has_steering) ++lost.no_steering;
     if (!has_speed) ++lost.no_speed;
     if (!has_roll) ++lost.no_roll;
-    const bool slow = has_speed && !(fast[t] && vx >= kSlowestModel);
+    const bool slow =
+        has_speed && !(fast[t] && vx >= std::max(kSlowestModel, kNearlyFast * min_speed));
     if (slow) ++lost.slow;
     out[t] = out[t] && has_steering && has_speed && has_roll && !slow;
   }

@@ -46,7 +46,7 @@ struct VehicleRun {
 };
 
 /// Splits the recordings where steering, vx or a measured roll is missing, vx is below the minimum
-/// speed for more than 0.25 s, the model's condition does not hold, the car spins or time jumps by
+/// speed by a tenth or for more than 0.25 s, the model's condition does not hold, the car spins or time jumps by
 /// more than three sampling periods; leaves out segments under 1 s or 8 rows and outputs
 /// that are dead. A segment never reaches from one recording into the next.
 ///

@@ -87,6 +87,50 @@ TEST(Scoring, FlatDirectionsGetNoStep) {
   EXPECT_NEAR(x.x.sum(), 2.0, 1e-6);
 }
 
+// What a long recording does: digits of L and of its gradient that say nothing.
+TEST(Scoring, ArrivesThoughDigitsAreNoise) {
+  const LikelihoodProblem exact = variances(MatrixXd::Identity(2, 2), Eigen::Vector2d(2, 3), 1e6);
+  for (const double noise : {1e-9, 1e-7, 1e-5}) {
+    LikelihoodProblem p = exact;
+    p.evaluate = [&](const VectorXd& x, double& L, VectorXd* g, MatrixXd* J) {
+      if (!exact.evaluate(x, L, g, J)) return false;
+      const double wave = std::sin(1e9 * x.sum());  // seeded by nothing but x
+      L += noise * wave;
+      if (g != nullptr) *g += 1e6 * noise * wave * VectorXd::Ones(2);
+      return true;
+    };
+    SolverOptions options;
+    options.decrement_tolerance = 1e-15;
+    options.acceptable_decrement = 1e-4;
+    const Solution x = maximise(p, Eigen::Vector2d(20.0, 0.1), options);
+    EXPECT_EQ(x.summary.termination, Termination::converged) << noise;
+    EXPECT_NEAR(x.x[0], 2.0, 1e-4);  // a thirtieth of a standard error
+    EXPECT_NEAR(x.x[1], 3.0, 1e-4);
+    EXPECT_LT(x.summary.evaluations, 40);
+  }
+}
+
+// A likelihood that rises for ever, ever more slowly, along what it does not determine.
+TEST(Scoring, ARidgeWithoutAnEndIsNoFailure) {
+  LikelihoodProblem p;
+  p.lower = VectorXd::Constant(2, -kInfinity);
+  p.upper = VectorXd::Constant(2, kInfinity);
+  p.evaluate = [](const VectorXd& x, double& L, VectorXd* g, MatrixXd* J) {
+    const double v = x[1] > 0.0 ? x[1] : 1e-3;
+    L = -50.0 * (x[0] - 1.0) * (x[0] - 1.0) - 1.0 / v;
+    if (g != nullptr) *g = Eigen::Vector2d(-100.0 * (x[0] - 1.0), 1.0 / (v * v));
+    if (J != nullptr) *J = Eigen::Vector2d(100.0, 2.0 / (v * v * v)).asDiagonal();
+    return x[1] > 0.0;
+  };
+  SolverOptions options;
+  options.decrement_tolerance = 1e-15;
+  options.acceptable_decrement = 1e-4;
+  const Solution x = maximise(p, Eigen::Vector2d(3.0, 1.0), options);
+  EXPECT_EQ(x.summary.termination, Termination::converged);
+  EXPECT_NEAR(x.x[0], 1.0, 1e-6);
+  EXPECT_GT(x.summary.objective, -2e-3);
+}
+
 TEST(Scoring, SaysWhyItStopped) {
   const LikelihoodProblem p = variances(MatrixXd::Identity(1, 1), VectorXd::Ones(1), 10);
   EXPECT_EQ(maximise(p, VectorXd::Zero(1)).summary.termination, Termination::start_undefined);

@@ -166,18 +166,19 @@ Inside inside_bounds(const Estimate& estimate) {
   return out;
 }
 
-}  // namespace
+// Of all samples.
+std::optional<Score> whole_score(const Model& model, const ParameterSet& at,
+                                 const std::vector<Dataset>& recordings,
+                                 const std::vector<Index>& entries) {
+  RecordingsLikelihood likelihood(model, recordings);
+  likelihood.condition_on_beginning();
+  return score_of(likelihood.evaluate(at, true), entries);
+}
 
-SamplingTest sampling_test(const Model& model, const ParameterSet& at,
-                           const std::vector<Dataset>& recordings,
-                           const std::vector<Index>& entries, int every) {
+SamplingTest test_against(const std::optional<Score>& all, const std::optional<Score>& some) {
   constexpr double kLeft = 0.02;  // of the information: less makes no test
   constexpr double kNear = 1.0;   // squared standard errors: further off nothing is linear
   SamplingTest out;
-  RecordingsLikelihood likelihood(model, recordings);
-  likelihood.condition_on_beginning();
-  const auto all = score_of(likelihood.evaluate(at, true), entries);
-  const auto some = thinned_score(model, at, recordings, entries, every);
   if (!all || !some) return out;
   const Eigen::LLT<MatrixXd> of_all(all->information), of_some(some->information);
   if (of_all.info() != Eigen::Success || of_some.info() != Eigen::Success) return out;
@@ -198,6 +199,15 @@ SamplingTest sampling_test(const Model& model, const ParameterSet& at,
   return out;
 }
 
+}  // namespace
+
+SamplingTest sampling_test(const Model& model, const ParameterSet& at,
+                           const std::vector<Dataset>& recordings,
+                           const std::vector<Index>& entries, int every) {
+  return test_against(whole_score(model, at, recordings, entries),
+                      thinned_score(model, at, recordings, entries, every));
+}
+
 Findings check_sampling(const Estimate& estimate, const Model& model, const ParameterSet& end,
                         const std::vector<Dataset>& recordings) {
   // An input may answer to outputs between the samples that are taken: nothing is known of it.
@@ -206,9 +216,12 @@ Findings check_sampling(const Estimate& estimate, const Model& model, const Para
   if (inside.entries.empty()) return {};
   const VectorXd value = free_entries(end)(inside.entries);
   std::vector<Contradiction> found;
+  std::optional<Score> all;
   for (const Interval& interval : kIntervals) {
     if (!enough_samples(model, recordings, interval.every)) continue;
-    const SamplingTest test = sampling_test(model, end, recordings, inside.entries, interval.every);
+    if (!all) all = whole_score(model, end, recordings, inside.entries);
+    const SamplingTest test =
+        test_against(all, thinned_score(model, end, recordings, inside.entries, interval.every));
     if (test.dof == 0) continue;
     Contradiction each;
     each.interval = interval.name;

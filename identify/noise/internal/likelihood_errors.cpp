@@ -1,0 +1,128 @@
+#include "identify/noise/internal/likelihood_errors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+#include "identify/noise/estimate.h"
+#include "identify/noise/internal/free_directions.h"
+#include "solvers/covariance.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Minus the second derivatives by the directions' numbers.
+std::optional<MatrixXd> observed(RecordingsLikelihood& likelihood, const LikelihoodProblem& problem,
+                                 const ParameterSet& end, const FreeDirections& free,
+                                 const VectorXd& best, const MatrixXd& bound) {
+  const VectorXd z = free.entries(VectorXd::Zero(free.size()));
+  VectorXd step(free.size());
+  for (Index j = 0; j < free.size(); ++j) {
+    // Small against the error, but never across a bound.
+    step[j] = 1e-3 * std::sqrt(bound(j, j));
+    const Index i = free.number(j);
+    if (i < 0 || z[i] != best[i]) continue;
+    step[j] = std::min({step[j], 0.5 * (z[i] - problem.lower[i]), 0.5 * (problem.upper[i] - z[i])});
+  }
+  const auto gradient_at = [&](const VectorXd& t, VectorXd& g) {
+    const Likelihood* there = likelihood.evaluate(with_entries(end, free.entries(t)), true);
+    if (there == nullptr) return false;
+    g = free.jacobian(t).transpose() * there->gradient;
+    return true;
+  };
+  return observed_information(gradient_at, VectorXd::Zero(free.size()), step);
+}
+
+// The inverse along the directions that are determined: what lies outside the others keeps its error.
+MatrixXd inverse_of_determined(const MatrixXd& information) {
+  const VectorXd diagonal = information.diagonal();
+  const VectorXd by = (diagonal.array() > 0.0).select(diagonal.cwiseSqrt().cwiseInverse(), 0.0);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(by.asDiagonal() * information *
+                                                     by.asDiagonal());
+  VectorXd inverse = axes.eigenvalues();
+  const double floor = kFlat * std::max(1e-300, inverse.maxCoeff());
+  for (double& value : inverse) value = value > floor ? 1.0 / value : 0.0;
+  const MatrixXd half = by.asDiagonal() * axes.eigenvectors();
+  return half * inverse.asDiagonal() * half.transpose();
+}
+
+// Information by the entries, from that by the directions: those in which nothing may move are
+// known as well as the others. @param by  the entries' derivatives by the directions
+MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
+                                const MatrixXd& covariance) {
+  VectorXd se = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  for (Index i = 0; i < se.size(); ++i) {
+    if (!(se[i] > 0.0)) se[i] = by.row(i).cwiseAbs().maxCoeff();
+  }
+  const MatrixXd scaled = se.cwiseInverse().asDiagonal() * by;
+  const MatrixXd back = scaled.completeOrthogonalDecomposition().pseudoInverse();
+  const MatrixXd held = MatrixXd::Identity(by.rows(), by.rows()) - scaled * back;
+  const MatrixXd out = back.transpose() * information * back + held;
+  return se.cwiseInverse().asDiagonal() * out * se.cwiseInverse().asDiagonal();
+}
+
+}  // namespace
+
+std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
+                                             const LikelihoodProblem& problem,
+                                             const ParameterSet& end, const VectorXd& best) {
+  const Likelihood* result = likelihood.evaluate(end, true);
+  if (result == nullptr) return {};
+  const MatrixXd all = result->information;
+  const VectorXd z = free_entries(end);
+  std::vector<bool> at_bound;
+  for (Index i = 0; i < z.size(); ++i) {
+    at_bound.push_back(best[i] <= problem.lower[i] || best[i] >= problem.upper[i]);
+  }
+  const std::vector<CovarianceEntries> covariances = all_covariances(likelihood.model());
+  const FreeDirections free(z, at_bound, covariances, result->gradient, all);
+  const MatrixXd by = free.jacobian(VectorXd::Zero(free.size()));
+  for (Index i = 0; i < z.size(); ++i) at_bound[i] = by.row(i).isZero(0.0);
+  const InteriorParameters inside = interior_parameters(estimate, at_bound);
+  const auto k = static_cast<Index>(inside.entries.size());
+  if (k == 0) return free.singular();
+
+  const MatrixXd information = by.transpose() * all * by;
+  const MatrixXd in_units =
+      inside.unit.cwiseInverse().asDiagonal() * MatrixXd(by(inside.entries, Eigen::all));
+  const auto of_entries = [&](const MatrixXd& covariance) {
+    return MatrixXd(in_units * covariance * in_units.transpose());
+  };
+  MatrixXd covariance;
+  const std::optional<MatrixXd> bound = scaled_inverse(information, kFlat);
+  if (bound) {
+    const auto second = observed(likelihood, problem, end, free, best, *bound);
+    const auto inverse = second ? scaled_inverse(*second) : std::nullopt;
+    covariance = inverse ? *inverse : *bound;
+    estimate.covariance_kind = inverse ? "observed information"
+                                       : "expected information (the observed one is not "
+                                         "positive definite)";
+  } else {
+    estimate.covariance_kind = "partial: some directions carry no information";
+    covariance = inverse_of_determined(information);
+  }
+  judge_parameters(estimate, information_of_entries(in_units, information, of_entries(covariance)),
+                   of_entries(covariance));
+  if (!bound) return free.singular();
+  const MatrixXd products = likelihood.score_products(end);
+  if (products.size() > 0) {
+    const MatrixXd sandwich =
+        of_entries(covariance * (by.transpose() * products * by) * covariance);
+    for (Index j = 0; j < k; ++j) {
+      EstimatedParameter& p = *inside.reported[j];
+      if (!std::isnan(p.se)) p.se_sandwich = std::sqrt(sandwich(j, j));
+    }
+  }
+  const MatrixXd crb = of_entries(*bound);
+  for (Index j = 0; j < k; ++j) inside.reported[j]->crb_se = std::sqrt(crb(j, j));
+  return free.singular();
+}
+
+}  // namespace identikal

@@ -1,0 +1,40 @@
+// Where has the profile likelihood of each parameter fallen so far that a value is contradicted?
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "identify/estimate/results.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/noise/internal/covariance_factors.h"
+
+namespace identikal {
+
+/// What profiles are taken about.
+struct ProfiledMaximum {
+  RecordingsLikelihood& likelihood;
+  const FactorCoordinates& factors;
+  const ParameterSet& end;                  ///< the parameters there
+  const Solution& best;                     ///< in the coordinates of the factors
+  std::vector<CovarianceEntries> singular;  ///< covariances that have lost rank
+  Eigen::Index samples = 0;                 ///< measured values
+  int threads = 1;
+};
+
+/// The interval of every parameter that has a standard error becomes that of its profile
+/// likelihood, 3.84 / 2 below the maximum, where that can be had: not for entries of covariances of
+/// lost rank or of Domain::positive_definite, and not where evaluations are dear and the standard error
+/// is small beside the value. Both intervals are then the same but for a part of the order of
+/// their ratio.
+void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at);
+
+/// A variance that ended at zero: how large could it be (one-sided 95 %)? False: nothing is known
+/// there.
+bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at);
+
+/// The profile likelihoods as curves: from the maximum outwards until they have fallen well below
+/// the 95 % limit, or to the bound.
+void picture_profiles(NoiseEstimate& estimate, const ProfiledMaximum& at);
+
+}  // namespace identikal

@@ -1,0 +1,270 @@
+#include "identify/noise/internal/several_starts.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "identify/noise/internal/scattered_start.h"
+#include "lib/base/random.h"
+#include "solvers/parallel.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kSameMaximum = 1e-3;  // log-likelihoods closer than this are the same maximum
+constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search goes on for
+constexpr int kDoubted = 5;            // starts where there is a doubt
+
+struct Point {
+  VectorXd x;
+  double L = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+};
+
+std::optional<Point> point_at(const LikelihoodProblem& problem, const VectorXd& x) {
+  Point out;
+  out.x = x;
+  if (!problem.evaluate(x, out.L, &out.gradient, &out.information)) return std::nullopt;
+  return out;
+}
+
+// Where a variance is zero, what it drives may lie anywhere, and the likelihood rises elsewhere on
+// that plateau.
+bool every_coordinate_matters(const Point& at) {
+  constexpr double kNothing = 1e-9;  // information on a coordinate in units of itself
+  const VectorXd size = at.x.cwiseAbs().cwiseMax(1e-300);
+  const VectorXd weight = at.information.diagonal().array() * size.array().square();
+  for (Index i = 0; i < at.x.size(); ++i) {
+    if (at.x[i] != 0.0 && !(weight[i] > kNothing)) return false;
+  }
+  return true;
+}
+
+SolverOptions search_options() {
+  SolverOptions out;
+  out.decrement_tolerance = 1e-11;
+  out.acceptable_decrement = kNegligible;
+  return out;
+}
+
+// From beside the end, does a search come back to it?
+bool nothing_near_is_higher(const LikelihoodProblem& problem, const Point& end) {
+  constexpr double kBeside = 0.5;  // standard errors, each coordinate by itself
+  Random random(1);
+  for (int k = 0; k < 2; ++k) {
+    VectorXd x = end.x;
+    for (Index i = 0; i < x.size(); ++i) {
+      const double information = end.information(i, i);
+      if (information > 0.0) x[i] += kBeside * random.normal() / std::sqrt(information);
+    }
+    const Solution back =
+        maximise(problem, x.cwiseMax(problem.lower).cwiseMin(problem.upper), search_options());
+    if (back.summary.objective > end.L + kSameMaximum) return false;
+  }
+  return true;
+}
+
+bool is_other_maximum(const LikelihoodProblem& problem, const Solution& solution) {
+  if (!solution.summary.usable()) return false;
+  const std::optional<Point> end = point_at(problem, solution.x);
+  return end && every_coordinate_matters(*end) && nothing_near_is_higher(problem, *end);
+}
+
+// Does the end of the first search leave a doubt that it is the only maximum? Of variances alone,
+// all of them inside their bounds, it hardly ever is not.
+bool is_doubted(const Model& model, const LikelihoodProblem& problem, const Solution& first) {
+  if (!first.summary.usable() || !is_linear(model)) return true;
+  const std::vector<StateSpace> by = model_derivatives(as_linear(model), model.parameters);
+  if (!std::all_of(by.begin(), by.end(), changes_only_noise)) return true;
+  if ((first.x.array() <= problem.lower.array()).any() ||
+      (first.x.array() >= problem.upper.array()).any()) {
+    return true;
+  }
+  const std::optional<Point> end = point_at(problem, first.x);
+  return !end || !every_coordinate_matters(*end);
+}
+
+// One search, in the factors' coordinates.
+struct Search {
+  Solution solution;
+  std::vector<double> path;
+  bool told_to_stop = false;
+  bool arrived = false;  // beside the maximum that is known
+};
+
+class Searches {
+ public:
+  Searches(const NoiseMlOptions& options, std::vector<VectorXd> starts)
+      : options_(options), starts_(std::move(starts)) {}
+
+  // @param known  a maximum that need not be found twice
+  Search run(const LikelihoodProblem& problem, int start, const std::optional<Point>& known) {
+    Search out;
+    SolverOptions solver = search_options();
+    solver.progress = [&](int iteration, double L) {
+      out.path.push_back(L);
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stopped_ = stopped_ || (options_.progress && !options_.progress(start + 1, iteration, L));
+      out.told_to_stop = stopped_;
+      return !stopped_ && !out.arrived;
+    };
+    LikelihoodProblem watched = problem;
+    watched.evaluate = [&](const VectorXd& x, double& L, VectorXd* gradient,
+                           MatrixXd* information) {
+      const bool defined = problem.evaluate(x, L, gradient, information);
+      out.arrived = defined && known && is_beside(*known, x, L);
+      return defined;
+    };
+    const VectorXd& from = starts_[start];
+    out.solution = maximise(watched, from.cwiseMax(problem.lower).cwiseMin(problem.upper), solver);
+    out.path.insert(out.path.begin(), out.solution.summary.initial_objective);
+    return out;
+  }
+
+  bool stopped() const { return stopped_; }
+
+ private:
+  // Within half a standard error, as the quadratic about the maximum has it.
+  static bool is_beside(const Point& known, const VectorXd& x, double L) {
+    constexpr double kNear = 0.25;
+    const VectorXd d = x - known.x;
+    return known.L - L < kNear && d.dot(known.information * d) < kNear;
+  }
+
+  const NoiseMlOptions& options_;
+  std::vector<VectorXd> starts_;
+  std::mutex mutex_;
+  std::atomic<bool> stopped_{false};
+};
+
+std::vector<VectorXd> places_to_start(const ParameterSet& parameters,
+                                      const FactorCoordinates& factors, int count,
+                                      std::uint64_t seed) {
+  Random random(seed);
+  std::vector<VectorXd> out = {factors.from(coordinates(parameters))};
+  for (int s = 1; s < count; ++s) {
+    out.push_back(factors.from(coordinates(scattered_start(parameters, random))));
+  }
+  return out;
+}
+
+// A converged end beats an unconverged one unless that one is really higher.
+bool is_better(const SolverSummary& than, const SolverSummary& one) {
+  if (std::isnan(one.objective)) return false;
+  if (std::isnan(than.objective)) return true;
+  const double lead = one.objective - than.objective;
+  return lead > kSameMaximum ||
+         (lead > -kSameMaximum && one.usable() && (!than.usable() || lead > 0.0));
+}
+
+}  // namespace
+
+int SeveralStarts::count(SearchEnd end) const {
+  return static_cast<int>(std::count(ends.begin(), ends.end(), end));
+}
+
+SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const ParameterSet& parameters,
+                                 const FactorCoordinates& factors, const NoiseMlOptions& options) {
+  const LikelihoodProblem by_entries = likelihood.problem();
+  const LikelihoodProblem problem = factors.problem(by_entries);
+  const int most = options.starts > 0 ? options.starts : kDoubted;
+  Searches searches(options, places_to_start(parameters, factors, most, options.seed));
+  std::vector<Search> all(static_cast<std::size_t>(most));
+  all[0] = searches.run(problem, 0, std::nullopt);
+  const Solution& first = all[0].solution;
+  const bool alone = options.starts == 0 && !is_doubted(likelihood.model(), problem, first);
+  if (alone || searches.stopped()) all.resize(1);
+  const std::optional<Point> known =
+      first.summary.usable() ? point_at(problem, first.x) : std::nullopt;
+  const auto others = static_cast<int>(all.size()) - 1;
+  // Sums over the recordings make evaluations too cheap to be shared out.
+  const bool cheap = likelihood.evaluation_taken().method == EvaluationMethod::autocovariances;
+  in_parallel(others, cheap ? 1 : options.threads, [&](int i) {
+    if (searches.stopped()) return;
+    if (cheap) {
+      all[i + 1] = searches.run(problem, i + 1, known);
+      return;
+    }
+    const std::unique_ptr<RecordingsLikelihood> own = likelihood.another();
+    const LikelihoodProblem own_by_entries = own->problem();
+    all[i + 1] = searches.run(factors.problem(own_by_entries), i + 1, known);
+  });
+
+  SeveralStarts out;
+  out.start_value = first.summary.initial_objective;
+  out.best = first;
+  std::vector<Search*> defined;
+  for (Search& search : all) {
+    SolverSummary& summary = search.solution.summary;
+    if (summary.termination == Termination::not_called) continue;  // told to stop before
+    out.iterations += summary.iterations;
+    out.evaluations += summary.evaluations;
+    const bool undefined = summary.termination == Termination::start_undefined;
+    if (undefined && &search != &all[0]) continue;
+    defined.push_back(&search);
+    out.paths.push_back(std::move(search.path));
+    if (search.arrived && !search.told_to_stop) search.solution = first;
+    if (is_better(out.best.summary, summary)) out.best = search.solution;
+  }
+  for (const Search* search : defined) {
+    const double L = search->solution.summary.objective;
+    out.log_likelihood.push_back(L);
+    if (std::abs(L - out.best.summary.objective) < kSameMaximum) {
+      out.ends.push_back(SearchEnd::best);
+    } else {
+      const bool maximum = !searches.stopped() && is_other_maximum(problem, search->solution);
+      out.ends.push_back(maximum ? SearchEnd::maximum : SearchEnd::short_of);
+    }
+  }
+  // Whatever an earlier start found, the search was not finished.
+  if (searches.stopped()) {
+    out.best.summary.termination = Termination::stopped;
+    out.best.summary.message = "stopped by the caller";
+  }
+  return out;
+}
+
+Findings check_starts(const SeveralStarts& found) {
+  const int others = found.count(SearchEnd::maximum), stopped = found.count(SearchEnd::short_of);
+  if (others == 0 && stopped == 0) return {};
+  const auto below = [&](SearchEnd kind) {
+    double highest = -std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < found.ends.size(); ++i) {
+      if (found.ends[i] == kind) highest = std::max(highest, found.log_likelihood[i]);
+    }
+    return found.best.summary.objective - highest;
+  };
+  std::string text = fmt::format("{} of {} starts reached the same optimum",
+                                 found.count(SearchEnd::best), found.ends.size());
+  if (others > 0) {
+    text += fmt::format("; {} ended at other maxima, the highest {:.3g} below", others,
+                        below(SearchEnd::maximum));
+  }
+  if (stopped > 0) {
+    text += fmt::format(
+        "; {} stopped where the likelihood is flat or short of a maximum, the "
+        "highest {:.3g} below",
+        stopped, below(SearchEnd::short_of));
+  }
+  std::vector<std::string> ends;
+  for (const double L : found.log_likelihood) ends.push_back(fmt::format("{:.4f}", L));
+  text += fmt::format("; log-likelihoods by start: {}", fmt::join(ends, ", "));
+  return {{FindingCode::several_maxima,
+           others > 0 ? Severity::warning : Severity::note,
+           {},
+           text,
+           others > 0 ? "raise --starts until more of them reach the best" : ""}};
+}
+
+}  // namespace identikal

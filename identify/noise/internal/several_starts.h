@@ -1,0 +1,43 @@
+// Where do searches for the greatest likelihood end that begin at several places?
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/noise/internal/covariance_factors.h"
+#include "identify/noise/ml.h"
+
+namespace identikal {
+
+/// Where one of them ended.
+enum class SearchEnd {
+  best,     ///< at the greatest likelihood that was found, or beside it
+  maximum,  ///< at another maximum, where nothing in the neighbourhood is higher
+  short_of  ///< where the likelihood is flat or short of a maximum
+};
+
+struct SeveralStarts {
+  Solution best;  ///< x in the coordinates of the factors
+  double start_value = std::numeric_limits<double>::quiet_NaN();
+  int iterations = 0, evaluations = 0;
+  /// Of each start, but for scattered ones where the likelihood is undefined:
+  std::vector<SearchEnd> ends;
+  std::vector<double> log_likelihood;
+  std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration
+
+  int count(SearchEnd end) const;
+};
+
+/// Searches from the model's own values, and from others scattered about them where
+/// options.starts says so: 0 asks for four more where the first leaves a doubt. One that comes
+/// near the first one's maximum ends there.
+/// @param factors  of the named covariances; options.threads searches run at a time
+SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const ParameterSet& parameters,
+                                 const FactorCoordinates& factors, const NoiseMlOptions& options);
+
+/// Where the starts ended, if not all at the best. Where a search stopped short says nothing of
+/// other maxima, however often it does.
+Findings check_starts(const SeveralStarts& found);
+
+}  // namespace identikal

@@ -1,0 +1,21 @@
+// How is work shared among cores, without the result depending on how many there are?
+#pragma once
+
+#include <functional>
+
+namespace identikal {
+
+/// Calls task(i) for i = 0 .. count - 1, `threads` at a time, 0: as many as there are cores. Tasks
+/// may write to what belongs to i only. Without threads, or with one task, in order and on the
+/// caller's thread.
+///
+/// Example:
+///
+///     std::vector<double> squares(9);
+///     in_parallel(9, 0, [&](int i) { squares[static_cast<std::size_t>(i)] = i * i; });
+///
+/// @throws what the first task, of those that throw, throws; tasks that were not begun by then are
+///   left out
+void in_parallel(int count, int threads, const std::function<void(int task)>& task);
+
+}  // namespace identikal
