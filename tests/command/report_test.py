@@ -49,7 +49,7 @@ class Report(unittest.TestCase):
             return json.loads(text, parse_constant=self.fail)
 
         with Folder() as folder:
-            run("tune", *NILE, "-o", folder.path / "a", code=0)
+            run("tune", *NILE, "--starts", 5, "-o", folder.path / "a", code=0)
             data = strict((folder.path / "a/report_data.json").read_text())
             self.assertEqual(100, len(data["time"]))
             self.assertNotIn("hi", data["channels"][0]["measured"])

@@ -53,7 +53,7 @@ bool every_coordinate_matters(const Point& at) {
 
 SolverOptions search_options() {
   SolverOptions out;
-  out.decrement_tolerance = 1e-11;
+  out.decrement_tolerance = 1e-13;
   out.acceptable_decrement = kNegligible;
   return out;
 }

@@ -214,8 +214,15 @@ TEST(NoiseMlSearch, StartsOnceWhereThereIsNoDoubt) {
   const NoiseEstimate e = tune_ml(scalar_model(0.9, 1.0, 1.0), data, options);
   EXPECT_EQ(e.objective.starts, 6);
   EXPECT_EQ(e.objective.starts_at_optimum, 6);
-  const std::vector<Dataset> still = {dataset_of(simulate_scalar(0.5, 0.0, 1.0, 300, 1))};
-  EXPECT_EQ(tune_ml(scalar_model(0.5, 1.0, 1.0), still).objective.starts, 5);
+  int at_zero = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    const std::vector<Dataset> still = {dataset_of(simulate_scalar(0.5, 0.0, 1.0, 300, seed))};
+    const NoiseEstimate zero = tune_ml(scalar_model(0.5, 1.0, 1.0), still);
+    if (zero.parameters[0].value > 0.0) continue;
+    ++at_zero;
+    EXPECT_EQ(zero.objective.starts, 5);
+  }
+  EXPECT_GT(at_zero, 0);
 }
 
 }  // namespace

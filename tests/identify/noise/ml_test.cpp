@@ -105,6 +105,7 @@ TEST(NoiseMl, StopsWhenToldWithTheBestSoFar) {
       make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
   for (const int last_start : {1, 2}) {
     NoiseMlOptions options;
+    options.starts = 5;
     int iterations = 0;
     options.progress = [&](int start, int iteration, double) {
       ++iterations;
