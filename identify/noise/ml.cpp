@@ -168,9 +168,11 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   if (converged && limit_variances_at_zero(estimate, maximum)) {
     append(estimate.findings, check_bounds(estimate, problem, best));
   }
-  if (options.profiles && converged) take_profile_intervals(estimate, maximum);
+  // Others that are not determined would be searched for at every point of a profile.
+  const bool determined = estimate.identifiability.rank == estimate.identifiability.of;
+  if (options.profiles && converged && determined) take_profile_intervals(estimate, maximum);
   if (options.pictures) estimate.pictures.searches = found.paths;
-  if (options.pictures && converged) picture_profiles(estimate, maximum);
+  if (options.pictures && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
   report_noise_estimate(estimate, model, end, recordings);

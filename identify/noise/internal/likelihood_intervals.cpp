@@ -71,6 +71,7 @@ class ProfilePath {
     SolverOptions options;
     options.decrement_tolerance = 2e-4;  // what is left is added
     options.acceptable_decrement = 1e-3;
+    options.max_iterations = 30;  // a path that needs more runs along what is not determined
     const Index i = at_.i;
     VectorXd start = x_ + (value - x_[i]) * tangent(at_, x_, information_);
     held_.lower[i] = held_.upper[i] = start[i] = value;
@@ -100,7 +101,7 @@ class ProfilePath {
 std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, double first,
                                       double target, bool linear) {
   constexpr double kNear = 3e-4;  // of the root
-  constexpr int kMost = 40, kSecants = 10;
+  constexpr int kMost = 40, kSecants = 10, kUndefined = 4;
   const double sign = first < 0.0 ? -1.0 : 1.0;
   const double bound = sign < 0.0 ? at.problem.lower[at.i] : at.problem.upper[at.i];
   const double wanted = linear ? target : target * target;
@@ -110,13 +111,14 @@ std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, dou
   };
   End inside{at.x[at.i], 0.0}, before = inside;
   std::optional<End> outside;
+  int undefined = 0;
   double next = at.x[at.i] + first;
   for (int k = 0; k < kMost; ++k) {
     const bool stopped = !outside && sign * (next - bound) >= 0.0;
     if (stopped) next = bound;
     const std::optional<double> drop = path.drop(next);
-    if (!drop && outside) return std::nullopt;
-    if (!drop) {  // undefined so far out
+    if (!drop && (outside || ++undefined > kUndefined)) return std::nullopt;
+    if (!drop) {  // not so far out
       next = 0.5 * (next + inside.value);
       continue;
     }

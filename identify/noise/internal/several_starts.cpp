@@ -39,10 +39,10 @@ std::optional<Point> point_at(const LikelihoodProblem& problem, const VectorXd& 
   return out;
 }
 
-// Where a variance is zero, what it drives may lie anywhere, and the likelihood rises elsewhere on
-// that plateau.
+// Where a variance is as good as zero, what it drives may lie anywhere, and the likelihood rises
+// elsewhere on that plateau. What changes nothing when it moves by its own size does not matter.
 bool every_coordinate_matters(const Point& at) {
-  constexpr double kNothing = 1e-9;  // information on a coordinate in units of itself
+  constexpr double kNothing = 2.0 * kNegligible;
   const VectorXd size = at.x.cwiseAbs().cwiseMax(1e-300);
   const VectorXd weight = at.information.diagonal().array() * size.array().square();
   for (Index i = 0; i < at.x.size(); ++i) {

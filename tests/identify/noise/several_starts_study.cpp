@@ -47,15 +47,16 @@ double concentrated(const Model& model, const MatrixXd& y, double a, double shar
   return at_one + 0.5 * squares - 0.5 * n * (1.0 + std::log(squares / n));
 }
 
-// Maxima of it on a grid, the border's included; what is q = 0 or a = 0 is one model of its own.
+// Maxima of it on a grid, the border's included, that is finer near poles of +-1 and shares of zero.
 int maxima_on_a_grid(const Model& model, const MatrixXd& y) {
-  constexpr Index kPoles = 81, kShares = 41;
+  constexpr Index kPoles = 121, kShares = 71;
+  const double widest = std::atanh(0.999);
   MatrixXd L(kPoles, kShares);
   for (Index i = 0; i < kPoles; ++i) {
     for (Index j = 0; j < kShares; ++j) {
-      const double a = 0.999 * std::sin((static_cast<double>(i) / (kPoles - 1) - 0.5) * M_PI);
-      const double share = 0.5 - 0.5 * std::cos(static_cast<double>(j) / kShares * M_PI);
-      L(i, j) = concentrated(model, y, a, share);
+      const double a = std::tanh(widest * (2.0 * static_cast<double>(i) / (kPoles - 1) - 1.0));
+      const double of_process = std::pow(10.0, -7.0 * static_cast<double>(j) / (kShares - 1));
+      L(i, j) = concentrated(model, y, a, 1.0 - of_process);
     }
   }
   int out = 0;
