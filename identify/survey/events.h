@@ -11,8 +11,9 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const SpinSignals drive{time, angle, vx, r, vy};
-///     const Findings findings = check_spins(find_spins(drive), time, true);
+///     const Dataset& d = recordings[0];
+///     const SpinSignals drive{d.time, d.u.row(0), d.u.row(1), d.y.row(0), d.y.row(1)};
+///     const Findings findings = check_spins(find_spins(drive), d.time, true);
 Findings check_spins(const std::vector<Spin>& spins, const Eigen::VectorXd& time, bool left_out);
 
 }  // namespace identikal

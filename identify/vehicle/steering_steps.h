@@ -18,8 +18,9 @@ double step_of(const Eigen::VectorXd& x);
 ///
 /// Example:
 ///
+///     Eigen::VectorXd angle = recordings[0].u.row(0);
 ///     const double step = step_of(angle);
-///     if (step > 0.0) angle = bridged_steps(time, angle, step);
+///     if (step > 0.0) angle = bridged_steps(recordings[0].time, angle, step);
 ///
 /// @param time  N increasing time stamps [s]
 /// @param x     N readings without gaps

@@ -42,6 +42,12 @@ struct IntegrationDemand {
 /// Prepares a segment: steering and vx between samples by Pchip, Runge-Kutta steps of at most
 /// `longest_step`, 0.35 / (decay_rate / vx) and 0.7 relaxation_length / vx. Before the first and
 /// after the last sample, where a delay may reach, the steering stands still.
+///
+/// Example:
+///
+///     const IntegrationDemand demand{decay_rate_times_speed(car)};
+///     const DrivenSegment driven = drive(time, steering, vx, demand);
+///
 /// @param time      N >= 2 strictly increasing time stamps [s], any spacing
 /// @param steering  N measured steering angles [rad]
 /// @param vx        N forward speeds [m/s], > 0
