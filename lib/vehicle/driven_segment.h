@@ -46,7 +46,7 @@ struct IntegrationDemand {
 /// Example:
 ///
 ///     const IntegrationDemand demand{decay_rate_times_speed(car)};
-///     const DrivenSegment driven = drive(time, steering, vx, demand);
+///     const DrivenSegment driven = drive(time, u.row(0), u.row(1), demand);
 ///
 /// @param time      N >= 2 strictly increasing time stamps [s], any spacing
 /// @param steering  N measured steering angles [rad]
