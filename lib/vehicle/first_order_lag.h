@@ -12,8 +12,8 @@ namespace identikal {
 /// Example:
 ///
 ///     const FirstOrderLag step(0.02, 0.01);  // 20 ms, samples of 10 ms
-///     double y = x[0];
-///     for (int k = 1; k < 100; ++k) y = step.next(y, x[k - 1], x[k]);
+///     double filtered = u(0, 0);
+///     for (int k = 1; k < 100; ++k) filtered = step.next(filtered, u(0, k - 1), u(0, k));
 class FirstOrderLag {
  public:
   /// @param lag   T >= 0 [s]

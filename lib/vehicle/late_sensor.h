@@ -22,7 +22,7 @@ void filter_by_lag(const Eigen::VectorXd& time, double lag, SignalRows& x,
 ///
 /// Example:
 ///
-///     SignalRows yaw_rate = r;                        // one column, samples at `time`
+///     SignalRows yaw_rate = y.row(0).transpose();  // one column, samples at `time`
 ///     filter_by_lag(time, 0.02, yaw_rate);            // a filter of 8 Hz
 ///     yaw_rate = late(time, yaw_rate, time, 0.1);     // 100 ms on its way
 ///

@@ -31,7 +31,7 @@ struct SpinSignals {
 ///
 /// Example:
 ///
-///     for (const Spin& spin : find_spins({time, angle, vx, r, {}})) {
+///     for (const Spin& spin : find_spins({time, u.row(0), u.row(1), y.row(0), {}})) {
 ///       std::printf("spins at %g s\n", time[spin.first]);
 ///     }
 std::vector<Spin> find_spins(const SpinSignals& signals);
