@@ -87,6 +87,16 @@ bool drifts(const StateSpace& model) {
   return !powers.compute(model.A);
 }
 
+/// Whether a given start says so little beside the noise that its first updates cancel digits, of
+/// which the full recursion keeps more.
+bool is_vague(const StateSpace& model, InitialState initial) {
+  if (initial != InitialState::given) return false;
+  constexpr double kVague = 1e6;
+  const MatrixXd process = model.G * model.Q * model.G.transpose();
+  const double noise = std::max(process.diagonal().maxCoeff(), model.R.diagonal().maxCoeff());
+  return model.P0.diagonal().maxCoeff() > kVague * noise;
+}
+
 }  // namespace
 
 struct LikelihoodEngine::Recordings {
@@ -335,7 +345,8 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
     }
     // Code made for gapless samples needs no derivatives and goes faster without; the full
     // recursion stays the witness of the others.
-    const bool plain = method == EvaluationMethod::time_varying || (k == 0 && recording.gapless());
+    const bool plain = method == EvaluationMethod::time_varying ||
+                       (k == 0 && recording.gapless()) || is_vague(model, initial);
     if (!plain && !prepared) {
       r.tangents.prepare(model, derivatives);
       prepared = true;

@@ -38,6 +38,7 @@ void follow_findings(const VehicleEstimate& fit, const VehicleDrive& drive,
                      VehicleVerdicts& verdicts) {
   VehicleFitOptions options;
   Dataset recording = drive.recording;
+  Model model = drive.model;
   bool any = false;
   for (const Finding& finding : fit.findings) {
     for (const Change& change : finding.changes) {
@@ -50,13 +51,15 @@ void follow_findings(const VehicleEstimate& fit, const VehicleDrive& drive,
           if (recording.outputs[j].name != finding.about.front()) continue;
           recording.y.row(static_cast<Eigen::Index>(j)) *= -1.0;
         }
+      } else if (const std::size_t at = change.model.find("{steps: "); at != std::string::npos) {
+        as_vehicle(model).steering_steps = std::stod(change.model.substr(at + 8));
       } else {
         throw std::logic_error("a change that the campaign does not know: " + change.model);
       }
     }
   }
   if (!any) return;
-  const VehicleEstimate after = fit_vehicle(drive.model, recording, options);
+  const VehicleEstimate after = fit_vehicle(model, recording, options);
   if (after.status != Status::ok) return;
   ++(is_wrong(after, drive) ? verdicts.cured_wrong : verdicts.cured_right);
 }
