@@ -12,7 +12,7 @@ namespace identikal {
 
 /// Where one of them ended.
 enum class SearchEnd {
-  best,     ///< at the greatest likelihood that was found, or beside it
+  best,     ///< at the greatest likelihood that was found, or within its tolerance
   maximum,  ///< at another maximum, where nothing in the neighbourhood is higher
   short_of  ///< where the likelihood is flat or short of a maximum
 };

@@ -40,12 +40,12 @@ Presence find_presence(const MatrixXd& y) {
   std::vector<bool> here(static_cast<std::size_t>(y.rows()));
   for (Index t = 0; t < y.cols(); ++t) {
     for (Index i = 0; i < y.rows(); ++i) here[i] = !std::isnan(y(i, t));
-    if (t > 0 && here == known[out.stretches.back().pattern]) {
-      out.stretches.back().end = t + 1;
+    if (t > 0 && here == known[out.parts.back().pattern]) {
+      out.parts.back().end = t + 1;
       continue;
     }
     const auto at = std::find(known.begin(), known.end(), here);
-    out.stretches.push_back({t, t + 1, static_cast<std::size_t>(at - known.begin())});
+    out.parts.push_back({t, t + 1, static_cast<std::size_t>(at - known.begin())});
     if (at != known.end()) continue;
     known.push_back(here);
     out.channels.emplace_back();
@@ -284,13 +284,13 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
   FilterStatus status = begin(initial);
   scored_ = out.gradient;
   std::size_t next = 0;
-  for (const Presence::Stretch& stretch : presence.stretches) {
-    Pattern& p = patterns_[stretch.pattern];
-    if (!p.ready) fill_pattern(p, channels_[stretch.pattern]);
-    for (Index t = stretch.begin; t < stretch.end && status == FilterStatus::ok;) {
+  for (const Presence::Part& part : presence.parts) {
+    Pattern& p = patterns_[part.pattern];
+    if (!p.ready) fill_pattern(p, channels_[part.pattern]);
+    for (Index t = part.begin; t < part.end && status == FilterStatus::ok;) {
       const std::vector<Segment>& segments = recording.segments;
       while (next < segments.size() && segments[next].begin < t) ++next;
-      Index end = stretch.end;
+      Index end = part.end;
       if (recording.kernel != nullptr && next < segments.size()) {
         const Segment& segment = segments[next];
         if (segment.begin == t && run_by_kernel(segment, *recording.kernel, out)) {
@@ -301,7 +301,7 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
       }
       if (diffuse_) {
         status = run_diffuse(p, recording, t, end, out);
-      } else if (end - t <= kLongestPassage && presence.stretches.size() > 1) {
+      } else if (end - t <= kLongestPassage && presence.parts.size() > 1) {
         status = run_passage(p, recording, t, end, out);
       } else {
         status = run_stretch(p, recording, t, end, out);

@@ -18,12 +18,12 @@ namespace identikal {
 
 /// Which outputs of a recording are there when: samples begin .. end - 1 have channels[pattern].
 struct Presence {
-  struct Stretch {
+  struct Part {
     Eigen::Index begin, end;
     std::size_t pattern;
   };
   std::vector<std::vector<int>> channels;
-  std::vector<Stretch> stretches;
+  std::vector<Part> parts;
 };
 
 /// @param y  ny x N, NaN = missing

@@ -62,7 +62,7 @@ struct TangentRun {
   double squares = 0.0, log_det = 0.0, determinant = 1.0;
 };
 
-/// How a stretch of samples ended.
+/// How a part of samples ended.
 enum class TangentEnd { done, settled, indefinite };
 
 /// Samples t .. end - 1, all with the channels of the model. Advances t. `settled` ends it behind a
