@@ -49,10 +49,10 @@ std::string as_typed(int argc, char** argv) {
 }
 
 std::vector<Verb> all_verbs() {
-  return {info_verb(),     init_verb(),  tune_verb(),     fit_verb(),
-          check_verb(),    track_verb(), filter_verb(),   compare_verb(),
-          shape_verb(),    bound_verb(), report_verb(),   export_verb(),
-          validate_verb(), study_verb(), simulate_verb(), handling_verb()};
+  return {info_verb(),     init_verb(),    tune_verb(),     fit_verb(),   check_verb(),
+          track_verb(),    filter_verb(),  compare_verb(),  shape_verb(), bound_verb(),
+          report_verb(),   export_verb(),  validate_verb(), study_verb(), simulate_verb(),
+          handling_verb(), forecast_verb()};
 }
 
 void refuse_unknown_verb(const std::vector<Verb>& verbs, int argc, char** argv) {

@@ -6,6 +6,7 @@
 #include <fmt/ranges.h>
 
 #include "command/verbs.h"
+#include "identify/model/components.h"
 #include "identify/model/templates.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
@@ -19,6 +20,8 @@ Outcome init(const std::string& name) {
     for (const ModelTemplate& each : model_templates()) {
       out.text += fmt::format("{}\n    {}\n", each.name, purpose_of(each));
     }
+    out.text += fmt::format("components of a model, by name (examples/MODEL_FILE.md):\n    {}\n",
+                            fmt::join(component_kinds(), ", "));
     return out;
   }
   std::vector<std::string> names;

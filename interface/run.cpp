@@ -70,7 +70,7 @@ constexpr NamedVerb kVerbs[] = {
     {"tune", tune_verb},       {"fit", fit_verb},           {"check", check_verb},
     {"shape", shape_verb},     {"track", track_verb},       {"filter", filter_verb},
     {"bound", bound_verb},     {"simulate", simulate_verb}, {"validate", validate_verb},
-    {"compare", compare_verb}, {"handling", handling_verb}};
+    {"compare", compare_verb}, {"handling", handling_verb}, {"forecast", forecast_verb}};
 
 MakeVerb verb_called(const std::string& name) {
   std::vector<std::string> names;
@@ -121,9 +121,10 @@ void check_arguments(const Arguments& given, const std::string& verb) {
     throw InputError({}, "model_yaml is NULL", "the text of a model file");
   }
   const std::size_t least = verb == "validate" ? 1 : verb == "compare" ? 2 : 0;
-  const std::size_t most = verb == "compare"                                              ? 1000
-                           : verb == "validate" || verb == "filter" || verb == "handling" ? 1
-                                                                                          : 0;
+  const std::size_t most =
+      verb == "compare"                                                                    ? 1000
+      : verb == "validate" || verb == "filter" || verb == "forecast" || verb == "handling" ? 1
+                                                                                           : 0;
   if (given.previous_count < least || given.previous_count > most) {
     throw InputError(
         {}, fmt::format("{} previous results for '{}'", given.previous_count, verb),

@@ -51,7 +51,7 @@ Model with_options(Model model, const ModelOptions& options, Inputs& inputs) {
   refuse_twice("--set", options.settings);
   for (const std::string& assignment : options.settings) set_parameter(model, assignment);
   if (!options.filter.empty()) {
-    if (!is_formula_model(model)) {
+    if (!is_formula_model(model) || changes(model)) {
       throw InputError({}, "--filter does not apply to this model", "a nonlinear model",
                        "the Kalman filter of a linear one is exact");
     }
@@ -310,7 +310,8 @@ void take_period(Model& model, const Dataset& data) {
 }
 
 void check_period(const Model& model, const Dataset& first, const Dataset& other) {
-  const bool any = !is_linear(model) || model.time.step > 0.0;
+  const bool one_period = is_linear(model) || (changes(model) && !as_formulas(model).irregular);
+  const bool any = !one_period || model.time.step > 0.0;
   if (any || std::abs(other.dt - first.dt) <= 1e-6 * first.dt) return;
   throw InputError(
       {other.name, 0, 0},

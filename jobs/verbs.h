@@ -16,5 +16,6 @@ Verb bound_verb();
 Verb validate_verb();
 Verb simulate_verb();
 Verb handling_verb();
+Verb forecast_verb();
 
 }  // namespace identikal

@@ -73,6 +73,14 @@ struct Posterior {
   std::vector<Parameter> parameters;  ///< in the order of Estimate::parameters
 };
 
+/// What the outputs are expected to be behind the last row.
+struct Forecast {
+  std::vector<std::string> names, units;  ///< of the outputs
+  Eigen::VectorXd time;                   ///< rows, as recorded [s]
+  Eigen::MatrixXd mean, sd;               ///< outputs x rows; sd is that of a measurement
+  Eigen::MatrixXd low, high;              ///< 95 % of the measurements lie between
+};
+
 /// How noise or coefficients were estimated from sample to sample, in the parameters' units.
 struct TimeHistory {
   std::vector<std::string> names, units;  ///< of the free parameters

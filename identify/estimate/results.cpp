@@ -35,6 +35,7 @@ ResultSections sections_of(const StoredEstimate& result) {
   out.bound = if_any(result.bound);
   out.posterior = if_any(result.posterior);
   out.time_history = if_any(result.time_history);
+  out.forecast = if_any(result.forecast);
   out.shaping = if_any(result.shaping);
   out.minimum_rank = if_any(result.minimum_rank);
   out.survey = if_any(result.survey);
@@ -106,6 +107,12 @@ ResultSections sections_of(const SurveyReport& result) {
 ResultSections sections_of(const HandlingReport& result) {
   ResultSections out{&result};
   out.handling = &result.handling;
+  return out;
+}
+
+ResultSections sections_of(const OutputForecast& result) {
+  ResultSections out = sections_of(static_cast<const FilterEstimate&>(result));
+  out.forecast = &result.forecast;
   return out;
 }
 

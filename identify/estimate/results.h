@@ -38,6 +38,7 @@ struct StoredEstimate : FilterEstimate {
   std::optional<RankSelection> minimum_rank;
   std::optional<VehicleSurvey> survey;
   std::optional<HandlingSheet> handling;
+  std::optional<Forecast> forecast;
 };
 
 /// Of tune, and of fit where the model is a filter.
@@ -98,6 +99,11 @@ struct HandlingReport : Estimate {
   HandlingSheet handling;
 };
 
+/// Of forecast: the filter that was run, and what it expects.
+struct OutputForecast : FilterEstimate {
+  Forecast forecast;
+};
+
 /// A result section by section, as files, pages and the console show it. Sections that a job does
 /// not have are null. It refers to the result.
 ///
@@ -120,6 +126,7 @@ struct ResultSections {
   const RankSelection* minimum_rank = nullptr;
   const VehicleSurvey* survey = nullptr;
   const HandlingSheet* handling = nullptr;
+  const Forecast* forecast = nullptr;
   const ModelSource* model_file = nullptr;  ///< of a result that is written: jobs with one model
 };
 
@@ -135,5 +142,6 @@ ResultSections sections_of(const Comparison& result);
 ResultSections sections_of(const CramerRaoBound& result);
 ResultSections sections_of(const SurveyReport& result);
 ResultSections sections_of(const HandlingReport& result);
+ResultSections sections_of(const OutputForecast& result);
 
 }  // namespace identikal

@@ -1,5 +1,6 @@
 #include "identify/filter/model_filter.h"
 
+#include "identify/filter/changing_recordings.h"
 #include "identify/filter/nonlinear_recordings.h"
 
 namespace identikal {
@@ -25,6 +26,7 @@ SmootherResult filtered_states(const FilterResult& filter) {
 
 FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, Keep keep) {
+  if (changes(model)) return changing_filter(model, parameters, recording, keep);
   if (is_formula_model(model)) {
     return nonlinear_filter(model, parameters, recording, keep);
   }
@@ -40,6 +42,7 @@ std::optional<Model> going_on(Model model, const ParameterSet& parameters, const
   if (before.status != FilterStatus::ok || before.first_proper > from) return std::nullopt;
   LinearModel& start = noise_model(model);
   start.initial = InitialState::given;
+  start.stationary.clear();
   start.x0 = constant_matrix(before.x_pred.col(from));
   start.P0 = constant_matrix(before.P_pred[static_cast<std::size_t>(from)]);
   return model;
@@ -47,6 +50,7 @@ std::optional<Model> going_on(Model model, const ParameterSet& parameters, const
 
 SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
                             const Dataset& recording, std::optional<Index> lag) {
+  if (changes(model)) return changing_smoother(model, parameters, recording, lag);
   if (is_formula_model(model)) {
     return lag == Index{0}
                ? filtered_states(nonlinear_filter(model, parameters, recording, Keep::everything))

@@ -12,7 +12,8 @@
 
 namespace identikal {
 
-/// kalman_filter() of a linear model, nonlinear_filter() of another, from the model's start.
+/// kalman_filter() of a linear model, one that changes included, nonlinear_filter() of another, from
+/// the model's start.
 ///
 /// Example:
 ///

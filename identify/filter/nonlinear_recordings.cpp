@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/filter/changing_recordings.h"
 #include "lib/base/constants.h"
 #include "lib/nonlinear/integration_steps.h"
 
@@ -96,6 +97,7 @@ IntegrationSteps motion_steps(const Model& model, const ParameterSet& at, const 
 IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
                                 const Dataset& recording) {
   const FormulaModel& formulas = as_formulas(model);
+  if (formulas.linear) return {};
   if (auto given = steps_of_file(model, recording)) return *given;
   return integration_steps(formulas.equations, formula_parameters(formulas, at),
                            noise_of(written_matrices(formulas.noise, at)), recording.time,
@@ -190,6 +192,7 @@ NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Datase
 MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Dataset& recording,
                             const Eigen::Ref<const VectorXd>& x) {
   const FormulaModel& formulas = as_formulas(model);
+  if (formulas.linear) return noise_free_changing_outputs(model, at, recording, x);
   FilterNoise noise = zero_noise(formulas.equations);
   noise.x0 = x;
   IntegrationSteps steps = motion_steps(model, at, recording, x);
@@ -207,6 +210,7 @@ MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Da
 MatrixXd transition_along(const Model& model, const ParameterSet& at, const Dataset& recording,
                           const Eigen::Ref<const MatrixXd>& states) {
   const FormulaModel& formulas = as_formulas(model);
+  if (formulas.linear) return changing_transition(model, at, recording);
   ModelMemory memory = make_memory(formulas.equations);
   set_parameters(formulas.equations, memory, formula_parameters(formulas, at));
   const InputNodes nodes = filter_nodes(model, at, recording);

@@ -16,7 +16,7 @@
 namespace identikal {
 
 /// How many steps the integration takes between samples: as many as the filter with these values
-/// needs (lib/nonlinear/integration_steps.h), or as the file says.
+/// needs (lib/nonlinear/integration_steps.h), or as the file says; none where it moves linearly.
 /// @throws InputError when the file says too many
 IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
                                 const Dataset& recording);

@@ -38,6 +38,10 @@ RecordingsLikelihood::RecordingsLikelihood(const Model& model,
   for (const Parameter& p : model.parameters) {
     curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
   }
+  if (changes(model)) {
+    changing_.emplace(model, recordings);
+    return;
+  }
   if (is_formula_model(model)) {
     nonlinear_.emplace(model, recordings);
     return;
@@ -60,6 +64,7 @@ std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
 }
 
 bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivatives) {
+  if (changing_) return true;  // the filter judges them, sample by sample
   instantiate(noise_model(model_), at, system_);
   if (!admissible(system_)) return false;
   if (with_derivatives && !constant_derivatives_) {
@@ -69,7 +74,7 @@ bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivati
 }
 
 void RecordingsLikelihood::condition_on_beginning() {
-  if (nonlinear_ || !first_outputs_.empty()) return;
+  if (!is_stationary() || !first_outputs_.empty()) return;
   const LinearModel& linear = as_linear(model_);
   if (linear.initial != InitialState::diffuse) return;
   if (is_known(linear.A, model_.parameters) && is_known(linear.C, model_.parameters)) return;
@@ -122,8 +127,9 @@ const Likelihood& RecordingsLikelihood::with_priors(const Likelihood& of_data,
 }
 
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
-  if (!set_system(at, with_gradient && !nonlinear_)) return nullptr;
-  const Likelihood& all = nonlinear_
+  if (!set_system(at, with_gradient && is_stationary())) return nullptr;
+  const Likelihood& all = changing_ ? changing_->evaluate(at, with_gradient)
+                          : nonlinear_
                               ? nonlinear_->evaluate(at, with_gradient)
                               : engine_.evaluate(system_, as_linear(model_).initial,
                                                  with_gradient ? derivatives_ : none_, method_);
@@ -134,7 +140,8 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
 
 FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_derivatives,
                                          std::size_t recording, const FilteredStateWatcher& see) {
-  if (!set_system(at, with_derivatives && !nonlinear_)) return FilterStatus::indefinite;
+  if (!set_system(at, with_derivatives && is_stationary())) return FilterStatus::indefinite;
+  if (changing_) return changing_->watch(at, with_derivatives, recording, see);
   if (nonlinear_) return nonlinear_->watch(at, with_derivatives, recording, see);
   return watch_filtered_states(system_, as_linear(model_).initial, recordings_[recording].y,
                                inputs_[recording], with_derivatives ? derivatives_ : none_, see)
@@ -167,8 +174,8 @@ LikelihoodProblem RecordingsLikelihood::problem() {
 }
 
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
-  if (!set_system(at, !nonlinear_)) return {};
-  if (!nonlinear_) {
+  if (!set_system(at, is_stationary())) return {};
+  if (is_stationary()) {
     const InitialState initial = as_linear(model_).initial;
     const MatrixXd all = engine_.score_products(system_, initial, derivatives_);
     if (first_outputs_.empty() || all.size() == 0) return all;
@@ -176,12 +183,14 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
     return first.size() > 0 ? MatrixXd(all - first) : first;
   }
   MatrixXd out;
-  if (nonlinear_->evaluate(at, true, &out).status != FilterStatus::ok) return {};
-  return out;
+  const Likelihood& all =
+      changing_ ? changing_->evaluate(at, true, &out) : nonlinear_->evaluate(at, true, &out);
+  return all.status == FilterStatus::ok ? out : MatrixXd();
 }
 
 FilterStatus RecordingsLikelihood::status_at_start() {
   if (!set_system(model_.parameters, false)) return FilterStatus::indefinite;
+  if (changing_) return changing_->evaluate(model_.parameters, false).status;
   if (nonlinear_) return nonlinear_->evaluate(model_.parameters, false).status;
   return engine_.evaluate(system_, as_linear(model_).initial, none_, method_).status;
 }

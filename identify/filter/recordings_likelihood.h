@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "identify/filter/changing_recordings.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
@@ -89,6 +90,7 @@ class RecordingsLikelihood {
   const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
 
  private:
+  bool is_stationary() const { return !nonlinear_ && !changing_; }
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
   const Likelihood& behind_beginning(const Likelihood& all, bool with_gradient);
@@ -99,7 +101,9 @@ class RecordingsLikelihood {
   EvaluationMethod method_;
   bool curved_ = false;
   bool constant_derivatives_ = false;
+  // Of a model of formulas, one of these.
   std::optional<NonlinearRecordings> nonlinear_;
+  std::optional<ChangingRecordings> changing_;
   std::vector<Eigen::MatrixXd> inputs_;  // the engine refers to them
   LikelihoodEngine engine_;
   const std::vector<Dataset>& recordings_;

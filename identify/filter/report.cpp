@@ -284,7 +284,7 @@ std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
 void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
                    FilterStatus status) {
   const Location here{model.source, 0, 0};
-  const bool nonlinear = is_formula_model(model);
+  const bool nonlinear = is_formula_model(model) && !changes(model);
   if (status == FilterStatus::unstable) {
     throw InputError(
         here,
@@ -385,7 +385,7 @@ std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& m
   estimate.objective.log_likelihood = 0.0;
   estimate.objective.initial = initial_name(noise_model(model).initial);
   if (is_formula_model(model)) {
-    estimate.objective.filter = to_string(as_formulas(model).filter);
+    estimate.objective.filter = filter_name(as_formulas(model));
   }
   for (const Dataset& data : recordings) {
     filters.push_back(run_filter(model, parameters, data, Keep::innovations));

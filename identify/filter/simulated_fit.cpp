@@ -66,21 +66,6 @@ std::vector<ChannelFit> fits_of(const std::vector<Channel>& outputs, const Matri
   return out;
 }
 
-MatrixXd simulated_from(const Model& model, const ParameterSet& parameters,
-                        const Dataset& recording, VectorXd x) {
-  if (is_formula_model(model)) {
-    return noise_free_outputs(model, parameters, recording, x);
-  }
-  const StateSpace system = instantiate(as_linear(model), parameters);
-  const MatrixXd u = model_inputs(as_linear(model), recording.u);
-  MatrixXd out(system.outputs(), recording.size());
-  for (Index t = 0; t < recording.size(); ++t) {
-    out.col(t) = system.C * x + system.D * u.col(t);
-    x = (system.A * x + system.B * u.col(t)).eval();
-  }
-  return out;
-}
-
 // The state at the first sample, as the whole recording determines it.
 VectorXd smoothed_start(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording) {
@@ -121,10 +106,26 @@ Findings check_held_out(const FilterEstimate& estimate, const MatrixXd& standard
 
 }  // namespace
 
+MatrixXd outputs_from(const Model& model, const ParameterSet& parameters, const Dataset& recording,
+                      const VectorXd& start) {
+  VectorXd x = start;
+  if (is_formula_model(model)) {
+    return noise_free_outputs(model, parameters, recording, x);
+  }
+  const StateSpace system = instantiate(as_linear(model), parameters);
+  const MatrixXd u = model_inputs(as_linear(model), recording.u);
+  MatrixXd out(system.outputs(), recording.size());
+  for (Index t = 0; t < recording.size(); ++t) {
+    out.col(t) = system.C * x + system.D * u.col(t);
+    x = (system.A * x + system.B * u.col(t)).eval();
+  }
+  return out;
+}
+
 MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                            const Dataset& recording) {
   const VectorXd x = smoothed_start(model, parameters, recording);
-  const MatrixXd out = simulated_from(model, parameters, recording, x);
+  const MatrixXd out = outputs_from(model, parameters, recording, x);
   return out.array().isFinite().select(out, kInfinity);
 }
 

@@ -25,6 +25,10 @@ namespace identikal {
 Eigen::MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                                   const Dataset& recording);
 
+/// The same from a state that is given: x at the recording's first sample.
+Eigen::MatrixXd outputs_from(const Model& model, const ParameterSet& parameters,
+                             const Dataset& recording, const Eigen::VectorXd& x);
+
 /// Why a simulation of this recording says nothing about the model: no input drives it, so that all
 /// that moves it is noise; or it explains nothing of an output and an error of the start does not
 /// fade, as in a model that integrates: then neither does what noise has added, and the simulation

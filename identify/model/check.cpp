@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/matrix_reader.h"
+#include "lib/base/median.h"
 
 namespace identikal {
 namespace {
@@ -111,7 +112,7 @@ void check_matrices(const Model& model) {
   const Index n = rows_of(m.A, p);
   if (n == 0) refuse("the model has no states: A is 0 x 0");
   check_size("A", m.A, p, n, n, "states x states");
-  const bool linear = is_linear(model);
+  const bool linear = is_linear(model) || changes(model);
   const Index ny = outputs_of(model);
   if (ny == 0) refuse("the model has no outputs");
   const Index nu = columns_of(m.B, p);
@@ -166,8 +167,9 @@ void check_filter(const Model& model) {
   check_matrices(model);
   refuse_unused(model);
   const LinearModel& noise = noise_model(model);
-  const StateSpace at = is_linear(model) ? written_matrices(noise, model.parameters)
-                                         : instantiate(noise, model.parameters);
+  const bool linear = is_linear(model) || changes(model);
+  const StateSpace at =
+      linear ? written_matrices(noise, model.parameters) : instantiate(noise, model.parameters);
   check_symmetric("Q", at.Q);
   check_symmetric("R", at.R);
   if (const std::optional<ModelFault> fault = fault_at(noise, model.parameters)) {
@@ -253,6 +255,24 @@ LinearModel with_defaults(LinearModel model) {
   return model;
 }
 
+// Medians: one sample that stands for all, where a model that changes is printed.
+MovingValues typical_values(const std::vector<Dataset>& recordings) {
+  MovingValues out;
+  out.inputs.resize(recordings.front().u.rows());
+  for (Index i = 0; i < out.inputs.size(); ++i) {
+    std::vector<double> all;
+    for (const Dataset& data : recordings) {
+      for (const double value : data.u.row(i)) {
+        if (std::isfinite(value)) all.push_back(value);
+      }
+    }
+    out.inputs[i] = all.empty() ? 1.0 : median(std::move(all));
+  }
+  const Eigen::VectorXd& time = recordings.front().time;
+  out.time = time[time.size() / 2];
+  return out;
+}
+
 }  // namespace
 
 void check_model(const Model& model) {
@@ -314,6 +334,7 @@ Model checked(Model model, const std::vector<Dataset>& recordings) {
   for (const Dataset& recording : recordings) check_recording(model, recording);
   check_one_period(model, recordings);
   if (filter && model.time.step == 0.0) noise_model(model).dt = recordings.front().dt;
+  if (changes(model)) noise_model(model).typical = typical_values(recordings);
   check_model(model);
   return model;
 }

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <map>
 #include <string_view>
+#include <tuple>
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
@@ -79,22 +80,19 @@ Entries read_entries(const Grid& grid, const std::string& name, NamedParameters&
   const auto cols = static_cast<Eigen::Index>(grid.front().size());
   Entries out;
   out.matrix.constant.setZero(rows, cols);
-  FormulaGraph graph(std::vector<bool>(parameters.names.size(), true));
-  std::vector<FormulaId> symbols;
-  for (std::size_t i = 0; i < parameters.names.size(); ++i) {
-    symbols.push_back(graph.symbol(static_cast<int>(i)));
-  }
+  const std::vector<std::string> names = parameters.symbols();
+  FormulaGraph graph = graph_of(parameters);
+  const std::vector<FormulaId> symbols = symbols_of(graph);
   std::vector<PlacedFormula> placed;
   for (int i = 0; i < rows; ++i) {
     for (int j = 0; j < cols; ++j) {
       const YamlNode& node = *grid[i][j];
-      const Expression formula =
-          read_formula(node, "an entry of " + name, parameters.names, 0, parameters);
+      const Expression formula = read_formula(node, "an entry of " + name, names, 0, parameters);
       out.nodes.push_back(graph.insert(formula, symbols));
       placed.push_back({&out.matrix, i, j, out.nodes.back()});
     }
   }
-  place_formulas(graph, placed, 0, static_cast<int>(parameters.names.size()), model);
+  place_formulas(graph, placed, parameters.places(), model);
   return out;
 }
 
@@ -210,6 +208,44 @@ void check_name(const YamlNode& name, const std::string& what) {
     throw InputError(name.at, fmt::format("{} is {}", what, describe(name)),
                      "letters, digits and '_', beginning with a letter");
   }
+}
+
+std::vector<std::string> NamedParameters::symbols() const {
+  std::vector<std::string> out = names;
+  out.insert(out.end(), moving.begin(), moving.end());
+  return out;
+}
+
+SymbolPlaces NamedParameters::places() const {
+  SymbolPlaces out;
+  out.parameters = out.first_input = static_cast<int>(names.size());
+  if (moving.empty()) return out;
+  out.inputs = static_cast<int>(moving.size()) - 1;
+  out.time = out.first_input + out.inputs;
+  return out;
+}
+
+void let_move(NamedParameters& parameters, const std::vector<ChannelSource>& inputs) {
+  const auto add = [&](const std::string& name) {
+    const auto& taken = parameters.names;
+    const bool is_parameter = std::find(taken.begin(), taken.end(), name) != taken.end();
+    parameters.moving.push_back(is_parameter ? "" : name);
+  };
+  for (const ChannelSource& input : inputs) add(input.name);
+  add("t");
+}
+
+FormulaGraph graph_of(const NamedParameters& parameters) {
+  std::vector<bool> held(parameters.names.size(), true);
+  held.resize(held.size() + parameters.moving.size(), false);
+  return FormulaGraph(std::move(held));
+}
+
+std::vector<FormulaGraph::Id> symbols_of(FormulaGraph& graph) {
+  std::vector<FormulaGraph::Id> out;
+  for (std::size_t i = 0; i < graph.symbols(); ++i)
+    out.push_back(graph.symbol(static_cast<int>(i)));
+  return out;
 }
 
 NamedParameters read_named_parameters(const YamlNode& root) {
@@ -370,10 +406,13 @@ std::string not_finite(const Eigen::MatrixXd& value) {
 
 std::optional<ModelFault> fault_at(const LinearModel& model, const ParameterSet& parameters) {
   const StateSpace at = instantiate(model, parameters);
-  for (const auto& [key, value] :
-       {std::pair{"A", &at.A}, std::pair{"B", &at.B}, std::pair{"C", &at.C}, std::pair{"D", &at.D},
-        std::pair{"G", &at.G}, std::pair{"S", &at.S}}) {
-    if (!value->allFinite()) return ModelFault{key, fmt::format("{} {}", key, not_finite(*value))};
+  const bool moves_motion = moves(model.A) || moves(model.B) || moves(model.G);
+  for (const auto& [key, value, moved] :
+       {std::tuple{"A", &at.A, moves_motion}, std::tuple{"B", &at.B, moves_motion},
+        std::tuple{"C", &at.C, moves(model.C)}, std::tuple{"D", &at.D, moves(model.D)},
+        std::tuple{"G", &at.G, moves_motion}, std::tuple{"S", &at.S, moves(model.S)}}) {
+    if (!moved && !value->allFinite())
+      return ModelFault{key, fmt::format("{} {}", key, not_finite(*value))};
   }
   if (!at.x0.allFinite()) {
     return ModelFault{"initial", "the initial mean " + not_finite(at.x0)};
@@ -387,10 +426,13 @@ std::optional<ModelFault> fault_at(const LinearModel& model, const ParameterSet&
     }
     return out;
   };
-  std::optional<ModelFault> fault = check("Q", "Q", at.Q);
-  if (!fault) fault = check("R", "R", at.R);
+  // What changes from sample to sample is judged there, by the filter.
+  std::optional<ModelFault> fault;
+  if (!moves(model.Q)) fault = check("Q", "Q", at.Q);
+  if (!fault && !moves(model.R)) fault = check("R", "R", at.R);
   if (!fault) fault = check("initial", "the initial covariance", at.P0);
-  if (!fault && !at.S.isZero(0.0)) {
+  const bool joint_moves = moves(model.Q) || moves(model.R) || moves(model.S);
+  if (!fault && !joint_moves && !at.S.isZero(0.0)) {
     fault = check("S", "the joint covariance of Q, R and S", joint_covariance(at));
   }
   return fault;

@@ -10,7 +10,10 @@
 #include <Eigen/Core>
 
 #include "identify/model/yaml_reader.h"
+#include "lib/data/dataset.h"
 #include "lib/formula/expression.h"
+#include "lib/formula/formula_graph.h"
+#include "lib/model/linear_formulas.h"
 #include "lib/model/linear_model.h"
 #include "lib/model/parameter.h"
 
@@ -23,8 +26,21 @@ struct NamedParameters {
   const YamlNode* declared = nullptr;  ///< the mapping that the named ones come from
   std::vector<std::string> names;      ///< of the named ones
   std::vector<bool> used;              ///< whether any formula names them
+  /// What matrices may hold beside parameters: the inputs' names, then the time's.
+  std::vector<std::string> moving;
+
+  /// The symbols of a matrix's formulas: parameters, inputs, the time.
+  std::vector<std::string> symbols() const;
+  SymbolPlaces places() const;
 };
+/// Formulas of matrices may hold these inputs, and the time as t, from here on.
+void let_move(NamedParameters& parameters, const std::vector<ChannelSource>& inputs);
+
 NamedParameters read_named_parameters(const YamlNode& root);
+
+/// A graph for formulas over NamedParameters::symbols(), and the nodes of these.
+FormulaGraph graph_of(const NamedParameters& parameters);
+std::vector<FormulaGraph::Id> symbols_of(FormulaGraph& graph);
 
 /// Throws at the first parameter that nothing uses.
 void refuse_unused(const NamedParameters& parameters);

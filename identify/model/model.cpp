@@ -1,6 +1,7 @@
 #include "identify/model/model.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -38,6 +39,7 @@ auto& noise_beside(AnyModel& model) {
 
 bool is_linear(const Model& model) { return holds<LinearModel>(model); }
 bool is_formula_model(const Model& model) { return holds<FormulaModel>(model); }
+bool changes(const Model& model) { return is_formula_model(model) && as_formulas(model).linear; }
 bool is_vehicle(const Model& model) { return holds<VehicleModel>(model); }
 bool is_regression(const Model& model) { return holds<RegressionModel>(model); }
 bool has_filter(const Model& model) { return is_linear(model) || is_formula_model(model); }
@@ -53,6 +55,26 @@ RegressionModel& as_regression(Model& model) { return form_of<RegressionModel>(m
 
 const LinearModel& noise_model(const Model& model) { return noise_beside(model); }
 LinearModel& noise_model(Model& model) { return noise_beside(model); }
+
+FormulaModel changing_model(LinearModel matrices, Eigen::Index inputs, std::size_t parameters) {
+  FormulaModel out;
+  NonlinearModel& sizes = out.equations;
+  sizes.states = matrices.A.constant.rows();
+  sizes.outputs = matrices.C.constant.rows();
+  sizes.inputs = inputs;
+  sizes.parameters = static_cast<Eigen::Index>(parameters);
+  sizes.column.assign(parameters, NonlinearModel::kInNoFormula);
+  sizes.continuous = matrices.continuous;
+  out.inputs = matrices.hold == InputHold::linear ? InputPath::linear : InputPath::constant;
+  out.irregular = matrices.irregular;
+  out.linear = true;
+  out.noise = std::move(matrices);
+  return out;
+}
+
+const char* filter_name(const FormulaModel& model) {
+  return model.linear ? "kalman" : to_string(model.filter);
+}
 
 const char* to_string(NonlinearMethod method) {
   switch (method) {

@@ -66,12 +66,16 @@ bool has_measured_roll(const Model& model);
 /// SI unit of a vehicle's parameter as people write it, "N/rad"; empty where it has none.
 std::string vehicle_unit(const std::string& parameter);
 
-/// Formulas that are not linear, or whose samples or inputs no linear model takes.
+/// Formulas that are not linear, or a linear model that changes from sample to sample.
 struct FormulaModel {
   /// With second derivatives. Its parameters are the first of the ParameterSet.
   NonlinearModel equations;
   /// G, Q, R, x0 and P0 alone, and what Q is; A, B, C and D hold sizes.
   LinearModel noise;
+  /// The state moves linearly, by matrices that hold inputs or time, or over intervals of any
+  /// length: `noise` has all of them and the filter is Kalman's own (lib/model/sampled_model.h).
+  /// `equations` holds sizes.
+  bool linear = false;
   InputPath inputs = InputPath::constant;
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
@@ -79,8 +83,13 @@ struct FormulaModel {
   NonlinearMethod filter = NonlinearMethod::extended;
 };
 
+/// Matrices as a FormulaModel that is linear.
+FormulaModel changing_model(LinearModel matrices, Eigen::Index inputs, std::size_t parameters);
+
 /// As the command line and results name it.
 const char* to_string(NonlinearMethod method);
+/// The same of a model's filter: "kalman" where the model is linear.
+const char* filter_name(const FormulaModel& model);
 /// @throws InputError at this place for another word
 NonlinearMethod nonlinear_method(const std::string& name, const Location& at);
 
@@ -125,6 +134,7 @@ struct Model {
 
 bool is_linear(const Model& model);
 bool is_formula_model(const Model& model);  ///< a FormulaModel; linear formulas are no such thing
+bool changes(const Model& model);           ///< a FormulaModel that is linear
 bool is_vehicle(const Model& model);
 bool is_regression(const Model& model);
 /// A linear model or formulas: there are states, noise, and so a filter.

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/model/components.h"
 #include "identify/model/included_files.h"
 #include "identify/model/internal/formula_form.h"
 #include "identify/model/internal/linear_form.h"
@@ -36,8 +37,8 @@ TimeSource read_time(const YamlNode& root, const Model& model, bool formulas) {
   const YamlNode& node =
       required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
   std::vector<std::string> keys = {"kind", "step", "column", "unit", "runs"};
-  if (is_linear(model)) keys.emplace_back("inputs");
-  if (formulas) keys.insert(keys.end(), {"sampling", "integration_step"});
+  if (is_linear(model)) keys.insert(keys.end(), {"inputs", "sampling"});
+  if (formulas) keys.emplace_back("integration_step");
   check_keys(node, "time", keys);
   if (const YamlNode* kind = find(node, "kind")) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
@@ -119,7 +120,8 @@ Model parse_model_file(const std::string& text, const std::string& path) {
   return model_of(parse_with_included(text, path), path);
 }
 
-Model model_of(const YamlNode& root, const std::string& path) {
+Model model_of(const YamlNode& written, const std::string& path) {
+  const YamlNode root = with_components(written);
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());

@@ -75,6 +75,10 @@ Findings check_search(const Estimate& estimate, const SolverSummary& summary,
 ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
                                    const ParameterSet& at) {
   ExcessMeanSquareError loss;
+  if (changes(model)) {
+    loss.reason = "a model that changes from sample to sample has no steady filter";
+    return loss;
+  }
   if (is_formula_model(model)) {
     loss.reason = "a nonlinear model has no steady filter";
     return loss;

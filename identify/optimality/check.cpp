@@ -10,6 +10,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
+#include "identify/optimality/breaks.h"
 #include "identify/optimality/optimality.h"
 #include "identify/optimality/score_statistic.h"
 #include "lib/data/units.h"
@@ -53,7 +54,11 @@ OptimalityReport check(const Model& given, const std::vector<Dataset>& recording
   estimate.tests = std::move(found.tests);
   estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
   const Retuned better = retuned(with_free_noise(model), recordings);
-  if (is_formula_model(model)) {
+  if (changes(model)) {
+    estimate.notes.emplace_back(
+        "no excess mean-square error: a model that changes from sample to sample has no steady "
+        "filter");
+  } else if (is_formula_model(model)) {
     estimate.notes.emplace_back(
         "no excess mean-square error: a nonlinear model has no steady filter; its tests take the "
         "innovations for Gaussian");
@@ -76,6 +81,9 @@ OptimalityReport check(const Model& given, const std::vector<Dataset>& recording
   append(estimate.findings,
          check_outliers_and_offset(model, model.parameters, recordings, filters));
   append(estimate.findings, found.findings);
+  for (const Break& jump : find_breaks(model, recordings)) {
+    estimate.notes.push_back(sentence(jump, model, recordings));
+  }
   if (!found.optimal) {
     const std::string faults = fmt::format("{}", fmt::join(found.faults, "; "));
     estimate.findings.push_back(make_finding(

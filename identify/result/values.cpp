@@ -57,7 +57,7 @@ void set_values(Model& model, const Estimate& result, const std::string& path) {
     }
   }
   model.parameters = std::move(all);
-  if (is_formula_model(model) && !result.objective.filter.empty()) {
+  if (is_formula_model(model) && !changes(model) && !result.objective.filter.empty()) {
     as_formulas(model).filter = nonlinear_method(result.objective.filter, here);
   }
 }

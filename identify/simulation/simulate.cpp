@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/filter/changing_recordings.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/model/check.h"
 #include "identify/model/model_values.h"
@@ -234,6 +235,15 @@ MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random&
   if (!recording.u.allFinite()) {
     throw InputError({recording.name, 0, 0}, "an input is missing in some row",
                      "every input in every row", "select rows with --range");
+  }
+  if (changes(model)) {
+    try {
+      return simulate_changing_outputs(model, recording, random);
+    } catch (const std::invalid_argument&) {
+      throw InputError(at, "the model cannot be simulated",
+                       "[Q S; S' R] positive semidefinite at every sample, and a stable A with "
+                       "'initial: stationary'");
+    }
   }
   const FormulaModel& formulas = as_formulas(model);
   const int pieces = formulas.equations.continuous ? 10 : 1;

@@ -65,17 +65,45 @@ FilterResult kalman_filter(const ModelAt& model, InitialState initial,
   return run(recursion, now.states(), y, keep);
 }
 
-Likelihood log_likelihood(const ModelAt& model, InitialState initial,
-                          const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
-                          bool with_derivatives) {
+namespace {
+
+Likelihood run_changing(const ModelAt& model, InitialState initial,
+                        const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                        bool with_derivatives, RecursionOptions& options) {
   StateSpace now;
   std::vector<StateSpace> derivatives;
   std::vector<StateSpace>* const wanted = with_derivatives ? &derivatives : nullptr;
   model(0, now, wanted);
   Recursion recursion(now, initial, y, u, derivatives);
   recursion.set_model_change([&](Index t) { model(t, now, wanted); }, derivatives);
-  RecursionOptions options;
   return recursion.run(options);
+}
+
+}  // namespace
+
+Likelihood log_likelihood(const ModelAt& model, InitialState initial,
+                          const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
+                          bool with_derivatives) {
+  RecursionOptions options;
+  return run_changing(model, initial, y, u, with_derivatives, options);
+}
+
+Likelihood watch_filtered_states(const ModelAt& model, InitialState initial,
+                                 const Eigen::Ref<const MatrixXd>& y,
+                                 const Eigen::Ref<const MatrixXd>& u, bool with_derivatives,
+                                 const FilteredStateWatcher& see) {
+  RecursionOptions options;
+  options.watcher = &see;
+  return run_changing(model, initial, y, u, with_derivatives, options);
+}
+
+MatrixXd score_products(const ModelAt& model, InitialState initial,
+                        const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u) {
+  MatrixXd out;
+  RecursionOptions options;
+  options.score_products = &out;
+  const Likelihood l = run_changing(model, initial, y, u, true, options);
+  return l.status == FilterStatus::ok ? out : MatrixXd();
 }
 
 Likelihood log_likelihood(const StateSpace& model, InitialState initial,

@@ -79,6 +79,11 @@ Likelihood watch_filtered_states(const StateSpace& model, InitialState initial,
                                  const Eigen::Ref<const Eigen::MatrixXd>& u,
                                  const std::vector<StateSpace>& derivatives,
                                  const FilteredStateWatcher& see);
+/// The same for a time-varying model.
+Likelihood watch_filtered_states(const ModelAt& model, InitialState initial,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& y,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& u, bool with_derivatives,
+                                 const FilteredStateWatcher& see);
 
 /// sum_t s_t s_t' of the samples' own scores, s_t = d/d(theta) of the log-density of y(t) given
 /// what came before: with the observed information H, H^-1 (sum s s') H^-1 is the covariance of the
@@ -88,5 +93,9 @@ Eigen::MatrixXd score_products(const StateSpace& model, InitialState initial,
                                const Eigen::Ref<const Eigen::MatrixXd>& y,
                                const Eigen::Ref<const Eigen::MatrixXd>& u,
                                const std::vector<StateSpace>& derivatives);
+/// The same for a time-varying model.
+Eigen::MatrixXd score_products(const ModelAt& model, InitialState initial,
+                               const Eigen::Ref<const Eigen::MatrixXd>& y,
+                               const Eigen::Ref<const Eigen::MatrixXd>& u);
 
 }  // namespace identikal

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 
 #include "lib/base/random.h"
+#include "lib/filter/filter_result.h"
 #include "lib/model/linear_model.h"
 #include "lib/model/state_space.h"
 
@@ -23,6 +24,10 @@ namespace identikal {
 /// @throws std::invalid_argument when u does not fit, [Q S; S' R] or P0 is not positive
 ///   semidefinite, or the start is stationary and A is not stable.
 Eigen::MatrixXd simulate_outputs(const StateSpace& model, InitialState initial,
+                                 const Eigen::MatrixXd& u, Eigen::Index samples, Random& random,
+                                 Eigen::MatrixXd* states = nullptr);
+/// The same for a time-varying model. A stationary start is that of the model at t = 0.
+Eigen::MatrixXd simulate_outputs(const ModelAt& model, InitialState initial,
                                  const Eigen::MatrixXd& u, Eigen::Index samples, Random& random,
                                  Eigen::MatrixXd* states = nullptr);
 

@@ -28,9 +28,12 @@ Id at_zero(FormulaGraph& graph, Id value, const std::vector<int>& symbols) {
 
 }  // namespace
 
-void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formulas, int first,
-                    int parameters, LinearModel& model) {
+void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formulas,
+                    const SymbolPlaces& places, LinearModel& model) {
+  const int first = places.first_parameter, parameters = places.parameters;
   const std::vector<int> symbols = symbol_range(first, parameters);
+  std::vector<int> moving = symbol_range(places.first_input, places.inputs);
+  if (places.time >= 0) moving.push_back(places.time);
   std::vector<Id> values;
   for (const PlacedFormula& placed : formulas) {
     ParametrisedMatrix& matrix = *placed.matrix;
@@ -49,7 +52,8 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
                                         placed.col,
                                         static_cast<int>(model.formulas.size()),
                                         static_cast<int>(values.size()),
-                                        {}};
+                                        {},
+                                        !graph.is_free_of(placed.value, moving)};
     for (int i = 0; i < parameters; ++i) {
       if (!graph.is_free_of(placed.value, std::vector<int>{first + i})) {
         formula.parameters.push_back(i);
@@ -61,8 +65,28 @@ void place_formulas(FormulaGraph& graph, const std::vector<PlacedFormula>& formu
   if (values.empty()) return;
   std::vector<std::vector<Id>> jacobian;
   for (const Id value : values) jacobian.push_back(graph.gradient(value, symbols));
-  model.formulas.push_back({make_tape(graph, values, jacobian), first});
+  model.formulas.push_back(
+      {make_tape(graph, values, jacobian), first, places.first_input, places.inputs, places.time});
 }
+
+namespace {
+
+SymbolPlaces places_of(const FormulaNodes& nodes) {
+  const int first = nodes.states + nodes.inputs;
+  return {first, nodes.parameters, nodes.states, nodes.inputs, first + nodes.parameters};
+}
+
+// Matrices of zeros in the formulas' sizes.
+void set_sizes(const FormulaNodes& nodes, LinearModel& out) {
+  const Eigen::Index columns = nodes.inputs + (out.offset ? 1 : 0);
+  const auto ny = static_cast<Eigen::Index>(nodes.outputs.size());
+  out.A.constant.setZero(nodes.states, nodes.states);
+  out.B.constant.setZero(nodes.states, columns);
+  out.C.constant.setZero(ny, nodes.states);
+  out.D.constant.setZero(ny, columns);
+}
+
+}  // namespace
 
 std::optional<LinearModel> linear_model_of(FormulaNodes nodes) {
   FormulaGraph& graph = nodes.graph;
@@ -99,13 +123,38 @@ std::optional<LinearModel> linear_model_of(FormulaNodes nodes) {
       return p.col == nu && (p.matrix == &out.B || p.matrix == &out.D);
     });
   }
-  const Eigen::Index columns = nu + (out.offset ? 1 : 0);
-  const auto ny = static_cast<Eigen::Index>(nodes.outputs.size());
-  out.A.constant.setZero(nx, nx);
-  out.B.constant.setZero(nx, columns);
-  out.C.constant.setZero(ny, nx);
-  out.D.constant.setZero(ny, columns);
-  place_formulas(graph, placed, first, nodes.parameters, out);
+  set_sizes(nodes, out);
+  place_formulas(graph, placed, places_of(nodes), out);
+  return out;
+}
+
+std::optional<LinearModel> changing_linear_model_of(FormulaNodes nodes) {
+  FormulaGraph& graph = nodes.graph;
+  const std::vector<int> x = symbol_range(0, nodes.states);
+  const SymbolPlaces places = places_of(nodes);
+  LinearModel out;
+  out.continuous = nodes.continuous;
+  out.offset = true;
+  set_sizes(nodes, out);
+  std::vector<PlacedFormula> placed;
+  // One row of [A b] or [C d].
+  const auto place_row = [&](int row, Id value, ParametrisedMatrix& wrt_x, ParametrisedMatrix& by) {
+    if (!graph.is_affine(value, x)) return false;
+    const std::vector<Id> factors = graph.gradient(value, x);
+    for (int j = 0; j < nodes.states; ++j) placed.push_back({&wrt_x, row, j, factors[j]});
+    placed.push_back({&by, row, nodes.inputs, at_zero(graph, value, x)});
+    return true;
+  };
+  for (int i = 0; i < nodes.states; ++i) {
+    if (nodes.continuous && !graph.is_free_of(nodes.dynamics[i], std::vector<int>{places.time})) {
+      return std::nullopt;
+    }
+    if (!place_row(i, nodes.dynamics[i], out.A, out.B)) return std::nullopt;
+  }
+  for (std::size_t i = 0; i < nodes.outputs.size(); ++i) {
+    if (!place_row(static_cast<int>(i), nodes.outputs[i], out.C, out.D)) return std::nullopt;
+  }
+  place_formulas(graph, placed, places, out);
   return out;
 }
 

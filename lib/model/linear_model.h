@@ -26,6 +26,7 @@ struct ParametrisedMatrix {
     int row, col;
     int tape, value;
     std::vector<int> parameters;  ///< that occur in it: indices into the ParameterSet
+    bool moves = false;           ///< inputs or time occur in it: it has a value per sample
   };
   Eigen::MatrixXd constant;
   std::vector<Entry> entries;
@@ -36,11 +37,21 @@ struct ParametrisedMatrix {
 /// Numbers, nothing free.
 ParametrisedMatrix constant_matrix(Eigen::MatrixXd value);
 
-/// Formulas of the parameters, compiled together with their derivatives with respect to all
-/// parameters that may occur in them: the first `tape.columns` of the ParameterSet, scalars.
+/// Formulas of the parameters, of inputs and of time, compiled together with their derivatives with
+/// respect to all parameters that may occur in them: the first `tape.columns` of the ParameterSet,
+/// scalars.
 struct EntryFormulas {
   Tape tape;
-  int first = 0;  ///< symbol that stands for parameter 0
+  int first = 0;        ///< symbol that stands for parameter 0
+  int first_input = 0;  ///< symbol that stands for input 0
+  int inputs = 0;       ///< how many there are
+  int time = -1;        ///< symbol that stands for the time; -1: none
+};
+
+/// What formulas see that changes from sample to sample.
+struct MovingValues {
+  Eigen::VectorXd inputs;  ///< SI; those that are not given are 1
+  double time = 0.0;       ///< [s]
 };
 
 /// How the state before the first measurement is distributed.
@@ -53,13 +64,27 @@ enum class InitialState {
 struct LinearModel {
   ParametrisedMatrix A, B, C, D, G, Q, R, S, x0, P0;
   InitialState initial = InitialState::stationary;
+  /// With InitialState::diffuse: states, 0-based, that start in their steady state all the same; the
+  /// others do not move them (lib/filter/partly_diffuse.h).
+  std::vector<Eigen::Index> stationary;
   double dt = 1.0;          ///< sampling period [s]
   bool continuous = false;  ///< A, B and G are those of dx/dt; sampled every dt
   ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is, in continuous time
   InputHold hold = InputHold::constant;           ///< in continuous time
   std::vector<EntryFormulas> formulas;            ///< that matrices refer to
-  bool offset = false;  ///< the last column of B and D belongs to an input that is always 1
+  bool offset = false;     ///< the last column of B and D belongs to an input that is always 1
+  bool irregular = false;  ///< sampled at a recording's own times instead of every dt
+  /// What formulas of inputs and time take where one sample stands for all, as in a printed R.
+  MovingValues typical;
 };
+
+/// Does it hold formulas of inputs or time?
+bool moves(const ParametrisedMatrix& matrix);
+bool holds_moving(const LinearModel& model);  ///< does any of its matrices?
+
+/// Do its matrices change from sample to sample (lib/model/sampled_model.h), as those of a partly
+/// diffuse start do behind the first one?
+bool changes(const LinearModel& model);
 
 /// The parameters that a matrix depends on, in rising order.
 std::vector<int> parameters_in(const ParametrisedMatrix& matrix);
@@ -77,7 +102,8 @@ LinearModel with_known_formulas_as_numbers(LinearModel model, const ParameterSet
 LinearModel constant_model(const StateSpace& system, InitialState initial);
 
 /// The matrices as the model has them, at these parameter values: dx/dt = ... in continuous time.
-/// x0 and P0 are filled for InitialState::given only.
+/// x0 and P0 are filled for InitialState::given only. Formulas of inputs and time take
+/// LinearModel::typical, here and below.
 StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters);
 
 /// The discrete-time model at these parameter values. Its inputs are [u(t); u(t+1)] where they are

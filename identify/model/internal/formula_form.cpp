@@ -112,18 +112,18 @@ class FormulaReader {
     formulas_.states = static_cast<int>(out_.states.size());
     formulas_.inputs = static_cast<int>(out_.inputs.size());
     formulas_.parameters = static_cast<int>(parameters_.names.size());
+    let_move(parameters_, out_.inputs);
     read_time();
     read_definitions();
     read_dynamics();
-    const PhysicalNames physical{state_names(), read_outputs(), symbols_.with_units};
-    decide_form();
-    LinearModel& noise = noise_model(out_);
-    read_noise(root_, physical, parameters_, noise);
-    // What is read into a nonlinear model's matrices is used as it is, not sampled.
-    if (is_formula_model(out_)) noise.continuous = false;
+    const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
+                                 symbols_.with_units};
+    LinearModel matrices = find_matrices();
+    read_noise(root_, physical, parameters_, matrices);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
-    read_initial(root_, physical, parameters_, noise);
-    refuse_what_only_linear_models_have();
+    read_initial(root_, physical, parameters_, matrices);
+    if (!is_linear_) refuse_what_only_linear_models_have(matrices);
+    decide_form(std::move(matrices));
     read_use_when();
     read_reference();
     refuse_unused_definitions();
@@ -273,6 +273,11 @@ class FormulaReader {
     return out;
   }
 
+  std::vector<Dimension> input_dimensions() const {
+    const auto first = symbols_.dimensions.begin() + formulas_.states;
+    return {first, first + formulas_.inputs};
+  }
+
   std::vector<PhysicalName> read_outputs() {
     const YamlNode& node = required(root_, "outputs", "the model file",
                                     "outputs: {NAME: {column: ..., unit: ..., equals: formula}}");
@@ -304,30 +309,54 @@ class FormulaReader {
     return out;
   }
 
-  void decide_form() {
-    std::optional<LinearModel> linear =
-        in_formula(*find(root_, "dynamics"), [&] { return linear_model_of(formulas_); });
+  // A, B, C and D where the formulas are linear in the states, else matrices of the sizes of noise
+  // and start.
+  LinearModel find_matrices() {
     for (const ChannelSource& output : out_.outputs) general_.wraps.push_back(output.wraps);
     const bool wraps = std::count(general_.wraps.begin(), general_.wraps.end(), true) > 0;
     if (!wraps) general_.wraps.clear();
-    if (linear && !wraps && !general_.irregular && general_.inputs != InputPath::pchip &&
-        general_.longest_step == 0.0) {
-      linear->hold = general_.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
-      if (out_.time.step > 0.0) linear->dt = out_.time.step;
-      out_.form = std::move(*linear);
+    LinearModel out;
+    if (!wraps && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
+      const bool held = general_.inputs == InputPath::constant;
+      std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {
+        std::optional<LinearModel> same = linear_model_of(formulas_);
+        if (same || !held) return same;
+        return changing_linear_model_of(insert_formulas(formulas_));
+      });
+      is_linear_ = linear.has_value();
+      if (is_linear_) out = *std::move(linear);
+    }
+    if (!is_linear_) {
+      const auto ny = static_cast<Eigen::Index>(out_.outputs.size());
+      out.continuous = formulas_.continuous;
+      out.A.constant.setZero(formulas_.states, formulas_.states);
+      out.B.constant.setZero(formulas_.states, 0);
+      out.C.constant.setZero(ny, formulas_.states);
+      out.D.constant.setZero(ny, 0);
+    }
+    out.irregular = is_linear_ && general_.irregular;
+    out.hold = general_.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
+    if (out_.time.step > 0.0) out.dt = out_.time.step;
+    return out;
+  }
+
+  void decide_form(LinearModel matrices) {
+    if (is_linear_ && !changes(matrices)) {
+      out_.form = std::move(matrices);
+      return;
+    }
+    if (is_linear_) {
+      refuse_stationary_start_of_changes(root_, matrices);
+      out_.form = changing_model(std::move(matrices), formulas_.inputs, parameters_.names.size());
       return;
     }
     general_.equations = in_formula(*find(root_, "dynamics"), [&] {
       return make_nonlinear_model(formulas_, Derivatives::second, known_parameters());
     });
-    // Noise and start alone; their sizes follow from these.
-    LinearModel& noise = general_.noise;
-    noise.continuous = formulas_.continuous;
-    noise.A.constant.setZero(formulas_.states, formulas_.states);
-    noise.B.constant.setZero(formulas_.states, 0);
-    const auto ny = static_cast<Eigen::Index>(out_.outputs.size());
-    noise.C.constant.setZero(ny, formulas_.states);
-    noise.D.constant.setZero(ny, 0);
+    general_.noise = std::move(matrices);
+    // What is read into a nonlinear model's matrices is used as it is, not sampled.
+    general_.noise.continuous = false;
+    general_.noise.hold = InputHold::constant;
     out_.form = std::move(general_);
   }
 
@@ -370,15 +399,23 @@ class FormulaReader {
     return out;
   }
 
-  void refuse_what_only_linear_models_have() const {
-    if (!is_formula_model(out_)) return;
-    const LinearModel& noise = noise_model(out_);
+  void refuse_what_only_linear_models_have(const LinearModel& noise) const {
     if (noise.initial != InitialState::given) {
       throw InputError(find(root_, "initial")->at, "a nonlinear model has no such start",
                        "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
     }
     if (!noise.S.constant.isZero(0.0) || !parameters_in(noise.S).empty()) {
       throw InputError(find(root_, "S")->at, "S belongs to linear models", "no S");
+    }
+    for (const auto& [key, matrix] : {std::pair{"G", &noise.G}, std::pair{"Q", &noise.Q},
+                                      std::pair{"R", &noise.R}, std::pair{"S", &noise.S}}) {
+      if (!moves(*matrix)) continue;
+      const YamlNode* node = find(root_, key);
+      throw InputError(
+          node != nullptr ? node->at : find(root_, "noise")->at,
+          fmt::format("{} holds an input or the time, and the model is nonlinear", key),
+          "numbers and parameters; formulas that are linear in the states may have a "
+          "noise that changes");
     }
   }
 
@@ -398,7 +435,8 @@ class FormulaReader {
   int first_parameter_ = 0;
   ModelFormulas formulas_;
   std::vector<Expression> references_;
-  FormulaModel general_;  // until the form is decided
+  bool is_linear_ = false;  // in the states, whatever inputs and time are
+  FormulaModel general_;    // until the form is decided
 };
 
 }  // namespace

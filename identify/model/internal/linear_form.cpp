@@ -30,6 +30,21 @@ StateReferences references_of(const YamlNode& root, const Model& model, Eigen::I
   return read_references(root, formulas, state_names, {}, read);
 }
 
+// Do samples count where their time stamps are, rather than every step?
+bool read_irregular(const YamlNode& time, bool continuous) {
+  const YamlNode* sampling = find(time, "sampling");
+  if (sampling == nullptr) return false;
+  if (word_of(*sampling, "sampling", {"regular", "irregular"}) == "regular") return false;
+  if (!continuous) {
+    throw InputError(sampling->at, "a discrete-time model has nothing between samples",
+                     "no such key here, or kind: continuous");
+  }
+  if (find(time, "column") == nullptr) {
+    throw InputError(sampling->at, "irregular sampling without time stamps", "column: NAME");
+  }
+  return true;
+}
+
 }  // namespace
 
 void read_linear(const YamlNode& root, Model& out) {
@@ -40,6 +55,7 @@ void read_linear(const YamlNode& root, Model& out) {
   if (const YamlNode* inputs = find(root, "inputs")) {
     out.inputs = read_channels(*inputs, "inputs", {});
   }
+  let_move(parameters, out.inputs);
   const auto ny = static_cast<Eigen::Index>(out.outputs.size());
   const auto nu = static_cast<Eigen::Index>(out.inputs.size());
 
@@ -77,6 +93,7 @@ void read_linear(const YamlNode& root, Model& out) {
     }
     model.hold = linear ? InputHold::linear : InputHold::constant;
   }
+  model.irregular = read_irregular(time, model.continuous);
   read_noise(root, {}, parameters, model);
   read_initial(root, {}, parameters, model);
   if (out.time.step > 0.0) model.dt = out.time.step;
@@ -84,6 +101,10 @@ void read_linear(const YamlNode& root, Model& out) {
   refuse_unused(parameters);
   if (const std::optional<ModelFault> fault = fault_at(model, parameters.set)) {
     throw InputError(find(root, fault->key)->at, fault->text);
+  }
+  if (changes(model)) {
+    refuse_stationary_start_of_changes(root, model);
+    out.form = changing_model(std::move(model), nu, parameters.names.size());
   }
   out.parameters = std::move(parameters.set);
 }

@@ -1,5 +1,6 @@
 #include "identify/model/internal/noise_form.h"
 
+#include <algorithm>
 #include <optional>
 
 #include <fmt/format.h>
@@ -21,14 +22,18 @@ std::vector<std::string> names_in(const std::vector<PhysicalName>& all) {
   return out;
 }
 
-// A parameter without a unit stands for any quantity here, in SI.
-std::vector<Dimension> parameter_dimensions(const NamedParameters& parameters) {
+// Of NamedParameters::symbols(). A parameter without a unit stands for any quantity here, in SI.
+std::vector<Dimension> symbol_dimensions(const NamedParameters& parameters,
+                                         const std::vector<Dimension>& of_inputs) {
   std::vector<Dimension> out;
   for (std::size_t i = 0; i < parameters.names.size(); ++i) {
     const std::string& unit = parameters.set[i].unit;
     out.push_back(dimension_of(unit_or_dimensionless(unit)));
     out.back().plain = unit.empty();
   }
+  if (parameters.moving.empty()) return out;
+  out.insert(out.end(), of_inputs.begin(), of_inputs.end());
+  out.push_back(dimension_of(Unit{1.0, 0.0, {0, 0, 1, 0, 0}}));
   return out;
 }
 
@@ -39,17 +44,14 @@ Dimension scaled(Dimension dimension, double power, double rate) {
   return dimension;
 }
 
-// Formulas of the parameters that are gathered for one matrix.
+// Formulas that are gathered for one matrix.
 struct Gathered {
-  Gathered(NamedParameters& named, LinearModel& linear)
+  Gathered(NamedParameters& named, const std::vector<Dimension>& of_inputs, LinearModel& linear)
       : parameters(named),
         model(linear),
-        dimensions(parameter_dimensions(named)),
-        graph(std::vector<bool>(named.names.size(), true)) {
-    for (std::size_t i = 0; i < named.names.size(); ++i) {
-      symbols.push_back(graph.symbol(static_cast<int>(i)));
-    }
-  }
+        dimensions(symbol_dimensions(named, of_inputs)),
+        graph(graph_of(named)),
+        symbols(symbols_of(graph)) {}
 
   NamedParameters& parameters;
   LinearModel& model;
@@ -58,9 +60,7 @@ struct Gathered {
   std::vector<FormulaGraph::Id> symbols;
   std::vector<PlacedFormula> placed;
 
-  void place() {
-    place_formulas(graph, placed, 0, static_cast<int>(parameters.names.size()), model);
-  }
+  void place() { place_formulas(graph, placed, parameters.places(), model); }
 
   // A quantity such as "0.5 deg/s", or a formula. @param spread  it cannot be negative
   FormulaGraph::Id read(const YamlNode& node, const std::string& what, const Dimension& wanted,
@@ -79,7 +79,7 @@ struct Gathered {
       }
       return graph.number(value);
     }
-    const Expression formula = read_formula(node, what, parameters.names, 0, parameters);
+    const Expression formula = read_formula(node, what, parameters.symbols(), 0, parameters);
     if (with_units) {
       try {
         check_dimension(formula, dimensions, wanted, what);
@@ -87,7 +87,9 @@ struct Gathered {
         throw error.in_file(place_in(node, error.column()));
       }
     }
-    if (spread && formula.nodes.size() == 1 && formula.nodes[0].op == Op::symbol) {
+    const bool is_parameter = formula.nodes.size() == 1 && formula.nodes[0].op == Op::symbol &&
+                              formula.nodes[0].symbol < parameters.places().parameters;
+    if (spread && is_parameter) {
       bound_at_zero(parameters, formula.nodes[0].symbol, what);
     }
     return graph.insert(formula, symbols);
@@ -98,6 +100,7 @@ struct Gathered {
 struct NamedNoise {
   const char* what;
   const std::vector<PhysicalName>& all;
+  const std::vector<Dimension>& inputs;
   bool with_units;  // else no dimension is checked
   bool density;
   bool every_one;  // must be given; else those without are zero
@@ -119,7 +122,7 @@ ParametrisedMatrix read_spreads(const YamlNode& node, const NamedNoise& noise,
   ParametrisedMatrix out;
   const auto size = static_cast<Index>(all.size());
   out.constant.setZero(size, size);
-  Gathered gathered(parameters, model);
+  Gathered gathered(parameters, noise.inputs, model);
   for (int i = 0; i < size; ++i) {
     const PhysicalName& name = all[i];
     const YamlNode* entry = find(given, name.name);
@@ -149,7 +152,7 @@ ParametrisedMatrix read_by_state(const YamlNode& given, const std::string& key,
   const auto n = static_cast<Index>(physical.states.size());
   ParametrisedMatrix out;
   out.constant.setZero(n, spread ? n : 1);
-  Gathered gathered(parameters, model);
+  Gathered gathered(parameters, physical.inputs, model);
   for (int i = 0; i < n; ++i) {
     const PhysicalName& state = physical.states[i];
     const YamlNode* entry = find(given, state.name);
@@ -187,6 +190,42 @@ bool by_names(const YamlNode& root, const YamlNode* part, const char* key) {
   return true;
 }
 
+// {diffuse: [level]}: the other states start in their steady state, which is their own.
+void read_partly_diffuse(const YamlNode& initial, const YamlNode& diffuse,
+                         const PhysicalNames& physical, LinearModel& model) {
+  check_keys(initial, "initial", {"diffuse"});
+  if (diffuse.kind != YamlNode::Kind::list || diffuse.items.empty()) {
+    throw InputError(diffuse.at, "diffuse is " + describe(diffuse), "a list of states");
+  }
+  const Index n = model.A.constant.rows();
+  std::vector<std::string> names = names_in(physical.states);
+  for (Index i = 1; physical.states.empty() && i <= n; ++i) names.push_back(fmt::format("x{}", i));
+  std::vector<bool> is_diffuse(static_cast<std::size_t>(n), false);
+  for (const YamlNode& each : diffuse.items) {
+    const std::string& name = word_of(each, "a diffuse state", names);
+    const auto at = std::find(names.begin(), names.end(), name) - names.begin();
+    is_diffuse[static_cast<std::size_t>(at)] = true;
+  }
+  model.initial = InitialState::diffuse;
+  for (Index i = 0; i < n; ++i) {
+    if (is_diffuse[static_cast<std::size_t>(i)]) continue;
+    model.stationary.push_back(i);
+    for (Index j = 0; j < n; ++j) {
+      const auto here = [&](const auto& e) { return e.row == i && e.col == j; };
+      const bool moves_it = model.A.constant(i, j) != 0.0 ||
+                            std::any_of(model.A.entries.begin(), model.A.entries.end(), here) ||
+                            std::any_of(model.A.formulas.begin(), model.A.formulas.end(), here);
+      if (!is_diffuse[static_cast<std::size_t>(j)] || !moves_it) continue;
+      throw InputError(
+          diffuse.at,
+          fmt::format("'{}' starts in its steady state, and '{}', which is diffuse, "
+                      "moves it",
+                      names[static_cast<std::size_t>(i)], names[static_cast<std::size_t>(j)]),
+          "both in the list");
+    }
+  }
+}
+
 }  // namespace
 
 void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
@@ -218,9 +257,10 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
     }
     model.G = constant_matrix(MatrixXd::Identity(n, n));
     const bool density = model.noise == ProcessNoise::density;
-    model.Q = read_spreads(*process,
-                           {"process noise", physical.states, physical.with_units, density, false},
-                           parameters, model);
+    model.Q = read_spreads(
+        *process,
+        {"process noise", physical.states, physical.inputs, physical.with_units, density, false},
+        parameters, model);
   } else if (has_names && find(root, "Q") == nullptr) {
     if (process != nullptr) {
       throw InputError(process->at, "process is " + describe(*process),
@@ -249,7 +289,8 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
     check_keys(*measurement, "measurement", {"kind", "sd", "variance"});
     if (const YamlNode* kind = find(*measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
     model.R = read_spreads(
-        *measurement, {"measurement noise", physical.outputs, physical.with_units, false, true},
+        *measurement,
+        {"measurement noise", physical.outputs, physical.inputs, physical.with_units, false, true},
         parameters, model);
   } else {
     const std::string example =
@@ -282,7 +323,11 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
                         : InitialState::stationary;
     return;
   }
-  check_keys(*node, "initial", {"mean", "sd", "covariance"});
+  check_keys(*node, "initial", {"mean", "sd", "covariance", "diffuse"});
+  if (const YamlNode* diffuse = find(*node, "diffuse")) {
+    read_partly_diffuse(*node, *diffuse, physical, model);
+    return;
+  }
   const bool has_names = !physical.states.empty();
   const YamlNode* sd = find(*node, "sd");
   const YamlNode* covariance = find(*node, "covariance");
@@ -317,7 +362,21 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
     }
     model.P0 = constant_matrix(column.constant.col(0).cwiseAbs2().asDiagonal());
   }
+  if (moves(model.x0) || moves(model.P0)) {
+    throw InputError(node->at, "the initial state holds an input or the time",
+                     "numbers and parameters");
+  }
   model.initial = InitialState::given;
+}
+
+void refuse_stationary_start_of_changes(const YamlNode& root, const LinearModel& model) {
+  const bool changes = moves(model.A) || moves(model.G) || moves(model.Q);
+  const bool stationary = model.initial == InitialState::stationary || !model.stationary.empty();
+  if (!stationary || !changes) return;
+  const YamlNode* node = find(root, "initial");
+  throw InputError(node == nullptr ? root.at : node->at,
+                   "the start is stationary, and A or the process noise changes",
+                   "initial: diffuse, or {mean: ..., sd: ...}");
 }
 
 }  // namespace identikal

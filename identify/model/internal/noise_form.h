@@ -21,14 +21,15 @@ struct PhysicalName {
 /// and their units checked. Without states: the model is given by matrices.
 struct PhysicalNames {
   std::vector<PhysicalName> states, outputs;
-  bool with_units = false;  ///< else no dimension is checked
+  std::vector<Dimension> inputs;  ///< of the inputs, which formulas of the noise may hold
+  bool with_units = false;        ///< else no dimension is checked
 };
 
 /// G, Q, R, S and what the process noise is. A physical model may also say
 ///
 ///   noise: {process: {kind: density, sd: {vy: 0.1}}, measurement: {sd: {r: 0.01 rad/s}}}
 ///
-/// with sd or variance: a number, a quantity, or a formula of parameters; states that it does not
+/// with sd or variance: a number, a quantity, or a formula of parameters, inputs and time; states that it does not
 /// name have no noise of their own. Expects A and C of `model`, with their sizes.
 void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
                 LinearModel& model);
@@ -37,5 +38,9 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
 /// Expects A of `model`, with its size.
 void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
                   LinearModel& model);
+
+/// A start that is stationary belongs to matrices that stay what they are.
+/// @throws InputError at `initial` where A, G or Q hold inputs or time
+void refuse_stationary_start_of_changes(const YamlNode& root, const LinearModel& model);
 
 }  // namespace identikal

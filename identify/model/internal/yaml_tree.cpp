@@ -47,6 +47,12 @@ YamlNode yaml_scalar(std::string text) {
   return out;
 }
 
+YamlNode yaml_scalar(std::string text, const YamlNode& at) {
+  YamlNode out = yaml_scalar(std::move(text));
+  out.at = at.at;
+  return out;
+}
+
 YamlNode yaml_list() {
   YamlNode out;
   out.kind = Kind::list;

@@ -8,6 +8,8 @@
 namespace identikal {
 
 YamlNode yaml_scalar(std::string text);
+/// That stands where `at` does.
+YamlNode yaml_scalar(std::string text, const YamlNode& at);
 YamlNode yaml_list();
 YamlNode yaml_mapping();
 /// Behind the others of a mapping.

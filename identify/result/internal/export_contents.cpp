@@ -62,6 +62,29 @@ std::vector<SteadyFilter::Channel> channels_of(const std::vector<ChannelSource>&
   return out;
 }
 
+// What a filter of formulas needs beside these; of matrices that change from sample to sample, none.
+std::vector<NamedMatrix> matrices_of(const Model& model, const StateSpace& written, bool density) {
+  const LinearModel& linear = noise_model(model);
+  std::vector<NamedMatrix> out;
+  if (changes(model)) {
+    const char* kind = linear.continuous ? "of dx/dt" : "";
+    if (!moves(linear.A)) out.push_back({"A", written.A, kind});
+    if (!moves(linear.B)) out.push_back({"B", written.B, kind});
+    if (!moves(linear.C)) out.push_back({"C", written.C, ""});
+    if (!moves(linear.D)) out.push_back({"D", written.D, ""});
+  }
+  if (!moves(linear.G) && !moves(linear.Q)) {
+    out.push_back({"Q", written.G * written.Q * written.G.transpose(),
+                   density ? "process noise of the states, power per time (density)"
+                           : "process noise of the states, covariance per sample"});
+  }
+  if (!moves(linear.R)) out.push_back({"R", written.R, "measurement noise, covariance per sample"});
+  if (linear.initial != InitialState::given) return out;
+  out.push_back({"x0", written.x0, "state at the first sample: mean"});
+  out.push_back({"P0", written.P0, "and its covariance"});
+  return out;
+}
+
 void add_formulas(ExportContents& to, const StoredResult& result) {
   const StoredEstimate& e = result.estimate;
   const Model model = estimated_model(e, result.path);
@@ -71,15 +94,13 @@ void add_formulas(ExportContents& to, const StoredResult& result) {
   to.outputs = channels_of(model.outputs);
   to.inputs = channels_of(model.inputs);
   to.Q_kind = e.noise.Q_kind;
-  to.matrices = {{"Q", written.G * written.Q * written.G.transpose(),
-                  density ? "process noise of the states, power per time (density)"
-                          : "process noise of the states, covariance per sample"},
-                 {"R", written.R, "measurement noise, covariance per sample"},
-                 {"x0", written.x0, "state at the first sample: mean"},
-                 {"P0", written.P0, "and its covariance"}};
+  to.matrices = matrices_of(model, written, density);
   to.lines.push_back(fmt::format("{} filter; numbers in SI; the formulas stand in the model file",
                                  e.objective.filter));
-  to.lines.push_back("states x: " + channel_list(to.states, ""));
+  if (changes(model) && holds_moving(noise_model(model))) {
+    to.lines.emplace_back("matrices that change from sample to sample are not among them");
+  }
+  if (!to.states.empty()) to.lines.push_back("states x: " + channel_list(to.states, ""));
   to.lines.push_back("outputs y: " + channel_list(to.outputs));
   if (!to.inputs.empty()) to.lines.push_back("inputs u: " + channel_list(to.inputs));
 }

@@ -128,8 +128,9 @@ void describe(Fields& fields, Objective& objective) {
   fields("method", objective.method, "method of the verb");
   fields("initial", one_of(objective.initial, {"", "given", "stationary", "diffuse"}),
          "initial state of a linear model");
-  fields("filter", one_of(objective.filter, {"", "extended", "iterated", "unscented"}),
-         "filter of a nonlinear model");
+  fields("filter", one_of(objective.filter, {"", "extended", "iterated", "unscented", "kalman"}),
+         "filter of a nonlinear model; kalman: of a linear one that changes from sample to "
+         "sample");
   fields("log_likelihood", objective.log_likelihood, "log-likelihood at the estimate");
   fields("log_likelihood_start", objective.log_likelihood_start,
          "log-likelihood where the search began");
@@ -291,6 +292,18 @@ void describe(Fields& fields, TimeHistory& history) {
   fields("names", history.names, "names of the free parameters");
   fields("units", history.units, "units of the free parameters");
   fields("changes", history.changes, "changes that were found, in the order of time");
+}
+
+template <class Fields>
+void describe(Fields& fields, Forecast& forecast) {
+  fields.is("Forecast", "What the outputs are expected to be behind the last row.");
+  fields("names", forecast.names, "names of the outputs");
+  fields("units", forecast.units, "units of the outputs");
+  fields("time", forecast.time, "of the rows, as recorded [s]");
+  fields("mean", forecast.mean, "outputs x rows");
+  fields("sd", forecast.sd, "standard deviations of measurements, outputs x rows");
+  fields("low", forecast.low, "2.5 % of measurements lie below, outputs x rows");
+  fields("high", forecast.high, "2.5 % of measurements lie above, outputs x rows");
 }
 
 template <class Fields>

@@ -99,6 +99,7 @@ void add_new_keys(Json& result) {
     });
   };
   add("", "handling", nullptr);
+  add("", "forecast", nullptr);
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
   add("tests/*", "share", nullptr);

@@ -27,6 +27,7 @@ struct WholeFile {
   Section<RankSelection> minimum_rank;
   Section<VehicleSurvey> survey;
   Section<HandlingSheet> handling;
+  Section<Forecast> forecast;
   std::string version = IDENTIKAL_VERSION;  ///< of the program that writes it
   int exit = 0;
   double timing_s = kNone;
@@ -50,7 +51,7 @@ inline WholeFile file_to_write(const ResultSections& r) {
           {r.bound, nullptr},          {r.posterior, nullptr},
           {r.time_history, nullptr},   {r.shaping, nullptr},
           {r.minimum_rank, nullptr},   {r.survey, nullptr},
-          {r.handling, nullptr}};
+          {r.handling, nullptr},       {r.forecast, nullptr}};
 }
 
 /// Where a reader puts what it finds.
@@ -69,7 +70,8 @@ inline WholeFile file_to_read(StoredEstimate& e) {
           {nullptr, &e.shaping},
           {nullptr, &e.minimum_rank},
           {nullptr, &e.survey},
-          {nullptr, &e.handling}};
+          {nullptr, &e.handling},
+          {nullptr, &e.forecast}};
 }
 
 // Sections that say what the result is and what it rests on.
@@ -80,7 +82,7 @@ void describe_origin(Fields& fields, WholeFile& file) {
   fields("version", file.version, "version of the program");
   fields("verb",
          one_of(e.verb, {"tune", "track", "shape", "fit", "check", "bound", "info", "filter",
-                         "compare", "validate", "handling"}),
+                         "compare", "validate", "handling", "forecast"}),
          "verb that was run");
   fields("model", e.model_name, "name of the model");
   fields.group("status", "whether the result may be used", [&](auto& status) {
@@ -140,6 +142,7 @@ void describe_details(Fields& fields, WholeFile& file) {
   fields("minimum_rank", file.minimum_rank, "tune --min-rank only");
   fields("survey", file.survey, "info --vehicle only");
   fields("handling", file.handling, "verb handling only");
+  fields("forecast", file.forecast, "verb forecast only");
 }
 
 /// Every section in the order of the file.

@@ -72,8 +72,30 @@ VectorXd value_at(const Model& file, VectorXd x, const VectorXd& u) {
   return out;
 }
 
+constexpr int kPoints = 20;  // where two models are compared
+
+// Of models that change from sample to sample.
+NestedStructure same_changes(const Model& small, const Model& large) {
+  LinearModel one = noise_model(small), other = noise_model(large);
+  const bool settings = one.continuous == other.continuous && one.irregular == other.irregular &&
+                        one.noise == other.noise && one.hold == other.hold;
+  if (!settings) return NestedStructure::other;
+  Random random(1);
+  for (int point = 0; point < kPoints; ++point) {
+    MovingValues at{VectorXd(small.inputs.size()), random.normal()};
+    for (double& each : at.inputs) each = std::abs(random.normal());
+    one.typical = other.typical = at;
+    const StateSpace a = written_matrices(one, small.parameters);
+    const StateSpace b = written_matrices(other, large.parameters);
+    if (a.states() != b.states()) return NestedStructure::unknown;
+    const bool same = same_numbers(a.A, b.A) && same_numbers(a.B, b.B) && same_numbers(a.C, b.C) &&
+                      same_numbers(a.D, b.D) && same_noise(a, b);
+    if (!same) return NestedStructure::other;
+  }
+  return NestedStructure::same;
+}
+
 NestedStructure same_formulas(const Model& small, const Model& large) {
-  constexpr int kPoints = 20;
   const FormulaModel &one_model = as_formulas(small), &other_model = as_formulas(large);
   const NonlinearModel &a = one_model.equations, &b = other_model.equations;
   if (a.states != b.states || a.inputs != b.inputs) return NestedStructure::unknown;
@@ -137,6 +159,8 @@ NestedStructure structure_at(const StoredResult& small, const StoredResult& larg
       p.value = at == of_small.end() ? 0.0 : at->value;
     }
     set_values(b, there, large.path);
+    if (changes(a) != changes(b)) return NestedStructure::unknown;
+    if (changes(a)) return same_changes(a, b);
     return is_formula_model(a) ? same_formulas(a, b) : same_matrices(a, b);
   } catch (const InputError&) {  // a file that it included is gone; no model at these values
     return NestedStructure::unknown;

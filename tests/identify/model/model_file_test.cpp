@@ -513,7 +513,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"step: 0.5 s", "step: 0.5 kg", "3:30: step is in 'kg'; expected a unit like 's'"},
     {"step: 0.5 s", "step: 0 s", "3:30: step is '0 s'; expected a time above 0"},
     {"step: 0.5 s", "step: 0,5 s",
-     "3:32: unknown key '5 s' in time; expected one of kind, step, column, unit, runs, inputs"},
+     "3:32: unknown key '5 s' in time; expected one of kind, step, column, unit, runs, inputs, "
+     "sampling"},
     {"{kind: discrete, step: 0.5 s}", "{kind: discrete, step: \"0,5 s\"}",
      "3:30: step is '0,5 s'; expected a finite number, with or without a unit; write a decimal "
      "point"},
@@ -534,7 +535,8 @@ constexpr Mistake kLinearMistakes[] = {
     {"{kind: discrete, step: 0.5 s}", "1 s",
      "3:7: time is '1 s'; expected a mapping of 'key: value'"},
     {"step: 0.5 s", "stepp: 1",
-     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, runs, inputs; "
+     "3:24: unknown key 'stepp' in time; expected one of kind, step, column, unit, runs, inputs, "
+     "sampling; "
      "did you "
      "mean "
      "'step'?"},

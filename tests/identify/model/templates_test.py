@@ -79,7 +79,7 @@ def check(identikal, name, folder):
 def main():
     identikal = str(pathlib.Path(sys.argv[1]).resolve())
     listed = subprocess.run([identikal, "init"], capture_output=True, text=True, check=True).stdout
-    names = sys.argv[2:] or [line for line in listed.splitlines() if line and not line.startswith(" ")]
+    names = sys.argv[2:] or [line for line in listed.splitlines() if line and not line.startswith(" ") and not line.endswith(":")]
     failed = False
     for name in names:
         with tempfile.TemporaryDirectory() as folder:

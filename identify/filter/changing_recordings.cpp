@@ -1,0 +1,150 @@
+#include "identify/filter/changing_recordings.h"
+
+#include "lib/filter/partly_diffuse.h"
+#include "lib/filter/simulation.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// States of a diffuse start that are stationary all the same.
+Index measured_start(const LinearModel& model) {
+  return model.initial == InitialState::diffuse ? static_cast<Index>(model.stationary.size()) : 0;
+}
+
+ModelAt model_at(SampledModel& sampled, const LinearModel& model) {
+  const ModelAt plain = [&sampled](Index t, StateSpace& now, std::vector<StateSpace>* derivatives) {
+    sampled.at(t, now, derivatives);
+  };
+  return measured_start(model) > 0 ? partly_diffuse(plain, model.stationary) : plain;
+}
+
+// One recording, at one set of values.
+struct Prepared {
+  SampledModel sampled;
+  MatrixXd inputs, outputs;
+  ModelAt model_at_sample;
+
+  Prepared(const Model& model, const ParameterSet& at, const Dataset& recording)
+      : sampled(noise_model(model), recording.time, recording.u),
+        inputs(model_inputs(noise_model(model), recording.u)),
+        outputs(recording.y.rows() > 0 ? with_start(recording.y, measured_start(noise_model(model)))
+                                       : recording.y),
+        model_at_sample(model_at(sampled, noise_model(model))) {
+    sampled.set_parameters(at, false);
+  }
+  Prepared(const Prepared&) = delete;
+  Prepared& operator=(const Prepared&) = delete;
+};
+
+}  // namespace
+
+ChangingRecordings::ChangingRecordings(const Model& model, const std::vector<Dataset>& recordings)
+    : model_(model), recordings_(recordings) {
+  for (const Dataset& data : recordings) {
+    sampled_.emplace_back(noise_model(model), data.time, data.u);
+    inputs_.push_back(model_inputs(noise_model(model), data.u));
+    outputs_.push_back(with_start(data.y, measured_start(noise_model(model))));
+  }
+}
+
+const Likelihood& ChangingRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
+                                               MatrixXd* products) {
+  const InitialState initial = noise_model(model_).initial;
+  const Index k = with_derivatives ? free_entries(at).size() : 0;
+  sum_.status = FilterStatus::ok;
+  sum_.value = 0.0;
+  sum_.gradient.setZero(k);
+  sum_.information.setZero(k, k);
+  if (products != nullptr) products->setZero(k, k);
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    sampled_[i].set_parameters(at, with_derivatives);
+    const ModelAt model = model_at(sampled_[i], noise_model(model_));
+    const MatrixXd& y = outputs_[i];
+    const Likelihood one = log_likelihood(model, initial, y, inputs_[i], with_derivatives);
+    sum_.status = one.status;
+    if (one.status != FilterStatus::ok) return sum_;
+    sum_.value += one.value;
+    if (k == 0) continue;
+    sum_.gradient += one.gradient;
+    sum_.information += one.information;
+    if (products != nullptr) *products += score_products(model, initial, y, inputs_[i]);
+  }
+  return sum_;
+}
+
+FilterStatus ChangingRecordings::watch(const ParameterSet& at, bool with_derivatives,
+                                       std::size_t recording, const FilteredStateWatcher& see) {
+  sampled_[recording].set_parameters(at, with_derivatives);
+  const LinearModel& model = noise_model(model_);
+  return watch_filtered_states(model_at(sampled_[recording], model), model.initial,
+                               outputs_[recording], inputs_[recording], with_derivatives, see)
+      .status;
+}
+
+FilterResult changing_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
+                             Keep keep) {
+  const Prepared of(model, at, recording);
+  FilterResult out =
+      kalman_filter(of.model_at_sample, noise_model(model).initial, of.outputs, of.inputs, keep);
+  take_out_start(out, measured_start(noise_model(model)));
+  return out;
+}
+
+SmootherResult changing_smoother(const Model& model, const ParameterSet& at,
+                                 const Dataset& recording, std::optional<Index> lag) {
+  Prepared of(model, at, recording);
+  const InitialState initial = noise_model(model).initial;
+  return lag ? smooth_with_lag(of.model_at_sample, initial, of.outputs, of.inputs, *lag,
+                               SmootherKeep::deviations)
+             : smooth(of.model_at_sample, initial, of.outputs, of.inputs, SmootherKeep::deviations);
+}
+
+DisturbanceResult changing_disturbances(const Model& model, const ParameterSet& at,
+                                        const Dataset& recording) {
+  const Prepared of(model, at, recording);
+  DisturbanceResult out =
+      smooth_disturbances(of.model_at_sample, noise_model(model).initial, of.outputs, of.inputs);
+  for (MatrixXd* rows : {&out.v, &out.v_sd, &out.output_t}) {
+    if (rows->rows() > recording.y.rows()) *rows = rows->topRows(recording.y.rows()).eval();
+  }
+  return out;
+}
+
+MatrixXd simulate_changing_outputs(const Model& model, const Dataset& recording, Random& random) {
+  const Prepared of(model, model.parameters, recording);
+  const LinearModel& linear = noise_model(model);
+  return simulate_outputs(of.model_at_sample, linear.initial, of.inputs, recording.time.size(),
+                          random)
+      .topRows(linear.C.constant.rows());
+}
+
+MatrixXd noise_free_changing_outputs(const Model& model, const ParameterSet& at,
+                                     const Dataset& recording, VectorXd x) {
+  Prepared of(model, at, recording);
+  StateSpace now;
+  MatrixXd out(noise_model(model).C.constant.rows(), recording.time.size());
+  for (Index t = 0; t < out.cols(); ++t) {
+    of.sampled.at(t, now, nullptr);
+    out.col(t) = now.C * x + now.D * of.inputs.col(t);
+    x = (now.A * x + now.B * of.inputs.col(t)).eval();
+  }
+  return out;
+}
+
+MatrixXd changing_transition(const Model& model, const ParameterSet& at, const Dataset& recording) {
+  Prepared of(model, at, recording);
+  StateSpace now;
+  of.sampled.at(0, now, nullptr);
+  MatrixXd out = MatrixXd::Identity(now.states(), now.states());
+  for (Index t = 0; t + 1 < recording.time.size(); ++t) {
+    of.sampled.at(t, now, nullptr);
+    out = (now.A * out).eval();
+  }
+  return out;
+}
+
+}  // namespace identikal

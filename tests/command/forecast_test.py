@@ -1,0 +1,50 @@
+"""forecast: outputs behind the last row, with intervals."""
+import json
+import math
+import unittest
+
+from program import NILE, Folder, run, table
+
+
+class Forecast(unittest.TestCase):
+    """The level of the Nile at Durbin and Koopman's values: filtered variance 4032.158, then a random walk."""
+
+    VALUES = "--set", "q=1469.1", "--set", "r=15099"
+
+    def test_the_nile_as_durbin_and_koopman_have_it(self):
+        head, rows = table(run("forecast", *NILE, "-n", 5, *self.VALUES, code=0).stdout)
+        self.assertEqual(5, len(rows))
+        self.assertEqual("time [s]", head[0])
+        for h, row in enumerate(rows, 1):
+            sd = math.sqrt(4032.1579418087836 + h * 1469.1 + 15099.0)
+            self.assertAlmostEqual(row[1], 798.3702926083578, delta=1e-5)
+            self.assertAlmostEqual(row[2], sd, delta=1e-5)
+            self.assertAlmostEqual(row[3], row[1] - 1.959963985 * sd, delta=1e-4)
+            self.assertAlmostEqual(row[4], row[1] + 1.959963985 * sd, delta=1e-4)
+
+    def test_a_folder_and_json_say_the_same(self):
+        with Folder() as made:
+            folder = made.path
+            printed = run("forecast", *NILE, "-n", 3, *self.VALUES, code=0).stdout
+            text = run("forecast", *NILE, "-n", 3, *self.VALUES, "-o", folder / "out", "--json", code=0).stdout
+            self.assertEqual(printed, (folder / "out" / "forecast.csv").read_text())
+            ahead = json.loads(text)["forecast"]
+            _, rows = table(printed)
+            self.assertEqual([3, 1], [len(ahead["time"]), len(ahead["mean"])])
+            for row, mean in zip(rows, ahead["mean"][0]):
+                self.assertAlmostEqual(row[1], mean, delta=1e-6)
+
+    def test_values_that_were_found(self):
+        with Folder() as made:
+            folder = made.path
+            run("tune", *NILE, "--starts", 1, "-o", folder / "out", code=0)
+            _, rows = table(run("forecast", *NILE, "-n", 2, "--from", folder / "out", code=0).stdout)
+            self.assertAlmostEqual(rows[0][1], 798.37, delta=0.1)
+
+    def test_what_is_missing_is_said(self):
+        self.assertIn("the number of rows to forecast is missing", run("forecast", *NILE, code=2).stderr)
+        self.assertIn("--inputs does not apply", run("forecast", *NILE, "-n", 2, "--inputs", NILE[1], code=2).stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
