@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double kLeastShare = 0.003;  // of the angle's motion
+constexpr double kLeastShareOfMotion = 0.003;  // of the angle's motion
 constexpr double kSerious = 0.05, kWorthTelling = 0.02;
 
 double rms_of_motion(const VehicleRun& run, const Eigen::VectorXd& x) {
@@ -124,7 +124,7 @@ Findings check_steering_steps(const Model& model, const VehicleSearch& found,
   const double step = step_of(run.steering);
   if (!(step > 0.0)) return {};
   const double share = step / std::sqrt(12.0) / rms_of_motion(run, run.steering);
-  if (!(share > kLeastShare)) return {};
+  if (!(share > kLeastShareOfMotion)) return {};
   const VehicleRun smooth = bridged(run, step);
   VehicleProblem problem = make_vehicle_problem(smooth, unknowns, found.problem.demand);
   problem.robust = found.problem.robust;
