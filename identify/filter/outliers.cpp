@@ -17,6 +17,7 @@
 #include "lib/base/median.h"
 #include "lib/data/units.h"
 #include "lib/filter/kalman.h"
+#include "lib/filter/revised_innovations.h"
 #include "lib/filter/steady_state.h"
 
 namespace identikal {
@@ -46,6 +47,51 @@ std::vector<FilterResult> filtered(const Model& model, const ParameterSet& param
   return out;
 }
 
+// The same, again and again with more samples taken out.
+class Refiltered {
+ public:
+  Refiltered(const Model& model, const ParameterSet& parameters,
+             const std::vector<Dataset>& recordings)
+      : model_(model), parameters_(parameters) {
+    if (is_formula_model(model) || changes(model)) return;
+    known_.assign(recordings.size(), false);
+    const LinearModel& linear = as_linear(model);
+    const StateSpace system = instantiate(linear, parameters);
+    for (const Dataset& data : recordings) {
+      innovations_.emplace_back(system, linear.initial, model_inputs(linear, data.u));
+    }
+  }
+
+  // @param taken  in time order: what is missing in `rest` now and was not the last time
+  void run(const std::vector<Dataset>& rest, const std::vector<Outlier>& taken,
+           std::vector<FilterResult>& now) {
+    if (innovations_.empty()) {
+      now = filtered(model_, parameters_, rest);
+      return;
+    }
+    for (std::size_t r = 0; r < rest.size(); ++r) {
+      std::vector<Index> changed;
+      for (const Outlier& o : taken) {
+        if (o.recording == r) changed.push_back(o.sample);
+      }
+      if (changed.empty()) continue;
+      // The first time all of it is gone through.
+      if (!known_[r]) changed.clear();
+      known_[r] = true;
+      now[r] = innovations_[r].of(rest[r].y, changed);
+      if (now[r].status == FilterStatus::ok) continue;
+      now[r].e.setConstant(kNone);
+      now[r].standardised.setConstant(kNone);
+    }
+  }
+
+ private:
+  const Model& model_;
+  const ParameterSet& parameters_;
+  std::vector<RevisedInnovations> innovations_;
+  std::vector<bool> known_;
+};
+
 using Still = Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic>;
 
 // Which samples belong to ten or more equal ones in a row: the sensor stands still.
@@ -71,6 +117,8 @@ double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd Filte
   std::vector<double> sizes, moving;
   for (std::size_t r = 0; r < filters.size(); ++r) {
     const auto row = (filters[r].*e).row(channel);
+    sizes.reserve(sizes.size() + static_cast<std::size_t>(row.size()));
+    moving.reserve(sizes.capacity());
     for (Index t = 0; t < row.size(); ++t) {
       if (std::isnan(row[t])) continue;
       sizes.push_back(std::abs(row[t]));
@@ -106,6 +154,7 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
   const Index apart = memory(model, parameters);
   std::vector<Outlier> out;
   std::vector<Dataset> rest = recordings;
+  Refiltered refiltered(model, parameters, recordings);
   std::vector<Still> still;
   for (const Dataset& data : recordings) still.push_back(still_samples(data));
   for (int pass = 0; pass < kMostPasses; ++pass) {
@@ -138,7 +187,7 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
     if (found.empty()) break;
     out.insert(out.end(), found.begin(), found.end());
     rest = without(std::move(rest), found);
-    now = filtered(model, parameters, rest);
+    refiltered.run(rest, found, now);
   }
   std::sort(out.begin(), out.end(), [](const Outlier& a, const Outlier& b) {
     return std::tie(a.recording, a.sample, a.channel) < std::tie(b.recording, b.sample, b.channel);

@@ -274,19 +274,35 @@ FilterStatus TangentFilter::begin(InitialState initial) {
 
 // ---- The recording
 
-FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState initial,
-                                Likelihood& out) {
-  const Presence& presence = recording.presence;
-  if (channels_ != presence.channels) {
-    channels_ = presence.channels;
-    patterns_.assign(channels_.size(), {});
+void TangentFilter::take_channels(const Presence& presence) {
+  if (channels_ == presence.channels) return;
+  channels_ = presence.channels;
+  patterns_.assign(channels_.size(), {});
+}
+
+// From sample t of a part on, to its end or some sample before.
+FilterStatus TangentFilter::go_on(const TangentRecording& recording, const Presence::Part& part,
+                                  Index& t, Index end, Likelihood& out) {
+  Pattern& p = patterns_[part.pattern];
+  if (!p.ready) fill_pattern(p, channels_[part.pattern]);
+  if (diffuse_) return run_diffuse(p, recording, t, end, out);
+  if (end - t <= kLongestPassage && recording.presence.parts.size() > 1) {
+    return run_passage(p, recording, t, end, out);
   }
+  return run_stretch(p, recording, t, end, out);
+}
+
+FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState initial,
+                                Likelihood& out, Checkpoints* checkpoints) {
+  take_channels(recording.presence);
   FilterStatus status = begin(initial);
   scored_ = out.gradient;
   std::size_t next = 0;
-  for (const Presence::Part& part : presence.parts) {
-    Pattern& p = patterns_[part.pattern];
-    if (!p.ready) fill_pattern(p, channels_[part.pattern]);
+  if (checkpoints != nullptr) {
+    checkpoints->states.assign(
+        static_cast<std::size_t>(recording.y.cols() / Checkpoints::kApart + 1), {});
+  }
+  for (const Presence::Part& part : recording.presence.parts) {
     for (Index t = part.begin; t < part.end && status == FilterStatus::ok;) {
       const std::vector<Segment>& segments = recording.segments;
       while (next < segments.size() && segments[next].begin < t) ++next;
@@ -299,19 +315,71 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
         }
         if (segment.begin > t) end = std::min(end, segment.begin);
       }
-      if (diffuse_) {
-        status = run_diffuse(p, recording, t, end, out);
-      } else if (end - t <= kLongestPassage && presence.parts.size() > 1) {
-        status = run_passage(p, recording, t, end, out);
-      } else {
-        status = run_stretch(p, recording, t, end, out);
+      if (checkpoints != nullptr) {
+        const Index at = t / Checkpoints::kApart;
+        if (t % Checkpoints::kApart == 0 && !diffuse_) {
+          checkpoints->states[static_cast<std::size_t>(at)] = checkpoint();
+        }
+        end = std::min(end, (at + 1) * Checkpoints::kApart);
       }
+      status = go_on(recording, part, t, end, out);
     }
     if (status != FilterStatus::ok) return status;
   }
   if (status != FilterStatus::ok) return status;
   if (diffuse_) return FilterStatus::undetermined;
   add_sums(out);
+  return FilterStatus::ok;
+}
+
+Checkpoints::State TangentFilter::checkpoint() const {
+  const std::size_t all = lanes_ * blocks_, n = static_cast<std::size_t>(n_);
+  return {{run_.x, run_.x + n * all}, {run_.P, run_.P + n * n * all}};
+}
+
+// Is the state the same, to 1e-8 of its standard deviation, and that to 1e-10 of itself?
+bool TangentFilter::stands_at(const Checkpoints::State& state) const {
+  if (state.x.empty()) return false;
+  for (Index i = 0; i < n_; ++i) {
+    const double variance = run_.P[place(n_ * n_, i * n_ + i, 0)];
+    const double moved = run_.x[place(n_, i, 0)] - state.x[place(n_, i, 0)];
+    if (!(moved * moved <= 1e-16 * variance)) return false;
+    for (Index j = 0; j <= i; ++j) {
+      const std::size_t at = place(n_ * n_, i * n_ + j, 0);
+      const double change = run_.P[at] - state.P[at];
+      if (!(change * change <= 1e-20 * variance * run_.P[place(n_ * n_, j * n_ + j, 0)])) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+std::optional<FilterStatus> TangentFilter::revise(const TangentRecording& recording,
+                                                  const std::vector<Index>& changed,
+                                                  Checkpoints& checkpoints) {
+  constexpr Index kApart = Checkpoints::kApart;
+  take_channels(recording.presence);
+  Likelihood unused;
+  auto part = recording.presence.parts.begin();
+  for (std::size_t next = 0; next < changed.size();) {
+    Index t = changed[next] / kApart * kApart;
+    const Checkpoints::State& from = checkpoints.states[static_cast<std::size_t>(t / kApart)];
+    if (from.x.empty() || diffuse_) return std::nullopt;
+    std::copy(from.x.begin(), from.x.end(), run_.x);
+    std::copy(from.P.begin(), from.P.end(), run_.P);
+    while (t < recording.y.cols()) {
+      while (part->end <= t) ++part;
+      const Index end = std::min(part->end, (t / kApart + 1) * kApart);
+      const FilterStatus status = go_on(recording, *part, t, end, unused);
+      if (status != FilterStatus::ok) return status;
+      while (next < changed.size() && changed[next] < t) ++next;
+      if (t % kApart != 0) continue;
+      Checkpoints::State& here = checkpoints.states[static_cast<std::size_t>(t / kApart)];
+      if (stands_at(here)) break;
+      here = checkpoint();
+    }
+  }
   return FilterStatus::ok;
 }
 
@@ -461,6 +529,8 @@ void TangentFilter::leave_sample(const Pattern& p, const TangentRecording& recor
   const auto m = static_cast<std::size_t>(p.model.m);
   if (FilterResult* store = recording.store) {
     store->e_sd.col(t) = e_sd_;
+    store->e.col(t).setConstant(kNaN);
+    store->standardised.col(t).setConstant(kNaN);
     for (std::size_t a = 0; a < m; ++a) {
       double z = 0.0;
       for (std::size_t c = 0; c <= a; ++c) z += run_.L_inverse[a * m + c] * run_.E[c * lanes_];

@@ -4,6 +4,7 @@
 // to the filter.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -41,6 +42,15 @@ struct TangentRecording {
   Eigen::MatrixXd* score_products = nullptr;  ///< k x k: receives sum_t s_t s_t'
 };
 
+/// The filter's states before samples 0, kApart, 2 kApart, ...; empty where it had not begun.
+struct Checkpoints {
+  static constexpr Eigen::Index kApart = 128;
+  struct State {
+    std::vector<double> x, P;
+  };
+  std::vector<State> states;
+};
+
 class TangentFilter {
  public:
   /// Keeps references to both until run() has returned.
@@ -48,7 +58,17 @@ class TangentFilter {
 
   /// Adds value, gradient and information of lib/filter/filter_result.h; they are undefined unless
   /// the status is ok.
-  FilterStatus run(const TangentRecording& recording, InitialState initial, Likelihood& out);
+  /// @param checkpoints  receives them, or null
+  FilterStatus run(const TangentRecording& recording, InitialState initial, Likelihood& out,
+                   Checkpoints* checkpoints = nullptr);
+
+  /// What is stored of a recording that run() has gone through with checkpoints, after its outputs
+  /// have changed at some samples: only as far as the change is felt, to 1e-8 standard deviations.
+  /// @param changed  ascending
+  /// @return nothing where all has to be done again, else the status
+  std::optional<FilterStatus> revise(const TangentRecording& recording,
+                                     const std::vector<Eigen::Index>& changed,
+                                     Checkpoints& checkpoints);
 
   // Of the last run.
   Eigen::Index served_by_kernel() const { return jumped_; }  ///< samples
@@ -85,6 +105,11 @@ class TangentFilter {
                         Eigen::Index end);
   FilterStatus run_diffuse(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
+  FilterStatus go_on(const TangentRecording& recording, const Presence::Part& part, Eigen::Index& t,
+                     Eigen::Index end, Likelihood& out);
+  void take_channels(const Presence& presence);
+  Checkpoints::State checkpoint() const;
+  bool stands_at(const Checkpoints::State& state) const;
   FilterStatus run_passage(Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
   bool comes_back(const Passage& passage) const;

@@ -10,7 +10,9 @@
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
+#include "lib/filter/revised_innovations.h"
 #include "lib/filter/steady_state.h"
 #include "tests/support/joint_density.h"
 #include "tests/support/random_model.h"
@@ -374,6 +376,35 @@ TEST(Kalman, FilteredStatesMatchRegression) {
   const MatrixXd P = s.covariance(wanted, wanted) - cross * llt.solve(cross.transpose());
   EXPECT_TRUE(f.x_filt.col(N - 1).isApprox(x, 1e-9));
   EXPECT_TRUE(f.P_filt[static_cast<std::size_t>(N - 1)].isApprox(P, 1e-8));
+}
+
+TEST(RevisedInnovations, AreThoseOfTheWholeRecording) {
+  Random random(21);
+  for (const InitialState initial : {InitialState::given, InitialState::diffuse}) {
+    StateSpace m = random_model(random, 3, 1, 2, 3);
+    const MatrixXd u = random_matrix(random, 1, 2000);
+    MatrixXd y = simulate_outputs(random, m, u, 2000);
+    y(0, 700) = kNaN;
+    RevisedInnovations innovations(m, initial, u);
+    innovations.of(y);
+    // Far apart, near each other, at a checkpoint, near the start and the end, and one comes back.
+    const std::vector<std::vector<Index>> changes = {
+        {300}, {301, 303, 1500}, {1024}, {1, 1998}, {300, 700}};
+    for (const std::vector<Index>& changed : changes) {
+      for (const Index t : changed) y(0, t) = std::isnan(y(0, t)) ? 0.5 : kNaN;
+      const FilterResult& revised = innovations.of(y, changed);
+      const FilterResult whole = kalman_filter(m, initial, y, u);
+      ASSERT_EQ(revised.status, FilterStatus::ok);
+      for (Index t = 0; t < y.cols(); ++t) {
+        for (Index i = 0; i < 2; ++i) {
+          ASSERT_EQ(std::isnan(revised.e(i, t)), std::isnan(whole.e(i, t))) << t;
+          if (std::isnan(whole.e(i, t))) continue;
+          ASSERT_NEAR(revised.e(i, t), whole.e(i, t), 1e-6 * whole.e_sd(i, t)) << t;
+          ASSERT_NEAR(revised.standardised(i, t), whole.standardised(i, t), 1e-6) << t;
+        }
+      }
+    }
+  }
 }
 
 }  // namespace
