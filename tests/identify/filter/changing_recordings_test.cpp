@@ -73,13 +73,13 @@ initial: {mean: [1, 0], sd: [1, 1]}
 outputs: [{name: y, column: y}]
 )";
 
-struct Case {
+struct ChangingCase {
   Model model;
   std::vector<Dataset> recordings;
 };
 
-Case make_case(const std::string& text, bool irregular, Index N = 25) {
-  Case out{parse_model_file(text, "changing.yaml"), {}};
+ChangingCase make_case(const std::string& text, bool irregular, Index N = 25) {
+  ChangingCase out{parse_model_file(text, "changing.yaml"), {}};
   Random random(3);
   const auto nu = static_cast<Index>(out.model.inputs.size());
   MatrixXd y(1, N), u(nu, N);
@@ -169,13 +169,13 @@ Sampled sampled(const MatrixXd& A, const VectorXd& b, const MatrixXd& W, double 
   return out;
 }
 
-double log_density(Case& of, const ParameterSet& at) {
+double log_density(ChangingCase& of, const ParameterSet& at) {
   RecordingsLikelihood likelihood(of.model, of.recordings);
   const Likelihood* found = likelihood.evaluate(at, false);
   return found == nullptr ? std::nan("") : found->value;
 }
 
-void expect_exact_gradient(Case& of) {
+void expect_exact_gradient(ChangingCase& of) {
   RecordingsLikelihood likelihood(of.model, of.recordings);
   const Likelihood* found = likelihood.evaluate(of.model.parameters, true);
   ASSERT_NE(found, nullptr);
@@ -194,7 +194,7 @@ void expect_exact_gradient(Case& of) {
 }
 
 TEST(ChangingRecordings, AnAccuracyFromAColumnHasItsJointDensity) {
-  Case of = make_case(kAccuracy, false);
+  ChangingCase of = make_case(kAccuracy, false);
   ASSERT_TRUE(changes(of.model));
   const auto at = [](const Dataset& data, Index t) {
     Sampled out = sampled((MatrixXd(2, 2) << 0, 1, 0, 0).finished(), VectorXd::Zero(2),
@@ -209,7 +209,7 @@ TEST(ChangingRecordings, AnAccuracyFromAColumnHasItsJointDensity) {
 }
 
 TEST(ChangingRecordings, EveryMatrixMayHoldInputsAndTimeBetweenStampsOfAnyDistance) {
-  Case of = make_case(kEverything, true);
+  ChangingCase of = make_case(kEverything, true);
   ASSERT_TRUE(changes(of.model));
   const auto at = [](const Dataset& data, Index t) {
     const double u = data.u(0, t), n = data.u(1, t);
@@ -230,7 +230,7 @@ TEST(ChangingRecordings, EveryMatrixMayHoldInputsAndTimeBetweenStampsOfAnyDistan
 }
 
 TEST(ChangingRecordings, MatricesHoldInputsInDiscreteTimeWithCrossCovariance) {
-  Case of = make_case(kMatrices, false);
+  ChangingCase of = make_case(kMatrices, false);
   ASSERT_TRUE(changes(of.model));
   const auto at = [](const Dataset& data, Index t) {
     const double u = data.u(0, t), n = data.u(1, t);
@@ -262,7 +262,7 @@ outputs: {y: {column: y, equals: x}}
 noise: {process: {kind: density, variance: {v: q}}, measurement: {variance: {y: r}}}
 initial: diffuse
 )";
-  const Case of = make_case(text, true);
+  const ChangingCase of = make_case(text, true);
   const Dataset& given = of.recordings[0];
   std::vector<Index> present;
   for (Index t = 0; t < given.size(); ++t) {
