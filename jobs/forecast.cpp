@@ -57,7 +57,7 @@ void refuse_several(const Recordings& recordings) {
                    "select rows with --range");
 }
 
-// The table alone, and what a reader of it has to know beside it.
+// Rows as CSV on standard output; findings go to standard error.
 Outcome table_alone(const OutputForecast& estimate, std::string csv, bool strict, Call& call) {
   for (const Finding& f : printed(estimate.findings)) {
     if (f.severity != Severity::note) notice(call, to_string(f.severity) + ": " + f.text);

@@ -54,7 +54,6 @@ class Refiltered {
              const std::vector<Dataset>& recordings)
       : model_(model), parameters_(parameters) {
     if (is_formula_model(model) || changes(model)) return;
-    known_.assign(recordings.size(), false);
     const LinearModel& linear = as_linear(model);
     const StateSpace system = instantiate(linear, parameters);
     for (const Dataset& data : recordings) {
@@ -75,9 +74,6 @@ class Refiltered {
         if (o.recording == r) changed.push_back(o.sample);
       }
       if (changed.empty()) continue;
-      // The first time all of it is gone through.
-      if (!known_[r]) changed.clear();
-      known_[r] = true;
       now[r] = innovations_[r].of(rest[r].y, changed);
       if (now[r].status == FilterStatus::ok) continue;
       now[r].e.setConstant(kNone);
@@ -89,7 +85,6 @@ class Refiltered {
   const Model& model_;
   const ParameterSet& parameters_;
   std::vector<RevisedInnovations> innovations_;
-  std::vector<bool> known_;
 };
 
 using Still = Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic>;

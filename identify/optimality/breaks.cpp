@@ -94,8 +94,7 @@ std::string sentence(const Break& found, const Model& model,
   const Dataset& data = recordings[found.recording];
   return fmt::format(
       "state '{}' of {} jumps by {:.4g}{} between {:.9g} and {:.9g} s: t = {:.3g}, p = {:.2g} "
-      "among "
-      "all states and samples. An input that steps there takes it up",
+      "among all states and samples. An input that steps there takes it up",
       state, data.name, jump, unit, data.time[found.sample], data.time[found.sample + 1], found.t,
       found.p);
 }

@@ -17,7 +17,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// What is needed of a sample on the way back.
+// What the backward recursion takes from a sample.
 struct Step {
   MatrixXd F, score, information;
 };

@@ -27,9 +27,9 @@ struct DisturbanceResult {
 ///   E w(t) = Q G' r(t),       cov of it   Q G' N(t) G Q,
 ///   E v(t) = y - C E x - D u,  cov of it   R - C cov(x) C',
 ///
-/// and a jump of state i is estimated as r_i / N_ii, with the t-value r_i / N_ii^(1/2). Under the model all t-values are N(0, 1),
-/// correlated from sample to sample. With a diffuse start r = r_0 + X_r delta, and N loses
-/// X_r I^-1 X_r', what estimating delta takes.
+/// and a jump of state i is estimated as r_i / N_ii, with the t-value r_i / N_ii^(1/2). Under the
+/// model all t-values are N(0, 1), correlated from sample to sample. With a diffuse start
+/// r = r_0 + X_r delta, and N loses X_r I^-1 X_r', what estimating delta takes.
 ///
 /// Example:
 ///

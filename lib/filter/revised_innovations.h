@@ -25,15 +25,18 @@ namespace identikal {
 ///     const double after = innovations.of(without, {17}).standardised(0, 18);
 class RevisedInnovations {
  public:
-  /// @param u  nu x N
+  /// @param u  nu x N, or empty for a model without inputs
+  /// @throws std::invalid_argument when shapes disagree
   RevisedInnovations(const StateSpace& model, InitialState initial, const Eigen::MatrixXd& u);
   ~RevisedInnovations();
   RevisedInnovations(RevisedInnovations&&) noexcept;
   RevisedInnovations& operator=(RevisedInnovations&&) noexcept;
 
-  /// Innovations, their standard deviations and status; log_likelihood is not kept up to date.
+  /// Innovations (units of y), their standard deviations and status; log_likelihood is not kept up
+  /// to date. Valid until the next call. After a status other than ok all of it is filtered again.
   /// @param y        ny x N, NaN = missing
-  /// @param changed  ascending: the samples where y differs from the last time; empty: all of them
+  /// @param changed  ascending: the samples where y differs from the last time; empty, and at the
+  ///   first call: all of them
   const FilterResult& of(const Eigen::MatrixXd& y, const std::vector<Eigen::Index>& changed = {});
 
  private:
