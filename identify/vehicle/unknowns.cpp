@@ -18,7 +18,9 @@ namespace {
 // Bounds of positive parameters that have none in the model file, in units of the typical size.
 // What ends here is reported as at its bound: the likelihood rises towards a rigid car.
 constexpr double kSmallest = 1e-3, kLargest = 20.0;
-constexpr double kShortestRelaxation = 0.05;  // [m]; shorter ones take steps for nothing
+// Relaxation lengths in wheelbases: shorter ones take ever shorter steps for what no drive shows. One
+// that is searched for ends at the first unless the model file has a `min`, none may be below the second.
+constexpr double kLeastSearched = 0.02, kLeastRelaxation = 0.002;
 constexpr double kLongestDelay = 1.0;         // [s], of the steering; and its longest lag
 constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
 constexpr double kLargestRollGradient = 0.1;  // [rad/(m/s^2)], 56 deg/g
@@ -35,7 +37,9 @@ bool is_sensor(VehicleParameter p, SensorProperty property) {
   return is_sensor(p) && property_of(p) == property;
 }
 
-double typical_size(SensorProperty property) {
+double wheelbase(const VehicleParameters<double>& p) { return p[kA] + p[kB]; }
+
+double typical_size(SensorProperty property, double wheelbase) {
   switch (property) {
     case SensorProperty::gain:
       return 1.0;
@@ -43,7 +47,7 @@ double typical_size(SensorProperty property) {
       return 0.05;
     case SensorProperty::x:
     case SensorProperty::y:
-      return 0.5;
+      return 0.2 * wheelbase;
     case SensorProperty::lag:
     case SensorProperty::angle:
       break;
@@ -52,7 +56,7 @@ double typical_size(SensorProperty property) {
 }
 
 double typical_size(VehicleParameter parameter, const VehicleParameters<double>& p) {
-  if (is_sensor(parameter)) return typical_size(property_of(parameter));
+  if (is_sensor(parameter)) return typical_size(property_of(parameter), wheelbase(p));
   switch (parameter) {
     case kYawInertia:
       return p[kMass] * p[kA] * p[kB];
@@ -71,7 +75,9 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
     case kRollPerAcceleration:
       return 0.005;
     case kRollHeight:
-      return 0.5;
+    case kRelaxationLength:
+    case kCgHeight:
+      return 0.2 * wheelbase(p);
     case kFrontSteerPerRoll:
     case kRearSteerPerRoll:
       return 0.1;
@@ -82,9 +88,6 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
     case kBiasVy:
     case kBiasAy:
       return 0.2;
-    case kRelaxationLength:
-    case kCgHeight:
-      return 0.5;
     case kCurveCurvature:
       return 1.0;
     case kInverseSaturationFront:
@@ -123,12 +126,16 @@ std::optional<VehicleParameter> checked_parameter(const Model& model, const Para
     throw InputError(at, fmt::format("parameter '{}' is {:g}", given.name, given.scalar()),
                      "a positive number");
   }
-  if (*parameter == kRelaxationLength && given.fixed && given.scalar() != 0.0 &&
-      given.scalar() < kShortestRelaxation) {
-    throw InputError(at, fmt::format("parameter '{}' is {:g} m", given.name, given.scalar()),
-                     fmt::format("0 for none, or at least {:g} m", kShortestRelaxation));
-  }
   return parameter;
+}
+
+/// @throws InputError for a known relaxation length that takes too short steps
+void require_steps(const Model& model, const VehicleParameters<double>& p) {
+  const double length = p[kRelaxationLength], least = kLeastRelaxation * wheelbase(p);
+  if (!(length > 0.0 && length < least)) return;
+  throw InputError(
+      {model.source, 0, 0}, fmt::format("parameter 'relaxation_length' is {:g} m", length),
+      fmt::format("0 for none, or at least {:g} wheelbases, {:.3g} m", kLeastRelaxation, least));
 }
 
 /// The range that the model file allows: bounds, and those of the prior.
@@ -165,6 +172,9 @@ void set_free_as_given(const Model& model, std::size_t position, VehicleUnknowns
     if (low > 0.0) out.upper[k] = 1.0 / (low * low);
     out.upper[k] = std::max(out.upper[k], out.lower[k]);
   } else {
+    if (parameter == kRelaxationLength && low > 0.0) {
+      out.lower[k] = kLeastRelaxation * wheelbase(out.value);
+    }
     out.lower[k] = std::max(out.lower[k], low);
     // What the file allows expressly is allowed.
     if (std::isfinite(high)) out.upper[k] = high;
@@ -241,7 +251,7 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
     lower = -kLargestAngle;
     upper = kLargestAngle;
   }
-  if (parameter == kRelaxationLength) lower = kShortestRelaxation;
+  if (parameter == kRelaxationLength) lower = kLeastSearched * wheelbase(p);
   if (parameter == kCgHeight || parameter == kLoadSensitivity || parameter == kRollHeight) {
     lower = 0.0;
   }
@@ -274,12 +284,14 @@ VehicleUnknowns vehicle_unknowns(const Model& model) {
   out.value = neutral_vehicle();
   out.curve = as_vehicle(model).curve;
   std::vector<std::size_t> unknown;
+  bool searches_relaxation = false;
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {
     const Parameter& given = model.parameters[i];
     const auto parameter = checked_parameter(model, given);
     if (!parameter) continue;
     out.value[*parameter] = from_user_terms(*parameter, given.scalar());
     if (!given.fixed) unknown.push_back(i);
+    if (!given.fixed && *parameter == kRelaxationLength) searches_relaxation = true;
   }
   for (int i = 0; i < kVehicleParameters; ++i) {
     const auto parameter = static_cast<VehicleParameter>(i);
@@ -289,6 +301,7 @@ VehicleUnknowns vehicle_unknowns(const Model& model) {
                        "a value or a start for it");
     }
   }
+  if (!searches_relaxation) require_steps(model, out.value);
   // Typical sizes need the values of all.
   for (const std::size_t i : unknown) set_free_as_given(model, i, out);
   return out;
@@ -314,8 +327,7 @@ IntegrationDemand demand_of(const VehicleUnknowns& unknowns, const VehicleParame
   IntegrationDemand out;
   out.decay_rate = decay_rate_times_speed(linear_car(p));
   const Eigen::Index relaxation = unknowns.find(kRelaxationLength);
-  out.relaxation_length =
-      relaxation < 0 ? p[kRelaxationLength] : std::max(unknowns.lower[relaxation], 1e-3);
+  out.relaxation_length = relaxation < 0 ? p[kRelaxationLength] : unknowns.lower[relaxation];
   return out;
 }
 
