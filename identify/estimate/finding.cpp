@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 103> kKinds = {{
+constexpr std::array<FindingKind, 105> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -108,6 +108,11 @@ constexpr std::array<FindingKind, 103> kKinds = {{
      InMessage::nothing, "The car stands for a part of the time"},
     {FindingCode::spin, "spin", Severity::warning, Severity::warning, Status::ok, Rank::other,
      InMessage::nothing, "The car spins"},
+    {FindingCode::countersteer, "countersteer", Severity::warning, Severity::warning, Status::ok,
+     Rank::other, InMessage::nothing,
+     "The driver holds a sliding car by steering against the turn"},
+    {FindingCode::rows_left_out, "rows_left_out", Severity::note, Severity::note, Status::ok,
+     Rank::other, InMessage::nothing, "Rows that no model of a driving car describes are left out"},
     {FindingCode::clock_unclear, "clock_unclear", Severity::note, Severity::note, Status::ok,
      Rank::other, InMessage::nothing, "A channel may lag behind the others"},
     {FindingCode::several_clocks, "several_clocks", Severity::note, Severity::note, Status::ok,
@@ -257,14 +262,12 @@ constexpr std::array<FindingKind, 103> kKinds = {{
      "Parameters are poorly determined in combination"},
     {FindingCode::steering_ratio, "steering_ratio", Severity::warning, Severity::warning,
      Status::ok, Rank::consequence, InMessage::nothing, "The given steering ratio is wrong"},
-    {FindingCode::implausible_Iz, "implausible_Iz", Severity::warning, Severity::warning,
-     Status::ok, Rank::consequence, InMessage::nothing, "The yaw inertia is not that of a car"},
-    {FindingCode::implausible_Cf, "implausible_Cf", Severity::warning, Severity::warning,
-     Status::ok, Rank::consequence, InMessage::nothing,
-     "The front stiffness is not that of a car's tyres"},
-    {FindingCode::implausible_Cr, "implausible_Cr", Severity::warning, Severity::warning,
-     Status::ok, Rank::consequence, InMessage::nothing,
-     "The rear stiffness is not that of a car's tyres"},
+    {FindingCode::implausible_Iz, "implausible_Iz", Severity::note, Severity::note, Status::ok,
+     Rank::consequence, InMessage::nothing, "The yaw inertia is not that of a car"},
+    {FindingCode::implausible_Cf, "implausible_Cf", Severity::note, Severity::note, Status::ok,
+     Rank::consequence, InMessage::nothing, "The front stiffness is not that of a car's tyres"},
+    {FindingCode::implausible_Cr, "implausible_Cr", Severity::note, Severity::note, Status::ok,
+     Rank::consequence, InMessage::nothing, "The rear stiffness is not that of a car's tyres"},
     {FindingCode::coloured_errors, "coloured_errors", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing, "Errors are correlated with the ones before"},
     {FindingCode::short_memory, "short_memory", Severity::warning, Severity::warning, Status::ok,

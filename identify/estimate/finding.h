@@ -64,6 +64,8 @@ enum class FindingCode {
   reversing,
   standstill,
   spin,
+  countersteer,
+  rows_left_out,
   clock_unclear,
   several_clocks,
   one_clock,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -53,15 +54,17 @@ VehicleRun::Output output_of(const Model& model, const Dataset& data, std::size_
 
 /// Why rows were not used, for the message when none is left.
 struct Losses {
-  Eigen::Index no_steering = 0, no_speed = 0, no_roll = 0, unwanted = 0, spinning = 0, slow = 0,
-               fragments = 0, segments = 0;
+  Eigen::Index no_steering = 0, no_speed = 0, no_roll = 0, unwanted = 0, flagged = 0, spinning = 0,
+               sliding = 0, slow = 0, fragments = 0, segments = 0;
 
   Losses& operator+=(const Losses& other) {
     no_steering += other.no_steering;
     no_speed += other.no_speed;
     no_roll += other.no_roll;
     unwanted += other.unwanted;
+    flagged += other.flagged;
     spinning += other.spinning;
+    sliding += other.sliding;
     slow += other.slow;
     fragments += other.fragments;
     segments += other.segments;
@@ -112,7 +115,42 @@ std::vector<bool> wanted_rows(const RowCondition& use_when, const Dataset& data)
   return out;
 }
 
-std::vector<Spin> spins_of(const Model& model, const Dataset& data) {
+bool asks(const Expression& condition, Eigen::Index input) {
+  return std::any_of(
+      condition.nodes.begin(), condition.nodes.end(),
+      [&](const Expression::Node& node) { return node.op == Op::symbol && node.symbol == input; });
+}
+
+/// Flags that use_when does not ask: where one of them is set, not 0, a row is not wanted. Where it has no
+/// sample its last one counts.
+std::vector<bool> unflagged_rows(const Model& model, const Dataset& data, Findings& findings) {
+  const std::optional<RowCondition>& use_when = as_vehicle(model).use_when;
+  std::vector<bool> out(static_cast<std::size_t>(data.size()), true);
+  for (Eigen::Index i = has_measured_roll(model) ? 3 : 2; i < data.u.rows(); ++i) {
+    if (use_when && asks(use_when->holds, i)) continue;
+    std::vector<bool> set(out.size(), false);
+    bool now = false;
+    for (Eigen::Index t = 0; t < data.size(); ++t) {
+      if (std::isfinite(data.u(i, t))) now = data.u(i, t) != 0.0;
+      set[t] = now;
+      out[t] = out[t] && !now;
+    }
+    append(findings, check_rows_left_out(model.inputs[i].name + " is set", set, data.time));
+  }
+  return out;
+}
+
+/// Takes the rows out; how many they are.
+Eigen::Index leave_out(const std::vector<Spin>& events, std::vector<bool>& rows) {
+  Eigen::Index out = 0;
+  for (const Spin& event : events) {
+    out += event.rows;
+    for (Eigen::Index k = 0; k < event.rows; ++k) rows[event.first + k] = false;
+  }
+  return out;
+}
+
+SpinSignals spin_signals(const Model& model, const Dataset& data) {
   const auto output = [&](const char* name) -> Eigen::VectorXd {
     for (std::size_t i = 0; i < model.outputs.size(); ++i) {
       if (model.outputs[i].name == name)
@@ -123,27 +161,48 @@ std::vector<Spin> spins_of(const Model& model, const Dataset& data) {
   const Eigen::VectorXd vx = data.u.row(1).transpose(), beta = output("beta");
   Eigen::VectorXd vy = output("vy");
   if (vy.size() == 0 && beta.size() > 0) vy = vx.array() * beta.array().tan();
-  return find_spins({data.time, data.u.row(0).transpose(), vx, output("r"), vy});
+  return {data.time, data.u.row(0).transpose(), vx, output("r"), vy};
+}
+
+/// Rows that the file allows, by its condition and its flags.
+std::vector<bool> allowed_rows(const Model& model, const Dataset& data, Findings& findings,
+                               Losses& lost) {
+  std::vector<bool> out(static_cast<std::size_t>(data.size()), true);
+  if (const std::optional<RowCondition>& use_when = as_vehicle(model).use_when) {
+    out = wanted_rows(*use_when, data);
+    std::vector<bool> unwanted = out;
+    unwanted.flip();
+    append(findings, check_rows_left_out("use_when does not hold", unwanted, data.time));
+  }
+  lost.unwanted = std::count(out.begin(), out.end(), false);
+  const std::vector<bool> unflagged = unflagged_rows(model, data, findings);
+  lost.flagged = std::count(unflagged.begin(), unflagged.end(), false);
+  for (std::size_t t = 0; t < out.size(); ++t) out[t] = out[t] && unflagged[t];
+  return out;
+}
+
+void leave_out_events(const Model& model, const Dataset& data, std::vector<bool>& rows,
+                      Findings& findings, Losses& lost) {
+  const SpinSignals signals = spin_signals(model, data);
+  const std::vector<Spin> spins = find_spins(signals),
+                          slides = find_countersteering(signals, spins);
+  // Tyres that bend may slide.
+  const bool slides_left_out = as_vehicle(model).curve == TyreCurve::linear;
+  append(findings, check_spins(spins, data.time, true));
+  append(findings, check_countersteering(slides, data.time, slides_left_out));
+  lost.spinning = leave_out(spins, rows);
+  if (slides_left_out) lost.sliding = leave_out(slides, rows);
 }
 
 /// Rows that the model's equations and its file allow.
 std::vector<bool> usable_rows(const Model& model, const Dataset& data, Findings& findings,
                               Losses& lost) {
-  const VehicleModel& vehicle = as_vehicle(model);
-  const double min_speed = std::max(vehicle.min_speed, kSlowestModel);
-  const auto N = static_cast<std::size_t>(data.size());
-  std::vector<bool> fast(N), out(N, true);
-  for (std::size_t t = 0; t < N; ++t)
-    fast[t] = data.u(1, static_cast<Eigen::Index>(t)) >= min_speed;
+  const double min_speed = std::max(as_vehicle(model).min_speed, kSlowestModel);
+  std::vector<bool> fast(static_cast<std::size_t>(data.size()));
+  for (Eigen::Index t = 0; t < data.size(); ++t) fast[t] = data.u(1, t) >= min_speed;
   bridge(data, kSpeedNoise, fast);
-  if (vehicle.use_when) out = wanted_rows(*vehicle.use_when, data);
-  lost.unwanted = std::count(out.begin(), out.end(), false);
-  const std::vector<Spin> spins = spins_of(model, data);
-  append(findings, check_spins(spins, data.time, true));
-  for (const Spin& spin : spins) {
-    lost.spinning += spin.rows;
-    for (Eigen::Index k = 0; k < spin.rows; ++k) out[spin.first + k] = false;
-  }
+  std::vector<bool> out = allowed_rows(model, data, findings, lost);
+  leave_out_events(model, data, out, findings, lost);
   for (Eigen::Index t = 0; t < data.size(); ++t) {
     const double vx = data.u(1, t);
     const bool has_steering = std::isfinite(data.u(0, t)), has_speed = std::isfinite(vx);
@@ -214,7 +273,9 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, const std::vector<bo
   if (lost.no_speed > 0) add(fmt::format("{} without vx", lost.no_speed));
   if (lost.no_steering > 0) add(fmt::format("{} without steering angle", lost.no_steering));
   if (lost.unwanted > 0) add(fmt::format("{} where use_when does not hold", lost.unwanted));
+  if (lost.flagged > 0) add(fmt::format("{} where a flag is set", lost.flagged));
   if (lost.spinning > 0) add(fmt::format("{} where the car spins", lost.spinning));
+  if (lost.sliding > 0) add(fmt::format("{} where it is held in a slide", lost.sliding));
   if (lost.no_roll > 0) add(fmt::format("{} without roll", lost.no_roll));
   if (lost.fragments > 0) add(fmt::format("{} in fragments", lost.fragments));
   throw InputError(
@@ -414,7 +475,9 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   if (lost.unwanted > 0) {
     note += fmt::format("; {} where use_when does not hold", lost.unwanted);
   }
+  if (lost.flagged > 0) note += fmt::format("; {} where a flag is set", lost.flagged);
   if (lost.spinning > 0) note += fmt::format("; {} where the car spins", lost.spinning);
+  if (lost.sliding > 0) note += fmt::format("; {} where it is held in a slide", lost.sliding);
   if (lost.no_roll > 0) note += fmt::format("; {} without roll", lost.no_roll);
   if (lost.fragments > 0) {
     note += fmt::format("; {} rows dropped in {} short segments", lost.fragments, lost.segments);

@@ -99,6 +99,71 @@ TEST(UsableRows, ASpinIsNamedAndLeftOut) {
   EXPECT_NEAR(parameter(fit, "Cr").value, 88.1077, 3.5 * parameter(fit, "Cr").se);
 }
 
+// A flag that use_when does not ask leaves rows out by itself, and a finding says which.
+TEST(UsableRows, AFlagLeavesOutTheRowsWhereItIsSet) {
+  Dataset data = weaving();
+  data.u.conservativeResize(4, data.size());
+  data.u.bottomRows(2).setZero();
+  data.u.row(2).segment(1200, 5).setOnes();
+  data.u.row(3).segment(2000, 100).setConstant(3.0);
+  const auto run = [&](const std::string& more) {
+    return usable_run(car_with_rows("flags: {esc: {column: e}, brake: {column: p}}\n" + more),
+                      {data});
+  };
+  const VehicleRun masked = run("");
+  EXPECT_EQ(masked.used, data.size() - 105);
+  EXPECT_EQ(masked.segments.size(), 3u);
+  ASSERT_EQ(masked.findings.size(), 2u);
+  EXPECT_EQ(masked.findings[0].code, FindingCode::rows_left_out);
+  EXPECT_EQ(masked.findings[0].severity, Severity::note);
+  EXPECT_EQ(masked.findings[0].text,
+            "esc is set in 5 rows (12 to 12.04 s); these rows are left out");
+  EXPECT_EQ(masked.findings[1].text,
+            "brake is set in 100 rows (20 to 20.99 s); these rows are left out");
+  EXPECT_THAT(masked.notes.back(), HasSubstr("; 105 where a flag is set"));
+  // What the condition asks is the condition's.
+  EXPECT_EQ(run("use_when: \"brake < 5\"\n").used, data.size() - 5);
+  const VehicleRun asked = run("use_when: \"esc < 5 and brake == 0\"\n");
+  EXPECT_EQ(asked.used, data.size() - 100);
+  EXPECT_EQ(asked.findings[0].text,
+            "use_when does not hold in 100 rows (20 to 20.99 s); these rows are left out");
+  // An empty cell says what the one before said.
+  data.u.row(3).segment(2010, 80).setConstant(kNaN);
+  EXPECT_EQ(run("").used, data.size() - 105);
+}
+
+/// Held in a slide of 15 deg from 12 s on for 1.5 s, after which the drive goes on.
+Dataset with_a_slide() {
+  Dataset data = weaving();
+  for (Eigen::Index t = 1200; t < 1350; ++t) {
+    data.u(0, t) = -0.6;
+    data.y.col(t) << 0.35, -20.0 * std::tan(0.26);
+  }
+  return with_noise(data, {0.003, 0.02}, 7);
+}
+
+// A drift is no wrong sign. Tyres of a straight line do not slide, so its rows are left out; tyres that
+// bend may use them.
+TEST(UsableRows, ASlideIsNamed) {
+  const Dataset data = with_a_slide();
+  const VehicleEstimate fit = fit_vehicle(car_with_rows(""), {data}, of_noise_alone());
+  const Finding* slide = finding(fit, FindingCode::countersteer);
+  ASSERT_NE(slide, nullptr);
+  EXPECT_EQ(
+      slide->text,
+      "the driver holds a slide by steering against the turn at 12 s (until 13.49 s, sideslip "
+      "up to 15 deg); these rows are left out");
+  for (const FindingCode code :
+       {FindingCode::sign_steering, FindingCode::sign_vy, FindingCode::clock_offset}) {
+    EXPECT_EQ(finding(fit, code), nullptr);
+  }
+  EXPECT_EQ(fit.status, Status::ok) << fit.message;
+  EXPECT_NEAR(parameter(fit, "Cr").value, 88.1077, 3.5 * parameter(fit, "Cr").se);
+  const VehicleRun bending = usable_run(car_with_rows("tyre: {curve: tanh}\n"), {data});
+  EXPECT_EQ(bending.used, data.size());
+  EXPECT_EQ(bending.findings.front().code, FindingCode::countersteer);
+}
+
 TEST(SteeringSteps, AreBridged) {
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(1001, 0.0, 10.0);
   const Eigen::VectorXd exact = time.unaryExpr([](double t) { return 0.02 * std::sin(t); });

@@ -76,5 +76,49 @@ TEST(Spin, IsTheSameToTheRight) {
   EXPECT_EQ(left[0].rows, right[0].rows);
 }
 
+/// The slalom, and from 10 s on for 3 s the car is held in a slide to the left, 15 deg sideways.
+SpinSignals drift(bool with_sideslip) {
+  SpinSignals out = drive(false, with_sideslip);
+  for (Index k = 1000; k < 1300; ++k) {
+    out.steering[k] = -0.3;
+    out.r[k] = 0.4;
+    if (with_sideslip) out.vy[k] = -25.0 * std::tan(0.26);
+  }
+  return out;
+}
+
+TEST(Countersteering, IsFoundWhereItBegins) {
+  for (const bool with_sideslip : {true, false}) {
+    const SpinSignals signals = drift(with_sideslip);
+    const std::vector<Spin> spins = find_spins(signals),
+                            slides = find_countersteering(signals, spins);
+    // Without sideslip turning so hard against the steering cannot be told from a spin.
+    ASSERT_EQ(spins.size() + slides.size(), 1u) << with_sideslip;
+    const Spin& found = slides.empty() ? spins[0] : slides[0];
+    EXPECT_EQ(slides.size(), with_sideslip ? 1u : 0u);
+    EXPECT_NEAR(signals.time[found.first], 10.0, 0.02) << with_sideslip;
+    if (with_sideslip) {
+      EXPECT_EQ(found.rows, 300);
+      EXPECT_NEAR(found.sideslip, 0.26, 1e-3);
+    }
+  }
+}
+
+// A car answers late, more so the faster it is, and a clock may be off: neither is a drift.
+TEST(Countersteering, LateAnswersAreNone) {
+  for (const bool with_sideslip : {true, false}) {
+    for (const double late : {0.1, 0.2, 0.4, 0.8}) {
+      SpinSignals signals = drive(false, with_sideslip);
+      for (Index k = 0; k < signals.time.size(); ++k) {
+        signals.r[k] = 0.25 * std::sin(2.0 * (signals.time[k] - late));
+      }
+      EXPECT_TRUE(find_countersteering(signals, find_spins(signals)).empty()) << late;
+    }
+    SpinSignals reversed = drive(false, with_sideslip);
+    reversed.steering *= -1.0;
+    EXPECT_TRUE(find_countersteering(reversed, find_spins(reversed)).empty());
+  }
+}
+
 }  // namespace
 }  // namespace identikal
