@@ -167,8 +167,9 @@ struct VehicleSurvey {
   std::array<double, 7> lateral_acceleration{};
   double steering_above_0_5_hz = kNone;  ///< share of the steering's power above 0.5 Hz
   double steering_above_1_5_hz = kNone;
-  double left = kNone;    ///< share of turning to the left
-  double steady = kNone;  ///< share of turning at a constant steering angle
+  double left = kNone;        ///< share of turning to the left
+  double steady = kNone;      ///< share of turning at a constant steering angle
+  double yaw_change = kNone;  ///< of the yaw rate within half a second, over its size
   struct Verdict {
     std::string of;      ///< "Cf, Cr", "Iz", "steering_ratio", "a, b", "offsets"
     std::string answer;  ///< "yes", "poorly", "combination" or "no"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <variant>
 
 #include <fmt/format.h>
 
@@ -52,8 +53,24 @@ std::string si_unit(SignalKind kind) {
   return "";
 }
 
+namespace {
+
+/// Wheelbase times steering ratio; NaN where the model file has no such parameters.
+double length_of(const Model& model) {
+  double a = kNone, b = kNone, ratio = 1.0;
+  for (const Parameter& p : model.parameters) {
+    if (p.name == "a") a = p.scalar();
+    if (p.name == "b") b = p.scalar();
+    if (p.name == "steering_ratio") ratio = p.scalar();
+  }
+  return ratio * (a + b);
+}
+
+}  // namespace
+
 VehicleSignals vehicle_signals(const Model& model, const Dataset& data) {
   VehicleSignals out;
+  if (std::holds_alternative<VehicleModel>(model.form)) out.length = length_of(model);
   out.name = data.name;
   out.time_column = model.time.column;
   out.time_unit = model.time.unit;

@@ -42,6 +42,7 @@ struct VehicleSignals {
   std::vector<VehicleSignal> signals;
   std::string time_column, time_unit;
   bool restarts = false;  ///< several runs in one file: each begins where time goes back
+  double length = kNone;  ///< wheelbase times steering ratio of the model file [m]
   Findings findings;      ///< what was found while the columns were guessed
 };
 

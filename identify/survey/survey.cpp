@@ -22,7 +22,7 @@ void check_sizes(const VehicleSignals& signals) {
   }
 }
 
-// Where the car spins its kinematics say nothing of signs, units and clocks.
+// Where the car spins or is held in a slide its kinematics say nothing of signs, units and clocks.
 void leave_out_spins(surveying::Scene& scene) {
   if (!scene.has(SignalKind::steering) || !scene.has(SignalKind::r)) return;
   Eigen::VectorXd vy;
@@ -31,12 +31,15 @@ void leave_out_spins(surveying::Scene& scene) {
   } else if (scene.has(SignalKind::beta)) {
     vy = scene.speed.array() * scene.on[SignalKind::beta].array().tan();
   }
-  const std::vector<Spin> spins = find_spins(
-      {scene.time, scene.on[SignalKind::steering], scene.speed, scene.on[SignalKind::r], vy});
-  for (const Spin& spin : spins) scene.speed.segment(spin.first, spin.rows).setConstant(kNone);
-  for (Finding& finding : check_spins(spins, scene.time, false)) {
-    scene.out.findings.push_back(std::move(finding));
+  const SpinSignals signals{scene.time, scene.on[SignalKind::steering], scene.speed,
+                            scene.on[SignalKind::r], vy};
+  const std::vector<Spin> spins = find_spins(signals);
+  const std::vector<Spin> slides = find_countersteering(signals, spins);
+  for (const std::vector<Spin>* rows : {&spins, &slides}) {
+    for (const Spin& each : *rows) scene.speed.segment(each.first, each.rows).setConstant(kNone);
   }
+  append(scene.out.findings, check_spins(spins, scene.time, false));
+  append(scene.out.findings, check_countersteering(slides, scene.time, false));
 }
 
 }  // namespace
@@ -46,6 +49,7 @@ VehicleSurvey survey(const VehicleSignals& signals) {
   check_sizes(signals);
   Scene scene;
   scene.out.findings = signals.findings;
+  scene.length = signals.length;
   if (signals.signals.empty() && scene.found(FindingCode::no_time)) {
     scene.out.identifiable = {{"Cf, Cr", "no", "without time there is no motion to compare"}};
     return scene.out;

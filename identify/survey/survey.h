@@ -14,7 +14,7 @@ namespace identikal {
 /// Codes of the findings, stable: too_short, no_steering, no_speed, no_yaw_rate, dead_channel,
 /// stuck_channel, swapped_channels, units_ay, units_speed, units_steering, sign_steering, sign_r,
 /// sign_ay, sign_vy, clock_offset, clock_unclear, several_clocks, one_clock, held_samples,
-/// outliers, reversing, standstill. A finding is "serious" where a fit would be wrong, else a
+/// outliers, reversing, standstill, spin, countersteer. A finding is "serious" where a fit would be wrong, else a
 /// "warning" or a "note". Lags between signals are searched over +-5 s, or a quarter of the
 /// recording where that is less.
 ///

@@ -471,6 +471,8 @@ void describe_motion(Fields& fields, VehicleSurvey& survey) {
          "share of the steering's power above 1.5 Hz");
   fields("left", survey.left, "share of turning to the left");
   fields("steady", survey.steady, "share of turning at a constant steering angle");
+  fields("yaw_change", survey.yaw_change,
+         "change of the yaw rate within half a second, over its size");
 }
 
 template <class Fields>

@@ -48,6 +48,7 @@ struct Scene {
   std::map<SignalKind, Eigen::VectorXd> smooth;      ///< the same, averaged
   Eigen::VectorXd speed;                             ///< what stands for vx
   std::string speed_name;
+  double length = kNone;  ///< wheelbase times steering ratio where they are known [m]
 
   bool has(SignalKind kind) const { return on.contains(kind); }
   const VehicleSignal& signal(SignalKind kind) const { return *first.at(kind); }

@@ -205,6 +205,17 @@ void check_gain_of_acceleration(Scene& scene, const VectorXd& expected, const Ve
                       : ""));
 }
 
+// x less the share that goes with `other`, by least squares over the samples that `where` has too.
+VectorXd without(const VectorXd& x, const VectorXd& other, const VectorXd& where) {
+  VectorXd out = x;
+  for (Index i = 0; i < out.size(); ++i) {
+    if (std::isnan(where[i])) out[i] = kNaN;
+  }
+  const PairedCorrelation pair = compare_pair(other, out);
+  if (std::isnan(pair.correlation)) return out;
+  return out - pair.correlation * pair.slope * other;
+}
+
 // dvy/dt on the sampling grid, over the length of the smoothing; empty when neither vy nor beta is measured.
 VectorXd lateral_rate(const Scene& scene) {
   if (!scene.has(SignalKind::vy) && !scene.has(SignalKind::beta)) return {};
@@ -309,6 +320,53 @@ Steered compare_steering(Scene& scene) {
   return out;
 }
 
+// What vx delta / r may be: of model cars and of trucks where the model file does not say it.
+struct Lengths {
+  double least, most;
+  bool hold(double length) const { return length > least && length < most; }
+};
+
+Lengths lengths_of(const Scene& scene, bool at_wheel) {
+  if (scene.length > 0.0) return {0.5 * scene.length, 2.0 * scene.length};
+  return at_wheel ? Lengths{12.0, 150.0} : Lengths{0.1, 12.0};
+}
+
+void check_steering_length(Scene& scene, double found) {
+  const bool at_wheel = scene.signal(SignalKind::steering).at_wheel;
+  if (!std::isfinite(found) || lengths_of(scene, at_wheel).hold(found)) return;
+  struct Reading {
+    double factor;
+    bool wheel;
+    const char* words;
+  };
+  const Reading readings[] = {{1.0, false, "an angle of the road wheels"},
+                              {1.0, true, "an angle of the steering wheel"},
+                              {kDegree, true, "a steering-wheel angle in deg, taken as rad"},
+                              {kDegree, false, "a road-wheel angle in deg, taken as rad"},
+                              {1.0 / kDegree, true, "a steering-wheel angle in rad, taken as deg"},
+                              {1.0 / kDegree, false, "a road-wheel angle in rad, taken as deg"}};
+  std::string guess;
+  for (const Reading& reading : readings) {
+    // A known length is that of the angle as it is mapped.
+    const Lengths usual = scene.length > 0.0 && reading.wheel == at_wheel
+                              ? lengths_of(scene, at_wheel)
+                          : reading.wheel ? Lengths{20.0, 150.0}
+                                          : Lengths{0.15, 8.0};
+    if (!usual.hold(found * reading.factor)) continue;
+    guess += (guess.empty() ? "is it " : ", or ") + std::string(reading.words);
+  }
+  const std::string expected =
+      scene.length > 0.0
+          ? fmt::format("the model file has {} m", shown(scene.length))
+          : std::string(
+                "wheelbase times steering ratio of a vehicle is 20 to 150 m, its wheelbase "
+                "0.15 to 8 m");
+  scene.add_finding(FindingCode::units_steering, Severity::serious,
+                    {scene.signal(SignalKind::steering).column},
+                    fmt::format("vx delta / r is {} m; {}", shown(found), expected),
+                    guess.empty() ? "check the units of steering, vx and r" : guess + "?");
+}
+
 void check_steering(Scene& scene) {
   if (!scene.has(SignalKind::steering) || !scene.has(SignalKind::r)) return;
   const VectorXd steering = while_driving(scene, scene.on[SignalKind::steering], kSlowestTest);
@@ -337,35 +395,7 @@ void check_steering(Scene& scene) {
         scene.name(SignalKind::steering), std::abs(relation.lag), relation.lag_se,
         relation.lag > 0.0 ? "earlier" : "later", relation.correlation);
   }
-  const double least = at_wheel ? 12.0 : 0.7, most = at_wheel ? 150.0 : 12.0;
-  if (std::abs(relation.correlation) > 0.6 && std::isfinite(steered.length) &&
-      !(steered.length > least && steered.length < most)) {
-    struct Reading {
-      double factor;
-      bool wheel;
-      const char* words;
-    };
-    const Reading readings[] = {
-        {1.0, false, "an angle of the road wheels"},
-        {1.0, true, "an angle of the steering wheel"},
-        {kDegree, true, "a steering-wheel angle in deg, taken as rad"},
-        {kDegree, false, "a road-wheel angle in deg, taken as rad"},
-        {1.0 / kDegree, true, "a steering-wheel angle in rad, taken as deg"},
-        {1.0 / kDegree, false, "a road-wheel angle in rad, taken as deg"}};
-    std::string guess;
-    for (const Reading& reading : readings) {
-      const double length = steered.length * reading.factor;
-      if (!(length > (reading.wheel ? 20.0 : 1.2) && length < (reading.wheel ? 90.0 : 6.0)))
-        continue;
-      guess += (guess.empty() ? "is it " : ", or ") + std::string(reading.words);
-    }
-    scene.add_finding(FindingCode::units_steering, Severity::serious,
-                      {scene.signal(SignalKind::steering).column},
-                      fmt::format("vx delta / r is {} m; wheelbase times steering ratio of a car "
-                                  "is 20 to 90 m, its wheelbase 1.2 to 6 m",
-                                  shown(steered.length)),
-                      guess.empty() ? "check the units of steering, vx and r" : guess + "?");
-  }
+  if (std::abs(relation.correlation) > 0.6) check_steering_length(scene, steered.length);
   scene.out.relations.push_back(relation);
 }
 
@@ -422,12 +452,15 @@ void check_sideslip(Scene& scene) {
   }
   const VectorXd rate = lateral_rate(scene);
   if (rate.size() == 0 || !scene.has(SignalKind::r) || !scene.has(SignalKind::ay)) return;
-  const VectorXd left_over =
-      scene.smooth[SignalKind::ay] - scene.speed.cwiseProduct(scene.smooth[SignalKind::r]);
+  // A body that leans adds g times its angle to ay, in proportion to ay: that says nothing of vy.
+  const VectorXd turning =
+      while_driving(scene, scene.speed.cwiseProduct(scene.smooth[SignalKind::r]), kSlowestUse);
+  const VectorXd left_over = scene.smooth[SignalKind::ay] - turning;
   VehicleSurvey::Relation relation;
   relation.expected = "ay - vx r";
   relation.seen = "dvy/dt";
-  const PairedCorrelation pair = compare_pair(while_driving(scene, left_over, kSlowestUse), rate);
+  const PairedCorrelation pair =
+      compare_pair(without(left_over, turning, rate), without(rate, turning, left_over));
   relation.correlation = pair.correlation;
   relation.slope = pair.slope;
   scene.out.relations.push_back(relation);

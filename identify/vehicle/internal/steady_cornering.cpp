@@ -10,12 +10,11 @@
 
 #include "identify/estimate/distribution.h"
 #include "lib/data/units.h"
+#include "lib/vehicle/yaw_change.h"
 
 namespace identikal {
 namespace {
 
-constexpr double kHalfSecond = 0.5;
-constexpr double kSteadyChange = 0.1;
 constexpr double kOneSpeed = 0.1;  // relative spread of one segment
 constexpr int kParts = 20;
 constexpr double kBothSides = 0.2;  // share of the equations on the rarer side
@@ -73,23 +72,7 @@ std::vector<SteadyMean> equations(const VehicleRun& run, Eigen::Index yaw) {
 
 bool is_steady(const VehicleRun& run) {
   const Eigen::Index yaw = run.find(VehicleQuantity::r);
-  if (yaw < 0) return false;
-  double angle = 0.0, angle_change = 0.0, r = 0.0, r_change = 0.0;
-  for (const VehicleRun::Segment& segment : run.segments) {
-    const double seconds = static_cast<double>(segment.rows) * run.step;
-    const auto parts = std::max<Eigen::Index>(1, std::llround(seconds / kHalfSecond));
-    const std::vector<SteadyMean> mean =
-        steady_means(run, yaw, segment, std::min(parts, segment.rows));
-    for (std::size_t i = 0; i < mean.size(); ++i) {
-      angle += mean[i].angle * mean[i].angle;
-      r += mean[i].r * mean[i].r;
-      if (i == 0) continue;
-      angle_change += std::pow(mean[i].angle - mean[i - 1].angle, 2);
-      r_change += std::pow(mean[i].r - mean[i - 1].r, 2);
-    }
-  }
-  constexpr double most = kSteadyChange * kSteadyChange;
-  return angle_change < most * angle && r_change < most * r;
+  return yaw >= 0 && turns_steadily(run.time, run.y.row(yaw).transpose());
 }
 
 std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset, double bias_r) {

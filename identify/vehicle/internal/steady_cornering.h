@@ -10,8 +10,7 @@
 
 namespace identikal {
 
-/// Whether the car was in a steady turn all the time: within half a second neither the steering
-/// angle nor the yaw rate changes by more than a tenth of its size (root mean squares).
+/// Whether the car was in steady turns all the time, as the survey asks (lib/vehicle/yaw_change.h).
 bool is_steady(const VehicleRun& run);
 
 /// The products of the steering ratio i with wheelbase L and understeer gradient K, and the offset
