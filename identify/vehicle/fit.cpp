@@ -11,6 +11,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/effective_inertia.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/model/check.h"
 #include "identify/vehicle/checks.h"
@@ -555,6 +556,11 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
   if (fit.structure) {
     report_structure(*fit.structure, fit.takes_structure(), unknowns, fit.of_noise, covariance,
                      estimate);
+    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), is_effective_inertia)) {
+      estimate.notes.emplace_back(
+          "Iz is effective: it holds what lags, roll and bending tyres do to the yaw motion; it is "
+          "not the inertia of a drawing");
+    }
   }
   if (fit.takes_structure()) report_errors_of(*fit.structure, found.problem, estimate);
   if (fit.options.hold_out.empty()) return;

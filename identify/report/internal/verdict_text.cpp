@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/effective_inertia.h"
 #include "identify/report/internal/text_layout.h"
 #include "identify/result/schema.h"
 
@@ -11,6 +12,7 @@ std::string verdict_text(const EstimatedParameter& parameter) {
   std::string out = in_words(to_string(parameter.verdict));
   if (!parameter.with.empty()) out += " with";
   for (const std::string& other : parameter.with) out += " " + other;
+  if (is_effective_inertia(parameter)) out += ", effective";
   return out;
 }
 

@@ -8,7 +8,8 @@
 
 namespace identikal {
 
-/// "poorly determined", "correlated with a b".
+/// "poorly determined", "correlated with a b"; "ok, effective" of a yaw inertia that holds more than
+/// that of the masses (identify/estimate/effective_inertia.h).
 std::string verdict_text(const EstimatedParameter& parameter);
 
 /// The combinations that the data do not determine, a line each.

@@ -468,9 +468,22 @@ TEST(VehicleFit, ImplausibleValuesAreSaid) {
   odd.Cf = odd.Cr = 300000.0;
   const Dataset data = with_noise(lane_change(odd, 100.0), {0.001, 0.003}, 16);
   const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
-  EXPECT_NE(finding(fit, FindingCode::implausible_Iz), nullptr);
-  EXPECT_NE(finding(fit, FindingCode::implausible_Cf), nullptr);
+  ASSERT_NE(finding(fit, FindingCode::implausible_Iz), nullptr);
+  ASSERT_NE(finding(fit, FindingCode::implausible_Cf), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::implausible_Iz)->severity, Severity::note);
+  EXPECT_THAT(finding(fit, FindingCode::implausible_Cf)->text,
+              HasSubstr("times its axle load per rad; published cars have up to 31"));
   EXPECT_EQ(fit.status, Status::ok);  // printed, not enforced
+  // A race car's inertia and soft tyres are those of published cars.
+  odd.Iz = 1150.0;
+  odd.Cf = 250000.0;
+  odd.Cr = 60000.0;
+  const VehicleEstimate racing =
+      fit_vehicle(sladka2010_model(), with_noise(lane_change(odd, 100.0), {0.001, 0.003}, 16));
+  for (const FindingCode code :
+       {FindingCode::implausible_Iz, FindingCode::implausible_Cf, FindingCode::implausible_Cr}) {
+    EXPECT_EQ(finding(racing, code), nullptr);
+  }
 }
 
 // The initial state is read off a sensor that is turned: without noise nothing is left to correct.
