@@ -327,7 +327,9 @@ struct Lengths {
 };
 
 Lengths lengths_of(const Scene& scene, bool at_wheel) {
-  if (scene.length > 0.0) return {0.5 * scene.length, 2.0 * scene.length};
+  // Understeer is no more than guessed, and a mistaken unit or ratio is off by ten or more.
+  constexpr double kMistaken = 5.0;
+  if (scene.length > 0.0) return {scene.length / kMistaken, kMistaken * scene.length};
   return at_wheel ? Lengths{12.0, 150.0} : Lengths{0.1, 12.0};
 }
 
