@@ -103,6 +103,9 @@ std::optional<SteadyTurning> steady_turning(const VehicleRun& run, double offset
   const Eigen::VectorXd theta = used.colPivHouseholderQr().solve(angle);
   out.value.setZero();
   out.value.head(unknowns) = theta;
+  if (offset == 0.0 && !out.with_offset) {
+    out.by_offset = used.colPivHouseholderQr().solve(Eigen::VectorXd::Ones(n));
+  }
   out.covariance.setConstant(kNone);
   out.freedom = static_cast<double>(n - unknowns);
   if (n > unknowns) {
@@ -133,6 +136,14 @@ void report_steady(const Model& model, const SteadyTurning& found, VehicleEstima
     note += fmt::format(", scatter {:.3g} {}", found.sd / unit.scale, model.inputs[0].unit);
   }
   estimate.notes.push_back(note);
+  if (!found.by_offset.isZero()) {
+    estimate.notes.push_back(fmt::format(
+        "turns to one side only: 1 {} of an offset of the steering sensor changes i L by {:.2g} m "
+        "and "
+        "i K by {:.2g} rad/(m/s^2), which no error here holds",
+        model.inputs[0].unit.empty() ? "rad" : model.inputs[0].unit,
+        unit.scale * found.by_offset[0], unit.scale * found.by_offset[1]));
+  }
   estimate.objective.method = "steady_cornering";
   estimate.covariance_kind = "scatter of the circles about the line";
 }

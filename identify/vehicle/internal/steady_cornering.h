@@ -25,6 +25,8 @@ struct SteadyTurning {
   Eigen::Vector3d value;       ///< i L [m], i K [rad/(m/s^2)], offset [rad]
   Eigen::Matrix3d covariance;  ///< NaN where there are no more equations than unknowns
   bool with_offset = true;     ///< false: turns to one side only leave the offset open; it is 0
+  /// Where an offset that is not known stays open: by how much i L and i K change for 1 rad of it.
+  Eigen::Vector2d by_offset = Eigen::Vector2d::Zero();
   Eigen::Index equations = 0;
   double sd = kNone;  ///< of the angle about the line [rad]
   double freedom = kNone;

@@ -553,6 +553,28 @@ TEST(SteadyDriving, KnownOffsetIsUsed) {
   EXPECT_TRUE(std::isnan(derived(fit, "i L")->se));
 }
 
+// Turns to one side leave an offset open: the note says what it changes, by as much as it does.
+TEST(SteadyDriving, OneSideLeavesTheOffsetOpen) {
+  const auto one_side = [](double offset) {
+    std::vector<Dataset> out = circles(offset, 1);
+    out.resize(4);
+    return steady_turning(usable_run(sladka2010_model({"r"}), out)).value();
+  };
+  const SteadyTurning right = one_side(0.0), off = one_side(0.02);
+  EXPECT_FALSE(off.with_offset);
+  for (const Eigen::Index i : {0, 1}) {
+    EXPECT_NEAR(off.value[i] - right.value[i], -0.02 * off.by_offset[i],
+                1e-6 * std::abs(right.value[i]));
+  }
+  std::vector<Dataset> left = circles(0.02, 1);
+  left.resize(4);
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r"}), left);
+  EXPECT_THAT(fit.notes,
+              ::testing::Contains(HasSubstr("turns to one side only: 1 rad of an offset")));
+  EXPECT_TRUE(
+      steady_turning(usable_run(sladka2010_model({"r"}), circles(0.0, 1)))->by_offset.isZero());
+}
+
 TEST(SteadyDriving, ManoeuvresAreNotSteady) {
   EXPECT_FALSE(is_steady(usable_run(sladka2010_model(), {lane_change({}, 100.0)})));
   EXPECT_TRUE(is_steady(usable_run(sladka2010_model({"r"}), circles(0.0, 1))));
