@@ -12,7 +12,7 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     for (const EstimatedParameter& p : fit.parameters) {
+///     for (const EstimatedParameter& p : estimate.parameters) {
 ///       if (is_effective_inertia(p)) std::puts("Iz is effective");
 ///     }
 bool is_effective_inertia(const EstimatedParameter& parameter);

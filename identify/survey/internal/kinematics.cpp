@@ -418,8 +418,8 @@ void check_one_measurement(Scene& scene) {
   const VectorXd& vy = scene.on[SignalKind::vy];
   VectorXd angle(vx.size());
   for (Index k = 0; k < angle.size(); ++k) angle[k] = std::atan2(vy[k], vx[k]);
-  angle = while_driving(scene, angle, kSlowestUse);
-  const VectorXd beta = while_driving(scene, scene.on[SignalKind::beta], kSlowestUse);
+  angle = while_driving(scene, angle, scene.out.least_speed);
+  const VectorXd beta = while_driving(scene, scene.on[SignalKind::beta], scene.out.least_speed);
   const PairedCorrelation pair = compare_pair(angle, beta);
   if (!(pair.correlation > 0.9999) || std::abs(pair.slope - 1.0) > 0.02) return;
   scene.add_finding(FindingCode::one_measurement, Severity::note,
@@ -437,9 +437,10 @@ void check_sideslip(Scene& scene) {
     check_one_measurement(scene);
   }
   if (scene.has(SignalKind::vy) && scene.has(SignalKind::beta)) {
-    const VectorXd angle =
-        while_driving(scene, scene.smooth[SignalKind::vy].cwiseQuotient(scene.speed), kSlowestUse);
-    const VectorXd beta = while_driving(scene, scene.smooth[SignalKind::beta], kSlowestUse);
+    const VectorXd angle = while_driving(
+        scene, scene.smooth[SignalKind::vy].cwiseQuotient(scene.speed), scene.out.least_speed);
+    const VectorXd beta =
+        while_driving(scene, scene.smooth[SignalKind::beta], scene.out.least_speed);
     VehicleSurvey::Relation relation = relate(scene.time, angle, beta, "vy / vx", "beta");
     check_clock(scene, relation, 0.08, SignalKind::beta);
     if (relation.correlation < -0.7) {
@@ -455,8 +456,8 @@ void check_sideslip(Scene& scene) {
   const VectorXd rate = lateral_rate(scene);
   if (rate.size() == 0 || !scene.has(SignalKind::r) || !scene.has(SignalKind::ay)) return;
   // A body that leans adds g times its angle to ay, in proportion to ay: that says nothing of vy.
-  const VectorXd turning =
-      while_driving(scene, scene.speed.cwiseProduct(scene.smooth[SignalKind::r]), kSlowestUse);
+  const VectorXd turning = while_driving(
+      scene, scene.speed.cwiseProduct(scene.smooth[SignalKind::r]), scene.out.least_speed);
   const VectorXd left_over = scene.smooth[SignalKind::ay] - turning;
   VehicleSurvey::Relation relation;
   relation.expected = "ay - vx r";

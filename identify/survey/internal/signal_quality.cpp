@@ -138,13 +138,19 @@ void list_signals(const VehicleSignals& signals, Scene& scene) {
 }
 
 void measure_speed(Scene& scene) {
+  // A model car never is as fast as the least speed of a passenger car.
+  constexpr double kShareOfFast = 0.4;
+  const double fast = quantile_of(scene.speed, 0.95);
+  if (fast > 0.0 && kShareOfFast * fast < 0.5 * kSlowestUse) {
+    scene.out.least_speed = std::max(0.5, std::round(10.0 * kShareOfFast * fast) / 10.0);
+  }
   double known = 0, standing = 0, reversing = 0, moving = 0;
   for (const double v : scene.speed) {
     if (std::isnan(v)) continue;
     ++known;
     standing += std::abs(v) < kStanding ? 1 : 0;
     reversing += v < -kStanding ? 1 : 0;
-    moving += v > kSlowestUse ? 1 : 0;
+    moving += v > scene.out.least_speed ? 1 : 0;
   }
   VehicleSurvey& out = scene.out;
   out.duration = known * scene.step;
@@ -156,14 +162,16 @@ void measure_speed(Scene& scene) {
         FindingCode::standstill, Severity::note,
         {scene.signal(scene.has(SignalKind::vx) ? SignalKind::vx : SignalKind::wheel_speed).column},
         fmt::format("the car stands for {} of the time", percent(out.standstill)),
-        "use_when: \"vx > 3\" leaves these rows out");
+        fmt::format("use_when: \"vx > {:g}\" leaves these rows out", scene.out.least_speed));
   }
   if (reversing * scene.step > 0.5) {
     scene.add_finding(
         FindingCode::reversing, Severity::warning, {},
         fmt::format("{} is negative for {:.1f} s: the car reverses, or its axis points backwards",
                     scene.speed_name, reversing * scene.step),
-        "use_when: \"vx > 3\" leaves reversing out; if the car drives forward there, scale: -1");
+        fmt::format("use_when: \"vx > {:g}\" leaves reversing out; if the car drives forward "
+                    "there, scale: -1",
+                    scene.out.least_speed));
   }
   const double fastest = quantile_of(scene.speed, 0.99);
   if (known > 0 && fastest > kFastestCar) {

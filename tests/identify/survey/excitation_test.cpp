@@ -192,7 +192,11 @@ TEST(Excitation, SmallAndLargeVehiclesHaveTheirOwnLengths) {
     if (p.name == "b") p.value.setConstant(0.171);
     if (p.name == "steering_ratio") p.value.setConstant(1.0);
   }
-  EXPECT_EQ(units(survey(vehicle_signals(model, data))), "");
+  const VehicleSurvey seen = survey(vehicle_signals(model, data));
+  EXPECT_EQ(units(seen), "");
+  // Nor is it slow: what is proposed leaves its drive in.
+  EXPECT_NEAR(seen.least_speed, 0.4 * 2.7, 0.05);
+  EXPECT_GT(seen.moving, 19.0);
 }
 
 }  // namespace
