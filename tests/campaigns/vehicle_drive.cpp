@@ -160,6 +160,40 @@ struct Faults {
   }
 };
 
+std::string size_of(DriveFault kind, const Faults& faults, const Setting& setting) {
+  const std::string& channel = setting.outputs[static_cast<std::size_t>(faults.channel)];
+  switch (kind) {
+    case DriveFault::late_steering:
+      return fmt::format(" {:.0f} ms", 1e3 * faults.delay);
+    case DriveFault::late_output:
+      return fmt::format(" {} {:.0f} ms", channel, 1e3 * faults.delay);
+    case DriveFault::sign:
+      return " " + (faults.front ? "steering" : channel);
+    case DriveFault::gain:
+      return fmt::format(" {} {:.3f}", channel, faults.gain);
+    case DriveFault::ratio:
+      return fmt::format(" {:.3f}", faults.ratio);
+    case DriveFault::lever_arm:
+      return fmt::format(" {:.2f} m", faults.arm);
+    case DriveFault::turned_sensor:
+      return fmt::format(" {:.1f} deg", faults.turn * kDegreesPerRadian);
+    case DriveFault::low_pass:
+      return fmt::format(" {} {:.1f} Hz", channel, faults.corner);
+    case DriveFault::spikes:
+      return " " + channel;
+    case DriveFault::speed_scale:
+      return fmt::format(" {:.3f}", faults.speed);
+    case DriveFault::other_tyres:
+      return fmt::format(" {} {:.2f}", faults.front ? "front" : "rear", faults.softer);
+    case DriveFault::heavier:
+      return fmt::format(" {:.2f}", faults.heavier);
+    case DriveFault::bank:
+      return fmt::format(" {:.1f} deg", faults.bank * kDegreesPerRadian);
+    default:
+      return "";
+  }
+}
+
 Faults draw_faults(Random& random, int count, const Setting& setting, std::string& words) {
   Faults out;
   while (static_cast<int>(out.kinds.size()) < count) {
@@ -183,7 +217,9 @@ Faults draw_faults(Random& random, int count, const Setting& setting, std::strin
   out.bank = signed_size(random, 1.0, 4.0) * kPerDegree;
   out.front = random.uniform() < 0.5;
   out.hold = static_cast<int>(between(random, 5.0, 10.99));
-  for (const DriveFault kind : out.kinds) words += ", " + to_string(kind);
+  for (const DriveFault kind : out.kinds) {
+    words += fmt::format(", {}{}", to_string(kind), size_of(kind, out, setting));
+  }
   return out;
 }
 
@@ -336,10 +372,14 @@ VehicleDrive draw_vehicle_drive(std::uint64_t seed, int count) {
   const Setting setting = draw_setting(random, out.words);
   const Faults faults = draw_faults(random, count, setting, out.words);
   Channels channels = simulated(setting, faults, random);
+  out.steering = channels.steering;
   measure(setting, faults, random, channels);
   out.model = model_of(setting, faults);
   out.recording = dataset_of(setting, channels);
   out.truth = {setting.car.front.stiffness, setting.car.rear.stiffness, setting.car.Iz};
+  out.car = setting.car;
+  out.effects = setting.effects;
+  out.speed = setting.speed;
   out.faults = faults.kinds;
   return out;
 }

@@ -8,6 +8,7 @@
 
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
+#include "lib/vehicle/secondary_effects.h"
 
 namespace identikal {
 
@@ -37,6 +38,10 @@ struct VehicleDrive {
   Model model;  ///< Cf, Cr, Iz, offset of the steering and biases free
   Dataset recording;
   std::vector<double> truth;  ///< Cf, Cr [N/rad], Iz [kg m^2]
+  SingleTrack<> car;          ///< it was driven with, in the first half
+  SecondaryEffects effects{};
+  Eigen::VectorXd steering;  ///< as the wheels had it, before any sensor [rad]
+  double speed = 0.0;        ///< [m/s]
   std::vector<DriveFault> faults;
   std::string words;  ///< car, manoeuvre, channels, faults with their sizes
 };

@@ -9,6 +9,7 @@
 
 #include "identify/vehicle/fit.h"
 #include "lib/base/error.h"
+#include "tests/campaigns/vehicle_drive_bound.h"
 
 namespace identikal {
 namespace {
@@ -31,6 +32,22 @@ bool is_wrong(const VehicleEstimate& fit, const VehicleDrive& drive) {
     wrong = wrong || is_wrong(parameter(fit, kJudged[p]), drive.truth[p]);
   }
   return wrong;
+}
+
+constexpr double kKnown = 0.25;  // the largest error of a value that counts as known
+
+bool is_off_but_wide(const VehicleEstimate& fit, const VehicleDrive& drive) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const EstimatedParameter& p = parameter(fit, kJudged[i]);
+    const bool off = std::abs(p.value - drive.truth[i]) > 0.05 * drive.truth[i];
+    if (off && !(p.se < kKnown * p.value)) return true;
+  }
+  return false;
+}
+
+bool is_unknowable(const VehicleDrive& drive) {
+  const std::array<double, 3> least = least_errors(drive, Insight::the_drawing);
+  return !std::all_of(least.begin(), least.end(), [](double se) { return se < kKnown; });
 }
 
 // What a program does that makes the changes of every finding; nothing where there are none.
@@ -94,6 +111,8 @@ VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, 
         ++out.intervals;
         out.covered += of.ci95[0] <= drive.truth[p] && drive.truth[p] <= of.ci95[1];
       }
+      out.refused_wide += !ok && !wrong && is_off_but_wide(fit, drive);
+      out.unknowable += !ok && is_unknowable(drive);
       if (!ok) follow_findings(fit, drive, out);
       if (each) print(drive, fit);
     } catch (const InputError&) {
@@ -107,10 +126,13 @@ std::string in_words(const std::string& name, const VehicleVerdicts& v) {
   const auto percent = [](int part, int of) { return of > 0 ? 100.0 * part / of : 0.0; };
   std::string out = fmt::format(
       "{:<12} {:>5} drives: ok and right {:>4}, ok and wrong {:>4}, refused rightly {:>4}, refused "
-      "wrongly {:>4}; of the wrong {:.1f} % end ok, of the right {:.1f} %; intervals cover {:.1f} "
+      "wrongly {:>4} ({} of them off by more than 5 % with an error above a quarter; of all "
+      "refused "
+      "{} that nobody could know); of the wrong {:.1f} % end ok, of the right {:.1f} %; intervals "
+      "cover {:.1f} "
       "%; remedies make {} right and {} wrong ones ok",
-      name, v.drives(), v.ok_right, v.ok_wrong, v.refused_wrong, v.refused_right,
-      percent(v.ok_wrong, v.ok_wrong + v.refused_wrong),
+      name, v.drives(), v.ok_right, v.ok_wrong, v.refused_wrong, v.refused_right, v.refused_wide,
+      v.unknowable, percent(v.ok_wrong, v.ok_wrong + v.refused_wrong),
       percent(v.ok_right, v.ok_right + v.refused_right), percent(v.covered, v.intervals),
       v.cured_right, v.cured_wrong);
   for (const auto& [fault, count] : v.wrong_by_fault) {

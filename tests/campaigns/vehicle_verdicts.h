@@ -12,6 +12,12 @@ namespace identikal {
 /// A parameter is wrong that lies more than 2.6 of its standard errors and more than 5 % off.
 struct VehicleVerdicts {
   int ok_right = 0, ok_wrong = 0, refused_right = 0, refused_wrong = 0;
+  /// Of the refused and right, those that only an error of more than a quarter makes right: by more
+  /// than 5 % off.
+  int refused_wide = 0;
+  /// Of the refused, those that nobody could know to a quarter: least_errors() of somebody who knows
+  /// how cars are drawn.
+  int unknowable = 0;
   int intervals = 0, covered = 0;  ///< 95 % intervals of results with status ok
   /// Refused, and ok once the changes that the findings name were made.
   int cured_right = 0, cured_wrong = 0;
