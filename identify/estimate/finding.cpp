@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 105> kKinds = {{
+constexpr std::array<FindingKind, 106> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -236,6 +236,9 @@ constexpr std::array<FindingKind, 105> kKinds = {{
     {FindingCode::sensor_differs, "sensor_differs", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "A sensor is late, filtered or elsewhere, and the model file does not say so"},
+    {FindingCode::car_changes, "car_changes", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
+     "The car is another one (tyres, load, road) in the later half of the recording"},
     {FindingCode::hold_out, "hold_out", Severity::warning, Severity::warning, Status::ok,
      Rank::other, InMessage::nothing, "Held-out data are predicted much worse than those fitted"},
     {FindingCode::insufficient_power, "insufficient_power", Severity::warning, Severity::warning,

@@ -116,6 +116,7 @@ enum class FindingCode {
   steering_steps,
   structure_dependent,
   sensor_differs,
+  car_changes,
   hold_out,
   insufficient_power,
   tracked_only,

@@ -11,7 +11,6 @@ namespace {
 
 constexpr double kUsualRollFrequency = 2.0 * std::numbers::pi * 1.5;  // [rad/s]
 constexpr double kUsualRollDamping = 0.35;
-constexpr double kRollArmOverWheelbase = 0.17;
 
 struct RollingState {
   double vy, r;
@@ -32,9 +31,9 @@ class RollingCar {
         rear_(bent(car.rear, effects[kTyreSoftening],
                    car.m * kStandardGravity * car.a / (car.a + car.b))),
         gradient_(effects[kRollGradient]),
-        frequency_(kUsualRollFrequency),
+        frequency_(kUsualRollFrequency * std::exp(effects[kRollQuickness])),
         damping_(kUsualRollDamping),
-        arm_(kRollArmOverWheelbase * (car.a + car.b)),
+        arm_(kUsualRollArm * (car.a + car.b) + effects[kRollArm]),
         gravity_(kStandardGravity * std::sin(car.bank)) {
     if (!(car.roll_gradient > 0.0)) return;
     gradient_ = car.roll_gradient;
@@ -158,8 +157,9 @@ std::vector<double> wheel_angles(const RollingCar& car, const DrivenSegment& seg
 std::string_view name_of(SecondaryEffect effect) {
   constexpr std::array<std::string_view, kSecondaryEffects> kNames = {
       "steering smoothing", "steering lag",    "relaxation length", "roll gradient",
-      "roll steer front",   "roll steer rear", "tyre softening",    "lag of r",
-      "lag of vy",          "lag of ay",       "lever arm of vy",   "lever arm of ay"};
+      "roll steer front",   "roll steer rear", "roll quickness",    "roll arm",
+      "tyre softening",     "lag of r",        "lag of vy",         "lag of ay",
+      "lever arm of vy",    "lever arm of ay"};
   return kNames[effect];
 }
 

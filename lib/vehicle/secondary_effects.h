@@ -20,6 +20,8 @@ enum SecondaryEffect {
                        ///< included, over lateral acceleration: part of its stiffness in steady
                        ///< cornering, late in all other [rad/(m/s^2)]
   kRollSteerRear,      ///< the same of the rear axle
+  kRollQuickness,      ///< logarithm of the natural frequency of roll over 1.5 Hz
+  kRollArm,            ///< centre of gravity above the roll axis, less kUsualRollArm wheelbases [m]
   kTyreSoftening,      ///< (axle load / largest force)^2 of both axles, with the curve tanh
   kLagOfR,             ///< time constant of the sensor's filter [s]
   kLagOfVy,            ///< of vy and beta [s]
@@ -28,6 +30,8 @@ enum SecondaryEffect {
   kArmOfAy,            ///< the same [m]
   kSecondaryEffects
 };
+
+inline constexpr double kUsualRollArm = 0.17;  ///< over the wheelbase
 
 using SecondaryEffects = std::array<double, kSecondaryEffects>;
 
@@ -44,8 +48,8 @@ double lagged(double x, double from, double to, double t, double T);
 ///   alpha_f = (vy + a r)/vx - delta - roll_steer_front (psi - vx r),
 ///   alpha_r = (vy - b r)/vx - roll_steer_rear (psi - vx r),
 ///   psi'' = w^2 ((Ff + Fr)/m - psi) - 2 zeta w psi',  phi = roll_gradient psi,
-/// delta following the measured steering by its lag, roll of w = 2 pi 1.5 Hz, zeta = 0.35 about an
-/// axis h = 0.17 (a + b) below the centre of gravity, which a roll angle phi > 0 (left side up)
+/// delta following the measured steering by its lag, roll of w = 2 pi 1.5 Hz exp(roll_quickness),
+/// zeta = 0.35 about an axis h = kUsualRollArm (a + b) + roll_arm below the centre of gravity, which a roll angle phi > 0 (left side up)
 /// moves to the right. Motion::ay holds what a sensor fixed to the body feels, g sin(phi) included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.

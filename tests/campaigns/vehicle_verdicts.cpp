@@ -94,12 +94,15 @@ void print(const VehicleDrive& drive, const VehicleEstimate& fit) {
 
 }  // namespace
 
-VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, bool each) {
+VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults,
+                                     VehicleFitOptions::Structure structure, bool each) {
   VehicleVerdicts out;
+  VehicleFitOptions options;
+  options.structure = structure;
   for (int i = 0; i < count; ++i) {
     const VehicleDrive drive = draw_vehicle_drive(seed + static_cast<std::uint64_t>(i), faults);
     try {
-      const VehicleEstimate fit = fit_vehicle(drive.model, drive.recording);
+      const VehicleEstimate fit = fit_vehicle(drive.model, drive.recording, options);
       const bool wrong = is_wrong(fit, drive);
       const bool ok = fit.status == Status::ok;
       ++(ok ? (wrong ? out.ok_wrong : out.ok_right)

@@ -5,6 +5,7 @@
 #include <map>
 #include <string>
 
+#include "identify/vehicle/fit.h"
 #include "tests/campaigns/vehicle_drive.h"
 
 namespace identikal {
@@ -27,8 +28,12 @@ struct VehicleVerdicts {
 };
 
 /// Fits draw_vehicle_drive(seed + i, faults), i = 0 .. count - 1.
+/// @param structure  --structure
 /// @param each  a line for every drive, on standard output
-VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults, bool each = false);
+VehicleVerdicts judge_vehicle_drives(
+    std::uint64_t seed, int count, int faults,
+    VehicleFitOptions::Structure structure = VehicleFitOptions::Structure::as_written,
+    bool each = false);
 
 /// One line, with the shares that matter.
 std::string in_words(const std::string& name, const VehicleVerdicts& verdicts);

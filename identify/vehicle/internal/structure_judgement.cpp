@@ -15,6 +15,7 @@ namespace {
 constexpr double kOpen = 0.25;              // of a parameter: what makes it unknown
 constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
 constexpr double kMistaken = 5.0;           // standard deviations of the prior
+constexpr double kCertain = 0.8;            // the probability of a mistake that is taken as one
 constexpr double kNoticed = 2.0;            // standard deviations from what the model takes
 constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 
@@ -63,6 +64,23 @@ FindingCode mistake(const std::string& cause) {
   }
   const bool of_sensor = cause.starts_with("lag of") || cause == name_of(kArmOfVy);
   return of_sensor ? FindingCode::sensor_differs : FindingCode::other;
+}
+
+/// Mistakes that the recording is all but sure of. Where they are small the errors allow for them.
+Findings check_suspected(const StructureStudy& study) {
+  Findings out;
+  for (const SuspectedMistake& mistake : study.mistakes) {
+    if (!(mistake.probability > kCertain)) continue;
+    Finding finding = make_finding(
+        mistake.of_car ? FindingCode::car_changes : FindingCode::sensor_differs, {mistake.name},
+        fmt::format("the recording contradicts the model file: {} {:.2g} +- {:.1g}{}{}",
+                    mistake.name, mistake.size, mistake.sd, mistake.unit.empty() ? "" : " ",
+                    mistake.unit),
+        "known better by: " + mistake.separated_by);
+    if (std::abs(mistake.size) < mistake.gross) finding.severity = Severity::warning;
+    out.push_back(std::move(finding));
+  }
+  return out;
 }
 
 /// What is wrong in the model file or with the equipment is no structure that errors allow for.
@@ -145,6 +163,7 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
                                 p.unit));
   }
   Findings out = check_mistakes(study);
+  append(out, check_suspected(study));
   if (open.empty()) return out;
   out.push_back(make_finding(
       FindingCode::structure_dependent, names,

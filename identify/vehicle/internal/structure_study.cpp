@@ -6,9 +6,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "identify/vehicle/internal/possible_mistakes.h"
 #include "identify/vehicle/internal/robust_noise.h"
-#include "lib/base/constants.h"
-#include "lib/vehicle/late_sensor.h"
+#include "identify/vehicle/internal/secondary_simulation.h"
 
 namespace identikal {
 namespace {
@@ -18,295 +18,10 @@ constexpr int kReweighted = 4;        // iterations; then the weights stay, so t
 constexpr double kSettled = 0.03;     // of a standard deviation
 constexpr double kNearEnough = 0.3;   // where derivatives by differences lead no further
 constexpr double kLeastShare = 0.01;  // of a step
-constexpr double kLongestStudyStep = 0.005;
-constexpr double kStateStep = 1e-4;  // for differences, over kStateScale
+constexpr double kStateStep = 1e-4;   // for differences, over kStateScale
 constexpr double kUncorrelated = 0.05;
-
-struct StudyUnknown {
-  enum class Kind { free, known, effect } kind;  // to the model: free, known, or not there
-  int index;                                     // VehicleParameter or SecondaryEffect
-  double step;                                   // for differences
-  double lower, upper;
-  double mean = 0.0, sd = kInfinity;  // of the prior
-  std::string unit, separated_by;
-};
-
-struct StudyPoint {
-  VehicleParameters<double> p;
-  SecondaryEffects effects{};
-  Eigen::VectorXd states;  // (vy, r) at the begin of every segment, over kStateScale
-};
-
-double& entry(StudyPoint& point, const StudyUnknown& unknown) {
-  return unknown.kind == StudyUnknown::Kind::effect ? point.effects[unknown.index]
-                                                    : point.p[unknown.index];
-}
-double entry(const StudyPoint& point, const StudyUnknown& unknown) {
-  return unknown.kind == StudyUnknown::Kind::effect ? point.effects[unknown.index]
-                                                    : point.p[unknown.index];
-}
-
-SecondaryEffect filter_of(VehicleQuantity quantity) {
-  if (quantity == VehicleQuantity::r) return kLagOfR;
-  return quantity == VehicleQuantity::ay ? kLagOfAy : kLagOfVy;
-}
-
-/// The unknowns of the study: what the model frees, then the causes. Their priors are those of
-/// passenger cars to trucks on public roads and of common test equipment: two thirds of them within
-/// one standard deviation.
-class StudyUnknowns {
- public:
-  StudyUnknowns(const VehicleProblem& problem, const VehicleParameters<double>& p)
-      : problem_(problem), p_(p) {
-    const VehicleUnknowns& u = problem.unknowns;
-    for (std::size_t i = 0; i < u.free.size(); ++i) add_free(i);
-    add_known(kSteeringDelay, 0.008, 0.25, "s", "the delay of the steering channel at standstill");
-    if (u.find(kSteeringRatio) < 0) {
-      add_known(kSteeringGain, 0.01, 0.5, "", "the steering ratio on a turn table");
-    }
-    const double road_wheel = p[kSteeringRatio] / 15.0 / kDegreesPerRadian;
-    add_known(kSteeringOffset, 1.5 * road_wheel, 20.0 * road_wheel, "rad", "driving straight on");
-    add_sensor_biases();
-    add_effects();
-  }
-
-  std::vector<StudyUnknown> all;
-
- private:
-  bool measured(VehicleQuantity quantity) const { return problem_.run->find(quantity) >= 0; }
-
-  VehicleQuantity sideslip_sensor() const {
-    return measured(VehicleQuantity::vy) ? VehicleQuantity::vy : VehicleQuantity::beta;
-  }
-  /// Whether the model file says, or frees, this of the sensor.
-  bool has(VehicleQuantity quantity, SensorProperty property) const {
-    return has(sensor_parameter(quantity, property));
-  }
-  bool has_roll() const { return problem_.run->roll.size() > 0 || has(kRollPerAcceleration); }
-  /// Of what is absent at 0.
-  bool has(VehicleParameter parameter) const {
-    return problem_.unknowns.find(parameter) >= 0 || p_[parameter] != 0.0;
-  }
-
-  void add_free(std::size_t i) {
-    const VehicleUnknowns& u = problem_.unknowns;
-    const auto n = static_cast<Eigen::Index>(i);
-    const bool effect = u.free[i] == kRelaxationLength;
-    const double size = std::max(std::abs(p_[u.free[i]]), 0.1 * u.scale[n]);
-    all.push_back({effect ? StudyUnknown::Kind::effect : StudyUnknown::Kind::free,
-                   effect ? static_cast<int>(kTyreRelaxation) : static_cast<int>(u.free[i]),
-                   1e-3 * size, u.lower[n], u.upper[n], 0.0, kInfinity, "", ""});
-  }
-
-  void add_known(VehicleParameter parameter, double sd, double limit, const std::string& unit,
-                 const std::string& separated_by) {
-    if (problem_.unknowns.find(parameter) >= 0) return;
-    const double at = p_[parameter];
-    all.push_back({StudyUnknown::Kind::known, parameter, 0.1 * sd, at - limit, at + limit, at, sd,
-                   unit, separated_by});
-  }
-
-  void add_effect(SecondaryEffect effect, double mean, double sd, const std::string& unit,
-                  const std::string& separated_by, bool positive = true) {
-    all.push_back({StudyUnknown::Kind::effect, effect, 0.1 * sd, positive ? 0.0 : mean - 8.0 * sd,
-                   mean + 8.0 * sd, mean, sd, unit, separated_by});
-  }
-
-  void add_sensor_biases() {
-    const std::string straight = "driving straight on";
-    if (measured(VehicleQuantity::r)) {
-      add_known(kBiasR, 0.2 / kDegreesPerRadian, 0.1, "rad/s", straight);
-    }
-    if (measured(VehicleQuantity::ay)) add_known(kBiasAy, 0.1, 2.0, "m/s^2", straight);
-    if (measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta)) {
-      add_known(kBiasVy, 0.05, 1.0, "m/s", straight);
-    }
-  }
-
-  void add_effects() {
-    const double wheelbase = p_[kA] + p_[kB];
-    add_effect(kSteeringSmoothing, 0.0, 0.01, "s", "a finer steering sensor");
-    if (!has(kLagOfSteering)) {
-      add_effect(kSteeringLag, 0.0, 0.015, "s", "the angle of a road wheel");
-    }
-    if (problem_.unknowns.find(kRelaxationLength) < 0 && !(p_[kRelaxationLength] > 0.0)) {
-      add_effect(kTyreRelaxation, 0.1 * wheelbase, 0.1 * wheelbase, "m", "two more speeds");
-    }
-    // A share of the slip angle that belongs to the lateral acceleration.
-    const double front = 0.15 * p_[kMass] * p_[kB] / wheelbase / p_[kCf];
-    const double rear = 0.15 * p_[kMass] * p_[kA] / wheelbase / p_[kCr];
-    if (has_roll()) {
-      add_steer_of_roll(front, rear);
-    } else {
-      add_roll(front, rear);
-    }
-    if (problem_.unknowns.curve == TyreCurve::linear) {
-      add_effect(kTyreSoftening, 0.8, 0.5, "", "gentler driving, or `tyre: {curve: tanh}`");
-    }
-    add_sensor_effects(wheelbase);
-  }
-
-  /// @param front, rear  slip angles that may come by roll, over lateral acceleration
-  void add_roll(double front, double rear) {
-    const std::string roll = "the roll angle, or ay levelled by it";
-    add_effect(kRollGradient, 0.005, 0.005, "rad/(m/s^2)", roll);
-    add_effect(kRollSteerFront, 0.0, front, "rad/(m/s^2)", roll, false);
-    add_effect(kRollSteerRear, 0.0, rear, "rad/(m/s^2)", roll, false);
-  }
-
-  /// Of a body whose roll the model has: steer and camber by it, where the file says nothing of them.
-  void add_steer_of_roll(double front, double rear) {
-    const double gradient =
-        std::max(0.002, p_[kRollPerAcceleration] > 0.0 ? p_[kRollPerAcceleration] : 0.005);
-    const std::string suspension = "the kinematics of the suspension";
-    if (!has(kFrontSteerPerRoll) && !has(kFrontCamberPerRoll)) {
-      add_known(kFrontSteerPerRoll, front / gradient, 8.0 * front / gradient, "", suspension);
-    }
-    if (!has(kRearSteerPerRoll) && !has(kRearCamberPerRoll)) {
-      add_known(kRearSteerPerRoll, rear / gradient, 8.0 * rear / gradient, "", suspension);
-    }
-  }
-
-  void add_sensor_effects(double wheelbase) {
-    const bool sideslip = measured(VehicleQuantity::vy) || measured(VehicleQuantity::beta);
-    const std::string place = "the place of the sensor";
-    if (sideslip && !has(sideslip_sensor(), SensorProperty::x)) {
-      add_effect(kArmOfVy, 0.0, 0.02 * wheelbase, "m", place, false);
-    }
-    if (measured(VehicleQuantity::ay) && !has(VehicleQuantity::ay, SensorProperty::x)) {
-      add_effect(kArmOfAy, 0.0, 0.02 * wheelbase, "m", place, false);
-    }
-    const std::string filters = "sensors that are filtered alike";
-    const auto add_filter = [&](bool any, VehicleQuantity quantity) {
-      if (!any || has(quantity, SensorProperty::lag)) return;
-      add_effect(filter_of(quantity), 0.0, 0.004, "s", filters);
-    };
-    add_filter(measured(VehicleQuantity::r), VehicleQuantity::r);
-    add_filter(sideslip, sideslip_sensor());
-    add_filter(measured(VehicleQuantity::ay), VehicleQuantity::ay);
-  }
-
-  const VehicleProblem& problem_;
-  const VehicleParameters<double>& p_;
-};
-
-/// Of a sensor that may sit elsewhere.
-double reading(const SecondaryEffects& effects, const VehicleSensor& sensor,
-               const VehicleReading& as_given, const Motion& motion, double vx) {
-  const double value = as_given.value(motion, vx);
-  switch (sensor.quantity) {
-    case VehicleQuantity::vy:
-      return value + effects[kArmOfVy] * motion.r;
-    case VehicleQuantity::beta:
-      return value + effects[kArmOfVy] * motion.r / vx;
-    case VehicleQuantity::ay:
-      return value + effects[kArmOfAy] * motion.yaw_acceleration;
-    case VehicleQuantity::r:
-      break;
-  }
-  return value;
-}
-
-/// A sensor behind two filters, its own and one that the study allows for.
-struct FilteredSensor {
-  double own_lag, allowed_lag;
-  double input = 0.0, between = 0.0, value = 0.0;
-
-  /// @param step  since the sample before [s]; 0: there is none
-  double next(double now, double step) {
-    const double after_own = step > 0.0 ? lagged(between, input, now, step, own_lag) : now;
-    value = step > 0.0 ? lagged(value, between, after_own, step, allowed_lag) : now;
-    input = now;
-    between = after_own;
-    return value;
-  }
-};
-
-/// What the sensors say of the car with its secondary effects, minus what was measured.
-class SecondarySimulation {
- public:
-  SecondarySimulation(const VehicleProblem& problem, double delay) : problem_(problem) {
-    IntegrationDemand demand = problem.demand;
-    demand.relaxation_length = 0.0;
-    demand.longest_step = kLongestStudyStep;
-    const VehicleRun& run = *problem.run;
-    for (const VehicleRun::Segment& s : run.segments) {
-      driven_.push_back(drive(
-          run.time.segment(s.first, s.rows), run.steering.segment(s.first, s.rows),
-          run.vx.segment(s.first, s.rows), demand, delay, problem.unknowns.value[kLagOfSteering]));
-      if (run.roll.size() > 0) {
-        set_roll(driven_.back(), run.time.segment(s.first, s.rows),
-                 run.roll.segment(s.first, s.rows));
-      }
-    }
-  }
-
-  Eigen::VectorXd errors(const StudyPoint& point) {
-    SingleTrack<> car = car_with(problem_.unknowns.curve, point.p);
-    const std::vector<VehicleReading> sensors = readings(*problem_.run, car);
-    Eigen::VectorXd e(problem_.residuals());
-    Eigen::Index n = 0;
-    for (std::size_t s = 0; s < driven_.size(); ++s) add_segment(point, car, sensors, s, n, e);
-    return e;
-  }
-
- private:
-  void add_segment(const StudyPoint& point, const SingleTrack<>& car,
-                   const std::vector<VehicleReading>& sensors, std::size_t s, Eigen::Index& n,
-                   Eigen::VectorXd& e) {
-    const VehicleRun& run = *problem_.run;
-    const auto [first, rows] = run.segments[s];
-    const double delay = point.p[kSteeringDelay], lag = point.p[kLagOfSteering];
-    if (driven_[s].delay != delay || driven_[s].lag != lag) {
-      set_delay(driven_[s], run.time.segment(first, rows), run.steering.segment(first, rows), delay,
-                lag);
-    }
-    std::vector<FilteredSensor> filtered;
-    for (const VehicleRun::Output& output : run.outputs) {
-      const VehicleQuantity quantity = output.sensor.quantity;
-      filtered.push_back({car.sensors[static_cast<std::size_t>(quantity)].lag,
-                          point.effects[filter_of(quantity)]});
-    }
-    SignalRows value(rows, static_cast<Eigen::Index>(sensors.size()));
-    const Eigen::Index begin = n;
-    const Eigen::Index at = 2 * static_cast<Eigen::Index>(s);
-    const double vy = point.states[at] * kStateScale[0], r = point.states[at + 1] * kStateScale[1];
-    const auto observe = [&, first = first](Eigen::Index k, const Motion& motion, double vx) {
-      const Eigen::Index row = first + k;
-      const double step = k == 0 ? 0.0 : run.time[row] - run.time[row - 1];
-      for (std::size_t j = 0; j < sensors.size(); ++j) {
-        const double now = reading(point.effects, run.outputs[j].sensor, sensors[j], motion, vx);
-        value(k, static_cast<Eigen::Index>(j)) = filtered[j].next(now, step);
-      }
-      for (; n < e.size() && problem_.row[n] == row; ++n) {
-        e[n] = value(k, problem_.output[n]) - problem_.sample[n];
-      }
-    };
-    simulate_with_effects(car, point.effects, driven_[s], vy, r, observe);
-    if (problem_.late_sensors) show_late(car, s, value, begin, n, e);
-  }
-
-  /// Errors of what the sensors showed, which are late.
-  void show_late(const SingleTrack<>& car, std::size_t s, const SignalRows& value,
-                 Eigen::Index begin, Eigen::Index end, Eigen::VectorXd& e) const {
-    const VehicleRun& run = *problem_.run;
-    const auto [first, rows] = run.segments[s];
-    const Eigen::VectorXd time = run.time.segment(first, rows);
-    for (std::size_t j = 0; j < run.outputs.size(); ++j) {
-      const auto quantity = static_cast<std::size_t>(run.outputs[j].sensor.quantity);
-      const auto column = static_cast<Eigen::Index>(j);
-      if (car.sensors[quantity].delay == 0.0) continue;
-      const SignalRows shown = late(time, value.col(column), time, car.sensors[quantity].delay);
-      for (Eigen::Index n = begin; n < end; ++n) {
-        if (problem_.output[n] == column)
-          e[n] = shown(problem_.row[n] - first) - problem_.sample[n];
-      }
-    }
-  }
-
-  const VehicleProblem& problem_;
-  std::vector<DrivenSegment> driven_;
-};
+constexpr double kMistakes = 0.02;  // of things that may be wrong are
+constexpr double kGross = 0.5;      // of the standard deviation of mistakes
 
 /// The search. Differences make the derivatives: every column is a simulation.
 class StructureSearch {
@@ -315,7 +30,7 @@ class StructureSearch {
       : problem_(problem), simulation_(problem, problem.unknowns.value[kSteeringDelay]) {
     at_.p = parameters_at(problem, optimum.z);
     at_.states = optimum.z.tail(2 * static_cast<Eigen::Index>(problem.run->segments.size()));
-    unknowns_ = StudyUnknowns(problem, at_.p).all;
+    unknowns_ = study_unknowns(problem, at_.p);
     at_.effects[kTyreRelaxation] = at_.p[kRelaxationLength];
     for (const StudyUnknown& u : unknowns_) {
       if (u.kind == StudyUnknown::Kind::effect && u.sd < kInfinity) entry(at_, u) = u.mean;
@@ -337,6 +52,7 @@ class StructureSearch {
     differentiate(e);
     eliminate_states(e);
     report(out);
+    suspect(e, out);
     out.errors = std::move(e);
     return out;
   }
@@ -419,27 +135,43 @@ class StructureSearch {
     Eigen::Vector2d gradient;
   };
 
-  /// Fills precision, gradient and covariance of the unknowns, the states eliminated.
-  void eliminate_states(const Eigen::VectorXd& e) {
-    precision_.setZero(count(), count());
-    gradient_.setZero(count());
-    blocks_.clear();
+  /// Of the errors, linear about here, with respect to the unknowns and what follows them, the states
+  /// eliminated, priors included.
+  struct NormalEquations {
+    Eigen::MatrixXd precision;
+    Eigen::VectorXd gradient;
+    std::vector<StateBlock> blocks;  // of the segments
+  };
+
+  /// @param by  derivatives of the errors: of the unknowns, then of others
+  NormalEquations normal_equations(const Eigen::MatrixXd& by, const Eigen::VectorXd& e) const {
+    NormalEquations out{
+        Eigen::MatrixXd::Zero(by.cols(), by.cols()), Eigen::VectorXd::Zero(by.cols()), {}};
     Eigen::Index to = 0;
     for (const VehicleRun::Segment& segment : problem_.run->segments) {
       const Eigen::Index from = to;
       while (to < e.size() && problem_.row[to] < segment.first + segment.rows) ++to;
       const Eigen::VectorXd root = weight_.segment(from, to - from).cwiseSqrt();
-      const Eigen::MatrixXd A = root.asDiagonal() * by_unknown_.middleRows(from, to - from);
+      const Eigen::MatrixXd A = root.asDiagonal() * by.middleRows(from, to - from);
       const Eigen::MatrixXd B = root.asDiagonal() * by_state_.middleRows(from, to - from);
       const Eigen::VectorXd c = root.cwiseProduct(e.segment(from, to - from));
       Eigen::Matrix2d S = B.transpose() * B;
       S.diagonal().array() += 1e-6;  // a state that nothing shows stays
       const StateBlock block{S.inverse(), B.transpose() * A, B.transpose() * c};
-      precision_ += A.transpose() * A - block.cross.transpose() * block.inverse * block.cross;
-      gradient_ += A.transpose() * c - block.cross.transpose() * block.inverse * block.gradient;
-      blocks_.push_back(block);
+      out.precision += A.transpose() * A - block.cross.transpose() * block.inverse * block.cross;
+      out.gradient += A.transpose() * c - block.cross.transpose() * block.inverse * block.gradient;
+      out.blocks.push_back(block);
     }
-    add_priors();
+    add_priors(out);
+    return out;
+  }
+
+  /// Fills precision, gradient and covariance of the unknowns, the states eliminated.
+  void eliminate_states(const Eigen::VectorXd& e) {
+    NormalEquations equations = normal_equations(by_unknown_, e);
+    precision_ = std::move(equations.precision);
+    gradient_ = std::move(equations.gradient);
+    blocks_ = std::move(equations.blocks);
     // What no sample and no prior says anything of has no precision.
     scale_ = precision_.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
     precision_ = scale_.asDiagonal() * precision_ * scale_.asDiagonal();
@@ -447,17 +179,17 @@ class StructureSearch {
     covariance_ = scale_.asDiagonal() * precision_.inverse() * scale_.asDiagonal();
   }
 
-  void add_priors() {
+  void add_priors(NormalEquations& to) const {
     const Eigen::VectorXd z = coordinates(at_);
     for (Eigen::Index i = 0; i < count(); ++i) {
       const StudyUnknown& u = unknowns_[i];
-      precision_(i, i) += 1.0 / (u.sd * u.sd);
-      gradient_[i] += (entry(at_, u) - u.mean) / (u.sd * u.sd);
+      to.precision(i, i) += 1.0 / (u.sd * u.sd);
+      to.gradient[i] += (entry(at_, u) - u.mean) / (u.sd * u.sd);
       if (i >= z.size()) continue;
       const PriorResidual prior = prior_residual(problem_, z, i);
       const double slope = prior.slope / problem_.unknowns.scale[i];
-      precision_(i, i) += slope * slope;
-      gradient_[i] += slope * prior.value;
+      to.precision(i, i) += slope * slope;
+      to.gradient[i] += slope * prior.value;
     }
   }
 
@@ -518,6 +250,112 @@ class StructureSearch {
     return step.cwiseQuotient(covariance_.diagonal().cwiseSqrt()).cwiseAbs().maxCoeff();
   }
 
+  /// What the recording says of a mistake, linear about here, and by how much it moves the unknowns.
+  struct Suspicion {
+    double size, variance;  ///< without a prior
+    Eigen::VectorXd moved;  ///< unknowns by size
+  };
+
+  /// The noise is that which would be left with the mistake: one that is there colours the errors.
+  Suspicion suspicion(const PossibleMistake& mistake, const Eigen::VectorXd& e) {
+    Eigen::MatrixXd by(e.size(), count() + 1);
+    by << by_unknown_, mistake.by;
+    Suspicion out{};
+    Eigen::VectorXd left = e;
+    for (int pass = 0; pass < 2; ++pass) {
+      weigh(left);
+      const NormalEquations equations = normal_equations(by, e);
+      const Eigen::VectorXd step = with_one_more(equations, out);
+      left = linear_errors(by, equations.blocks, step, e);
+    }
+    return out;
+  }
+
+  /// @return the step to the optimum, of all that `equations` has
+  Eigen::VectorXd with_one_more(const NormalEquations& equations, Suspicion& out) const {
+    std::vector<Eigen::Index> open;
+    for (Eigen::Index i = 0; i < count(); ++i) {
+      const double at = entry(at_, unknowns_[i]);
+      if (at > unknowns_[i].lower && at < unknowns_[i].upper) open.push_back(i);
+    }
+    const Eigen::Index last = count();
+    const Eigen::VectorXd scale =
+        equations.precision.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = scale.asDiagonal() * equations.precision * scale.asDiagonal();
+    Eigen::MatrixXd of_open = scaled(open, open);
+    of_open.diagonal().array() += 1e-9;
+    const Eigen::LDLT<Eigen::MatrixXd> solver(of_open);
+    const Eigen::VectorXd gradient = equations.gradient.cwiseProduct(scale);
+    const Eigen::VectorXd cross = scaled.col(last)(open);
+    const Eigen::VectorXd moved = -solver.solve(cross),
+                          at_once = -solver.solve(Eigen::VectorXd(gradient(open)));
+    const double precision = std::max(1e-12, 1.0 + cross.dot(moved));
+    const double size = -(gradient[last] + cross.dot(at_once)) / precision;
+    out.size = size * scale[last];
+    out.variance = scale[last] * scale[last] / precision;
+    out.moved = Eigen::VectorXd::Zero(count());
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(count() + 1);
+    for (std::size_t k = 0; k < open.size(); ++k) {
+      const auto n = static_cast<Eigen::Index>(k);
+      out.moved[open[k]] = scale[open[k]] * moved[n] / scale[last];
+      step[open[k]] = scale[open[k]] * (at_once[n] + size * moved[n]);
+    }
+    step[last] = out.size;
+    return step;
+  }
+
+  Eigen::VectorXd linear_errors(const Eigen::MatrixXd& by, const std::vector<StateBlock>& blocks,
+                                const Eigen::VectorXd& step, const Eigen::VectorXd& e) const {
+    Eigen::VectorXd out = e + by * step;
+    Eigen::Index to = 0;
+    for (std::size_t s = 0; s < blocks.size(); ++s) {
+      const VehicleRun::Segment& segment = problem_.run->segments[s];
+      const Eigen::Index from = to;
+      while (to < e.size() && problem_.row[to] < segment.first + segment.rows) ++to;
+      const Eigen::Vector2d state =
+          -blocks[s].inverse * (blocks[s].gradient + blocks[s].cross * step);
+      out.segment(from, to - from) += by_state_.middleRows(from, to - from) * state;
+    }
+    return out;
+  }
+
+  /// Of every mistake: how probable it is beside that nobody made any. The covariance grows by the
+  /// second moments of what it would change.
+  void suspect(const Eigen::VectorXd& e, StructureStudy& out) {
+    const Eigen::VectorXd weight = weight_;
+    std::vector<Eigen::VectorXd> moved;
+    double all = 1.0;
+    for (const PossibleMistake& mistake :
+         possible_mistakes(problem_, at_, unknowns_, e, by_unknown_)) {
+      const Suspicion said = suspicion(mistake, e);
+      const auto density = [&](double sd) {
+        const double variance = said.variance + sd * sd;
+        return std::exp(-0.5 * said.size * said.size / variance) / std::sqrt(variance);
+      };
+      const double none = std::max(1e-300, density(mistake.usual));
+      double any = density(mistake.sd);
+      if (mistake.positive) any *= said.size > 0.0 ? 2.0 : 0.0;
+      SuspectedMistake found{.name = mistake.name,
+                             .unit = mistake.unit,
+                             .size = said.size,
+                             .sd = std::sqrt(said.variance),
+                             .gross = kGross * mistake.sd,
+                             .probability = kMistakes / (1.0 - kMistakes) * any / none,
+                             .of_car = mistake.of_car,
+                             .separated_by = mistake.separated_by};
+      all += found.probability;
+      const double shrunk = 1.0 / (1.0 / said.variance + 1.0 / (mistake.sd * mistake.sd));
+      const double mean = shrunk * said.size / said.variance;
+      moved.push_back(std::sqrt(mean * mean + shrunk) * said.moved.head(problem_.parameters()));
+      out.mistakes.push_back(std::move(found));
+    }
+    for (std::size_t i = 0; i < moved.size(); ++i) {
+      out.mistakes[i].probability /= all;
+      out.covariance += out.mistakes[i].probability * moved[i] * moved[i].transpose();
+    }
+    weight_ = weight;
+  }
+
   void report(StructureStudy& out) const {
     const Eigen::Index free = problem_.parameters(), causes = count() - free;
     out.value = coordinates(at_).cwiseProduct(problem_.unknowns.scale);
@@ -529,10 +367,8 @@ class StructureSearch {
     for (Eigen::Index i = free; i < count(); ++i) {
       const StudyUnknown& u = unknowns_[i];
       const bool effect = u.kind == StudyUnknown::Kind::effect;
-      out.causes.push_back({std::string(effect ? name_of(static_cast<SecondaryEffect>(u.index))
-                                               : name_of(static_cast<VehicleParameter>(u.index))),
-                            u.unit, effect ? 0.0 : u.mean, u.mean, u.sd, entry(at_, u), sd[i],
-                            u.separated_by});
+      out.causes.push_back({name_of(u), u.unit, effect ? 0.0 : u.mean, u.mean, u.sd, entry(at_, u),
+                            sd[i], u.separated_by});
     }
   }
 

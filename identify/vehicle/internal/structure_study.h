@@ -21,11 +21,22 @@ struct StructureCause {
   std::string separated_by;  ///< the measurement that would tell it from the others
 };
 
+/// What somebody may have got wrong, and how probable that is with the recording in view.
+struct SuspectedMistake {
+  std::string name, unit;
+  double size = 0.0, sd = 0.0;  ///< as the recording says
+  double gross = 0.0;           ///< a size from where on derivatives lead no further
+  double probability = 0.0;     ///< that somebody made it, beside that nobody made any
+  bool of_car = false;          ///< it changed; else it is a sensor's
+  std::string separated_by;
+};
+
 struct StructureStudy {
   bool converged = false;
   Eigen::VectorXd value;       ///< of the free parameters, SI, every cause allowed for
   Eigen::MatrixXd covariance;  ///< of them, SI
   std::vector<StructureCause> causes;
+  std::vector<SuspectedMistake> mistakes;
   Eigen::MatrixXd with_causes;  ///< free parameters x causes: correlation
   Eigen::VectorXd errors;       ///< simulated minus measured there, SI, as the problem's residuals
 };

@@ -21,7 +21,8 @@ using ::testing::HasSubstr;
 using Structure = VehicleFitOptions::Structure;
 
 // A swept sine at 80 km/h, 25 s at 50 Hz, r and ay.
-Dataset swept(const SecondaryEffects& effects, double delay, std::uint64_t seed) {
+Dataset swept(const SecondaryEffects& effects, double delay, std::uint64_t seed,
+              double rear_tyres = 1.0) {
   constexpr double kSpeed = 80.0 / 3.6;
   const Eigen::VectorXd time = uniform_time(25.0, 50.0);
   const auto angle = [](double t) {
@@ -31,14 +32,15 @@ Dataset swept(const SecondaryEffects& effects, double delay, std::uint64_t seed)
   const DrivenSegment driven = drive(time, data.u.row(0).transpose(), data.u.row(1).transpose(),
                                      {.longest_step = 0.002}, delay);
   double r = 0.0, ay = 0.0;
-  simulate_with_effects(linear_car(sladka2010_car()), effects, driven, 0.0, 0.0,
-                        [&](Eigen::Index k, const Motion& motion, double) {
-                          r = k > 0 ? lagged(data.y(0, k - 1), r, motion.r, 0.02, effects[kLagOfR])
-                                    : motion.r;
-                          ay = motion.ay;
-                          data.y.col(k) << r, ay;
-                          r = motion.r;
-                        });
+  SingleTrack<> car = linear_car(sladka2010_car());
+  car.rear.stiffness *= rear_tyres;
+  simulate_with_effects(
+      car, effects, driven, 0.0, 0.0, [&](Eigen::Index k, const Motion& motion, double) {
+        r = k > 0 ? lagged(data.y(0, k - 1), r, motion.r, 0.02, effects[kLagOfR]) : motion.r;
+        ay = motion.ay;
+        data.y.col(k) << r, ay;
+        r = motion.r;
+      });
   return with_noise(data, {0.003, 0.05}, seed);
 }
 
@@ -100,6 +102,39 @@ TEST(StructureStudy, NamesWhatTheRecordingShows) {
   EXPECT_NEAR(lag->value, 0.08, 0.02);
   EXPECT_THAT(fit.notes, ::testing::Contains(HasSubstr("steering lag 0.0")));
   EXPECT_LT(std::abs(z_of(fit, "Iz", 2319.0)), 2.6);
+}
+
+const Finding* finding(const VehicleEstimate& fit, FindingCode code) {
+  for (const Finding& finding : fit.findings) {
+    if (finding.code == code) return &finding;
+  }
+  return nullptr;
+}
+
+TEST(StructureStudy, NamesTyresThatChangeHalfway) {
+  Dataset data = swept({}, 0.0, 8);
+  const Eigen::Index later = data.y.cols() / 2;
+  data.y.rightCols(later) = swept({}, 0.0, 8, 0.75).y.rightCols(later);
+  for (const Structure structure : {Structure::as_written, Structure::automatic}) {
+    const VehicleEstimate fit = fitted(data, structure);
+    EXPECT_EQ(fit.status, Status::untrusted);
+    const Finding* changes = finding(fit, FindingCode::car_changes);
+    ASSERT_NE(changes, nullptr) << fit.message;
+    EXPECT_EQ(changes->about.front(), "change of Cr");
+    EXPECT_THAT(changes->text, HasSubstr("change of Cr -0.2"));
+  }
+}
+
+TEST(StructureStudy, NamesASensorThatIsLate) {
+  Dataset data = swept({}, 0.0, 9);
+  const Eigen::Index late = 4;  // 80 ms
+  const Eigen::VectorXd r = data.y.row(0);
+  data.y.row(0).tail(r.size() - late) = r.head(r.size() - late).transpose();
+  const VehicleEstimate fit = fitted(data, Structure::automatic);
+  EXPECT_NE(fit.status, Status::ok);
+  const Finding* differs = finding(fit, FindingCode::sensor_differs);
+  ASSERT_NE(differs, nullptr) << fit.message;
+  EXPECT_THAT(differs->about.front(), HasSubstr(" of r"));  // delay or lag
 }
 
 TEST(StructureStudy, UnitsChangeNothing) {

@@ -113,6 +113,23 @@ TEST(SecondaryEffects, InSteadyCorneringRollShowsInAyAlone) {
   EXPECT_NEAR(soft[2], stiff[2] + kStandardGravity * std::sin(0.01 * stiff[2]), 1e-5);
 }
 
+TEST(SecondaryEffects, RollOfAnyFrequencyAndHeightIsThatOfTheSingleTrack) {
+  const Eigen::VectorXd time = times(0.01, 10.0), steering = sweep(time);
+  SingleTrack<> rolls = car();
+  rolls.roll_gradient = 0.008;
+  rolls.roll_frequency = 2.2;
+  rolls.roll_height = 0.3;
+  SecondaryEffects rolling{};
+  rolling[kRollGradient] = rolls.roll_gradient;
+  rolling[kRollQuickness] = std::log(rolls.roll_frequency / 1.5);
+  rolling[kRollArm] = rolls.roll_height - 0.17 * (rolls.a + rolls.b);
+  const Eigen::MatrixXd exact = plain(rolls, driven(time, steering, 0.001));
+  const double coarse = difference(with(rolling, driven(time, steering, 0.005)), exact);
+  const double fine = difference(with(rolling, driven(time, steering, 0.0025)), exact);
+  EXPECT_LT(fine, 1e-3);
+  EXPECT_LT(fine, 0.3 * coarse);
+}
+
 TEST(SecondaryEffects, SmoothingMovesNothingInTime) {
   const Eigen::VectorXd time = times(0.01, 20.0);
   const auto sine = [](double t) { return 0.3 * std::sin(2.0 * t); };
