@@ -10,8 +10,6 @@
 namespace identikal {
 namespace {
 
-constexpr double kPerDegree = 1.0 / kDegreesPerRadian;
-
 /// Rows r, vy, ay, without noise.
 Eigen::MatrixXd outputs(const SingleTrack<>& car, const SecondaryEffects& effects,
                         const VehicleDrive& drive) {
@@ -56,7 +54,7 @@ std::array<double, 3> least_errors(const VehicleDrive& drive, Insight insight) {
       insight == Insight::everything ? std::vector<Unknown>{} : unknown_effects(drive.car);
   const Eigen::MatrixXd at = outputs(drive.car, drive.effects, drive);
   const double small = drive.car.m < 50.0 ? 0.1 : 1.0;
-  const Eigen::Vector3d sd(0.12 * kPerDegree, 0.025 * small, 0.06);
+  const Eigen::Vector3d sd(0.12 / kDegreesPerRadian, 0.025 * small, 0.06);
   std::vector<Eigen::MatrixXd> by;
   const auto add = [&](SingleTrack<> car, const SecondaryEffects& with, double step) {
     by.push_back((outputs(car, with, drive) - at) / step);
