@@ -121,8 +121,8 @@ bool asks(const Expression& condition, Eigen::Index input) {
       [&](const Expression::Node& node) { return node.op == Op::symbol && node.symbol == input; });
 }
 
-/// Flags that use_when does not ask: where one of them is set, not 0, a row is not wanted. Where it has no
-/// sample its last one counts.
+/// Flags that use_when does not ask: where one of them is set, not 0, a row is not wanted. Where it
+/// has no sample its last one counts.
 std::vector<bool> unflagged_rows(const Model& model, const Dataset& data, Findings& findings) {
   const std::optional<RowCondition>& use_when = as_vehicle(model).use_when;
   std::vector<bool> out(static_cast<std::size_t>(data.size()), true);

@@ -38,8 +38,8 @@ std::vector<Spin> find_spins(const SpinSignals& signals);
 
 /// Slides that a driver holds by countersteering (a drift), outside of `spins`: he steers against a
 /// turn of more than 3 m/s^2 for longer than twice the time vx/(10 g) in which a car on tyres of 10
-/// 1/rad times its load answers, and for 0.3 s at least, and steered with most of the turning before. Where sideslip
-/// is measured it exceeds 6 deg there.
+/// 1/rad times its load answers, and for 0.3 s at least, and steered with most of the turning before.
+/// Where sideslip is measured it exceeds 6 deg there.
 std::vector<Spin> find_countersteering(const SpinSignals& signals, const std::vector<Spin>& spins);
 
 }  // namespace identikal

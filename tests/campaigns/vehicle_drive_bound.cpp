@@ -61,7 +61,7 @@ std::array<double, 3> least_errors(const VehicleDrive& drive, Insight insight) {
   };
   for (double SingleTrack<>::*free : {&SingleTrack<>::Iz, &SingleTrack<>::steering_offset}) {
     SingleTrack<> car = drive.car;
-    const double step = free == &SingleTrack<>::Iz ? 1e-3 : 1e-3;
+    constexpr double step = 1e-3;
     car.*free = free == &SingleTrack<>::Iz ? car.*free * (1.0 + step) : step;
     add(car, drive.effects, step);
   }

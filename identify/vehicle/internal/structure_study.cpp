@@ -254,25 +254,19 @@ class StructureSearch {
   struct Suspicion {
     double size, variance;  ///< without a prior
     Eigen::VectorXd moved;  ///< unknowns by size
+    Eigen::VectorXd step;   ///< of the unknowns and of it, to the optimum
   };
 
   /// The noise is that which would be left with the mistake: one that is there colours the errors.
   Suspicion suspicion(const PossibleMistake& mistake, const Eigen::VectorXd& e) {
     Eigen::MatrixXd by(e.size(), count() + 1);
     by << by_unknown_, mistake.by;
-    Suspicion out{};
-    Eigen::VectorXd left = e;
-    for (int pass = 0; pass < 2; ++pass) {
-      weigh(left);
-      const NormalEquations equations = normal_equations(by, e);
-      const Eigen::VectorXd step = with_one_more(equations, out);
-      left = linear_errors(by, equations.blocks, step, e);
-    }
-    return out;
+    const NormalEquations without = normal_equations(by, e);
+    weigh(linear_errors(by, without.blocks, with_one_more(without).step, e));
+    return with_one_more(normal_equations(by, e));
   }
 
-  /// @return the step to the optimum, of all that `equations` has
-  Eigen::VectorXd with_one_more(const NormalEquations& equations, Suspicion& out) const {
+  Suspicion with_one_more(const NormalEquations& equations) const {
     std::vector<Eigen::Index> open;
     for (Eigen::Index i = 0; i < count(); ++i) {
       const double at = entry(at_, unknowns_[i]);
@@ -291,17 +285,15 @@ class StructureSearch {
                           at_once = -solver.solve(Eigen::VectorXd(gradient(open)));
     const double precision = std::max(1e-12, 1.0 + cross.dot(moved));
     const double size = -(gradient[last] + cross.dot(at_once)) / precision;
-    out.size = size * scale[last];
-    out.variance = scale[last] * scale[last] / precision;
-    out.moved = Eigen::VectorXd::Zero(count());
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(count() + 1);
+    Suspicion out{size * scale[last], scale[last] * scale[last] / precision,
+                  Eigen::VectorXd::Zero(count()), Eigen::VectorXd::Zero(count() + 1)};
     for (std::size_t k = 0; k < open.size(); ++k) {
       const auto n = static_cast<Eigen::Index>(k);
       out.moved[open[k]] = scale[open[k]] * moved[n] / scale[last];
-      step[open[k]] = scale[open[k]] * (at_once[n] + size * moved[n]);
+      out.step[open[k]] = scale[open[k]] * (at_once[n] + size * moved[n]);
     }
-    step[last] = out.size;
-    return step;
+    out.step[last] = out.size;
+    return out;
   }
 
   Eigen::VectorXd linear_errors(const Eigen::MatrixXd& by, const std::vector<StateBlock>& blocks,
@@ -327,6 +319,7 @@ class StructureSearch {
     double all = 1.0;
     for (const PossibleMistake& mistake :
          possible_mistakes(problem_, at_, unknowns_, e, by_unknown_)) {
+      weight_ = weight;
       const Suspicion said = suspicion(mistake, e);
       const auto density = [&](double sd) {
         const double variance = said.variance + sd * sd;

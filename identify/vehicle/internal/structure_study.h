@@ -43,13 +43,18 @@ struct StructureStudy {
 
 /// Fits the vehicle once more with everything unknown at once that explains the same milliseconds
 /// and degrees: delay, lag and noise of the steering, relaxation length, roll with camber and roll
-/// steer, bending tyres, filters of the sensors, offsets and the steering ratio. Each has a prior
-/// that says what cars and test equipment have; what the model file frees or names is left to it.
+/// steer, bending tyres, filters, places and gains of the sensors, offsets and the steering ratio.
+/// Each has a prior that says what cars and test equipment have; what the model file frees or names
+/// is left to it.
 /// The maximum of
 ///   -1/2 sum_j 1/f_j sum_t (e_j(t)/sigma_j)^2 - 1/2 sum_c ((c - mean_c)/sd_c)^2
 /// with f_j the integrated autocorrelation of the residuals, so that samples which tell the same
 /// thing count once. Its curvature there is the precision of parameters and causes together, which
-/// averages over the structures instead of choosing one.
+/// averages over the structures instead of choosing one. Then it weighs possible_mistakes(), of size
+/// x, each as one more unknown: x^ +- s says the problem linear about there, with the noise that is
+/// left with it, and beside that nobody made any the odds are
+///   1/49 N(x^; 0, s^2 + sd^2) / N(x^; 0, s^2 + usual^2).
+/// The covariance grows by what they would change, by their probability.
 ///
 /// @param optimum  of output error, where it begins
 StructureStudy study_structure(const VehicleProblem& problem, const VehicleOptimum& optimum);

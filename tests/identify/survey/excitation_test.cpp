@@ -157,7 +157,7 @@ TEST(Excitation, LeaningSaysNothingOfSigns) {
           EXPECT_FALSE(name_of(f).starts_with("sign_"))
               << f.text << " at " << frequency << " Hz, " << speed << " m/s, " << gradient;
         }
-        // A sign that is wrong is found beside it where sideslip goes its own way.
+        // Where sideslip contradicts the others a wrong sign is found as well.
         if (speed > 12.0 || frequency < 0.5) continue;
         data.y.row(1) *= -1.0;
         const Findings found = survey(vehicle_signals(model, data)).findings;

@@ -89,7 +89,7 @@ Model model_of(const RelaxingCar& car, const std::string& relaxation_length) {
   return parse_model_file(file_of(car, relaxation_length), "car.yaml");
 }
 
-// With the three beside it, of which none is in the model file's range but by its size.
+// With Iz, Cf and Cr free too, whose ranges in the model file go with the vehicle's size.
 TEST(RelaxationLength, IsRecoveredAtEverySize) {
   for (const RelaxingCar& car : {kModelCar, kCar, kTruck}) {
     const Dataset data = drive_of(car, 200.0);
