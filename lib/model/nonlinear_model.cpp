@@ -7,6 +7,8 @@
 
 #include "lib/base/interpolation.h"
 #include "lib/base/message.h"
+#include "lib/model/internal/controlled_motion.h"
+#include "lib/model/internal/rates.h"
 
 namespace identikal {
 namespace {
@@ -42,21 +44,6 @@ void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs,
   throw std::invalid_argument(
       message({"step: from sample ", k, " of ", inputs.time.size(), " with ", inputs.u.rows(),
                " inputs; the model has ", model.inputs}));
-}
-
-void write_point(const NonlinearModel& model, TapeMemory& memory, const double* x, const double* u,
-                 double time) {
-  double* at = memory.data();
-  for (Index i = 0; i < model.states; ++i) *at++ = x[i];
-  for (Index i = 0; i < model.inputs; ++i) *at++ = u[i];
-  at[model.parameters] = time;
-}
-
-std::span<double> span_of(Eigen::VectorXd& v) {
-  return {v.data(), static_cast<std::size_t>(v.size())};
-}
-std::span<double> span_of(ModelMemory::Rows& M) {
-  return {M.data(), static_cast<std::size_t>(M.size())};
 }
 
 void check_order(const NonlinearModel& model, Derivatives order) {
@@ -108,12 +95,7 @@ class MotionParts {
 void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
                     const double* u, double time) {
   const Index nx = model.states;
-  const std::span<double> rate(m.rate.data(), static_cast<std::size_t>(nx));
-  if (order == Derivatives::first) {
-    write_point(model, m.rate_jacobian, x, u, time);
-    evaluate_jacobian(model.rate_jacobian, m.rate_jacobian, rate, span_of(m.J));
-    return;
-  }
+  if (order == Derivatives::first) return evaluate_rate_slopes(model, m, x, u, time);
   write_point(model, m.rate_curvature, x, u, time);
   evaluate_values(model.rate_curvature, m.rate_curvature, span_of(m.values));
   std::copy_n(m.values.data(), nx, m.rate.data());
@@ -323,6 +305,20 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
   return out;
 }
 
+InputNodes controlled_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
+                            double tolerance) {
+  if (!(tolerance >= 1e-13 && tolerance <= 1e-2)) {
+    throw std::invalid_argument(message({"controlled_nodes: tolerance ", tolerance}));
+  }
+  const auto intervals = static_cast<std::size_t>(std::max<Index>(time.size() - 1, 0));
+  InputNodes out = input_nodes(time, u, path, std::vector<int>(intervals, 1));
+  out.tolerance = tolerance;
+  for (Index i = 0; path == InputPath::pchip && i < u.rows(); ++i) {
+    out.curves.emplace_back(time, u.row(i).transpose());
+  }
+  return out;
+}
+
 ModelMemory make_memory(const NonlinearModel& model) {
   const Index nx = model.states, columns = nx + model.columns;
   const Index second = model.order == Derivatives::second ? nx * nx : 0;
@@ -366,13 +362,12 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   const Index first = inputs.first[interval];
   const Index nx = model.states;
   auto rate = m.rate.head(nx), at_stage = m.stage.head(nx), sum = m.sum.head(nx);
-  const std::span<double> values(m.rate.data(), static_cast<std::size_t>(nx));
   if (!model.continuous) {
-    write_point(model, m.rates, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    evaluate_values(model.rates, m.rates, values);
+    evaluate_rates(model, m, x.data(), inputs.u.col(first).data(), inputs.time[k]);
     x = rate;
     return;
   }
+  if (inputs.tolerance > 0.0) return move_controlled(model, m, inputs, k, x, nullptr);
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
   for (int i = 0; i < steps; ++i) {
@@ -380,9 +375,8 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     at_stage = x;
     for (const Stage& stage : kStages) {
       if (stage.reach > 0.0) at_stage = x + (stage.reach * h) * rate;
-      write_point(model, m.rates, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
-                  inputs.time[k] + (i + stage.reach) * h);
-      evaluate_values(model.rates, m.rates, values);
+      evaluate_rates(model, m, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+                     inputs.time[k] + (i + stage.reach) * h);
       sum += (stage.weight * h) * rate;
     }
     x = sum;
@@ -413,6 +407,12 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     jacobian.wrt_p = m.J.rightCols(np);
     if (order == Derivatives::second) jacobian.wrt_x_jacobian = m.H;
     return;
+  }
+  if (inputs.tolerance > 0.0) {
+    if (noisy || order == Derivatives::second) {
+      throw std::invalid_argument("step: controlled steps have first derivatives only");
+    }
+    return move_controlled(model, m, inputs, k, x, &jacobian);
   }
   // Larger ones stay: another call may need less, and the next one more.
   const Index size = parts.size();
