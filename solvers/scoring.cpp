@@ -83,53 +83,64 @@ class CurvatureCorrection {
 constexpr double kNoInformation = 1e-13;  // eigenvalues of the scaled system over the largest
 constexpr double kFlat = 1e-9;            // directions below are not determined
 
-// (J + lambda diag J)^-1 g on the given coordinates, zero elsewhere. Directions without information
-// get no step: the scaled system's eigenvalues below `least` of the largest are left out.
-VectorXd damped_step(const Point& at, const std::vector<Index>& free, double lambda,
-                     double least = kNoInformation) {
-  const auto m = static_cast<Index>(free.size());
-  if (m == 0) return VectorXd::Zero(at.x.size());
-  VectorXd scale(m), g(m);
-  MatrixXd J(m, m);
-  for (Index i = 0; i < m; ++i) {
-    const Index ii = free[i];
-    const double d = at.information(ii, ii);
-    scale[i] = d > 0.0 ? 1.0 / std::sqrt(d) : 0.0;
-    g[i] = at.gradient[ii] * scale[i];
-  }
-  for (Index i = 0; i < m; ++i) {
-    for (Index j = 0; j < m; ++j) {
-      J(i, j) = at.information(free[i], free[j]) * scale[i] * scale[j];
+// The information on the given coordinates, scaled to unit diagonal, by its eigenvectors.
+class ScaledSystem {
+ public:
+  ScaledSystem(const MatrixXd& information, const std::vector<Index>& free)
+      : size_(information.rows()), free_(free), scale_(static_cast<Index>(free.size())) {
+    const Index m = scale_.size();
+    MatrixXd J(m, m);
+    for (Index i = 0; i < m; ++i) {
+      const double d = information(free[i], free[i]);
+      scale_[i] = d > 0.0 ? 1.0 / std::sqrt(d) : 0.0;
     }
+    for (Index i = 0; i < m; ++i) {
+      for (Index j = 0; j < m; ++j) J(i, j) = information(free[i], free[j]) * scale_[i] * scale_[j];
+    }
+    if (m > 0) eigen_.compute(J);
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(J);
-  const double floor = least * std::max(1e-300, eigen.eigenvalues().maxCoeff());
-  VectorXd rotated = eigen.eigenvectors().transpose() * g;
-  for (Index i = 0; i < m; ++i) {
-    const double value = eigen.eigenvalues()[i];
-    rotated[i] = value > floor ? rotated[i] / (value + lambda) : 0.0;
-  }
-  const VectorXd d = eigen.eigenvectors() * rotated;
-  VectorXd step = VectorXd::Zero(at.x.size());
-  for (Index i = 0; i < m; ++i) step[free[i]] = scale[i] * d[i];
-  return step;
-}
 
-// The gain that the quadratic expects of the full step along directions of at least this
-// information.
-double expected_gain(const Point& at, const std::vector<Index>& free, double least) {
-  return 0.5 * at.gradient.dot(damped_step(at, free, 0.0, least));
-}
+  // (J + lambda diag J)^-1 g on the coordinates, zero elsewhere. Directions without information get
+  // no step: eigenvalues below `least` of the largest are left out.
+  VectorXd damped_step(const VectorXd& gradient, double lambda,
+                       double least = kNoInformation) const {
+    VectorXd step = VectorXd::Zero(size_);
+    const Index m = scale_.size();
+    if (m == 0) return step;
+    VectorXd g(m);
+    for (Index i = 0; i < m; ++i) g[i] = gradient[free_[i]] * scale_[i];
+    const double floor = least * std::max(1e-300, eigen_.eigenvalues().maxCoeff());
+    VectorXd rotated = eigen_.eigenvectors().transpose() * g;
+    for (Index i = 0; i < m; ++i) {
+      const double value = eigen_.eigenvalues()[i];
+      rotated[i] = value > floor ? rotated[i] / (value + lambda) : 0.0;
+    }
+    const VectorXd d = eigen_.eigenvectors() * rotated;
+    for (Index i = 0; i < m; ++i) step[free_[i]] = scale_[i] * d[i];
+    return step;
+  }
+
+  // The gain that the quadratic expects of the full step along directions of at least this
+  // information.
+  double expected_gain(const VectorXd& gradient, double least) const {
+    return 0.5 * gradient.dot(damped_step(gradient, 0.0, least));
+  }
+
+ private:
+  Index size_;
+  std::vector<Index> free_;
+  VectorXd scale_;
+  Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
+};
 
 // The step that stays in the box: coordinates that would leave it stop at the bound and the others
 // are solved again without them.
+// @param system  of the information on the free coordinates
 VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vector<Index> free,
-                    double lambda) {
+                    const ScaledSystem& system, double lambda) {
   VectorXd stopped = VectorXd::Zero(at.x.size());
+  VectorXd step = system.damped_step(at.gradient, lambda);
   while (true) {
-    Point shifted = at;
-    shifted.gradient = at.gradient - at.information * stopped;
-    VectorXd step = damped_step(shifted, free, lambda);
     std::vector<Index> still_free;
     for (const Index i : free) {
       const double to = at.x[i] + step[i];
@@ -144,6 +155,8 @@ VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vect
     if (still_free.size() == free.size()) return step + stopped;
     free = still_free;
     if (free.empty()) return stopped;
+    step = ScaledSystem(at.information, free)
+               .damped_step(at.gradient - at.information * stopped, lambda);
   }
 }
 
@@ -236,15 +249,18 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   RecentGains recent;
   while (true) {
     const std::vector<Index> free = free_coordinates(problem, at);
-    summary.expected_gain = expected_gain(at, free, kNoInformation);
+    const ScaledSystem system(at.information, free);
+    summary.expected_gain = system.expected_gain(at.gradient, kNoInformation);
     if (summary.expected_gain <= options.decrement_tolerance) {
       return finish(Termination::converged, "the increase still expected is below the tolerance");
     }
     Point model = at;
     model.information = correction.apply(at, free);
+    const ScaledSystem corrected =
+        model.information == at.information ? system : ScaledSystem(model.information, free);
     // What is not determined has no maximum to be away from.
-    summary.expected_gain =
-        std::max(expected_gain(at, free, kFlat), expected_gain(model, free, kFlat));
+    summary.expected_gain = std::max(system.expected_gain(at.gradient, kFlat),
+                                     corrected.expected_gain(at.gradient, kFlat));
     const bool arrived = summary.expected_gain < acceptable;
     const auto end_short = [&](Termination termination, const char* message) {
       if (!arrived) return finish(termination, message);
@@ -261,7 +277,8 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
 
     Trial trial;
     while (!trial.accepted) {
-      trial = try_step(problem, at, model.information, boxed_step(problem, model, free, lambda));
+      trial = try_step(problem, at, model.information,
+                       boxed_step(problem, model, free, corrected, lambda));
       ++summary.evaluations;
       if (trial.accepted) break;
       lambda = std::max(1e-2, 4.0 * lambda);

@@ -418,11 +418,52 @@ PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorX
   return {};
 }
 
+namespace {
+
+/// Adds gradient and information of the errors, whose noise has these sd.
+void add_information(const VehicleProblem& problem, const Eigen::VectorXd& e,
+                     const LeastSquares::RowMatrix& J, const Eigen::VectorXd& sd,
+                     Eigen::VectorXd& gradient, Eigen::MatrixXd& information) {
+  constexpr Eigen::Index kBlock = 128;  // rows that stay in the processor's first cache
+  const Eigen::Index shared = problem.parameters() + problem.gains(), columns = shared + 2;
+  LeastSquares::RowMatrix weighted_J(kBlock, columns);
+  Eigen::VectorXd weighted_e(kBlock);
+  Eigen::Index first = 0;
+  for (std::size_t s = 0; s < problem.run->segments.size(); ++s) {
+    // Of the initial states only the segment's own take part.
+    const Eigen::Index state = problem.state_of(s);
+    const VehicleRun::Segment& segment = problem.run->segments[s];
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(columns);
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(columns, columns);
+    while (first < e.size() && problem.row[first] < segment.first + segment.rows) {
+      Eigen::Index rows = 0;
+      for (; rows < kBlock && first < e.size() && problem.row[first] < segment.first + segment.rows;
+           ++rows, ++first) {
+        const double scale = sd[problem.output[first]], r = e[first] / scale;
+        const double root = problem.robust ? std::sqrt(noise_cost(true, r).weight) : 1.0;
+        weighted_e[rows] = root * r;
+        weighted_J.row(rows).head(shared) = (root / scale) * J.row(first).head(shared);
+        weighted_J.row(rows).tail<2>() = (root / scale) * J.row(first).segment<2>(state);
+      }
+      const auto block = weighted_J.topRows(rows);
+      g.noalias() -= block.transpose() * weighted_e.head(rows);
+      H.selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
+    }
+    gradient.head(shared) += g.head(shared);
+    gradient.segment<2>(state) += g.tail<2>();
+    information.topLeftCorner(shared, shared) += H.topLeftCorner(shared, shared);
+    information.block(state, 0, 2, shared) += H.bottomLeftCorner(2, shared);
+    information.block<2, 2>(state, state) += H.bottomRightCorner<2, 2>();
+  }
+  information.triangularView<Eigen::StrictlyUpper>() = information.transpose();
+}
+
+}  // namespace
+
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options) {
-  constexpr Eigen::Index kBlock = 128;
-  Eigen::VectorXd e, weighted_e(kBlock);
-  LeastSquares::RowMatrix J, weighted_J(kBlock, problem.coordinates());
+  Eigen::VectorXd e;
+  LeastSquares::RowMatrix J;
   LikelihoodProblem likelihood;
   likelihood.lower = problem.lower;
   likelihood.upper = problem.upper;
@@ -436,22 +477,8 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     if (!with_jacobian) return true;
     gradient->setZero(z.size());
     information->setZero(z.size(), z.size());
-    // By blocks that stay in the processor's first cache.
-    for (Eigen::Index first = 0; first < e.size(); first += kBlock) {
-      const Eigen::Index rows = std::min(kBlock, e.size() - first);
-      for (Eigen::Index n = 0; n < rows; ++n) {
-        const double scale = sd[problem.output[first + n]];
-        const double r = e[first + n] / scale;
-        const double root = problem.robust ? std::sqrt(noise_cost(true, r).weight) : 1.0;
-        weighted_e[n] = root * r;
-        weighted_J.row(n) = (root / scale) * J.row(first + n);
-      }
-      const auto block = weighted_J.topRows(rows);
-      gradient->noalias() -= block.transpose() * weighted_e.head(rows);
-      information->selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
-    }
+    add_information(problem, e, J, sd, *gradient, *information);
     if (!gradient->allFinite()) return false;
-    information->triangularView<Eigen::StrictlyUpper>() = information->transpose();
     for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
       const PriorResidual prior = prior_residual(problem, z, i);
       (*gradient)[i] -= prior.value * prior.slope;

@@ -79,7 +79,7 @@ DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
                          .inverse_vx = 1.0 / speed,
                          .vx_rate = vx_at.slope_in_interval(k, t)});
   };
-  add_node(0, time[0]);
+  std::size_t steps_in_all = 0;
   for (Eigen::Index k = 0; k + 1 < n; ++k) {
     const double length = time[k + 1] - time[k];
     const double slowest = std::min(vx[k], vx[k + 1]), fastest = std::max(vx[k], vx[k + 1]);
@@ -90,8 +90,13 @@ DrivenSegment drive(const Eigen::VectorXd& time, const Eigen::VectorXd& steering
     }
     // A step that is too long by rounding only is not worth a second one.
     const int steps = std::max(1, static_cast<int>(std::ceil(length / limit - 1e-6)));
-    const double step = length / steps;
-    out.intervals.push_back({steps, step});
+    out.intervals.push_back({steps, length / steps});
+    steps_in_all += static_cast<std::size_t>(steps);
+  }
+  out.nodes.reserve(2 * steps_in_all + 1);
+  add_node(0, time[0]);
+  for (Eigen::Index k = 0; k + 1 < n; ++k) {
+    const auto [steps, step] = out.intervals[static_cast<std::size_t>(k)];
     for (int half = 1; half < 2 * steps; ++half) add_node(k, time[k] + 0.5 * half * step);
     add_node(k, time[k + 1]);
   }

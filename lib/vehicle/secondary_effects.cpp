@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "lib/base/constants.h"
+#include "lib/vehicle/first_order_lag.h"
 
 namespace identikal {
 namespace {
@@ -178,7 +179,8 @@ void simulate_with_effects(const SingleTrack<>& given, const SecondaryEffects& e
   RollingState x{vy - given.roll_height * segment.nodes[0].roll_rate, r, 0.0, 0.0};
   AxleForces F = car.steady_forces(x, segment.nodes[0], wheel[0]);
   x.roll = (F.front + F.rear) / given.m;
-  F = car.steady_forces(x, segment.nodes[0], wheel[0]);
+  AxleForces steady = car.steady_forces(x, segment.nodes[0], wheel[0]);
+  F = steady;
   observe(0, car.motion(x, F, segment.nodes[0], wheel[0]), segment.nodes[0].vx);
   std::size_t at = 0;
   for (std::size_t k = 0; k < segment.intervals.size(); ++k) {
@@ -186,17 +188,18 @@ void simulate_with_effects(const SingleTrack<>& given, const SecondaryEffects& e
     for (int i = 0; i < segment.intervals[k].steps; ++i, at += 2) {
       const DrivenSegment::Node &begin = segment.nodes[at], &middle = segment.nodes[at + 1],
                                 &end = segment.nodes[at + 2];
-      const AxleForces start = car.steady_forces(x, begin, wheel[at]);
       const auto followed = [&](const AxleForces& to, double t, double vx) {
-        const double T = effects[kTyreRelaxation] / vx;
-        return AxleForces{lagged(F.front, start.front, to.front, t, T),
-                          lagged(F.rear, start.rear, to.rear, t, T)};
+        const FirstOrderLag lag(effects[kTyreRelaxation] / vx, t);
+        return AxleForces{lag.next(F.front, steady.front, to.front),
+                          lag.next(F.rear, steady.rear, to.rear)};
       };
       const RollingState halfway = moved(x, car.rate(x, F, begin.vx), 0.5 * h);
       const AxleForces between =
           followed(car.steady_forces(halfway, middle, wheel[at + 1]), 0.5 * h, begin.vx);
       x = moved(x, car.rate(halfway, between, middle.vx), h);
-      F = followed(car.steady_forces(x, end, wheel[at + 2]), h, middle.vx);
+      const AxleForces after = car.steady_forces(x, end, wheel[at + 2]);
+      F = followed(after, h, middle.vx);
+      steady = after;
     }
     observe(static_cast<Eigen::Index>(k) + 1, car.motion(x, F, segment.nodes[at], wheel[at]),
             segment.nodes[at].vx);

@@ -28,7 +28,8 @@ enum SecondaryEffect {
   kLagOfAy,            ///< [s]
   kArmOfVy,            ///< how far its sensor sits ahead of where the model has it [m]
   kArmOfAy,            ///< the same [m]
-  kSecondaryEffects
+  kSecondaryEffects,
+  kFirstEffectOfSensors = kLagOfR  ///< from here on they leave the car's motion as it is
 };
 
 inline constexpr double kUsualRollArm = 0.17;  ///< over the wheelbase

@@ -1,5 +1,7 @@
 #include "identify/vehicle/internal/secondary_simulation.h"
 
+#include <algorithm>
+
 namespace identikal {
 namespace {
 
@@ -37,10 +39,29 @@ struct FilteredSensor {
   }
 };
 
+bool is_of_sensor(int parameter) {
+  return parameter == kBiasR || parameter == kBiasVy || parameter == kBiasAy ||
+         parameter == kMountingAngle || parameter >= kFirstOfSensors;
+}
+
+bool move_alike(const StudyPoint& one, const StudyPoint& other) {
+  for (int i = 0; i < kVehicleParameters; ++i) {
+    if (!is_of_sensor(i) && one.p[i] != other.p[i]) return false;
+  }
+  return std::equal(one.effects.begin(), one.effects.begin() + kFirstEffectOfSensors,
+                    other.effects.begin()) &&
+         one.states == other.states;
+}
+
 }  // namespace
 
+bool is_of_sensor(const StudyUnknown& unknown) {
+  return unknown.kind == StudyUnknown::Kind::effect ? unknown.index >= kFirstEffectOfSensors
+                                                    : is_of_sensor(unknown.index);
+}
+
 SecondarySimulation::SecondarySimulation(const VehicleProblem& problem, double delay)
-    : problem_(problem) {
+    : problem_(problem), moved_(problem.run->segments.size()) {
   IntegrationDemand demand = problem.demand;
   demand.relaxation_length = 0.0;
   demand.longest_step = kLongestStudyStep;
@@ -57,17 +78,19 @@ SecondarySimulation::SecondarySimulation(const VehicleProblem& problem, double d
 }
 
 Eigen::VectorXd SecondarySimulation::errors(const StudyPoint& point) {
-  SingleTrack<> car = car_with(problem_.unknowns.curve, point.p);
+  const SingleTrack<> car = car_with(problem_.unknowns.curve, point.p);
+  if (!moved_at_ || !move_alike(point, *moved_at_)) {
+    for (std::size_t s = 0; s < driven_.size(); ++s) move(point, car, s);
+    moved_at_ = point;
+  }
   const std::vector<VehicleReading> sensors = readings(*problem_.run, car);
   Eigen::VectorXd e(problem_.residuals());
   Eigen::Index n = 0;
-  for (std::size_t s = 0; s < driven_.size(); ++s) add_segment(point, car, sensors, s, n, e);
+  for (std::size_t s = 0; s < driven_.size(); ++s) show(point, car, sensors, s, n, e);
   return e;
 }
 
-void SecondarySimulation::add_segment(const StudyPoint& point, const SingleTrack<>& car,
-                                      const std::vector<VehicleReading>& sensors, std::size_t s,
-                                      Eigen::Index& n, Eigen::VectorXd& e) {
+void SecondarySimulation::move(const StudyPoint& point, const SingleTrack<>& car, std::size_t s) {
   const VehicleRun& run = *problem_.run;
   const auto [first, rows] = run.segments[s];
   const double delay = point.p[kSteeringDelay], lag = point.p[kLagOfSteering];
@@ -75,6 +98,21 @@ void SecondarySimulation::add_segment(const StudyPoint& point, const SingleTrack
     set_delay(driven_[s], run.time.segment(first, rows), run.steering.segment(first, rows), delay,
               lag);
   }
+  const Eigen::Index at = 2 * static_cast<Eigen::Index>(s);
+  const double vy = point.states[at] * kStateScale[0], r = point.states[at + 1] * kStateScale[1];
+  std::vector<Sample>& moved = moved_[s];
+  moved.clear();
+  simulate_with_effects(car, point.effects, driven_[s], vy, r,
+                        [&](Eigen::Index, const Motion& motion, double vx) {
+                          moved.push_back({motion, vx});
+                        });
+}
+
+void SecondarySimulation::show(const StudyPoint& point, const SingleTrack<>& car,
+                               const std::vector<VehicleReading>& sensors, std::size_t s,
+                               Eigen::Index& n, Eigen::VectorXd& e) const {
+  const VehicleRun& run = *problem_.run;
+  const auto [first, rows] = run.segments[s];
   std::vector<FilteredSensor> filtered;
   for (const VehicleRun::Output& output : run.outputs) {
     const VehicleQuantity quantity = output.sensor.quantity;
@@ -83,20 +121,19 @@ void SecondarySimulation::add_segment(const StudyPoint& point, const SingleTrack
   }
   SignalRows value(rows, static_cast<Eigen::Index>(sensors.size()));
   const Eigen::Index begin = n;
-  const Eigen::Index at = 2 * static_cast<Eigen::Index>(s);
-  const double vy = point.states[at] * kStateScale[0], r = point.states[at + 1] * kStateScale[1];
-  const auto observe = [&, first = first](Eigen::Index k, const Motion& motion, double vx) {
+  for (Eigen::Index k = 0; k < rows; ++k) {
     const Eigen::Index row = first + k;
+    const Sample& at = moved_[s][static_cast<std::size_t>(k)];
     const double step = k == 0 ? 0.0 : run.time[row] - run.time[row - 1];
     for (std::size_t j = 0; j < sensors.size(); ++j) {
-      const double now = reading(point.effects, run.outputs[j].sensor, sensors[j], motion, vx);
+      const double now =
+          reading(point.effects, run.outputs[j].sensor, sensors[j], at.motion, at.vx);
       value(k, static_cast<Eigen::Index>(j)) = filtered[j].next(now, step);
     }
     for (; n < e.size() && problem_.row[n] == row; ++n) {
       e[n] = value(k, problem_.output[n]) - problem_.sample[n];
     }
-  };
-  simulate_with_effects(car, point.effects, driven_[s], vy, r, observe);
+  }
   if (problem_.late_sensors) show_late(car, s, value, begin, n, e);
 }
 

@@ -1,6 +1,7 @@
 // What would the sensors say of a car with secondary effects?
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -11,7 +12,11 @@
 
 namespace identikal {
 
-/// The problem's run, simulated with secondary effects.
+/// Whether it is a sensor's, so that the car moves the same whatever it is.
+bool is_of_sensor(const StudyUnknown& unknown);
+
+/// The problem's run, simulated with secondary effects. A point where the car moves as at the point
+/// before is not simulated again.
 class SecondarySimulation {
  public:
   /// @param delay  of the steering, most likely
@@ -21,14 +26,22 @@ class SecondarySimulation {
   Eigen::VectorXd errors(const StudyPoint& point);
 
  private:
-  void add_segment(const StudyPoint& point, const SingleTrack<>& car,
-                   const std::vector<VehicleReading>& sensors, std::size_t s, Eigen::Index& n,
-                   Eigen::VectorXd& e);
+  struct Sample {
+    Motion motion;
+    double vx;
+  };
+
+  void move(const StudyPoint& point, const SingleTrack<>& car, std::size_t s);
+  void show(const StudyPoint& point, const SingleTrack<>& car,
+            const std::vector<VehicleReading>& sensors, std::size_t s, Eigen::Index& n,
+            Eigen::VectorXd& e) const;
   void show_late(const SingleTrack<>& car, std::size_t s, const SignalRows& value,
                  Eigen::Index begin, Eigen::Index end, Eigen::VectorXd& e) const;
 
   const VehicleProblem& problem_;
   std::vector<DrivenSegment> driven_;
+  std::optional<StudyPoint> moved_at_;
+  std::vector<std::vector<Sample>> moved_;  // of the segments' rows
 };
 
 }  // namespace identikal

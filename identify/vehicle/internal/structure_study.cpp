@@ -22,6 +22,7 @@ constexpr double kStateStep = 1e-4;   // for differences, over kStateScale
 constexpr double kUncorrelated = 0.05;
 constexpr double kMistakes = 0.02;  // of things that may be wrong are
 constexpr double kGross = 0.5;      // of the standard deviation of mistakes
+constexpr double kNoticed = 1.0;    // standard errors: a smaller mistake leaves the noise as it is
 
 /// The search. Differences make the derivatives: every column is a simulation.
 class StructureSearch {
@@ -112,13 +113,11 @@ class StructureSearch {
 
   void differentiate(const Eigen::VectorXd& e) {
     by_unknown_.resize(e.size(), count());
-    for (Eigen::Index i = 0; i < count(); ++i) {
-      const StudyUnknown& u = unknowns_[i];
-      StudyPoint other = at_;
-      double& x = entry(other, u);
-      const double by = x + u.step > u.upper ? -u.step : u.step;
-      x += by;
-      by_unknown_.col(i) = (simulation_.errors(other) - e) / by;
+    // Sensors first, which take the motion that was simulated last.
+    for (const bool of_sensor : {true, false}) {
+      for (Eigen::Index i = 0; i < count(); ++i) {
+        if (is_of_sensor(unknowns_[i]) == of_sensor) differentiate(e, i);
+      }
     }
     by_state_.resize(e.size(), 2);
     for (Eigen::Index i = 0; i < 2; ++i) {
@@ -128,10 +127,20 @@ class StructureSearch {
     }
   }
 
+  void differentiate(const Eigen::VectorXd& e, Eigen::Index i) {
+    const StudyUnknown& u = unknowns_[i];
+    StudyPoint other = at_;
+    double& x = entry(other, u);
+    const double by = x + u.step > u.upper ? -u.step : u.step;
+    x += by;
+    by_unknown_.col(i) = (simulation_.errors(other) - e) / by;
+  }
+
   /// Of a segment, what its initial state takes part in.
   struct StateBlock {
+    using Cross = Eigen::Matrix<double, 2, Eigen::Dynamic>;
     Eigen::Matrix2d inverse;
-    Eigen::Matrix<double, 2, Eigen::Dynamic> cross;
+    Cross cross;
     Eigen::Vector2d gradient;
   };
 
@@ -145,25 +154,44 @@ class StructureSearch {
 
   /// @param by  derivatives of the errors: of the unknowns, then of others
   NormalEquations normal_equations(const Eigen::MatrixXd& by, const Eigen::VectorXd& e) const {
+    constexpr Eigen::Index kBlock = 256;  // rows that stay in the processor's cache
+    const Eigen::Index columns = by.cols();
     NormalEquations out{
-        Eigen::MatrixXd::Zero(by.cols(), by.cols()), Eigen::VectorXd::Zero(by.cols()), {}};
-    Eigen::Index to = 0;
+        Eigen::MatrixXd::Zero(columns, columns), Eigen::VectorXd::Zero(columns), {}};
+    Eigen::MatrixXd A;
+    Eigen::Index at = 0;
     for (const VehicleRun::Segment& segment : problem_.run->segments) {
-      const Eigen::Index from = to;
-      while (to < e.size() && problem_.row[to] < segment.first + segment.rows) ++to;
-      const Eigen::VectorXd root = weight_.segment(from, to - from).cwiseSqrt();
-      const Eigen::MatrixXd A = root.asDiagonal() * by.middleRows(from, to - from);
-      const Eigen::MatrixXd B = root.asDiagonal() * by_state_.middleRows(from, to - from);
-      const Eigen::VectorXd c = root.cwiseProduct(e.segment(from, to - from));
-      Eigen::Matrix2d S = B.transpose() * B;
-      S.diagonal().array() += 1e-6;  // a state that nothing shows stays
-      const StateBlock block{S.inverse(), B.transpose() * A, B.transpose() * c};
-      out.precision += A.transpose() * A - block.cross.transpose() * block.inverse * block.cross;
-      out.gradient += A.transpose() * c - block.cross.transpose() * block.inverse * block.gradient;
+      // A state that nothing shows stays.
+      Eigen::Matrix2d S = 1e-6 * Eigen::Matrix2d::Identity();
+      StateBlock block{{}, StateBlock::Cross::Zero(2, columns), Eigen::Vector2d::Zero()};
+      for (const Eigen::Index end = end_of(segment, at); at < end;) {
+        const Eigen::Index rows = std::min(kBlock, end - at);
+        const Eigen::VectorXd root = weight_.segment(at, rows).cwiseSqrt();
+        const Eigen::MatrixX2d B = root.asDiagonal() * by_state_.middleRows(at, rows);
+        const Eigen::VectorXd c = root.cwiseProduct(e.segment(at, rows));
+        A = root.asDiagonal() * by.middleRows(at, rows);
+        S.noalias() += B.transpose() * B;
+        block.cross.noalias() += B.transpose() * A;
+        block.gradient.noalias() += B.transpose() * c;
+        out.precision.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
+        out.gradient.noalias() += A.transpose() * c;
+        at += rows;
+      }
+      block.inverse = S.inverse();
+      out.precision -= block.cross.transpose() * block.inverse * block.cross;
+      out.gradient -= block.cross.transpose() * block.inverse * block.gradient;
       out.blocks.push_back(block);
     }
+    out.precision.triangularView<Eigen::StrictlyUpper>() = out.precision.transpose();
     add_priors(out);
     return out;
+  }
+
+  /// Behind the last residual of a segment.
+  Eigen::Index end_of(const VehicleRun::Segment& segment, Eigen::Index from) const {
+    const auto behind = std::lower_bound(problem_.row.begin() + from, problem_.row.end(),
+                                         segment.first + segment.rows);
+    return behind - problem_.row.begin();
   }
 
   /// Fills precision, gradient and covariance of the unknowns, the states eliminated.
@@ -254,25 +282,24 @@ class StructureSearch {
   struct Suspicion {
     double size, variance;  ///< without a prior
     Eigen::VectorXd moved;  ///< unknowns by size
-    Eigen::VectorXd step;   ///< of the unknowns and of it, to the optimum
+    Eigen::VectorXd step;   ///< of the unknowns and of it, others zero, to the optimum
   };
 
   /// The noise is that which would be left with the mistake: one that is there colours the errors.
-  Suspicion suspicion(const PossibleMistake& mistake, const Eigen::VectorXd& e) {
-    Eigen::MatrixXd by(e.size(), count() + 1);
-    by << by_unknown_, mistake.by;
-    const NormalEquations without = normal_equations(by, e);
-    weigh(linear_errors(by, without.blocks, with_one_more(without).step, e));
-    return with_one_more(normal_equations(by, e));
+  Suspicion suspicion(const Suspicion& before, const Eigen::MatrixXd& by, Eigen::Index mistake,
+                      const std::vector<StateBlock>& blocks, const Eigen::VectorXd& e) {
+    Eigen::MatrixXd of(e.size(), count() + 1);
+    of << by_unknown_, by.col(mistake);
+    weigh(linear_errors(by, blocks, before.step, e));
+    return with_one_more(normal_equations(of, e), count());
   }
 
-  Suspicion with_one_more(const NormalEquations& equations) const {
+  Suspicion with_one_more(const NormalEquations& equations, Eigen::Index last) const {
     std::vector<Eigen::Index> open;
     for (Eigen::Index i = 0; i < count(); ++i) {
       const double at = entry(at_, unknowns_[i]);
       if (at > unknowns_[i].lower && at < unknowns_[i].upper) open.push_back(i);
     }
-    const Eigen::Index last = count();
     const Eigen::VectorXd scale =
         equations.precision.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd scaled = scale.asDiagonal() * equations.precision * scale.asDiagonal();
@@ -286,7 +313,7 @@ class StructureSearch {
     const double precision = std::max(1e-12, 1.0 + cross.dot(moved));
     const double size = -(gradient[last] + cross.dot(at_once)) / precision;
     Suspicion out{size * scale[last], scale[last] * scale[last] / precision,
-                  Eigen::VectorXd::Zero(count()), Eigen::VectorXd::Zero(count() + 1)};
+                  Eigen::VectorXd::Zero(count()), Eigen::VectorXd::Zero(scale.size())};
     for (std::size_t k = 0; k < open.size(); ++k) {
       const auto n = static_cast<Eigen::Index>(k);
       out.moved[open[k]] = scale[open[k]] * moved[n] / scale[last];
@@ -303,7 +330,7 @@ class StructureSearch {
     for (std::size_t s = 0; s < blocks.size(); ++s) {
       const VehicleRun::Segment& segment = problem_.run->segments[s];
       const Eigen::Index from = to;
-      while (to < e.size() && problem_.row[to] < segment.first + segment.rows) ++to;
+      to = end_of(segment, from);
       const Eigen::Vector2d state =
           -blocks[s].inverse * (blocks[s].gradient + blocks[s].cross * step);
       out.segment(from, to - from) += by_state_.middleRows(from, to - from) * state;
@@ -314,13 +341,22 @@ class StructureSearch {
   /// Of every mistake: how probable it is beside that nobody made any. The covariance grows by the
   /// second moments of what it would change.
   void suspect(const Eigen::VectorXd& e, StructureStudy& out) {
+    const std::vector<PossibleMistake> mistakes =
+        possible_mistakes(problem_, at_, unknowns_, e, by_unknown_);
+    Eigen::MatrixXd by(e.size(), count() + static_cast<Eigen::Index>(mistakes.size()));
+    by.leftCols(count()) = by_unknown_;
+    for (Eigen::Index i = count(); i < by.cols(); ++i) by.col(i) = mistakes[i - count()].by;
+    const NormalEquations first = normal_equations(by, e);
     const Eigen::VectorXd weight = weight_;
     std::vector<Eigen::VectorXd> moved;
     double all = 1.0;
-    for (const PossibleMistake& mistake :
-         possible_mistakes(problem_, at_, unknowns_, e, by_unknown_)) {
-      weight_ = weight;
-      const Suspicion said = suspicion(mistake, e);
+    for (const PossibleMistake& mistake : mistakes) {
+      const Eigen::Index at = count() + static_cast<Eigen::Index>(moved.size());
+      Suspicion said = with_one_more(first, at);
+      if (std::abs(said.size) > kNoticed * std::sqrt(said.variance)) {
+        said = suspicion(said, by, at, first.blocks, e);
+        weight_ = weight;
+      }
       const auto density = [&](double sd) {
         const double variance = said.variance + sd * sd;
         return std::exp(-0.5 * said.size * said.size / variance) / std::sqrt(variance);
@@ -346,7 +382,6 @@ class StructureSearch {
       out.mistakes[i].probability /= all;
       out.covariance += out.mistakes[i].probability * moved[i] * moved[i].transpose();
     }
-    weight_ = weight;
   }
 
   void report(StructureStudy& out) const {
