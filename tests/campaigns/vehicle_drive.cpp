@@ -148,19 +148,7 @@ Eigen::VectorXd shifted(const Eigen::VectorXd& x, double by) {
   return out;
 }
 
-/// What is wrong, drawn before the simulation: some of it changes the car.
-struct Faults {
-  std::vector<DriveFault> kinds;
-  double delay = 0.0, gain = 1.0, ratio = 1.0, arm = 0.0, turn = 0.0, corner = 0.0, speed = 1.0,
-         softer = 1.0, heavier = 1.0, bank = 0.0;
-  bool front = false;
-  int hold = 1, channel = 0;  // channel: of the outputs
-  bool has(DriveFault fault) const {
-    return std::find(kinds.begin(), kinds.end(), fault) != kinds.end();
-  }
-};
-
-std::string size_of(DriveFault kind, const Faults& faults, const Setting& setting) {
+std::string size_of(DriveFault kind, const DriveFaults& faults, const Setting& setting) {
   const std::string& channel = setting.outputs[static_cast<std::size_t>(faults.channel)];
   switch (kind) {
     case DriveFault::late_steering:
@@ -194,8 +182,8 @@ std::string size_of(DriveFault kind, const Faults& faults, const Setting& settin
   }
 }
 
-Faults draw_faults(Random& random, int count, const Setting& setting, std::string& words) {
-  Faults out;
+DriveFaults draw_faults(Random& random, int count, const Setting& setting, std::string& words) {
+  DriveFaults out;
   while (static_cast<int>(out.kinds.size()) < count) {
     const auto kind = static_cast<DriveFault>(
         static_cast<int>(random.uniform() * static_cast<double>(DriveFault::kinds)));
@@ -242,7 +230,7 @@ void simulate_part(const SingleTrack<>& car, const Setting& setting, Eigen::Inde
   r = channels.r[to - 1];
 }
 
-Channels simulated(const Setting& setting, const Faults& faults, Random& random) {
+Channels simulated(const Setting& setting, const DriveFaults& faults, Random& random) {
   const auto n = static_cast<Eigen::Index>(kSeconds * kRate);
   Channels out;
   out.time = Eigen::VectorXd::LinSpaced(n, 0.0, static_cast<double>(n - 1) / kRate);
@@ -271,7 +259,8 @@ Channels simulated(const Setting& setting, const Faults& faults, Random& random)
 }
 
 /// What the sensors make of it: filters, delays, noise, steps.
-void measure(const Setting& setting, const Faults& faults, Random& random, Channels& channels) {
+void measure(const Setting& setting, const DriveFaults& faults, Random& random,
+             Channels& channels) {
   Eigen::VectorXd& chosen =
       channels.output(setting.outputs[static_cast<std::size_t>(faults.channel)]);
   if (faults.has(DriveFault::low_pass)) {
@@ -315,7 +304,7 @@ void measure(const Setting& setting, const Faults& faults, Random& random, Chann
   }
 }
 
-Model model_of(const Setting& setting, const Faults& faults) {
+Model model_of(const Setting& setting, const DriveFaults& faults) {
   const SingleTrack<>& car = setting.car;
   const bool swapped = faults.has(DriveFault::swapped_axles);
   const double a = swapped ? car.b : car.a, b = swapped ? car.a : car.b;
@@ -370,7 +359,7 @@ VehicleDrive draw_vehicle_drive(std::uint64_t seed, int count) {
   Random random(seed);
   VehicleDrive out;
   const Setting setting = draw_setting(random, out.words);
-  const Faults faults = draw_faults(random, count, setting, out.words);
+  const DriveFaults faults = draw_faults(random, count, setting, out.words);
   Channels channels = simulated(setting, faults, random);
   out.steering = channels.steering;
   measure(setting, faults, random, channels);
@@ -380,7 +369,7 @@ VehicleDrive draw_vehicle_drive(std::uint64_t seed, int count) {
   out.car = setting.car;
   out.effects = setting.effects;
   out.speed = setting.speed;
-  out.faults = faults.kinds;
+  out.faults = faults;
   return out;
 }
 

@@ -2,6 +2,7 @@
 // have.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -33,6 +34,25 @@ enum class DriveFault {
 
 std::string to_string(DriveFault fault);
 
+/// What is wrong with a drive. Sizes are drawn for every kind; those of `kinds` count.
+struct DriveFaults {
+  std::vector<DriveFault> kinds;
+  double delay = 0.0;                  ///< of the steering, or of an output [s]
+  double gain = 1.0, ratio = 1.0;      ///< over what is right
+  double arm = 0.0;                    ///< [m]
+  double turn = 0.0;                   ///< [rad]
+  double corner = 0.0;                 ///< [Hz]
+  double speed = 1.0;                  ///< over what is right
+  double softer = 1.0, heavier = 1.0;  ///< over what it was
+  double bank = 0.0;                   ///< [rad]
+  bool front = false;                  ///< which axle; of a sign the steering's
+  int hold = 1;                        ///< samples
+  int channel = 0;                     ///< of the outputs
+  bool has(DriveFault fault) const {
+    return std::find(kinds.begin(), kinds.end(), fault) != kinds.end();
+  }
+};
+
 /// What a test engineer has, and what the car is.
 struct VehicleDrive {
   Model model;  ///< Cf, Cr, Iz, offset of the steering and biases free
@@ -42,7 +62,7 @@ struct VehicleDrive {
   SecondaryEffects effects{};
   Eigen::VectorXd steering;  ///< as the wheels had it, before any sensor [rad]
   double speed = 0.0;        ///< [m/s]
-  std::vector<DriveFault> faults;
+  DriveFaults faults;
   std::string words;  ///< car, manoeuvre, channels, faults with their sizes
 };
 

@@ -50,6 +50,11 @@ bool is_unknowable(const VehicleDrive& drive) {
   return !std::all_of(least.begin(), least.end(), [](double se) { return se < kKnown; });
 }
 
+// Whether nobody could tell what is wrong, at three standard deviations.
+bool is_hidden(const VehicleDrive& drive) {
+  return !drive.faults.kinds.empty() && least_misfit(drive) < 9.0;
+}
+
 // What a program does that makes the changes of every finding; nothing where there are none.
 void follow_findings(const VehicleEstimate& fit, const VehicleDrive& drive,
                      VehicleVerdicts& verdicts) {
@@ -81,7 +86,7 @@ void follow_findings(const VehicleEstimate& fit, const VehicleDrive& drive,
   ++(is_wrong(after, drive) ? verdicts.cured_wrong : verdicts.cured_right);
 }
 
-void print(const VehicleDrive& drive, const VehicleEstimate& fit) {
+void print(const VehicleDrive& drive, const VehicleEstimate& fit, bool hidden) {
   std::string line;
   for (std::size_t i = 0; i < 3; ++i) {
     const EstimatedParameter& p = parameter(fit, kJudged[i]);
@@ -89,7 +94,8 @@ void print(const VehicleDrive& drive, const VehicleEstimate& fit) {
         fmt::format(" {} {:+.1f} % ({:.1f})", kJudged[i], 100.0 * (p.value / drive.truth[i] - 1.0),
                     (p.value - drive.truth[i]) / p.se);
   }
-  std::printf("%-70s %s | %s\n", drive.words.c_str(), line.c_str(), fit.message.c_str());
+  std::printf("%-70s %s | %s%s\n", drive.words.c_str(), line.c_str(), fit.message.c_str(),
+              hidden ? " (nobody could tell)" : "");
 }
 
 }  // namespace
@@ -107,8 +113,12 @@ VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults,
       const bool ok = fit.status == Status::ok;
       ++(ok ? (wrong ? out.ok_wrong : out.ok_right)
             : (wrong ? out.refused_wrong : out.refused_right));
-      for (const DriveFault fault : drive.faults)
-        out.wrong_by_fault[to_string(fault)] += ok && wrong;
+      const bool hidden = wrong && is_hidden(drive);
+      if (hidden) ++(ok ? out.ok_wrong_unknowable : out.refused_wrong_unknowable);
+      for (const DriveFault fault : drive.faults.kinds) {
+        out.wrong_by_fault[fault] += ok && wrong;
+        out.unknowable_by_fault[fault] += ok && hidden;
+      }
       for (std::size_t p = 0; ok && p < 3; ++p) {
         const EstimatedParameter& of = parameter(fit, kJudged[p]);
         ++out.intervals;
@@ -117,7 +127,7 @@ VehicleVerdicts judge_vehicle_drives(std::uint64_t seed, int count, int faults,
       out.refused_wide += !ok && !wrong && is_off_but_wide(fit, drive);
       out.unknowable += !ok && is_unknowable(drive);
       if (!ok) follow_findings(fit, drive, out);
-      if (each) print(drive, fit);
+      if (each) print(drive, fit, hidden);
     } catch (const InputError&) {
       ++out.refused_wrong;
     }
@@ -139,7 +149,17 @@ std::string in_words(const std::string& name, const VehicleVerdicts& v) {
       percent(v.ok_right, v.ok_right + v.refused_right), percent(v.covered, v.intervals),
       v.cured_right, v.cured_wrong);
   for (const auto& [fault, count] : v.wrong_by_fault) {
-    if (count > 0) out += fmt::format("; {} {}", fault, count);
+    if (count > 0) out += fmt::format("; {} {}", to_string(fault), count);
+  }
+  const int knowable = v.ok_wrong - v.ok_wrong_unknowable;
+  out += fmt::format(
+      "; of the ok and wrong {} that nobody could tell, of the other wrong {:.1f} % end ok",
+      v.ok_wrong_unknowable,
+      percent(knowable, knowable + v.refused_wrong - v.refused_wrong_unknowable));
+  for (const auto& [fault, count] : v.unknowable_by_fault) {
+    if (count > 0) {
+      out += fmt::format("; {} {}: {}", to_string(fault), count, revealed_by(fault));
+    }
   }
   return out;
 }

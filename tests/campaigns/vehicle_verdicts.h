@@ -22,7 +22,11 @@ struct VehicleVerdicts {
   int intervals = 0, covered = 0;  ///< 95 % intervals of results with status ok
   /// Refused, and ok once the changes that the findings name were made.
   int cured_right = 0, cured_wrong = 0;
-  std::map<std::string, int> wrong_by_fault;  ///< of the ok and wrong, one for each fault
+  /// Of the ok, and of the refused, and wrong, those whose faults nobody could tell: least_misfit()
+  /// below 9.
+  int ok_wrong_unknowable = 0, refused_wrong_unknowable = 0;
+  std::map<DriveFault, int> wrong_by_fault;       ///< of the ok and wrong, one for each fault
+  std::map<DriveFault, int> unknowable_by_fault;  ///< of those that nobody could tell
 
   int drives() const { return ok_right + ok_wrong + refused_right + refused_wrong; }
 };
