@@ -202,9 +202,10 @@ constexpr std::array<FindingKind, 106> kKinds = {{
     {FindingCode::evaluation_method, "evaluation_method", Severity::note, Severity::note,
      Status::ok, Rank::other, InMessage::nothing,
      "A slower evaluation of the likelihood had to be taken"},
-    {FindingCode::integration, "integration", Severity::note, Severity::warning, Status::ok,
-     Rank::other, InMessage::nothing,
-     "Rates of change jump, or are faster than the integration follows"},
+    {FindingCode::integration, "integration", Severity::note, Severity::serious, Status::untrusted,
+     Rank::other, InMessage::misfit,
+     "Rates of change jump, or are faster than the integration follows; serious where a step given "
+     "by hand makes another likelihood than the model's"},
     {FindingCode::noise_vanished, "noise_vanished", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing,
      "A shaping filter has taken the place of a noise"},

@@ -1,6 +1,7 @@
 #include "identify/filter/nonlinear_recordings.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -14,6 +15,11 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+constexpr double kFollowed = 1e-9;    // tolerance of controlled steps
+constexpr double kCheckedBy = 1e-10;  // of those that the log-likelihood is checked by
+constexpr double kPromised = 1e-6;    // error of the log-likelihood, relative
+constexpr int kManySteps = 64;        // between two samples: beyond, implicit steps cost less
 
 VectorXd formula_parameters(const FormulaModel& model, const ParameterSet& at) {
   VectorXd out(model.equations.parameters);
@@ -42,6 +48,17 @@ std::vector<FilterDirection> directions(const FormulaModel& model, const Paramet
                    noise_derivative(written, derivatives[i])});
   }
   return out;
+}
+
+// Does the state follow from the start and the inputs alone, whatever the free parameters are?
+bool moves_without_noise(const FormulaModel& model, const ParameterSet& at) {
+  if (!model.equations.continuous) return false;
+  const auto none = [](const StateSpace& noise) {
+    return noise.Q.isZero(0.0) && noise.P0.isZero(0.0);
+  };
+  const std::vector<StateSpace> derivatives = model_derivatives(model.noise, at);
+  return none(written_matrices(model.noise, at)) &&
+         std::all_of(derivatives.begin(), derivatives.end(), none);
 }
 
 NonlinearFilterOptions filter_options(const FormulaModel& model) {
@@ -78,64 +95,147 @@ InputNodes nodes_in(const FormulaModel& model, const Dataset& recording,
   return input_nodes(recording.time, recording.u, model.inputs, steps);
 }
 
-// For the filter with these values.
-InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording) {
-  return nodes_in(as_formulas(model), recording, integration_of(model, at, recording).steps);
+InputNodes controlled_nodes_in(const FormulaModel& model, const Dataset& recording,
+                               double tolerance = kFollowed) {
+  return controlled_nodes(recording.time, recording.u, model.inputs, tolerance);
 }
 
-// For the motion without noise from x.
-IntegrationSteps motion_steps(const Model& model, const ParameterSet& at, const Dataset& recording,
-                              const Eigen::Ref<const VectorXd>& x) {
-  if (auto given = steps_of_file(model, recording)) return *given;
+InputNodes nodes_in(const FormulaModel& model, const Dataset& recording,
+                    const Integration& integration) {
+  return integration.controlled ? controlled_nodes_in(model, recording)
+                                : nodes_in(model, recording, integration.steps.steps);
+}
+
+// For the filter with these values.
+InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording) {
+  return nodes_in(as_formulas(model), recording, integration_of(model, at, recording));
+}
+
+// For the motion of the mean from x.
+Integration motion_integration(const Model& model, const ParameterSet& at, const Dataset& recording,
+                               const Eigen::Ref<const VectorXd>& x, bool without_noise) {
+  if (auto given = steps_of_file(model, recording)) return {*given};
   const FormulaModel& formulas = as_formulas(model);
-  return integration_steps(formulas.equations, formula_parameters(formulas, at), x, recording.time,
-                           recording.u, formulas.inputs);
+  StepTolerance tolerance;
+  if (without_noise) tolerance.most = kManySteps;
+  Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), x,
+                                    recording.time, recording.u, formulas.inputs, tolerance)};
+  out.controlled = without_noise && out.steps.status != StepStatus::ok;
+  return out;
+}
+
+// Do these steps follow the motion at all? Without noise.
+bool follow(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
+            const std::vector<int>& steps) {
+  ModelMemory memory = make_memory(model.equations);
+  return nonlinear_likelihood(model.equations, memory, formula_parameters(model, at),
+                              noise_of(written_matrices(model.noise, at)), {},
+                              nodes_in(model, recording, steps), recording.y, filter_options(model))
+             .status != FilterStatus::not_finite;
 }
 
 }  // namespace
 
-IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
-                                const Dataset& recording) {
+Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording) {
   const FormulaModel& formulas = as_formulas(model);
   if (formulas.linear) return {};
-  if (auto given = steps_of_file(model, recording)) return *given;
-  return integration_steps(formulas.equations, formula_parameters(formulas, at),
-                           noise_of(written_matrices(formulas.noise, at)), recording.time,
-                           recording.u, formulas.inputs, recording.y, filter_options(formulas));
+  const bool without_noise = moves_without_noise(formulas, at);
+  if (auto given = steps_of_file(model, recording)) {
+    return {*given, without_noise && !follow(formulas, at, recording, given->steps)};
+  }
+  StepTolerance tolerance;
+  if (without_noise) tolerance.most = kManySteps;
+  Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at),
+                                    noise_of(written_matrices(formulas.noise, at)), recording.time,
+                                    recording.u, formulas.inputs, recording.y,
+                                    filter_options(formulas), tolerance)};
+  out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
+                                     !follow(formulas, at, recording, out.steps.steps));
+  return out;
 }
 
 NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<Dataset>& recordings)
     : model_(model),
       recordings_(recordings),
       memory_(make_memory(as_formulas(model).equations)),
-      options_(filter_options(as_formulas(model))) {
+      options_(filter_options(as_formulas(model))),
+      without_noise_(moves_without_noise(as_formulas(model), model.parameters)) {
   for (const Dataset& recording : recordings) {
-    steps_.push_back(integration_of(model, model.parameters, recording).steps);
-    inputs_.push_back(nodes_in(as_formulas(model), recording, steps_.back()));
+    const Integration integration = integration_of(model, model.parameters, recording);
+    inputs_.push_back(nodes_in(as_formulas(model), recording, integration));
+    steps_.push_back(integration.steps.steps);
   }
 }
 
-bool NonlinearRecordings::refine(const ParameterSet& at) {
-  bool halved = false;
-  for (std::size_t i = 0; i < recordings_.size(); ++i) {
-    const std::vector<int> needed = integration_of(model_, at, recordings_[i]).steps;
-    bool here = false;
-    for (std::size_t k = 0; k < needed.size(); ++k) {
-      here = here || needed[k] > steps_[i][k];
-      steps_[i][k] = std::max(steps_[i][k], needed[k]);
-    }
-    if (here) inputs_[i] = nodes_in(as_formulas(model_), recordings_[i], steps_[i]);
-    halved = halved || here;
+double NonlinearRecordings::controlled_change(const ParameterSet& at, std::size_t i) {
+  const StateSpace written = written_matrices(as_formulas(model_).noise, at);
+  const InputNodes controlled =
+      controlled_nodes_in(as_formulas(model_), recordings_[i], kCheckedBy);
+  const Likelihood exact = evaluate_one(at, i, controlled, written, {}, nullptr);
+  const Likelihood taken = evaluate_one(at, i, inputs_[i], written, {}, nullptr);
+  if (exact.status != FilterStatus::ok) return 0.0;
+  return taken.status == FilterStatus::ok ? exact.value - taken.value : kInfinity;
+}
+
+double NonlinearRecordings::integration_error(const ParameterSet& at) {
+  double out = 0.0;
+  for (std::size_t i = 0; without_noise_ && i < recordings_.size(); ++i) {
+    out += controlled_change(at, i);
   }
-  return halved;
+  return out;
+}
+
+bool NonlinearRecordings::refine(const ParameterSet& at) {
+  bool changed = false;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    if (inputs_[i].tolerance > 0.0) continue;
+    const Integration needed = integration_of(model_, at, recordings_[i]);
+    bool here = needed.controlled;
+    if (here) {
+      inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
+    } else {
+      const std::vector<int>& steps = needed.steps.steps;
+      for (std::size_t k = 0; k < steps.size(); ++k) {
+        here = here || steps[k] > steps_[i][k];
+        steps_[i][k] = std::max(steps_[i][k], steps[k]);
+      }
+      if (here) inputs_[i] = nodes_in(as_formulas(model_), recordings_[i], steps_[i]);
+    }
+    changed = changed || here;
+  }
+  const bool chosen = !(as_formulas(model_).longest_step > 0.0);
+  for (std::size_t i = 0; without_noise_ && chosen && !changed && i < recordings_.size(); ++i) {
+    if (inputs_[i].tolerance > 0.0) continue;
+    const double size = std::max(1.0, std::abs(evaluate(at, false).value));
+    if (!(std::abs(controlled_change(at, i)) > kPromised * size)) continue;
+    inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
+    changed = true;
+  }
+  return changed;
+}
+
+// A trial that fixed steps do not follow is followed by controlled ones.
+Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t recording,
+                                             const InputNodes& inputs, const StateSpace& written,
+                                             const std::vector<FilterDirection>& by,
+                                             MatrixXd* score_products) {
+  const FormulaModel& model = as_formulas(model_);
+  const auto through = [&](const InputNodes& nodes) {
+    return nonlinear_likelihood(model.equations, memory_, formula_parameters(model, at),
+                                noise_of(written), by, nodes, recordings_[recording].y, options_,
+                                score_products);
+  };
+  const Likelihood out = through(inputs);
+  if (out.status != FilterStatus::not_finite || !without_noise_ || inputs.tolerance > 0.0) {
+    return out;
+  }
+  return through(controlled_nodes_in(model, recordings_[recording]));
 }
 
 const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
                                                 MatrixXd* score_products) {
   const FormulaModel& model = as_formulas(model_);
   const StateSpace written = written_matrices(model.noise, at);
-  const FilterNoise noise = noise_of(written);
-  const VectorXd p = formula_parameters(model, at);
   const std::vector<FilterDirection> by =
       with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
   const auto k = static_cast<Index>(by.size());
@@ -147,8 +247,7 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
   MatrixXd products;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     const Likelihood one =
-        nonlinear_likelihood(model.equations, memory_, p, noise, by, inputs_[i], recordings_[i].y,
-                             options_, score_products ? &products : nullptr);
+        evaluate_one(at, i, inputs_[i], written, by, score_products ? &products : nullptr);
     sum_.status = one.status;
     if (one.status != FilterStatus::ok) return sum_;
     sum_.value += one.value;
@@ -172,21 +271,33 @@ FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_deriva
       .status;
 }
 
+namespace {
+[[noreturn]] void refuse_motion(const Model& model, const Dataset& recording, double time) {
+  throw InputError({model.source, 0, 0},
+                   fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name, time,
+                               describe(StepStatus::not_finite)),
+                   "values from which the model can be simulated",
+                   "other values, or time: {integration_step: ...}");
+}
+}  // namespace
+
 NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Dataset& recording,
                                                 Random& random) {
   const FormulaModel& formulas = as_formulas(model);
   const FilterNoise noise = noise_of(written_matrices(formulas.noise, model.parameters));
-  const IntegrationSteps steps = motion_steps(model, model.parameters, recording, noise.x0);
-  if (steps.status == StepStatus::not_finite) {
-    throw InputError({model.source, 0, 0},
-                     fmt::format("simulated through '{}', at {:.6g} s: {}", recording.name,
-                                 recording.time[steps.sample], describe(steps.status)),
-                     "values from which the model can be simulated",
-                     "other values, or time: {integration_step: ...}");
+  const Integration integration =
+      motion_integration(model, model.parameters, recording, noise.x0, noise.Q.isZero(0.0));
+  const IntegrationSteps& steps = integration.steps;
+  if (!integration.controlled && steps.status == StepStatus::not_finite) {
+    refuse_motion(model, recording, recording.time[steps.sample]);
   }
-  return simulate_nonlinear_outputs(
+  NonlinearRealisation out = simulate_nonlinear_outputs(
       formulas.equations, formula_parameters(formulas, model.parameters), noise,
-      formulas.noise.noise, nodes_in(formulas, recording, steps.steps), random);
+      formulas.noise.noise, nodes_in(formulas, recording, integration), random);
+  for (Index k = 0; integration.controlled && k < out.x.cols(); ++k) {
+    if (!out.x.col(k).allFinite()) refuse_motion(model, recording, recording.time[k]);
+  }
+  return out;
 }
 
 MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Dataset& recording,
@@ -195,15 +306,11 @@ MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Da
   if (formulas.linear) return noise_free_changing_outputs(model, at, recording, x);
   FilterNoise noise = zero_noise(formulas.equations);
   noise.x0 = x;
-  IntegrationSteps steps = motion_steps(model, at, recording, x);
-  // Where it diverges any number does to show it.
-  if (steps.steps.empty()) {
-    steps.steps.assign(static_cast<std::size_t>(std::max<Index>(recording.size() - 1, 0)), 1);
-  }
+  const Integration integration = motion_integration(model, at, recording, x, true);
   Random unused(1);
   return simulate_nonlinear_outputs(formulas.equations, formula_parameters(formulas, at), noise,
                                     ProcessNoise::per_sample,
-                                    nodes_in(formulas, recording, steps.steps), unused)
+                                    nodes_in(formulas, recording, integration), unused)
       .y;
 }
 

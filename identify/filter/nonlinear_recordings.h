@@ -15,11 +15,18 @@
 
 namespace identikal {
 
-/// How many steps the integration takes between samples: as many as the filter with these values
-/// needs (lib/nonlinear/integration_steps.h), or as the file says; none where it moves linearly.
+/// How the equations are integrated from sample to sample.
+struct Integration {
+  IntegrationSteps steps;
+  bool controlled = false;  ///< they are chosen on the way, see controlled_nodes()
+};
+
+/// In as many steps as the filter with these values needs (lib/nonlinear/integration_steps.h), or as
+/// the file says; controlled where no noise moves the state and there would be more than 64 between
+/// two samples, as for stiff equations, or those of the file do not follow; none where it moves
+/// linearly.
 /// @throws InputError when the file says too many
-IntegrationSteps integration_of(const Model& model, const ParameterSet& at,
-                                const Dataset& recording);
+Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording);
 
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
 /// one per thread.
@@ -44,17 +51,28 @@ class NonlinearRecordings {
                      const FilteredStateWatcher& see);
 
   /// Halves the steps wherever the filter with these values needs it; those of the model's own are
-  /// taken to begin with.
-  /// @return has any been halved? Then the likelihood is a slightly different function.
+  /// taken to begin with. Where that is not enough for the log-likelihood, as far as
+  /// integration_error() can tell, steps are controlled from here on.
+  /// @return has anything changed? Then the likelihood is a slightly different function.
   bool refine(const ParameterSet& at);
 
+  /// By how much controlled steps, ten times as exact as where they are taken, change the
+  /// log-likelihood. Zero where noise moves the state: nothing tells.
+  double integration_error(const ParameterSet& at);
+
  private:
+  Likelihood evaluate_one(const ParameterSet& at, std::size_t recording, const InputNodes& inputs,
+                          const StateSpace& written, const std::vector<FilterDirection>& by,
+                          Eigen::MatrixXd* score_products);
+  double controlled_change(const ParameterSet& at, std::size_t recording);
+
   const Model& model_;
   const std::vector<Dataset>& recordings_;
   std::vector<std::vector<int>> steps_;
   std::vector<InputNodes> inputs_;
   ModelMemory memory_;
   NonlinearFilterOptions options_;
+  bool without_noise_ = false;
   Likelihood sum_;
 };
 

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "identify/filter/leading_samples.h"
+#include "identify/filter/recordings_check.h"
 #include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
 
@@ -186,6 +187,10 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
   const Likelihood& all =
       changing_ ? changing_->evaluate(at, true, &out) : nonlinear_->evaluate(at, true, &out);
   return all.status == FilterStatus::ok ? out : MatrixXd();
+}
+
+double RecordingsLikelihood::samples() const {
+  return static_cast<double>(samples_present(recordings_));
 }
 
 FilterStatus RecordingsLikelihood::status_at_start() {

@@ -79,6 +79,7 @@ class RecordingsLikelihood {
   bool refine(const ParameterSet& at) { return nonlinear_ && nonlinear_->refine(at); }
 
   const Model& model() const { return model_; }
+  double samples() const;  ///< values measured
 
   /// How the evaluation at the model's own values ends.
   FilterStatus status_at_start();

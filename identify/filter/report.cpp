@@ -219,18 +219,46 @@ Failure first_failure(const Model& model, const std::vector<Dataset>& recordings
   return {recordings[0].name, kNone, 0};
 }
 
+constexpr double kPromised = 1e-6;  // error of a log-likelihood, relative
+
+// A step of the file's that changes what is estimated.
+Findings check_own_step(const Model& given, const ParameterSet& parameters,
+                        const std::vector<Dataset>& recordings) {
+  Model model = given;
+  model.parameters = parameters;
+  NonlinearRecordings integrated(model, recordings);
+  const double error = integrated.integration_error(parameters);
+  const double size = std::max(1.0, std::abs(integrated.evaluate(parameters, false).value));
+  if (!(std::abs(error) > kPromised * size)) return {};
+  return {{FindingCode::integration,
+           Severity::serious,
+           {"integration_step"},
+           fmt::format("with steps of {:.3g} s the log-likelihood is not the model's: it is {:.4g} "
+                       "{} where the integration controls its error",
+                       as_formulas(model).longest_step, std::abs(error),
+                       error > 0.0 ? "higher" : "lower"),
+           "leave out integration_step, or shorten it"}};
+}
+
 // Where the likelihood is not as smooth as the search takes it to be, or not the model's own.
 Findings check_integration(const Model& model, const ParameterSet& parameters,
                            const std::vector<Dataset>& recordings) {
   double largest = 0.0;
   std::string where;
   for (const Dataset& data : recordings) {
-    const IntegrationSteps chosen = integration_of(model, parameters, data);
-    if (chosen.status != StepStatus::capped || chosen.largest_change <= largest) continue;
-    largest = chosen.largest_change;
-    where = fmt::format("{}: from t = {:.6g} s on", data.name, data.time[chosen.sample]);
+    const Integration chosen = integration_of(model, parameters, data);
+    const IntegrationSteps& steps = chosen.steps;
+    if (chosen.controlled || steps.status != StepStatus::capped ||
+        steps.largest_change <= largest) {
+      continue;
+    }
+    largest = steps.largest_change;
+    where = fmt::format("{}: from t = {:.6g} s on", data.name, data.time[steps.sample]);
   }
-  if (where.empty()) return {};
+  if (where.empty()) {
+    const bool own = as_formulas(model).longest_step > 0.0;
+    return own ? check_own_step(model, parameters, recordings) : Findings{};
+  }
   constexpr double kSmall = 1e-3;
   return {{FindingCode::integration,
            largest > kSmall ? Severity::warning : Severity::note,

@@ -8,7 +8,9 @@ namespace identikal {
 ParameterSet scattered_start(ParameterSet start, Random& random) {
   for (Parameter& p : start) {
     if (p.fixed) continue;
-    if (p.domain != Domain::scalar || p.min >= 0.0) {
+    if (p.domain == Domain::scalar && p.min > 0.0 && std::isfinite(p.max)) {
+      p.value(0, 0) = p.min * std::pow(p.max / p.min, random.uniform());
+    } else if (p.domain != Domain::scalar || p.min >= 0.0) {
       // A variance at zero has no size of its own to be scattered about.
       if (p.value.isZero(0.0)) p.value.diagonal().setOnes();
       p.value *= std::pow(10.0, 4.0 * random.uniform() - 2.0);

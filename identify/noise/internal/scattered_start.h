@@ -6,8 +6,9 @@
 
 namespace identikal {
 
-/// Variances move by up to two decades either way; other numbers by up to 30 % of themselves, or
-/// anywhere between two finite bounds. Free parameters alone.
+/// Numbers move anywhere between two finite bounds, by their logarithm where both are above zero;
+/// else variances by up to two decades either way, others by up to 30 % of themselves. Free
+/// parameters alone.
 ParameterSet scattered_start(ParameterSet parameters, Random& random);
 
 }  // namespace identikal

@@ -10,9 +10,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/noise/internal/profiled_noise.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "lib/base/random.h"
 #include "solvers/parallel.h"
+#include "solvers/trust_region.h"
 
 namespace identikal {
 namespace {
@@ -24,6 +26,7 @@ using Eigen::VectorXd;
 constexpr double kSameMaximum = 1e-3;  // log-likelihoods closer than this are the same maximum
 constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search goes on for
 constexpr int kDoubted = 5;            // starts where there is a doubt
+constexpr int kApproach = 1000;        // iterations towards a simulation's least squares
 
 struct Point {
   VectorXd x;
@@ -105,8 +108,13 @@ struct Search {
 
 class Searches {
  public:
-  Searches(const NoiseMlOptions& options, std::vector<VectorXd> starts)
-      : options_(options), starts_(std::move(starts)) {}
+  /// @param scales  of the noise of a simulation, if it is one
+  Searches(const NoiseMlOptions& options, std::vector<VectorXd> starts,
+           std::optional<NoiseScales> scales, double samples)
+      : options_(options),
+        starts_(std::move(starts)),
+        scales_(std::move(scales)),
+        samples_(samples) {}
 
   // @param known  a maximum that need not be found twice
   Search run(const LikelihoodProblem& problem, int start, const std::optional<Point>& known) {
@@ -126,9 +134,16 @@ class Searches {
       out.arrived = defined && known && is_beside(*known, x, L);
       return defined;
     };
-    const VectorXd& from = starts_[start];
-    out.solution = maximise(watched, from.cwiseMax(problem.lower).cwiseMin(problem.upper), solver);
-    out.path.insert(out.path.begin(), out.solution.summary.initial_objective);
+    const VectorXd from = starts_[start].cwiseMax(problem.lower).cwiseMin(problem.upper);
+    const SolverSummary approach =
+        scales_ ? approached(watched, from, solver, out.solution) : SolverSummary{};
+    if (approach.termination == Termination::stopped) return out;
+    out.solution = maximise(watched, scales_ ? out.solution.x : from, solver);
+    SolverSummary& summary = out.solution.summary;
+    summary.iterations += approach.iterations;
+    summary.evaluations += approach.evaluations;
+    if (scales_) problem.evaluate(from, summary.initial_objective, nullptr, nullptr);
+    out.path.insert(out.path.begin(), summary.initial_objective);
     return out;
   }
 
@@ -142,8 +157,22 @@ class Searches {
     return known.L - L < kNear && d.dot(known.information * d) < kNear;
   }
 
+  // A simulation's start may be far from where its noise means anything: its squares first.
+  // @param solution  written: where that ended, with the noise that was left
+  SolverSummary approached(const LikelihoodProblem& problem, const VectorXd& from,
+                           SolverOptions solver, Solution& solution) const {
+    ProfiledLikelihood profiled(problem, *scales_, from);
+    solver.max_iterations = kApproach;
+    solver.decrement_tolerance = kNegligible;
+    solution = maximise_from_afar(profiled.problem(), profiled.start(), samples_, solver);
+    solution.x = profiled.all(solution.x);
+    return solution.summary;
+  }
+
   const NoiseMlOptions& options_;
   std::vector<VectorXd> starts_;
+  std::optional<NoiseScales> scales_;
+  double samples_;
   std::mutex mutex_;
   std::atomic<bool> stopped_{false};
 };
@@ -179,7 +208,8 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
   const LikelihoodProblem by_entries = likelihood.problem();
   const LikelihoodProblem problem = factors.problem(by_entries);
   const int most = options.starts > 0 ? options.starts : kDoubted;
-  Searches searches(options, places_to_start(parameters, factors, most, options.seed));
+  Searches searches(options, places_to_start(parameters, factors, most, options.seed),
+                    noise_scales(likelihood.model()), likelihood.samples());
   std::vector<Search> all(static_cast<std::size_t>(most));
   all[0] = searches.run(problem, 0, std::nullopt);
   const Solution& first = all[0].solution;

@@ -22,7 +22,8 @@ constexpr double kStateStep = 1e-4;   // for differences, over kStateScale
 constexpr double kUncorrelated = 0.05;
 constexpr double kMistakes = 0.02;  // of things that may be wrong are
 constexpr double kGross = 0.5;      // of the standard deviation of mistakes
-constexpr double kNoticed = 1.0;    // standard errors: a smaller mistake leaves the noise as it is
+constexpr double kWeighedAgain =
+    1.0;  // standard errors: a smaller mistake leaves the noise as it is
 
 /// The search. Differences make the derivatives: every column is a simulation.
 class StructureSearch {
@@ -353,7 +354,7 @@ class StructureSearch {
     for (const PossibleMistake& mistake : mistakes) {
       const Eigen::Index at = count() + static_cast<Eigen::Index>(moved.size());
       Suspicion said = with_one_more(first, at);
-      if (std::abs(said.size) > kNoticed * std::sqrt(said.variance)) {
+      if (std::abs(said.size) > kWeighedAgain * std::sqrt(said.variance)) {
         said = suspicion(said, by, at, first.blocks, e);
         weight_ = weight;
       }

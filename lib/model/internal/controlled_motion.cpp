@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 
 constexpr int kStages = 3;
 constexpr int kMostIterations = 12;      // of Newton's method in a step
-constexpr int kMostTrials = 200'000;     // steps, rejected ones included, in an interval
+constexpr int kMostTrials = 2000;        // steps, rejected ones included, in an interval
 constexpr double kShortestStep = 1e-14;  // of the interval
 constexpr double kFloor = 1e-3;   // of the largest a state has been: below, errors count like there
 constexpr double kSolved = 1e-2;  // of the tolerated error, by Newton's method
@@ -59,7 +59,7 @@ class ControlledMotion {
     x_ = x;
     double at = 0.0, h = std::min(control.step, length_);
     bool rejected = true, finite = x_.allFinite() && set_start(0.0);
-    for (int trial = 0; finite && at < length_; ++trial) {
+    for (int trial = 0; finite && at < length_; finite = finite && ++trial < kMostTrials) {
       const double rest = length_ - at;
       const bool last = h > rest * (1.0 - 1e-10);
       if (last) h = rest;
@@ -79,7 +79,7 @@ class ControlledMotion {
         h *= std::isfinite(error) ? std::clamp(0.9 * std::pow(error, -0.25), 0.1, 0.8) : 0.25;
         control.step = h;
         rejected = true;
-        finite = trial < kMostTrials && h > kShortestStep * length_;
+        finite = h > kShortestStep * length_;
       }
     }
     if (!finite) x_.setConstant(std::numeric_limits<double>::quiet_NaN());

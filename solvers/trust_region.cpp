@@ -1,0 +1,196 @@
+#include "solvers/trust_region.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include <Eigen/Eigenvalues>
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNoCurvature = 1e-15;  // eigenvalues of a matrix of unit diagonal
+constexpr double kLeastShare = 1e-4;    // of the promised reduction, of a step that is taken
+constexpr double kSmallest = 1e-15;     // radius, over |D x|
+
+// S over what it was at the start, halved and times n, with its slope and curvature.
+struct Squares {
+  VectorXd x, slope;
+  MatrixXd curvature;
+  double L = 0.0, value = 0.0;
+};
+
+class TrustRegion {
+ public:
+  TrustRegion(const LikelihoodProblem& problem, double samples)
+      : problem_(problem), samples_(samples) {}
+
+  Solution run(const VectorXd& start, const SolverOptions& options) {
+    Solution out;
+    out.x = start;
+    SolverSummary& summary = out.summary;
+    const auto finish = [&](Termination termination, const char* message) {
+      summary.termination = termination;
+      summary.message = message;
+      return out;
+    };
+    Squares at;
+    summary.evaluations = 1;
+    if (!evaluate(start, at)) {
+      return finish(Termination::start_undefined, "the likelihood is undefined at the start");
+    }
+    summary.initial_objective = summary.objective = at.L;
+    scale_ = VectorXd::Zero(start.size());
+    double radius = -1.0;
+    while (true) {
+      scale_ = scale_.cwiseMax(at.curvature.diagonal().cwiseMax(0.0).cwiseSqrt());
+      const VectorXd D = (scale_.array() > 0.0).select(scale_, 1.0);
+      const double size = D.cwiseProduct(at.x).norm();
+      const bool first = radius < 0.0;
+      if (first) radius = size > 0.0 ? size : 1.0;
+      const VectorXd step = boxed_step(at, D, radius);
+      const double length = D.cwiseProduct(step).norm();
+      if (first) radius = std::min(radius, length);
+      const double promised = -at.slope.dot(step) - 0.5 * step.dot(at.curvature * step);
+      summary.expected_gain = promised / at.value * 0.5 * samples_;
+      if (!(summary.expected_gain > options.decrement_tolerance)) {
+        return finish(Termination::converged, "the increase still expected is below the tolerance");
+      }
+      if (!(radius > kSmallest * size)) {
+        return finish(Termination::no_progress, "no step increases the likelihood");
+      }
+      if (summary.iterations >= options.max_iterations) {
+        return finish(Termination::iteration_limit, "the iteration limit was reached");
+      }
+      ++summary.iterations;
+      ++summary.evaluations;
+      Squares next;
+      const bool defined = evaluate(at.x + step, next);
+      const double came = defined ? at.value - next.value : -1.0;
+      if (came < 0.25 * promised) {
+        const bool near = defined && next.value < 100.0 * at.value;
+        radius = (near ? 0.5 : 0.1) * std::min(radius, 10.0 * length);
+      } else if (came > 0.75 * promised) {
+        radius = 2.0 * length;
+      }
+      if (!(came > kLeastShare * promised)) continue;
+      at = std::move(next);
+      out.x = at.x;
+      summary.objective = at.L;
+      if (options.progress && !options.progress(summary.iterations, at.L)) {
+        return finish(Termination::stopped, "stopped by the caller");
+      }
+    }
+  }
+
+ private:
+  bool evaluate(const VectorXd& x, Squares& out) {
+    out.x = x.cwiseMax(problem_.lower).cwiseMin(problem_.upper);
+    if (!problem_.evaluate(out.x, out.L, &out.slope, &out.curvature) || !std::isfinite(out.L)) {
+      return false;
+    }
+    if (!begun_) begin_ = out.L;
+    begun_ = true;
+    const double squares = std::exp(-2.0 * (out.L - begin_) / samples_);
+    out.value = 0.5 * samples_ * squares;
+    out.slope *= -squares;
+    out.curvature *= squares;
+    return std::isfinite(out.value) && out.slope.allFinite() && out.curvature.allFinite();
+  }
+
+  // (curvature + lambda D^2)^-1 (-slope) on these coordinates.
+  static VectorXd damped_step(const Squares& at, const VectorXd& D, const std::vector<Index>& free,
+                              double lambda) {
+    MatrixXd M = at.curvature(free, free);
+    M.diagonal() += lambda * VectorXd(D(free)).cwiseAbs2();
+    VectorXd by = M.diagonal().cwiseMax(0.0).cwiseSqrt();
+    by = (by.array() > 0.0).select(by.cwiseInverse(), 0.0);
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(by.asDiagonal() * M * by.asDiagonal());
+    VectorXd along =
+        axes.eigenvectors().transpose() * VectorXd(-by.cwiseProduct(VectorXd(at.slope(free))));
+    const double floor = kNoCurvature * std::max(1e-300, axes.eigenvalues().maxCoeff());
+    for (Index i = 0; i < along.size(); ++i) {
+      const double value = axes.eigenvalues()[i];
+      along[i] = value > floor ? along[i] / value : 0.0;
+    }
+    VectorXd out = VectorXd::Zero(at.x.size());
+    out(free) = by.cwiseProduct(VectorXd(axes.eigenvectors() * along));
+    return out;
+  }
+
+  // The smallest lambda whose step stays within the radius, to a tenth.
+  static double damping(const Squares& at, const VectorXd& D, const std::vector<Index>& free,
+                        double radius) {
+    const auto length = [&](double lambda) {
+      return D.cwiseProduct(damped_step(at, D, free, lambda)).norm();
+    };
+    if (length(0.0) <= 1.1 * radius) return 0.0;
+    const double largest =
+        std::max(1e-300, at.curvature.diagonal().cwiseQuotient(D.cwiseAbs2()).maxCoeff());
+    double low = std::log(largest) - 80.0, high = std::log(largest) + 40.0;
+    while (high - low > 1e-3) {
+      const double middle = 0.5 * (low + high), there = length(std::exp(middle));
+      (there > radius ? low : high) = middle;
+      if (there <= radius && there > 0.9 * radius) break;
+    }
+    return std::exp(high);
+  }
+
+  // Coordinates that would leave the box stop at it, and the others are solved for again.
+  VectorXd boxed_step(const Squares& at, const VectorXd& D, double radius) const {
+    std::vector<Index> free;
+    for (Index i = 0; i < at.x.size(); ++i) {
+      const bool held = (at.x[i] <= problem_.lower[i] && at.slope[i] >= 0.0) ||
+                        (at.x[i] >= problem_.upper[i] && at.slope[i] <= 0.0);
+      if (!held) free.push_back(i);
+    }
+    VectorXd stopped = VectorXd::Zero(at.x.size());
+    if (free.empty()) return stopped;
+    const double lambda = damping(at, D, free, radius);
+    while (!free.empty()) {
+      Squares shifted = at;
+      shifted.slope += at.curvature * stopped;
+      const VectorXd step = damped_step(shifted, D, free, lambda);
+      std::vector<Index> within;
+      for (const Index i : free) {
+        const double to = std::clamp(at.x[i] + step[i], problem_.lower[i], problem_.upper[i]);
+        if (to == at.x[i] + step[i]) {
+          within.push_back(i);
+        } else {
+          stopped[i] = to - at.x[i];
+        }
+      }
+      if (within.size() == free.size()) return step + stopped;
+      free = within;
+    }
+    return stopped;
+  }
+
+  const LikelihoodProblem& problem_;
+  double samples_, begin_ = 0.0;
+  bool begun_ = false;
+  VectorXd scale_;  // D
+};
+
+}  // namespace
+
+Solution maximise_from_afar(const LikelihoodProblem& problem, const VectorXd& start, double samples,
+                            const SolverOptions& options) {
+  if (problem.lower.size() != start.size() || problem.upper.size() != start.size() ||
+      !(samples > 0.0)) {
+    throw std::invalid_argument(
+        "maximise_from_afar: start and bounds differ in size, or no samples");
+  }
+  if ((start.array() < problem.lower.array()).any() ||
+      (start.array() > problem.upper.array()).any()) {
+    throw std::invalid_argument("maximise_from_afar: the start lies outside the bounds");
+  }
+  return TrustRegion(problem, samples).run(start, options);
+}
+
+}  // namespace identikal
