@@ -269,19 +269,17 @@ void StepBank(const BankStep& s) {
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
+#include "lib/filter/internal/instruction_set.h"
+
 namespace identikal::simd {
 
-HWY_EXPORT(BankWidth);
-HWY_EXPORT(BankScratch);
-HWY_EXPORT(StepBank);
-
-std::size_t bank_width() { return HWY_DYNAMIC_DISPATCH(BankWidth)(); }
+std::size_t bank_width() { return IDENTIKAL_DISPATCH(BankWidth)(); }
 
 std::size_t bank_scratch(int states, int outputs) {
-  return HWY_DYNAMIC_DISPATCH(BankScratch)(states, outputs);
+  return IDENTIKAL_DISPATCH(BankScratch)(states, outputs);
 }
 
-void step_bank(const BankStep& step) { HWY_DYNAMIC_DISPATCH(StepBank)(step); }
+void step_bank(const BankStep& step) { IDENTIKAL_DISPATCH(StepBank)(step); }
 
 }  // namespace identikal::simd
 #endif

@@ -201,27 +201,23 @@ std::size_t Padding() { return kAccumulators + 2 * hn::Lanes(Tag()); }
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace identikal::simd {
+#include "lib/filter/internal/instruction_set.h"
 
-HWY_EXPORT(AddAutocovarianceSums);
-HWY_EXPORT(Padding);
+namespace identikal::simd {
 
 void add_autocovariance_sums(const double* const* z, std::size_t channels, std::size_t count,
                              std::size_t first_lag, std::size_t lags, double* sums) {
-  HWY_DYNAMIC_DISPATCH(AddAutocovarianceSums)(z, channels, count, first_lag, lags, sums);
+  IDENTIKAL_DISPATCH(AddAutocovarianceSums)(z, channels, count, first_lag, lags, sums);
 }
 
-HWY_EXPORT(LaneCount);
-HWY_EXPORT(SumSquaresInLanes);
-
-std::size_t lanes() { return HWY_DYNAMIC_DISPATCH(LaneCount)(); }
+std::size_t lanes() { return IDENTIKAL_DISPATCH(LaneCount)(); }
 
 void sum_squares_in_lanes(const LaneFilter& filter, const double* z, std::size_t length,
                           std::size_t warmup, std::size_t skip, double* x, double* squares) {
-  HWY_DYNAMIC_DISPATCH(SumSquaresInLanes)(filter, z, length, warmup, skip, x, squares);
+  IDENTIKAL_DISPATCH(SumSquaresInLanes)(filter, z, length, warmup, skip, x, squares);
 }
 
-std::size_t padding() { return HWY_DYNAMIC_DISPATCH(Padding)(); }
+std::size_t padding() { return IDENTIKAL_DISPATCH(Padding)(); }
 
 }  // namespace identikal::simd
 #endif

@@ -660,21 +660,20 @@ void RunSettledTangents(const TangentModel& f, TangentRun& r, const double* y, i
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace identikal::simd {
+#include "lib/filter/internal/instruction_set.h"
 
-HWY_EXPORT(RunTangents);
-HWY_EXPORT(RunSettledTangents);
+namespace identikal::simd {
 
 int tangent_lanes(int derivatives) { return derivatives < 4 ? 4 : 8; }
 
 TangentEnd run_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
                         const double* u, long& t, long end, bool stop_when_settled) {
-  return HWY_DYNAMIC_DISPATCH(RunTangents)(model, run, y, ny, u, t, end, stop_when_settled);
+  return IDENTIKAL_DISPATCH(RunTangents)(model, run, y, ny, u, t, end, stop_when_settled);
 }
 
 void run_settled_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
                           const double* u, long t, long end) {
-  HWY_DYNAMIC_DISPATCH(RunSettledTangents)(model, run, y, ny, u, t, end);
+  IDENTIKAL_DISPATCH(RunSettledTangents)(model, run, y, ny, u, t, end);
 }
 
 }  // namespace identikal::simd
