@@ -54,7 +54,7 @@ struct SteadyFilter {
     set_product(work_, model.G, model.Q);
     set_product(W, work_, model.G.transpose());
     set_product(Sw, model.G, model.S);
-    if (!start_by_doubling(model) && (slow || !start_by_iteration(model))) return false;
+    if (!start_by_doubling(model) && (slow || endless_ || !start_by_iteration(model))) return false;
     // Newton's method (Kleinman 1968) polishes: the gain's error enters P squared.
     for (int round = 0; round < 12; ++round) {
       if (!gain(model) || !powers.compute(F)) return false;
@@ -74,6 +74,7 @@ struct SteadyFilter {
   Eigen::MatrixXd work_;  // G Q
   OutputSquare R_inverse_;
   Eigen::Index longest_ = 0;
+  bool endless_ = false;  // a variance falls, or grows, for ever: no recursion comes to an end
 
   bool gain(const StateSpace& model) {
     set_product(PCt, P, Ct);
@@ -135,6 +136,7 @@ struct SteadyFilter {
   // Structure-preserving doubling (Chu, Fan & Lin 2005) on the equation with S and R eliminated.
   // Step k stands for 2^k steps of the Riccati recursion from P = 0.
   bool start_by_doubling(const StateSpace& model) {
+    endless_ = false;
     llt.compute(model.R);
     if (llt.info() != Eigen::Success) return false;
     const auto diagonal = llt.matrixLLT().diagonal();
@@ -151,6 +153,7 @@ struct SteadyFilter {
       set_product(K, Sw, R_inverse_);
       add_product(H, K, Sw.transpose(), -1.0);
     }
+    bool neared = false;  // what rounding keeps from settling, the recursion may settle
     // Settled to 1e-9 after 2^k steps, it takes twice as many to forget to rounding.
     for (int k = 0; k < 50 && !slow; ++k) {
       slow = (Eigen::Index(1) << k) > longest_;
@@ -173,8 +176,10 @@ struct SteadyFilter {
         slow = false;
         return true;
       }
+      neared = neared || close(H, P, 1e-5, Size::Zero(A.rows()));
       H = P;
     }
+    endless_ = !neared;
     return false;
   }
 
