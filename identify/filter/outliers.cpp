@@ -106,22 +106,46 @@ Still still_samples(const Dataset& data) {
 
 // From the median |e| of one channel over all recordings, but for what stands still; 0 when there is
 // nothing.
+// @param before  what it was before a few samples were taken out, or 0
 double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
-                        const std::vector<Still>& still, Index channel) {
-  constexpr std::size_t kFewest = 20;
-  std::vector<double> sizes, moving;
-  for (std::size_t r = 0; r < filters.size(); ++r) {
-    const auto row = (filters[r].*e).row(channel);
-    sizes.reserve(sizes.size() + static_cast<std::size_t>(row.size()));
-    moving.reserve(sizes.capacity());
-    for (Index t = 0; t < row.size(); ++t) {
-      if (std::isnan(row[t])) continue;
-      sizes.push_back(std::abs(row[t]));
-      if (!still[r](channel, t)) moving.push_back(sizes.back());
+                        const std::vector<Still>& still, Index channel, double before) {
+  constexpr Index kFewest = 20;
+  constexpr double kNear = 0.05;
+  Index all = 0, moving = 0;
+  const auto for_each_size = [&](const auto& take) {
+    for (std::size_t r = 0; r < filters.size(); ++r) {
+      const MatrixXd& of = filters[r].*e;
+      for (Index t = 0; t < of.cols(); ++t) {
+        if (!std::isnan(of(channel, t))) take(std::abs(of(channel, t)), still[r](channel, t));
+      }
     }
+  };
+  for_each_size([&](double, bool stands) { ++all, moving += stands ? 0 : 1; });
+  const bool only_moving = moving >= kFewest;
+  const Index middle = (only_moving ? moving : all) / 2;
+  if (all == 0) return 0.0;
+  // The median has hardly moved: most samples lie below or above for certain.
+  const double low = (1.0 - kNear) * before / kDeviationPerMedian;
+  const double high = (1.0 + kNear) * before / kDeviationPerMedian;
+  std::vector<double> sizes;
+  Index below = 0;
+  for_each_size([&](double size, bool stands) {
+    if (only_moving && stands) return;
+    if (size < low) {
+      ++below;
+    } else if (size <= high) {
+      sizes.push_back(size);
+    }
+  });
+  if (middle < below || middle >= below + static_cast<Index>(sizes.size())) {
+    below = 0;
+    sizes.clear();
+    for_each_size([&](double size, bool stands) {
+      if (!(only_moving && stands)) sizes.push_back(size);
+    });
   }
-  if (moving.size() >= kFewest) sizes = std::move(moving);
-  return sizes.empty() ? 0.0 : kDeviationPerMedian * median(std::move(sizes));
+  std::nth_element(sizes.begin(), sizes.begin() + (middle - below), sizes.end());
+  return kDeviationPerMedian * sizes[static_cast<std::size_t>(middle - below)];
 }
 
 // How long a disturbed prediction stays disturbed.
@@ -141,6 +165,21 @@ Index memory(const Model& model, const ParameterSet& parameters) {
   return k;
 }
 
+// Which channel of a sample is farthest off, in deviations.
+struct Farthest {
+  Index channel = 0;
+  double size = kNone;
+};
+
+Farthest largest_of(const MatrixXd& e, Index t, const VectorXd& deviation) {
+  Farthest out{0, std::abs(e(0, t)) / deviation[0]};
+  for (Index i = 1; i < e.rows(); ++i) {
+    const double size = std::abs(e(i, t)) / deviation[i];
+    if (std::isnan(out.size) || size > out.size) out = {i, size};
+  }
+  return out;
+}
+
 // find_outliers(), where the filters of the recordings are known already.
 std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& parameters,
                                  const std::vector<Dataset>& recordings,
@@ -152,29 +191,22 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
   Refiltered refiltered(model, parameters, recordings);
   std::vector<Still> still;
   for (const Dataset& data : recordings) still.push_back(still_samples(data));
+  const Index ny = rest[0].y.rows();
+  VectorXd deviation = VectorXd::Zero(ny), white_deviation = deviation;
   for (int pass = 0; pass < kMostPasses; ++pass) {
     std::vector<Outlier> found;
-    const Index ny = rest[0].y.rows();
-    VectorXd deviation(ny), white_deviation(ny);
     for (Index i = 0; i < ny; ++i) {
-      deviation[i] = robust_deviation(now, &FilterResult::e, still, i);
-      white_deviation[i] = robust_deviation(now, &FilterResult::standardised, still, i);
+      deviation[i] = robust_deviation(now, &FilterResult::e, still, i, deviation[i]);
+      white_deviation[i] =
+          robust_deviation(now, &FilterResult::standardised, still, i, white_deviation[i]);
     }
-    const auto largest = [](const VectorXd& sizes) {
-      Index worst = 0;
-      for (Index i = 0; i < sizes.size(); ++i) {
-        if (std::isnan(sizes[worst]) || sizes[i] > sizes[worst]) worst = i;
-      }
-      return worst;
-    };
     for (std::size_t r = 0; r < rest.size(); ++r) {
       for (Index t = 0; t < rest[r].size(); ++t) {
         // Whitened: at the start, and after gaps, innovations are larger by rights.
-        const VectorXd white = now[r].standardised.col(t).cwiseAbs().cwiseQuotient(white_deviation);
-        const double size = white[largest(white)];
+        const double size = largest_of(now[r].standardised, t, white_deviation).size;
         if (!(std::isfinite(size) && size > kOutlier)) continue;
         // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
-        const Index channel = largest(now[r].e.col(t).cwiseAbs().cwiseQuotient(deviation));
+        const Index channel = largest_of(now[r].e, t, deviation).channel;
         found.push_back({r, channel, t, size});
         t += apart;
       }

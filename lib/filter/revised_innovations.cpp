@@ -1,7 +1,5 @@
 #include "lib/filter/revised_innovations.h"
 
-#include <optional>
-
 #include "lib/filter/internal/recursion.h"
 #include "lib/filter/internal/tangent_filter.h"
 
@@ -38,11 +36,8 @@ const FilterResult& RevisedInnovations::of(const MatrixXd& y, const std::vector<
   const std::vector<Segment> whole;
   const TangentRecording recording{y, s.u, presence, whole, nullptr, &s.result, nullptr};
   if (!changed.empty() && s.result.e.cols() == y.cols() && s.result.status == FilterStatus::ok) {
-    const std::optional<FilterStatus> status = s.filter.revise(recording, changed, s.checkpoints);
-    if (status) {
-      s.result.status = *status;
-      return s.result;
-    }
+    s.result.status = s.filter.revise(recording, s.initial, changed, s.checkpoints);
+    return s.result;
   }
   s.result = empty_filter_result(s.model.states(), y.rows(), y.cols(), Keep::innovations);
   s.filter.prepare(s.model, s.none);

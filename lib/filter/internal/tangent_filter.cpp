@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include <Eigen/Cholesky>
 
@@ -34,12 +35,26 @@ MatrixXd columns_of(const MatrixXd& M, const std::vector<int>& columns) {
 
 }  // namespace
 
+namespace {
+
+// Which channels a sample has, by channel.
+using Channels = std::vector<std::uint64_t>;
+
+void take_present(const double* y, Index channels, Channels& here) {
+  std::fill(here.begin(), here.end(), 0);
+  for (Index i = 0; i < channels; ++i) {
+    here[static_cast<std::size_t>(i / 64)] |= std::uint64_t{!std::isnan(y[i])} << (i % 64);
+  }
+}
+
+}  // namespace
+
 Presence find_presence(const MatrixXd& y) {
   Presence out;
-  std::vector<std::vector<bool>> known;  // which channels are there, by pattern
-  std::vector<bool> here(static_cast<std::size_t>(y.rows()));
+  std::vector<Channels> known;  // by pattern
+  Channels here(static_cast<std::size_t>(y.rows() / 64 + 1));
   for (Index t = 0; t < y.cols(); ++t) {
-    for (Index i = 0; i < y.rows(); ++i) here[i] = !std::isnan(y(i, t));
+    take_present(y.col(t).data(), y.rows(), here);
     if (t > 0 && here == known[out.parts.back().pattern]) {
       out.parts.back().end = t + 1;
       continue;
@@ -50,7 +65,7 @@ Presence find_presence(const MatrixXd& y) {
     known.push_back(here);
     out.channels.emplace_back();
     for (Index i = 0; i < y.rows(); ++i) {
-      if (here[i]) out.channels.back().push_back(static_cast<int>(i));
+      if (!std::isnan(y(i, t))) out.channels.back().push_back(static_cast<int>(i));
     }
   }
   return out;
@@ -355,9 +370,8 @@ bool TangentFilter::stands_at(const Checkpoints::State& state) const {
   return true;
 }
 
-std::optional<FilterStatus> TangentFilter::revise(const TangentRecording& recording,
-                                                  const std::vector<Index>& changed,
-                                                  Checkpoints& checkpoints) {
+FilterStatus TangentFilter::revise(const TangentRecording& recording, InitialState initial,
+                                   const std::vector<Index>& changed, Checkpoints& checkpoints) {
   constexpr Index kApart = Checkpoints::kApart;
   take_channels(recording.presence);
   Likelihood unused;
@@ -365,9 +379,14 @@ std::optional<FilterStatus> TangentFilter::revise(const TangentRecording& record
   for (std::size_t next = 0; next < changed.size();) {
     Index t = changed[next] / kApart * kApart;
     const Checkpoints::State& from = checkpoints.states[static_cast<std::size_t>(t / kApart)];
-    if (from.x.empty() || diffuse_) return std::nullopt;
-    std::copy(from.x.begin(), from.x.end(), run_.x);
-    std::copy(from.P.begin(), from.P.end(), run_.P);
+    if (from.x.empty()) {  // a diffuse start was not over there
+      t = 0;
+      part = recording.presence.parts.begin();
+      if (const FilterStatus begun = begin(initial); begun != FilterStatus::ok) return begun;
+    } else {
+      std::copy(from.x.begin(), from.x.end(), run_.x);
+      std::copy(from.P.begin(), from.P.end(), run_.P);
+    }
     while (t < recording.y.cols()) {
       while (part->end <= t) ++part;
       const Index end = std::min(part->end, (t / kApart + 1) * kApart);
@@ -376,9 +395,10 @@ std::optional<FilterStatus> TangentFilter::revise(const TangentRecording& record
       while (next < changed.size() && changed[next] < t) ++next;
       if (t % kApart != 0) continue;
       Checkpoints::State& here = checkpoints.states[static_cast<std::size_t>(t / kApart)];
-      if (stands_at(here)) break;
-      here = checkpoint();
+      if (!diffuse_ && stands_at(here)) break;
+      here = diffuse_ ? Checkpoints::State{} : checkpoint();
     }
+    if (diffuse_) return FilterStatus::undetermined;
   }
   return FilterStatus::ok;
 }

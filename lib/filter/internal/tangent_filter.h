@@ -4,7 +4,6 @@
 // to the filter.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -65,10 +64,8 @@ class TangentFilter {
   /// What is stored of a recording that run() has gone through with checkpoints, after its outputs
   /// have changed at some samples: only as far as the change is felt, to 1e-8 standard deviations.
   /// @param changed  ascending
-  /// @return nothing where all has to be done again, else the status
-  std::optional<FilterStatus> revise(const TangentRecording& recording,
-                                     const std::vector<Eigen::Index>& changed,
-                                     Checkpoints& checkpoints);
+  FilterStatus revise(const TangentRecording& recording, InitialState initial,
+                      const std::vector<Eigen::Index>& changed, Checkpoints& checkpoints);
 
   // Of the last run.
   Eigen::Index served_by_kernel() const { return jumped_; }  ///< samples

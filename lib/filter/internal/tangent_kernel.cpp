@@ -555,7 +555,7 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
       MultiplyByF<W, N>(f, r, r.P + b * n * n * W, r.T + b * n * n * W);
     }
     for (int b = f.blocks - 1; b >= 0; --b) {
-      DifferentiateGain<W, N, M>(f, r, b);
+      if (f.derivatives > 0) DifferentiateGain<W, N, M>(f, r, b);
       AdvanceCovariance<W, N, M>(f, r, b);
     }
     AdvanceStates<W, N, M>(f, r, input);
