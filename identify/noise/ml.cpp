@@ -156,15 +156,14 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   objective.evaluations = found.evaluations;
   objective.starts = static_cast<int>(found.ends.size());
   objective.starts_at_optimum = found.count(SearchEnd::best);
-  const std::vector<CovarianceEntries> singular =
-      judge_maximum(estimate, likelihood, problem, end, best);
+  const JudgedMaximum judged = judge_maximum(estimate, likelihood, problem, end, best);
   report_priors(estimate, end);
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
          check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
   const bool converged = found.best.summary.usable();
   const ProfiledMaximum maximum{
-      likelihood, factors, end, found.best, singular, samples_present(recordings), options.threads};
+      likelihood, factors, end, found.best, judged, samples_present(recordings), options.threads};
   if (converged && limit_variances_at_zero(estimate, maximum)) {
     append(estimate.findings, check_bounds(estimate, problem, best));
   }

@@ -40,6 +40,19 @@ std::optional<MatrixXd> observed(RecordingsLikelihood& likelihood, const Likelih
   return observed_information(gradient_at, VectorXd::Zero(free.size()), step);
 }
 
+// JudgedMaximum::excess where every direction is a number of its own.
+MatrixXd excess_of(const MatrixXd& observed, const MatrixXd& expected, const FreeDirections& free) {
+  MatrixXd out = MatrixXd::Zero(expected.rows(), expected.cols());
+  for (Index a = 0; a < free.size(); ++a) {
+    for (Index b = 0; b < free.size(); ++b) {
+      const Index i = free.number(a), j = free.number(b);
+      const double scale = std::sqrt(expected(i, i) * expected(j, j));
+      if (scale > 0.0) out(i, j) = (observed(a, b) - expected(i, j)) / scale;
+    }
+  }
+  return out;
+}
+
 // The inverse along the directions that are determined: what lies outside the others keeps its error.
 MatrixXd inverse_of_determined(const MatrixXd& information) {
   const VectorXd diagonal = information.diagonal();
@@ -70,9 +83,9 @@ MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
 
 }  // namespace
 
-std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
-                                             const LikelihoodProblem& problem,
-                                             const ParameterSet& end, const VectorXd& best) {
+JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
+                            const LikelihoodProblem& problem, const ParameterSet& end,
+                            const VectorXd& best) {
   const Likelihood* result = likelihood.evaluate(end, true);
   if (result == nullptr) return {};
   const MatrixXd all = result->information;
@@ -87,7 +100,8 @@ std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikel
   for (Index i = 0; i < z.size(); ++i) at_bound[i] = by.row(i).isZero(0.0);
   const InteriorParameters inside = interior_parameters(estimate, at_bound);
   const auto k = static_cast<Index>(inside.entries.size());
-  if (k == 0) return free.singular();
+  JudgedMaximum out{free.singular(), {}};
+  if (k == 0) return out;
 
   const MatrixXd information = by.transpose() * all * by;
   const MatrixXd in_units =
@@ -101,6 +115,7 @@ std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikel
     const auto second = observed(likelihood, problem, end, free, best, *bound);
     const auto inverse = second ? scaled_inverse(*second) : std::nullopt;
     covariance = inverse ? *inverse : *bound;
+    if (inverse && covariances.empty()) out.excess = excess_of(*second, all, free);
     estimate.covariance_kind = inverse ? "observed information"
                                        : "expected information (the observed one is not "
                                          "positive definite)";
@@ -110,7 +125,7 @@ std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikel
   }
   judge_parameters(estimate, information_of_entries(in_units, information, of_entries(covariance)),
                    of_entries(covariance));
-  if (!bound) return free.singular();
+  if (!bound) return out;
   const MatrixXd products = likelihood.score_products(end);
   if (products.size() > 0) {
     const MatrixXd sandwich =
@@ -122,7 +137,7 @@ std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikel
   }
   const MatrixXd crb = of_entries(*bound);
   for (Index j = 0; j < k; ++j) inside.reported[j]->crb_se = std::sqrt(crb(j, j));
-  return free.singular();
+  return out;
 }
 
 }  // namespace identikal

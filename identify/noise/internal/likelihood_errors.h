@@ -9,13 +9,22 @@
 
 namespace identikal {
 
+/// What profiles have to know of a maximum beside what is reported.
+struct JudgedMaximum {
+  /// Covariances that have lost rank: none of their entries has a profile.
+  std::vector<CovarianceEntries> singular;
+  /// Observed less expected information by the free entries, in units of the roots of the latter's
+  /// diagonal; zero for what lies at a bound. Empty where it is not known, and where a covariance is
+  /// estimated as a whole.
+  Eigen::MatrixXd excess;
+};
+
 /// Errors of everything that was estimated, from the information at the maximum: of what lies on a
 /// boundary none, of a covariance that has lost rank those along the directions in which it is
 /// free (identify/noise/internal/free_directions.h).
 /// @param best  where the search ended, in the coordinates of `problem`, which are the likelihood's
-/// @return the covariances that have lost rank: none of their entries has a profile
-std::vector<CovarianceEntries> judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
-                                             const LikelihoodProblem& problem,
-                                             const ParameterSet& end, const Eigen::VectorXd& best);
+JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
+                            const LikelihoodProblem& problem, const ParameterSet& end,
+                            const Eigen::VectorXd& best);
 
 }  // namespace identikal

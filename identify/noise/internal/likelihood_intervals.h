@@ -8,6 +8,7 @@
 #include "identify/estimate/results.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/noise/internal/covariance_factors.h"
+#include "identify/noise/internal/likelihood_errors.h"
 
 namespace identikal {
 
@@ -15,10 +16,10 @@ namespace identikal {
 struct ProfiledMaximum {
   RecordingsLikelihood& likelihood;
   const FactorCoordinates& factors;
-  const ParameterSet& end;                  ///< the parameters there
-  const Solution& best;                     ///< in the coordinates of the factors
-  std::vector<CovarianceEntries> singular;  ///< covariances that have lost rank
-  Eigen::Index samples = 0;                 ///< measured values
+  const ParameterSet& end;  ///< the parameters there
+  const Solution& best;     ///< in the coordinates of the factors
+  const JudgedMaximum& judged;
+  Eigen::Index samples = 0;  ///< measured values
   int threads = 1;
 };
 
