@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "identify/model/parameter_prior.h"
 #include "lib/model/linear_model.h"
@@ -30,17 +31,36 @@ std::optional<double> exponent_of(const MatrixXd& R, const MatrixXd& by, double 
   return out;
 }
 
+// Those that outputs without noise depend on.
+std::set<int> parameters_of_motion(const Model& model) {
+  std::set<int> out;
+  const LinearModel& matrices = noise_model(model);
+  for (const ParametrisedMatrix* M :
+       {&matrices.A, &matrices.B, &matrices.C, &matrices.D, &matrices.x0}) {
+    const std::vector<int> here = parameters_in(*M);
+    out.insert(here.begin(), here.end());
+  }
+  if (!is_formula_model(model) || as_formulas(model).linear) return out;
+  const std::vector<Index>& column = as_formulas(model).equations.column;
+  for (std::size_t p = 0; p < column.size(); ++p) {
+    if (column[p] >= 0) out.insert(static_cast<int>(p));
+  }
+  return out;
+}
+
 }  // namespace
 
 std::optional<NoiseScales> noise_scales(const Model& model) {
-  if (!is_formula_model(model) || changes(model) || as_formulas(model).linear) return {};
+  if (is_vehicle(model)) return {};
   const ParameterSet& parameters = model.parameters;
+  const LinearModel& noise = noise_model(model);
+  if (noise.initial != InitialState::given || moves(noise.R)) return {};
   if (!names_with_priors(parameters).empty()) return {};
-  const FormulaModel& formulas = as_formulas(model);
-  const StateSpace written = written_matrices(formulas.noise, parameters);
-  const std::vector<StateSpace> by = model_derivatives(formulas.noise, parameters);
+  const StateSpace written = written_matrices(noise, parameters);
+  const std::vector<StateSpace> by = model_derivatives(noise, parameters);
   const std::vector<EntryDerivative> entries = entry_derivatives(parameters);
   if (!written.Q.isZero(0.0) || !written.P0.isZero(0.0) || !is_diagonal(written.R)) return {};
+  const std::set<int> of_motion = parameters_of_motion(model);
   NoiseScales out;
   VectorXd scaled_by = VectorXd::Zero(written.R.rows());
   std::vector<double> exponents;
@@ -53,11 +73,8 @@ std::optional<NoiseScales> noise_scales(const Model& model) {
       out.others.push_back(static_cast<Index>(i));
       continue;
     }
-    const int p = entries[i].parameter;
-    const bool in_formulas = p < formulas.equations.parameters &&
-                             formulas.equations.column[static_cast<std::size_t>(p)] >= 0;
     const auto exponent = exponent_of(written.R, d.R, parameter.scalar());
-    if (in_formulas || !exponent || !d.x0.isZero(0.0)) return {};
+    if (of_motion.contains(entries[i].parameter) || !exponent) return {};
     scaled_by += VectorXd((d.R.diagonal().array() != 0.0).cast<double>());
     out.scales.push_back(static_cast<Index>(i));
     exponents.push_back(*exponent);

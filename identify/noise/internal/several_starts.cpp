@@ -27,6 +27,7 @@ constexpr double kSameMaximum = 1e-3;  // log-likelihoods closer than this are t
 constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search goes on for
 constexpr int kDoubted = 5;            // starts where there is a doubt
 constexpr int kApproach = 1000;        // iterations towards a simulation's least squares
+constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
 struct Point {
   VectorXd x;
@@ -163,7 +164,7 @@ class Searches {
                            SolverOptions solver, Solution& solution) const {
     ProfiledLikelihood profiled(problem, *scales_, from);
     solver.max_iterations = kApproach;
-    solver.decrement_tolerance = kNegligible;
+    solver.decrement_tolerance = kPlateau;
     solution = maximise_from_afar(profiled.problem(), profiled.start(), samples_, solver);
     solution.x = profiled.all(solution.x);
     return solution.summary;
