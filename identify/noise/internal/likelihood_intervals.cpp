@@ -201,8 +201,8 @@ std::optional<Glimpse> glimpse(const Profiled& at, const VectorXd& x) {
 // The same end by Newton's method on the coordinate and the others at once (Venzon and Moolgavkar
 // 1988, Appl. Statist. 37), with the observed information that the maximum is known to have: one
 // evaluation a step, where searching at every value takes several.
-// Nothing where that does not come to an end inside the bounds soon.
-std::optional<double> end_at_once(const Profiled& at, double first, double target) {
+// Nothing where that does not come to an end soon.
+std::optional<double> end_at_once(const Profiled& at, double first, double target, bool linear) {
   constexpr int kMost = 8;
   constexpr double kEnough = 2e-4;  // of what the others have to gain: it is added
   const Index i = at.i;
@@ -210,13 +210,13 @@ std::optional<double> end_at_once(const Profiled& at, double first, double targe
   const double lower = at.problem.lower[i], upper = at.problem.upper[i];
   // The root of the drop of a variance is nearer to linear in the logarithm.
   const bool by_logarithm = lower == 0.0 && from > 0.0 && std::abs(first) < 0.8 * from;
+  const auto within = [&](double value) { return std::clamp(value, lower, upper); };
   VectorXd x = at.x;
-  double step = by_logarithm ? from * std::expm1(first / from) : first;
+  double step = within(from + (by_logarithm ? from * std::expm1(first / from) : first)) - from;
   VectorXd move = step * tangent(at, x, observed_information(at, at.information));
   double gain = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kMost; ++k) {
-    const double value = x[i] + step;
-    if (!(value > lower && value < upper)) return std::nullopt;
+    const double value = within(x[i] + step);
     x = (x + move).cwiseMax(at.problem.lower).cwiseMin(at.problem.upper);
     x[i] = value;
     const std::optional<Glimpse> here = glimpse(at, x);
@@ -225,10 +225,12 @@ std::optional<double> end_at_once(const Profiled& at, double first, double targe
     if (here->gain > kEnough && here->gain > 0.5 * gain) return std::nullopt;
     gain = here->gain;
     const double root = std::sqrt(2.0 * here->drop), missing = target - root;
-    if (std::abs(missing) < kNear && gain <= kEnough) return x[i];
-    step = missing * root / -here->slope;
+    const bool stopped = value == (sign < 0.0 ? lower : upper) && missing > 0.0;
+    if ((std::abs(missing) < kNear || stopped) && gain <= kEnough) return value;
+    step = (linear ? missing * root : 0.5 * target * target - here->drop) / -here->slope;
     if (by_logarithm) step = x[i] * std::expm1(std::clamp(step / x[i], -1.0, 1.0));
     if (std::abs(step) > 3.0 * std::abs(x[i] - from)) return std::nullopt;
+    step = within(value + step) - value;
     move = here->move + step * here->along;
   }
   return std::nullopt;
@@ -332,7 +334,7 @@ void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at) {
     const ProfiledParameter& parameter = all[static_cast<std::size_t>(task) / 2];
     const double se = parameter.reported->se * parameter.unit.scale;
     const double first = (task % 2 == 0 ? -target : target) * se;
-    ends[task] = end_at_once(of, first, target);
+    ends[task] = end_at_once(of, first, target, true);
     if (ends[task]) return;
     ProfilePath path(of);
     ends[task] = end_of_interval(path, of, first, target, true);
@@ -369,8 +371,10 @@ bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at) {
     // slope v + curvature v^2 / 2 = target^2 / 2
     const double root = std::sqrt(slope * slope + curvature * target * target);
     const double guess = target * target / (slope + root);
-    ProfilePath path(of);
     const double first = std::isfinite(guess) ? guess : of.x.cwiseAbs().maxCoeff();
+    limits[task] = end_at_once(of, first, target, false);
+    if (limits[task]) return;
+    ProfilePath path(of);
     limits[task] = end_of_interval(path, of, first, target, false);
   });
   for (std::size_t k = 0; k < all.size(); ++k) {
