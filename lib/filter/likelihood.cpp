@@ -26,6 +26,8 @@ constexpr Index kMostLags = 4096;
 constexpr Index kFirstLags = 64;
 // A mean this many standard deviations from zero is taken out before products are summed.
 constexpr double kFarFromZero = 2.0;
+// Of more states than these, shorter segments than so many samples per state are filtered directly.
+constexpr Index kFewStates = 6, kPerState = 40;
 
 Segment make_segment(const MatrixXd& y, const MatrixXd& u, Index begin, Index length) {
   const Index ny = y.rows(), nu = u.rows();
@@ -108,7 +110,7 @@ struct LikelihoodEngine::Recordings {
   EvaluationTaken taken;
 
   FallbackReason prepare_kernel(const StateSpace& model, InitialState initial,
-                                const std::vector<StateSpace>& derivatives);
+                                const std::vector<StateSpace>& derivatives, bool asked);
   void prepare_sums(Recording& recording, const StateSpace& model);
   void make_nominal(const Recording& recording, Segment& segment, const StateSpace& model);
   bool add_gapless(Recording& recording, const StateSpace& model, InitialState initial);
@@ -145,7 +147,7 @@ const char* describe(FallbackReason fallback) {
     case FallbackReason::not_requested:
       return "another evaluation method was requested";
     case FallbackReason::short_segment:
-      return "gapless segments are shorter than the filter's memory";
+      return "gapless segments are shorter than the filter's memory, or too short to save anything";
     case FallbackReason::long_memory:
       return "the filter forgets so slowly that sample autocovariances would cost more than "
              "they save";
@@ -196,8 +198,10 @@ MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState 
 const EvaluationTaken& LikelihoodEngine::evaluation_taken() const { return recordings_->taken; }
 
 // The kernel for this model, or why gapless segments cannot go through one.
+// @param asked  for sums, whatever they save
 FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
-    const StateSpace& model, InitialState initial, const std::vector<StateSpace>& derivatives) {
+    const StateSpace& model, InitialState initial, const std::vector<StateSpace>& derivatives,
+    bool asked) {
   if (model.outputs() + model.inputs() >= kMaxChannels) return FallbackReason::too_many_channels;
   const auto moves_start = [](const StateSpace& d) {
     return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
@@ -219,6 +223,10 @@ FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
     }
   }
   if (longest == 0) return FallbackReason::short_segment;
+  // To filter so few samples takes no longer than to find the gain of many states.
+  if (!asked && model.states() > kFewStates && longest < kPerState * model.states()) {
+    return FallbackReason::short_segment;
+  }
   if (!kernel->prepare(model, derivatives, longest)) {
     return kernel->slow() ? FallbackReason::short_segment : FallbackReason::no_steady_state;
   }
@@ -329,8 +337,9 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
 
   const bool kernel_may =
       method == EvaluationMethod::automatic || method == EvaluationMethod::autocovariances;
-  const FallbackReason why =
-      kernel_may ? r.prepare_kernel(model, initial, derivatives) : FallbackReason::not_requested;
+  const FallbackReason why = kernel_may ? r.prepare_kernel(model, initial, derivatives,
+                                                           method != EvaluationMethod::automatic)
+                                        : FallbackReason::not_requested;
   const bool by_kernel = why == FallbackReason::none;
   Index total = 0, compressed = 0;
   bool prepared = false;

@@ -26,7 +26,8 @@ const char* to_string(EvaluationMethod method);
 enum class FallbackReason {
   none,
   not_requested,      ///< another evaluation method was requested
-  short_segment,      ///< a gapless segment is shorter than the filter's memory
+  short_segment,      ///< a gapless segment is shorter than the filter's memory, or than 40 samples
+                      ///< for each of seven states or more
   long_memory,        ///< the filter's pole is so close to 1 that sample autocovariances would cost
                       ///< more than they save
   no_steady_state,    ///< the gain does not converge to a stable filter

@@ -599,6 +599,10 @@ template <int W, int N>
 TangentEnd RunOutputs(const TangentModel& f, TangentRun& r, const double* y, int ny,
                       const double* u, long& t, long end, bool stop_when_settled) {
   if (f.m == 1) return Run<W, N, 1>(f, r, y, ny, u, t, end, stop_when_settled);
+  if constexpr (N > 1) {
+    if (f.m == 2) return Run<W, N, 2>(f, r, y, ny, u, t, end, stop_when_settled);
+    if (f.m == N) return Run<W, N, N>(f, r, y, ny, u, t, end, stop_when_settled);
+  }
   return Run<W, N, 0>(f, r, y, ny, u, t, end, stop_when_settled);
 }
 
@@ -606,6 +610,10 @@ template <int W, int N>
 void RunSettledOutputs(const TangentModel& f, TangentRun& r, const double* y, int ny,
                        const double* u, long t, long end) {
   if (f.m == 1) return RunSettled<W, N, 1>(f, r, y, ny, u, t, end);
+  if constexpr (N > 1) {
+    if (f.m == 2) return RunSettled<W, N, 2>(f, r, y, ny, u, t, end);
+    if (f.m == N) return RunSettled<W, N, N>(f, r, y, ny, u, t, end);
+  }
   RunSettled<W, N, 0>(f, r, y, ny, u, t, end);
 }
 
