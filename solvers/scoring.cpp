@@ -133,6 +133,18 @@ class ScaledSystem {
   Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
 };
 
+// Those of the coordinates that still matter. One that may grow without limit (a rate so fast that
+// only its being fast is seen) does not, once all of itself more or less changes L by less than this.
+std::vector<Index> that_matter(const LikelihoodProblem& problem, const Point& at,
+                               std::vector<Index> free, double change) {
+  std::erase_if(free, [&](Index i) {
+    const double size = std::abs(at.x[i]);
+    return problem.lower[i] >= 0.0 && std::abs(at.gradient[i]) * size < change &&
+           at.information(i, i) * size * size < change;
+  });
+  return free;
+}
+
 // The step that stays in the box: coordinates that would leave it stop at the bound and the others
 // are solved again without them.
 // @param system  of the information on the free coordinates
@@ -283,6 +295,11 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       if (trial.accepted) break;
       lambda = std::max(1e-2, 4.0 * lambda);
       if (lambda > (arrived ? 1.0 : 1e12)) {
+        const std::vector<Index> rest = that_matter(problem, at, free, acceptable);
+        if (!rest.empty() &&
+            ScaledSystem(at.information, rest).expected_gain(at.gradient, kFlat) < acceptable) {
+          return finish(Termination::converged, "the increase still expected is negligible");
+        }
         return end_short(Termination::no_progress, "no step increases the likelihood");
       }
     }

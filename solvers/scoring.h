@@ -25,7 +25,9 @@ struct LikelihoodProblem {
 /// samples one full step from any start is the maximum. Converged when g' J^-1 g / 2, the increase
 /// still expected, is below options.decrement_tolerance; where steps come no further, or bring nothing
 /// any more (a likelihood that rises for ever along what it does not determine), when what is expected
-/// of the determined directions is below options.acceptable_decrement. summary.objective is L. Source: Osborne
+/// of the determined directions is below options.acceptable_decrement; where no step is left at all,
+/// coordinates above zero that change nothing any more when they double are left out of that.
+/// summary.objective is L. Source: Osborne
 /// (1992), "Fisher's method of scoring", Int. Stat. Rev. 60.
 ///
 /// Example:
