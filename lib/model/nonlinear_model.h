@@ -117,8 +117,9 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
 ///
 /// Example:
 ///
+///     const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(11, 0.0, 10.0);
+///     const Eigen::MatrixXd u(0, 11);  // no inputs
 ///     const InputNodes inputs = controlled_nodes(time, u, InputPath::linear, 1e-9);
-///     step(reactor, memory, inputs, 0, x);  // where fixed steps would have to be 1e-6 s long
 ///
 /// @param tolerance  @throws std::invalid_argument unless it lies between 1e-13 and 1e-2, and as
 ///   input_nodes()
