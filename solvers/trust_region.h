@@ -17,8 +17,11 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const Solution near = maximise_from_afar(profiled, start, 35.0, {.max_iterations = 500});
-///     const Solution best = maximise(profiled, near.x);
+///     const Solution three = maximise_from_afar({[](const auto& x, double& L, auto* g, auto* J) {
+///       const double e = x[0] - 3.0, variance = 0.5 * (e * e + 1.0);  // residuals e and 1
+///       if (g && J) *g = Eigen::VectorXd{{-e / variance}}, *J = Eigen::MatrixXd{{1.0 / variance}};
+///       return L = -std::log(variance), true;
+///     }, Eigen::VectorXd{{-9e9}}, Eigen::VectorXd{{9e9}}}, Eigen::VectorXd{{-1e9}}, 2.0);
 ///
 /// @param samples  n
 /// @throws std::invalid_argument as maximise()
