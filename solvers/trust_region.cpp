@@ -14,9 +14,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kNoCurvature = 1e-15;  // eigenvalues of a matrix of unit diagonal
-constexpr double kLeastShare = 1e-4;    // of the promised reduction, of a step that is taken
-constexpr double kSmallest = 1e-15;     // radius, over |D x|
+constexpr double kNoCurvature = 1e-15;         // eigenvalues of a matrix of unit diagonal
+constexpr double kLeastShare = 1e-4;           // of the promised reduction, of a step that is taken
+constexpr double kSmallest = 1e-15;            // radius, over |D x|
+constexpr double kVanished = 1e-12;            // curvature, over the largest that it has been
+constexpr double kRadii[] = {1.0, 0.1, 10.0};  // at the start, over |D x|
 
 // S over what it was at the start, halved and times n, with its slope and curvature.
 struct Squares {
@@ -27,8 +29,9 @@ struct Squares {
 
 class TrustRegion {
  public:
-  TrustRegion(const LikelihoodProblem& problem, double samples)
-      : problem_(problem), samples_(samples) {}
+  /// @param first_radius  over |D x|
+  TrustRegion(const LikelihoodProblem& problem, double samples, double first_radius)
+      : problem_(problem), samples_(samples), first_radius_(first_radius) {}
 
   Solution run(const VectorXd& start, const SolverOptions& options) {
     Solution out;
@@ -48,11 +51,13 @@ class TrustRegion {
     scale_ = VectorXd::Zero(start.size());
     double radius = -1.0;
     while (true) {
-      scale_ = scale_.cwiseMax(at.curvature.diagonal().cwiseMax(0.0).cwiseSqrt());
+      const VectorXd now = at.curvature.diagonal().cwiseMax(0.0).cwiseSqrt();
+      scale_ = scale_.cwiseMax(now);
+      vanished_ = (now.array() < std::sqrt(kVanished) * scale_.array()).any();
       const VectorXd D = (scale_.array() > 0.0).select(scale_, 1.0);
       const double size = D.cwiseProduct(at.x).norm();
       const bool first = radius < 0.0;
-      if (first) radius = size > 0.0 ? size : 1.0;
+      if (first) radius = first_radius_ * (size > 0.0 ? size : 1.0);
       const VectorXd step = boxed_step(at, D, radius);
       const double length = D.cwiseProduct(step).norm();
       if (first) radius = std::min(radius, length);
@@ -87,6 +92,10 @@ class TrustRegion {
       }
     }
   }
+
+  /// Has a coordinate lost what it did? Then the end may be a plateau, where the slope is nothing
+  /// because the model is.
+  bool is_on_plateau() const { return vanished_; }
 
  private:
   bool evaluate(const VectorXd& x, Squares& out) {
@@ -172,8 +181,8 @@ class TrustRegion {
   }
 
   const LikelihoodProblem& problem_;
-  double samples_, begin_ = 0.0;
-  bool begun_ = false;
+  double samples_, first_radius_, begin_ = 0.0;
+  bool begun_ = false, vanished_ = false;
   VectorXd scale_;  // D
 };
 
@@ -190,7 +199,21 @@ Solution maximise_from_afar(const LikelihoodProblem& problem, const VectorXd& st
       (start.array() > problem.upper.array()).any()) {
     throw std::invalid_argument("maximise_from_afar: the start lies outside the bounds");
   }
-  return TrustRegion(problem, samples).run(start, options);
+  Solution best;
+  for (const double radius : kRadii) {
+    TrustRegion search(problem, samples, radius);
+    Solution found = search.run(start, options);
+    found.summary.iterations += best.summary.iterations;
+    found.summary.evaluations += best.summary.evaluations;
+    if (best.x.size() == 0 || found.summary.objective > best.summary.objective) {
+      best = std::move(found);
+    } else {
+      best.summary.iterations = found.summary.iterations;
+      best.summary.evaluations = found.summary.evaluations;
+    }
+    if (!search.is_on_plateau() || best.summary.termination == Termination::stopped) break;
+  }
+  return best;
 }
 
 }  // namespace identikal

@@ -12,7 +12,9 @@ namespace identikal {
 /// and the radius follows from how much of the reduction that was promised comes. Unlike scoring it
 /// leaves a start many decades off, and passes narrow curved valleys; beside the maximum scoring is as
 /// good and says more.
-/// Converged when the increase still expected is below options.decrement_tolerance.
+/// Converged when the increase still expected is below options.decrement_tolerance. Where a
+/// coordinate has lost all influence on the way, once more with a tenth of the first radius, and with
+/// ten times it: the best of them.
 /// Source: Moré (1978), "The Levenberg-Marquardt algorithm: implementation and theory".
 ///
 /// Example:

@@ -219,7 +219,7 @@ Failure first_failure(const Model& model, const std::vector<Dataset>& recordings
   return {recordings[0].name, kNone, 0};
 }
 
-constexpr double kPromised = 1e-6;  // error of a log-likelihood, relative
+constexpr double kToldError = 1e-6;  // error of a log-likelihood, relative
 
 // A step of the file's that changes what is estimated.
 Findings check_own_step(const Model& given, const ParameterSet& parameters,
@@ -229,7 +229,7 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
   NonlinearRecordings integrated(model, recordings);
   const double error = integrated.integration_error(parameters);
   const double size = std::max(1.0, std::abs(integrated.evaluate(parameters, false).value));
-  if (!(std::abs(error) > kPromised * size)) return {};
+  if (!(std::abs(error) > kToldError * size)) return {};
   return {{FindingCode::integration,
            Severity::serious,
            {"integration_step"},

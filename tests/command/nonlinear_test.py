@@ -11,6 +11,77 @@ import jsonschema
 from program import NILE, SCHEMA, SYSTEM_1, TORQUE, Folder, result, run, table
 
 
+class FollowedMotion(unittest.TestCase):
+    """Simulations whose likelihood is the equations', not the steps'."""
+
+    def setUp(self):
+        self.folder = Folder()
+        self.folder.__enter__()
+        self.addCleanup(self.folder.__exit__)
+
+    def simulated(self, model, rows):
+        run("simulate", model, "-n", rows, "-o", self.folder.path / "out", code=0)
+        return self.folder.path / "out/simulated.csv"
+
+    def test_stiff_kinetics_from_starts_that_are_decades_off(self):
+        """Robertson (1966): rates from 0.04 to 3e7, sampled every 4 s."""
+        model = self.folder.write("robertson.yaml", """identikal: 1
+time: {kind: continuous, step: 4 s}
+parameters: {k: {value: 0.04, min: 1e-6, max: 1e3}, s: {value: 0.002, min: 0}}
+states: [a, b, c]
+dynamics: {a: -k*a + 1e4*b*c, b: k*a - 1e4*b*c - 3e7*b^2, c: 3e7*b^2}
+outputs: {a: {column: a}, c: {column: c}}
+noise: {measurement: {sd: {a: s, c: s}}}
+initial: {mean: {a: 1, b: 0, c: 0}}
+""")
+        data = self.simulated(model, 60)
+        near = result("fit", model, data, "--starts", 1)
+        k = near["parameters"][0]
+        self.assertLess(abs(k["value"] - 0.04), 3 * k["se"])
+        for start in (1e-5, 4, 400):
+            far = result("fit", model, data, "--starts", 1, "--set", f"k={start}")
+            self.assertAlmostEqual(near["objective"]["log_likelihood"], far["objective"]["log_likelihood"], delta=1e-4, msg=start)
+            self.assertAlmostEqual(k["value"], far["parameters"][0]["value"], delta=1e-3 * k["se"], msg=start)
+
+    def test_a_step_by_hand_that_makes_another_likelihood_is_untrusted(self):
+        text = """identikal: 1
+time: {kind: continuous, step: 0.5 s}
+parameters: {k: {value: 2, min: 0}, s: {value: 1e-4, min: 0}}
+states: [x]
+dynamics: {x: -k*x^2}
+outputs: {x: {column: x}}
+noise: {measurement: {sd: {x: s}}}
+initial: {mean: {x: 1}}
+"""
+        model = self.folder.write("decay.yaml", text)
+        data = self.simulated(model, 40)
+        right = result("fit", model, data, "--starts", 1)
+        self.assertEqual([], [w for w in right["warnings"] if w["code"] == "integration"])
+        for step, code in (("0.5 s", 1), ("5 ms", 0)):
+            by_hand = self.folder.write("step.yaml", text.replace("0.5 s", f"0.5 s, integration_step: {step}"))
+            fit = result("fit", by_hand, data, "--starts", 1, code=code)
+            said = [w["severity"] for w in fit["warnings"] if w["code"] == "integration"]
+            self.assertEqual(["serious"] * code, said, step)
+        self.assertAlmostEqual(right["objective"]["log_likelihood"], fit["objective"]["log_likelihood"], delta=1e-3)
+
+    def test_a_step_by_hand_that_does_not_follow_is_not_taken(self):
+        """A rate that the step is far too long for: no exit 2, and the same numbers as without it."""
+        text = """identikal: 1
+time: {kind: continuous, step: 0.5 s}
+parameters: {k: {value: 0.3, min: 0}, s: {value: 1e-3, min: 0}}
+states: [x, z]
+dynamics: {x: -k*x*(1 + z), z: -1e4*(z - x^2)}
+outputs: {x: {column: x}}
+noise: {measurement: {sd: {x: s}}}
+initial: {mean: {x: 1, z: 1}}
+"""
+        model = self.folder.write("pair.yaml", text)
+        data = self.simulated(model, 40)
+        by_hand = self.folder.write("step.yaml", text.replace("0.5 s", "0.5 s, integration_step: 0.1 s"))
+        a, b = (result("fit", m, data, "--starts", 1)["parameters"] for m in (model, by_hand))
+        self.assertEqual(a, b)
+
+
 class Nonlinear(unittest.TestCase):
     """The pendulum of the templates, from its own simulation."""
 

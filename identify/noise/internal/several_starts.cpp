@@ -26,7 +26,7 @@ using Eigen::VectorXd;
 constexpr double kSameMaximum = 1e-3;  // log-likelihoods closer than this are the same maximum
 constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search goes on for
 constexpr int kDoubted = 5;            // starts where there is a doubt
-constexpr int kApproach = 300;         // iterations towards a simulation's least squares
+constexpr int kApproach = 500;         // iterations towards a simulation's least squares
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
 struct Point {

@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kStages = 3;
+constexpr int kRadauStages = 3;
 constexpr int kMostIterations = 12;      // of Newton's method in a step
 constexpr int kMostTrials = 2000;        // steps, rejected ones included, in an interval
 constexpr double kShortestStep = 1e-14;  // of the interval
@@ -23,16 +23,16 @@ constexpr double kFloor = 1e-3;   // of the largest a state has been: below, err
 constexpr double kSolved = 1e-2;  // of the tolerated error, by Newton's method
 
 const double kRoot6 = std::sqrt(6.0);
-const double kReach[kStages] = {(4.0 - kRoot6) / 10.0, (4.0 + kRoot6) / 10.0, 1.0};
-const double kA[kStages][kStages] = {
+const double kReach[kRadauStages] = {(4.0 - kRoot6) / 10.0, (4.0 + kRoot6) / 10.0, 1.0};
+const double kA[kRadauStages][kRadauStages] = {
     {(88.0 - 7.0 * kRoot6) / 360.0, (296.0 - 169.0 * kRoot6) / 1800.0,
      (3.0 * kRoot6 - 2.0) / 225.0},
     {(296.0 + 169.0 * kRoot6) / 1800.0, (88.0 + 7.0 * kRoot6) / 360.0,
      (-2.0 - 3.0 * kRoot6) / 225.0},
     {(16.0 - kRoot6) / 36.0, (16.0 + kRoot6) / 36.0, 1.0 / 9.0}};
 // Of the embedded formula of order 3: its weights of the stages, and the real eigenvalue of A^-1.
-const double kError[kStages] = {-(13.0 + 7.0 * kRoot6) / 3.0, (7.0 * kRoot6 - 13.0) / 3.0,
-                                -1.0 / 3.0};
+const double kError[kRadauStages] = {-(13.0 + 7.0 * kRoot6) / 3.0, (7.0 * kRoot6 - 13.0) / 3.0,
+                                     -1.0 / 3.0};
 constexpr double kEigenvalue = 3.6378342527444957;
 
 class ControlledMotion {
@@ -126,7 +126,7 @@ class ControlledMotion {
     if (!solve_stages(at, h)) return std::numeric_limits<double>::infinity();
     const VectorXd allowed = tolerated(x_ + Z_.tail(n_));
     VectorXd by_stages = VectorXd::Zero(n_);
-    for (Index i = 0; i < kStages; ++i) by_stages += kError[i] / h * Z_.segment(i * n_, n_);
+    for (Index i = 0; i < kRadauStages; ++i) by_stages += kError[i] / h * Z_.segment(i * n_, n_);
     MatrixXd implicit = -J_;
     implicit.diagonal().array() += kEigenvalue / h;
     const Eigen::PartialPivLU<MatrixXd> solver(implicit);
@@ -145,22 +145,22 @@ class ControlledMotion {
 
   // Newton's method with the derivatives at the step's begin.
   bool solve_stages(double at, double h) {
-    MatrixXd implicit(kStages * n_, kStages * n_);
-    for (Index i = 0; i < kStages; ++i) {
-      for (Index j = 0; j < kStages; ++j)
+    MatrixXd implicit(kRadauStages * n_, kRadauStages * n_);
+    for (Index i = 0; i < kRadauStages; ++i) {
+      for (Index j = 0; j < kRadauStages; ++j)
         implicit.block(i * n_, j * n_, n_, n_) = -h * kA[i][j] * J_;
     }
     implicit.diagonal().array() += 1.0;
     const Eigen::PartialPivLU<MatrixXd> solver(implicit);
-    Z_.setZero(kStages * n_);
+    Z_.setZero(kRadauStages * n_);
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
       VectorXd residual = -Z_;
-      for (Index j = 0; j < kStages; ++j) {
+      for (Index j = 0; j < kRadauStages; ++j) {
         const VectorXd there = x_ + Z_.segment(j * n_, n_);
         const double time = at + kReach[j] * h;
         evaluate_rates(model_, m_, there.data(), inputs_at(time), inputs_.time[k_] + time);
-        for (Index i = 0; i < kStages; ++i) {
+        for (Index i = 0; i < kRadauStages; ++i) {
           residual.segment(i * n_, n_) += h * kA[i][j] * m_.rate.head(n_);
         }
       }
@@ -169,7 +169,7 @@ class ControlledMotion {
       Z_ += change;
       const VectorXd allowed = tolerated(x_ + Z_.tail(n_));
       double size = 0.0;
-      for (Index i = 0; i < kStages; ++i) {
+      for (Index i = 0; i < kRadauStages; ++i) {
         size = std::max(size, norm(change.segment(i * n_, n_), allowed));
       }
       const double rate = size / before;
@@ -183,14 +183,15 @@ class ControlledMotion {
   // From the begin of the interval to the end of the step that ends in Z_.
   void add_slopes(double at, double h) {
     const Index columns = n_ + model_.columns;
-    MatrixXd implicit(kStages * n_, kStages * n_), rhs = MatrixXd::Zero(kStages * n_, columns);
-    for (Index j = 0; j < kStages; ++j) {
+    MatrixXd implicit(kRadauStages * n_, kRadauStages * n_),
+        rhs = MatrixXd::Zero(kRadauStages * n_, columns);
+    for (Index j = 0; j < kRadauStages; ++j) {
       const VectorXd there = x_ + Z_.segment(j * n_, n_);
       const double time = at + kReach[j] * h;
       evaluate_rate_slopes(model_, m_, there.data(), inputs_at(time), inputs_.time[k_] + time);
       MatrixXd by = m_.J.leftCols(n_) * slopes_;
       by.rightCols(model_.columns) += m_.J.rightCols(model_.columns);
-      for (Index i = 0; i < kStages; ++i) {
+      for (Index i = 0; i < kRadauStages; ++i) {
         implicit.block(i * n_, j * n_, n_, n_) = -h * kA[i][j] * m_.J.leftCols(n_);
         rhs.middleRows(i * n_, n_) += h * kA[i][j] * by;
       }
