@@ -133,13 +133,16 @@ class ScaledSystem {
   Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
 };
 
+constexpr double kFarther = 1e6;  // times itself
+
 // Those of the coordinates that still matter. One that may grow without limit (a rate so fast that
 // only its being fast is seen) does not, once all of itself more or less changes L by less than this.
 std::vector<Index> that_matter(const LikelihoodProblem& problem, const Point& at,
                                std::vector<Index> free, double change) {
   std::erase_if(free, [&](Index i) {
     const double size = std::abs(at.x[i]);
-    return problem.lower[i] >= 0.0 && std::abs(at.gradient[i]) * size < change &&
+    return problem.lower[i] >= 0.0 && std::isinf(problem.upper[i]) &&
+           kFarther * std::abs(at.gradient[i]) * size < change &&
            at.information(i, i) * size * size < change;
   });
   return free;

@@ -53,7 +53,9 @@ class TrustRegion {
     while (true) {
       const VectorXd now = at.curvature.diagonal().cwiseMax(0.0).cwiseSqrt();
       scale_ = scale_.cwiseMax(now);
-      vanished_ = (now.array() < std::sqrt(kVanished) * scale_.array()).any();
+      const VectorXd weight = now.cwiseProduct(at.x.cwiseAbs());
+      largest_weight_ = first_look() ? weight : VectorXd(largest_weight_.cwiseMax(weight));
+      vanished_ = (weight.array() < std::sqrt(kVanished) * largest_weight_.array()).any();
       const VectorXd D = (scale_.array() > 0.0).select(scale_, 1.0);
       const double size = D.cwiseProduct(at.x).norm();
       const bool first = radius < 0.0;
@@ -64,6 +66,7 @@ class TrustRegion {
       const double promised = -at.slope.dot(step) - 0.5 * step.dot(at.curvature * step);
       summary.expected_gain = promised / at.value * 0.5 * samples_;
       if (!(summary.expected_gain > options.decrement_tolerance)) {
+        if (cut_) return finish(Termination::no_progress, "no step increases the likelihood");
         return finish(Termination::converged, "the increase still expected is below the tolerance");
       }
       if (!(radius > kSmallest * size)) {
@@ -112,6 +115,8 @@ class TrustRegion {
     return std::isfinite(out.value) && out.slope.allFinite() && out.curvature.allFinite();
   }
 
+  bool first_look() const { return largest_weight_.size() == 0; }
+
   // (curvature + lambda D^2)^-1 (-slope) on these coordinates.
   static VectorXd damped_step(const Squares& at, const VectorXd& D, const std::vector<Index>& free,
                               double lambda) {
@@ -151,7 +156,7 @@ class TrustRegion {
   }
 
   // Coordinates that would leave the box stop at it, and the others are solved for again.
-  VectorXd boxed_step(const Squares& at, const VectorXd& D, double radius) const {
+  VectorXd boxed_step(const Squares& at, const VectorXd& D, double radius) {
     std::vector<Index> free;
     for (Index i = 0; i < at.x.size(); ++i) {
       const bool held = (at.x[i] <= problem_.lower[i] && at.slope[i] >= 0.0) ||
@@ -161,6 +166,7 @@ class TrustRegion {
     VectorXd stopped = VectorXd::Zero(at.x.size());
     if (free.empty()) return stopped;
     const double lambda = damping(at, D, free, radius);
+    cut_ = lambda > 0.0;
     while (!free.empty()) {
       Squares shifted = at;
       shifted.slope += at.curvature * stopped;
@@ -182,8 +188,9 @@ class TrustRegion {
 
   const LikelihoodProblem& problem_;
   double samples_, first_radius_, begin_ = 0.0;
-  bool begun_ = false, vanished_ = false;
-  VectorXd scale_;  // D
+  bool begun_ = false, vanished_ = false, cut_ = false;
+  VectorXd largest_weight_;  // of the coordinates: what moving by all of themselves would change
+  VectorXd scale_;           // D
 };
 
 }  // namespace
@@ -200,18 +207,22 @@ Solution maximise_from_afar(const LikelihoodProblem& problem, const VectorXd& st
     throw std::invalid_argument("maximise_from_afar: the start lies outside the bounds");
   }
   Solution best;
+  SolverOptions left = options;
   for (const double radius : kRadii) {
     TrustRegion search(problem, samples, radius);
-    Solution found = search.run(start, options);
+    Solution found = search.run(start, left);
+    const bool stopped = found.summary.termination == Termination::stopped;
+    left.max_iterations -= found.summary.iterations;
     found.summary.iterations += best.summary.iterations;
     found.summary.evaluations += best.summary.evaluations;
-    if (best.x.size() == 0 || found.summary.objective > best.summary.objective) {
-      best = std::move(found);
-    } else {
+    const bool better = found.summary.objective > best.summary.objective;
+    if (best.x.size() > 0 && !better && !stopped) {
       best.summary.iterations = found.summary.iterations;
       best.summary.evaluations = found.summary.evaluations;
+    } else {
+      best = std::move(found);
     }
-    if (!search.is_on_plateau() || best.summary.termination == Termination::stopped) break;
+    if (stopped || !search.is_on_plateau() || left.max_iterations <= 0) break;
   }
   return best;
 }

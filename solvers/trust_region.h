@@ -12,7 +12,8 @@ namespace identikal {
 /// and the radius follows from how much of the reduction that was promised comes. Unlike scoring it
 /// leaves a start many decades off, and passes narrow curved valleys; beside the maximum scoring is as
 /// good and says more.
-/// Converged when the increase still expected is below options.decrement_tolerance. Where a
+/// Converged when the increase still expected of a whole step is below options.decrement_tolerance;
+/// of the options it knows besides max_iterations, of all together, and progress. Where a
 /// coordinate has lost all influence on the way, once more with a tenth of the first radius, and with
 /// ten times it: the best of them.
 /// Source: Moré (1978), "The Levenberg-Marquardt algorithm: implementation and theory".

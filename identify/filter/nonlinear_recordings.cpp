@@ -111,11 +111,25 @@ InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Datase
   return nodes_in(as_formulas(model), recording, integration_of(model, at, recording));
 }
 
+// Do these steps follow the motion from x at all? Without noise.
+bool follow(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
+            const std::vector<int>& steps, VectorXd x) {
+  ModelMemory memory = make_memory(model.equations);
+  set_parameters(model.equations, memory, formula_parameters(model, at));
+  const InputNodes nodes = nodes_in(model, recording, steps);
+  for (Index k = 0; k + 1 < recording.size() && x.allFinite(); ++k) {
+    step(model.equations, memory, nodes, k, x);
+  }
+  return x.allFinite();
+}
+
 // For the motion of the mean from x.
 Integration motion_integration(const Model& model, const ParameterSet& at, const Dataset& recording,
                                const Eigen::Ref<const VectorXd>& x, bool without_noise) {
-  if (auto given = steps_of_file(model, recording)) return {*given};
   const FormulaModel& formulas = as_formulas(model);
+  if (auto given = steps_of_file(model, recording)) {
+    return {*given, without_noise && !follow(formulas, at, recording, given->steps, x)};
+  }
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), x,
@@ -124,24 +138,15 @@ Integration motion_integration(const Model& model, const ParameterSet& at, const
   return out;
 }
 
-// Do these steps follow the motion at all? Without noise.
-bool follow(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
-            const std::vector<int>& steps) {
-  ModelMemory memory = make_memory(model.equations);
-  return nonlinear_likelihood(model.equations, memory, formula_parameters(model, at),
-                              noise_of(written_matrices(model.noise, at)), {},
-                              nodes_in(model, recording, steps), recording.y, filter_options(model))
-             .status != FilterStatus::not_finite;
-}
-
 }  // namespace
 
 Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording) {
   const FormulaModel& formulas = as_formulas(model);
   if (formulas.linear) return {};
   const bool without_noise = moves_without_noise(formulas, at);
+  const VectorXd x0 = written_matrices(formulas.noise, at).x0;
   if (auto given = steps_of_file(model, recording)) {
-    return {*given, without_noise && !follow(formulas, at, recording, given->steps)};
+    return {*given, without_noise && !follow(formulas, at, recording, given->steps, x0)};
   }
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
@@ -150,7 +155,7 @@ Integration integration_of(const Model& model, const ParameterSet& at, const Dat
                                     recording.u, formulas.inputs, recording.y,
                                     filter_options(formulas), tolerance)};
   out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
-                                     !follow(formulas, at, recording, out.steps.steps));
+                                     !follow(formulas, at, recording, out.steps.steps, x0));
   return out;
 }
 
@@ -204,9 +209,10 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
     changed = changed || here;
   }
   const bool chosen = !(as_formulas(model_).longest_step > 0.0);
-  for (std::size_t i = 0; without_noise_ && chosen && !changed && i < recordings_.size(); ++i) {
+  if (!without_noise_ || !chosen || changed) return changed;
+  const double size = std::max(1.0, std::abs(evaluate(at, false).value));
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
     if (inputs_[i].tolerance > 0.0) continue;
-    const double size = std::max(1.0, std::abs(evaluate(at, false).value));
     if (!(std::abs(controlled_change(at, i)) > kPromised * size)) continue;
     inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
     changed = true;

@@ -226,6 +226,18 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
                         const std::vector<Dataset>& recordings) {
   Model model = given;
   model.parameters = parameters;
+  const auto controlled = [&](const Dataset& data) {
+    return integration_of(model, parameters, data).controlled;
+  };
+  if (std::any_of(recordings.begin(), recordings.end(), controlled)) {
+    return {{FindingCode::integration,
+             Severity::warning,
+             {"integration_step"},
+             fmt::format("steps of {:.3g} s do not follow the motion: steps that control their "
+                         "error were taken instead",
+                         as_formulas(model).longest_step),
+             "leave out integration_step"}};
+  }
   NonlinearRecordings integrated(model, recordings);
   const double error = integrated.integration_error(parameters);
   const double size = std::max(1.0, std::abs(integrated.evaluate(parameters, false).value));

@@ -78,8 +78,38 @@ initial: {mean: {x: 1, z: 1}}
         model = self.folder.write("pair.yaml", text)
         data = self.simulated(model, 40)
         by_hand = self.folder.write("step.yaml", text.replace("0.5 s", "0.5 s, integration_step: 0.1 s"))
-        a, b = (result("fit", m, data, "--starts", 1)["parameters"] for m in (model, by_hand))
-        self.assertEqual(a, b)
+        free, own = (result("fit", m, data, "--starts", 1) for m in (model, by_hand))
+        self.assertEqual(free["parameters"], own["parameters"])
+        self.assertEqual(["warning"], [w["severity"] for w in own["warnings"] if w["code"] == "integration"])
+
+    def test_noise_that_no_number_scales_is_searched_as_it_is(self):
+        """A variance s^2 + 1e-4 follows s by no power."""
+        model = self.folder.write("offset.yaml", """identikal: 1
+time: {kind: continuous, step: 0.1 s}
+parameters: {k: {value: 0.5, min: 0}, s: {value: 0.02, min: 0}}
+states: [x, z]
+dynamics: {x: -k*x, z: -z^2}
+outputs: {x: {column: x}}
+noise: {measurement: {variance: {x: s^2 + 1e-4}}}
+initial: {mean: {x: 1, z: 1}}
+""")
+        data = self.simulated(model, 100)
+        ends = [result("fit", model, data, "--starts", 1, "--set", f"s={s}")["objective"]["log_likelihood"] for s in (0.001, 0.02, 10)]
+        self.assertAlmostEqual(ends[0], ends[1], delta=1e-3)
+        self.assertAlmostEqual(ends[2], ends[1], delta=1e-3)
+
+    def test_a_tank_that_begins_empty_is_simulated(self):
+        """The slope of sqrt(h) at 0 is no number; the motion is."""
+        model = self.folder.write("tank.yaml", """identikal: 1
+time: {kind: continuous, step: 0.1 s}
+parameters: {c: {value: 1, min: 0.1}, s: {value: 1e-3, min: 0}}
+states: [h]
+dynamics: {h: 1 - c*sqrt(h)}
+outputs: {h: {column: h}}
+noise: {measurement: {sd: {h: s}}}
+initial: {mean: {h: 0}}
+""")
+        self.simulated(model, 100)
 
 
 class Nonlinear(unittest.TestCase):

@@ -31,6 +31,22 @@ std::optional<double> exponent_of(const MatrixXd& R, const MatrixXd& by, double 
   return out;
 }
 
+// Does the noise follow the parameter by that power wherever it goes?
+bool is_power(const LinearModel& noise, ParameterSet parameters, int parameter, double exponent) {
+  const MatrixXd R = written_matrices(noise, parameters).R;
+  const MatrixXd by = parameters[static_cast<std::size_t>(parameter)].value;
+  for (const double factor : {2.0, 1e3, 1e-3}) {
+    parameters[static_cast<std::size_t>(parameter)].value = factor * by;
+    const MatrixXd there = written_matrices(noise, parameters).R;
+    for (Index j = 0; j < R.rows(); ++j) {
+      const double scaled = R(j, j) * std::pow(factor, exponent);
+      const bool follows = std::abs(there(j, j) - scaled) <= 1e-9 * std::abs(scaled);
+      if (!follows && there(j, j) != R(j, j)) return false;
+    }
+  }
+  return true;
+}
+
 // Those that outputs without noise depend on.
 std::set<int> parameters_of_motion(const Model& model) {
   std::set<int> out;
@@ -74,7 +90,10 @@ std::optional<NoiseScales> noise_scales(const Model& model) {
       continue;
     }
     const auto exponent = exponent_of(written.R, d.R, parameter.scalar());
-    if (of_motion.contains(entries[i].parameter) || !exponent) return {};
+    if (of_motion.contains(entries[i].parameter) || !exponent ||
+        !is_power(noise, parameters, entries[i].parameter, *exponent)) {
+      return {};
+    }
     scaled_by += VectorXd((d.R.diagonal().array() != 0.0).cast<double>());
     out.scales.push_back(static_cast<Index>(i));
     exponents.push_back(*exponent);
@@ -93,6 +112,10 @@ ProfiledLikelihood::ProfiledLikelihood(const LikelihoodProblem& problem, NoiseSc
 
 VectorXd ProfiledLikelihood::all(const VectorXd& others) {
   at_(which_.others) = others;
+  VectorXd gradient;
+  MatrixXd information;
+  double L = 0.0;
+  settle(gradient, information, L);
   return at_;
 }
 

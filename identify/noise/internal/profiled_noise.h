@@ -33,7 +33,7 @@ class ProfiledLikelihood {
 
   LikelihoodProblem problem();
   Eigen::VectorXd start() const { return at_(which_.others); }
-  /// All coordinates where the others are these.
+  /// All coordinates where the others are these, the scales at their best.
   Eigen::VectorXd all(const Eigen::VectorXd& others);
 
  private:

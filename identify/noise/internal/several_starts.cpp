@@ -136,14 +136,19 @@ class Searches {
       return defined;
     };
     const VectorXd from = starts_[start].cwiseMax(problem.lower).cwiseMin(problem.upper);
+    double at_start = std::numeric_limits<double>::quiet_NaN();
+    if (scales_) problem.evaluate(from, at_start, nullptr, nullptr);
     const SolverSummary approach =
         scales_ ? approached(watched, from, solver, out.solution) : SolverSummary{};
-    if (approach.termination == Termination::stopped) return out;
+    if (approach.termination == Termination::stopped) {
+      out.solution.summary.initial_objective = at_start;
+      return out;
+    }
     out.solution = maximise(watched, scales_ ? out.solution.x : from, solver);
     SolverSummary& summary = out.solution.summary;
     summary.iterations += approach.iterations;
     summary.evaluations += approach.evaluations;
-    if (scales_) problem.evaluate(from, summary.initial_objective, nullptr, nullptr);
+    if (scales_) summary.initial_objective = at_start;
     out.path.insert(out.path.begin(), summary.initial_objective);
     return out;
   }

@@ -58,7 +58,7 @@ class ControlledMotion {
     }
     x_ = x;
     double at = 0.0, h = std::min(control.step, length_);
-    bool rejected = true, finite = x_.allFinite() && set_start(0.0);
+    bool rejected = true, finite = x_.allFinite() && set_start(0.0, jacobian != nullptr);
     for (int trial = 0; finite && at < length_; finite = finite && ++trial < kMostTrials) {
       const double rest = length_ - at;
       const bool last = h > rest * (1.0 - 1e-10);
@@ -74,7 +74,7 @@ class ControlledMotion {
         at = last ? length_ : at + h;
         h = next;
         rejected = false;
-        finite = at >= length_ || set_start(at);
+        finite = at >= length_ || set_start(at, jacobian != nullptr);
       } else {
         h *= std::isfinite(error) ? std::clamp(0.9 * std::pow(error, -0.25), 0.1, 0.8) : 0.25;
         control.step = h;
@@ -104,10 +104,13 @@ class ControlledMotion {
   }
 
   // f, and its derivatives, at x where a step begins.
-  bool set_start(double at) {
+  bool set_start(double at, bool slopes) {
     evaluate_rate_slopes(model_, m_, x_.data(), inputs_at(at), inputs_.time[k_] + at);
     rate_ = m_.rate.head(n_);
     J_ = m_.J.leftCols(n_);
+    if (!slopes) {  // they only help to solve, where they are
+      J_ = J_.unaryExpr([](double slope) { return std::isfinite(slope) ? slope : 0.0; });
+    }
     return rate_.allFinite() && J_.allFinite();
   }
 
