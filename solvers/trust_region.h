@@ -14,7 +14,7 @@ namespace identikal {
 /// good and says more.
 /// Converged when the increase still expected of a whole step is below options.decrement_tolerance;
 /// of the options it knows besides max_iterations, of all together, and progress. Where a
-/// coordinate has lost all influence on the way, once more with a tenth of the first radius, and with
+/// coordinate has lost all influence meanwhile, once more with a tenth of the first radius, and with
 /// ten times it: the best of them.
 /// Source: Moré (1978), "The Levenberg-Marquardt algorithm: implementation and theory".
 ///

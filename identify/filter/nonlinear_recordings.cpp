@@ -18,7 +18,6 @@ using Eigen::VectorXd;
 
 constexpr double kFollowed = 1e-9;    // tolerance of controlled steps
 constexpr double kCheckedBy = 1e-10;  // of those that the log-likelihood is checked by
-constexpr double kPromised = 1e-6;    // error of the log-likelihood, relative
 constexpr int kManySteps = 64;        // between two samples: beyond, implicit steps cost less
 
 VectorXd formula_parameters(const FormulaModel& model, const ParameterSet& at) {
@@ -213,7 +212,7 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
   const double size = std::max(1.0, std::abs(evaluate(at, false).value));
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     if (inputs_[i].tolerance > 0.0) continue;
-    if (!(std::abs(controlled_change(at, i)) > kPromised * size)) continue;
+    if (!(std::abs(controlled_change(at, i)) > kIntegrationTolerance * size)) continue;
     inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
     changed = true;
   }

@@ -15,10 +15,13 @@
 
 namespace identikal {
 
+/// Error of a log-likelihood by its integration, relative: what is above it is refined or reported.
+inline constexpr double kIntegrationTolerance = 1e-6;
+
 /// How the equations are integrated from sample to sample.
 struct Integration {
   IntegrationSteps steps;
-  bool controlled = false;  ///< they are chosen on the way, see controlled_nodes()
+  bool controlled = false;  ///< they are chosen during the integration, see controlled_nodes()
 };
 
 /// In as many steps as the filter with these values needs (lib/nonlinear/integration_steps.h), or as

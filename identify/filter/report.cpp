@@ -219,17 +219,13 @@ Failure first_failure(const Model& model, const std::vector<Dataset>& recordings
   return {recordings[0].name, kNone, 0};
 }
 
-constexpr double kToldError = 1e-6;  // error of a log-likelihood, relative
-
 // A step of the file's that changes what is estimated.
+// @param controlled  it does not follow the motion, and others were taken
 Findings check_own_step(const Model& given, const ParameterSet& parameters,
-                        const std::vector<Dataset>& recordings) {
+                        const std::vector<Dataset>& recordings, bool controlled) {
   Model model = given;
   model.parameters = parameters;
-  const auto controlled = [&](const Dataset& data) {
-    return integration_of(model, parameters, data).controlled;
-  };
-  if (std::any_of(recordings.begin(), recordings.end(), controlled)) {
+  if (controlled) {
     return {{FindingCode::integration,
              Severity::warning,
              {"integration_step"},
@@ -241,7 +237,7 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
   NonlinearRecordings integrated(model, recordings);
   const double error = integrated.integration_error(parameters);
   const double size = std::max(1.0, std::abs(integrated.evaluate(parameters, false).value));
-  if (!(std::abs(error) > kToldError * size)) return {};
+  if (!(std::abs(error) > kIntegrationTolerance * size)) return {};
   return {{FindingCode::integration,
            Severity::serious,
            {"integration_step"},
@@ -256,10 +252,12 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
 Findings check_integration(const Model& model, const ParameterSet& parameters,
                            const std::vector<Dataset>& recordings) {
   double largest = 0.0;
+  bool controlled = false;
   std::string where;
   for (const Dataset& data : recordings) {
     const Integration chosen = integration_of(model, parameters, data);
     const IntegrationSteps& steps = chosen.steps;
+    controlled = controlled || chosen.controlled;
     if (chosen.controlled || steps.status != StepStatus::capped ||
         steps.largest_change <= largest) {
       continue;
@@ -269,7 +267,7 @@ Findings check_integration(const Model& model, const ParameterSet& parameters,
   }
   if (where.empty()) {
     const bool own = as_formulas(model).longest_step > 0.0;
-    return own ? check_own_step(model, parameters, recordings) : Findings{};
+    return own ? check_own_step(model, parameters, recordings, controlled) : Findings{};
   }
   constexpr double kSmall = 1e-3;
   return {{FindingCode::integration,

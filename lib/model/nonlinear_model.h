@@ -90,7 +90,7 @@ struct InputNodes {
   /// nu x N, as given: what the outputs at a sample see, and f in discrete time. An input held
   /// constant takes its last value at the last sample only, where no interval begins.
   Eigen::MatrixXd at_sample;
-  /// > 0: steps are chosen on the way, see controlled_nodes().
+  /// > 0: steps are chosen during the integration, see controlled_nodes().
   double tolerance = 0.0;
   std::vector<Pchip> curves;  ///< of those, per input; empty: straight between an interval's ends
 };
