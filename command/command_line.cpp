@@ -48,17 +48,37 @@ std::string as_typed(int argc, char** argv) {
   return out;
 }
 
-std::vector<Verb> all_verbs() {
-  return {info_verb(),     init_verb(),    tune_verb(),     fit_verb(),   check_verb(),
-          track_verb(),    filter_verb(),  compare_verb(),  shape_verb(), bound_verb(),
-          report_verb(),   export_verb(),  validate_verb(), study_verb(), simulate_verb(),
-          handling_verb(), forecast_verb()};
+struct NamedVerb {
+  const char* name;
+  Verb (*make)();
+};
+
+constexpr NamedVerb kVerbs[] = {
+    {"info", info_verb},         {"init", init_verb},         {"tune", tune_verb},
+    {"fit", fit_verb},           {"check", check_verb},       {"track", track_verb},
+    {"filter", filter_verb},     {"compare", compare_verb},   {"shape", shape_verb},
+    {"bound", bound_verb},       {"report", report_verb},     {"export", export_verb},
+    {"validate", validate_verb}, {"study", study_verb},       {"simulate", simulate_verb},
+    {"handling", handling_verb}, {"forecast", forecast_verb},
+};
+
+// A command line that begins with a verb needs the options of no other one: to define them all takes
+// longer than to fit a short recording.
+std::vector<Verb> verbs_of(int argc, char** argv) {
+  const std::string first = argc > 1 ? argv[1] : "";
+  std::vector<Verb> out;
+  if (argc == 2 && first == "--version") return out;
+  for (const NamedVerb& verb : kVerbs) {
+    if (first == verb.name) return {verb.make()};
+  }
+  for (const NamedVerb& verb : kVerbs) out.push_back(verb.make());
+  return out;
 }
 
-void refuse_unknown_verb(const std::vector<Verb>& verbs, int argc, char** argv) {
+void refuse_unknown_verb(int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
   std::vector<std::string> names;
-  for (const Verb& verb : verbs) names.push_back(verb.name);
+  for (const NamedVerb& verb : kVerbs) names.emplace_back(verb.name);
   if (std::find(names.begin(), names.end(), argv[1]) != names.end()) return;
   throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
                    fmt::format("one of {}", fmt::join(names, ", ")), did_you_mean(argv[1], names));
@@ -75,21 +95,27 @@ std::vector<std::string> option_names(const CLI::App& verb) {
   return out;
 }
 
-// Which other verbs take this option, as a hint.
-std::string verbs_with(const CLI::App& app, const std::string& option) {
+bool shows_option(const Verb& verb, const std::string& name) {
+  const auto has_name = [&](const Option& option) {
+    // "-o,--output"
+    return option.now.empty() &&
+           ("," + option.names + ",").find("," + name + ",") != std::string::npos;
+  };
+  return std::any_of(verb.options.begin(), verb.options.end(), has_name);
+}
+
+// Which verbs take this option, as a hint.
+std::string verbs_with(const std::string& option) {
   std::vector<std::string> out;
-  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
-    const std::vector<std::string> names = option_names(*verb);
-    if (std::find(names.begin(), names.end(), option) != names.end()) {
-      out.push_back("'" + verb->get_name() + "'");
-    }
+  for (const NamedVerb& verb : kVerbs) {
+    if (shows_option(verb.make(), option)) out.push_back(fmt::format("'{}'", verb.name));
   }
   if (out.empty()) return "";
   return fmt::format("{} {} it", fmt::join(out, ", "), out.size() == 1 ? "has" : "have");
 }
 
-std::string hint_for(const CLI::App& app, const CLI::App& verb, const std::string& option) {
-  const std::string others = verbs_with(app, option);
+std::string hint_for(const CLI::App& verb, const std::string& option) {
+  const std::string others = verbs_with(option);
   if (!others.empty()) return others;
   const std::string nearest =
       option.starts_with("--") ? did_you_mean(option, option_names(verb)) : std::string();
@@ -122,7 +148,7 @@ void refuse_unknown_options(const CLI::App& app) {
       if (word.size() < 2 || word[0] != '-' || word == "--") continue;
       const std::string option = word.substr(0, word.find('='));
       throw InputError({}, fmt::format("unknown option '{}' of '{}'", option, verb->get_name()), "",
-                       hint_for(app, *verb, option));
+                       hint_for(*verb, option));
     }
   }
 }
@@ -231,7 +257,8 @@ int run_command_line(int argc, char** argv) {
   app.formatter(std::make_shared<Help>());
   app.require_subcommand(1);
   app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION "\n" IDENTIKAL_BUILT_WITH);
-  const std::vector<Verb> verbs = all_verbs();
+  refuse_unknown_verb(argc, argv);
+  const std::vector<Verb> verbs = verbs_of(argc, argv);
   for (const Verb& verb : verbs) add_verb(app, verb);
   // Verbs that are added later would have it too.
   app.footer(kExitStatus);
@@ -239,7 +266,6 @@ int run_command_line(int argc, char** argv) {
     print(generated(app, argv[2]));
     return 0;
   }
-  refuse_unknown_verb(verbs, argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -2,40 +2,32 @@
 
 #include <fstream>
 #include <iterator>
-#include <memory>
 #include <vector>
 
-#include <openssl/evp.h>
+// The digest's own functions: the newer interface reads a configuration and loads algorithms first, which takes
+// a third as long as fitting a short recording.
+#define OPENSSL_SUPPRESS_DEPRECATED
+#include <openssl/sha.h>
 
 #include "lib/base/error.h"
 
 namespace identikal {
 namespace {
 
-using DigestContext = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
-
-// Looked up once: OpenSSL searches its providers at every use of EVP_sha256(), which takes longer than a
-// short text.
-const EVP_MD* sha256() {
-  static const EVP_MD* const found = EVP_MD_fetch(nullptr, "SHA256", nullptr);
-  return found != nullptr ? found : EVP_sha256();
-}
-
-DigestContext sha256_begun() {
-  DigestContext context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
-  EVP_DigestInit_ex(context.get(), sha256(), nullptr);
+SHA256_CTX sha256_begun() {
+  SHA256_CTX context;
+  SHA256_Init(&context);
   return context;
 }
 
-std::string sha256_ended(EVP_MD_CTX* context) {
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  EVP_DigestFinal_ex(context, digest, &size);
+std::string sha256_ended(SHA256_CTX context) {
+  unsigned char digest[SHA256_DIGEST_LENGTH];
+  SHA256_Final(digest, &context);
   constexpr char kDigits[] = "0123456789abcdef";
   std::string out;
-  for (unsigned int i = 0; i < size; ++i) {
-    out += kDigits[digest[i] >> 4];
-    out += kDigits[digest[i] & 15];
+  for (const unsigned char byte : digest) {
+    out += kDigits[byte >> 4];
+    out += kDigits[byte & 15];
   }
   return out;
 }
@@ -43,9 +35,9 @@ std::string sha256_ended(EVP_MD_CTX* context) {
 }  // namespace
 
 std::string sha256_of_text(std::string_view text) {
-  const DigestContext context = sha256_begun();
-  EVP_DigestUpdate(context.get(), text.data(), text.size());
-  return sha256_ended(context.get());
+  SHA256_CTX context = sha256_begun();
+  SHA256_Update(&context, text.data(), text.size());
+  return sha256_ended(context);
 }
 
 std::string text_of_file(const std::string& path, const std::string& expected,
@@ -59,13 +51,13 @@ std::string text_of_file(const std::string& path, const std::string& expected,
 std::string sha256_of_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw InputError({path, 0, 0}, "cannot be read");
-  const DigestContext context = sha256_begun();
+  SHA256_CTX context = sha256_begun();
   std::vector<char> buffer(1 << 16);
   while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
          file.gcount() > 0) {
-    EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(file.gcount()));
+    SHA256_Update(&context, buffer.data(), static_cast<std::size_t>(file.gcount()));
   }
-  return sha256_ended(context.get());
+  return sha256_ended(context);
 }
 
 }  // namespace identikal
