@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 106> kKinds = {{
+constexpr std::array<FindingKind, 107> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -231,6 +231,9 @@ constexpr std::array<FindingKind, 106> kKinds = {{
     {FindingCode::steering_steps, "steering_steps", Severity::warning, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "The steps of the steering's sensor change the values"},
+    {FindingCode::steering_noise, "steering_noise", Severity::note, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::name,
+     "The noise of the steering's sensor attenuates the values"},
     {FindingCode::structure_dependent, "structure_dependent", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::name,
      "A parameter hangs on what the model leaves out: lags, roll, bending tyres"},

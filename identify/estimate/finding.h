@@ -114,6 +114,7 @@ enum class FindingCode {
   steering_gain,
   steering_delay,
   steering_steps,
+  steering_noise,
   structure_dependent,
   sensor_differs,
   car_changes,

@@ -54,7 +54,8 @@ struct VehicleModel {
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
   std::optional<RowCondition> use_when;           ///< besides the speed
-  double steering_steps = 0.0;          ///< of the sensor, bridged [rad]; 0: taken as exact
+  double steering_steps = 0.0;  ///< of the sensor, bridged [rad]; 0: taken as exact
+  double steering_noise = 0.0;  ///< white, of the sensor, corrected for [rad]; 0: none known
   TyreCurve curve = TyreCurve::linear;  ///< of both axles
   RegressionModel tracking;             ///< forgetting, memory and reset of `track`
 };

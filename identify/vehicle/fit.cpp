@@ -18,6 +18,7 @@
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/driven_range.h"
 #include "identify/vehicle/internal/characteristic_values.h"
+#include "identify/vehicle/internal/open_parameters.h"
 #include "identify/vehicle/internal/pictures.h"
 #include "identify/vehicle/internal/steady_cornering.h"
 #include "identify/vehicle/internal/structure_comparison.h"
@@ -27,6 +28,7 @@
 #include "identify/vehicle/output_error.h"
 #include "identify/vehicle/search.h"
 #include "identify/vehicle/series.h"
+#include "identify/vehicle/steering_noise.h"
 #include "identify/vehicle/steering_steps.h"
 #include "identify/vehicle/tyre_saturation.h"
 #include "identify/vehicle/usable_data.h"
@@ -292,59 +294,6 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
   return trajectory.covariance;
 }
 
-/// The free parameters that the recording does not determine.
-std::vector<std::string> undetermined(const VehicleUnknowns& unknowns,
-                                      const VehicleCovariance& covariance,
-                                      const VehicleEstimate& estimate) {
-  std::vector<std::string> open;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (p.fixed) continue;
-    if (p.verdict == Verdict::not_identifiable || p.verdict == Verdict::unexcited)
-      open.push_back(p.name);
-  }
-  // A stiffness, mass or length whose interval holds zero is not determined either.
-  for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
-    const EstimatedParameter& p = estimate.parameters[unknowns.position[i]];
-    const bool maybe_zero = must_be_positive(unknowns.free[i]) && p.ci95[0] <= 0.0;
-    const bool listed_already = std::find(open.begin(), open.end(), p.name) != open.end();
-    const bool anywhere = i < covariance.open.size() && covariance.open[i];
-    if ((maybe_zero || anywhere) && !listed_already) open.push_back(p.name);
-  }
-  return open;
-}
-
-/// What a fit is made for; all else that is free has its part in their errors.
-bool is_wanted(VehicleParameter p) { return p <= kSteeringGain; }
-
-/// Nobody refuses a stiffness for an offset that cannot be told from a bias.
-Findings check_determined(const VehicleUnknowns& unknowns, const std::vector<std::string>& open) {
-  if (open.empty()) return {};
-  const auto is_open = [&](VehicleParameter p) {
-    return std::find(open.begin(), open.end(), name_of(p)) != open.end();
-  };
-  const bool any_wanted = std::any_of(unknowns.free.begin(), unknowns.free.end(), is_wanted);
-  const bool only_others =
-      any_wanted && std::none_of(unknowns.free.begin(), unknowns.free.end(),
-                                 [&](VehicleParameter p) { return is_wanted(p) && is_open(p); });
-  const std::string text =
-      fmt::format("this recording does not determine {} separately", fmt::join(open, ", "));
-  if (!only_others) return {make_finding(FindingCode::not_identifiable, open, text)};
-  return {{FindingCode::not_identifiable, Severity::warning, open,
-           text + "; the errors of the others allow for it", ""}};
-}
-
-/// What stands against any fit: parameters that are open, a search that did not converge.
-Findings check_search(const VehicleSearch& found, const VehicleCovariance& covariance,
-                      const VehicleEstimate& estimate) {
-  const VehicleUnknowns& unknowns = found.problem.unknowns;
-  Findings out = check_determined(unknowns, undetermined(unknowns, covariance, estimate));
-  if (!found.best.converged) {
-    out.push_back(make_finding(FindingCode::not_converged, {},
-                               "the search did not converge: " + found.best.message));
-  }
-  return out;
-}
-
 std::string what_was_fitted(const VehicleSearch& found, const VehicleEstimate& estimate) {
   const auto free = std::count_if(estimate.parameters.begin(), estimate.parameters.end(),
                                   [](const EstimatedParameter& p) { return !p.fixed; });
@@ -363,7 +312,9 @@ struct VehicleFit {
   bool stopped = false;  ///< by the caller: this search, and all that would follow
   bool structure_asked = false;
   std::optional<StructureStudy> structure = {};  ///< none where it is not asked, or fails
-  /// Values of the free parameters, SI: of the simulation, and of the method that went on from it.
+  SteeringNoise noise = {};
+  /// Values of the free parameters, SI: of the simulation without the steering's noise, and of the
+  /// method that went on from it.
   Eigen::VectorXd simulated = {}, as_written = {};
 
   bool takes_structure() const {
@@ -375,8 +326,10 @@ struct VehicleFit {
   VehicleParameters<double> parameters(bool allowed_for) const {
     VehicleParameters<double> p = parameters_at(found.problem, found.best.z);
     const VehicleUnknowns& unknowns = found.problem.unknowns;
-    for (std::size_t i = 0; i < unknowns.free.size() && allowed_for; ++i) {
-      p[unknowns.free[i]] = structure->value[static_cast<Eigen::Index>(i)];
+    for (std::size_t i = 0; i < unknowns.free.size(); ++i) {
+      const auto n = static_cast<Eigen::Index>(i);
+      if (noise.corrected) p[unknowns.free[i]] -= noise.shift[n];
+      if (allowed_for) p[unknowns.free[i]] = structure->value[n];
     }
     return p;
   }
@@ -442,9 +395,13 @@ bool rolls(const VehicleRun& run, const VehicleUnknowns& unknowns) {
 }
 
 /// Filters of samples that correct the state know what the sensors show now, not what they showed.
-void require_simulation(const VehicleFitOptions& options, const VehicleRun& run,
+void require_simulation(const Model& model, const VehicleFitOptions& options, const VehicleRun& run,
                         const VehicleUnknowns& unknowns) {
   if (options.method == VehicleFitOptions::Method::output_error) return;
+  if (as_vehicle(model).steering_noise > 0.0) {
+    throw InputError({}, "noise of the steering angle with a method that filters",
+                     "--method output-error");
+  }
   if (rolls(run, unknowns)) {
     throw InputError({}, "roll with a method that filters", "--method output-error");
   }
@@ -479,11 +436,21 @@ Eigen::VectorXd free_values(const VehicleSearch& found) {
 void allow_for_structure(VehicleFit& fit) {
   if (!fit.structure) return;
   fit.as_written = free_values(fit.found);
+  if (fit.noise.corrected) fit.as_written -= fit.noise.shift;
   if (fit.takes_structure()) {
     take_structure(*fit.structure, fit.as_written, fit.covariance);
   } else {
     widen_by_structure(*fit.structure, fit.as_written, fit.simulated, fit.covariance);
   }
+}
+
+/// Known noise is corrected for; what is found is stated, and part of the error.
+void look_for_steering_noise(VehicleFit& fit) {
+  const double known = as_vehicle(fit.model).steering_noise;
+  if (!(known > 0.0) && !fit.second_opinion()) return;
+  fit.noise = study_steering_noise(fit.found.problem, fit.found.best, known);
+  fit.noise.corrected = known > 0.0;
+  if (fit.noise.any()) fit.simulated -= fit.noise.shift;
 }
 
 /// The best simulation, from there on what the method adds to it, then the covariance.
@@ -500,6 +467,7 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
   VehicleSearch& found = fit.found = search_vehicle(run, unknowns, watched);
   if (found.best.z.size() == 0) return false;
   fit.simulated = free_values(found);
+  look_for_steering_noise(fit);
   fit.structure_asked = asks_for_structure(fit);
   fit.structure = structure_of(fit);
   if (fit.options.method == Method::trajectory) {
@@ -633,6 +601,10 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
     append(found, fit.structure ? informing(std::move(tyres)) : std::move(tyres));
   }
   append(found, check_whiteness(fit.covariance));
+  if (!has_misreading(found)) {
+    append(found,
+           check_steering_noise(fit.model, fit.found, fit.noise, fit.takes_structure(), estimate));
+  }
   if (fit.structure && !has_misreading(found)) {
     append(found, check_structure(*fit.structure, unknowns, estimate));
   } else if (fit.structure_asked && !fit.structure) {
@@ -642,7 +614,7 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
                                     as_vehicle(fit.model).steering_at_road_wheel));
   if (other_forms && !has_misreading(found)) append(found, check_other_forms(fit, estimate));
   if (other_forms && !has_misreading(found)) {
-    append(found, check_steering_steps(fit.model, fit.found, estimate));
+    if (!fit.noise.any()) append(found, check_steering_steps(fit.model, fit.found, estimate));
   }
   append(found, check_plausibility(p, estimate));
   append(found, check_weakest_direction(problem, fit.covariance, p));
@@ -666,7 +638,7 @@ VehicleEstimate fit_vehicle(const Model& given, const std::vector<Dataset>& reco
   }
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, recordings);
-  require_simulation(options, run, unknowns);
+  require_simulation(model, options, run, unknowns);
   VehicleEstimate estimate = begun(model, recordings, run);
   if (is_answered_by_steady_cornering(model, run, unknowns, estimate)) return estimate;
   require_samples(recordings, run, unknowns);

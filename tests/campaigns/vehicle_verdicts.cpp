@@ -75,6 +75,8 @@ void follow_findings(const VehicleEstimate& fit, const VehicleDrive& drive,
         }
       } else if (const std::size_t at = change.model.find("{steps: "); at != std::string::npos) {
         as_vehicle(model).steering_steps = std::stod(change.model.substr(at + 8));
+      } else if (const std::size_t of = change.model.find("{noise: "); of != std::string::npos) {
+        as_vehicle(model).steering_noise = std::stod(change.model.substr(of + 8));
       } else {
         throw std::logic_error("a change that the campaign does not know: " + change.model);
       }

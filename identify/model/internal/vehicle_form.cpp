@@ -194,19 +194,21 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
   return out;
 }
 
-/// Steps of the steering's sensor, in the unit of its column.
-void read_steps(const YamlNode& inputs, Model& out) {
+/// What its sensor does to the steering angle, in the unit of its column: "steps" or "noise".
+double read_of_steering(const YamlNode& inputs, const Model& model, const std::string& key) {
+  double out = 0.0;
   for (std::size_t i = 0; i < inputs.items.size(); ++i) {
-    const YamlNode* steps = find(inputs.items[i], "steps");
-    if (steps == nullptr) continue;
-    const ChannelSource& input = out.inputs[i];
+    const YamlNode* given = find(inputs.items[i], key);
+    if (given == nullptr) continue;
+    const ChannelSource& input = model.inputs[i];
     if (input.name == "vx" || input.name == "roll") {
-      throw InputError(steps->at, "steps of " + input.name, "of the steering angle alone");
+      throw InputError(given->at, key + " of " + input.name, "of the steering angle alone");
     }
-    const double step = read_si(*steps, input.unit.empty() ? "rad" : input.unit, "steps");
-    if (!(step > 0.0)) throw InputError(steps->at, "steps is " + describe(*steps), "above 0");
-    as_vehicle(out).steering_steps = std::abs(input.scale) * step;
+    const double value = read_si(*given, input.unit.empty() ? "rad" : input.unit, key);
+    if (!(value > 0.0)) throw InputError(given->at, key + " is " + describe(*given), "above 0");
+    out = std::abs(input.scale) * value;
   }
+  return out;
 }
 
 /// "vx > 5", "vx > 18 km/h": nothing where it is another condition.
@@ -432,8 +434,9 @@ void read_vehicle(const YamlNode& root, Model& out) {
   const std::string inputs_example =
       "inputs: {steering_wheel_angle: {column: ..., unit: deg}, vx: {column: ..., unit: m/s}}";
   const YamlNode& inputs = required(root, "inputs", top, inputs_example);
-  out.inputs = read_channels(inputs, "inputs", kVehicleInputs, {"steps"});
-  read_steps(inputs, out);
+  out.inputs = read_channels(inputs, "inputs", kVehicleInputs, {"steps", "noise"});
+  as_vehicle(out).steering_steps = read_of_steering(inputs, out, "steps");
+  as_vehicle(out).steering_noise = read_of_steering(inputs, out, "noise");
   const auto place = [](const ChannelSource& input) {
     return input.name == "roll" ? 2 : input.name == "vx" ? 1 : 0;
   };

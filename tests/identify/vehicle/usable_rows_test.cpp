@@ -179,6 +179,12 @@ TEST(SteeringSteps, AreBridged) {
   EXPECT_LE((bridged_steps(time, read, step) - read).cwiseAbs().maxCoeff(), 0.5 * step + 1e-15);
 }
 
+TEST(SteeringNoise, IsReadInTheUnitOfItsColumn) {
+  EXPECT_EQ(as_vehicle(car_with_rows("", ", noise: 0.002")).steering_noise, 0.002);
+  EXPECT_NEAR(as_vehicle(car_with_rows("", ", noise: 1 deg")).steering_noise, 0.0174533, 1e-7);
+  EXPECT_THROW(car_with_rows("", ", noise: 0"), InputError);
+}
+
 // Gentle driving with a coarse sensor at the road wheels: the values are off, the finding says so and
 // by how much, and the bridged angle mends it.
 TEST(SteeringSteps, AttenuationIsStatedAndMended) {
