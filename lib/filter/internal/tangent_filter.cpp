@@ -106,7 +106,7 @@ void TangentFilter::set_vector(double* of, std::size_t l, const VectorXd& value)
 }
 
 // Lane 0 comes first and clears the others.
-void TangentFilter::fill(std::vector<double>& to, std::size_t l, const MatrixXd& value) const {
+void TangentFilter::fill(Lanes& to, std::size_t l, const MatrixXd& value) const {
   if (l == 0) to.assign(static_cast<std::size_t>(value.size()) * lanes_ * blocks_, 0.0);
   for (Index i = 0; i < value.rows(); ++i) {
     for (Index j = 0; j < value.cols(); ++j) {
@@ -139,6 +139,10 @@ void TangentFilter::find_structure() {
       if (n_ > kUnrolled && model_->A(i, j) == 0.0 && model_->C.col(j).isZero(0.0)) continue;
       column_.push_back(static_cast<int>(j));
       A_.push_back(model_->A(i, j));
+    }
+    if (row_.back() == static_cast<int>(column_.size())) {  // a row has one at least
+      column_.push_back(static_cast<int>(i));
+      A_.push_back(0.0);
     }
     row_.push_back(static_cast<int>(column_.size()));
   }
@@ -221,7 +225,7 @@ void TangentFilter::reserve(bool diffuse) {
   std::size_t used = 0;
   const auto lay_out = [&](double*& to, std::size_t size) {
     if (!memory_.empty()) to = memory_.data() + used;
-    used += size;
+    used += (size + 7) / 8 * 8;  // whole lines
   };
   const auto lay_out_all = [&] {
     used = 0;

@@ -4,6 +4,8 @@
 // to the filter.
 #pragma once
 
+#include <cstddef>
+#include <new>
 #include <vector>
 
 #include <Eigen/Core>
@@ -50,6 +52,22 @@ struct Checkpoints {
   std::vector<State> states;
 };
 
+// Vectors of eight numbers that lie across two lines of the cache take twice as long to load.
+template <typename T>
+struct LineAllocator {
+  using value_type = T;
+  static constexpr std::align_val_t kLine{64};
+  LineAllocator() = default;
+  template <typename U>
+  explicit LineAllocator(const LineAllocator<U>&) {}
+  T* allocate(std::size_t count) {
+    return static_cast<T*>(::operator new(count * sizeof(T), kLine));
+  }
+  void deallocate(T* at, std::size_t) { ::operator delete(at, kLine); }
+  bool operator==(const LineAllocator&) const { return true; }
+};
+using Lanes = std::vector<double, LineAllocator<double>>;
+
 class TangentFilter {
  public:
   /// Keeps references to both until run() has returned.
@@ -88,7 +106,8 @@ class TangentFilter {
     simd::TangentModel model;
     std::vector<Passage> passages;  // by number of samples
     std::vector<int> C_row, C_column;
-    std::vector<double> C, R, S, D, C_theta;  // all but C in lanes
+    std::vector<double> C;
+    Lanes R, S, D, C_theta;
   };
 
   void find_structure();
@@ -125,7 +144,7 @@ class TangentFilter {
   Eigen::VectorXd vector(const double* of, Eigen::Index columns, std::size_t l) const;
   void set_matrix(double* of, std::size_t l, const Eigen::MatrixXd& value) const;
   void set_vector(double* of, std::size_t l, const Eigen::VectorXd& value) const;
-  void fill(std::vector<double>& to, std::size_t l, const Eigen::MatrixXd& value) const;
+  void fill(Lanes& to, std::size_t l, const Eigen::MatrixXd& value) const;
 
   const StateSpace* model_ = nullptr;
   const std::vector<StateSpace>* derivatives_ = nullptr;
@@ -133,11 +152,12 @@ class TangentFilter {
   std::size_t lanes_ = 0, blocks_ = 0;
   bool dynamics_ = false, crossed_ = false, diagonal_R_ = true;
   std::vector<int> row_, column_;
-  std::vector<double> A_, W_, B_, A_theta_;  // all but A in lanes
-  std::vector<Eigen::MatrixXd> Sw_;          // G S of the model, then of every derivative
-  std::vector<std::vector<int>> channels_;   // that the patterns are of
+  std::vector<double> A_;
+  Lanes W_, B_, A_theta_;
+  std::vector<Eigen::MatrixXd> Sw_;         // G S of the model, then of every derivative
+  std::vector<std::vector<int>> channels_;  // that the patterns are of
   std::vector<Pattern> patterns_;
-  std::vector<double> memory_;
+  Lanes memory_;
   simd::TangentRun run_;
   Eigen::VectorXd scale_;   // of a diffuse start
   Eigen::VectorXd scored_;  // the gradient up to the last sample

@@ -56,6 +56,16 @@ struct Pack {
   }
 };
 
+}  // namespace HWY_NAMESPACE
+}  // namespace identikal::simd
+HWY_AFTER_NAMESPACE();
+
+#include "lib/filter/internal/tangent_products.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace identikal::simd {
+namespace HWY_NAMESPACE {
+
 // Sigma = L L' of the first lanes; L^-1, Sigma^-1. false unless positive definite.
 template <int W>
 bool FactorSigma(int m, TangentRun& r) {
@@ -356,36 +366,15 @@ HWY_INLINE void SeeCovariance(const TangentModel& f, TangentRun& r) {
 template <int W, int N>
 HWY_INLINE void MultiplyByF(const TangentModel& f, const TangentRun& r, const double* P,
                             double* T) {
-  const int n = N > 0 ? N : f.n;
-  for (int i = 0; i < n; ++i) {
-    int j = 0;
-    if constexpr (N == 0) {
-      for (; j + 4 <= n; j += 4) {
-        Pack<W> s0 = Pack<W>::Zero(), s1 = s0, s2 = s0, s3 = s0;
-        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
-          const double* p = P + (f.column[at] * n + j) * W;
-          s0.Add(r.F[at], Pack<W>::Load(p));
-          s1.Add(r.F[at], Pack<W>::Load(p + W));
-          s2.Add(r.F[at], Pack<W>::Load(p + 2 * W));
-          s3.Add(r.F[at], Pack<W>::Load(p + 3 * W));
-        }
-        double* to = T + (i * n + j) * W;
-        s0.Store(to);
-        s1.Store(to + W);
-        s2.Store(to + 2 * W);
-        s3.Store(to + 3 * W);
-      }
-    }
-    for (; j < n; ++j) {
-      Pack<W> sum = Pack<W>::Zero();
-      if constexpr (N > 0) {
+  if constexpr (N == 0) {
+    for (int i = 0; i < f.n; ++i) MultiplyRow<W>(f, r.F, P, i, T + i * f.n * W);
+  } else {
+    for (int i = 0; i < N; ++i) {
+      for (int j = 0; j < N; ++j) {
+        Pack<W> sum = Pack<W>::Zero();
         for (int k = 0; k < N; ++k) sum.Add(r.F[i * N + k], Pack<W>::Load(P + (k * N + j) * W));
-      } else {
-        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
-          sum.Add(r.F[at], Pack<W>::Load(P + (f.column[at] * n + j) * W));
-        }
+        sum.Store(T + (i * N + j) * W);
       }
-      sum.Store(T + (i * n + j) * W);
     }
   }
 }
@@ -462,16 +451,17 @@ HWY_INLINE void AdvanceCovariance(const TangentModel& f, TangentRun& r, int b) {
       sum.Store(KR + (i * m + a) * W);
     }
   }
+  // One output with noise of its own needs nothing more than products with F.
+  const bool plain = N == 0 && m == 1 && f.S == nullptr && f.A_theta == nullptr;
   for (int j = 0; j < n; ++j) {
+    if constexpr (N == 0) {
+      MultiplyColumn<W>(f, r.F, T, f.W + b * n * n * W, j, r.K[j * m], plain ? KR : nullptr, next);
+      if (plain) continue;
+    }
     for (int i = j; i < n; ++i) {
-      Pack<W> sum = Pack<W>::Load(f.W + ((b * n + i) * n + j) * W);
-      if constexpr (N > 0) {
-        for (int k = 0; k < N; ++k) sum.Add(r.F[j * N + k], Pack<W>::Load(T + (i * N + k) * W));
-      } else {
-        for (int at = f.row[j]; at < f.row[j + 1]; ++at) {
-          sum.Add(r.F[at], Pack<W>::Load(T + (i * n + f.column[at]) * W));
-        }
-      }
+      Pack<W> sum =
+          Pack<W>::Load((N == 0 ? next + (i * n + j) * W : f.W + ((b * n + i) * n + j) * W));
+      for (int k = 0; k < N; ++k) sum.Add(r.F[j * N + k], Pack<W>::Load(T + (i * N + k) * W));
       for (int a = 0; a < m; ++a) {
         sum.Add(r.K[j * m + a], Pack<W>::Load(KR + (i * m + a) * W));
         if (f.S != nullptr) {
