@@ -28,7 +28,7 @@ const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model"
                                               "parameters", "inputs",    "outputs", "noise",
                                               "use_when",   "reference", "include"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
-const std::vector<std::string> kVehicleKeys = {"flags", "roll", "sensors", "tyre"};
+const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "roll", "sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
 const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics"};
 

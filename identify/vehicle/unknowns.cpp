@@ -24,6 +24,7 @@ constexpr double kLeastSearched = 0.02, kLeastRelaxation = 0.002;
 constexpr double kLongestDelay = 1.0;         // [s], of the steering; and its longest lag
 constexpr double kLargestAngle = 0.3;         // [rad], of mounting and bank
 constexpr double kLargestRollGradient = 0.1;  // [rad/(m/s^2)], 56 deg/g
+constexpr double kLargestDegression = 0.95;   // above 1 nothing would be left
 constexpr double kLongestSensorDelay = 0.5;   // [s]
 constexpr double kLongestSensorLag = 1.0;     // [s]
 constexpr double kLeastFiala = 1e-6;          // inverse saturation in typical sizes
@@ -90,6 +91,10 @@ double typical_size(VehicleParameter parameter, const VehicleParameters<double>&
       return 0.2;
     case kCurveCurvature:
       return 1.0;
+    case kSteeringCompliance:
+      return 0.1 / typical_size(kCf, p);
+    case kDegression:
+      return 0.3;
     case kInverseSaturationFront:
       return 1.0 / std::pow(axle_loads(p)[0], 2);
     case kInverseSaturationRear:
@@ -252,6 +257,8 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
     upper = kLargestAngle;
   }
   if (parameter == kRelaxationLength) lower = kLeastSearched * wheelbase(p);
+  if (parameter == kSteeringCompliance || parameter == kDegression) lower = 0.0;
+  if (parameter == kDegression) upper = kLargestDegression;
   if (parameter == kCgHeight || parameter == kLoadSensitivity || parameter == kRollHeight) {
     lower = 0.0;
   }

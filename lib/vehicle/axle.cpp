@@ -89,6 +89,30 @@ ForceShare fiala_share(double z) {
 
 }  // namespace
 
+// Newton's method between the force of a stiff steering and zero, where the excess of F over
+// F(slip + compliance F) changes its sign.
+double AxleCurve::compliant_force(double slip) const {
+  constexpr int kMostSteps = 60;
+  constexpr double kExact = 1e-15;
+  if (axle_.curve == TyreCurve::linear) return -axle_.effective_stiffness() * slip;
+  double low = std::min(0.0, of_tyre(slip)), high = std::max(0.0, of_tyre(slip));
+  // Past its peak the tyre gives more than it does at first.
+  if (axle_.curve == TyreCurve::magic_formula)
+    (slip < 0.0 ? high : low) = std::copysign(largest_, -slip);
+  double force = of_tyre(slip) / (1.0 - axle_.compliance * of_tyre_with_jacobian(0.0).by_slip);
+  for (int i = 0; i < kMostSteps; ++i) {
+    const AxleForce there = of_tyre_with_jacobian(slip + axle_.compliance * force);
+    const double excess = force - there.value;
+    (excess > 0.0 ? high : low) = force;
+    double next = force - excess / (1.0 - axle_.compliance * there.by_slip);
+    if (!(next >= low && next <= high)) next = 0.5 * (low + high);
+    const double by = std::abs(next - force);
+    force = next;
+    if (by <= kExact * std::abs(force)) break;
+  }
+  return force;
+}
+
 std::string_view name_of(TyreCurve curve) {
   return std::find_if(kCurves.begin(), kCurves.end(),
                       [curve](const auto& each) { return each.first == curve; })

@@ -42,9 +42,21 @@ ForceShare force_share(TyreCurve curve, double z, const CurveShape& shape);
 struct AxleForce {
   double value = 0.0;  ///< [N]
   double by_slip = 0.0, by_stiffness = 0.0, by_softening = 0.0, by_shape = 0.0, by_curvature = 0.0;
+  double by_compliance = 0.0;
 };
 
-/// One axle. The linear curve reads its stiffness only.
+/// One axle. The linear curve reads its stiffness and compliance only.
+///
+/// With a compliance kappa [rad/N] of steering and suspension the side force turns the wheels out of
+/// the turn, by the aligning torque of pneumatic and mechanical trail n: kappa = n / (torsional
+/// stiffness about the kingpins). The tyre then slips by less than the axle, alpha_tyre = alpha +
+/// kappa F (Milliken & Milliken 1995, chapter 23), and F is where
+///   F = F(alpha + kappa F).
+/// Of the linear tyre that is F = -C/(1 + kappa C) alpha, an axle that is softer and nothing else:
+/// whatever the drive, C and a constant kappa appear together only, in C/(1 + kappa C), and no
+/// recording tells them apart. Forces that follow the slip over a relaxation length follow this F,
+/// and nothing changes. Where the tyre bends, the compliance straightens its curve, and there alone
+/// the two differ: by their shape.
 template <typename T = double>
 struct Axle {
   T stiffness = T(0.0);                     ///< C, both wheels together [N/rad], > 0
@@ -52,6 +64,10 @@ struct Axle {
   T shape = T(CurveShape().shape);          ///< c of the magic formula
   T curvature = T(CurveShape().curvature);  ///< e of the magic formula
   TyreCurve curve = TyreCurve::linear;
+  T compliance = T(0.0);  ///< kappa [rad/N], >= 0
+
+  /// Of the axle at small slip, C/(1 + kappa C) [N/rad].
+  T effective_stiffness() const { return stiffness / (T(1.0) + compliance * stiffness); }
 };
 
 /// An axle with what its curve needs at every instant computed once.
@@ -70,6 +86,35 @@ class AxleCurve {
 
   /// Side force [N] at a slip angle [rad], both positive to the left.
   double force(double slip) const {
+    if (axle_.compliance > 0.0) return of_tyre(slip + axle_.compliance * compliant_force(slip));
+    return of_tyre(slip);
+  }
+
+  /// The same with its derivatives.
+  AxleForce force_and_jacobian(double slip) const {
+    if (!(axle_.compliance > 0.0)) {
+      AxleForce out = of_tyre_with_jacobian(slip);
+      out.by_compliance = out.by_slip * out.value;
+      return out;
+    }
+    const double force = compliant_force(slip);
+    AxleForce out = of_tyre_with_jacobian(slip + axle_.compliance * force);
+    const double share = 1.0 / (1.0 - axle_.compliance * out.by_slip);
+    out.by_compliance = out.by_slip * out.value;
+    for (double* each : {&out.by_slip, &out.by_stiffness, &out.by_softening, &out.by_shape,
+                         &out.by_curvature, &out.by_compliance}) {
+      *each *= share;
+    }
+    return out;
+  }
+
+ private:
+  static constexpr double kSeriesOfTanh = 0.01;  // of x^2; below it force_share() has a series
+
+  /// F where F = F(slip + compliance F).
+  double compliant_force(double slip) const;
+
+  double of_tyre(double slip) const {
     const double L = -axle_.stiffness * slip;
     if (axle_.curve == TyreCurve::linear) return L;
     if (axle_.curve == TyreCurve::tanh) {
@@ -79,8 +124,7 @@ class AxleCurve {
     return L * share(L).value;
   }
 
-  /// The same with its derivatives.
-  AxleForce force_and_jacobian(double slip) const {
+  AxleForce of_tyre_with_jacobian(double slip) const {
     const double L = -axle_.stiffness * slip;
     if (axle_.curve == TyreCurve::linear) return {L, -axle_.stiffness, -slip};
     if (axle_.curve == TyreCurve::tanh) {
@@ -96,9 +140,6 @@ class AxleCurve {
     return {L * at.value,        -axle_.stiffness * by_L, -slip * by_L,
             L * L * L * at.by_z, L * at.by_shape,         L * at.by_curvature};
   }
-
- private:
-  static constexpr double kSeriesOfTanh = 0.01;  // of x^2; below it force_share() has a series
 
   /// tanh for |x| >= 0.1, by one exponential: half the time of the library's.
   static double fast_tanh(double x) {

@@ -6,7 +6,8 @@ FrequencyResponse frequency_response(const SingleTrack<>& car, double vx, double
   using Complex = std::complex<double>;
   const Complex s(0.0, omega);
   const Complex lag = 1.0 / (1.0 + s * (car.relaxation_length / vx));
-  const Complex Cf = car.front.stiffness * lag, Cr = car.rear.stiffness * lag;
+  const Complex Cf = car.front.effective_stiffness() * lag,
+                Cr = car.rear.effective_stiffness() * lag;
   const Complex delta = car.steering_gain / car.steering_ratio * std::exp(-s * car.steering_delay);
   const double a = car.a, b = car.b;
   // [p q; u v] [vy; r] = [Cf; a Cf] delta.

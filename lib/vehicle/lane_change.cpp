@@ -139,8 +139,8 @@ SingleTrack<> linearised(const SingleTrack<>& car) {
   out.a = car.a;
   out.b = car.b;
   out.Iz = car.Iz;
-  out.front.stiffness = car.front.stiffness;
-  out.rear.stiffness = car.rear.stiffness;
+  out.front.stiffness = car.front.effective_stiffness();
+  out.rear.stiffness = car.rear.effective_stiffness();
   return out;
 }
 

@@ -35,6 +35,10 @@ struct Motion {
 /// 1 + h vx'/(g a) with h the height of the centre of gravity: the largest force grows with the
 /// load, the stiffness with 1 + load_sensitivity (Fz/Fz0 - 1).
 ///
+/// A front axle whose steering gives: Axle::compliance; slip angles of Motion are those of the axle.
+/// Load that turning moves across the car leaves left_by_load_transfer() of both stiffnesses, with
+/// the ay = (Ff + Fr)/m that follows from them, at once (the roll that it waits for is left out).
+///
 /// A body that rolls by phi (left side up) about an axis h = roll_height below the centre of gravity:
 ///   vy = v + h phi',  m (v' + vx r) = Ff + Fr - m g sin(bank),
 ///   alpha_f = (vy + a r)/vx - delta - e_f phi,  alpha_r = (vy - b r)/vx - e_r phi,

@@ -57,6 +57,7 @@ class RollingCar {
     const double rear = (vy - car_.b * x.r) * at.inverse_vx - effects_[kRollSteerRear] * late -
                         car_.rear_steer_per_roll * roll;
     const AxleForces camber{car_.front_camber_per_roll * roll, car_.rear_camber_per_roll * roll};
+    if (car_.degression != 0.0) return with_transfer(front, rear, camber, at);
     if (!(car_.cg_height > 0.0)) {
       return {front_.force(front) + camber.front, rear_.force(rear) + camber.rear};
     }
@@ -98,6 +99,30 @@ class RollingCar {
   }
 
  private:
+  /// With the lateral acceleration that the forces make: a contraction, by far less than a half.
+  AxleForces with_transfer(double front, double rear, const AxleForces& camber,
+                           const DrivenSegment::Node& at) const {
+    constexpr int kMostSteps = 50;
+    constexpr double kExact = 1e-12;
+    const LoadChange change = load_change(car_, at.vx_rate);
+    const auto left = [&](const AxleCurve& axle, double by, double transfer, double ay) {
+      Axle<> out = under_load(axle.axle(), by, car_.load_sensitivity);
+      out.stiffness *= left_by_load_transfer(car_.degression, transfer, ay).value;
+      return AxleCurve(out);
+    };
+    AxleForces out{};
+    double ay = 0.0;
+    for (int i = 0; i < kMostSteps; ++i) {
+      out = {left(front_, change.front, car_.front_load_transfer, ay).force(front) + camber.front,
+             left(rear_, change.rear, car_.rear_load_transfer, ay).force(rear) + camber.rear};
+      // Half of the way: two values that take turns meet.
+      const double next = 0.5 * (ay + (out.front + out.rear) / car_.m);
+      if (std::abs(next - ay) <= kExact * std::abs(next)) break;
+      ay = next;
+    }
+    return out;
+  }
+
   /// Where roll is measured the state holds the velocity of the centre of gravity.
   double axis_velocity(const RollingState& x, const DrivenSegment::Node& at) const {
     return x.vy + car_.roll_height * at.roll_rate;

@@ -38,6 +38,10 @@ constexpr std::array<std::string_view, kVehicleParameters> kNames = {"m",
                                                                      "roll_steer_rear",
                                                                      "roll_camber_front",
                                                                      "roll_camber_rear",
+                                                                     "steering_compliance",
+                                                                     "degression",
+                                                                     "load_transfer_front",
+                                                                     "load_transfer_rear",
                                                                      "gain_r",
                                                                      "delay_r",
                                                                      "lag_r",
@@ -92,7 +96,8 @@ VehicleParameters<double> neutral_vehicle() {
 }
 
 SingleTrackMatrices single_track_matrices(const SingleTrack<>& car, double vx) {
-  const double Cf = car.front.stiffness, Cr = car.rear.stiffness, a = car.a, b = car.b;
+  const double Cf = car.front.effective_stiffness(), Cr = car.rear.effective_stiffness();
+  const double a = car.a, b = car.b;
   SingleTrackMatrices out;
   out.A << -(Cf + Cr) / (car.m * vx), -vx - (a * Cf - b * Cr) / (car.m * vx),
       -(a * Cf - b * Cr) / (car.Iz * vx), -(a * a * Cf + b * b * Cr) / (car.Iz * vx);
@@ -111,9 +116,22 @@ Axle<> under_load(Axle<> axle, double change, double sensitivity) {
   return axle;
 }
 
+LeftByLoadTransfer left_by_load_transfer(double degression, double transfer, double ay) {
+  const double moved = transfer * ay;
+  if (moved * moved >= 1.0) return {1.0 - degression, -1.0, 0.0, 0.0};
+  return {1.0 - degression * moved * moved, -moved * moved, -2.0 * degression * moved * ay,
+          -2.0 * degression * moved * transfer};
+}
+
+SingleTrack<> with_load_transfer(SingleTrack<> car, double ay) {
+  car.front.stiffness *= left_by_load_transfer(car.degression, car.front_load_transfer, ay).value;
+  car.rear.stiffness *= left_by_load_transfer(car.degression, car.rear_load_transfer, ay).value;
+  return car;
+}
+
 double decay_rate_times_speed(const SingleTrack<>& car) {
-  return (car.front.stiffness + car.rear.stiffness) / car.m +
-         (car.a * car.a * car.front.stiffness + car.b * car.b * car.rear.stiffness) / car.Iz;
+  const double Cf = car.front.effective_stiffness(), Cr = car.rear.effective_stiffness();
+  return (Cf + Cr) / car.m + (car.a * car.a * Cf + car.b * car.b * Cr) / car.Iz;
 }
 
 SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
@@ -124,6 +142,10 @@ SingleTrack<> car_with(TyreCurve curve, const VehicleParameters<double>& p) {
   car.Iz = p[kYawInertia];
   car.front = {p[kCf], p[kInverseSaturationFront], p[kCurveShape], p[kCurveCurvature], curve};
   car.rear = {p[kCr], p[kInverseSaturationRear], p[kCurveShape], p[kCurveCurvature], curve};
+  car.front.compliance = p[kSteeringCompliance];
+  car.degression = p[kDegression];
+  car.front_load_transfer = p[kFrontLoadTransfer];
+  car.rear_load_transfer = p[kRearLoadTransfer];
   car.steering_ratio = p[kSteeringRatio];
   car.steering_gain = p[kSteeringGain];
   car.steering_offset = p[kSteeringOffset];

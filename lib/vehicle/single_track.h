@@ -64,7 +64,9 @@ struct SingleTrack {
   T roll_damping = T(0.35);   ///< over the critical one
   T front_steer_per_roll = T(0.0), rear_steer_per_roll = T(0.0);    ///< [rad/rad]
   T front_camber_per_roll = T(0.0), rear_camber_per_roll = T(0.0);  ///< camber thrust [N/rad]
-  std::array<SensorFault<T>, kVehicleQuantities> sensors{};  ///< in the order of VehicleQuantity
+  T degression = T(0.0);  ///< of a wheel's stiffness with its load, over (dFz/Fz)^2, below 1
+  T front_load_transfer = T(0.0), rear_load_transfer = T(0.0);  ///< dFz/Fz over ay [1/(m/s^2)]
+  std::array<SensorFault<T>, kVehicleQuantities> sensors{};     ///< in the order of VehicleQuantity
 };
 
 /// The scalar parameters in the order in which arrays of them are written here and elsewhere.
@@ -100,6 +102,10 @@ enum VehicleParameter {
   kRearSteerPerRoll,    ///< "roll_steer_rear"
   kFrontCamberPerRoll,  ///< "roll_camber_front"
   kRearCamberPerRoll,   ///< "roll_camber_rear"
+  kSteeringCompliance,  ///< "steering_compliance", of the front axle
+  kDegression,          ///< "degression"
+  kFrontLoadTransfer,   ///< "load_transfer_front"
+  kRearLoadTransfer,    ///< "load_transfer_rear"
   kFirstOfSensors,      ///< SensorProperty of r, vy, ay, beta: sensor_parameter()
   kVehicleParameters = kFirstOfSensors + 6 * kVehicleQuantities
 };
@@ -131,7 +137,7 @@ template <typename T>
 using VehicleParameters = std::array<T, kVehicleParameters>;
 
 /// Neutral values: gains, ratio and load sensitivity 1, no delay, offsets, biases, bank, relaxation,
-/// load transfer, lag, roll or softening, the defaults of CurveShape and of roll's frequency and
+/// load transfer, compliance, lag, roll or softening, the defaults of CurveShape and of roll's frequency and
 /// damping; NaN where there is no neutral value (m, a, b,
 /// Iz, Cf, Cr).
 VehicleParameters<double> neutral_vehicle();
@@ -155,6 +161,30 @@ LoadChange load_change(const SingleTrack<>& car, double vx_rate);
 /// The axle with its load changed by that share: the largest force grows with it, the stiffness with
 /// `sensitivity` of it.
 Axle<> under_load(Axle<> axle, double change, double sensitivity);
+
+/// What load that goes from the inner wheels to the outer leaves of an axle's stiffness. Of a wheel
+/// whose stiffness grows with its load less and less, c(Fz) = p Fz - q Fz^2, two of loads Fz -+ dFz
+/// have c(Fz - dFz) + c(Fz + dFz) = 2 c(Fz) - 2 q dFz^2: of the axle remains
+///   1 - k (dFz/Fz)^2,  k = q Fz / (p - q Fz),  dFz/Fz = transfer |ay|, at most 1,
+/// beyond which the inner wheel has left the road (Milliken & Milliken 1995, chapter 18). A rigid
+/// body with its centre of gravity at height h on axles of track t, of which an axle carries the
+/// share s of the roll moment, has transfer = 2 h s (a + b)/(g t b) in front and 2 h s (a + b)/(g t a)
+/// behind; with shares as the axle loads both are 2 h/(g t).
+///
+/// Example:
+///
+///     const double transfer = 2.0 * 0.5 / (9.81 * 1.5);  // h = .5 m, t = 1.5 m
+///     const double left = left_by_load_transfer(0.3, transfer, 6.0).value;  // .95 at 6 m/s^2
+///
+/// @param degression  k
+struct LeftByLoadTransfer {
+  double value = 1.0;
+  double by_degression = 0.0, by_transfer = 0.0, by_ay = 0.0;
+};
+LeftByLoadTransfer left_by_load_transfer(double degression, double transfer, double ay);
+
+/// The car with stiffnesses as that lateral acceleration leaves them.
+SingleTrack<> with_load_transfer(SingleTrack<> car, double ay);
 
 /// x' = A x + B delta with x = (vy, r) and delta the road-wheel angle, at constant vx > 0.
 /// Sladká (2010), eq (7.4), with row 2, column 1 after the moment balance (7.3), -(a Cf - b Cr)/(Iz

@@ -28,7 +28,13 @@ double rising_to(const AxleCurve& curve, double force) {
 
 }  // namespace
 
-double slip_angle_at(const Axle<>& axle, double force) {
+double slip_angle_at(const Axle<>& given, double force) {
+  if (given.compliance != 0.0) {
+    Axle<> stiff = given;
+    stiff.compliance = 0.0;
+    return slip_angle_at(stiff, force) - given.compliance * force;
+  }
+  const Axle<>& axle = given;
   if (axle.curve == TyreCurve::linear || axle.softening <= 0.0 || force == 0.0) {
     return -force / axle.stiffness;
   }
@@ -47,7 +53,8 @@ double largest_force(const Axle<>& axle) {
   return D * std::sin(axle.shape * std::numbers::pi / 2.0);
 }
 
-SteadyTurn steady_turn(const SingleTrack<>& car, double ay, double vx) {
+SteadyTurn steady_turn(const SingleTrack<>& given, double ay, double vx) {
+  const SingleTrack<> car = with_load_transfer(given, ay);
   const double L = car.a + car.b, curvature = ay / (vx * vx);
   const double front = slip_angle_at(car.front, car.m * ay * car.b / L),
                rear = slip_angle_at(car.rear, car.m * ay * car.a / L);

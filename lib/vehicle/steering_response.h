@@ -14,20 +14,20 @@ namespace identikal {
 /// front_compliance - rear_compliance.
 template <typename T>
 T understeer_gradient(const SingleTrack<T>& car) {
-  const T &Cf = car.front.stiffness, &Cr = car.rear.stiffness;
+  const T Cf = car.front.effective_stiffness(), Cr = car.rear.effective_stiffness();
   return car.m * (car.b * Cr - car.a * Cf) / ((car.a + car.b) * Cf * Cr);
 }
 
 /// Slip angle per lateral acceleration of the front axle, m b / (L Cf) [rad/(m/s^2)].
 template <typename T>
 T front_compliance(const SingleTrack<T>& car) {
-  return car.m * car.b / ((car.a + car.b) * car.front.stiffness);
+  return car.m * car.b / ((car.a + car.b) * car.front.effective_stiffness());
 }
 
 /// The same of the rear axle, m a / (L Cr) [rad/(m/s^2)].
 template <typename T>
 T rear_compliance(const SingleTrack<T>& car) {
-  return car.m * car.a / ((car.a + car.b) * car.rear.stiffness);
+  return car.m * car.a / ((car.a + car.b) * car.rear.effective_stiffness());
 }
 
 /// sqrt(L / |K|) [m/s]: the characteristic speed of a car that understeers, the critical speed of
@@ -60,7 +60,7 @@ struct SteeringResponse {
 template <typename T>
 SteeringResponse<T> steering_response(const SingleTrack<T>& car, double u) {
   using std::sqrt;
-  const T &Cf = car.front.stiffness, &Cr = car.rear.stiffness;
+  const T Cf = car.front.effective_stiffness(), Cr = car.rear.effective_stiffness();
   const T L = car.a + car.b;
   const T effective = L + understeer_gradient(car) * (u * u);
   const T wn_squared =

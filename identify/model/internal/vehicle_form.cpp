@@ -41,6 +41,16 @@ constexpr ParameterRule kVehicleRules[] = {
     {"cg_height", "m", false, 0.0, [](double x) { return x >= 0.0; }, "0 m or above"},
     {"load_sensitivity", "", false, 1.0, [](double x) { return x >= 0.0; }, "0 or above"},
 };
+// None where the file does not name it.
+constexpr ParameterRule kComplianceRule = {
+    "steering_compliance", "rad/N", false, 0.0, [](double x) { return x >= 0.0; },
+    "0 rad/N or above"};
+// Of load that turning moves across the car; the transfers follow from the keys of `load_transfer`.
+const ParameterRule kDegressionRule = {
+    "degression",        "", false, kRequired, [](double x) { return x >= 0.0 && x <= 0.95; },
+    "between 0 and 0.95"};
+const ParameterRule kTransferRules[] = {{"load_transfer_front", "s^2/m", false, 0.0},
+                                        {"load_transfer_rear", "s^2/m", false, 0.0}};
 // Of tyres that saturate: free where the file does not name them, about a friction of 1.
 constexpr ParameterRule kCurveRules[] = {{"Ff_max", "N", true, kRequired},
                                          {"Fr_max", "N", true, kRequired}};
@@ -91,6 +101,7 @@ constexpr ChannelRule kVehicleOutputs[] = {
 /// The parameters of the car itself, without those of its sensors.
 std::vector<ParameterRule> car_rules(TyreCurve curve) {
   std::vector<ParameterRule> out(std::begin(kVehicleRules), std::end(kVehicleRules));
+  out.push_back(kComplianceRule);
   if (curve != TyreCurve::linear) {
     out.insert(out.end(), std::begin(kCurveRules), std::end(kCurveRules));
   }
@@ -181,6 +192,7 @@ ParameterSet read_vehicle_parameters(const YamlNode& root, bool steering_at_road
       require_logarithm(out.back(), *given);
       continue;
     }
+    if (rule.name == std::string_view(kComplianceRule.name)) continue;
     if (std::string_view(rule.name).ends_with("_max")) {
       out.push_back(unknown_peak(rule, out));
       continue;
@@ -355,6 +367,37 @@ void read_roll(const YamlNode& root, bool measured, ParameterSet& parameters) {
   }
 }
 
+/// Adds what the load that turning moves across the car takes from the stiffnesses, where the file
+/// says so.
+void read_load_transfer(const YamlNode& root, ParameterSet& parameters) {
+  const YamlNode* node = find(root, "load_transfer");
+  if (node == nullptr) return;
+  check_keys(*node, "load_transfer", {"height", "track", "front_share", "degression"});
+  const std::string example = "{height: 0.5 m, track: 1.5 m, degression: 0.3}";
+  const auto size = [&](const char* key) {
+    const YamlNode& given = required(*node, key, "load_transfer", example);
+    const double value = read_si(given, "m", fmt::format("{} of load_transfer", key));
+    if (value > 0.0) return value;
+    throw InputError(given.at, fmt::format("{} of load_transfer is {}", key, describe(given)),
+                     "above 0 m");
+  };
+  const double a = known_value(parameters, "a"), b = known_value(parameters, "b");
+  const double per_share = 2.0 * size("height") * (a + b) / (kStandardGravity * size("track"));
+  double front = b / (a + b);
+  if (const YamlNode* given = find(*node, "front_share")) {
+    front = read_si(*given, "", "front_share of load_transfer");
+    if (!(front >= 0.0 && front <= 1.0)) {
+      throw InputError(given->at, "front_share of load_transfer is " + describe(*given),
+                       "between 0 and 1");
+    }
+  }
+  const YamlNode& degression = required(*node, "degression", "load_transfer", example);
+  parameters.push_back(read_parameter(kDegressionRule.name, degression, &kDegressionRule));
+  require_logarithm(parameters.back(), degression);
+  parameters.push_back(known_parameter(kTransferRules[0], per_share * front / b));
+  parameters.push_back(known_parameter(kTransferRules[1], per_share * (1.0 - front) / a));
+}
+
 /// One property of a sensor. A place or an angle that is a plain number is where the sensor is;
 /// all else is a parameter, "x_ay".
 void read_sensor_property(const YamlNode& node, VehicleQuantity quantity, SensorProperty property,
@@ -422,6 +465,8 @@ void read_measurement_noise(const YamlNode& root, Model& out) {
 std::vector<ParameterRule> vehicle_rules(TyreCurve curve) {
   std::vector<ParameterRule> out = car_rules(curve);
   for (const RollRule& each : kRollRules) out.push_back(each.rule);
+  out.push_back(kDegressionRule);
+  out.insert(out.end(), std::begin(kTransferRules), std::end(kTransferRules));
   for (int i = kFirstOfSensors; i < kVehicleParameters; ++i) {
     const auto parameter = static_cast<VehicleParameter>(i);
     out.push_back(sensor_rule(quantity_of(parameter), property_of(parameter)));
@@ -465,6 +510,7 @@ void read_vehicle(const YamlNode& root, Model& out) {
   read_flags(root, out);
   read_use_when(root, out);
   read_roll(root, count == 3, out.parameters);
+  read_load_transfer(root, out.parameters);
   read_sensors(root, out);
   read_measurement_noise(root, out);
   vehicle.tracking = read_tracking(root);

@@ -23,7 +23,9 @@ struct Characteristic {
 template <typename Quantity>
 Characteristic characteristic(const VehicleProblem& problem, const VehicleParameters<double>& p,
                               const Quantity& quantity) {
-  const std::array<double, 6> x = {p[kMass], p[kA], p[kB], p[kYawInertia], p[kCf], p[kCr]};
+  constexpr std::size_t kCompliance = kCr + 1;
+  const std::array<double, kCompliance + 1> x = {
+      p[kMass], p[kA], p[kB], p[kYawInertia], p[kCf], p[kCr], p[kSteeringCompliance]};
   const auto [value, gradient] = value_and_gradient(x, [&](const auto& q) {
     using T = typename std::decay_t<decltype(q)>::value_type;
     SingleTrack<T> car;
@@ -32,13 +34,16 @@ Characteristic characteristic(const VehicleProblem& problem, const VehicleParame
     car.b = q[kB];
     car.Iz = q[kYawInertia];
     car.front.stiffness = q[kCf];
+    car.front.compliance = q[kCompliance];
     car.rear.stiffness = q[kCr];
     return T(quantity(car));
   });
   Characteristic out{value, Eigen::VectorXd(problem.parameters())};
   for (Eigen::Index i = 0; i < out.by_free.size(); ++i) {
     const VehicleParameter parameter = problem.unknowns.free[i];
-    out.by_free[i] = parameter <= kCr ? gradient[parameter] : 0.0;
+    out.by_free[i] = parameter <= kCr                   ? gradient[parameter]
+                     : parameter == kSteeringCompliance ? gradient[kCompliance]
+                                                        : 0.0;
   }
   return out;
 }

@@ -55,11 +55,12 @@ const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
     "include, A, B, C, "
     "D, G, Q, "
-    "R, S, initial, flags, roll, sensors, tyre, regression, states, let, dynamics";
+    "R, S, initial, flags, load_transfer, roll, sensors, tyre, regression, states, let, dynamics";
 const std::string kVehicleKeys =
     "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, "
     "steering_lag, bias_r, "
-    "bias_vy, bias_ay, mounting_angle, bank, relaxation_length, cg_height, load_sensitivity";
+    "bias_vy, bias_ay, mounting_angle, bank, relaxation_length, cg_height, load_sensitivity, "
+    "steering_compliance";
 
 std::string replaced(const std::string& text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);

@@ -246,7 +246,7 @@ TEST(Simulation, DoesNotDependOnTheSampling) {
 // Derivatives by every parameter and by the initial state against central differences of the same
 // simulation, for every curve, with forces that relax and without.
 void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double roll_gradient,
-                              double tolerance) {
+                              double tolerance, double degression = 0.0) {
   VehicleParameters<double> p = sladka2010_car();
   p[kCr] = 110000.0;
   p[kSteeringOffset] = 0.01;
@@ -265,6 +265,10 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
   p[kLagOfSteering] = 0.04;
   p[kCgHeight] = 0.5;
   p[kLoadSensitivity] = 0.7;
+  p[kDegression] = degression;
+  p[kSteeringCompliance] = degression > 0.0 ? 2e-6 : 0.0;
+  p[kFrontLoadTransfer] = 0.08;
+  p[kRearLoadTransfer] = 0.06;
   p[kInverseSaturationFront] = 1.0 / std::pow(7000.0, 2);
   p[kInverseSaturationRear] = 1.0 / std::pow(5000.0, 2);
   const VectorXd time = VectorXd::LinSpaced(141, 0.0, 7.0);
@@ -314,6 +318,7 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
     // Zero stands for "no relaxation", and is no point to differentiate at.
     if (i == kRelaxationLength && relaxation_length == 0.0) continue;
     if (i == kRollPerAcceleration && roll_gradient == 0.0) continue;
+    if ((i == kDegression || i == kSteeringCompliance) && degression == 0.0) continue;
     const auto n = static_cast<std::size_t>(i);
     const double value = i < kStates ? p[n] : i == kStates ? 0.3 : 0.1;
     const double h = value != 0.0 ? 1e-5 * std::abs(value) : 1e-5;
@@ -334,6 +339,18 @@ void expect_exact_derivatives(TyreCurve curve, double relaxation_length, double 
       worst = std::max(worst, std::abs(exact[j][i] - difference));
     }
     EXPECT_LE(worst, tolerance * scale) << name_of(curve) << " variable " << i;
+  }
+}
+
+TEST(Simulation, CarriesExactDerivativesOfLoadTransferAndCompliance) {
+  for (const double relaxation_length : {0.0, 0.4}) {
+    for (const double roll : {0.0, 0.012}) {
+      for (const TyreCurve curve :
+           {TyreCurve::linear, TyreCurve::tanh, TyreCurve::magic_formula, TyreCurve::fiala}) {
+        expect_exact_derivatives(curve, relaxation_length, roll,
+                                 curve == TyreCurve::fiala ? 1e-4 : 1e-5, 0.4);
+      }
+    }
   }
 }
 
