@@ -10,6 +10,7 @@
 
 #include "identify/filter/model_filter.h"
 #include "identify/model/model_file.h"
+#include "identify/model/output_conditions.h"
 #include "identify/model/row_selection.h"
 #include "identify/result/file.h"
 #include "identify/result/file_digest.h"
@@ -83,6 +84,18 @@ std::vector<Table> read_files(const std::string& argument, Inputs& inputs) {
 
 namespace {
 
+// Outputs are missing where their condition does not hold; columns that it asks are read for that.
+void ask_conditions(const Table& run, const TimeSource& time, const Model& model,
+                    const TimeRange& range, Dataset& data) {
+  Eigen::MatrixXd flags(0, data.size());
+  if (!model.flags.empty()) {
+    Dataset asked = make_dataset(run, time, model.flags, {}, range);
+    flags = std::move(asked.u);
+    data.notes.insert(data.notes.end(), asked.notes.begin(), asked.notes.end());
+  }
+  apply_conditions(model, flags, data);
+}
+
 // Of a recording that has less than two thirds of its grid's rows, which no reader would expect.
 void note_absent_rows(Dataset& data) {
   const auto absent = static_cast<Eigen::Index>(data.absent.size());
@@ -111,6 +124,7 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& mod
   for (const Table& run : split_runs(joined.table, model.time)) {
     Dataset data = make_dataset(run, time, model.inputs, with_outputs ? model.outputs : no_outputs,
                                 range, model.references.channels);
+    if (with_outputs) ask_conditions(run, time, model, range, data);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
     if (!as_recorded) {
       const double step = model.time.step > 0.0 ? model.time.step : data.dt;

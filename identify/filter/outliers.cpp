@@ -196,6 +196,10 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
   for (int pass = 0; pass < kMostPasses; ++pass) {
     std::vector<Outlier> found;
     for (Index i = 0; i < ny; ++i) {
+      if (recordings[0].outputs[static_cast<std::size_t>(i)].is_pseudo) {
+        deviation[i] = white_deviation[i] = kNone;  // nothing is larger
+        continue;
+      }
       deviation[i] = robust_deviation(now, &FilterResult::e, still, i, deviation[i]);
       white_deviation[i] =
           robust_deviation(now, &FilterResult::standardised, still, i, white_deviation[i]);
@@ -320,6 +324,7 @@ Findings check_offset(const Model& model, const ParameterSet& parameters,
   for (Index i = 0; i < ny; ++i) {
     const double share = mean[i] * mean[i] / power[i];
     if (!(share * count[i] > kOffset * kOffset)) continue;
+    if (outputs[static_cast<std::size_t>(i)].is_pseudo) continue;
     const Channel& source = outputs[i];
     const double scale = unit_scale(source.unit);
     const std::string unit = source.unit.empty() ? "" : " " + source.unit;
@@ -401,7 +406,8 @@ Findings check_turns(const Model& model, const std::vector<Dataset>& recordings,
   Findings out;
   for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     const bool wraps = c < model.outputs.size() && model.outputs[c].wraps;
-    if (wraps || !is_angle(recordings[0].outputs[c])) continue;
+    if (wraps || recordings[0].outputs[c].is_pseudo || !is_angle(recordings[0].outputs[c]))
+      continue;
     const auto row = static_cast<Index>(c);
     long jumps = 0;
     std::string first;

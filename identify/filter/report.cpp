@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -45,6 +46,14 @@ Index shortest_of(const std::vector<Dataset>& recordings) {
   Index out = recordings[0].size();
   for (const Dataset& data : recordings) out = std::min(out, data.size());
   return out;
+}
+
+std::vector<Index> measured_rows(const std::vector<Channel>& outputs) {
+  std::vector<Index> rows;
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (!outputs[i].is_pseudo) rows.push_back(static_cast<Index>(i));
+  }
+  return rows;
 }
 
 // All recordings side by side.
@@ -111,8 +120,9 @@ double explained_share(const FStatistic& f) {
 }
 
 void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordings,
-                  const std::vector<FilterResult>& filters) {
-  const std::vector<Channel>& outputs = recordings[0].outputs;
+                  const std::vector<FilterResult>& of_all) {
+  const std::vector<Channel> outputs = measured(recordings[0].outputs);
+  const std::vector<FilterResult> filters = of_measured(of_all, recordings[0].outputs);
   const int lags = default_lags(shortest_of(recordings));
   const MatrixXd all = side_by_side(filters, rows_apart(filters, lags));
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
@@ -140,7 +150,13 @@ void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordin
   }
 }
 
-void report_fit(FilterEstimate& estimate, const std::vector<Channel>& outputs, const Joined& all) {
+void report_fit(FilterEstimate& estimate, const std::vector<Channel>& of_model,
+                const Joined& of_all) {
+  const std::vector<Channel> outputs = measured(of_model);
+  const std::vector<Index> rows = measured_rows(of_model);
+  Joined all = of_all;
+  for (MatrixXd* each : {&all.y, &all.e, &all.standardised})
+    *each = (*each)(rows, Eigen::all).eval();
   Series& series = estimate.series;
   series.time = all.time;
   series.recording = all.recording;
@@ -281,6 +297,30 @@ Findings check_integration(const Model& model, const ParameterSet& parameters,
 }
 
 }  // namespace
+
+std::vector<Channel> measured(const std::vector<Channel>& outputs) {
+  std::vector<Channel> out;
+  std::copy_if(outputs.begin(), outputs.end(), std::back_inserter(out),
+               [](const Channel& output) { return !output.is_pseudo; });
+  return out;
+}
+
+std::vector<FilterResult> of_measured(const std::vector<FilterResult>& filters,
+                                      const std::vector<Channel>& outputs) {
+  const std::vector<Index> rows = measured_rows(outputs);
+  if (rows.size() == outputs.size()) return filters;
+  std::vector<FilterResult> out;
+  for (const FilterResult& filter : filters) {
+    FilterResult part;
+    part.status = filter.status;
+    part.first_proper = filter.first_proper;
+    part.e = filter.e(rows, Eigen::all);
+    part.e_sd = filter.e_sd(rows, Eigen::all);
+    part.standardised = filter.standardised(rows, Eigen::all);
+    out.push_back(std::move(part));
+  }
+  return out;
+}
 
 Index rows_apart(const std::vector<FilterResult>& filters, Index lags) {
   Index longest = 1;

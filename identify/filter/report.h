@@ -41,6 +41,12 @@ std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& m
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings);
 
+/// The outputs that are measured, and what filters made of those alone: a pseudo-measurement is no
+/// sample of noise, so its innovations test nothing. The filters keep their innovations alone.
+std::vector<Channel> measured(const std::vector<Channel>& outputs);
+std::vector<FilterResult> of_measured(const std::vector<FilterResult>& filters,
+                                      const std::vector<Channel>& outputs);
+
 /// A gap between recordings that no test of so many lags looks across, lags counted in each
 /// channel's own samples (lib/statistics/whiteness.h).
 Eigen::Index rows_apart(const std::vector<FilterResult>& filters, Eigen::Index lags);

@@ -100,6 +100,20 @@ struct StateName {
   std::string unit;  ///< the user's; empty: none
 };
 
+/// Rows in which an output counts; in the others it is missing.
+struct OutputCondition {
+  Eigen::Index output = 0;
+  Expression holds;  ///< a formula of condition_symbols() (output_conditions.h), SI
+  std::string text;  ///< as it was written
+};
+
+/// Measurement noise that follows Student's t instead of a normal distribution, every output of its
+/// own (identify/noise/student.h).
+struct StudentNoise {
+  double freedom = 4.0;
+  bool free = false;  ///< the degrees of freedom are estimated, from this start
+};
+
 /// What another instrument measured of the states. No filter sees it; estimates are compared with
 /// it (identify/filter/reference_errors.h).
 struct StateReferences {
@@ -129,7 +143,11 @@ struct Model {
   /// The same: condition on the inputs under which a row is used; its symbols are states, then
   /// inputs.
   std::optional<Expression> use_when;
+  /// Of a model that has a filter: where outputs count, and further columns that these ask.
+  std::vector<OutputCondition> conditions;
+  std::vector<ChannelSource> flags;
   StateReferences references;
+  std::optional<StudentNoise> student;  ///< none: the measurement noise is normal
   std::variant<LinearModel, FormulaModel, VehicleModel, RegressionModel> form;
 };
 

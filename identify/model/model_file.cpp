@@ -90,7 +90,8 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     }
   };
   if (is_linear(model)) {
-    refuse(kVehicleKeys, "belongs to model: single-track");
+    refuse({"load_transfer", "roll", "sensors", "tyre"},
+           "belongs to model: single-track");  // flags are both's
     refuse(kRegressionKeys, "belongs to model: regression");
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
       refuse({"A", "B", "C", "D"}, "is a duplicate of the formulas");

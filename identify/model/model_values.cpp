@@ -258,6 +258,22 @@ Prior read_prior(const YamlNode& node, const std::string& unit, const std::strin
 
 namespace {
 
+// A number with its unit in place of a column.
+void read_pseudo_value(const YamlNode& item, const YamlNode& value, ChannelSource& channel) {
+  for (const char* key : {"column", "scale", "offset", "delay"}) {
+    const YamlNode* other = find(item, key);
+    if (other == nullptr) continue;
+    throw InputError(other->at,
+                     fmt::format("{} of the pseudo-measurement {}", key, in_quotes(channel.name)),
+                     "one of 'value' and 'column'");
+  }
+  const Quantity given = parse_quantity(text_of(value, "value"), value.at, "value");
+  if (channel.unit.empty()) channel.unit = given.unit;
+  channel.value = si_value(given, channel.unit, value.at, "value");
+  channel.column.clear();
+  channel.at = value.at;
+}
+
 void read_treatment(const YamlNode& item, ChannelSource& channel) {
   if (const YamlNode* scale = find(item, "scale")) {
     channel.scale = read_plain_number(*scale, "scale");
@@ -325,6 +341,7 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
       check_unit(channel.unit, rules.empty() ? channel.unit : channel.si_unit, unit->at,
                  in_quotes(channel.name));
     }
+    if (const YamlNode* value = find(item, "value")) read_pseudo_value(item, *value, channel);
     read_treatment(item, channel);
     if (const YamlNode* wrap = find(item, "wrap")) {
       channel.wraps = word_of(*wrap, "wrap", {"true", "false"}) == "true";
@@ -334,9 +351,19 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
                          "one of the two: no value lies between two that are a turn apart");
       }
     }
+    if (const YamlNode* sd = find(item, "sd");
+        sd != nullptr && what == "outputs" && !channel.value) {
+      throw InputError(
+          sd->at, fmt::format("sd of the output {}, which has a column", in_quotes(channel.name)),
+          "the noise of columns under 'noise', or as R; 'sd' beside a 'value'");
+    }
     out.push_back(std::move(channel));
   }
   return out;
+}
+
+const YamlNode* own_sd(const YamlNode& outputs, std::size_t i) {
+  return find(outputs.items[i], "sd");
 }
 
 }  // namespace identikal

@@ -90,6 +90,12 @@ std::vector<ChannelSource> read_channels(const YamlNode& node, const std::string
                                          std::span<const ChannelRule> rules,
                                          const std::vector<std::string>& more_keys = {});
 
+/// What an output may have beside the keys of channels: a pseudo-measurement's number and standard
+/// deviation, and the condition under which rows count (output_conditions.h).
+inline const std::vector<std::string> kOutputKeys = {"value", "sd", "when"};
+/// The standard deviation that output number `i` says itself, or nullptr.
+const YamlNode* own_sd(const YamlNode& outputs, std::size_t i);
+
 template <typename Rules>
 std::vector<std::string> names_of(const Rules& rules) {
   std::vector<std::string> names;

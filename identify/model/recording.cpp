@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/check.h"
+#include "identify/model/output_conditions.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 
@@ -14,6 +15,7 @@ namespace identikal {
 namespace {
 
 using Eigen::Index;
+using Eigen::MatrixXd;
 
 // Names of channels in SI, as results print them.
 std::vector<Channel> channels_of(const std::vector<ChannelSource>& sources, Index rows,
@@ -23,7 +25,9 @@ std::vector<Channel> channels_of(const std::vector<ChannelSource>& sources, Inde
         fmt::format("the recording has {} {}, the model {}", rows, what, sources.size()));
   }
   std::vector<Channel> out;
-  for (const ChannelSource& source : sources) out.push_back({source.name, source.si_unit});
+  for (const ChannelSource& source : sources) {
+    out.push_back({source.name, source.si_unit, source.value.has_value()});
+  }
   return out;
 }
 
@@ -57,6 +61,15 @@ Eigen::MatrixXd rows_named(const std::vector<ChannelSource>& sources,
   return out;
 }
 
+// Pseudo-measurements have their numbers, and outputs count where their conditions hold.
+void as_model_file_says(const Model& model, const MatrixXd& flags, Dataset& data) {
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    const std::optional<double>& value = model.outputs[i].value;
+    if (value) data.y.row(static_cast<Index>(i)).setConstant(*value);
+  }
+  apply_conditions(model, flags, data);
+}
+
 // Where the model has one step, rows that are absent between the times become missing samples.
 Dataset on_grid_of(const Model& model, Dataset data) {
   const bool irregular = is_formula_model(model) && as_formulas(model).irregular;
@@ -85,7 +98,10 @@ Samples::Samples(std::span<const double> channel)
     : values(Eigen::Map<const Eigen::RowVectorXd>(channel.data(),
                                                   static_cast<Index>(channel.size()))) {}
 
-Dataset recording(const Model& model, const Samples& y, const SampleTimes& time, const Samples& u) {
+namespace {
+
+Dataset recording_with_flags(const Model& model, const Samples& y, const SampleTimes& time,
+                             const Samples& u, const MatrixXd& flags) {
   Dataset out;
   out.name = "recording";
   out.y = y.values;
@@ -107,17 +123,36 @@ Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
     const Eigen::VectorXd step = out.time.tail(steps) - out.time.head(steps);
     out.dt = median({step.begin(), step.end()});
   }
+  if (out.time.size() == out.y.cols()) as_model_file_says(model, flags, out);
   if (time.times.size() > 0) return on_grid_of(model, std::move(out));
   check_recording(model, out);
   return out;
 }
 
+}  // namespace
+
+Dataset recording(const Model& model, const Samples& y, const SampleTimes& time, const Samples& u) {
+  if (!model.flags.empty()) {
+    throw std::invalid_argument(
+        fmt::format("conditions ask the flag '{}'; expected channels by their names",
+                    model.flags.front().name));
+  }
+  return recording_with_flags(model, y, time, u, MatrixXd(0, y.values.cols()));
+}
+
 Dataset recording(const Model& model, const std::vector<std::pair<std::string, Samples>>& channels,
                   const SampleTimes& time) {
   Samples y, u;
-  y.values = rows_named(model.outputs, channels);
-  u.values = rows_named(model.inputs, channels);
-  return recording(model, y, time, u);
+  std::vector<std::pair<std::string, Samples>> given = channels;
+  for (const ChannelSource& output : model.outputs) {
+    if (!output.value || channels.empty()) continue;
+    const Index size = channels.front().second.values.cols();
+    std::erase_if(given, [&](const auto& channel) { return channel.first == output.name; });
+    given.emplace_back(output.name, Samples(MatrixXd::Constant(1, size, *output.value)));
+  }
+  y.values = rows_named(model.outputs, given);
+  u.values = rows_named(model.inputs, given);
+  return recording_with_flags(model, y, time, u, rows_named(model.flags, given));
 }
 
 }  // namespace identikal

@@ -43,7 +43,9 @@ struct SampleTimes {
   Eigen::VectorXd times;  ///< N, rising; empty: k step
 };
 
-/// A recording for this model, its channels in the model's order, all in SI.
+/// A recording for this model, its channels in the model's order, all in SI. What stands for a
+/// pseudo-measurement is taken from the model, and outputs are missing where their condition does
+/// not hold (output_conditions.h).
 ///
 /// Example:
 ///
@@ -56,7 +58,8 @@ struct SampleTimes {
 Dataset recording(const Model& model, const Samples& y, const SampleTimes& time,
                   const Samples& u = {});
 
-/// The same with channels by name, in any order; those that the model does not have are left out.
+/// The same with channels by name, in any order; those that the model does not have are left out,
+/// pseudo-measurements need not be given, and flags are channels too.
 ///
 /// Example:
 ///

@@ -229,9 +229,10 @@ void report_sequential(const MatrixXd& e, Optimality& out) {
 }  // namespace
 
 Optimality test_optimality(const Model& model, const std::vector<Dataset>& recordings,
-                           const std::vector<FilterResult>& filters) {
+                           const std::vector<FilterResult>& of_all) {
   Optimality out;
-  const std::vector<Channel>& outputs = recordings[0].outputs;
+  const std::vector<Channel> outputs = measured(recordings[0].outputs);
+  const std::vector<FilterResult> filters = of_measured(of_all, recordings[0].outputs);
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const int most = default_lags(shortest);

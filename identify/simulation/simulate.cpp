@@ -15,6 +15,7 @@
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/model/check.h"
 #include "identify/model/model_values.h"
+#include "identify/model/output_conditions.h"
 #include "identify/vehicle/output_error.h"
 #include "lib/base/interpolation.h"
 #include "lib/base/nearest_name.h"
@@ -124,6 +125,7 @@ std::string csv_of(const Model& model, std::uint64_t seed, const MatrixXd& y, co
   std::vector<OutputColumn> columns;
   for (Index i = 0; i < y.rows(); ++i) {
     const ChannelSource& source = model.outputs[i];
+    if (source.value) continue;
     columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
   }
   for (std::size_t i = 0; i < model.inputs.size(); ++i) {
@@ -131,8 +133,13 @@ std::string csv_of(const Model& model, std::uint64_t seed, const MatrixXd& y, co
     columns.push_back(
         {column_name(source), source.unit, inputs->u.row(static_cast<Index>(i)).transpose()});
   }
+  std::vector<std::string> notes = describe_conditions(model);
+  for (const ChannelSource& flag : model.flags) {
+    columns.push_back({column_name(flag), flag.unit, VectorXd::Zero(time.size())});
+    notes.push_back(fmt::format("flag {} is 0 throughout", flag.name));
+  }
   columns.push_back(time_column(model, time));
-  return csv_text(model, seed, {}, time, columns);
+  return csv_text(model, seed, notes, time, columns);
 }
 
 // The recording with its intervals cut into pieces, inputs as the model has them between samples.

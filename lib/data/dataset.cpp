@@ -228,6 +228,10 @@ std::string treatment(const ChannelSource& source, const std::string& unit) {
 Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
                                 const Stamps& stamps, const Rows& rows, Channel& channel,
                                 Dataset& data) {
+  if (source.value) {
+    channel = {source.name, source.unit, true};
+    return Eigen::RowVectorXd::Constant(static_cast<Index>(rows.last - rows.first), *source.value);
+  }
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, source.si_unit, source.at);
   channel = {source.name, unit.text};
@@ -446,6 +450,7 @@ Dataset first_samples(const Dataset& data, Index count) {
   std::erase_if(out.absent, [&](Index row) { return row >= keep; });
   out.u.conservativeResize(Eigen::NoChange, keep);
   out.y.conservativeResize(Eigen::NoChange, keep);
+  if (out.noise_scale.rows() > 0) out.noise_scale.conservativeResize(Eigen::NoChange, keep);
   if (out.reference.rows() > 0) out.reference.conservativeResize(Eigen::NoChange, keep);
   return out;
 }
@@ -459,6 +464,7 @@ Dataset samples_from(const Dataset& data, Index first) {
   for (Index& row : out.absent) row -= first;
   out.u = data.u.rightCols(keep);
   out.y = data.y.rightCols(keep);
+  if (data.noise_scale.rows() > 0) out.noise_scale = data.noise_scale.rightCols(keep);
   if (data.reference.rows() > 0) out.reference = data.reference.rightCols(keep);
   return out;
 }
@@ -515,11 +521,14 @@ Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
   }
   out.u = Eigen::MatrixXd::Constant(data.u.rows(), rows, kNaN);
   out.y = Eigen::MatrixXd::Constant(data.y.rows(), rows, kNaN);
+  const bool scaled = data.noise_scale.rows() > 0;
+  if (scaled) out.noise_scale = Eigen::MatrixXd::Ones(data.y.rows(), rows);
   const bool referenced = data.reference.rows() > 0;
   if (referenced) out.reference = Eigen::MatrixXd::Constant(data.reference.rows(), rows, kNaN);
   for (Index i = 0; i < n; ++i) {
     const Index at = target[i];
     if (referenced) out.reference.col(at) = data.reference.col(i);
+    if (scaled) out.noise_scale.col(at) = data.noise_scale.col(i);
     out.u.col(at) = data.u.col(i);
     out.y.col(at) = data.y.col(i);
   }

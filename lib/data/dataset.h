@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ namespace identikal {
 struct Channel {
   std::string name;
   std::string unit;
+  bool is_pseudo = false;  ///< an output that nobody measures: its number stands in the model
 };
 
 struct Dataset {
@@ -28,8 +30,11 @@ struct Dataset {
   std::vector<Eigen::Index> absent;  ///< rows that it has put in where none was recorded, rising
   Eigen::MatrixXd u;                 ///< nu x N, SI, NaN = missing
   Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
-  std::vector<Channel> inputs;       ///< nu
-  std::vector<Channel> outputs;      ///< ny
+  /// ny x N, above 0: what the standard deviation of each sample's measurement noise is times its
+  /// model's. Where all are 1: 0 x 0.
+  Eigen::MatrixXd noise_scale;
+  std::vector<Channel> inputs;   ///< nu
+  std::vector<Channel> outputs;  ///< ny
   /// nr x N, SI, NaN = missing: what another instrument measured, for comparison alone. Where there
   /// is none: 0 x 0.
   Eigen::MatrixXd reference;
@@ -53,6 +58,8 @@ struct ChannelSource {
   double offset = 0.0;  ///< in the column's unit
   double delay = 0.0;   ///< [s]: what is recorded at t was there at t - delay
   bool wraps = false;   ///< an angle: values that are a turn apart are the same
+  /// A pseudo-measurement: this number, SI, in place of a column.
+  std::optional<double> value = std::nullopt;
 };
 
 /// Where time comes from: a column, or a fixed step.

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/model/internal/condition_form.h"
 #include "identify/model/internal/noise_form.h"
 #include "identify/model/internal/reference_form.h"
 #include "identify/model/matrix_reader.h"
@@ -125,6 +126,7 @@ class FormulaReader {
     if (!is_linear_) refuse_what_only_linear_models_have(matrices);
     decide_form(std::move(matrices));
     read_use_when();
+    read_conditions(root_, out_);
     read_reference();
     refuse_unused_definitions();
     refuse_unused(parameters_);
@@ -281,7 +283,9 @@ class FormulaReader {
   std::vector<PhysicalName> read_outputs() {
     const YamlNode& node = required(root_, "outputs", "the model file",
                                     "outputs: {NAME: {column: ..., unit: ..., equals: formula}}");
-    out_.outputs = read_channels(node, "outputs", {}, {"equals", "wrap"});
+    std::vector<std::string> keys = kOutputKeys;
+    keys.insert(keys.end(), {"equals", "wrap"});
+    out_.outputs = read_channels(node, "outputs", {}, keys);
     std::vector<PhysicalName> out;
     for (std::size_t i = 0; i < out_.outputs.size(); ++i) {
       const ChannelSource& channel = out_.outputs[i];
@@ -304,7 +308,7 @@ class FormulaReader {
           check(own, formulas_.outputs.back(), dimension, fmt::format("output '{}'", channel.name));
         }
       }
-      out.push_back({channel.name, dimension});
+      out.push_back({channel.name, dimension, own_sd(node, i), channel.unit});
     }
     return out;
   }

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/model/internal/condition_form.h"
 #include "identify/model/internal/noise_form.h"
 #include "identify/model/internal/reference_form.h"
 #include "identify/model/matrix_reader.h"
@@ -50,8 +51,13 @@ bool read_irregular(const YamlNode& time, bool continuous) {
 void read_linear(const YamlNode& root, Model& out) {
   NamedParameters parameters = read_named_parameters(root);
   const std::string top = "the model file";
-  out.outputs = read_channels(required(root, "outputs", top, "outputs: [{name: y, column: y}]"),
-                              "outputs", {});
+  const YamlNode& outputs = required(root, "outputs", top, "outputs: [{name: y, column: y}]");
+  out.outputs = read_channels(outputs, "outputs", {}, kOutputKeys);
+  PhysicalNames of_outputs;
+  for (std::size_t i = 0; i < out.outputs.size(); ++i) {
+    of_outputs.outputs.push_back(
+        {out.outputs[i].name, {}, own_sd(outputs, i), out.outputs[i].unit});
+  }
   if (const YamlNode* inputs = find(root, "inputs")) {
     out.inputs = read_channels(*inputs, "inputs", {});
   }
@@ -94,10 +100,11 @@ void read_linear(const YamlNode& root, Model& out) {
     model.hold = linear ? InputHold::linear : InputHold::constant;
   }
   model.irregular = read_irregular(time, model.continuous);
-  read_noise(root, {}, parameters, model);
+  read_noise(root, of_outputs, parameters, model);
   read_initial(root, {}, parameters, model);
   if (out.time.step > 0.0) model.dt = out.time.step;
   out.references = references_of(root, out, n);
+  read_conditions(root, out);
   refuse_unused(parameters);
   if (const std::optional<ModelFault> fault = fault_at(model, parameters.set)) {
     throw InputError(find(root, fault->key)->at, fault->text);

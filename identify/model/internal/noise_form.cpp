@@ -94,6 +94,21 @@ struct Gathered {
     }
     return graph.insert(formula, symbols);
   }
+
+  // The variance of an output that says its standard deviation itself.
+  void place_own_sd(const PhysicalName& output, ParametrisedMatrix& R, int row, bool with_units) {
+    const std::string what = fmt::format("the standard deviation of '{}'", output.name);
+    FormulaGraph::Id sd;
+    if (const std::optional<double> bare = plain_number(text_of(*output.sd, what))) {
+      if (!(*bare > 0.0)) {
+        throw InputError(output.sd->at, fmt::format("sd is {}", describe(*output.sd)), "above 0");
+      }
+      sd = graph.number(*bare * unit_or_dimensionless(output.unit).scale);
+    } else {
+      sd = read(*output.sd, what, output.dimension, with_units, true);
+    }
+    placed.push_back({&R, row, row, graph.operation(Op::multiply, sd, sd)});
+  }
 };
 
 // Of what a diagonal covariance is.
@@ -126,6 +141,15 @@ ParametrisedMatrix read_spreads(const YamlNode& node, const NamedNoise& noise,
   for (int i = 0; i < size; ++i) {
     const PhysicalName& name = all[i];
     const YamlNode* entry = find(given, name.name);
+    if (name.sd != nullptr) {
+      if (entry != nullptr) {
+        throw InputError(entry->at,
+                         fmt::format("{} of '{}', which has an sd of its own", key, name.name),
+                         "one of the two");
+      }
+      gathered.place_own_sd(name, out, i, noise.with_units);
+      continue;
+    }
     if (entry == nullptr) {
       if (!noise.every_one) continue;
       throw InputError(given.at, fmt::format("{} of '{}' is missing", key, name.name),
@@ -166,6 +190,48 @@ ParametrisedMatrix read_by_state(const YamlNode& given, const std::string& key,
                       state.dimension, physical.with_units, spread);
     if (spread) value = gathered.graph.operation(Op::multiply, value, value);
     gathered.placed.push_back({&out, i, spread ? i : 0, value});
+  }
+  gathered.place();
+  return out;
+}
+
+// R, which outputs that say their standard deviation themselves are no part of.
+ParametrisedMatrix read_measurement_covariance(const YamlNode& node, const PhysicalNames& physical,
+                                               Index ny, NamedParameters& parameters,
+                                               LinearModel& model) {
+  const auto has_sd = [](const PhysicalName& output) { return output.sd != nullptr; };
+  const bool all_in_R = std::none_of(physical.outputs.begin(), physical.outputs.end(), has_sd);
+  if (all_in_R) {
+    return read_noise_covariance(node, "R", {ny, ny, "outputs x outputs"}, parameters, model);
+  }
+  std::vector<int> place;  // of R's rows among all outputs
+  for (int i = 0; i < static_cast<int>(ny); ++i) {
+    if (!has_sd(physical.outputs[static_cast<std::size_t>(i)])) place.push_back(i);
+  }
+  const auto size = static_cast<Index>(place.size());
+  if (node.kind == YamlNode::Kind::mapping) {
+    throw InputError(node.at, "R is estimated as a whole, and an output has an sd of its own",
+                     "R by its entries, or no sd at the output");
+  }
+  const ParametrisedMatrix written = read_covariance(
+      node, "R", {size, size, "outputs without an sd x outputs without an sd"}, parameters, model);
+  ParametrisedMatrix out;
+  out.constant.setZero(ny, ny);
+  for (Index i = 0; i < size; ++i) {
+    for (Index j = 0; j < size; ++j) out.constant(place[i], place[j]) = written.constant(i, j);
+  }
+  out.entries = written.entries;
+  out.formulas = written.formulas;
+  for (auto& entry : out.entries)
+    entry = {place[entry.row], place[entry.col], entry.parameter, entry.factor};
+  for (auto& formula : out.formulas) {
+    formula.row = place[formula.row];
+    formula.col = place[formula.col];
+  }
+  Gathered gathered(parameters, physical.inputs, model);
+  for (int i = 0; i < static_cast<int>(ny); ++i) {
+    const PhysicalName& output = physical.outputs[static_cast<std::size_t>(i)];
+    if (has_sd(output)) gathered.place_own_sd(output, out, i, physical.with_units);
   }
   gathered.place();
   return out;
@@ -296,8 +362,8 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
     const std::string example =
         has_names ? "noise: {measurement: {sd: {" + physical.outputs.front().name + ": ...}}}, or R"
                   : "R: covariance of the measurement noise";
-    model.R = read_noise_covariance(required(root, "R", top, example), "R",
-                                    {ny, ny, "outputs x outputs"}, parameters, model);
+    model.R = read_measurement_covariance(required(root, "R", top, example), physical, ny,
+                                          parameters, model);
   }
   const Index nw = model.G.constant.cols();
   const YamlNode* S = find(root, "S");

@@ -15,6 +15,9 @@ namespace identikal {
 struct PhysicalName {
   std::string name;
   Dimension dimension;
+  /// Of an output that says its standard deviation itself; a bare number is in this unit.
+  const YamlNode* sd = nullptr;
+  std::string unit = {};
 };
 
 /// What a physical model calls its states and outputs, so that noise and start may be given by name
