@@ -28,6 +28,10 @@ std::unique_ptr<SampleFilter> filter_of_model(const Model& model) {
     throw InputError({model.source, 0, 0}, "the model is not linear",
                      "a linear model, or a regression");
   }
+  if (model.student) {
+    throw InputError({model.source, 0, 0}, "the measurement noise is Student's t",
+                     "normal noise: no kind: student under noise");
+  }
   return kalman_sample_filter(model);
 }
 

@@ -112,7 +112,8 @@ typedef struct ik_filter ik_filter;
    ik_filter_free(). Answers 0, 2 for a mistake in the arguments, 5 for an internal error. */
 IK_API int ik_filter_open(const ik_result* result, const char* model_yaml, ik_filter** filter);
 
-/* Takes a sample, in SI. y: an output each, NaN where one is missing. u: an input each; may be NULL without
+/* Takes a sample, in SI. y: an output each, NaN where one is missing or its condition (when) does not hold; of a
+   pseudo-measurement its number where it does. u: an input each; may be NULL without
    inputs. innovation: y minus its prediction before the sample, NaN where there is none. state, sd: what y up
    to now determines, NaN before; each may be NULL:
 

@@ -63,6 +63,19 @@ Model with_options(Model model, const ModelOptions& options, Inputs& inputs) {
 
 }  // namespace
 
+namespace {
+
+void refuse_student(const Model& model, const std::string& verb) {
+  static const std::vector<std::string> kTakeIt = {"tune", "fit", "filter", "check", "validate"};
+  if (!model.student || std::find(kTakeIt.begin(), kTakeIt.end(), verb) != kTakeIt.end()) return;
+  throw InputError(
+      {model.source, 0, 0},
+      fmt::format("'{}' takes normal measurement noise, this one is Student's t", verb),
+      "no kind: student under noise", "tune, fit, filter, check and validate take it");
+}
+
+}  // namespace
+
 Model load_any_model(const ModelOptions& options, Inputs& inputs) {
   return with_options(inputs.model(options.file), options, inputs);
 }
@@ -73,6 +86,7 @@ Model load_model(const ModelOptions& options, const std::string& verb, Inputs& i
     throw InputError({model.source, 0, 0}, fmt::format("'{}' takes no regression", verb),
                      "identikal track MODEL DATA");
   }
+  refuse_student(model, verb);
   return with_options(std::move(model), options, inputs);
 }
 
@@ -356,31 +370,95 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
   return out;
 }
 
+namespace {
+
+// The rows before a recording that a range has cut, and how many they are; none: nothing to go on
+// from.
+std::pair<Dataset, Eigen::Index> with_rows_before(const std::string& file, const Model& model,
+                                                  const TimeRange& range, const Dataset& recording,
+                                                  Inputs& inputs) {
+  std::vector<Dataset> all;
+  try {
+    all = load_runs(read_files(file, inputs), model, range);
+  } catch (const InputError&) {
+    return {{}, 0};  // they are none that a filter could run through
+  }
+  // Of rows that use_when or a missing input cuts, those from the last cut on.
+  Dataset& whole = all.back();
+  Eigen::Index from = 0;
+  while (from < whole.size() && whole.time[from] < recording.time[0]) ++from;
+  if (whole.size() - from != recording.size()) from = 0;
+  return {std::move(whole), from};
+}
+
+void say_going_on(Recordings& recordings, Dataset& recording, const std::string& how) {
+  recording.begins.clear();
+  recordings.findings.push_back(make_finding(
+      FindingCode::goes_on, {}, fmt::format("{}: the filter {}", recording.name, how), ""));
+}
+
+// A start that the file gives holds where a recording begins, and not where a range does.
+Model starting_diffuse(Model model, Recordings& recordings) {
+  LinearModel& noise = noise_model(model);
+  if (noise.initial != InitialState::given) return model;
+  noise.initial = InitialState::diffuse;
+  noise.stationary.clear();
+  for (Dataset& recording : recordings.data) {
+    say_going_on(recordings, recording, "starts diffuse, where --range begins");
+  }
+  return model;
+}
+
+// Every recording from its own state. False where one has no rows before to come from.
+bool start_from_rows_before(const Model& model, const RecordingOptions& options,
+                            const TimeRange& range, Recordings& recordings, Inputs& inputs) {
+  std::vector<std::pair<Model, Eigen::Index>> starts;
+  for (std::size_t i = 0; i < options.files.size(); ++i) {
+    const auto [whole, from] =
+        with_rows_before(options.files[i], model, range, recordings.data[i], inputs);
+    std::optional<Model> start =
+        from > 0 ? going_on(model, model.parameters, whole, from) : std::nullopt;
+    if (!start) return false;
+    starts.emplace_back(*std::move(start), from);
+  }
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const LinearModel& start = noise_model(starts[i].first);
+    recordings.data[i].start_mean = start.x0.constant;
+    recordings.data[i].start_covariance = start.P0.constant;
+    say_going_on(recordings, recordings.data[i],
+                 fmt::format("goes on from the {} rows before", starts[i].second));
+  }
+  return true;
+}
+
+}  // namespace
+
 Model going_on_from_rows_before(Model model, const RecordingOptions& options,
                                 Recordings& recordings, Inputs& inputs) {
   TimeRange range = parse_range(options.range);
-  if (!(range.from > 0.0) || options.files.size() > 1 || recordings.data.size() > 1) return model;
-  Dataset& recording = recordings.data.front();
+  if (!(range.from > 0.0) || recordings.data.size() != options.files.size()) return model;
   range.from = -kInfinity;
-  std::vector<Dataset> all;
-  try {
-    all = load_runs(read_files(options.files.front(), inputs), model, range);
-  } catch (const InputError&) {
-    return model;  // the rows before are none that a filter could run through
+  const auto forget_starts = [&] {
+    std::erase_if(recordings.findings, [](const Finding& finding) {
+      return finding.code == FindingCode::starts_within;
+    });
+  };
+  const bool several = recordings.data.size() > 1;
+  if (several && (is_linear(model) || changes(model))) {
+    if (noise_model(model).initial == InitialState::given) forget_starts();
+    return starting_diffuse(std::move(model), recordings);
   }
-  // Of rows that use_when or a missing input cuts, those from the last cut on.
-  const Dataset& whole = all.back();
-  Eigen::Index from = 0;
-  while (from < whole.size() && whole.time[from] < recording.time[0]) ++from;
-  if (from == 0 || whole.size() - from != recording.size()) return model;
+  if (several) {
+    if (start_from_rows_before(model, options, range, recordings, inputs)) forget_starts();
+    return model;
+  }
+  Dataset& recording = recordings.data.front();
+  const auto [whole, from] =
+      with_rows_before(options.files.front(), model, range, recording, inputs);
   std::optional<Model> out = going_on(model, model.parameters, whole, from);
   if (!out) return model;
-  std::erase_if(recordings.findings,
-                [](const Finding& finding) { return finding.code == FindingCode::starts_within; });
-  recording.begins.clear();
-  recordings.findings.push_back(make_finding(
-      FindingCode::goes_on, {},
-      fmt::format("{}: the filter goes on from the {} rows before", recording.name, from), ""));
+  forget_starts();
+  say_going_on(recordings, recording, fmt::format("goes on from the {} rows before", from));
   return *std::move(out);
 }
 

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter/pictures.h"
+#include "identify/model/heavy_tails.h"
 #include "identify/model/included_files.h"
 #include "identify/model/model_file.h"
 #include "identify/noise/als.h"
@@ -23,6 +24,8 @@ namespace {
 const char* const kAutomatic = "automatic";
 const char* const kLikelihood = "likelihood";
 const char* const kEstimates = "estimates";
+const char* const kAsInFile = "as-in-file";
+const char* const kStudent = "student";
 
 // How the likelihood is evaluated: as --evaluation says it today, and as --path said it.
 struct Evaluation {
@@ -44,7 +47,7 @@ struct TuneOptions {
   RecordingOptions recordings;
   ResultOptions result;
   SearchOptions search;
-  std::string method = "ml", evaluation = kAutomatic, purpose = kLikelihood;
+  std::string method = "ml", evaluation = kAutomatic, purpose = kLikelihood, noise = kAsInFile;
   bool reject_outliers = false;
   std::int64_t lags = 0, draws = 0, seconds = 0;
   bool iterate = false, min_rank = false, full_matrix = false, extend = false;
@@ -213,11 +216,49 @@ Outcome tune_further(const TuneOptions& options, const Run& run, Model model) {
   return finish(run, recordings, std::move(out), files);
 }
 
+constexpr const char* kStudentModel = "student.yaml";
+
+void refuse_beside_student(const TuneOptions& options) {
+  for (const auto& [given, name] : {std::pair{options.method != "ml", "--method"},
+                                    std::pair{options.purpose == kEstimates, "--for estimates"},
+                                    std::pair{options.reject_outliers, "--reject-outliers"},
+                                    std::pair{options.evaluation != kAutomatic, "--evaluation"},
+                                    std::pair{!options.search.hold_out.empty(), "--hold-out"},
+                                    std::pair{options.extend, "--extend"}}) {
+    if (!given) continue;
+    throw InputError({}, fmt::format("{} does not apply to Student's t", name),
+                     "one of the two: it is fitted by maximum likelihood, and compared with normal "
+                     "noise on the last 30 % of each recording");
+  }
+}
+
+// With the model file that says so: what reads the result needs it.
+Outcome tune_student_noise(const TuneOptions& options, const Run& run) {
+  const std::string& path = options.model.file;
+  const YamlNode root =
+      with_student_noise(parse_with_included(run.call.inputs.model_text(path), path));
+  const std::string text = model_file_text(root);
+  Model model = model_of(root, path);
+  for (const std::string& assignment : options.model.settings) set_parameter(model, assignment);
+  const Recordings recordings =
+      load_recordings(options.recordings, model, run.verb, run.call.inputs);
+  take_period(model, recordings.data.front());
+  const auto estimate =
+      std::make_shared<NoiseEstimate>(tune_ml(model, recordings.data, ml_options(options, run)));
+  KeptResult out = kept(estimate);
+  out.take({kStudentModel, sha256_of_text(text), text, {}});
+  if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);
+  return finish(run, recordings, std::move(out), {{kStudentModel, text}});
+}
+
 Outcome tune(const TuneOptions& options, Call& call) {
   const Run run{"tune", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   check_method(options, model);
+  const bool becomes_student = options.noise == kStudent && !model.student;
+  if (becomes_student || model.student) refuse_beside_student(options);
+  if (becomes_student) return tune_student_noise(options, run);
   if (options.extend) return tune_further(options, run, std::move(model));
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     if (options.purpose == kEstimates) return by_references(options, of, recordings, run);
@@ -262,6 +303,10 @@ Verb tune_verb() {
   add_choice(verb, "--for", options->purpose, {kLikelihood, kEstimates},
              "Choose what the noise is for: to make the recordings likely, or to bring the states "
              "closest to the references that the model file names.");
+  add_choice(verb, "--noise", options->noise, {kAsInFile, kStudent},
+             "Choose the distribution of the measurement noise: student is Student's t with 4 "
+             "degrees of freedom, compared with normal noise on rows held out; -o writes that "
+             "model as student.yaml.");
   add_flag(verb, "--extend", options->extend,
            "Try biases and lasting errors of the sensors, and further process noise, on rows held "
            "out, and adopt what predicts better; -o writes that model as extended.yaml.");

@@ -15,9 +15,21 @@ Index measured_start(const LinearModel& model) {
   return model.initial == InitialState::diffuse ? static_cast<Index>(model.stationary.size()) : 0;
 }
 
-ModelAt model_at(SampledModel& sampled, const LinearModel& model) {
-  const ModelAt plain = [&sampled](Index t, StateSpace& now, std::vector<StateSpace>* derivatives) {
+// R and S with every standard deviation of the measurement noise times its scale.
+void scale_measurement_noise(const Eigen::Ref<const VectorXd>& scale, StateSpace& model) {
+  model.R = (scale.asDiagonal() * model.R * scale.asDiagonal()).eval();
+  if (model.S.size() > 0) model.S = (model.S * scale.asDiagonal()).eval();
+}
+
+// @param scale  Dataset::noise_scale
+ModelAt model_at(SampledModel& sampled, const LinearModel& model, const MatrixXd& scale) {
+  const ModelAt plain = [&sampled, &scale](Index t, StateSpace& now,
+                                           std::vector<StateSpace>* derivatives) {
     sampled.at(t, now, derivatives);
+    if (scale.size() == 0) return;
+    scale_measurement_noise(scale.col(t), now);
+    if (derivatives == nullptr) return;
+    for (StateSpace& each : *derivatives) scale_measurement_noise(scale.col(t), each);
   };
   return measured_start(model) > 0 ? partly_diffuse(plain, model.stationary) : plain;
 }
@@ -25,7 +37,7 @@ ModelAt model_at(SampledModel& sampled, const LinearModel& model) {
 // One recording, at one set of values.
 struct Prepared {
   SampledModel sampled;
-  MatrixXd inputs, outputs;
+  MatrixXd inputs, outputs, scale;
   ModelAt model_at_sample;
 
   Prepared(const Model& model, const ParameterSet& at, const Dataset& recording)
@@ -33,7 +45,8 @@ struct Prepared {
         inputs(model_inputs(noise_model(model), recording.u)),
         outputs(recording.y.rows() > 0 ? with_start(recording.y, measured_start(noise_model(model)))
                                        : recording.y),
-        model_at_sample(model_at(sampled, noise_model(model))) {
+        scale(recording.noise_scale),
+        model_at_sample(model_at(sampled, noise_model(model), scale)) {
     sampled.set_parameters(at, false);
   }
   Prepared(const Prepared&) = delete;
@@ -62,7 +75,7 @@ const Likelihood& ChangingRecordings::evaluate(const ParameterSet& at, bool with
   if (products != nullptr) products->setZero(k, k);
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     sampled_[i].set_parameters(at, with_derivatives);
-    const ModelAt model = model_at(sampled_[i], noise_model(model_));
+    const ModelAt model = model_at(sampled_[i], noise_model(model_), recordings_[i].noise_scale);
     const MatrixXd& y = outputs_[i];
     const Likelihood one = log_likelihood(model, initial, y, inputs_[i], with_derivatives);
     sum_.status = one.status;
@@ -80,7 +93,8 @@ FilterStatus ChangingRecordings::watch(const ParameterSet& at, bool with_derivat
                                        std::size_t recording, const FilteredStateWatcher& see) {
   sampled_[recording].set_parameters(at, with_derivatives);
   const LinearModel& model = noise_model(model_);
-  return watch_filtered_states(model_at(sampled_[recording], model), model.initial,
+  const MatrixXd& scale = recordings_[recording].noise_scale;
+  return watch_filtered_states(model_at(sampled_[recording], model, scale), model.initial,
                                outputs_[recording], inputs_[recording], with_derivatives, see)
       .status;
 }

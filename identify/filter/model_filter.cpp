@@ -2,6 +2,7 @@
 
 #include "identify/filter/changing_recordings.h"
 #include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/student_weights.h"
 
 namespace identikal {
 namespace {
@@ -38,7 +39,15 @@ FilterResult run_filter(const Model& model, const ParameterSet& parameters,
 std::optional<Model> going_on(Model model, const ParameterSet& parameters, const Dataset& recording,
                               Index from) {
   if (from == 0) return std::nullopt;
-  const FilterResult before = run_filter(model, parameters, first_samples(recording, from + 1));
+  FilterResult before;
+  if (model.student) {
+    Model at = model;
+    at.parameters = parameters;
+    const Dataset weighted = student_weighted(at, {first_samples(recording, from + 1)}).front();
+    before = run_filter(normal_model(at), parameters, weighted);
+  } else {
+    before = run_filter(model, parameters, first_samples(recording, from + 1));
+  }
   if (before.status != FilterStatus::ok || before.first_proper > from) return std::nullopt;
   LinearModel& start = noise_model(model);
   start.initial = InitialState::given;

@@ -30,6 +30,26 @@ FilterNoise noise_of(const StateSpace& written) {
   return {written.G * written.Q * written.G.transpose(), written.R, written.x0, written.P0};
 }
 
+// From the recording's own start, where it has one.
+FilterNoise noise_of(const StateSpace& written, const Dataset& recording) {
+  FilterNoise out = noise_of(written);
+  if (recording.start_mean.size() == 0) return out;
+  out.x0 = recording.start_mean;
+  out.P0 = recording.start_covariance;
+  return out;
+}
+
+// A start of the recording's own moves with no parameter.
+std::vector<FilterDirection> from_start_of(const Dataset& recording,
+                                           std::vector<FilterDirection> directions) {
+  if (recording.start_mean.size() == 0) return directions;
+  for (FilterDirection& each : directions) {
+    each.noise.x0.setZero();
+    each.noise.P0.setZero();
+  }
+  return directions;
+}
+
 // d(G Q G') and the rest.
 FilterNoise noise_derivative(const StateSpace& written, const StateSpace& d) {
   const MatrixXd moved = d.G * written.Q * written.G.transpose();
@@ -60,8 +80,9 @@ bool moves_without_noise(const FormulaModel& model, const ParameterSet& at) {
          std::all_of(derivatives.begin(), derivatives.end(), none);
 }
 
-NonlinearFilterOptions filter_options(const FormulaModel& model) {
+NonlinearFilterOptions filter_options(const FormulaModel& model, const Dataset& recording) {
   NonlinearFilterOptions out;
+  out.noise_scale = recording.noise_scale;
   out.method = model.filter;
   out.noise = model.noise.noise;
   out.wraps = model.wraps;
@@ -143,16 +164,16 @@ Integration integration_of(const Model& model, const ParameterSet& at, const Dat
   const FormulaModel& formulas = as_formulas(model);
   if (formulas.linear) return {};
   const bool without_noise = moves_without_noise(formulas, at);
-  const VectorXd x0 = written_matrices(formulas.noise, at).x0;
+  const VectorXd x0 = noise_of(written_matrices(formulas.noise, at), recording).x0;
   if (auto given = steps_of_file(model, recording)) {
     return {*given, without_noise && !follow(formulas, at, recording, given->steps, x0)};
   }
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at),
-                                    noise_of(written_matrices(formulas.noise, at)), recording.time,
+                                    noise_of(written_matrices(formulas.noise, at), recording), recording.time,
                                     recording.u, formulas.inputs, recording.y,
-                                    filter_options(formulas), tolerance)};
+                                    filter_options(formulas, recording), tolerance)};
   out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
                                      !follow(formulas, at, recording, out.steps.steps, x0));
   return out;
@@ -162,11 +183,11 @@ NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<D
     : model_(model),
       recordings_(recordings),
       memory_(make_memory(as_formulas(model).equations)),
-      options_(filter_options(as_formulas(model))),
       without_noise_(moves_without_noise(as_formulas(model), model.parameters)) {
   for (const Dataset& recording : recordings) {
     const Integration integration = integration_of(model, model.parameters, recording);
     inputs_.push_back(nodes_in(as_formulas(model), recording, integration));
+    options_.push_back(filter_options(as_formulas(model), recording));
     steps_.push_back(integration.steps.steps);
   }
 }
@@ -227,8 +248,9 @@ Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t
   const FormulaModel& model = as_formulas(model_);
   const auto through = [&](const InputNodes& nodes) {
     return nonlinear_likelihood(model.equations, memory_, formula_parameters(model, at),
-                                noise_of(written), by, nodes, recordings_[recording].y, options_,
-                                score_products);
+                                noise_of(written, recordings_[recording]),
+                                from_start_of(recordings_[recording], by), nodes, recordings_[recording].y,
+                                options_[recording], score_products);
   };
   const Likelihood out = through(inputs);
   if (out.status != FilterStatus::not_finite || !without_noise_ || inputs.tolerance > 0.0) {
@@ -271,8 +293,9 @@ FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_deriva
   const std::vector<FilterDirection> by =
       with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
   return watch_filtered_states(model.equations, memory_, formula_parameters(model, at),
-                               noise_of(written), by, inputs_[recording], recordings_[recording].y,
-                               options_, see)
+                               noise_of(written, recordings_[recording]),
+                               from_start_of(recordings_[recording], by), inputs_[recording], recordings_[recording].y,
+                               options_[recording], see)
       .status;
 }
 
@@ -340,18 +363,18 @@ FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const 
                               Keep keep) {
   const FormulaModel& formulas = as_formulas(model);
   return nonlinear_filter(formulas.equations, formula_parameters(formulas, at),
-                          noise_of(written_matrices(formulas.noise, at)),
-                          filter_nodes(model, at, recording), recording.y, filter_options(formulas),
-                          keep);
+                          noise_of(written_matrices(formulas.noise, at), recording),
+                          filter_nodes(model, at, recording), recording.y,
+                          filter_options(formulas, recording), keep);
 }
 
 SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& at,
                                   const Dataset& recording, std::optional<Index> lag) {
   const FormulaModel& formulas = as_formulas(model);
   return nonlinear_smoother(formulas.equations, formula_parameters(formulas, at),
-                            noise_of(written_matrices(formulas.noise, at)),
+                            noise_of(written_matrices(formulas.noise, at), recording),
                             filter_nodes(model, at, recording), recording.y,
-                            filter_options(formulas), lag, SmootherKeep::deviations);
+                            filter_options(formulas, recording), lag, SmootherKeep::deviations);
 }
 
 }  // namespace identikal

@@ -74,7 +74,7 @@ class NonlinearRecordings {
   std::vector<std::vector<int>> steps_;
   std::vector<InputNodes> inputs_;
   ModelMemory memory_;
-  NonlinearFilterOptions options_;
+  std::vector<NonlinearFilterOptions> options_;  // of each recording
   bool without_noise_ = false;
   Likelihood sum_;
 };

@@ -51,10 +51,13 @@ void check_channels(const std::vector<Dataset>& recordings) {
       }
       if (low > high) continue;  // its condition holds nowhere here
       if (low == high) {
-        throw InputError({data.name, 0, 0},
-                         fmt::format("output '{}' never changes (it is {:.6g} throughout)",
-                                     data.outputs[i].name, low),
-                         "a channel with noise", "remove it from the model's outputs");
+        throw InputError(
+            {data.name, 0, 0},
+            fmt::format("output '{}' never changes (it is {:.6g} throughout)", data.outputs[i].name,
+                        low),
+            "a channel with noise",
+            "remove it from the model's outputs; a number that is known is 'value' and "
+            "'sd' in place of 'column'");
       }
     }
   }

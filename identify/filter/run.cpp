@@ -13,6 +13,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/filter/student_weights.h"
 #include "identify/model/check.h"
 #include "identify/result/csv.h"
 #include "lib/base/error.h"
@@ -121,6 +122,12 @@ std::string what_was_done(const FilterRunOptions& options) {
 StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& recordings,
                                 const FilterRunOptions& options) {
   const Model model = checked(given, recordings);
+  if (model.student) {
+    StateEstimate out =
+        filter_recordings(normal_model(model), student_weighted(model, recordings), options);
+    out.notes.push_back(student_note(model));
+    return out;
+  }
   if (!has_filter(model)) {
     throw std::invalid_argument("filter_recordings: " + model.source + " is no filter");
   }

@@ -157,6 +157,8 @@ void refuse_unused(const Model& model) {
       if (column[i] != NonlinearModel::kInNoFormula) used[i] = true;
     }
   }
+  const int freedom = model.student ? model.student->parameter : -1;
+  if (freedom >= 0) used[static_cast<std::size_t>(freedom)] = true;
   for (std::size_t i = 0; i < used.size(); ++i) {
     if (used[i] || model.parameters[i].fixed) continue;
     refuse("parameter '{}' is free, and nothing in the model uses it", model.parameters[i].name);

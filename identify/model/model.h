@@ -111,7 +111,7 @@ struct OutputCondition {
 /// own (identify/noise/student.h).
 struct StudentNoise {
   double freedom = 4.0;
-  bool free = false;  ///< the degrees of freedom are estimated, from this start
+  int parameter = -1;  ///< that the degrees of freedom are, where they have a name
 };
 
 /// What another instrument measured of the states. No filter sees it; estimates are compared with

@@ -22,6 +22,7 @@ std::vector<std::string> condition_symbols(const Model& model);
 ///
 /// Example:
 ///
+///     const Table table = read_csv("drive.csv");
 ///     Dataset log = make_dataset(table, model.time, model.inputs, model.outputs);
 ///     const Dataset asked = make_dataset(table, model.time, model.flags, {});
 ///     apply_conditions(model, asked.u, log);

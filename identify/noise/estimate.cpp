@@ -186,7 +186,9 @@ Findings check_tails(const FilterEstimate& estimate) {
         fmt::format("the innovations of '{}' have heavy tails (kurtosis {:.3g}, a Gaussian's is "
                     "3): their variance is {:.2g} % above that of most samples",
                     channel, tails.kurtosis, 100.0 * tails.excess),
-        "look for disturbed samples, and empty their cells: missing samples are exact"));
+        "look for disturbed samples, and empty their cells: missing samples are exact; or take "
+        "them "
+        "for Student's t: tune --noise student"));
   }
   return out;
 }

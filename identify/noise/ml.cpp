@@ -17,6 +17,7 @@
 #include "identify/noise/internal/likelihood_intervals.h"
 #include "identify/noise/internal/several_starts.h"
 #include "identify/noise/reference_tuning.h"
+#include "identify/noise/student.h"
 #include "lib/filter/likelihood.h"
 #include "solvers/scoring.h"
 
@@ -119,6 +120,7 @@ Findings check_evaluation(const EvaluationTaken& taken, EvaluationMethod asked,
 
 NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
                       const NoiseMlOptions& options) {
+  if (given.student) return tune_student(given, recordings, options);
   if (options.starts < 0) {
     throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
   }

@@ -35,7 +35,8 @@ struct NoiseMlOptions {
 /// ends at zero gets an upper limit from it (one-sided 95 %). The search has converged where the gain
 /// still expected is below 1e-4; a direction along which the likelihood does not change is said to be
 /// not determined. Source: Matisko (2013), section 4.3; Durbin & Koopman
-/// (2012), section 7.3.
+/// (2012), section 7.3. A model whose measurement noise is Student's t goes to tune_student()
+/// (student.h).
 ///
 /// Example:
 ///

@@ -343,6 +343,11 @@ CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const D
   bound_parameters(estimate, information, unit, growing);
   if (information.gain) bound_gain(estimate, information, unit, covariance);
   append(estimate.findings, check_determined(estimate));
+  for (const OutputCondition& condition : model.conditions) {
+    estimate.notes.push_back(fmt::format(
+        "taken as counting in every row: {}, which counts where {}",
+        model.outputs[static_cast<std::size_t>(condition.output)].name, condition.text));
+  }
   conclude(estimate, "every free parameter can be determined");
   return estimate;
 }

@@ -9,8 +9,10 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/filter/student_weights.h"
 #include "identify/model/check.h"
 #include "identify/optimality/breaks.h"
+#include "identify/optimality/distance.h"
 #include "identify/optimality/optimality.h"
 #include "identify/optimality/score_statistic.h"
 #include "lib/data/units.h"
@@ -24,10 +26,62 @@ namespace {
 // Below this no test has its stated error.
 constexpr Index kFewestInnovations = 20;
 
+std::string values_of(const ParameterSet& parameters) {
+  const ReportedEntries to = reported_entries(parameters);
+  std::string out;
+  for (std::size_t i = 0; i < to.names.size(); ++i) {
+    if (parameters[to.parameter[i]].fixed) continue;
+    const Unit unit = unit_or_dimensionless(to.units[i]);
+    out += fmt::format("{}{} = {:.4g}", out.empty() ? "" : ", ", to.names[i],
+                       unit.from_si(to.value[i]));
+  }
+  return out;
+}
+
+// What staying at the present noise costs, of states and of likelihood, and which changes end that.
+void report_distance(OptimalityReport& estimate, const Model& model,
+                     const std::vector<Dataset>& recordings, Optimality& found) {
+  const Model freed = with_free_noise(model);
+  const Retuned better = retuned(freed, recordings);
+  const bool known = !std::isnan(better.gain);
+  StateExcess excess;
+  if (known) excess = state_excess(freed, better.parameters, recordings);
+  if (is_formula_model(model)) {
+    if (known && std::isfinite(excess.of_all)) {
+      estimate.derived.push_back({"excess mean-square error", "%", 100.0 * excess.of_all, kNone});
+    }
+    if (!changes(model)) {
+      estimate.notes.emplace_back("tests of a nonlinear filter take its innovations for Gaussian");
+    }
+  } else {
+    estimate.derived.push_back({"excess mean-square error", "%", 100.0 * better.loss, kNone});
+  }
+  if (found.optimal || !known) return;
+  estimate.notes.push_back(fmt::format(
+      "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
+      better.gain, values_of(better.parameters)));
+  const std::vector<NoiseGain> changes = changes_in_order(freed, better.parameters, recordings);
+  if (!changes.empty()) {
+    estimate.notes.push_back("in order of gain, one after the other: " + in_order(changes));
+  }
+  if (const std::string states = in_words(excess, model); !states.empty()) {
+    estimate.notes.push_back("mean-square errors of states above those with that noise: " + states);
+  }
+  if (found.faults.empty() || better.gain <= 0.0) return;
+  std::string& first = found.faults.front();
+  if (!first.starts_with("the noise covariances are wrong") || changes.empty()) return;
+  first += fmt::format("; together {:.4g} nats from the likeliest", better.gain);
+}
+
 }  // namespace
 
 OptimalityReport check(const Model& given, const std::vector<Dataset>& recordings) {
   const Model model = checked(given, recordings);
+  if (model.student) {
+    OptimalityReport out = check(normal_model(model), student_weighted(model, recordings));
+    out.notes.push_back(student_note(model));
+    return out;
+  }
   if (!has_filter(model)) {
     throw InputError({model.source, 0, 0},
                      "'check' tests a Kalman filter, this model is a vehicle without noise",
@@ -53,31 +107,7 @@ OptimalityReport check(const Model& given, const std::vector<Dataset>& recording
   Optimality found = test_optimality(model, recordings, filters);
   estimate.tests = std::move(found.tests);
   estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
-  const Retuned better = retuned(with_free_noise(model), recordings);
-  if (changes(model)) {
-    estimate.notes.emplace_back(
-        "no excess mean-square error: a model that changes from sample to sample has no steady "
-        "filter");
-  } else if (is_formula_model(model)) {
-    estimate.notes.emplace_back(
-        "no excess mean-square error: a nonlinear model has no steady filter; its tests take the "
-        "innovations for Gaussian");
-  } else {
-    estimate.derived.push_back({"excess mean-square error", "%", 100.0 * better.loss, kNone});
-  }
-  if (!found.optimal && !std::isnan(better.gain)) {
-    const ReportedEntries to = reported_entries(better.parameters);
-    std::string values;
-    for (std::size_t i = 0; i < to.names.size(); ++i) {
-      if (better.parameters[to.parameter[i]].fixed) continue;
-      const Unit unit = unit_or_dimensionless(to.units[i]);
-      values += fmt::format("{}{} = {:.4g}", values.empty() ? "" : ", ", to.names[i],
-                            unit.from_si(to.value[i]));
-    }
-    estimate.notes.push_back(fmt::format(
-        "a few scoring steps gain {:.4g} in log-likelihood and lead to {}; 'tune' estimates them",
-        better.gain, values));
-  }
+  report_distance(estimate, model, recordings, found);
   append(estimate.findings,
          check_outliers_and_offset(model, model.parameters, recordings, filters));
   append(estimate.findings, found.findings);

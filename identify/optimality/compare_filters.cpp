@@ -60,7 +60,8 @@ Scored scored(const Model& model, const std::vector<Dataset>& recordings, Index 
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
   const int lags = out.lags = default_lags(shortest);
-  const MatrixXd e = side_by_side(filters, std::max(lags, kHighestPairOrder));
+  const MatrixXd e =
+      side_by_side(of_measured(filters, recordings[0].outputs), std::max(lags, kHighestPairOrder));
   const auto present = (e.array() == e.array());
   out.squares = squares_behind(filters, std::max(lags, kHighestPairOrder), beginning);
   const auto samples = static_cast<Index>(present.colwise().all().count());

@@ -243,8 +243,8 @@ std::string references_text(const std::vector<ReferenceFit>& references) {
     const std::string unit = r.unit.empty() ? "" : " " + r.unit;
     out += fmt::format(
         "states {:<12} rmse {:.4g}{}, bias {:.3g}, sd {:.4g}, NEES {:.3g}, {:.1f} % "
-        "in the 95 % band\n",
-        r.name, r.rmse, unit, r.bias, r.sd, r.nees, 100.0 * r.coverage);
+        "in the 95 % band, log-score {:.3f}\n",
+        r.name, r.rmse, unit, r.bias, r.sd, r.nees, 100.0 * r.coverage, r.log_score);
   }
   return out;
 }

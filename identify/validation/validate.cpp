@@ -18,6 +18,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
+#include "identify/filter/student_weights.h"
 #include "identify/model/check.h"
 #include "identify/result/file_digest.h"
 #include "identify/validation/internal/vehicle_refit.h"
@@ -179,10 +180,11 @@ Findings check_power(double detectable) {
 }
 
 void test_unseen(const Estimate& result, const Model& model, const std::vector<Dataset>& recordings,
-                 const std::vector<FilterResult>& filters, Validation& estimate) {
+                 const std::vector<FilterResult>& of_all, Validation& estimate) {
   Index shortest = recordings[0].size();
   for (const Dataset& data : recordings) shortest = std::min(shortest, data.size());
-  const auto& outputs = recordings[0].outputs;
+  const std::vector<Channel> outputs = measured(recordings[0].outputs);
+  const std::vector<FilterResult> filters = of_measured(of_all, recordings[0].outputs);
   const std::vector<FStatistic> by_input = input_tests(recordings, filters);
   const UnseenTests unseen(result, recordings, outputs.size() + by_input.size());
   const int lags = default_lags(shortest);
@@ -211,6 +213,12 @@ Validation validate_filter(const ResultSections& validated, const Model& written
   const Estimate& result = *validated.core;
   check_period(validated.filter, written, recordings);
   const Model model = checked(written, recordings);
+  if (model.student) {
+    Validation out =
+        validate_filter(validated, normal_model(model), student_weighted(model, recordings));
+    out.notes.push_back(student_note(model));
+    return out;
+  }
   check_channels(recordings);
   Validation out;
   out.model_name = model.name;

@@ -458,6 +458,10 @@ Dataset first_samples(const Dataset& data, Index count) {
 Dataset samples_from(const Dataset& data, Index first) {
   const Index keep = std::max<Index>(0, data.size() - first);
   Dataset out = data;
+  if (first > 0) {  // that start is the first row's
+    out.start_mean.resize(0);
+    out.start_covariance.resize(0, 0);
+  }
   out.time = data.time.tail(keep);
   if (data.stamps.size() > 0) out.stamps = data.stamps.tail(keep);
   std::erase_if(out.absent, [&](Index row) { return row < first; });

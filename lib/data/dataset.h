@@ -33,6 +33,10 @@ struct Dataset {
   /// ny x N, above 0: what the standard deviation of each sample's measurement noise is times its
   /// model's. Where all are 1: 0 x 0.
   Eigen::MatrixXd noise_scale;
+  /// Where the filter of a nonlinear model begins, in place of the model's start: mean, n, and
+  /// covariance, n x n. Empty: the model's.
+  Eigen::VectorXd start_mean;
+  Eigen::MatrixXd start_covariance;
   std::vector<Channel> inputs;   ///< nu
   std::vector<Channel> outputs;  ///< ny
   /// nr x N, SI, NaN = missing: what another instrument measured, for comparison alone. Where there

@@ -284,6 +284,8 @@ class NonlinearRecursion {
         gramians_.densities.rightCols(1) = d.Q.reshaped();
       }
     }
+    R_ = noise_.R;
+    written_dR_ = dR_;
     next_ = now_;
     W_ = noise_.Q;
     dW_ = dQ_;
@@ -305,6 +307,7 @@ class NonlinearRecursion {
   }
 
   void measure(Index t) {
+    if (options_.noise_scale.size() > 0) scale_noise(options_.noise_scale.col(t));
     if (output_error_) {
       measure_simulation(t);
     } else if (unscented_) {
@@ -321,6 +324,13 @@ class NonlinearRecursion {
     } else {
       predict_by_jacobian(t);
     }
+  }
+
+  // R and its derivatives, times the scales of both channels.
+  void scale_noise(const Eigen::Ref<const VectorXd>& scale) {
+    const MatrixXd factor = scale * scale.transpose();
+    R_ = noise_.R.cwiseProduct(factor);
+    dR_ = factor.reshaped().asDiagonal() * written_dR_;
   }
 
   bool is_ok(FilterStatus status) {
@@ -359,11 +369,11 @@ class NonlinearRecursion {
     } else {
       observe(model_, memory_, now_.x, inputs_at(t), inputs_.time[t], h_);
     }
-    keep_covariance(t, noise_.R);
+    keep_covariance(t, R_);
     if (present_count_ == 0) return;
     outputs_.e = y_.col(t) - h_;
     take_nearest_turn();
-    if (is_ok(update_.set_constant(outputs_, noise_.R, dR_))) add_terms(t);
+    if (is_ok(update_.set_constant(outputs_, R_, dR_))) add_terms(t);
   }
 
   void simulate(Index t) {
@@ -384,7 +394,7 @@ class NonlinearRecursion {
     dxi_ = now_.dx;
     const bool iterated = options_.method == NonlinearMethod::iterated && present_count_ > 0;
     const MatrixXd& H = seen_slopes_.wrt_x;
-    if (iterated) iterations_.begin(noise_.R, update_);
+    if (iterated) iterations_.begin(R_, update_);
     for (int i = iterated ? options_.iterations : 1; i > 0; --i) {
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], h_, seen_slopes_, order_);
       outputs_.e = y_.col(t) - h_;
@@ -395,7 +405,7 @@ class NonlinearRecursion {
       }
       set_product(outputs_.M, now_.P, H.transpose());
       set_symmetric_product(outputs_.Sigma, H, outputs_.M);
-      outputs_.Sigma += noise_.R;
+      outputs_.Sigma += R_;
       for (Index l = 0; l < nx_; ++l) outputs_.e -= H.col(l) * (now_.x[l] - xi_[l]);
       if (k_ > 0) linearisation_derivatives();
       keep_covariance(t, outputs_.Sigma);
@@ -412,7 +422,7 @@ class NonlinearRecursion {
     T_.diagonal().array() += 1.0;
     set_product(X_, now_.P, T_.transpose());
     set_symmetric_product(next_.P, T_, X_);
-    add_gain_noise(K, noise_.R, next_.P);
+    add_gain_noise(K, R_, next_.P);
     if (k_ > 0) {
       // K minimises P+, so its own derivative drops out: T dP T' - (K dH) X - X' (K dH)' + K dR K'.
       set_congruence(T_, now_.dP, dT_, next_.dP);
@@ -521,7 +531,7 @@ class NonlinearRecursion {
       for (double& value : row) value = middle + nearest_turn(value - middle);
     }
     set_moments(s, weights_);
-    s.rest += noise_.R;
+    s.rest += R_;
     if (k_ > 0) s.drest += dR_;
     outputs_.e = y_.col(t) - s.mean;
     take_nearest_turn();
@@ -633,8 +643,8 @@ class NonlinearRecursion {
   VectorXd h_;
   Gramians gramians_;
   std::vector<Index> moving_densities_;  // directions with a column of their own there
-  MatrixXd W_, T_, X_;
-  Stack dW_, dQ_, dR_, dH_, dPhi_, dT_;
+  MatrixXd R_, W_, T_, X_;
+  Stack dW_, dQ_, dR_, written_dR_, dH_, dPhi_, dT_;
   PointWeights weights_{};
   MatrixXd L_;
   Stack dL_;

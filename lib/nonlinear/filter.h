@@ -58,6 +58,9 @@ struct NonlinearFilterOptions {
   /// Per output: an angle [rad] that is measured up to whole turns. An innovation is then the nearest
   /// of those, and sigma points are. Empty: none.
   std::vector<bool> wraps;
+  /// ny x N, above 0: R of a sample is that of the noise with every standard deviation times its
+  /// scale. Empty: 1.
+  Eigen::MatrixXd noise_scale;
 };
 
 /// Runs the filter over a record.

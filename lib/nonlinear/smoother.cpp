@@ -89,6 +89,12 @@ class Followed {
  private:
   bool unscented() const { return options_.method == NonlinearMethod::unscented; }
 
+  MatrixXd noise_at(Index t) const {
+    if (options_.noise_scale.size() == 0) return noise_.R;
+    const auto scale = options_.noise_scale.col(t);
+    return scale.asDiagonal() * noise_.R * scale.asDiagonal();
+  }
+
   // h, with R.
   StraightLine seen_at(Index t) {
     const auto u = inputs_.at_sample.col(t);
@@ -107,13 +113,13 @@ class Followed {
                              }
                              return y_;
                            });
-      out.rest += noise_.R;
+      out.rest += noise_at(t);
       return out;
     }
     const bool iterated = options_.method == NonlinearMethod::iterated;
     x_ = (iterated ? filter_.x_filt : filter_.x_pred).col(t);
     observe(model_, memory_, x_, u, time, y_, jacobian_);
-    return {jacobian_.wrt_x, y_ - jacobian_.wrt_x * x_, noise_.R};
+    return {jacobian_.wrt_x, y_ - jacobian_.wrt_x * x_, noise_at(t)};
   }
 
   // The way to the next sample, with W; nothing follows the last.

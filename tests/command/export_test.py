@@ -332,6 +332,23 @@ initial: stationary
         pasted = self.folder.write("pasted.yaml", self.exported("yaml"))
         self.assertEqual(0, json.loads(run("check", pasted, data, "--json").stdout)["parameters"][0]["value"])
 
+    def test_a_sensor_without_noise_is_no_silent_export(self):
+        """Noise that integrates twice, taken for a level: nothing is left for the sensor."""
+        chance = random.Random(1)
+        lines, level, slope = ["year,volume"], 0.0, 0.0
+        for k in range(300):
+            slope = 0.7 * slope + chance.gauss(0, 1)
+            level += slope
+            lines.append(f"{k},{level}")
+        data = self.folder.write("smooth.csv", "\n".join(lines) + "\n")
+        run("tune", NILE[0], data, "-o", self.out, code=1)
+        stored = self.stored()
+        self.assertEqual(0, stored["parameters"][1]["value"])
+        self.assertIn("no_measurement_noise", [w["code"] for w in stored["warnings"]])
+        self.assertIn("--force exports it all the same", run("export", self.out, "--to", "c", code=2).stderr)
+        for format in ("cpp", "c", "matlab", "python", "yaml"):
+            self.assertIn("SERIOUS: the measurement noise of 'level' was estimated as zero (r = 0)", self.exported(format, "--force"))
+
     def test_json_says_where_it_comes_from(self):
         data = self.folder.write("white.csv", "volume\n" + "".join(f"{random.Random(i).gauss(0, 1):.5f}\n" for i in range(200)))
         run("tune", NILE[0], data, "-o", self.out)

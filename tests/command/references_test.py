@@ -68,6 +68,47 @@ class References(unittest.TestCase):
         whole, first, second = likelihood(), likelihood("--range", "0s:39.95s"), likelihood("--range", "39.95s:1000s")
         self.assertAlmostEqual(whole, first + second, delta=1e-7)
 
+    def test_ranges_of_several_recordings_go_on_each_from_its_own_rows(self):
+        curved = self.folder.write("curved.yaml", MODEL.replace("{p: m, v: m/s}", "[p, v]").replace(
+            "v: 0}", "v: -1e-12*sin(v)}").replace("unit: m, ", "").replace(
+            "initial: diffuse", "initial: {mean: {p: 0, v: 0}, sd: {p: 1, v: 1}}"))
+        values = ("--set", "q=0.05", "--set", "r=0.5")
+
+        def likelihood(*arguments):
+            done = run("check", curved, *arguments, *values, "--json")
+            out = json.loads(done.stdout)
+            return out["objective"]["log_likelihood"], [w["code"] for w in out["warnings"]]
+
+        late = ("--range", "39.95s:1000s")
+        alone = [likelihood(data, *late)[0] for data in (self.train, self.next)]
+        both, codes = likelihood(self.train, self.next, *late)
+        self.assertAlmostEqual(both, sum(alone), delta=1e-7)
+        self.assertEqual(codes.count("goes_on"), 2)
+        self.assertNotIn("starts_within", codes)
+        given = self.folder.write("given.yaml", MODEL.replace(
+            "initial: diffuse", "initial: {mean: {p: 1000, v: 0}, sd: {p: 1, v: 1}}"))
+        diffuse = self.folder.write("diffuse.yaml", MODEL)
+        found = [json.loads(run("check", model, self.train, self.next, *late, *values, "--json").stdout)
+                 for model in (given, diffuse)]
+        self.assertEqual(found[0]["objective"]["log_likelihood"], found[1]["objective"]["log_likelihood"])
+        self.assertIn("starts diffuse, where --range begins", " ".join(w["text"] for w in found[0]["warnings"]))
+
+    def test_extended_and_unscented_filters_are_compared_too(self):
+        curved = self.folder.write("curved.yaml", MODEL.replace("{p: m, v: m/s}", "[p, v]").replace(
+            "v: 0}", "v: -1e-12*sin(v)}").replace("unit: m, ", "").replace(
+            "initial: diffuse", "initial: {mean: {p: 0, v: 0}, sd: {p: 1, v: 1}}") +
+            "reference: {p: {column: truth}, twice: {column: truth, equals: 2*p, sd: 3}}\n")
+        linear = result("filter", self.model, self.next, "--set", "q=0.05", "--set", "r=0.5")["references"][0]
+        for method in ("extended", "iterated", "unscented"):
+            arguments = (curved, self.next, "--set", "q=0.05", "--set", "r=0.5", "--filter", method)
+            fits = result("filter", *arguments)["references"]
+            self.assertEqual([fit["name"] for fit in fits], ["p", "twice"])
+            for key in ("rmse", "nees", "coverage", "log_score"):
+                self.assertAlmostEqual(fits[0][key], linear[key], delta=0.03 * abs(linear[key]))
+            done = run("check", *arguments)
+            self.assertRegex(done.stdout, r"states p +rmse [\d.]+, bias \S+, sd [\d.]+, NEES [\d.]+")
+            self.assertRegex(done.stdout, r"log-score -?\d")
+
     def test_what_has_no_reference_is_refused(self):
         plain = self.folder.write("plain.yaml", MODEL)
         without = self.folder.write("without.csv", "\n".join(line.rsplit(",", 1)[0] for line in drive(3).split("\n")))

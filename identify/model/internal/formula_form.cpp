@@ -121,6 +121,7 @@ class FormulaReader {
                                  symbols_.with_units};
     LinearModel matrices = find_matrices();
     read_noise(root_, physical, parameters_, matrices);
+    out_.student = read_student(root_, parameters_);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
     read_initial(root_, physical, parameters_, matrices);
     if (!is_linear_) refuse_what_only_linear_models_have(matrices);

@@ -101,6 +101,7 @@ void read_linear(const YamlNode& root, Model& out) {
   }
   model.irregular = read_irregular(time, model.continuous);
   read_noise(root, of_outputs, parameters, model);
+  out.student = read_student(root, parameters);
   read_initial(root, {}, parameters, model);
   if (out.time.step > 0.0) model.dt = out.time.step;
   out.references = references_of(root, out, n);

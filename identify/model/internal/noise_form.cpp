@@ -303,12 +303,15 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
   const YamlNode* process = nullptr;
   const YamlNode* measurement = nullptr;
   if (noise != nullptr) {
-    std::vector<std::string> keys{"process"};
-    if (has_names) keys.emplace_back("measurement");
-    check_keys(*noise, "noise", keys);
+    check_keys(*noise, "noise", {"process", "measurement"});
     process = find(*noise, "process");
     measurement = find(*noise, "measurement");
-    if (!has_names) process = &required(*noise, "process", "noise", "process: per-sample");
+    if (!has_names && measurement == nullptr) {
+      process = &required(*noise, "process", "noise", "process: per-sample");
+    }
+    if (!has_names && measurement != nullptr) {
+      check_keys(*measurement, "measurement", {"kind", "freedom"});
+    }
   }
 
   if (has_names && by_names(root, process, "Q")) {
@@ -352,8 +355,7 @@ void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParame
   }
 
   if (has_names && by_names(root, measurement, "R")) {
-    check_keys(*measurement, "measurement", {"kind", "sd", "variance"});
-    if (const YamlNode* kind = find(*measurement, "kind")) word_of(*kind, "kind", {"per-sample"});
+    check_keys(*measurement, "measurement", {"kind", "sd", "variance", "freedom"});
     model.R = read_spreads(
         *measurement,
         {"measurement noise", physical.outputs, physical.inputs, physical.with_units, false, true},
@@ -443,6 +445,36 @@ void refuse_stationary_start_of_changes(const YamlNode& root, const LinearModel&
   throw InputError(node == nullptr ? root.at : node->at,
                    "the start is stationary, and A or the process noise changes",
                    "initial: diffuse, or {mean: ..., sd: ...}");
+}
+
+std::optional<StudentNoise> read_student(const YamlNode& root, NamedParameters& parameters) {
+  const YamlNode* noise = find(root, "noise");
+  const YamlNode* measurement = noise != nullptr ? find(*noise, "measurement") : nullptr;
+  if (measurement == nullptr || measurement->kind != YamlNode::Kind::mapping) return std::nullopt;
+  const YamlNode* kind = find(*measurement, "kind");
+  const YamlNode* freedom = find(*measurement, "freedom");
+  const bool student =
+      kind != nullptr && word_of(*kind, "kind", {"per-sample", "student"}) == "student";
+  if (!student) {
+    if (freedom == nullptr) return std::nullopt;
+    throw InputError(freedom->at, "freedom belongs to Student's t", "kind: student beside it");
+  }
+  StudentNoise out;
+  if (freedom == nullptr) return out;
+  const std::string& text = text_of(*freedom, "freedom");
+  const auto named = std::find(parameters.names.begin(), parameters.names.end(), text);
+  if (named != parameters.names.end()) {
+    out.parameter = static_cast<int>(named - parameters.names.begin());
+    parameters.used[static_cast<std::size_t>(out.parameter)] = true;
+    out.freedom = parameters.set[static_cast<std::size_t>(out.parameter)].scalar();
+  } else {
+    out.freedom = read_plain_number(*freedom, "freedom");
+  }
+  if (!(out.freedom >= 1.0)) {
+    throw InputError(freedom->at, fmt::format("freedom is {}", describe(*freedom)),
+                     "degrees of freedom, 1 or above, or the name of a parameter that is");
+  }
+  return out;
 }
 
 }  // namespace identikal

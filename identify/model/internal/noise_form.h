@@ -1,10 +1,12 @@
 // Which noise and which start does a model file give? The same keys for matrices and for formulas.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "identify/model/matrix_reader.h"
+#include "identify/model/model.h"
 #include "identify/model/yaml_reader.h"
 #include "lib/formula/dimension.h"
 #include "lib/model/linear_model.h"
@@ -36,6 +38,10 @@ struct PhysicalNames {
 /// name have no noise of their own. Expects A and C of `model`, with their sizes.
 void read_noise(const YamlNode& root, const PhysicalNames& physical, NamedParameters& parameters,
                 LinearModel& model);
+
+/// {kind: student, freedom: 4} of the measurement noise; freedom may be a parameter's name. Nothing
+/// where the noise is normal. Marks the parameter as used.
+std::optional<StudentNoise> read_student(const YamlNode& root, NamedParameters& parameters);
 
 /// stationary, diffuse, or {mean, sd} and {mean, covariance}: lists, or by the states' names.
 /// Expects A of `model`, with its size.

@@ -1,0 +1,116 @@
+#include "identify/optimality/distance.h"
+
+#include <cmath>
+#include <optional>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "identify/filter/model_filter.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "lib/base/constants.h"
+#include "lib/data/units.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+std::string change_of(const Parameter& from, const Parameter& to) {
+  if (from.value.size() != 1) return from.name;
+  const Unit unit = unit_or_dimensionless(from.unit);
+  return fmt::format("{} = {:.4g}{}{} in place of {:.4g}", from.name, unit.from_si(to.scalar()),
+                     from.unit.empty() ? "" : " ", from.unit, unit.from_si(from.scalar()));
+}
+
+// The state names of formulas, or x1, x2, ...
+std::string state_name(const Model& model, Index i) {
+  const auto at = static_cast<std::size_t>(i);
+  return at < model.states.size() ? model.states[at].name : fmt::format("x{}", i + 1);
+}
+
+}  // namespace
+
+std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
+                                        const std::vector<Dataset>& recordings) {
+  RecordingsLikelihood likelihood(model, recordings);
+  const auto value_at = [&](const ParameterSet& at) -> std::optional<double> {
+    const Likelihood* found = likelihood.evaluate(at, false);
+    if (found == nullptr) return std::nullopt;
+    return found->value;
+  };
+  std::vector<std::size_t> left;
+  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+    if (!model.parameters[i].fixed) left.push_back(i);
+  }
+  std::vector<NoiseGain> out;
+  ParameterSet now = model.parameters;
+  std::optional<double> reached = value_at(now);
+  NoiseGain open;  // that has gained nothing so far
+  while (reached && !left.empty()) {
+    std::size_t best = left.size();
+    double most = -kInfinity;
+    for (std::size_t k = 0; k < left.size(); ++k) {
+      ParameterSet trial = now;
+      trial[left[k]].value = better[left[k]].value;
+      const std::optional<double> value = value_at(trial);
+      if (!value || !(*value > most)) continue;
+      most = *value;
+      best = k;
+    }
+    if (best == left.size()) return {};
+    const std::size_t parameter = left[best];
+    open.what.push_back(change_of(now[parameter], better[parameter]));
+    open.gain += most - *reached;
+    now[parameter].value = better[parameter].value;
+    left.erase(left.begin() + static_cast<std::ptrdiff_t>(best));
+    reached = most;
+    if (open.gain <= 0.0 && !left.empty()) continue;
+    out.push_back(std::move(open));
+    open = {};
+  }
+  return out;
+}
+
+StateExcess state_excess(const Model& model, const ParameterSet& better,
+                         const std::vector<Dataset>& recordings) {
+  StateExcess out;
+  VectorXd moved, variance;
+  for (const Dataset& data : recordings) {
+    const FilterResult present = run_filter(model, model.parameters, data);
+    const FilterResult best = run_filter(model, better, data);
+    if (present.status != FilterStatus::ok || best.status != FilterStatus::ok) return {{}, kNaN};
+    if (moved.size() == 0) moved = variance = VectorXd::Zero(present.x_filt.rows());
+    const Index from = std::max(present.first_proper, best.first_proper);
+    for (Index t = from; t < data.size(); ++t) {
+      moved += (present.x_filt.col(t) - best.x_filt.col(t)).cwiseAbs2();
+      variance += best.P_filt[static_cast<std::size_t>(t)].diagonal();
+    }
+  }
+  out.of_all = variance.sum() > 0.0 ? moved.sum() / variance.sum() : kNaN;
+  out.of_state = (variance.array() > 0.0).select(moved.cwiseQuotient(variance), kNaN);
+  return out;
+}
+
+std::string in_order(const std::vector<NoiseGain>& changes) {
+  std::string out;
+  for (const NoiseGain& each : changes) {
+    out += fmt::format("{}{} gain{} {:.4g}", out.empty() ? "" : ", then ",
+                       fmt::join(each.what, " and "), each.what.size() > 1 ? "" : "s", each.gain);
+  }
+  return out;
+}
+
+std::string in_words(const StateExcess& excess, const Model& model) {
+  constexpr Index kShown = 8;
+  std::string out;
+  for (Index i = 0; i < std::min(kShown, excess.of_state.size()); ++i) {
+    if (!std::isfinite(excess.of_state[i])) continue;
+    out += fmt::format("{}{} {:.2g} %", out.empty() ? "" : ", ", state_name(model, i),
+                       100.0 * excess.of_state[i]);
+  }
+  return out;
+}
+
+}  // namespace identikal
