@@ -2,6 +2,7 @@
 
 #include "identify/filter/changing_recordings.h"
 #include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/student_filter.h"
 #include "identify/filter/student_weights.h"
 
 namespace identikal {
@@ -27,6 +28,7 @@ SmootherResult filtered_states(const FilterResult& filter) {
 
 FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                         const Dataset& recording, Keep keep) {
+  if (model.student) return StudentFilter(model, recording).run(parameters, keep).filter;
   if (changes(model)) return changing_filter(model, parameters, recording, keep);
   if (is_formula_model(model)) {
     return nonlinear_filter(model, parameters, recording, keep);
@@ -39,15 +41,7 @@ FilterResult run_filter(const Model& model, const ParameterSet& parameters,
 std::optional<Model> going_on(Model model, const ParameterSet& parameters, const Dataset& recording,
                               Index from) {
   if (from == 0) return std::nullopt;
-  FilterResult before;
-  if (model.student) {
-    Model at = model;
-    at.parameters = parameters;
-    const Dataset weighted = student_weighted(at, {first_samples(recording, from + 1)}).front();
-    before = run_filter(normal_model(at), parameters, weighted);
-  } else {
-    before = run_filter(model, parameters, first_samples(recording, from + 1));
-  }
+  const FilterResult before = run_filter(model, parameters, first_samples(recording, from + 1));
   if (before.status != FilterStatus::ok || before.first_proper > from) return std::nullopt;
   LinearModel& start = noise_model(model);
   start.initial = InitialState::given;
@@ -59,6 +53,13 @@ std::optional<Model> going_on(Model model, const ParameterSet& parameters, const
 
 SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
                             const Dataset& recording, std::optional<Index> lag) {
+  if (model.student && lag == Index{0}) {
+    return filtered_states(run_filter(model, parameters, recording, Keep::everything));
+  }
+  if (model.student) {
+    return run_smoother(normal_model(model), parameters,
+                        student_weighted(model, parameters, {recording}).front(), lag);
+  }
   if (changes(model)) return changing_smoother(model, parameters, recording, lag);
   if (is_formula_model(model)) {
     return lag == Index{0}

@@ -171,8 +171,8 @@ Integration integration_of(const Model& model, const ParameterSet& at, const Dat
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at),
-                                    noise_of(written_matrices(formulas.noise, at), recording), recording.time,
-                                    recording.u, formulas.inputs, recording.y,
+                                    noise_of(written_matrices(formulas.noise, at), recording),
+                                    recording.time, recording.u, formulas.inputs, recording.y,
                                     filter_options(formulas, recording), tolerance)};
   out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
                                      !follow(formulas, at, recording, out.steps.steps, x0));
@@ -190,6 +190,47 @@ NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<D
     options_.push_back(filter_options(as_formulas(model), recording));
     steps_.push_back(integration.steps.steps);
   }
+}
+
+NonlinearSteps::NonlinearSteps(const Model& model, const Dataset& recording)
+    : model_(model),
+      recording_(recording),
+      nodes_(filter_nodes(model, model.parameters, recording)),
+      memory_(make_memory(as_formulas(model).equations)) {}
+
+void NonlinearSteps::set(const ParameterSet& at) {
+  const FormulaModel& formulas = as_formulas(model_);
+  set_parameters(formulas.equations, memory_, formula_parameters(formulas, at));
+  noise_ = noise_of(written_matrices(formulas.noise, at), recording_);
+  if (!noise_.R.isDiagonal(0.0)) {
+    throw InputError({model_.source, 0, 0}, "outputs whose noises are correlated",
+                     "a diagonal R: every output has a noise of its own");
+  }
+  gramians_.densities = noise_.Q.reshaped(noise_.Q.size(), 1);
+}
+
+void NonlinearSteps::start(VectorXd& x, MatrixXd& P) const {
+  x = noise_.x0;
+  P = noise_.P0;
+}
+
+void NonlinearSteps::see(Index t, const VectorXd& x, MatrixXd& C, VectorXd& h, VectorXd& R) {
+  const FormulaModel& formulas = as_formulas(model_);
+  h.resize(formulas.equations.outputs);
+  observe(formulas.equations, memory_, x, nodes_.at_sample.col(t), nodes_.time[t], h, slopes_);
+  C = slopes_.wrt_x;
+  R = noise_.R.diagonal();
+}
+
+void NonlinearSteps::move(Index t, VectorXd& x, MatrixXd& P) {
+  const FormulaModel& formulas = as_formulas(model_);
+  const bool density =
+      formulas.equations.continuous && formulas.noise.noise == ProcessNoise::density;
+  step(formulas.equations, memory_, nodes_, t, x, slopes_, Derivatives::first,
+       density ? &gramians_ : nullptr);
+  const Index n = x.size();
+  const MatrixXd W = density ? MatrixXd(gramians_.values.reshaped(n, n)) : noise_.Q;
+  P = (slopes_.wrt_x * P * slopes_.wrt_x.transpose() + W).eval();
 }
 
 double NonlinearRecordings::controlled_change(const ParameterSet& at, std::size_t i) {
@@ -249,8 +290,8 @@ Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t
   const auto through = [&](const InputNodes& nodes) {
     return nonlinear_likelihood(model.equations, memory_, formula_parameters(model, at),
                                 noise_of(written, recordings_[recording]),
-                                from_start_of(recordings_[recording], by), nodes, recordings_[recording].y,
-                                options_[recording], score_products);
+                                from_start_of(recordings_[recording], by), nodes,
+                                recordings_[recording].y, options_[recording], score_products);
   };
   const Likelihood out = through(inputs);
   if (out.status != FilterStatus::not_finite || !without_noise_ || inputs.tolerance > 0.0) {
@@ -294,8 +335,8 @@ FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_deriva
       with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
   return watch_filtered_states(model.equations, memory_, formula_parameters(model, at),
                                noise_of(written, recordings_[recording]),
-                               from_start_of(recordings_[recording], by), inputs_[recording], recordings_[recording].y,
-                               options_[recording], see)
+                               from_start_of(recordings_[recording], by), inputs_[recording],
+                               recordings_[recording].y, options_[recording], see)
       .status;
 }
 

@@ -79,6 +79,38 @@ class NonlinearRecordings {
   Likelihood sum_;
 };
 
+/// The extended filter's way through one recording, step by step, for an update of one's own
+/// (student_filter.h). Keeps references to both; one per thread.
+///
+/// Example:
+///
+///     NonlinearSteps way(model, recordings[0]);
+///     way.set(model.parameters);
+///     Eigen::VectorXd x;
+///     Eigen::MatrixXd P;
+///     way.start(x, P);
+class NonlinearSteps {
+ public:
+  NonlinearSteps(const Model& model, const Dataset& recording);
+
+  void set(const ParameterSet& at);
+  void start(Eigen::VectorXd& x, Eigen::MatrixXd& P) const;
+  /// At sample t and state x: C = dh/dx, h, and the diagonal of R, without noise_scale.
+  void see(Eigen::Index t, const Eigen::VectorXd& x, Eigen::MatrixXd& C, Eigen::VectorXd& h,
+           Eigen::VectorXd& R);
+  /// Mean and covariance from sample t to the next.
+  void move(Eigen::Index t, Eigen::VectorXd& x, Eigen::MatrixXd& P);
+
+ private:
+  const Model& model_;
+  const Dataset& recording_;
+  InputNodes nodes_;
+  ModelMemory memory_;
+  FilterNoise noise_;
+  Jacobian slopes_;
+  Gramians gramians_;
+};
+
 /// A recording with this one's times and inputs, drawn from the model at its own values.
 /// @throws std::invalid_argument when a covariance is not positive semidefinite
 NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Dataset& recording,

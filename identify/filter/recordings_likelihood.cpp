@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "identify/filter/leading_samples.h"
+#include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
@@ -141,12 +142,23 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
 
 FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_derivatives,
                                          std::size_t recording, const FilteredStateWatcher& see) {
+  if (model_.student) return watch_student(at, recording, see);
   if (!set_system(at, with_derivatives && is_stationary())) return FilterStatus::indefinite;
   if (changing_) return changing_->watch(at, with_derivatives, recording, see);
   if (nonlinear_) return nonlinear_->watch(at, with_derivatives, recording, see);
   return watch_filtered_states(system_, as_linear(model_).initial, recordings_[recording].y,
                                inputs_[recording], with_derivatives ? derivatives_ : none_, see)
       .status;
+}
+
+FilterStatus RecordingsLikelihood::watch_student(const ParameterSet& at, std::size_t recording,
+                                                 const FilteredStateWatcher& see) {
+  const FilterResult filter = run_filter(model_, at, recordings_[recording]);
+  if (filter.status != FilterStatus::ok) return filter.status;
+  for (Eigen::Index t = filter.first_proper; t < filter.x_filt.cols(); ++t) {
+    see({t, filter.x_filt.col(t), filter.P_filt[static_cast<std::size_t>(t)], {}, {}});
+  }
+  return filter.status;
 }
 
 LikelihoodProblem RecordingsLikelihood::problem() {

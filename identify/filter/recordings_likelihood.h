@@ -91,6 +91,8 @@ class RecordingsLikelihood {
   const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
 
  private:
+  FilterStatus watch_student(const ParameterSet& at, std::size_t recording,
+                             const FilteredStateWatcher& see);
   bool is_stationary() const { return !nonlinear_ && !changing_; }
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);

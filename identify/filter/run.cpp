@@ -122,12 +122,6 @@ std::string what_was_done(const FilterRunOptions& options) {
 StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& recordings,
                                 const FilterRunOptions& options) {
   const Model model = checked(given, recordings);
-  if (model.student) {
-    StateEstimate out =
-        filter_recordings(normal_model(model), student_weighted(model, recordings), options);
-    out.notes.push_back(student_note(model));
-    return out;
-  }
   if (!has_filter(model)) {
     throw std::invalid_argument("filter_recordings: " + model.source + " is no filter");
   }
@@ -137,6 +131,7 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
   estimate.objective.method = "filter";
   list_known_parameters(estimate, model.parameters);
   estimate.innovations = report_filter(estimate, model, model.parameters, recordings);
+  if (model.student) estimate.notes.push_back(student_note(model));
   Index rows = 0;
   for (const Dataset& data : recordings) {
     estimate.states.push_back(run_smoother(model, model.parameters, data, options.lag));

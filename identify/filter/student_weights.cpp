@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -11,6 +10,7 @@
 #include "identify/filter/changing_recordings.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/report.h"
+#include "identify/filter/student_filter.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/model/sampled_model.h"
@@ -21,9 +21,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr int kMostWeighings = 50;
-constexpr double kWeightsAgree = 1e-6;
 
 void refuse_correlated(const Model& model, const MatrixXd& R) {
   if (R.isDiagonal(0.0)) return;
@@ -126,80 +123,13 @@ MatrixXd squares_given_all(const Model& normal, const Dataset& recording, const 
   return (variances.array() > 0.0).select(square.cwiseQuotient(variances), kNaN);
 }
 
-// log of the integral over lambda, by the trapezoidal rule in log lambda.
-class StudentDensity {
- public:
-  explicit StudentDensity(double freedom) {
-    constexpr double kLow = -30.0, kHigh = 4.0, kStep = 0.25, kWide = 8.0;
-    const double step = kStep * std::min(1.0, std::sqrt(kWide / freedom));
-    const double a = 0.5 * freedom;
-    double most = -kInfinity, sum = 0.0;
-    for (double z = kLow; z <= kHigh; z += step) {
-      inverse_.push_back(std::exp(-z));
-      weight_.push_back(a * (z - std::exp(z)));  // of the Gamma density times lambda, in logarithms
-      most = std::max(most, weight_.back());
-    }
-    for (const double w : weight_) sum += std::exp(w - most);
-    for (double& w : weight_) w -= most + std::log(sum);
-  }
-
-  double operator()(double e, double of_state, double R) {
-    terms_.resize(weight_.size());
-    double most = -kInfinity, sum = 0.0;
-    for (std::size_t k = 0; k < weight_.size(); ++k) {
-      const double v = of_state + R * inverse_[k];
-      terms_[k] = weight_[k] - 0.5 * (e * e / v + std::log(v) + kLogTwoPi);
-      most = std::max(most, terms_[k]);
-    }
-    for (const double term : terms_) sum += std::exp(term - most);
-    return most + std::log(sum);
-  }
-
- private:
-  std::vector<double> inverse_, weight_, terms_;
-};
-
-double normal_log_density(double e, double v) {
-  return -0.5 * (e * e / v + std::log(v) + kLogTwoPi);
-}
-
-// Sums over the channels of every row, each given those before it.
-VectorXd log_densities(const Model& model, const Dataset& recording,
-                       const std::function<double(double e, double variance, double R)>& density) {
-  const FilterResult filter = filter_of(model, recording);
-  const MatrixXd variances = measurement_variances(model, recording);
-  const MatrixXd weighted = with_scale(variances, recording);
-  VectorXd out = VectorXd::Zero(recording.size());
-  for (Index t = 0; t < recording.size(); ++t) {
-    const Innovation now = innovation_at(filter, t);
-    if (now.present.empty()) continue;
-    const MatrixXd L = now.Sigma.llt().matrixL();
-    const VectorXd z = L.triangularView<Eigen::Lower>().solve(now.e);
-    for (std::size_t k = 0; k < now.present.size(); ++k) {
-      const auto row = static_cast<Index>(k);
-      const double d = L(row, row);
-      const double of_state = std::max(0.0, d * d - weighted(now.present[k], t));
-      const double e = d * z[row], R = variances(now.present[k], t);
-      const bool normal = is_pseudo(recording, now.present[k]);
-      out[t] += normal ? normal_log_density(e, of_state + R) : density(e, of_state, R);
-    }
-  }
-  return out;
-}
-
 }  // namespace
-
-double degrees_of_freedom(const Model& model) {
-  const StudentNoise& noise = *model.student;
-  return noise.parameter < 0 ? noise.freedom
-                             : model.parameters[static_cast<std::size_t>(noise.parameter)].scalar();
-}
 
 std::string student_note(const Model& model) {
   return fmt::format(
       "the measurement noise is Student's t with {:.4g} degrees of freedom: samples have weights, "
       "and the log-likelihood is that of the samples so weighted",
-      degrees_of_freedom(model));
+      degrees_of_freedom(model, model.parameters));
 }
 
 Model normal_model(const Model& model) {
@@ -233,36 +163,32 @@ MatrixXd noise_scale_of(const MatrixXd& squares, double freedom) {
   });
 }
 
-std::vector<Dataset> student_weighted(const Model& model, const std::vector<Dataset>& recordings) {
-  const Model normal = normal_model(model);
-  const double freedom = degrees_of_freedom(model);
+std::vector<Dataset> student_weighted(const Model& model, const ParameterSet& at,
+                                      const std::vector<Dataset>& recordings) {
   std::vector<Dataset> out = recordings;
   for (Dataset& recording : out) {
-    const MatrixXd variances = measurement_variances(normal, recording);
-    recording.noise_scale.setOnes(recording.y.rows(), recording.size());
-    for (int i = 0; i < kMostWeighings; ++i) {
-      const MatrixXd weighted = with_scale(variances, recording);
-      const MatrixXd squares = squares_up_to_now(filter_of(normal, recording), variances, weighted);
-      const MatrixXd scale = noise_scale_of(without_pseudo(squares, recording), freedom);
-      const double moved = (scale - recording.noise_scale).cwiseAbs().maxCoeff();
-      recording.noise_scale = scale;
-      if (moved < kWeightsAgree * scale.maxCoeff()) break;
+    const StudentRun run = StudentFilter(model, recording).run(at);
+    if (run.filter.status != FilterStatus::ok) {
+      refuse_filter(model, {recording}, run.filter.status);
     }
+    recording.noise_scale = run.weight.cwiseSqrt().cwiseInverse();
   }
   return out;
 }
 
-VectorXd student_log_densities(const Model& normal, double freedom, const Dataset& recording) {
-  StudentDensity student(freedom);
-  return log_densities(normal, recording, [&](double e, double of_state, double R) {
-    return student(e, of_state, R);
-  });
-}
-
 VectorXd normal_log_densities(const Model& model, const Dataset& recording) {
-  return log_densities(model, recording, [](double e, double of_state, double R) {
-    return normal_log_density(e, of_state + R);
-  });
+  const FilterResult filter = filter_of(model, recording);
+  VectorXd out = VectorXd::Zero(recording.size());
+  for (Index t = 0; t < recording.size(); ++t) {
+    const Innovation now = innovation_at(filter, t);
+    if (now.present.empty()) continue;
+    const Eigen::LLT<MatrixXd> factor(now.Sigma);
+    const MatrixXd L = factor.matrixL();
+    out[t] = -0.5 * (now.e.dot(factor.solve(now.e)) +
+                     kLogTwoPi * static_cast<double>(now.present.size())) -
+             L.diagonal().array().log().sum();
+  }
+  return out;
 }
 
 }  // namespace identikal

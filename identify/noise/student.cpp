@@ -5,15 +5,21 @@
 #include <optional>
 #include <utility>
 
+#include <Eigen/QR>
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
+#include "identify/filter/student_filter.h"
 #include "identify/filter/student_weights.h"
 #include "identify/model/check.h"
+#include "identify/model/parameter_prior.h"
+#include "identify/noise/estimate.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
+#include "solvers/covariance.h"
 #include "solvers/scoring.h"
 
 namespace identikal {
@@ -23,144 +29,186 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kMostTurns = 100;
-constexpr double kTurnsAgree = 1e-4;  // of every value
-constexpr double kFewestFreedom = 1.0, kMostFreedom = 200.0;
+constexpr int kTurns = 6;  // of expectation maximisation, for a start
+constexpr double kMostFreedom = 200.0;
 constexpr double kShareHeldOut = 0.3;
 constexpr Index kFewestRowsToCompare = 60;
+constexpr double kDifference = 1e-5;  // of a coordinate's size
 
-// psi(x), x > 0: up to x = 6 by psi(x + 1) = psi(x) + 1/x, then its asymptotic series.
-double digamma(double x) {
-  double out = 0.0;
-  for (; x < 6.0; x += 1.0) out -= 1.0 / x;
-  const double s = 1.0 / (x * x);
-  return out + std::log(x) - 0.5 / x - s * (1.0 / 12 - s * (1.0 / 120 - s / 252));
-}
-
-// The likeliest degrees of freedom, weights being what they are at the present ones.
-double likeliest_freedom(const std::vector<MatrixXd>& squares, double freedom) {
-  const double a = 0.5 * (freedom + 1.0);
-  double sum = 0.0, count = 0.0;
-  for (const MatrixXd& each : squares) {
-    for (const double square : each.reshaped()) {
-      if (!std::isfinite(square)) continue;
-      const double b = 0.5 * (freedom + square);
-      sum += digamma(a) - std::log(b) - a / b;
-      count += 1.0;
-    }
-  }
-  if (count == 0.0) return freedom;
-  const auto slope = [&](double nu) {
-    return std::log(0.5 * nu) + 1.0 - digamma(0.5 * nu) + sum / count;
-  };
-  double low = kFewestFreedom, high = kMostFreedom;
-  if (!(slope(low) > 0.0)) return low;
-  if (!(slope(high) < 0.0)) return high;
-  while (high > 1.0001 * low) {
-    const double middle = std::sqrt(low * high);
-    (slope(middle) > 0.0 ? low : high) = middle;
-  }
-  return std::sqrt(low * high);
-}
-
-struct StudentFit {
-  Model model;  // normal_model(), at the values found
-  double freedom = 4.0;
-  std::vector<Dataset> weighted;
-  double objective = kNone;  // of the last maximum
-  bool settled = false;
-};
-
-// The maximum with the weights as they are, from the present values; false where there is none.
-bool maximise_weighted(StudentFit& fit) {
-  RecordingsLikelihood likelihood(fit.model, fit.weighted);
-  if (likelihood.status_at_start() != FilterStatus::ok) return false;
+// The maximum of the normal likelihood, weighted or not, from the model's values.
+void maximise_normal(Model& normal, const std::vector<Dataset>& recordings) {
+  RecordingsLikelihood likelihood(normal, recordings);
+  if (free_entries(normal.parameters).size() == 0) return;
+  if (likelihood.status_at_start() != FilterStatus::ok) return;
   likelihood.weigh_by_priors();
   SolverOptions solver;
   solver.max_iterations = 40;
-  solver.decrement_tolerance = 1e-6;
-  const Solution found = maximise(likelihood.problem(), coordinates(fit.model.parameters), solver);
-  if (!std::isfinite(found.summary.objective)) return false;
-  fit.model.parameters = with_coordinates(fit.model.parameters, found.x);
-  fit.objective = found.summary.objective;
-  return true;
+  const Solution found = maximise(likelihood.problem(), coordinates(normal.parameters), solver);
+  if (!std::isfinite(found.summary.objective)) return;
+  normal.parameters = with_coordinates(normal.parameters, found.x);
 }
 
-void weigh(StudentFit& fit, bool free) {
-  std::vector<MatrixXd> squares;
-  for (Dataset& recording : fit.weighted) {
-    squares.push_back(expected_squares(fit.model, recording));
-    recording.noise_scale = noise_scale_of(squares.back(), fit.freedom);
+// With weights that follow from the values, and values from the weights.
+Model weighted_start(const Model& model, const std::vector<Dataset>& recordings) {
+  Model normal = normal_model(model);
+  const double freedom = degrees_of_freedom(model, model.parameters);
+  std::vector<Dataset> weighted = recordings;
+  maximise_normal(normal, weighted);
+  for (int turn = 0; turn < kTurns; ++turn) {
+    for (Dataset& recording : weighted) {
+      recording.noise_scale = noise_scale_of(expected_squares(normal, recording), freedom);
+    }
+    maximise_normal(normal, weighted);
   }
-  if (free) fit.freedom = likeliest_freedom(squares, fit.freedom);
-}
-
-bool is_free(const Model& model) {
-  const int parameter = model.student->parameter;
-  return parameter >= 0 && !model.parameters[static_cast<std::size_t>(parameter)].fixed;
-}
-
-StudentFit fit_student(const Model& model, const std::vector<Dataset>& recordings,
-                       const NoiseMlOptions& options) {
-  StudentFit fit{normal_model(model), degrees_of_freedom(model), recordings};
-  if (free_entries(fit.model.parameters).size() == 0) {
-    weigh(fit, is_free(model));
-    return fit;
-  }
-  maximise_weighted(fit);
-  for (int turn = 0; turn < kMostTurns && !fit.settled; ++turn) {
-    const VectorXd before = free_entries(fit.model.parameters);
-    const double freedom_before = fit.freedom;
-    weigh(fit, is_free(model));
-    if (!maximise_weighted(fit)) break;
-    const VectorXd moved = (free_entries(fit.model.parameters) - before).cwiseAbs();
-    const double small = 1e-12 * before.cwiseAbs().maxCoeff();
-    fit.settled = (moved.array() <= kTurnsAgree * before.array().abs() + small).all() &&
-                  std::abs(1.0 / fit.freedom - 1.0 / freedom_before) <= kTurnsAgree;
-    if (options.progress && !options.progress(1, turn + 1, fit.objective)) break;
-  }
-  return fit;
-}
-
-// With weights that know no later sample.
-std::vector<Dataset> weighted_up_to_now(const Model& model, const StudentFit& fit,
-                                        const std::vector<Dataset>& recordings) {
-  Model at = model;
-  at.student = StudentNoise{fit.freedom};
-  at.parameters = fit.model.parameters;
-  return student_weighted(at, recordings);
-}
-
-double log_likelihood_of(const Model& model, const StudentFit& fit,
-                         const std::vector<Dataset>& recordings) {
-  double out = 0.0;
-  for (const Dataset& data : weighted_up_to_now(model, fit, recordings)) {
-    out += student_log_densities(fit.model, fit.freedom, data).sum();
+  Model out = model;
+  for (std::size_t i = 0; i < out.parameters.size(); ++i) {
+    out.parameters[i].value = normal.parameters[i].value;
   }
   return out;
 }
 
+// The likelihood by the rows of all recordings, in the optimiser's coordinates.
+class StudentLikelihood {
+ public:
+  StudentLikelihood(const Model& model, const std::vector<Dataset>& recordings)
+      : model_(model), box_(coordinate_box(model.parameters)) {
+    for (const Dataset& recording : recordings) filters_.emplace_back(model_, recording);
+    size_ = coordinates(model.parameters).cwiseAbs();
+    const double largest = size_.size() > 0 ? size_.maxCoeff() : 0.0;
+    for (double& s : size_) {
+      if (s == 0.0) s = largest > 0.0 ? largest : 1.0;
+    }
+  }
+
+  // Log-densities, rows of all recordings; nothing where a filter does not run.
+  std::optional<VectorXd> rows(const VectorXd& x) {
+    const ParameterSet at = with_coordinates(model_.parameters, x);
+    std::vector<VectorXd> parts;
+    Index total = 0;
+    for (StudentFilter& filter : filters_) {
+      StudentRun run = filter.run(at, Keep::innovations);
+      if (run.filter.status != FilterStatus::ok) return std::nullopt;
+      total += run.log_density.size();
+      parts.push_back(std::move(run.log_density));
+    }
+    VectorXd out(total);
+    Index begin = 0;
+    for (const VectorXd& part : parts) {
+      out.segment(begin, part.size()) = part;
+      begin += part.size();
+    }
+    return out;
+  }
+
+  // Rows x coordinates.
+  std::optional<MatrixXd> scores(const VectorXd& x) {
+    MatrixXd out;
+    for (Index i = 0; i < x.size(); ++i) {
+      const double step = kDifference * std::max(std::abs(x[i]), 1e-3 * size_[i]);
+      VectorXd above = x, below = x;
+      above[i] = std::min(x[i] + step, box_.upper[i]);
+      below[i] = std::max(x[i] - step, box_.lower[i]);
+      const std::optional<VectorXd> up = rows(above), down = rows(below);
+      if (!up || !down) return std::nullopt;
+      if (i == 0) out.resize(up->size(), x.size());
+      out.col(i) = (*up - *down) / (above[i] - below[i]);
+    }
+    return out;
+  }
+
+  LikelihoodProblem problem() {
+    LikelihoodProblem out{{}, box_.lower, box_.upper};
+    out.evaluate = [this](const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) {
+      const PriorTerms prior = stated_priors_at(with_coordinates(model_.parameters, x));
+      const std::optional<VectorXd> here = rows(x);
+      if (!here || !std::isfinite(prior.value)) return false;
+      L = here->sum() + prior.value;
+      if (gradient == nullptr) return true;
+      const std::optional<MatrixXd> s = scores(x);
+      if (!s) return false;
+      *gradient = s->colwise().sum().transpose();
+      if (prior.gradient.size() > 0) *gradient += prior.gradient;
+      if (information == nullptr) return true;
+      *information = s->transpose() * *s;
+      if (prior.information.size() > 0) information->diagonal() += prior.information;
+      return true;
+    };
+    return out;
+  }
+
+ private:
+  const Model& model_;
+  Box box_;
+  VectorXd size_;
+  std::vector<StudentFilter> filters_;
+};
+
+struct StudentEnd {
+  Model model;  // where the search began
+  Solution found;
+  ParameterSet parameters;  // and where it ended
+};
+
+StudentEnd maximise_student(const Model& model, const std::vector<Dataset>& recordings,
+                            const NoiseMlOptions& options) {
+  StudentEnd out{weighted_start(model, recordings), {}, {}};
+  StudentLikelihood likelihood(out.model, recordings);
+  SolverOptions solver;
+  solver.max_iterations = 100;
+  solver.decrement_tolerance = 1e-5;
+  if (options.progress) {
+    solver.progress = [&](int iteration, double L) { return options.progress(1, iteration, L); };
+  }
+  out.found = maximise(likelihood.problem(), coordinates(out.model.parameters), solver);
+  out.parameters = with_coordinates(out.model.parameters, out.found.x);
+  return out;
+}
+
+// Errors by the entries, in the user's units, from the products of the scores.
+void judge(NoiseEstimate& estimate, const StudentEnd& end, const std::vector<Dataset>& recordings) {
+  StudentLikelihood likelihood(end.model, recordings);
+  const LikelihoodProblem problem = likelihood.problem();
+  std::vector<bool> at_bound;
+  for (Index i = 0; i < end.found.x.size(); ++i) {
+    at_bound.push_back(end.found.x[i] <= problem.lower[i] || end.found.x[i] >= problem.upper[i]);
+  }
+  const InteriorParameters inside = interior_parameters(estimate, at_bound);
+  double L = 0.0;
+  VectorXd gradient;
+  MatrixXd products;
+  if (inside.entries.empty() || !problem.evaluate(end.found.x, L, &gradient, &products)) return;
+  const MatrixXd to_coordinates = entry_jacobian(end.parameters, end.found.x).inverse();
+  const MatrixXd by_entries = to_coordinates.transpose() * products * to_coordinates;
+  const MatrixXd information = inside.unit.asDiagonal() *
+                               by_entries(inside.entries, inside.entries) *
+                               inside.unit.asDiagonal();
+  const std::optional<MatrixXd> inverse = scaled_inverse(information, 1e-9);
+  estimate.covariance_kind =
+      inverse ? "products of the rows' scores" : "partial: some directions carry no information";
+  judge_parameters(
+      estimate, information,
+      inverse ? *inverse : MatrixXd(information.completeOrthogonalDecomposition().pseudoInverse()));
+}
+
 // The mean gain per row held out, and its standard error from blocks of rows.
 std::optional<std::pair<double, double>> gain_held_out(const Model& model,
-                                                       const std::vector<Dataset>& recordings,
-                                                       const NoiseMlOptions& options) {
+                                                       const std::vector<Dataset>& recordings) {
   constexpr Index kBlocks = 10;
   std::vector<Dataset> first;
   for (const Dataset& data : recordings) {
     if (data.size() < kFewestRowsToCompare) return std::nullopt;
-    first.push_back(first_samples(
-        data,
-        static_cast<Index>(std::ceil((1.0 - kShareHeldOut) * static_cast<double>(data.size())))));
+    const double kept = (1.0 - kShareHeldOut) * static_cast<double>(data.size());
+    first.push_back(first_samples(data, static_cast<Index>(std::ceil(kept))));
   }
-  const StudentFit heavy = fit_student(model, first, options);
-  StudentFit normal{normal_model(model), kInfinity, first};
-  if (!maximise_weighted(normal)) return std::nullopt;
-  const std::vector<Dataset> weighted = weighted_up_to_now(model, heavy, recordings);
+  const StudentEnd heavy = maximise_student(model, first, {});
+  Model normal = normal_model(model);
+  maximise_normal(normal, first);
   std::vector<double> blocks;
   double sum = 0.0, rows = 0.0;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    const VectorXd gain = (student_log_densities(heavy.model, heavy.freedom, weighted[r]) -
-                           normal_log_densities(normal.model, recordings[r]))
+    const StudentRun run = StudentFilter(model, recordings[r]).run(heavy.parameters);
+    if (run.filter.status != FilterStatus::ok) return std::nullopt;
+    const VectorXd gain = (run.log_density - normal_log_densities(normal, recordings[r]))
                               .tail(recordings[r].size() - first[r].size());
     sum += gain.sum();
     rows += static_cast<double>(gain.size());
@@ -177,7 +225,7 @@ std::optional<std::pair<double, double>> gain_held_out(const Model& model,
   return std::pair(mean, std::sqrt(squares / (count - 1.0) / count));
 }
 
-std::string in_words(double freedom, const std::pair<double, double>& gain) {
+std::string comparison(double freedom, const std::pair<double, double>& gain) {
   constexpr double kErrors = 2.0;
   const auto& [mean, se] = gain;
   return fmt::format(
@@ -191,55 +239,61 @@ std::string in_words(double freedom, const std::pair<double, double>& gain) {
       mean, se);
 }
 
+// Degrees of freedom that are a parameter have an end.
+Model with_most_freedom(Model model) {
+  if (model.student->parameter < 0) return model;
+  Parameter& freedom = model.parameters[static_cast<std::size_t>(model.student->parameter)];
+  freedom.min = std::max(freedom.min, 1.0);
+  freedom.max = std::min(freedom.max, kMostFreedom);
+  return model;
+}
+
+void report_student(NoiseEstimate& estimate, const Model& model, const StudentEnd& end,
+                    const std::vector<Dataset>& recordings) {
+  estimate.excess_mean_square_error = excess_error(estimate, model, end.parameters);
+  report_filter(estimate, model, end.parameters, recordings);
+  Objective& objective = estimate.objective;
+  objective.samples = static_cast<long>(samples_present(recordings));
+  const auto k = static_cast<double>(end.found.x.size());
+  objective.aic = 2.0 * (k - objective.log_likelihood);
+  objective.bic =
+      k * std::log(static_cast<double>(objective.samples)) - 2.0 * objective.log_likelihood;
+  append(estimate.findings, check_innovations(estimate));
+  const double freedom = degrees_of_freedom(model, end.parameters);
+  estimate.notes.push_back(
+      fmt::format("the measurement noise is Student's t with {:.4g} degrees of freedom: R holds "
+                  "squared scales, and K is that of normal noise with this R",
+                  freedom));
+  if (const auto gain = gain_held_out(model, recordings)) {
+    estimate.notes.push_back(comparison(freedom, *gain));
+  }
+}
+
 }  // namespace
 
 NoiseEstimate tune_student(const Model& given, const std::vector<Dataset>& recordings,
                            const NoiseMlOptions& options) {
-  const Model model = checked(given, recordings);
-  if (!model.student) return tune_ml(model, recordings, options);
-  check_recordings(normal_model(model), recordings);
-  const bool free = is_free(model);
-  StudentFit start{normal_model(model), degrees_of_freedom(model), recordings};
-  const double at_start = log_likelihood_of(model, start, recordings);
-  const StudentFit fit = fit_student(model, recordings, options);
-  NoiseEstimate estimate = tune_ml(fit.model, fit.weighted, options);
+  if (!given.student) return tune_ml(given, recordings, options);
+  const Model model = with_most_freedom(checked(given, recordings));
+  check_recordings(model, recordings);
+  const StudentEnd end = maximise_student(model, recordings, options);
+  const SolverSummary& summary = end.found.summary;
+  NoiseEstimate estimate;
+  estimate.model_name = model.name;
+  list_parameters(estimate, model.parameters, end.parameters);
   Objective& objective = estimate.objective;
-  const double L = log_likelihood_of(model, fit, recordings);
-  const double more = free ? 1.0 : 0.0;  // unknown beside the parameters that have errors
-  objective.aic += 2.0 * (objective.log_likelihood - L + more);
-  objective.bic += 2.0 * (objective.log_likelihood - L) +
-                   more * std::log(static_cast<double>(objective.samples));
-  objective.log_likelihood = L;
-  objective.log_likelihood_start = at_start;
-  if (is_linear(model)) {
-    Model nominal = model;
-    nominal.parameters = fit.model.parameters;
-    static_cast<FilterMatrices&>(estimate) = filter_matrices(nominal, nominal.parameters);
-    objective.filter.clear();
-  }
-  if (free) {
-    const std::string& name =
-        model.parameters[static_cast<std::size_t>(model.student->parameter)].name;
-    for (EstimatedParameter& p : estimate.parameters) {
-      if (p.name == name) p.value = fit.freedom;
-    }
-    estimate.notes.push_back(
-        fmt::format("{} = {:.4g}: the likeliest degrees of freedom", name, fit.freedom));
-  }
-  estimate.notes.push_back(
-      fmt::format("the measurement noise is Student's t with {:.4g} degrees of freedom: R holds "
-                  "squared scales, K is that of samples of weight 1, and errors and tests take the "
-                  "samples' weights as known",
-                  fit.freedom));
-  if (const auto gain = gain_held_out(model, recordings, options)) {
-    estimate.notes.push_back(in_words(fit.freedom, *gain));
-  }
-  if (!fit.settled) {
-    estimate.findings.push_back(
-        make_finding(FindingCode::not_converged, {},
-                     fmt::format("weights and values have not settled in {} turns", kMostTurns)));
-    conclude(estimate, "converged");
-  }
+  objective.method = "ml";
+  objective.iterations = summary.iterations;
+  objective.evaluations = summary.evaluations;
+  objective.starts = objective.starts_at_optimum = 1;
+  StudentLikelihood likelihood(model, recordings);
+  const auto start = likelihood.rows(coordinates(model.parameters));
+  objective.log_likelihood_start = start ? start->sum() : kNone;
+  judge(estimate, end, recordings);
+  if (!summary.usable()) withdraw_errors(estimate);
+  append(estimate.findings, check_search(estimate, summary));
+  report_student(estimate, model, end, recordings);
+  conclude(estimate, "converged");
   return estimate;
 }
 

@@ -77,11 +77,6 @@ void report_distance(OptimalityReport& estimate, const Model& model,
 
 OptimalityReport check(const Model& given, const std::vector<Dataset>& recordings) {
   const Model model = checked(given, recordings);
-  if (model.student) {
-    OptimalityReport out = check(normal_model(model), student_weighted(model, recordings));
-    out.notes.push_back(student_note(model));
-    return out;
-  }
   if (!has_filter(model)) {
     throw InputError({model.source, 0, 0},
                      "'check' tests a Kalman filter, this model is a vehicle without noise",
@@ -107,11 +102,17 @@ OptimalityReport check(const Model& given, const std::vector<Dataset>& recording
   Optimality found = test_optimality(model, recordings, filters);
   estimate.tests = std::move(found.tests);
   estimate.notes.insert(estimate.notes.end(), found.notes.begin(), found.notes.end());
-  report_distance(estimate, model, recordings, found);
-  append(estimate.findings,
-         check_outliers_and_offset(model, model.parameters, recordings, filters));
+  if (model.student) {
+    estimate.notes.push_back(student_note(model));
+  } else {
+    report_distance(estimate, model, recordings, found);
+  }
+  if (!model.student) {
+    append(estimate.findings,
+           check_outliers_and_offset(model, model.parameters, recordings, filters));
+  }
   append(estimate.findings, found.findings);
-  for (const Break& jump : find_breaks(model, recordings)) {
+  for (const Break& jump : model.student ? std::vector<Break>{} : find_breaks(model, recordings)) {
     estimate.notes.push_back(sentence(jump, model, recordings));
   }
   if (!found.optimal) {

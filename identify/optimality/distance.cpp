@@ -77,18 +77,21 @@ StateExcess state_excess(const Model& model, const ParameterSet& better,
                          const std::vector<Dataset>& recordings) {
   StateExcess out;
   VectorXd moved, variance;
+  double ahead = 0.0, trace = 0.0;  // of predictions
   for (const Dataset& data : recordings) {
     const FilterResult present = run_filter(model, model.parameters, data);
     const FilterResult best = run_filter(model, better, data);
     if (present.status != FilterStatus::ok || best.status != FilterStatus::ok) return {{}, kNaN};
     if (moved.size() == 0) moved = variance = VectorXd::Zero(present.x_filt.rows());
-    const Index from = std::max(present.first_proper, best.first_proper);
-    for (Index t = from; t < data.size(); ++t) {
+    for (Index t = std::max(present.first_proper, best.first_proper); t < data.size(); ++t) {
+      const auto row = static_cast<std::size_t>(t);
       moved += (present.x_filt.col(t) - best.x_filt.col(t)).cwiseAbs2();
-      variance += best.P_filt[static_cast<std::size_t>(t)].diagonal();
+      variance += best.P_filt[row].diagonal();
+      ahead += (present.x_pred.col(t) - best.x_pred.col(t)).squaredNorm();
+      trace += best.P_pred[row].trace();
     }
   }
-  out.of_all = variance.sum() > 0.0 ? moved.sum() / variance.sum() : kNaN;
+  out.of_all = trace > 0.0 ? ahead / trace : kNaN;
   out.of_state = (variance.array() > 0.0).select(moved.cwiseQuotient(variance), kNaN);
   return out;
 }

@@ -41,8 +41,8 @@ std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& 
 /// as the error of an optimal filter is uncorrelated with all functions of its data, the other
 /// filter's estimate among them. Of a model of any kind; rows of a diffuse start do not count.
 struct StateExcess {
-  Eigen::VectorXd of_state;  ///< n; NaN where the state is known exactly
-  double of_all = 0.0;       ///< the same of traces, as tr P has it
+  Eigen::VectorXd of_state;  ///< n, of filtered states; NaN where one is known exactly
+  double of_all = 0.0;       ///< of all, one step ahead, as tr P has it
 };
 
 /// @return empty vectors and NaN where a filter does not run

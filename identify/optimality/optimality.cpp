@@ -243,7 +243,9 @@ Optimality test_optimality(const Model& model, const std::vector<Dataset>& recor
   const auto ny = static_cast<double>(e.rows());
   std::vector<Member> family;
 
-  const ScoreStatistic score = score_statistic(with_free_noise(model), recordings);
+  ScoreStatistic score;
+  score.status = FilterStatus::undetermined;  // of Student's t there is none
+  if (!model.student) score = score_statistic(with_free_noise(model), recordings);
   if (score.status == FilterStatus::ok && score.statistic.dof > 0.0) {
     family.push_back(member("score", "", score.statistic, 0.6));
   }

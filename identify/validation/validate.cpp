@@ -190,7 +190,9 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
   const int lags = default_lags(shortest);
   const Eigen::MatrixXd all = side_by_side(filters, rows_apart(filters, lags));
   estimate.tests.clear();
-  if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
+  if (!model.student) {
+    if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
+  }
   if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {
     estimate.tests.push_back(unseen.nis(nis));
     append(estimate.findings, check_power(unseen.detectable_size(nis.dof)));
@@ -213,12 +215,6 @@ Validation validate_filter(const ResultSections& validated, const Model& written
   const Estimate& result = *validated.core;
   check_period(validated.filter, written, recordings);
   const Model model = checked(written, recordings);
-  if (model.student) {
-    Validation out =
-        validate_filter(validated, normal_model(model), student_weighted(model, recordings));
-    out.notes.push_back(student_note(model));
-    return out;
-  }
   check_channels(recordings);
   Validation out;
   out.model_name = model.name;
@@ -226,7 +222,11 @@ Validation validate_filter(const ResultSections& validated, const Model& written
   for (EstimatedParameter& p : out.parameters) p.fixed = true;
   const std::vector<FilterResult> filters = report_filter(out, model, model.parameters, recordings);
   test_unseen(result, model, recordings, filters, out);
-  append(out.findings, check_outliers_and_offset(model, model.parameters, recordings, filters));
+  if (model.student) {
+    out.notes.push_back(student_note(model));
+  } else {
+    append(out.findings, check_outliers_and_offset(model, model.parameters, recordings, filters));
+  }
   const auto per_row = [](double L, double rows) { return rows > 0.0 ? L / rows : kNone; };
   out.derived.push_back({"log-likelihood per row", "",
                          per_row(out.objective.log_likelihood, measured_rows(recordings)), kNone});

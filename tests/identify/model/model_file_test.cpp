@@ -723,7 +723,8 @@ constexpr Mistake kLinearMistakes[] = {
      "11:18: process noise is a density in a discrete-time model; expected process: per-sample, or "
      "time: {kind: continuous, ...}"},
     {"R: [[r]]", "R: [[r]]\nnoise: {proces: density}",
-     "11:9: unknown key 'proces' in noise; expected process"},
+     "11:9: unknown key 'proces' in noise; expected one of process, measurement; did you mean "
+     "'process'?"},
     {"R: [[r]]", "R: [[r]]\nnoise: {}",
      "11:8: 'process' is missing in noise; expected process: per-sample"},
     {"R: [[r]]", "R: [[r]]\nnoise: per-sample",
@@ -770,15 +771,14 @@ constexpr Mistake kLinearMistakes[] = {
      "11:11: entry 1 of outputs is 'y'; expected a mapping of 'key: value'"},
     {"column: level", "colum: level",
      "11:21: unknown key 'colum' in entry 1 of outputs; expected one of name, column, unit, "
-     "scale, offset, delay; did you mean 'column'?"},
+     "scale, offset, delay, value, sd, when; did you mean 'column'?"},
     {"outputs: [{name: y, column: level}]", "outputs: [{column: level}]",
      "11:11: 'name' is missing in outputs; expected name: NAME of the channel"},
     {"column: level", "column: level, unit: m/ss",
      "11:42: 'y' has the unknown unit 'm/ss'; did you mean 'm/s'?"},
     {"column: level", "column: level, equals: r",
      "11:36: unknown key 'equals' in entry 1 of outputs; expected one of name, column, unit, "
-     "scale, "
-     "offset, delay"},
+     "scale, offset, delay, value, sd, when"},
     {"[{name: y, column: level}]", "[{name: y, column: a}, {name: y, column: b}]",
      "11:40: outputs names 'y' twice"},
     {"outputs: [{name: y, column: level}]", "outputs: {y: level}",
