@@ -127,8 +127,8 @@ MatrixXd squares_given_all(const Model& normal, const Dataset& recording, const 
 
 std::string student_note(const Model& model) {
   return fmt::format(
-      "the measurement noise is Student's t with {:.4g} degrees of freedom: samples have weights, "
-      "and the log-likelihood is that of the samples so weighted",
+      "the measurement noise is Student's t with {:.4g} degrees of freedom: what is far off "
+      "moves the states little",
       degrees_of_freedom(model, model.parameters));
 }
 

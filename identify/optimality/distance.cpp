@@ -110,8 +110,10 @@ std::string in_words(const StateExcess& excess, const Model& model) {
   std::string out;
   for (Index i = 0; i < std::min(kShown, excess.of_state.size()); ++i) {
     if (!std::isfinite(excess.of_state[i])) continue;
-    out += fmt::format("{}{} {:.2g} %", out.empty() ? "" : ", ", state_name(model, i),
-                       100.0 * excess.of_state[i]);
+    const double percent = 100.0 * excess.of_state[i];
+    out += fmt::format(
+        "{}{} {} %", out.empty() ? "" : ", ", state_name(model, i),
+        percent < 100.0 ? fmt::format("{:.2g}", percent) : fmt::format("{:.0f}", percent));
   }
   return out;
 }
