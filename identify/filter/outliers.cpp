@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <tuple>
@@ -112,37 +113,38 @@ double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd Filte
   constexpr Index kFewest = 20;
   constexpr double kNear = 0.05;
   Index all = 0, moving = 0;
-  const auto for_each_size = [&](const auto& take) {
+  std::vector<double> sizes;
+  // Those from `low` to `high` into sizes. @return how many lie below
+  const auto take = [&](double low, double high, bool only_moving) {
+    Index below = 0;
+    all = moving = 0;
+    sizes.clear();
     for (std::size_t r = 0; r < filters.size(); ++r) {
       const MatrixXd& of = filters[r].*e;
       for (Index t = 0; t < of.cols(); ++t) {
-        if (!std::isnan(of(channel, t))) take(std::abs(of(channel, t)), still[r](channel, t));
+        const double size = std::abs(of(channel, t));
+        if (std::isnan(size)) continue;
+        const bool stands = still[r](channel, t);
+        ++all;
+        moving += stands ? 0 : 1;
+        if (only_moving && stands) continue;
+        below += size < low ? 1 : 0;
+        if (size >= low && size <= high) sizes.push_back(size);
       }
     }
+    return below;
   };
-  for_each_size([&](double, bool stands) { ++all, moving += stands ? 0 : 1; });
-  const bool only_moving = moving >= kFewest;
-  const Index middle = (only_moving ? moving : all) / 2;
-  if (all == 0) return 0.0;
   // The median has hardly moved: most samples lie below or above for certain.
   const double low = (1.0 - kNear) * before / kDeviationPerMedian;
   const double high = (1.0 + kNear) * before / kDeviationPerMedian;
-  std::vector<double> sizes;
-  Index below = 0;
-  for_each_size([&](double size, bool stands) {
-    if (only_moving && stands) return;
-    if (size < low) {
-      ++below;
-    } else if (size <= high) {
-      sizes.push_back(size);
-    }
-  });
+  constexpr double kEvery = std::numeric_limits<double>::infinity();
+  Index below = before > 0.0 ? take(low, high, true) : take(0.0, kEvery, true);
+  if (all == 0) return 0.0;
+  const bool only_moving = moving >= kFewest;
+  if (!only_moving) below = take(0.0, kEvery, false);
+  const Index middle = (only_moving ? moving : all) / 2;
   if (middle < below || middle >= below + static_cast<Index>(sizes.size())) {
-    below = 0;
-    sizes.clear();
-    for_each_size([&](double size, bool stands) {
-      if (!(only_moving && stands)) sizes.push_back(size);
-    });
+    below = take(0.0, kEvery, only_moving);
   }
   std::nth_element(sizes.begin(), sizes.begin() + (middle - below), sizes.end());
   return kDeviationPerMedian * sizes[static_cast<std::size_t>(middle - below)];

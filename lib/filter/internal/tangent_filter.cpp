@@ -54,6 +54,10 @@ Presence find_presence(const MatrixXd& y) {
   std::vector<Channels> known;  // by pattern
   Channels here(static_cast<std::size_t>(y.rows() / 64 + 1));
   for (Index t = 0; t < y.cols(); ++t) {
+    if (y.rows() == 1 && t > 0 && std::isnan(y(0, t)) == std::isnan(y(0, t - 1))) {
+      out.parts.back().end = t + 1;
+      continue;
+    }
     take_present(y.col(t).data(), y.rows(), here);
     if (t > 0 && here == known[out.parts.back().pattern]) {
       out.parts.back().end = t + 1;
@@ -422,9 +426,17 @@ simd::TangentEnd TangentFilter::step(const Pattern& p, const TangentRecording& r
 
 FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording& recording,
                                         Index& t, Index end, Likelihood& out) {
-  const bool watched = recording.store != nullptr || recording.score_products != nullptr;
+  const bool complete = p.model.m == static_cast<int>(ny_) && ny_ > 0;
+  const bool kept = recording.store != nullptr && recording.score_products == nullptr && complete;
+  const bool watched = !kept && (recording.store != nullptr || recording.score_products != nullptr);
+  if (kept) {
+    run_.kept_e = recording.store->e.data();
+    run_.kept_white = recording.store->standardised.data();
+    run_.kept_sd = recording.store->e_sd.data();
+  }
   bool settled = false;
-  while (t < end) {
+  FilterStatus status = FilterStatus::ok;
+  while (t < end && status == FilterStatus::ok) {
     const Index to = watched ? t + 1 : end;
     if (settled) {
       simd::run_settled_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
@@ -433,13 +445,14 @@ FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording
       t = to;
     } else {
       const simd::TangentEnd how = step(p, recording, t, to);
-      if (how == simd::TangentEnd::indefinite) return FilterStatus::indefinite;
+      if (how == simd::TangentEnd::indefinite) status = FilterStatus::indefinite;
       settled = how == simd::TangentEnd::settled;
-      if (recording.store != nullptr) find_innovation_sd();
+      if (recording.store != nullptr && !kept) find_innovation_sd();
     }
-    if (watched) leave_sample(p, recording, t - 1, out);
+    if (watched && status == FilterStatus::ok) leave_sample(p, recording, t - 1, out);
   }
-  return FilterStatus::ok;
+  run_.kept_e = run_.kept_white = run_.kept_sd = nullptr;
+  return status;
 }
 
 // Does the covariance begin as it did, to 1e-13 of the standard deviations, and its derivatives to

@@ -174,15 +174,20 @@ HWY_INLINE void Innovate(const TangentModel& f, TangentRun& r, const double* y, 
   }
 }
 
-// Sigma^-1 e, and what e adds to the squares.
+// Sigma^-1 e, and what e adds to the squares. Sample t is kept where that is asked for.
 template <int W, int M>
-HWY_INLINE void Weigh(const TangentModel& f, TangentRun& r) {
+HWY_INLINE void Weigh(const TangentModel& f, TangentRun& r, long t) {
   const int m = M > 0 ? M : f.m;
   for (int a = 0; a < m; ++a) r.Sie[a] = 0.0;
   for (int a = 0; a < m; ++a) {
     double z = 0.0;
     for (int c = 0; c <= a; ++c) z += r.L_inverse[a * m + c] * r.E[c * W];
     r.squares += z * z;
+    if (r.kept_e != nullptr) {
+      r.kept_e[t * m + a] = r.E[a * W];
+      r.kept_white[t * m + a] = z;
+      r.kept_sd[t * m + a] = std::sqrt(r.Sigma[(a * m + a) * W]);
+    }
     for (int c = 0; c <= a; ++c) r.Sie[c] += r.L_inverse[a * m + c] * z;
   }
 }
@@ -534,7 +539,7 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
     SeeCovariance<W, N, M>(f, r);
     if (!FactorSigma<W>(m, r)) return TangentEnd::indefinite;
     FindGain<W, N, M>(f, r);
-    Weigh<W, M>(f, r);
+    Weigh<W, M>(f, r, t);
     if (f.derivatives > 0) {
       AddScore<W, M>(f, r, true);
       if (r.informed) AddInformation<W>(f, r, m + m * (m + 1) / 2, 1.0);
@@ -567,7 +572,7 @@ void RunSettled(const TangentModel& f, TangentRun& r, const double* y, int ny, c
   for (; t < end; ++t) {
     const double* input = u + t * f.nu;
     Innovate<W, N, M>(f, r, y + t * ny, input);
-    Weigh<W, M>(f, r);
+    Weigh<W, M>(f, r, t);
     if (f.derivatives > 0) {
       AddScore<W, M>(f, r, false);
       AddInformation<W>(f, r, m, 1.0);

@@ -60,6 +60,9 @@ struct TangentRun {
   double* information = nullptr;  ///< (1 + derivatives) x blocks * lanes
   double *delta_information = nullptr, *delta_score = nullptr;  ///< n x n, n in lanes; or null
   double squares = 0.0, log_det = 0.0, determinant = 1.0;
+  // Where samples that have all of the ny outputs leave e, L^-1 e and the deviations of e: sample t at
+  // t ny; or null.
+  double *kept_e = nullptr, *kept_white = nullptr, *kept_sd = nullptr;
 };
 
 /// How a part of samples ended.
