@@ -202,7 +202,8 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
         deviation[i] = white_deviation[i] = kNone;  // nothing is larger
         continue;
       }
-      deviation[i] = robust_deviation(now, &FilterResult::e, still, i, deviation[i]);
+      // Only tells channels apart.
+      deviation[i] = ny > 1 ? robust_deviation(now, &FilterResult::e, still, i, deviation[i]) : 1.0;
       white_deviation[i] =
           robust_deviation(now, &FilterResult::standardised, still, i, white_deviation[i]);
     }

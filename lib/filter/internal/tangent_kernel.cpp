@@ -67,8 +67,9 @@ namespace identikal::simd {
 namespace HWY_NAMESPACE {
 
 // Sigma = L L' of the first lanes; L^-1, Sigma^-1. false unless positive definite.
-template <int W>
-bool FactorSigma(int m, TangentRun& r) {
+template <int W, int M>
+HWY_INLINE bool FactorSigma(const TangentModel& f, TangentRun& r) {
+  const int m = M > 0 ? M : f.m;
   double *L = r.work, *Li = r.L_inverse, *Si = r.Sigma_inverse;
   for (int j = 0; j < m; ++j) {
     double pivot = r.Sigma[(j * m + j) * W];
@@ -537,7 +538,7 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
     const double* input = u + t * f.nu;
     Innovate<W, N, M>(f, r, y + t * ny, input);
     SeeCovariance<W, N, M>(f, r);
-    if (!FactorSigma<W>(m, r)) return TangentEnd::indefinite;
+    if (!FactorSigma<W, M>(f, r)) return TangentEnd::indefinite;
     FindGain<W, N, M>(f, r);
     Weigh<W, M>(f, r, t);
     if (f.derivatives > 0) {
