@@ -282,6 +282,7 @@ bool is_worth_it(const ProfiledParameter& parameter, const ProfiledMaximum& at) 
 // Evaluations from sums over the recordings are too cheap to be shared out.
 void for_each_profile(const std::vector<Index>& entries, const ProfiledMaximum& at,
                       const std::function<void(int task, const Profiled& of)>& task) {
+  if (entries.empty()) return;
   // Entries of named covariances of full rank move by themselves.
   const VectorXd x = at.factors.to(at.best.x);
   const auto alone = [&](Index entry) { return at.factors.coordinate_of(entry) < 0; };
@@ -295,9 +296,11 @@ void for_each_profile(const std::vector<Index>& entries, const ProfiledMaximum& 
     }
     return out;
   };
-  const MatrixXd information = information_at(at.factors.problem(of_entries), at.best.x);
   const bool any_alone = std::any_of(entries.begin(), entries.end(), alone);
+  const bool all_alone = std::all_of(entries.begin(), entries.end(), alone);
   const MatrixXd by_itself = any_alone ? information_at(of_entries, x) : MatrixXd();
+  const MatrixXd information =
+      all_alone ? MatrixXd() : information_at(at.factors.problem(of_entries), at.best.x);
   const auto run = [&](int k, const LikelihoodProblem& by_entries) {
     const Index entry = entries[static_cast<std::size_t>(k)];
     const double L = at.best.summary.objective;
@@ -351,15 +354,16 @@ void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at) {
 bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at) {
   const LikelihoodProblem by_entries = at.likelihood.problem();
   const LikelihoodProblem problem = at.factors.problem(by_entries);
-  double L = 0.0;
-  VectorXd gradient;
-  MatrixXd information;
-  if (!problem.evaluate(at.best.x, L, &gradient, &information)) return false;
   std::vector<ProfiledParameter> all = with_profile(estimate, at);
   std::erase_if(all, [&](const ProfiledParameter& parameter) {
     const Index i = at.factors.coordinate_of(parameter.entry);
     return i < 0 || problem.lower[i] != 0.0 || at.best.x[i] > 0.0;
   });
+  if (all.empty()) return true;
+  double L = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+  if (!problem.evaluate(at.best.x, L, &gradient, &information)) return false;
   std::vector<Index> entries;
   for (const ProfiledParameter& parameter : all) entries.push_back(parameter.entry);
   std::vector<std::optional<double>> limits(all.size());

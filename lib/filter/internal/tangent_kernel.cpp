@@ -279,17 +279,16 @@ HWY_INLINE void AddScore(const TangentModel& f, TangentRun& r, bool with_Sigma) 
 template <int W>
 HWY_INLINE void AddInformation(const TangentModel& f, TangentRun& r, int rows, double factor) {
   const int stride = f.blocks * W;
-  for (int q = 0; q < rows; ++q) {
-    const double* white = r.white + q * stride;
-    for (int b = 0; b < f.blocks; ++b) {
-      const Pack<W> own = Pack<W>::Load(white + b * W);
-      // Both triangles of the blocks on the diagonal, the lower one of the others.
-      for (int i = std::max(1, b * W); i <= f.derivatives; ++i) {
-        double* to = r.information + i * stride + b * W;
-        Pack<W> sum = Pack<W>::Load(to);
-        sum.Add(factor * white[i], own);
-        sum.Store(to);
+  for (int b = 0; b < f.blocks; ++b) {
+    const double* white = r.white + b * W;
+    // Both triangles of the blocks on the diagonal, the lower one of the others.
+    for (int i = std::max(1, b * W); i <= f.derivatives; ++i) {
+      double* to = r.information + i * stride + b * W;
+      Pack<W> sum = Pack<W>::Load(to);
+      for (int q = 0; q < rows; ++q) {
+        sum.Add(factor * r.white[q * stride + i], Pack<W>::Load(white + q * stride));
       }
+      sum.Store(to);
     }
   }
 }
