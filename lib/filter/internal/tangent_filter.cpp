@@ -33,32 +33,30 @@ MatrixXd columns_of(const MatrixXd& M, const std::vector<int>& columns) {
   return rows_of(M.transpose(), columns).transpose();
 }
 
-}  // namespace
-
-namespace {
-
 // Which channels a sample has, by channel.
 using Channels = std::vector<std::uint64_t>;
 
-void take_present(const double* y, Index channels, Channels& here) {
-  std::fill(here.begin(), here.end(), 0);
-  for (Index i = 0; i < channels; ++i) {
-    here[static_cast<std::size_t>(i / 64)] |= std::uint64_t{!std::isnan(y[i])} << (i % 64);
-  }
+std::uint64_t few_present(const double* y, Index channels) {
+  std::uint64_t out = 0;
+  for (Index i = 0; i < channels; ++i) out |= std::uint64_t{!std::isnan(y[i])} << i;
+  return out;
 }
 
-}  // namespace
+Channels many_present(const double* y, Index channels) {
+  Channels out;
+  for (Index i = 0; i < channels; i += 64) {
+    out.push_back(few_present(y + i, std::min<Index>(64, channels - i)));
+  }
+  return out;
+}
 
-Presence find_presence(const MatrixXd& y) {
+// @param present  of a sample's outputs and their number, what can be compared
+template <typename Present>
+Presence presence_by(const MatrixXd& y, const Present& present) {
   Presence out;
-  std::vector<Channels> known;  // by pattern
-  Channels here(static_cast<std::size_t>(y.rows() / 64 + 1));
+  std::vector<decltype(present(y.data(), Index{}))> known;  // by pattern
   for (Index t = 0; t < y.cols(); ++t) {
-    if (y.rows() == 1 && t > 0 && std::isnan(y(0, t)) == std::isnan(y(0, t - 1))) {
-      out.parts.back().end = t + 1;
-      continue;
-    }
-    take_present(y.col(t).data(), y.rows(), here);
+    const auto here = present(y.col(t).data(), y.rows());
     if (t > 0 && here == known[out.parts.back().pattern]) {
       out.parts.back().end = t + 1;
       continue;
@@ -73,6 +71,12 @@ Presence find_presence(const MatrixXd& y) {
     }
   }
   return out;
+}
+
+}  // namespace
+
+Presence find_presence(const MatrixXd& y) {
+  return y.rows() <= 64 ? presence_by(y, few_present) : presence_by(y, many_present);
 }
 
 // ---- The model in lanes
