@@ -19,10 +19,19 @@ constexpr double kCertain = 0.8;            // the probability of a mistake that
 constexpr double kNoticed = 2.0;            // standard deviations from what the model takes
 constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 
-Eigen::MatrixXd structural_covariance(const StructureStudy& study, const Eigen::VectorXd& value,
-                                      double share) {
-  const Eigen::VectorXd shift = share * (study.value - value);
-  return study.covariance + shift * shift.transpose();
+// Standard deviations of the prior: what stands for something else.
+constexpr double kUnheardOf = 3.5;
+
+double surprise(const StructureCause& cause) {
+  return std::abs(cause.value - cause.prior_mean) / cause.prior_sd;
+}
+
+/// The cause that is least of what cars have; nothing without causes.
+const StructureCause* most_surprising(const StructureStudy& study) {
+  const auto at = std::max_element(
+      study.causes.begin(), study.causes.end(),
+      [](const StructureCause& a, const StructureCause& b) { return surprise(a) < surprise(b); });
+  return at == study.causes.end() ? nullptr : &*at;
 }
 
 bool is_judged(VehicleParameter parameter) {
@@ -83,6 +92,20 @@ Findings check_suspected(const StructureStudy& study) {
   return out;
 }
 
+/// A cause that no car has stands for something that the study does not have.
+Findings check_surprise(const StructureStudy& study, const Findings& others) {
+  const StructureCause* cause = most_surprising(study);
+  if (cause == nullptr || !(surprise(*cause) > kUnheardOf) || !others.empty()) return {};
+  return {make_finding(
+      FindingCode::structure_dependent, {cause->name},
+      fmt::format("the recording asks for {}, where cars and test equipment have {:.2g} +- {:.1g}: "
+                  "something else is behind it",
+                  in_words(*cause), cause->prior_mean, cause->prior_sd),
+      "check axle distances, mass, places and gains of the sensors and the speed; known better "
+      "by: " +
+          cause->separated_by)};
+}
+
 /// What is wrong in the model file or with the equipment is no structure that errors allow for.
 Findings check_mistakes(const StructureStudy& study) {
   Findings out;
@@ -107,14 +130,16 @@ double shift_share(bool adopted) { return adopted ? 2.0 / 3.0 : 1.0; }
 void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                         const Eigen::VectorXd& simulated, VehicleCovariance& covariance) {
   const Eigen::VectorXd by_method = simulated - value;
+  const Eigen::VectorXd shift = shift_share(false) * (study.value - value);
   const Eigen::MatrixXd more =
-      structural_covariance(study, value, shift_share(false)) + by_method * by_method.transpose();
+      study.covariance + shift * shift.transpose() + by_method * by_method.transpose();
   covariance.covariance += more(covariance.inner, covariance.inner);
 }
 
 void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                     VehicleCovariance& covariance) {
-  const Eigen::MatrixXd own = structural_covariance(study, value, shift_share(true));
+  const Eigen::VectorXd shift = shift_share(true) * (study.value - value);
+  const Eigen::MatrixXd own = study.covariance + shift * shift.transpose();
   covariance.covariance = own(covariance.inner, covariance.inner);
 }
 
@@ -164,6 +189,7 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
   }
   Findings out = check_mistakes(study);
   append(out, check_suspected(study));
+  append(out, check_surprise(study, out));
   if (open.empty()) return out;
   out.push_back(make_finding(
       FindingCode::structure_dependent, names,

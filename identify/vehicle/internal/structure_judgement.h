@@ -32,7 +32,8 @@ void report_structure(const StructureStudy& study, bool adopted, const VehicleUn
                       VehicleEstimate& estimate);
 
 /// structure_dependent, serious, where a stiffness or the yaw inertia is left open by more than a
-/// quarter of it; what is beyond anything that cars and test equipment have, by its code.
+/// quarter of it, or where a cause would have to lie more than 3.5 standard deviations from what cars
+/// and test equipment have: it stands for something else then. What is a mistake, by its code.
 Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
                          const VehicleEstimate& estimate);
 

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/vehicle/fit.h"
+#include "identify/vehicle/internal/structure_judgement.h"
 #include "lib/vehicle/sladka2010_car.h"
 #include "tests/support/vehicle_case.h"
 
@@ -135,6 +136,49 @@ TEST(StructureStudy, NamesASensorThatIsLate) {
   const Finding* differs = finding(fit, FindingCode::sensor_differs);
   ASSERT_NE(differs, nullptr) << fit.message;
   EXPECT_THAT(differs->about.front(), HasSubstr(" of r"));  // delay or lag
+}
+
+// A study of Iz = 2000 +- 100, 900 away from the model as it is written.
+StructureStudy study_far_from_the_model(double surprise) {
+  StructureStudy study;
+  study.converged = true;
+  study.value = Eigen::VectorXd::Constant(1, 2000.0);
+  study.covariance = Eigen::MatrixXd::Constant(1, 1, 100.0 * 100.0);
+  study.with_causes = Eigen::MatrixXd::Zero(1, 1);
+  study.causes = {{"lever arm of ay", "m", 0.0, 0.0, 0.05, 0.05 * surprise, 0.01, "the place"}};
+  return study;
+}
+
+struct JudgedInertia {
+  VehicleUnknowns unknowns;
+  VehicleCovariance covariance;
+  VehicleEstimate estimate;
+};
+
+JudgedInertia judged_inertia() {
+  JudgedInertia out;
+  out.unknowns.free = {kYawInertia};
+  out.unknowns.position = {0};
+  out.covariance.inner = {0};
+  EstimatedParameter Iz;
+  Iz.name = "Iz";
+  Iz.unit = "kg m^2";
+  Iz.value = 2000.0;
+  Iz.se = 100.0;
+  Iz.ci95 = {1800.0, 2200.0};
+  out.estimate.parameters = {Iz};
+  return out;
+}
+
+TEST(StructureStudy, ACauseThatNoCarHasStandsForSomethingElse) {
+  const JudgedInertia car = judged_inertia();
+  EXPECT_TRUE(check_structure(study_far_from_the_model(3.0), car.unknowns, car.estimate).empty());
+  const Findings found =
+      check_structure(study_far_from_the_model(-4.0), car.unknowns, car.estimate);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].code, FindingCode::structure_dependent);
+  EXPECT_EQ(found[0].severity, Severity::serious);
+  EXPECT_THAT(found[0].text, HasSubstr("lever arm of ay -0.2"));
 }
 
 TEST(StructureStudy, UnitsChangeNothing) {
