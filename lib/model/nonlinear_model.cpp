@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "lib/base/interpolation.h"
 #include "lib/base/message.h"
@@ -37,6 +39,13 @@ Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
     }
   }
   return make_tape(graph, all);
+}
+
+// States, inputs and the time.
+std::vector<int> moving_symbols(const FormulaNodes& nodes) {
+  std::vector<int> out = symbol_range(0, nodes.states + nodes.inputs);
+  out.push_back(nodes.states + nodes.inputs + nodes.parameters);
+  return out;
 }
 
 void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
@@ -174,6 +183,122 @@ void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives ord
   }
 }
 
+// Stamps that are irregular have an interval each: what would be kept is not met again.
+constexpr std::size_t kMostRepeated = 256;
+
+// The state with its derivatives and Gramians through the Runge-Kutta steps of an interval.
+void follow_motion(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+                   Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian, Derivatives order,
+                   Gramians* gramians) {
+  const Index nx = model.states;
+  const bool noisy = gramians != nullptr;
+  const auto interval = static_cast<std::size_t>(k);
+  const Index first = inputs.first[interval];
+  const MotionParts parts(model, order, noisy ? gramians->densities.cols() : 0);
+  // Larger ones stay: another call may need less, and the next one more.
+  const Index size = parts.size();
+  for (Eigen::VectorXd* motion : {&m.begin, &m.stage, &m.rate, &m.sum}) {
+    if (motion->size() < size) motion->resize(size);
+  }
+  const int steps = inputs.steps[interval];
+  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+  m.begin.setZero();
+  m.begin.head(nx) = x;
+  parts.jacobian(m.begin).leftCols(nx).diagonal().setOnes();
+  if (noisy) m.densities = gramians->densities;
+  for (int i = 0; i < steps; ++i) {
+    auto at_stage = m.stage.head(size), sum = m.sum.head(size);
+    const auto begin = m.begin.head(size), rate = m.rate.head(size);
+    sum = begin;
+    at_stage = begin;
+    for (const Stage& stage : kStages) {
+      if (stage.reach > 0.0) at_stage = begin + (stage.reach * h) * rate;
+      evaluate_rates(model, m, order, m.stage.data(),
+                     inputs.u.col(first + 2 * i + stage.node).data(),
+                     inputs.time[k] + (i + stage.reach) * h);
+      chain_jacobian(parts, m, order);
+      if (noisy) add_gramian_rates(parts, m, order);
+      sum += (stage.weight * h) * rate;
+    }
+    m.begin.swap(m.sum);
+  }
+  x = m.begin.head(nx);
+  jacobian.wrt_x = parts.jacobian(m.begin).leftCols(nx);
+  jacobian.wrt_p = parts.jacobian(m.begin).rightCols(model.columns);
+  if (order == Derivatives::second) jacobian.wrt_x_jacobian = parts.curvature(m.begin);
+  if (!noisy) return;
+  gramians->values = parts.gramians(m.begin);
+  if (order == Derivatives::second) gramians->jacobian = parts.gramian_jacobian(m.begin);
+}
+
+// A step that differs from this one in its state, and in its inputs, alone.
+const RepeatedStep* made_before(const ModelMemory& m, const InputNodes& inputs, Index k,
+                                Derivatives order, const Gramians* gramians) {
+  const double interval = inputs.time[k + 1] - inputs.time[k];
+  // Both stamps are rounded, and so were those of the step made before.
+  const double rounding =
+      4.0 * std::numeric_limits<double>::epsilon() *
+      std::max(std::abs(inputs.time[0]), std::abs(inputs.time[inputs.time.size() - 1]));
+  for (const RepeatedStep& each : m.repeated) {
+    if (std::abs(each.interval - interval) > rounding || each.order != order ||
+        each.steps != inputs.steps[static_cast<std::size_t>(k)]) {
+      continue;
+    }
+    if (gramians == nullptr) {
+      if (each.gramians.densities.size() == 0) return &each;
+    } else if (each.gramians.densities.cols() == gramians->densities.cols() &&
+               each.gramians.densities == gramians->densities) {
+      return &each;
+    }
+  }
+  return nullptr;
+}
+
+// x+ = to + Phi (x - from), and its derivatives with respect to p.
+void repeat_motion(const NonlinearModel& model, const RepeatedStep& made,
+                   Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian) {
+  const Index nx = model.states;
+  jacobian.wrt_x = made.slopes.wrt_x;
+  jacobian.wrt_p = made.slopes.wrt_p;
+  const Eigen::VectorXd away = x - made.from;
+  for (Index j = 0; j < nx; ++j) {
+    jacobian.wrt_p += away[j] * made.slopes.wrt_x_jacobian.block(nx * j, nx, nx, model.columns);
+  }
+  x = made.to;
+  x.noalias() += made.slopes.wrt_x.lazyProduct(away);
+}
+
+void step_linear_in_state(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
+                          Index k, Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian,
+                          Derivatives order, Gramians* gramians) {
+  const bool second = order == Derivatives::second;
+  if (const RepeatedStep* made = made_before(m, inputs, k, order, gramians)) {
+    if (second && model.autonomous) {
+      repeat_motion(model, *made, x, jacobian);
+    } else {
+      follow_motion(model, m, inputs, k, x, jacobian, Derivatives::first, nullptr);
+    }
+    if (second) jacobian.wrt_x_jacobian = made->slopes.wrt_x_jacobian;
+    if (gramians == nullptr) return;
+    gramians->values = made->gramians.values;
+    if (second) gramians->jacobian = made->gramians.jacobian;
+    return;
+  }
+  RepeatedStep made{inputs.time[k + 1] - inputs.time[k],
+                    inputs.steps[static_cast<std::size_t>(k)],
+                    order,
+                    x,
+                    {},
+                    {},
+                    {}};
+  follow_motion(model, m, inputs, k, x, jacobian, order, gramians);
+  if (m.repeated.size() == kMostRepeated) return;
+  made.to = x;
+  made.slopes = jacobian;
+  if (gramians != nullptr) made.gramians = *gramians;
+  m.repeated.push_back(std::move(made));
+}
+
 }  // namespace
 
 FormulaNodes insert_formulas(const ModelFormulas& formulas) {
@@ -234,6 +359,15 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   out.rates = make_tape(graph, f);
   const std::vector<std::vector<Id>> by_f = jacobian_of(graph, f, by),
                                      by_h = jacobian_of(graph, h, by);
+  const std::vector<int> moving = moving_symbols(nodes);
+  const auto stays = [&](const std::vector<Id>& row) {
+    return std::all_of(row.begin(), row.begin() + nodes.states,
+                       [&](Id slope) { return graph.is_free_of(slope, moving); });
+  };
+  out.linear_in_state = std::all_of(by_f.begin(), by_f.end(), stays);
+  const std::vector<int> driving(moving.begin() + nodes.states, moving.end());
+  out.autonomous =
+      std::all_of(f.begin(), f.end(), [&](Id rate) { return graph.is_free_of(rate, driving); });
   out.rate_jacobian = make_tape(graph, f, by_f);
   out.output_jacobian = make_tape(graph, h, by_h);
   if (order == Derivatives::second) {
@@ -347,6 +481,7 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
     std::copy(p.begin(), p.end(), slots.begin() + (model.states + model.inputs));
     evaluate_held(tape, slots);
   };
+  memory.repeated.clear();
   write(model.rates, memory.rates);
   write(model.rate_jacobian, memory.rate_jacobian);
   write(model.output_jacobian, memory.output_jacobian);
@@ -397,10 +532,8 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
                  " numbers for a model ", (model.continuous ? "" : "in discrete time "), "with ",
                  nx, " states"}));
   }
-  const auto interval = static_cast<std::size_t>(k);
-  const Index first = inputs.first[interval];
-  const MotionParts parts(model, order, noisy ? gramians->densities.cols() : 0);
   if (!model.continuous) {
+    const Index first = inputs.first[static_cast<std::size_t>(k)];
     evaluate_rates(model, m, order, x.data(), inputs.u.col(first).data(), inputs.time[k]);
     x = m.rate.head(nx);
     jacobian.wrt_x = m.J.leftCols(nx);
@@ -414,40 +547,11 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     }
     return move_controlled(model, m, inputs, k, x, &jacobian);
   }
-  // Larger ones stay: another call may need less, and the next one more.
-  const Index size = parts.size();
-  for (Eigen::VectorXd* motion : {&m.begin, &m.stage, &m.rate, &m.sum}) {
-    if (motion->size() < size) motion->resize(size);
+  if (model.linear_in_state && (noisy || order == Derivatives::second)) {
+    step_linear_in_state(model, m, inputs, k, x, jacobian, order, gramians);
+  } else {
+    follow_motion(model, m, inputs, k, x, jacobian, order, gramians);
   }
-  const int steps = inputs.steps[interval];
-  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
-  m.begin.setZero();
-  m.begin.head(nx) = x;
-  parts.jacobian(m.begin).leftCols(nx).diagonal().setOnes();
-  if (noisy) m.densities = gramians->densities;
-  for (int i = 0; i < steps; ++i) {
-    auto at_stage = m.stage.head(size), sum = m.sum.head(size);
-    const auto begin = m.begin.head(size), rate = m.rate.head(size);
-    sum = begin;
-    at_stage = begin;
-    for (const Stage& stage : kStages) {
-      if (stage.reach > 0.0) at_stage = begin + (stage.reach * h) * rate;
-      evaluate_rates(model, m, order, m.stage.data(),
-                     inputs.u.col(first + 2 * i + stage.node).data(),
-                     inputs.time[k] + (i + stage.reach) * h);
-      chain_jacobian(parts, m, order);
-      if (noisy) add_gramian_rates(parts, m, order);
-      sum += (stage.weight * h) * rate;
-    }
-    m.begin.swap(m.sum);
-  }
-  x = m.begin.head(nx);
-  jacobian.wrt_x = parts.jacobian(m.begin).leftCols(nx);
-  jacobian.wrt_p = parts.jacobian(m.begin).rightCols(np);
-  if (order == Derivatives::second) jacobian.wrt_x_jacobian = parts.curvature(m.begin);
-  if (!noisy) return;
-  gramians->values = parts.gramians(m.begin);
-  if (order == Derivatives::second) gramians->jacobian = parts.gramian_jacobian(m.begin);
 }
 
 void observe(const NonlinearModel& model, ModelMemory& m,

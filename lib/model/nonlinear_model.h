@@ -44,6 +44,8 @@ struct NonlinearModel {
   std::vector<Eigen::Index> column;
   static constexpr Eigen::Index kInNoFormula = -1, kKnown = -2;
   bool continuous = true;
+  /// df/dx depends on the parameters alone; and so does all of f but for x.
+  bool linear_in_state = false, autonomous = false;
   Derivatives order = Derivatives::first;  ///< that the tapes below can give
   Tape rates;                              ///< f
   /// f, h and their Jacobians with respect to z = [x; those of p that `column` counts].
@@ -133,27 +135,6 @@ struct StepControl {
   Eigen::VectorXd largest;   ///< |x_i| so far
 };
 
-/// Memory of an evaluation, one per thread; parameters are those last set.
-struct ModelMemory {
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  TapeMemory rates, rate_jacobian, output_jacobian, rate_curvature, output_curvature;
-  /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
-  /// are requested, its derivatives, one after the other.
-  Eigen::VectorXd begin, stage, rate, sum;
-  Rows J, H, turned;       ///< derivatives of f with respect to [x; p] at the stage, and of those
-                           ///< with respect to x
-  Rows densities;          ///< of Gramians
-  Eigen::VectorXd values;  ///< of a curvature tape
-  Eigen::VectorXd y;       ///< ny
-  Rows y_jacobian;         ///< ny x (nx + columns)
-  StepControl control;
-};
-ModelMemory make_memory(const NonlinearModel& model);
-
-/// @param p  parameters, SI
-void set_parameters(const NonlinearModel& model, ModelMemory& memory,
-                    const Eigen::Ref<const Eigen::VectorXd>& p);
-
 /// Derivatives of a vector v, of n numbers, that follows from x and p. Those by p_i are in the
 /// column model.column[i].
 struct Jacobian {
@@ -163,14 +144,6 @@ struct Jacobian {
   /// column (reshaped(n, nx)).
   Eigen::MatrixXd wrt_x_jacobian;
 };
-
-/// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
-/// Runge-Kutta method, or as controlled_nodes() says, in discrete time by f with the inputs at
-/// sample k. What overflows or leaves a function's domain becomes infinite or NaN; the caller looks.
-/// @param x  nx
-/// @throws std::invalid_argument when there is no such sample or the number of inputs differs
-void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
-          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x);
 
 /// What white noise of density Q does to the state from one sample to the next, in continuous time:
 ///
@@ -185,8 +158,50 @@ struct Gramians {
   Eigen::MatrixXd jacobian;
 };
 
+/// A step that was made, of a model that is linear in its state: every other over an interval of
+/// this length has the same slopes and Gramians.
+struct RepeatedStep {
+  double interval = 0.0;  ///< [s]
+  int steps = 0;
+  Derivatives order = Derivatives::first;
+  Eigen::VectorXd from, to;  ///< the state
+  Jacobian slopes;
+  Gramians gramians;  ///< without densities: none
+};
+
+/// Memory of an evaluation, one per thread; parameters are those last set.
+struct ModelMemory {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  TapeMemory rates, rate_jacobian, output_jacobian, rate_curvature, output_curvature;
+  /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
+  /// are requested, its derivatives, one after the other.
+  Eigen::VectorXd begin, stage, rate, sum;
+  Rows J, H, turned;       ///< derivatives of f with respect to [x; p] at the stage, and of those
+                           ///< with respect to x
+  Rows densities;          ///< of Gramians
+  Eigen::VectorXd values;  ///< of a curvature tape
+  Eigen::VectorXd y;       ///< ny
+  Rows y_jacobian;         ///< ny x (nx + columns)
+  StepControl control;
+  std::vector<RepeatedStep> repeated;  ///< since the parameters were set
+};
+ModelMemory make_memory(const NonlinearModel& model);
+
+/// @param p  parameters, SI
+void set_parameters(const NonlinearModel& model, ModelMemory& memory,
+                    const Eigen::Ref<const Eigen::VectorXd>& p);
+
+/// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
+/// Runge-Kutta method, or as controlled_nodes() says, in discrete time by f with the inputs at
+/// sample k. What overflows or leaves a function's domain becomes infinite or NaN; the caller looks.
+/// @param x  nx
+/// @throws std::invalid_argument when there is no such sample or the number of inputs differs
+void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
+          Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x);
+
 /// The same with exact derivatives of x(k+1) by x(k) and p: the linearised equations go through the
-/// same Runge-Kutta steps.
+/// same Runge-Kutta steps. Those of a model that is linear in its state are made once for every
+/// length of an interval.
 /// @param jacobian  written; allocates nothing when it has the right shapes
 /// @param order     @throws std::invalid_argument when it is beyond the model's
 /// @param gramians  null: none; @throws std::invalid_argument in discrete time, without densities,

@@ -198,6 +198,47 @@ TEST(NonlinearModel, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
   }
 }
 
+// Two states that decay, one of them driven by an input or by nothing.
+Written decay(const std::string& drive) {
+  return {{"x", "e"},      {"u"}, {"tau", "c"}, {"-x/tau + c*e" + drive, "-e/c"},
+          {"hypot(x, e)"}, {},    true};
+}
+
+TEST(NonlinearModel, StepsThatRepeatAreThoseMadeAnew) {
+  EXPECT_FALSE(model_of(pendulum()).linear_in_state);
+  EXPECT_TRUE(model_of(decay("")).autonomous);
+  EXPECT_FALSE(model_of(decay(" + u")).autonomous);
+  const VectorXd p = (VectorXd(2) << 0.7, 1.3).finished();
+  const VectorXd time = (VectorXd(6) << 0.0, 0.1, 0.3, 0.4, 0.5, 0.7).finished();
+  const MatrixXd u = (MatrixXd(1, 6) << 1.0, -2.0, 3.0, 0.5, 4.0, 0.0).finished();
+  const InputNodes inputs = input_nodes(time, u, InputPath::linear, 0.05);
+  for (const std::string drive : {"", " + u", " + 0.3*u*u*sin(t)"}) {
+    const NonlinearModel model = model_of(decay(drive), Derivatives::second);
+    EXPECT_TRUE(model.linear_in_state) << drive;
+    ModelMemory kept = make_memory(model);
+    set_parameters(model, kept, p);
+    Gramians W{MatrixXd::Random(4, 2).cwiseAbs(), {}, {}}, W_anew = W;
+    VectorXd x = (VectorXd(2) << 2.0, -1.0).finished();
+    for (Index k = 0; k + 1 < time.size(); ++k) {
+      ModelMemory fresh = make_memory(model);
+      set_parameters(model, fresh, p);
+      Jacobian J, J_anew;
+      VectorXd x_anew = x;
+      step(model, fresh, inputs, k, x_anew, J_anew, Derivatives::second, &W_anew);
+      step(model, kept, inputs, k, x, J, Derivatives::second, &W);
+      EXPECT_LT((x - x_anew).norm(), 1e-14) << drive << k;
+      EXPECT_LT((J.wrt_x - J_anew.wrt_x).norm(), 1e-14) << drive << k;
+      EXPECT_LT((J.wrt_p - J_anew.wrt_p).norm(), 1e-13) << drive << k;
+      EXPECT_LT((J.wrt_x_jacobian - J_anew.wrt_x_jacobian).norm(), 1e-13) << drive << k;
+      EXPECT_LT((W.values - W_anew.values).norm(), 1e-14) << drive << k;
+      EXPECT_LT((W.jacobian - W_anew.jacobian).norm(), 1e-13) << drive << k;
+    }
+    EXPECT_EQ(kept.repeated.size(), 2u) << drive;
+    set_parameters(model, kept, 2.0 * p);
+    EXPECT_TRUE(kept.repeated.empty());
+  }
+}
+
 TEST(NonlinearModel, DiscreteTimeTakesTheFormulaAtItsWord) {
   // The scalar growth model of the particle filter literature.
   const NonlinearModel model = model_of(
