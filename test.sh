@@ -32,7 +32,7 @@ ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 build "Configuring with sanitizers" cmake --preset dev -G "$generator" -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16
 build "Building with sanitizers" cmake --build build-dev -j "$(nproc)"
 # Here a test takes about a hundred times as long: those that took up to this above [s].
-longest=0.03
+longest=0.02
 [ "$slow" = yes ] && longest=0.05
 slow_here=$(awk -v longest=$longest '$1 == "---" { exit } NF == 3 && $1 ~ /^[A-Za-z0-9_\/]+[.][A-Za-z0-9_\/]+$/ && $3 > longest { printf "%s%s", n++ ? "|" : "", $1 }' \
   build/Testing/Temporary/CTestCostData.txt)

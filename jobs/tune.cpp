@@ -13,6 +13,7 @@
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
+#include "identify/noise/expected_errors.h"
 #include "identify/noise/extend.h"
 #include "identify/noise/reference_tuning.h"
 #include "identify/result/file_digest.h"
@@ -251,6 +252,12 @@ Outcome tune_student_noise(const TuneOptions& options, const Run& run) {
   return finish(run, recordings, std::move(out), {{kStudentModel, text}});
 }
 
+// Of the model file as it is, and where the likelihood chose.
+bool weighs_further_parts(const TuneOptions& options, const Model& model) {
+  return options.method == "ml" && !options.reject_outliers && options.model.filter.empty() &&
+         !model.states.empty() && !model.student;
+}
+
 Outcome tune(const TuneOptions& options, Call& call) {
   const Run run{"tune", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
@@ -262,7 +269,14 @@ Outcome tune(const TuneOptions& options, Call& call) {
   if (options.extend) return tune_further(options, run, std::move(model));
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     if (options.purpose == kEstimates) return by_references(options, of, recordings, run);
-    return method_of(options).run(options, of, recordings, run);
+    NoiseEstimate out = method_of(options).run(options, of, recordings, run);
+    if (weighs_further_parts(options, of)) {
+      report_progress(run.call, "trying further parts of the model");
+      const std::string& path = options.model.file;
+      const YamlNode root = parse_with_included(call.inputs.model_text(path), path);
+      judge_by_expected_errors(root, of, recordings, out);
+    }
+    return out;
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,
                          options.reject_outliers, estimator);

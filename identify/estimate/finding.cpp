@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 107> kKinds = {{
+constexpr std::array<FindingKind, 108> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -179,6 +179,11 @@ constexpr std::array<FindingKind, 107> kKinds = {{
      "Innovations follow earlier inputs; serious where these explain more than 2 % of them, or "
      "with "
      "p below 0.001 more than 0.5 %"},
+    {FindingCode::expected_errors, "expected_errors", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::misfit,
+     "How far the states' errors are expected to be above what is possible, where the innovations "
+     "contradict the model; a note where that is at most 3 % and their squares are 2/3 to 3/2 of "
+     "the filter's variances: then what contradicts it is no more than a warning"},
     {FindingCode::innovation_size, "innovation_size", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing,
      "Innovations are larger than the filter predicts"},

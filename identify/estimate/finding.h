@@ -95,6 +95,7 @@ enum class FindingCode {
   few_samples,
   coloured_innovations,
   input_in_innovations,
+  expected_errors,
   innovation_size,
   innovations_not_gaussian,
   innovations_change_size,

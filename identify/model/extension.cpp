@@ -1,5 +1,6 @@
 #include "identify/model/extension.h"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
@@ -87,7 +88,15 @@ void add_state(YamlNode& model, const std::string& name, const std::string& unit
   }
   append(value_at(model, "dynamics"), name, yaml_scalar(dynamics));
   YamlNode& initial = value_at(model, "initial");
-  if (initial.kind != Kind::mapping) return;  // diffuse or stationary, as the others
+  if (initial.kind == Kind::scalar && initial.text == "diffuse") {  // the others alone
+    YamlNode others = yaml_list();
+    for (const YamlNode& each : states.kind == Kind::list ? states.items : states.keys) {
+      if (each.text != name) others.items.push_back(yaml_scalar(each.text));
+    }
+    initial = yaml_mapping();
+    append(initial, "diffuse", std::move(others));
+  }
+  if (initial.kind != Kind::mapping || find(initial, "mean") == nullptr) return;
   append(value_at(initial, "mean"), name, yaml_scalar("0"));
   append(value_at(initial, "sd"), name, yaml_scalar(sd));
 }
@@ -105,26 +114,50 @@ bool is_continuous(const YamlNode& model) {
   return kind != nullptr && kind->text == "continuous";
 }
 
-void add_lasting_error(YamlNode& model, const std::string& output, double size, double step) {
-  const std::string unit = unit_of(model, output), own = unused(model, "error_" + output),
-                    sd = unused(model, "sd_" + output), tau = unused(model, "tau_" + output);
-  const double scale = unit_or_dimensionless(unit).scale;
+// Parameters of lasting errors.
+struct LastingNames {
+  std::string sd, tau, step;  // step: of discrete time, known
+};
+
+LastingNames add_lasting_parameters(YamlNode& model, const std::string& of, const std::string& unit,
+                                    double size, double step) {
+  const LastingNames out{unused(model, "sd_" + of), unused(model, "tau_" + of),
+                         unused(model, "step_" + of)};
   const YamlNode* states = find(model, "states");
   const bool with_units = states != nullptr && states->kind == Kind::mapping;
-  add_parameter(model, sd, size / scale, unit, 0.0);
-  add_parameter(model, tau, kStartSteps * step, with_units ? "s" : "", kLeastSteps * step,
+  add_parameter(model, out.sd, size / unit_or_dimensionless(unit).scale, unit, 0.0);
+  add_parameter(model, out.tau, kStartSteps * step, with_units ? "s" : "", kLeastSteps * step,
                 kMostSteps * step);
-  if (is_continuous(model)) {
-    add_state(model, own, unit, fmt::format("-{}/{}", own, tau), sd);
-    add_process_variance(model, own, fmt::format("2*{}^2/{}", sd, tau));
-  } else {
-    const std::string h = unused(model, "step_" + output);  // known
-    append(value_at(model, "parameters"), h,
+  if (!is_continuous(model)) {
+    append(value_at(model, "parameters"), out.step,
            yaml_scalar(fmt::format("{:.12g}{}", step, with_units ? " s" : "")));
-    add_state(model, own, unit, fmt::format("{}*exp(-{}/{})", own, h, tau), sd);
-    add_process_variance(model, own, fmt::format("{}^2*(1 - exp(-2*{}/{}))", sd, h, tau));
+  }
+  return out;
+}
+
+void add_lasting_error(YamlNode& model, const std::string& output, const LastingNames& by) {
+  const std::string unit = unit_of(model, output), own = unused(model, "error_" + output);
+  if (is_continuous(model)) {
+    add_state(model, own, unit, fmt::format("-{}/{}", own, by.tau), by.sd);
+    add_process_variance(model, own, fmt::format("2*{}^2/{}", by.sd, by.tau));
+  } else {
+    add_state(model, own, unit, fmt::format("{}*exp(-{}/{})", own, by.step, by.tau), by.sd);
+    add_process_variance(model, own,
+                         fmt::format("{}^2*(1 - exp(-2*{}/{}))", by.sd, by.step, by.tau));
   }
   add_to_output(model, output, own);
+}
+
+void add_lasting_errors(YamlNode& model, const ModelExtension& extension, double step) {
+  std::optional<LastingNames> of_all;
+  for (std::size_t i = 0; i < extension.names.size(); ++i) {
+    const std::string& name = extension.names[i];
+    if (!of_all || !extension.alike) {
+      of_all = add_lasting_parameters(model, extension.alike ? "errors" : name,
+                                      unit_of(model, name), extension.size[i], step);
+    }
+    add_lasting_error(model, name, *of_all);
+  }
 }
 
 void add_bias(YamlNode& model, const std::string& output) {
@@ -142,16 +175,44 @@ std::string in_words(const ModelExtension& extension) {
     case ExtensionKind::bias:
       return (several ? "biases of " : "a bias of ") + names;
     case ExtensionKind::lasting_error:
-      return (several ? "errors that last, of " : "an error that lasts, of ") + names;
+      return (several ? "errors that last, " : "an error that lasts, ") +
+             std::string(extension.alike ? "alike, of " : "of ") + names;
     case ExtensionKind::process_noise:
       break;
   }
   return "process noise of " + names;
 }
 
+std::vector<std::vector<std::string>> outputs_alike(const YamlNode& model) {
+  const YamlNode* noise = find(formulas_part(model, "noise"), "measurement");
+  const YamlNode* written = nullptr;
+  for (const char* key : {"variance", "sd"}) {
+    if (noise != nullptr && written == nullptr) written = find(*noise, key);
+  }
+  std::vector<std::vector<std::string>> out;
+  if (written == nullptr || written->kind != Kind::mapping) return out;
+  std::vector<std::string> variances;
+  for (std::size_t i = 0; i < written->keys.size(); ++i) {
+    const std::string& text = written->items[i].text;
+    if (text.find_first_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") ==
+        std::string::npos) {
+      continue;
+    }
+    const auto at = std::find(variances.begin(), variances.end(), text);
+    if (at == variances.end()) {
+      variances.push_back(text);
+      out.push_back({written->keys[i].text});
+    } else {
+      out[static_cast<std::size_t>(at - variances.begin())].push_back(written->keys[i].text);
+    }
+  }
+  return out;
+}
+
 YamlNode extended(YamlNode model, const ModelExtension& extension, double step) {
   formulas_part(model, "dynamics");
   formulas_part(model, "noise");
+  if (extension.kind == ExtensionKind::lasting_error) add_lasting_errors(model, extension, step);
   for (std::size_t i = 0; i < extension.names.size(); ++i) {
     const std::string& name = extension.names[i];
     const double size = extension.size[i];
@@ -160,7 +221,6 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
         add_bias(model, name);
         break;
       case ExtensionKind::lasting_error:
-        add_lasting_error(model, name, size, step);
         break;
       case ExtensionKind::process_noise: {
         const std::string unit = unit_of(model, name);

@@ -18,13 +18,18 @@ struct ModelExtension {
   ExtensionKind kind = ExtensionKind::bias;
   std::vector<std::string> names;  ///< outputs, or one state
   std::vector<double> size;        ///< a standard deviation each, where a search begins, SI
+  bool alike = false;              ///< lasting errors: one deviation and time constant for all
 };
-/// "biases of d0, d1", "an error of z that lasts", "process noise of vx".
+/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx".
 std::string in_words(const ModelExtension& extension);
 
+/// Outputs whose measurement noise is written with the same variance, where that is not a number:
+/// sensors of one kind.
+std::vector<std::vector<std::string>> outputs_alike(const YamlNode& model);
+
 /// The tree of a model file with the further part, and parameters for it: bias_OUTPUT; sd_OUTPUT and
-/// tau_OUTPUT of a lasting error, whose state is error_OUTPUT; q_STATE. A lasting error begins with
-/// its own variance where the start is given.
+/// tau_OUTPUT of a lasting error, whose state is error_OUTPUT (sd_errors and tau_errors of those that
+/// are alike); q_STATE. A lasting error begins with its own variance.
 ///
 /// Example:
 ///

@@ -36,11 +36,12 @@ struct ExtendResult {
 };
 
 /// Step by step: every extension that there is (biases of one output and of all, errors that last,
-/// process noise of states without any; of more than four outputs all at once alone) is fitted to the
+/// those of sensors of one kind alike, process noise of states without any; of more than four
+/// outputs all at once alone) is fitted to the
 /// first part of each recording by maximum likelihood, and predicts the last part, its filter going
 /// on from the first. Those pay whose gain is beyond 3 of its standard errors and 0.01 nats per row;
 /// of those that no other beats by as much, the one is adopted that the first part asks for by BIC.
-/// What is chosen is tuned on all rows.
+/// What is chosen is tuned on all rows, and judged by judge_by_expected_errors().
 ///
 /// Example:
 ///

@@ -29,7 +29,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kTurns = 6;  // of expectation maximisation, for a start
+constexpr int kStartTurns = 6;  // of expectation maximisation, for a start
 constexpr double kMostFreedom = 200.0;
 constexpr double kShareHeldOut = 0.3;
 constexpr Index kFewestRowsToCompare = 60;
@@ -54,7 +54,7 @@ Model weighted_start(const Model& model, const std::vector<Dataset>& recordings)
   const double freedom = degrees_of_freedom(model, model.parameters);
   std::vector<Dataset> weighted = recordings;
   maximise_normal(normal, weighted);
-  for (int turn = 0; turn < kTurns; ++turn) {
+  for (int turn = 0; turn < kStartTurns; ++turn) {
     for (Dataset& recording : weighted) {
       recording.noise_scale = noise_scale_of(expected_squares(normal, recording), freedom);
     }

@@ -104,8 +104,8 @@ class Case:
         about = {"status": result["status"]["code"], "seconds": seconds, "values": values}
         derived = {each["name"]: each["value"] for each in result["derived"]}
         if "expected NEES" in derived:
-            about["expected"] = [derived["excess error of the states"], derived["excess error, 95 % from"],
-                                 derived["excess error, 95 % to"], derived["expected NEES"]]
+            about["expected"] = [100 * derived["excess error of the states"],
+                                 100 * derived["excess error of the states, at most"], derived["expected NEES"]]
         return values, about
 
     def with_reference(self, model, folder):
@@ -198,7 +198,7 @@ def show(name, of):
         line = f"  {method:19s} rmse {about['rmse']:8.4g}  in band {about['coverage']:4.2f}  NEES {about['nees']:6.3g}"
         line += f"  {about.get('seconds', 0):6.2f} s  {about.get('status', '')}"
         if "expected" in about:
-            line += "  expected {:.1f} % ({:.1f} .. {:.1f}), NEES {:.2g}".format(*about["expected"])
+            line += "  expected {:.1f} % (up to {:.1f} %), NEES {:.2g}".format(*about["expected"])
         print(line + (f"  found {100 * about['found']:.1f} %" if "found" in about else ""), flush=True)
 
 

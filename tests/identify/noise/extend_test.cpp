@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -137,6 +138,31 @@ TEST(Extension, ReadsAsTheModelThatItWas) {
     EXPECT_EQ(m.C(1, 2), 1.0);
     EXPECT_EQ(m.C(0, 2), 0.0);
   }
+}
+
+TEST(Extension, SensorsOfOneKindShareTheirLastingError) {
+  const YamlNode root = parse_yaml(continuous_text(), "two.yaml");
+  const auto kinds = outputs_alike(root);
+  ASSERT_EQ(kinds.size(), 2u);
+  EXPECT_EQ(kinds[1], (std::vector<std::string>{"b", "p"}));
+  const ModelExtension both{ExtensionKind::lasting_error, {"b", "p"}, {0.5, 0.5}, true};
+  EXPECT_EQ(in_words(both), "errors that last, alike, of b, p");
+  const Model model = model_of(extended(root, both, 0.1), "more.yaml");
+  EXPECT_EQ(model.states.size(), 4u);
+  EXPECT_EQ(model.parameters.size(), model_of(root, "two.yaml").parameters.size() + 2);
+  EXPECT_GE(find_parameter(model.parameters, "sd_errors"), 0);
+  EXPECT_GE(find_parameter(model.parameters, "tau_errors"), 0);
+}
+
+// The others alone: of a sum of two diffuse states a recording says nothing.
+TEST(Extension, LastingErrorsOfADiffuseModelAreNotDiffuse) {
+  std::string text = continuous_text();
+  text.replace(text.find("initial:"), std::string::npos, "initial: diffuse\n");
+  const YamlNode more =
+      extended(parse_yaml(text, "two.yaml"), {ExtensionKind::lasting_error, {"b"}, {0.5}}, 0.1);
+  EXPECT_NE(model_file_text(more).find("diffuse: [p, v]"), std::string::npos)
+      << model_file_text(more);
+  EXPECT_NO_THROW(model_of(more, "more.yaml"));
 }
 
 TEST(Extension, KeepsTheUnits) {

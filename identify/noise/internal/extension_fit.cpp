@@ -1,0 +1,174 @@
+#include "identify/noise/internal/extension_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "identify/filter/model_filter.h"
+#include "identify/filter/recordings_likelihood.h"
+#include "identify/model/check.h"
+#include "identify/model/model_file.h"
+#include "lib/base/error.h"
+#include "solvers/covariance.h"
+#include "solvers/scoring.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Of more outputs than that, all are extended at once, or none by a state each.
+constexpr std::size_t kMostAlone = 4, kMostStates = 6, kMostAlike = 12;
+
+// Values of parameters that both have.
+void take_values(const Model& from, Model& to) {
+  for (Parameter& p : to.parameters) {
+    const int i = find_parameter(from.parameters, p.name);
+    if (i < 0 || from.parameters[static_cast<std::size_t>(i)].value.size() != p.value.size()) {
+      continue;
+    }
+    p = from.parameters[static_cast<std::size_t>(i)];
+  }
+}
+
+// Do the data tell all unknowns inside their bounds?
+bool determines(const LikelihoodProblem& problem, const VectorXd& x) {
+  double value = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+  if (!problem.evaluate(x, value, &gradient, &information)) return false;
+  std::vector<Index> inside;
+  for (Index i = 0; i < x.size(); ++i) {
+    if (x[i] > problem.lower[i] && x[i] < problem.upper[i]) inside.push_back(i);
+  }
+  return inside.empty() || scaled_inverse(information(inside, inside), kFlat).has_value();
+}
+
+// Of each output: half of the innovations' size; zero where there is none.
+std::vector<double> begin_sizes(const FilterResult& filter) {
+  std::vector<double> out;
+  for (Index i = 0; i < filter.e.rows(); ++i) {
+    const auto e = filter.e.row(i).array();
+    const double rows = static_cast<double>((e == e).count());
+    out.push_back(0.5 * std::sqrt((e == e).select(e.square(), 0.0).sum() / std::max(1.0, rows)));
+  }
+  return out;
+}
+
+bool has_parameter(const Model& model, const std::string& name) {
+  return find_parameter(model.parameters, name) >= 0;
+}
+
+bool has_state(const Model& model, const std::string& name) {
+  return std::any_of(model.states.begin(), model.states.end(),
+                     [&](const auto& state) { return state.name == name; });
+}
+
+// Biases or lasting errors of all outputs that have none.
+ModelExtension of_all_outputs(ExtensionKind kind, const Model& model,
+                              const std::vector<double>& sizes) {
+  ModelExtension out{kind, {}, {}, false};
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    const std::string& name = model.outputs[i].name;
+    const bool there = kind == ExtensionKind::bias ? has_parameter(model, "bias_" + name)
+                                                   : has_state(model, "error_" + name);
+    if (there || !(sizes[i] > 0.0)) continue;
+    out.names.push_back(name);
+    out.size.push_back(sizes[i]);
+  }
+  return out;
+}
+
+// Those of `all` that are sensors of one kind.
+std::vector<ModelExtension> alike(const YamlNode& root, const ModelExtension& all) {
+  std::vector<ModelExtension> out;
+  for (const std::vector<std::string>& kind : outputs_alike(root)) {
+    ModelExtension group{all.kind, {}, {}, true};
+    for (std::size_t i = 0; i < all.names.size(); ++i) {
+      if (std::find(kind.begin(), kind.end(), all.names[i]) == kind.end()) continue;
+      group.names.push_back(all.names[i]);
+      group.size.push_back(all.size[i]);
+    }
+    const std::size_t count = group.names.size();
+    if (count > 1 && count <= kMostAlike) out.push_back(std::move(group));
+  }
+  return out;
+}
+
+std::vector<ModelExtension> process_noises(const Model& model) {
+  std::vector<ModelExtension> out;
+  const StateSpace written = written_matrices(noise_model(model), model.parameters);
+  const MatrixXd Q = written.G * written.Q * written.G.transpose();
+  const double of_others = std::sqrt(Q.diagonal().maxCoeff());
+  for (std::size_t i = 0; i < model.states.size() && of_others > 0.0; ++i) {
+    const auto at = static_cast<Index>(i);
+    const std::string& name = model.states[i].name;
+    if (Q(at, at) != 0.0 || name.starts_with("error_") || has_parameter(model, "q_" + name)) {
+      continue;
+    }
+    out.push_back({ExtensionKind::process_noise, {name}, {0.1 * of_others}, false});
+  }
+  return out;
+}
+
+}  // namespace
+
+std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings) {
+  RecordingsLikelihood likelihood(model, recordings);
+  if (likelihood.status_at_start() != FilterStatus::ok) return std::nullopt;
+  likelihood.condition_on_beginning();
+  likelihood.weigh_by_priors();
+  SolverOptions solver;
+  solver.max_iterations = 40;
+  solver.decrement_tolerance = 1e-4;
+  const Solution end = maximise(likelihood.problem(), coordinates(model.parameters), solver);
+  if (!std::isfinite(end.summary.objective) || !determines(likelihood.problem(), end.x)) {
+    return std::nullopt;
+  }
+  model.parameters = with_coordinates(model.parameters, end.x);
+  return end.summary.objective;
+}
+
+std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
+                                                const std::vector<Dataset>& recordings) {
+  std::vector<ModelExtension> out;
+  const FilterResult filter = run_filter(model, model.parameters, recordings[0], Keep::innovations);
+  if (filter.status != FilterStatus::ok) return out;
+  const std::vector<double> sizes = begin_sizes(filter);
+  for (const ExtensionKind kind : {ExtensionKind::bias, ExtensionKind::lasting_error}) {
+    const ModelExtension all = of_all_outputs(kind, model, sizes);
+    const std::size_t count = all.names.size();
+    for (std::size_t i = 0; count <= kMostAlone && i < count; ++i) {
+      out.push_back({kind, {all.names[i]}, {all.size[i]}, false});
+    }
+    if (count > 1 && (kind == ExtensionKind::bias || count <= kMostStates)) out.push_back(all);
+    if (kind == ExtensionKind::bias) continue;
+    const std::vector<ModelExtension> groups = alike(root, all);
+    out.insert(out.end(), groups.begin(), groups.end());
+  }
+  const std::vector<ModelExtension> noises = process_noises(model);
+  out.insert(out.end(), noises.begin(), noises.end());
+  return out;
+}
+
+std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExtension& extension,
+                                         const std::vector<Dataset>& recordings) {
+  try {
+    FittedModel out;
+    out.root = extended(base.root, extension, recordings[0].dt);
+    out.model = model_of(out.root, base.model.source);
+    take_values(base.model, out.model);
+    out.model = checked(std::move(out.model), recordings);
+    const std::optional<double> L = fit_values(out.model, recordings);
+    if (!L) return std::nullopt;
+    out.log_likelihood = *L;
+    return out;
+  } catch (const InputError&) {
+    return std::nullopt;  // units that do not fit, no named noise, a start of another kind
+  }
+}
+
+}  // namespace identikal
