@@ -33,7 +33,7 @@ constexpr double kLeastOfStep = 0.35;  // below it what is read are the steps
 constexpr double kLeastOfMotion = 0.002;
 constexpr double kSlowest = 3.0;  // [Hz]: slower angles are no noise
 constexpr double kToldApart = 0.25, kMostShare = 1.5;
-constexpr int kDraws = 4, kMostIterations = 8;
+constexpr int kDraws = 4, kMostNewtonSteps = 8;
 constexpr double kSettledShift = 0.002, kMostPerIteration = 0.5;
 constexpr double kGrave = 0.05, kNoticeable = 0.02;
 
@@ -249,7 +249,7 @@ class Attenuation {
       noisy.push_back(std::make_unique<Steered>(problem_, problem_.run->steering + noise));
     }
     VectorXd z = optimum_.z, at_optimum;
-    for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+    for (int iteration = 0; iteration < kMostNewtonSteps; ++iteration) {
       VectorXd gradient, by_noise;
       MatrixXd curvature;
       if (!equations(z, noisy, gradient, curvature, by_noise)) break;

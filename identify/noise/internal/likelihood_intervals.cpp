@@ -34,7 +34,7 @@ struct Profiled {
 };
 
 // The observed information where the expected one is known, as far as it differs as at the maximum.
-MatrixXd observed_information(const Profiled& at, const MatrixXd& expected) {
+MatrixXd observed_at(const Profiled& at, const MatrixXd& expected) {
   if (at.excess.rows() != expected.rows()) return expected;
   const VectorXd scale = expected.diagonal().cwiseMax(0.0).cwiseSqrt();
   return expected + scale.asDiagonal() * at.excess * scale.asDiagonal();
@@ -183,7 +183,7 @@ std::optional<Glimpse> glimpse(const Profiled& at, const VectorXd& x) {
   out.move = VectorXd::Zero(x.size());
   out.along = VectorXd::Unit(x.size(), at.i);
   if (!free.empty()) {
-    information = observed_information(at, information);
+    information = observed_at(at, information);
     const Eigen::LDLT<MatrixXd> others(MatrixXd(information(free, free)));
     if (others.info() != Eigen::Success || !others.isPositive()) return std::nullopt;
     const VectorXd move = others.solve(VectorXd(gradient(free)));
@@ -213,7 +213,7 @@ std::optional<double> end_at_once(const Profiled& at, double first, double targe
   const auto within = [&](double value) { return std::clamp(value, lower, upper); };
   VectorXd x = at.x;
   double step = within(from + (by_logarithm ? from * std::expm1(first / from) : first)) - from;
-  VectorXd move = step * tangent(at, x, observed_information(at, at.information));
+  VectorXd move = step * tangent(at, x, observed_at(at, at.information));
   double gain = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kMost; ++k) {
     const double value = within(x[i] + step);
