@@ -30,7 +30,7 @@ struct NoiseGain {
 ///       std::printf("%s gains %g\n", each.what.front().c_str(), each.gain);
 ///
 /// @param model   as with_free_noise() returns it; @param better  likelier values of its parameters
-/// @return empty where a likelihood on the way does not exist
+/// @return empty where the likelihood does not exist between the two
 std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
                                         const std::vector<Dataset>& recordings);
 
