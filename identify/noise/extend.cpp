@@ -13,6 +13,7 @@
 #include "identify/model/model_file.h"
 #include "identify/noise/expected_errors.h"
 #include "identify/noise/internal/extension_fit.h"
+#include "identify/noise/internal/gain_by_row.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 
@@ -80,30 +81,16 @@ bool predict(ExtendedModel& candidate, const std::vector<Dataset>& recordings,
   return true;
 }
 
-// The mean gain per row, and its standard error from blocks of rows.
-struct Gain {
-  double size = kNone, se = kNone;
-  bool pays() const { return size > kStandardErrors * se && size > kLeastGain; }
-};
+bool pays(const GainByRow& gain) {
+  return gain.mean > kStandardErrors * gain.se && gain.mean > kLeastGain;
+}
 
-Gain gain_of(const ExtendedModel& more, const ExtendedModel& less) {
-  constexpr Index kBlocks = 10;
-  std::vector<double> blocks;
-  double sum = 0.0, rows = 0.0;
+GainByRow gain_of(const ExtendedModel& more, const ExtendedModel& less) {
+  std::vector<VectorXd> gains;
   for (std::size_t r = 0; r < more.densities.size(); ++r) {
-    const VectorXd gain = more.densities[r] - less.densities[r];
-    sum += gain.sum();
-    rows += static_cast<double>(gain.size());
-    const Index length = std::max<Index>(1, gain.size() / kBlocks);
-    for (Index at = 0; at + length <= gain.size(); at += length) {
-      blocks.push_back(gain.segment(at, length).mean());
-    }
+    gains.push_back(more.densities[r] - less.densities[r]);
   }
-  const double mean = sum / rows;
-  double squares = 0.0;
-  for (const double block : blocks) squares += (block - mean) * (block - mean);
-  const auto count = static_cast<double>(blocks.size());
-  return {mean, std::sqrt(squares / (count - 1.0) / count)};
+  return gain_by_row(gains);
 }
 
 std::optional<ExtendedModel> tried(const ExtendedModel& base, const ModelExtension& extension,
@@ -119,7 +106,7 @@ std::optional<ExtendedModel> tried(const ExtendedModel& base, const ModelExtensi
 // An extension that was tried.
 struct Fitted {
   ExtendedModel candidate;
-  Gain gain;
+  GainByRow gain;
   std::size_t trial;
 };
 
@@ -127,12 +114,12 @@ struct Fitted {
 std::optional<std::size_t> chosen_of(const std::vector<Fitted>& fitted) {
   const auto beaten = [&](const Fitted& each) {
     return std::any_of(fitted.begin(), fitted.end(), [&](const Fitted& other) {
-      return other.gain.pays() && gain_of(other.candidate, each.candidate).pays();
+      return pays(other.gain) && pays(gain_of(other.candidate, each.candidate));
     });
   };
   std::optional<std::size_t> out;
   for (std::size_t i = 0; i < fitted.size(); ++i) {
-    if (!fitted[i].gain.pays() || beaten(fitted[i])) continue;
+    if (!pays(fitted[i].gain) || beaten(fitted[i])) continue;
     if (!out || fitted[i].candidate.criterion > fitted[*out].candidate.criterion) out = i;
   }
   return out;
@@ -176,8 +163,8 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
       ExtensionTrial trial{in_words(extension), kNone, kNone, false};
       auto candidate = tried(best, extension, recordings, first);
       if (candidate) {
-        const Gain gain = gain_of(*candidate, best);
-        trial.gain = gain.size;
+        const GainByRow gain = gain_of(*candidate, best);
+        trial.gain = gain.mean;
         trial.gain_se = gain.se;
         fitted.push_back({std::move(*candidate), gain, out.tried.size()});
       }
@@ -189,7 +176,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
     for (const Fitted& each : fitted) {
       ExtensionTrial& trial = out.tried[each.trial];
       trial.adopted = each.trial == better.trial;
-      const bool better_beats = gain_of(better.candidate, each.candidate).pays();
+      const bool better_beats = pays(gain_of(better.candidate, each.candidate));
       trial.rival = !trial.adopted && trial.gain > kLeastGain && !better_beats;
     }
     best = std::move(better.candidate);

@@ -17,6 +17,7 @@
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/gain_by_row.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "solvers/covariance.h"
@@ -193,7 +194,6 @@ void judge(NoiseEstimate& estimate, const StudentEnd& end, const std::vector<Dat
 // The mean gain per row held out, and its standard error from blocks of rows.
 std::optional<std::pair<double, double>> gain_held_out(const Model& model,
                                                        const std::vector<Dataset>& recordings) {
-  constexpr Index kBlocks = 10;
   std::vector<Dataset> first;
   for (const Dataset& data : recordings) {
     if (data.size() < kFewestRowsToCompare) return std::nullopt;
@@ -203,26 +203,16 @@ std::optional<std::pair<double, double>> gain_held_out(const Model& model,
   const StudentEnd heavy = maximise_student(model, first, {});
   Model normal = normal_model(model);
   maximise_normal(normal, first);
-  std::vector<double> blocks;
-  double sum = 0.0, rows = 0.0;
+  std::vector<VectorXd> gains;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const StudentRun run = StudentFilter(model, recordings[r]).run(heavy.parameters);
     if (run.filter.status != FilterStatus::ok) return std::nullopt;
-    const VectorXd gain = (run.log_density - normal_log_densities(normal, recordings[r]))
-                              .tail(recordings[r].size() - first[r].size());
-    sum += gain.sum();
-    rows += static_cast<double>(gain.size());
-    const Index length = std::max<Index>(1, gain.size() / kBlocks);
-    for (Index at = 0; at + length <= gain.size(); at += length) {
-      blocks.push_back(gain.segment(at, length).mean());
-    }
+    gains.push_back((run.log_density - normal_log_densities(normal, recordings[r]))
+                        .tail(recordings[r].size() - first[r].size()));
   }
-  const double mean = sum / rows;
-  double squares = 0.0;
-  for (const double block : blocks) squares += (block - mean) * (block - mean);
-  const auto count = static_cast<double>(blocks.size());
-  if (count < 2.0) return std::nullopt;
-  return std::pair(mean, std::sqrt(squares / (count - 1.0) / count));
+  const GainByRow gain = gain_by_row(gains);
+  if (std::isnan(gain.se)) return std::nullopt;
+  return std::pair(gain.mean, gain.se);
 }
 
 std::string comparison(double freedom, const std::pair<double, double>& gain) {
