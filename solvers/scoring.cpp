@@ -8,8 +8,9 @@
 #include <stdexcept>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+
+#include "solvers/curvature_correction.h"
 
 namespace identikal {
 namespace {
@@ -34,51 +35,6 @@ std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Poin
   }
   return out;
 }
-
-// Expected and observed curvature differ at finite N, which makes pure scoring converge linearly.
-// Near the maximum the difference is learnt from the gradients (symmetric rank one, as in Dennis,
-// Gay & Welsch 1981 for least squares).
-class CurvatureCorrection {
- public:
-  explicit CurvatureCorrection(Index n) : E_(MatrixXd::Zero(n, n)) {}
-
-  // `gain` is the increase of the step: curvature far from the maximum is not worth keeping.
-  void learn(const Point& before, const Point& after, double gain) {
-    if (gain > 1.0) {
-      E_.setZero();
-      return;
-    }
-    const VectorXd s = after.x - before.x;
-    const VectorXd r = before.gradient - after.gradient - (after.information + E_) * s;
-    const double curvature = r.dot(s), size = s.dot(after.information * s);
-    if (std::abs(curvature) > 1e-8 * size) E_ += r * r.transpose() / curvature;
-  }
-
-  // The information with what was learnt added, as long as that is, on every combination of free
-  // coordinates, no less than a tenth of the information, where steps would grow too long, and no
-  // more than a thousand times it (a steering delay under a coarse model comes near that); else the
-  // information alone.
-  MatrixXd apply(const Point& at, const std::vector<Index>& free) const {
-    const MatrixXd corrected = at.information + E_;
-    const auto m = static_cast<Index>(free.size());
-    MatrixXd J(m, m), B(m, m);
-    for (Index i = 0; i < m; ++i) {
-      for (Index j = 0; j < m; ++j) {
-        const Index ii = free[i], jj = free[j];
-        const double scale = std::sqrt(at.information(ii, ii) * at.information(jj, jj));
-        if (!(scale > 0.0)) return at.information;
-        J(i, j) = at.information(ii, jj) / scale;
-        B(i, j) = corrected(ii, jj) / scale;
-      }
-    }
-    const Eigen::LLT<MatrixXd> above(B - 0.1 * J), below(1000.0 * J - B);
-    const bool trusted = above.info() == Eigen::Success && below.info() == Eigen::Success;
-    return trusted ? corrected : at.information;
-  }
-
- private:
-  MatrixXd E_;
-};
 
 constexpr double kNoInformation = 1e-13;  // eigenvalues of the scaled system over the largest
 constexpr double kFlat = 1e-9;            // directions below are not determined
@@ -260,7 +216,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   const double acceptable = options.acceptable_decrement > 0.0 ? options.acceptable_decrement
                                                                : 1e3 * options.decrement_tolerance;
   double lambda = 0.0;
-  CurvatureCorrection correction(start.size());
+  CurvatureCorrection correction(MatrixXd::Zero(start.size(), start.size()));
   RecentGains recent;
   while (true) {
     const std::vector<Index> free = free_coordinates(problem, at);
@@ -270,9 +226,9 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       return finish(Termination::converged, "the increase still expected is below the tolerance");
     }
     Point model = at;
-    model.information = correction.apply(at, free);
-    const ScaledSystem corrected =
-        model.information == at.information ? system : ScaledSystem(model.information, free);
+    const std::optional<MatrixXd> learnt = correction.apply(at.information, free);
+    if (learnt) model.information = *learnt;
+    const ScaledSystem corrected = learnt ? ScaledSystem(*learnt, free) : system;
     // What is not determined has no maximum to be away from.
     summary.expected_gain = std::max(system.expected_gain(at.gradient, kFlat),
                                      corrected.expected_gain(at.gradient, kFlat));
@@ -307,7 +263,13 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       }
     }
     if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
-    correction.learn(at, trial.next, trial.gain);
+    // Curvature far from the maximum is not worth keeping.
+    if (trial.gain > 1.0) {
+      correction.forget();
+    } else {
+      const Point& next = trial.next;
+      correction.learn(next.x - at.x, at.gradient - next.gradient, next.information);
+    }
     recent.add(trial.gain);
     at = std::move(trial.next);
     out.x = at.x;

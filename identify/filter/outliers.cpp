@@ -4,7 +4,9 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -17,8 +19,8 @@
 #include "identify/filter/model_filter.h"
 #include "lib/base/median.h"
 #include "lib/data/units.h"
+#include "lib/filter/gated_innovations.h"
 #include "lib/filter/kalman.h"
-#include "lib/filter/revised_innovations.h"
 #include "lib/filter/steady_state.h"
 
 namespace identikal {
@@ -47,46 +49,6 @@ std::vector<FilterResult> filtered(const Model& model, const ParameterSet& param
   }
   return out;
 }
-
-// The same, again and again with more samples taken out.
-class Refiltered {
- public:
-  Refiltered(const Model& model, const ParameterSet& parameters,
-             const std::vector<Dataset>& recordings)
-      : model_(model), parameters_(parameters) {
-    if (is_formula_model(model) || changes(model)) return;
-    const LinearModel& linear = as_linear(model);
-    const StateSpace system = instantiate(linear, parameters);
-    for (const Dataset& data : recordings) {
-      innovations_.emplace_back(system, linear.initial, model_inputs(linear, data.u));
-    }
-  }
-
-  // @param taken  in time order: what is missing in `rest` now and was not the last time
-  void run(const std::vector<Dataset>& rest, const std::vector<Outlier>& taken,
-           std::vector<FilterResult>& now) {
-    if (innovations_.empty()) {
-      now = filtered(model_, parameters_, rest);
-      return;
-    }
-    for (std::size_t r = 0; r < rest.size(); ++r) {
-      std::vector<Index> changed;
-      for (const Outlier& o : taken) {
-        if (o.recording == r) changed.push_back(o.sample);
-      }
-      if (changed.empty()) continue;
-      now[r] = innovations_[r].of(rest[r].y, changed);
-      if (now[r].status == FilterStatus::ok) continue;
-      now[r].e.setConstant(kNone);
-      now[r].standardised.setConstant(kNone);
-    }
-  }
-
- private:
-  const Model& model_;
-  const ParameterSet& parameters_;
-  std::vector<RevisedInnovations> innovations_;
-};
 
 using Still = Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic>;
 
@@ -182,46 +144,120 @@ Farthest largest_of(const MatrixXd& e, Index t, const VectorXd& deviation) {
   return out;
 }
 
+// Robust standard deviations of every output's innovations, as they are and whitened.
+struct Deviations {
+  VectorXd plain, white;
+};
+
+// @param before  what they were before a few samples were taken out, or zero
+Deviations robust_deviations(const std::vector<Dataset>& recordings,
+                             const std::vector<FilterResult>& now, const std::vector<Still>& still,
+                             const Deviations& before) {
+  const Index ny = before.white.size();
+  Deviations out = before;
+  for (Index i = 0; i < ny; ++i) {
+    if (recordings[0].outputs[static_cast<std::size_t>(i)].is_pseudo) {
+      out.plain[i] = out.white[i] = kNone;  // nothing is larger
+      continue;
+    }
+    // Only tells channels apart.
+    out.plain[i] =
+        ny > 1 ? robust_deviation(now, &FilterResult::e, still, i, before.plain[i]) : 1.0;
+    out.white[i] = robust_deviation(now, &FilterResult::standardised, still, i, before.white[i]);
+  }
+  return out;
+}
+
+// What is farthest off at a sample, if it lies beyond the limit.
+std::optional<Outlier> outlier_at(const FilterResult& now, std::size_t recording, Index t,
+                                  const Deviations& deviation) {
+  // Whitened: at the start, and after gaps, innovations are larger by rights.
+  const double size = largest_of(now.standardised, t, deviation.white).size;
+  if (!(std::isfinite(size) && size > kOutlier)) return std::nullopt;
+  // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
+  return Outlier{recording, largest_of(now.e, t, deviation.plain).channel, t, size};
+}
+
+bool any_outlier(const std::vector<FilterResult>& now, const Deviations& deviation) {
+  for (std::size_t r = 0; r < now.size(); ++r) {
+    for (Index t = 0; t < now[r].standardised.cols(); ++t) {
+      if (outlier_at(now[r], r, t, deviation)) return true;
+    }
+  }
+  return false;
+}
+
+// One after the other as a filter with a gate meets them. What is off for longer than kMostInARow
+// samples is no outlier: the filter follows.
+// @param rest, now  change with them
+std::vector<Outlier> outliers_by_gate(const Model& model, const ParameterSet& parameters,
+                                      const Deviations& deviation, std::vector<Dataset>& rest,
+                                      std::vector<FilterResult>& now) {
+  constexpr Index kMostInARow = 50;
+  const LinearModel& linear = as_linear(model);
+  const StateSpace system = instantiate(linear, parameters);
+  std::vector<Outlier> out;
+  for (std::size_t r = 0; r < rest.size(); ++r) {
+    MatrixXd& y = rest[r].y;
+    std::map<std::pair<Index, Index>, double> size;  // by sample and channel
+    const auto far = [&](Index t, const FilterResult& so_far) {
+      const std::optional<Outlier> here = outlier_at(so_far, r, t, deviation);
+      if (here) size[{t, here->channel}] = here->deviations;
+      return here ? static_cast<int>(here->channel) : -1;
+    };
+    now[r] = gated_innovations(system, linear.initial, y, model_inputs(linear, rest[r].u),
+                               kMostInARow, far);
+    for (const auto& [at, deviations] : size) {
+      const auto [t, channel] = at;
+      if (std::isnan(y(channel, t))) out.push_back({r, channel, t, deviations});
+    }
+    if (now[r].status == FilterStatus::ok) continue;
+    now[r].e.setConstant(kNone);
+    now[r].standardised.setConstant(kNone);
+  }
+  return out;
+}
+
+// One in every segment as long as the filter's memory, and the filter again.
+std::vector<Outlier> outliers_by_segment(const Model& model, const ParameterSet& parameters,
+                                         Index apart, const Deviations& deviation,
+                                         std::vector<Dataset>& rest,
+                                         std::vector<FilterResult>& now) {
+  std::vector<Outlier> out;
+  for (std::size_t r = 0; r < rest.size(); ++r) {
+    for (Index t = 0; t < rest[r].size(); ++t) {
+      const std::optional<Outlier> here = outlier_at(now[r], r, t, deviation);
+      if (!here) continue;
+      out.push_back(*here);
+      t += apart;
+    }
+  }
+  rest = without(std::move(rest), out);
+  if (!out.empty()) now = filtered(model, parameters, rest);
+  return out;
+}
+
 // find_outliers(), where the filters of the recordings are known already.
 std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& parameters,
                                  const std::vector<Dataset>& recordings,
                                  std::vector<FilterResult> now) {
-  constexpr int kMostPasses = 200;
-  const Index apart = memory(model, parameters);
+  const bool gated = !is_formula_model(model) && !changes(model);
+  const int most_passes = gated ? 20 : 200;
+  const Index apart = gated ? 0 : memory(model, parameters);
   std::vector<Outlier> out;
   std::vector<Dataset> rest = recordings;
-  Refiltered refiltered(model, parameters, recordings);
   std::vector<Still> still;
   for (const Dataset& data : recordings) still.push_back(still_samples(data));
-  const Index ny = rest[0].y.rows();
-  VectorXd deviation = VectorXd::Zero(ny), white_deviation = deviation;
-  for (int pass = 0; pass < kMostPasses; ++pass) {
-    std::vector<Outlier> found;
-    for (Index i = 0; i < ny; ++i) {
-      if (recordings[0].outputs[static_cast<std::size_t>(i)].is_pseudo) {
-        deviation[i] = white_deviation[i] = kNone;  // nothing is larger
-        continue;
-      }
-      // Only tells channels apart.
-      deviation[i] = ny > 1 ? robust_deviation(now, &FilterResult::e, still, i, deviation[i]) : 1.0;
-      white_deviation[i] =
-          robust_deviation(now, &FilterResult::standardised, still, i, white_deviation[i]);
-    }
-    for (std::size_t r = 0; r < rest.size(); ++r) {
-      for (Index t = 0; t < rest[r].size(); ++t) {
-        // Whitened: at the start, and after gaps, innovations are larger by rights.
-        const double size = largest_of(now[r].standardised, t, white_deviation).size;
-        if (!(std::isfinite(size) && size > kOutlier)) continue;
-        // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
-        const Index channel = largest_of(now[r].e, t, deviation).channel;
-        found.push_back({r, channel, t, size});
-        t += apart;
-      }
-    }
+  const VectorXd zero = VectorXd::Zero(rest[0].y.rows());
+  Deviations deviation{zero, zero};
+  for (int pass = 0; pass < most_passes; ++pass) {
+    deviation = robust_deviations(recordings, now, still, deviation);
+    if (!any_outlier(now, deviation)) break;
+    const std::vector<Outlier> found =
+        gated ? outliers_by_gate(model, parameters, deviation, rest, now)
+              : outliers_by_segment(model, parameters, apart, deviation, rest, now);
     if (found.empty()) break;
     out.insert(out.end(), found.begin(), found.end());
-    rest = without(std::move(rest), found);
-    refiltered.run(rest, found, now);
   }
   std::sort(out.begin(), out.end(), [](const Outlier& a, const Outlier& b) {
     return std::tie(a.recording, a.sample, a.channel) < std::tie(b.recording, b.sample, b.channel);

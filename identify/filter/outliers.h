@@ -22,8 +22,10 @@ struct Outlier {
 /// deviations (1.4826 median) from zero: of Gaussian noise one in 5e8. Where a sensor stands still,
 /// ten equal samples or more, its innovations say nothing of its noise: the median is that of the
 /// others. An outlier disturbs the
-/// filter for a while; so one is looked for at a time in every segment as long as the filter's
-/// memory, taken out, and the filter run again.
+/// filter for a while, so it is taken out as it is met and what follows is predicted without it; and
+/// once more, as long as the median without them finds others. Where the filter is not that of a
+/// constant linear model, one is looked for at a time in every segment as long as its memory, and
+/// the filter run again.
 ///
 /// Example:
 ///

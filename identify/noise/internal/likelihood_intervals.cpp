@@ -10,6 +10,7 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
+#include "identify/noise/internal/interval_end.h"
 #include "identify/noise/likelihood_profile.h"
 #include "lib/data/units.h"
 #include "solvers/parallel.h"
@@ -20,25 +21,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNear = 3e-4;  // what the root of a drop may miss at the end of an interval
-
-// A likelihood's problem, and the place in it that profiles go out from.
-struct Profiled {
-  LikelihoodProblem problem;
-  VectorXd x;
-  double L = 0.0;
-  MatrixXd information;  // at x
-  MatrixXd excess;       // JudgedMaximum::excess, or empty
-  Index i = 0;           // the coordinate that is held
-};
-
-// The observed information where the expected one is known, as far as it differs as at the maximum.
-MatrixXd observed_at(const Profiled& at, const MatrixXd& expected) {
-  if (at.excess.rows() != expected.rows()) return expected;
-  const VectorXd scale = expected.diagonal().cwiseMax(0.0).cwiseSqrt();
-  return expected + scale.asDiagonal() * at.excess * scale.asDiagonal();
-}
 
 // How the others go along when coordinate i moves by one, if they are free to.
 VectorXd tangent(const Profiled& at, const VectorXd& x, const MatrixXd& information) {
@@ -134,7 +116,7 @@ std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, dou
     }
     const double root = std::sqrt(2.0 * *drop);
     const End here{next, linear ? root : root * root};
-    if (std::abs(root - target) < kNear) return next;
+    if (std::abs(root - target) < kNearEnd) return next;
     if (here.size < wanted && stopped) return bound;
     const double width = std::abs(here.value - inside.value);
     if (here.size < wanted) {
@@ -156,82 +138,6 @@ std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, dou
       step = sign * std::clamp(std::abs(step), 1e-3 * width, 4.0 * width);
     }
     next = inside.value + step;
-  }
-  return std::nullopt;
-}
-
-// What one evaluation says about the profile: the others' way to their maximum, how the profile
-// falls there, and what the others still have to gain.
-struct Glimpse {
-  VectorXd move;   // of the others to their maximum
-  VectorXd along;  // of all with the coordinate, which moves by one
-  double drop = 0.0, slope = 0.0, gain = 0.0;
-};
-
-std::optional<Glimpse> glimpse(const Profiled& at, const VectorXd& x) {
-  double L = 0.0;
-  VectorXd gradient;
-  MatrixXd information;
-  if (!at.problem.evaluate(x, L, &gradient, &information)) return std::nullopt;
-  std::vector<Index> free;
-  for (Index k = 0; k < x.size(); ++k) {
-    const bool held = (x[k] <= at.problem.lower[k] && gradient[k] <= 0.0) ||
-                      (x[k] >= at.problem.upper[k] && gradient[k] >= 0.0);
-    if (k != at.i && !held) free.push_back(k);
-  }
-  Glimpse out;
-  out.move = VectorXd::Zero(x.size());
-  out.along = VectorXd::Unit(x.size(), at.i);
-  if (!free.empty()) {
-    information = observed_at(at, information);
-    const Eigen::LDLT<MatrixXd> others(MatrixXd(information(free, free)));
-    if (others.info() != Eigen::Success || !others.isPositive()) return std::nullopt;
-    const VectorXd move = others.solve(VectorXd(gradient(free)));
-    const VectorXd along = -others.solve(VectorXd(information(free, Index{at.i})));
-    out.move(free) = move;
-    out.along(free) = along;
-  }
-  out.gain = 0.5 * gradient.dot(out.move);
-  out.drop = at.L - L - out.gain;
-  out.slope = gradient.dot(out.along);
-  const bool finite = out.move.allFinite() && out.along.allFinite() && std::isfinite(out.drop);
-  return finite ? std::optional<Glimpse>(out) : std::nullopt;
-}
-
-// The same end by Newton's method on the coordinate and the others at once (Venzon and Moolgavkar
-// 1988, Appl. Statist. 37), with the observed information that the maximum is known to have: one
-// evaluation a step, where searching at every value takes several.
-// Nothing where that does not come to an end soon.
-std::optional<double> end_at_once(const Profiled& at, double first, double target, bool linear) {
-  constexpr int kMost = 8;
-  constexpr double kEnough = 2e-4;  // of what the others have to gain: it is added
-  const Index i = at.i;
-  const double from = at.x[i], sign = first < 0.0 ? -1.0 : 1.0;
-  const double lower = at.problem.lower[i], upper = at.problem.upper[i];
-  // The root of the drop of a variance is nearer to linear in the logarithm.
-  const bool by_logarithm = lower == 0.0 && from > 0.0 && std::abs(first) < 0.8 * from;
-  const auto within = [&](double value) { return std::clamp(value, lower, upper); };
-  VectorXd x = at.x;
-  double step = within(from + (by_logarithm ? from * std::expm1(first / from) : first)) - from;
-  VectorXd move = step * tangent(at, x, observed_at(at, at.information));
-  double gain = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kMost; ++k) {
-    const double value = within(x[i] + step);
-    x = (x + move).cwiseMax(at.problem.lower).cwiseMin(at.problem.upper);
-    x[i] = value;
-    const std::optional<Glimpse> here = glimpse(at, x);
-    if (!here || !(here->drop > 0.0) || !(-sign * here->slope > 0.0)) return std::nullopt;
-    // Quadratic convergence, or another way.
-    if (here->gain > kEnough && here->gain > 0.5 * gain) return std::nullopt;
-    gain = here->gain;
-    const double root = std::sqrt(2.0 * here->drop), missing = target - root;
-    const bool stopped = value == (sign < 0.0 ? lower : upper) && missing > 0.0;
-    if ((std::abs(missing) < kNear || stopped) && gain <= kEnough) return value;
-    step = (linear ? missing * root : 0.5 * target * target - here->drop) / -here->slope;
-    if (by_logarithm) step = x[i] * std::expm1(std::clamp(step / x[i], -1.0, 1.0));
-    if (std::abs(step) > 3.0 * std::abs(x[i] - from)) return std::nullopt;
-    step = within(value + step) - value;
-    move = here->move + step * here->along;
   }
   return std::nullopt;
 }

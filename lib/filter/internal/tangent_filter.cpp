@@ -320,15 +320,11 @@ FilterStatus TangentFilter::go_on(const TangentRecording& recording, const Prese
 }
 
 FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState initial,
-                                Likelihood& out, Checkpoints* checkpoints) {
+                                Likelihood& out) {
   take_channels(recording.presence);
   FilterStatus status = begin(initial);
   scored_ = out.gradient;
   std::size_t next = 0;
-  if (checkpoints != nullptr) {
-    checkpoints->states.assign(
-        static_cast<std::size_t>(recording.y.cols() / Checkpoints::kApart + 1), {});
-  }
   for (const Presence::Part& part : recording.presence.parts) {
     for (Index t = part.begin; t < part.end && status == FilterStatus::ok;) {
       const std::vector<Segment>& segments = recording.segments;
@@ -342,13 +338,6 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
         }
         if (segment.begin > t) end = std::min(end, segment.begin);
       }
-      if (checkpoints != nullptr) {
-        const Index at = t / Checkpoints::kApart;
-        if (t % Checkpoints::kApart == 0 && !diffuse_) {
-          checkpoints->states[static_cast<std::size_t>(at)] = checkpoint();
-        }
-        end = std::min(end, (at + 1) * Checkpoints::kApart);
-      }
       status = go_on(recording, part, t, end, out);
     }
     if (status != FilterStatus::ok) return status;
@@ -359,58 +348,59 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
   return FilterStatus::ok;
 }
 
-Checkpoints::State TangentFilter::checkpoint() const {
+TangentFilter::Predicted TangentFilter::predicted() const {
   const std::size_t all = lanes_ * blocks_, n = static_cast<std::size_t>(n_);
   return {{run_.x, run_.x + n * all}, {run_.P, run_.P + n * n * all}};
 }
 
-// Is the state the same, to 1e-8 of its standard deviation, and that to 1e-10 of itself?
-bool TangentFilter::stands_at(const Checkpoints::State& state) const {
-  if (state.x.empty()) return false;
-  for (Index i = 0; i < n_; ++i) {
-    const double variance = run_.P[place(n_ * n_, i * n_ + i, 0)];
-    const double moved = run_.x[place(n_, i, 0)] - state.x[place(n_, i, 0)];
-    if (!(moved * moved <= 1e-16 * variance)) return false;
-    for (Index j = 0; j <= i; ++j) {
-      const std::size_t at = place(n_ * n_, i * n_ + j, 0);
-      const double change = run_.P[at] - state.P[at];
-      if (!(change * change <= 1e-20 * variance * run_.P[place(n_ * n_, j * n_ + j, 0)])) {
-        return false;
-      }
-    }
-  }
-  return true;
+void TangentFilter::go_back_to(const Predicted& state) {
+  std::copy(state.x.begin(), state.x.end(), run_.x);
+  std::copy(state.P.begin(), state.P.end(), run_.P);
 }
 
-FilterStatus TangentFilter::revise(const TangentRecording& recording, InitialState initial,
-                                   const std::vector<Index>& changed, Checkpoints& checkpoints) {
-  constexpr Index kApart = Checkpoints::kApart;
-  take_channels(recording.presence);
-  Likelihood unused;
-  auto part = recording.presence.parts.begin();
-  for (std::size_t next = 0; next < changed.size();) {
-    Index t = changed[next] / kApart * kApart;
-    const Checkpoints::State& from = checkpoints.states[static_cast<std::size_t>(t / kApart)];
-    if (from.x.empty()) {  // a diffuse start was not over there
-      t = 0;
-      part = recording.presence.parts.begin();
-      if (const FilterStatus begun = begin(initial); begun != FilterStatus::ok) return begun;
+// The pattern of one sample, which may be new.
+std::size_t TangentFilter::pattern_of(const VectorXd& y) {
+  std::vector<int> present;
+  for (Index i = 0; i < y.size(); ++i) {
+    if (!std::isnan(y[i])) present.push_back(static_cast<int>(i));
+  }
+  const auto at = std::find(channels_.begin(), channels_.end(), present);
+  const auto out = static_cast<std::size_t>(at - channels_.begin());
+  if (at == channels_.end()) {
+    channels_.push_back(std::move(present));
+    patterns_.emplace_back();
+  }
+  return out;
+}
+
+// The parts of samples from .. end - 1.
+std::vector<Presence::Part> TangentFilter::parts_between(const MatrixXd& y, Index from, Index end) {
+  const auto same = [&y](Index t, Index s) {
+    return (y.col(t).array().isNaN() == y.col(s).array().isNaN()).all();
+  };
+  std::vector<Presence::Part> out;
+  for (Index t = from; t < end; ++t) {
+    if (t > from && same(t, t - 1)) {
+      out.back().end = t + 1;
     } else {
-      std::copy(from.x.begin(), from.x.end(), run_.x);
-      std::copy(from.P.begin(), from.P.end(), run_.P);
+      out.push_back({t, t + 1, pattern_of(y.col(t))});
     }
-    while (t < recording.y.cols()) {
-      while (part->end <= t) ++part;
-      const Index end = std::min(part->end, (t / kApart + 1) * kApart);
-      const FilterStatus status = go_on(recording, *part, t, end, unused);
+  }
+  return out;
+}
+
+FilterStatus TangentFilter::go_to(const MatrixXd& y, const MatrixXd& u, FilterResult& store,
+                                  Index& t, Index end) {
+  const Presence here{{}, parts_between(y, t, end)};
+  const std::vector<Segment> whole;
+  const TangentRecording recording{y, u, here, whole, nullptr, &store, nullptr};
+  Likelihood unused;
+  const bool began_diffuse = diffuse_;
+  for (const Presence::Part& part : here.parts) {
+    while (t < part.end && diffuse_ == began_diffuse) {
+      const FilterStatus status = go_on(recording, part, t, part.end, unused);
       if (status != FilterStatus::ok) return status;
-      while (next < changed.size() && changed[next] < t) ++next;
-      if (t % kApart != 0) continue;
-      Checkpoints::State& here = checkpoints.states[static_cast<std::size_t>(t / kApart)];
-      if (!diffuse_ && stands_at(here)) break;
-      here = diffuse_ ? Checkpoints::State{} : checkpoint();
     }
-    if (diffuse_) return FilterStatus::undetermined;
   }
   return FilterStatus::ok;
 }

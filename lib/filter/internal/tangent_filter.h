@@ -43,15 +43,6 @@ struct TangentRecording {
   Eigen::MatrixXd* score_products = nullptr;  ///< k x k: receives sum_t s_t s_t'
 };
 
-/// The filter's states before samples 0, kApart, 2 kApart, ...; empty where it had not begun.
-struct Checkpoints {
-  static constexpr Eigen::Index kApart = 128;
-  struct State {
-    std::vector<double> x, P;
-  };
-  std::vector<State> states;
-};
-
 // Vectors of eight numbers that lie across two lines of the cache take twice as long to load.
 template <typename T>
 struct LineAllocator {
@@ -75,15 +66,20 @@ class TangentFilter {
 
   /// Adds value, gradient and information of lib/filter/filter_result.h; they are undefined unless
   /// the status is ok.
-  /// @param checkpoints  receives them, or null
-  FilterStatus run(const TangentRecording& recording, InitialState initial, Likelihood& out,
-                   Checkpoints* checkpoints = nullptr);
+  FilterStatus run(const TangentRecording& recording, InitialState initial, Likelihood& out);
 
-  /// What is stored of a recording that run() has gone through with checkpoints, after its outputs
-  /// have changed at some samples: only as far as the change is felt, to 1e-8 standard deviations.
-  /// @param changed  ascending
-  FilterStatus revise(const TangentRecording& recording, InitialState initial,
-                      const std::vector<Eigen::Index>& changed, Checkpoints& checkpoints);
+  // The same in steps, for who goes back and on again.
+  struct Predicted {
+    std::vector<double> x, P;
+  };
+  FilterStatus begin(InitialState initial);
+  /// Samples t .. end - 1, but not beyond the end of a diffuse start; advances t.
+  FilterStatus go_to(const Eigen::MatrixXd& y, const Eigen::MatrixXd& u, FilterResult& store,
+                     Eigen::Index& t, Eigen::Index end);
+  bool is_diffuse() const { return diffuse_; }
+  /// The state before the next sample, in lanes; not while the start is diffuse.
+  Predicted predicted() const;
+  void go_back_to(const Predicted& state);
 
   // Of the last run.
   Eigen::Index served_by_kernel() const { return jumped_; }  ///< samples
@@ -114,7 +110,6 @@ class TangentFilter {
   void fill_common();
   void fill_pattern(Pattern& p, const std::vector<int>& channels) const;
   void reserve(bool diffuse);
-  FilterStatus begin(InitialState initial);
   FilterStatus run_stretch(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
   simd::TangentEnd step(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
@@ -124,8 +119,9 @@ class TangentFilter {
   FilterStatus go_on(const TangentRecording& recording, const Presence::Part& part, Eigen::Index& t,
                      Eigen::Index end, Likelihood& out);
   void take_channels(const Presence& presence);
-  Checkpoints::State checkpoint() const;
-  bool stands_at(const Checkpoints::State& state) const;
+  std::size_t pattern_of(const Eigen::VectorXd& y);
+  std::vector<Presence::Part> parts_between(const Eigen::MatrixXd& y, Eigen::Index from,
+                                            Eigen::Index end);
   FilterStatus run_passage(Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
   bool comes_back(const Passage& passage) const;

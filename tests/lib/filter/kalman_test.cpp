@@ -12,7 +12,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/base/random.h"
-#include "lib/filter/revised_innovations.h"
+#include "lib/filter/gated_innovations.h"
 #include "lib/filter/steady_state.h"
 #include "tests/support/joint_density.h"
 #include "tests/support/random_model.h"
@@ -378,30 +378,42 @@ TEST(Kalman, FilteredStatesMatchRegression) {
   EXPECT_TRUE(f.P_filt[static_cast<std::size_t>(N - 1)].isApprox(P, 1e-8));
 }
 
-TEST(RevisedInnovations, AreThoseOfTheWholeRecording) {
+TEST(GatedInnovations, AreThoseOfTheRecordingWithoutWhatWasRefused) {
   Random random(21);
   for (const InitialState initial : {InitialState::given, InitialState::diffuse}) {
     StateSpace m = random_model(random, 3, 1, 2, 3);
     const MatrixXd u = random_matrix(random, 1, 2000);
     MatrixXd y = simulate_outputs(random, m, u, 2000);
     y(0, 700) = kNaN;
-    RevisedInnovations innovations(m, initial, u);
-    innovations.of(y);
-    // Far apart, near each other, at a checkpoint, near the start and the end, and one comes back.
-    const std::vector<std::vector<Index>> changes = {
-        {300}, {301, 303, 1500}, {1024}, {1, 1998}, {300, 700}};
-    for (const std::vector<Index>& changed : changes) {
-      for (const Index t : changed) y(0, t) = std::isnan(y(0, t)) ? 0.5 : kNaN;
-      const FilterResult& revised = innovations.of(y, changed);
-      const FilterResult whole = kalman_filter(m, initial, y, u);
-      ASSERT_EQ(revised.status, FilterStatus::ok);
-      for (Index t = 0; t < y.cols(); ++t) {
-        for (Index i = 0; i < 2; ++i) {
-          ASSERT_EQ(std::isnan(revised.e(i, t)), std::isnan(whole.e(i, t))) << t;
-          if (std::isnan(whole.e(i, t))) continue;
-          ASSERT_NEAR(revised.e(i, t), whole.e(i, t), 1e-6 * whole.e_sd(i, t)) << t;
-          ASSERT_NEAR(revised.standardised(i, t), whole.standardised(i, t), 1e-6) << t;
-        }
+    // Far apart, in a row, at the start and the end, both outputs of one sample.
+    for (const Index t : {Index{20}, Index{300}, Index{301}, Index{302}, Index{900}, Index{1999}}) {
+      y(0, t) += 1e3;
+    }
+    y(1, 900) -= 1e3;
+    std::vector<std::pair<int, Index>> refused;
+    const auto far = [&](Index t, const FilterResult& so_far) {
+      const VectorXd e = so_far.e.col(t).cwiseAbs().cwiseQuotient(so_far.e_sd.col(t));
+      for (const int i : {0, 1}) {
+        if (!(e[i] > 10.0)) continue;
+        refused.emplace_back(i, t);
+        return i;
+      }
+      return -1;
+    };
+    MatrixXd kept = y;
+    const FilterResult gated = gated_innovations(m, initial, kept, u, 50, far);
+    ASSERT_EQ(gated.status, FilterStatus::ok);
+    const std::vector<std::pair<int, Index>> wanted = {{0, 20},  {0, 300}, {0, 301}, {0, 302},
+                                                       {0, 900}, {1, 900}, {0, 1999}};
+    EXPECT_EQ(refused, wanted);
+    const FilterResult whole = kalman_filter(m, initial, kept, u);
+    EXPECT_EQ(gated.first_proper, whole.first_proper);
+    for (Index t = 0; t < y.cols(); ++t) {
+      for (Index i = 0; i < 2; ++i) {
+        ASSERT_EQ(std::isnan(gated.e(i, t)), std::isnan(whole.e(i, t))) << t;
+        if (std::isnan(whole.e(i, t))) continue;
+        ASSERT_NEAR(gated.e(i, t), whole.e(i, t), 1e-9 * whole.e_sd(i, t)) << t;
+        ASSERT_NEAR(gated.standardised(i, t), whole.standardised(i, t), 1e-9) << t;
       }
     }
   }
