@@ -144,19 +144,21 @@ void check(const LikelihoodProblem& problem, const VectorXd& start) {
 // What became of one step.
 struct Trial {
   Point next;
-  double gain = 0.0;
+  double gain = 0.0, predicted = 0.0;
   bool accepted = false;
   bool good = false;     // the step may be damped less
   bool stalled = false;  // nothing moved any more
 };
 
+// @param stretch  how many times as far: the gain of the step itself is what is predicted
 Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd& curvature,
-               const VectorXd& step) {
+               const VectorXd& step, double stretch) {
   Trial out;
   Point& next = out.next;
-  next.x = (at.x + step).cwiseMax(problem.lower).cwiseMin(problem.upper);
+  const double predicted = at.gradient.dot(step) - 0.5 * step.dot(curvature * step);
+  out.predicted = predicted;
+  next.x = (at.x + stretch * step).cwiseMax(problem.lower).cwiseMin(problem.upper);
   const VectorXd moved = next.x - at.x;
-  const double predicted = at.gradient.dot(moved) - 0.5 * moved.dot(curvature * moved);
   if (!problem.evaluate(next.x, next.L, &next.gradient, &next.information) ||
       !std::isfinite(next.L)) {
     return out;
@@ -189,6 +191,25 @@ class RecentGains {
   std::size_t steps_ = 0;
 };
 
+// How many times as far as a step goes: steps that gain more than they promised, several in a row,
+// were too short, and the next one will be.
+class Stretch {
+ public:
+  double factor() const { return factor_; }
+  void give_up() { factor_ = 1.0; }
+  void learn(const Trial& trial, double lambda) {
+    const bool short_of = trial.gain > kMoreThanPromised * trial.predicted && lambda == 0.0;
+    in_a_row_ = short_of ? in_a_row_ + 1 : 0;
+    factor_ = in_a_row_ >= kInARow ? std::min(2.0 * factor_, kLongest) : 1.0;
+  }
+
+ private:
+  static constexpr double kMoreThanPromised = 1.3, kLongest = 64.0;
+  static constexpr int kInARow = 3;
+  double factor_ = 1.0;
+  int in_a_row_ = 0;
+};
+
 }  // namespace
 
 Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
@@ -216,6 +237,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   const double acceptable = options.acceptable_decrement > 0.0 ? options.acceptable_decrement
                                                                : 1e3 * options.decrement_tolerance;
   double lambda = 0.0;
+  Stretch stretch;
   CurvatureCorrection correction(MatrixXd::Zero(start.size(), start.size()));
   RecentGains recent;
   while (true) {
@@ -249,9 +271,13 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     Trial trial;
     while (!trial.accepted) {
       trial = try_step(problem, at, model.information,
-                       boxed_step(problem, model, free, corrected, lambda));
+                       boxed_step(problem, model, free, corrected, lambda), stretch.factor());
       ++summary.evaluations;
       if (trial.accepted) break;
+      if (stretch.factor() > 1.0) {
+        stretch.give_up();
+        continue;
+      }
       lambda = std::max(1e-2, 4.0 * lambda);
       if (lambda > (arrived ? 1.0 : 1e12)) {
         const std::vector<Index> rest = that_matter(problem, at, free, acceptable);
@@ -263,6 +289,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       }
     }
     if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
+    stretch.learn(trial, lambda);
     // Curvature far from the maximum is not worth keeping.
     if (trial.gain > 1.0) {
       correction.forget();

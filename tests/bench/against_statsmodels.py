@@ -4,7 +4,7 @@
 usage: against_statsmodels.py BUILD FOLDER [--rounds 3] [--rows air,co2] [--ours-only]
 
 FOLDER holds the recordings named in ROWS below as CSV files (those that are missing are left out). Ours is the
-whole command `tune`, with 5 starts and with 1: reading, search, errors, profile intervals and tests. statsmodels
+whole command `tune`, with its default starts and with 1: reading, search, errors, profile intervals and tests. statsmodels
 is one bare fit from the same start, without errors, of what its users would write: an MLEModel, variances as
 squares of the parameters, its own L-BFGS with its own numerical gradient, its exact diffuse start. Reading the file
 and building the model is not counted for it. Serial: OPENBLAS_NUM_THREADS=1 is set here.
@@ -187,7 +187,7 @@ def timed(run):
 
 def ours(build, model, data, starts):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    run = subprocess.run([build / "identikal", "tune", model, data, "--method", "ml", "--starts", str(starts), "--json", "--quiet"],
+    run = subprocess.run([build / "identikal", "tune", model, data, "--method", "ml", *starts, "--json", "--quiet"],
                          capture_output=True, text=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -206,7 +206,7 @@ def main():
     parser.add_argument("--rows", default=",".join(ROWS))
     parser.add_argument("--ours-only", action="store_true")
     args = parser.parse_args()
-    print(f"{'processor seconds':18}{'5 starts':>9}{'1 start':>9}{'statsm.':>9}{'ratio 5':>9}{'1':>7}{'eval.':>7}{'exit':>6}"
+    print(f"{'processor seconds':18}{'default':>9}{'1 start':>9}{'statsm.':>9}{'ratio':>9}{'1':>7}{'eval.':>7}{'exit':>6}"
           f"{'logL':>16}{'statsm.':>16}  path")
     with tempfile.TemporaryDirectory() as scratch:
         for name in args.rows.split(","):
@@ -220,17 +220,17 @@ def main():
                 file.write(",".join(f"y{i}" for i in range(y.shape[1])) + "\n")
                 file.writelines(",".join("" if np.isnan(v) else repr(float(v)) for v in line) + "\n" for line in y)
             theirs = None if args.ours_only or name in TOO_LONG else statsmodels_fit(spec, y)
-            five, one, other, value = [], [], [], float("nan")
+            default, one, other, value = [], [], [], float("nan")
             for _ in range(args.rounds):
-                five.append(ours(args.build, model, data, 5)[0])
-                seconds, objective, code = ours(args.build, model, data, 1)
+                default.append(ours(args.build, model, data, [])[0])
+                seconds, objective, code = ours(args.build, model, data, ["--starts", "1"])
                 one.append(seconds)
                 if theirs:
                     seconds, value = timed(theirs)
                     other.append(seconds)
-            five, one = statistics.median(five), statistics.median(one)
+            default, one = statistics.median(default), statistics.median(one)
             other = statistics.median(other) if other else float("nan")
-            print(f"{name:18}{five:9.3f}{one:9.3f}{other:9.3f}{other / five:9.1f}{other / one:7.1f}{objective['evaluations']:7}{code:6}"
+            print(f"{name:18}{default:9.3f}{one:9.3f}{other:9.3f}{other / default:9.1f}{other / one:7.1f}{objective['evaluations']:7}{code:6}"
                   f"{objective['log_likelihood']:16.6f}{value:16.6f}  {objective['evaluation_method']}", flush=True)
 
 

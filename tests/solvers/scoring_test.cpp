@@ -131,6 +131,25 @@ TEST(Scoring, ARidgeWithoutAnEndIsNoFailure) {
   EXPECT_GT(x.summary.objective, -2e-3);
 }
 
+// Information fifty times the curvature that there is: steps that are too short every time.
+TEST(Scoring, DoesNotCrawlWhereStepsPromiseTooLittle) {
+  LikelihoodProblem p;
+  p.lower = VectorXd::Zero(1);
+  p.upper = VectorXd::Constant(1, kInfinity);
+  p.evaluate = [](const VectorXd& x, double& L, VectorXd* g, MatrixXd* J) {
+    L = -0.5 * std::pow(x[0] - 3.0, 2);
+    if (g != nullptr) *g = VectorXd::Constant(1, 3.0 - x[0]);
+    if (J != nullptr) *J = MatrixXd::Constant(1, 1, 50.0);
+    return true;
+  };
+  SolverOptions options;
+  options.decrement_tolerance = 1e-12;
+  const Solution solution = maximise(p, VectorXd::Constant(1, 1000.0), options);
+  EXPECT_TRUE(solution.summary.usable());
+  EXPECT_NEAR(solution.x[0], 3.0, 1e-4);
+  EXPECT_LT(solution.summary.evaluations, 100);  // one by one: several hundred
+}
+
 TEST(Scoring, SaysWhyItStopped) {
   const LikelihoodProblem p = variances(MatrixXd::Identity(1, 1), VectorXd::Ones(1), 10);
   EXPECT_EQ(maximise(p, VectorXd::Zero(1)).summary.termination, Termination::start_undefined);
