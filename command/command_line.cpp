@@ -1,14 +1,17 @@
 #include "command/command_line.h"
 
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <sstream>
+#include <string_view>
 
 #include "jobs/verbs.h"
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "command/interruption.h"
 #include "command/manual.h"
 #include "command/option_parser.h"
 #include "command/terminal.h"
@@ -31,7 +34,9 @@ const char* const kExitStatus =
     "  2  mistake on the command line, in the model or in the data\n"
     "  3  not converged; the best so far is printed\n"
     "  4  --strict and there are warnings\n"
-    "  5  internal error, or a result could not be written";
+    "  5  internal error, or a result could not be written\n"
+    "  130, 143  stopped by Ctrl-C or SIGTERM; the best so far is printed and written";
+constexpr int kBySignal = 128;  // as shells count
 
 // As it can be typed again.
 std::string as_typed(int argc, char** argv) {
@@ -61,6 +66,9 @@ constexpr NamedVerb kVerbs[] = {
     {"validate", validate_verb}, {"study", study_verb},       {"simulate", simulate_verb},
     {"handling", handling_verb}, {"forecast", forecast_verb},
 };
+
+// Those that ask while they work whether to stop. A signal ends the others as it ends any program.
+constexpr std::string_view kSearches[] = {"tune", "fit", "shape", "track"};
 
 // A command line that begins with a verb needs the options of no other one: to define them all takes
 // longer than to fit a short recording.
@@ -238,15 +246,19 @@ int run_verb(const Verb& verb, const std::string& command) {
   call.command = command;
   call.progress = [&](const std::string& what, double, double) {
     line.show(what);
-    return true;
+    return signal_received() == 0;
   };
   std::vector<std::string> remarks;
   call.notice = [&](const std::string& text) { remarks.push_back(text); };
+  if (std::find(std::begin(kSearches), std::end(kSearches), verb.name) != std::end(kSearches)) {
+    stop_at_signals();
+  }
   const Outcome outcome = verb.run(call);
   line.clear();
   print(outcome.text);
   for (const std::string& text : remarks) remark(text);
-  return outcome.exit_code;
+  const int signal = signal_received();
+  return signal != 0 ? kBySignal + signal : outcome.exit_code;
 }
 
 }  // namespace

@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <random>
+#include <set>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -62,6 +66,12 @@ class Attempt {
   bool done_ = false;
 };
 
+// So that nobody can lay a link there before.
+std::uint64_t unforeseeable() {
+  std::random_device device;
+  return std::uint64_t{device()} << 32 | device();
+}
+
 Place place_of(const OutputFile& file, Attempt& attempt) {
   const fs::path given(file.path);
   const fs::path folder = given.parent_path();
@@ -83,9 +93,36 @@ Place place_of(const OutputFile& file, Attempt& attempt) {
   const fs::file_status status = fs::status(out.target, error);
   if (fs::is_directory(status)) fail(file, "cannot write: it is a folder");
   if (fs::exists(status) && !fs::is_regular_file(status)) return out;
-  out.part = out.target.parent_path() /
-             fmt::format(".identikal-{}-{}.part", getpid(), attempt.places.size());
+  out.part = out.target.parent_path() / fmt::format(".identikal-{:016x}.part", unforeseeable());
   return out;
+}
+
+// A new file, on the disk when this returns.
+bool write_part(const fs::path& path, const std::string& content) {
+  errno = 0;
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  if (file < 0) return false;
+  std::size_t done = 0;
+  while (done < content.size()) {
+    const ssize_t more = ::write(file, content.data() + done, content.size() - done);
+    if (more < 0 && errno == EINTR) continue;
+    if (more <= 0) break;
+    done += static_cast<std::size_t>(more);
+  }
+  const bool kept = done == content.size() && (fsync(file) == 0 || errno == EINVAL);
+  const int why = errno;
+  const bool closed = close(file) == 0;
+  if (!kept) errno = why;
+  return kept && closed;
+}
+
+// Names of files in it reach the disk.
+void sync_folder(const fs::path& folder) {
+  const int opened =
+      open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (opened < 0) return;
+  fsync(opened);
+  close(opened);
 }
 
 bool write(const fs::path& path, const std::string& content) {
@@ -138,7 +175,8 @@ void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& p
     for (std::size_t i = 0; i < files.size(); ++i) {
       const Place& place = places[i];
       if (place.part.empty() == beside) continue;
-      if (!write(beside ? place.part : place.target, files[i].content)) {
+      if (!(beside ? write_part(place.part, files[i].content)
+                   : write(place.target, files[i].content))) {
         give_up(files[i], errno != 0 ? std::strerror(errno) : "");
       }
     }
@@ -151,6 +189,9 @@ void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& p
     fs::rename(places[i].part, places[i].target, error);
     if (error) give_up(files[i], error.message());
   }
+  std::set<fs::path> folders;
+  for (const Place& place : places) folders.insert(place.target.parent_path());
+  for (const fs::path& folder : folders) sync_folder(folder);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "identify/result/file_digest.h"
 
 #include <fstream>
-#include <iterator>
 #include <vector>
 
 // The digest's own functions: the newer interface reads a configuration and loads algorithms first, which takes
@@ -40,11 +39,21 @@ std::string sha256_of_text(std::string_view text) {
   return sha256_ended(context);
 }
 
+constexpr std::size_t kMostBytes = 500'000'000;  // of a file that is read whole
+
 std::string text_of_file(const std::string& path, const std::string& expected,
                          const std::string& hint) {
   std::ifstream file(path, std::ios::binary);
-  std::string text(std::istreambuf_iterator<char>(file), {});
-  if (!file || file.bad()) throw InputError({path, 0, 0}, "cannot be read", expected, hint);
+  std::string text;
+  std::vector<char> buffer(1 << 16);
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         file.gcount() > 0) {
+    text.append(buffer.data(), static_cast<std::size_t>(file.gcount()));
+    if (text.size() > kMostBytes) {
+      throw InputError({path, 0, 0}, "is larger than 500 MB, which no result is", expected, hint);
+    }
+  }
+  if (!file.eof() || file.bad()) throw InputError({path, 0, 0}, "cannot be read", expected, hint);
   return text;
 }
 
