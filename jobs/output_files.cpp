@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <random>
+#include <map>
+#include <optional>
 #include <set>
 
+#include "jobs/folder_exchange.h"
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -66,12 +67,6 @@ class Attempt {
   bool done_ = false;
 };
 
-// So that nobody can lay a link there before.
-std::uint64_t unforeseeable() {
-  std::random_device device;
-  return std::uint64_t{device()} << 32 | device();
-}
-
 Place place_of(const OutputFile& file, Attempt& attempt) {
   const fs::path given(file.path);
   const fs::path folder = given.parent_path();
@@ -93,7 +88,7 @@ Place place_of(const OutputFile& file, Attempt& attempt) {
   const fs::file_status status = fs::status(out.target, error);
   if (fs::is_directory(status)) fail(file, "cannot write: it is a folder");
   if (fs::exists(status) && !fs::is_regular_file(status)) return out;
-  out.part = out.target.parent_path() / fmt::format(".identikal-{:016x}.part", unforeseeable());
+  out.part = out.target.parent_path() / unforeseeable_name();
   return out;
 }
 
@@ -167,7 +162,38 @@ void refuse_one_place_for_two(const std::vector<OutputFile>& files) {
   }
 }
 
-void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& places) {
+// What an earlier run may have left in a result's folder.
+const std::set<std::string>& files_of_results() {
+  static const std::set<std::string> names = {"result.json",  "report_data.json", "residuals.csv",
+                                              "course.csv",   "states.csv",       "innovations.csv",
+                                              "forecast.csv", "spectrum.csv",     "shaped.yaml"};
+  return names;
+}
+
+// Folders that take several files change at once, where that can be; their parts lie in the new ones.
+std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
+                                         const std::vector<std::string>& inputs) {
+  std::map<fs::path, std::vector<Place*>> by_folder;
+  for (Place& place : places) {
+    if (!place.part.empty()) by_folder[place.target.parent_path()].push_back(&place);
+  }
+  std::vector<FolderExchange> out;
+  for (const auto& [folder, files] : by_folder) {
+    if (files.size() < 2) continue;
+    std::set<std::string> names, stale;
+    for (const Place* place : files) names.insert(place->target.filename().string());
+    if (names.count("result.json") > 0) stale = files_of_results();
+    for (const std::string& input : inputs) stale.erase(fs::path(input).filename().string());
+    std::optional<FolderExchange> exchange = FolderExchange::beside(folder, names, stale);
+    if (!exchange) continue;
+    for (Place* place : files) place->part = exchange->fresh() / place->target.filename();
+    out.push_back(std::move(*exchange));
+  }
+  return out;
+}
+
+void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& places,
+               std::vector<FolderExchange>& exchanges) {
   const auto give_up = [](const OutputFile& file, const std::string& why) {
     fail(file, "cannot write" + (why.empty() ? "" : ": " + why));
   };
@@ -183,14 +209,18 @@ void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& p
   };
   write_those(true);
   write_those(false);
+  std::erase_if(exchanges, [](FolderExchange& exchange) { return exchange.put_in_place(); });
   for (std::size_t i = 0; i < files.size(); ++i) {
-    if (places[i].part.empty()) continue;
     std::error_code error;
+    if (places[i].part.empty() || !fs::exists(places[i].part, error)) continue;
     fs::rename(places[i].part, places[i].target, error);
     if (error) give_up(files[i], error.message());
   }
   std::set<fs::path> folders;
-  for (const Place& place : places) folders.insert(place.target.parent_path());
+  for (const Place& place : places) {
+    const fs::path folder = fs::absolute(place.target).parent_path();
+    folders.insert({folder, folder.parent_path()});
+  }
   for (const fs::path& folder : folders) sync_folder(folder);
 }
 
@@ -201,7 +231,8 @@ void write_files(const std::vector<OutputFile>& files, const std::vector<std::st
   refuse_one_place_for_two(files);
   Attempt attempt;
   for (const OutputFile& file : files) attempt.places.push_back(place_of(file, attempt));
-  write_all(files, attempt.places);
+  std::vector<FolderExchange> exchanges = exchanges_of(attempt.places, inputs);
+  write_all(files, attempt.places, exchanges);
   attempt.keep();
 }
 

@@ -12,7 +12,8 @@ struct OutputFile {
 };
 
 /// Writes all files or none: each to a temporary name beside it, then renamed, so that nobody sees
-/// half of one. Folders are made, and taken away again with the rest. A symbolic link stays and its target is written; a device or pipe
+/// half of one. A folder that takes several changes in one step (jobs/folder_exchange.h) where that
+/// can be, and with a new result.json loses what else an earlier result has left there. Folders are made, and taken away again with the rest. A symbolic link stays and its target is written; a device or pipe
 /// is written as it is.
 /// @param inputs  paths that the job has read, none of which is written to
 /// @throws OutputError naming the path, the reason, and the option to give another place with;

@@ -4,7 +4,9 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <vector>
 
@@ -191,24 +193,43 @@ class RecentGains {
   std::size_t steps_ = 0;
 };
 
-// How many times as far as a step goes: steps that gain more than they promised, several in a row,
-// were too short, and the next one will be.
-class Stretch {
+// How far a step goes: less far behind one that did not gain, and farther behind several in a row
+// that gained more than they promised.
+class Damping {
  public:
-  double factor() const { return factor_; }
-  void give_up() { factor_ = 1.0; }
-  void learn(const Trial& trial, double lambda) {
+  double lambda = 0.0;   // added to the information
+  double stretch = 1.0;  // times the step
+
+  void learn(const Trial& trial) {
+    if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
     const bool short_of = trial.gain > kMoreThanPromised * trial.predicted && lambda == 0.0;
     in_a_row_ = short_of ? in_a_row_ + 1 : 0;
-    factor_ = in_a_row_ >= kInARow ? std::min(2.0 * factor_, kLongest) : 1.0;
+    stretch = in_a_row_ >= kInARow ? std::min(2.0 * stretch, kLongest) : 1.0;
+  }
+  void shorten() {
+    if (stretch == 1.0) lambda = std::max(1e-2, 4.0 * lambda);
+    stretch = 1.0;
   }
 
  private:
   static constexpr double kMoreThanPromised = 1.3, kLongest = 64.0;
   static constexpr int kInARow = 3;
-  double factor_ = 1.0;
   int in_a_row_ = 0;
 };
+
+// A step that gains, shortened until it does; nothing where that takes more than `most`.
+std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point& at,
+                                   const MatrixXd& curvature,
+                                   const std::function<VectorXd()>& damped_step, double most,
+                                   Damping& damping, SolverSummary& summary) {
+  do {
+    Trial trial = try_step(problem, at, curvature, damped_step(), damping.stretch);
+    ++summary.evaluations;
+    if (trial.accepted) return trial;
+    damping.shorten();
+  } while (damping.lambda <= most);
+  return std::nullopt;
+}
 
 }  // namespace
 
@@ -236,8 +257,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
 
   const double acceptable = options.acceptable_decrement > 0.0 ? options.acceptable_decrement
                                                                : 1e3 * options.decrement_tolerance;
-  double lambda = 0.0;
-  Stretch stretch;
+  Damping damping;
   CurvatureCorrection correction(MatrixXd::Zero(start.size(), start.size()));
   RecentGains recent;
   while (true) {
@@ -268,40 +288,30 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       return end_short(Termination::time_limit, "the time limit was reached");
     }
 
-    Trial trial;
-    while (!trial.accepted) {
-      trial = try_step(problem, at, model.information,
-                       boxed_step(problem, model, free, corrected, lambda), stretch.factor());
-      ++summary.evaluations;
-      if (trial.accepted) break;
-      if (stretch.factor() > 1.0) {
-        stretch.give_up();
-        continue;
+    const auto step = [&] { return boxed_step(problem, model, free, corrected, damping.lambda); };
+    std::optional<Trial> trial =
+        accepted_step(problem, at, model.information, step, arrived ? 1.0 : 1e12, damping, summary);
+    if (!trial) {
+      const std::vector<Index> rest = that_matter(problem, at, free, acceptable);
+      if (!rest.empty() &&
+          ScaledSystem(at.information, rest).expected_gain(at.gradient, kFlat) < acceptable) {
+        return finish(Termination::converged, "the increase still expected is negligible");
       }
-      lambda = std::max(1e-2, 4.0 * lambda);
-      if (lambda > (arrived ? 1.0 : 1e12)) {
-        const std::vector<Index> rest = that_matter(problem, at, free, acceptable);
-        if (!rest.empty() &&
-            ScaledSystem(at.information, rest).expected_gain(at.gradient, kFlat) < acceptable) {
-          return finish(Termination::converged, "the increase still expected is negligible");
-        }
-        return end_short(Termination::no_progress, "no step increases the likelihood");
-      }
+      return end_short(Termination::no_progress, "no step increases the likelihood");
     }
-    if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
-    stretch.learn(trial, lambda);
+    damping.learn(*trial);
     // Curvature far from the maximum is not worth keeping.
-    if (trial.gain > 1.0) {
+    if (trial->gain > 1.0) {
       correction.forget();
     } else {
-      const Point& next = trial.next;
+      const Point& next = trial->next;
       correction.learn(next.x - at.x, at.gradient - next.gradient, next.information);
     }
-    recent.add(trial.gain);
-    at = std::move(trial.next);
+    recent.add(trial->gain);
+    at = std::move(trial->next);
     out.x = at.x;
     summary.objective = at.L;
-    if (trial.stalled) return finish(Termination::converged, "the step is below rounding");
+    if (trial->stalled) return finish(Termination::converged, "the step is below rounding");
     ++summary.iterations;
     if (options.progress && !options.progress(summary.iterations, at.L)) {
       return finish(Termination::stopped, "stopped by the caller");

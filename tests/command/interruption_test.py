@@ -1,12 +1,13 @@
 """A signal ends a search with the best so far, written whole; a result that is none is not read to its end."""
 import json
+import os
 import random
 import signal
 import subprocess
 import time
 import unittest
 
-from program import PROGRAM, Folder, run
+from program import PROGRAM, ROOT, Folder, run
 
 
 def long_search(folder, *options):
@@ -54,6 +55,62 @@ class TestSignals(unittest.TestCase):
             text, remarks = job.communicate(timeout=60)
             self.assertNotEqual(job.returncode, 130)
             self.assertEqual(remarks, "")
+
+
+class TestResultFolders(unittest.TestCase):
+    """A folder holds the files of one run, whenever the program is killed. KILLS in the environment: how often."""
+
+    def setUp(self):
+        self.folder = Folder().__enter__()
+        self.out = self.folder.path / "out"
+        self.addCleanup(self.folder.__exit__)
+        model = (ROOT / "examples/nile.yaml").read_text()
+        rows = (ROOT / "data/nile.csv").read_text().splitlines()
+        self.jobs, self.residuals = [], {}
+        for name, text, lines in (("first", model, rows), ("second", model, rows[:60])):
+            job = [PROGRAM, "tune", self.folder.write(name + ".yaml", text.replace("name: Nile", f"name: {name}")),
+                   self.folder.write(name + ".csv", "\n".join(lines) + "\n"), "-o", str(self.out), "--quiet"]
+            self.jobs.append(job)
+            subprocess.run(job, capture_output=True)
+            self.residuals[name] = (self.out / "residuals.csv").read_bytes()
+
+    def check_whole(self):
+        stored = json.loads((self.out / "result.json").read_text())
+        data = json.loads((self.out / "report_data.json").read_text())
+        name = stored["model"]["name"] if isinstance(stored["model"], dict) else stored["model"]
+        self.assertEqual((self.out / "residuals.csv").read_bytes(), self.residuals[name])
+        self.assertEqual(run("report", self.out, "--report", self.folder.path / "page.html").returncode, 0, data["sha256"])
+
+    def test_killed(self):
+        source = random.Random(5)
+        kept = self.out / "notes.txt"
+        kept.write_text("mine")
+        for k in range(int(os.environ.get("KILLS", 60))):
+            job = subprocess.Popen(self.jobs[k % 2], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            time.sleep(source.uniform(0.0, 0.03))
+            job.kill()
+            job.wait()
+            self.check_whole()
+            self.assertEqual(kept.read_text(), "mine")
+
+    def test_two_at_once(self):
+        for _ in range(int(os.environ.get("KILLS", 60)) // 4):
+            for job in [subprocess.Popen(job, stdout=subprocess.DEVNULL) for job in self.jobs]:
+                self.assertEqual(job.wait(), 0)
+            self.check_whole()
+
+    def test_files_of_an_earlier_result_go(self):
+        (self.out / "course.csv").write_text("of an earlier run")
+        (self.out / "notes.txt").write_text("mine")
+        (self.out / "below").mkdir()
+        subprocess.run(self.jobs[0], capture_output=True)  # a folder in it: file by file
+        self.check_whole()
+        (self.out / "below").rmdir()
+        subprocess.run(self.jobs[1], capture_output=True)
+        self.check_whole()
+        self.assertEqual(sorted(p.name for p in self.out.iterdir()),
+                         ["notes.txt", "report_data.json", "residuals.csv", "result.json"])
+        self.assertEqual([p.name for p in self.folder.path.iterdir() if p.name.startswith(".")], [])
 
 
 class TestEndlessResult(unittest.TestCase):
