@@ -1,6 +1,7 @@
 // The program. Every exception ends here.
 #include <csignal>
 #include <iostream>
+#include <new>
 #include <stdexcept>
 
 #include "command/command_line.h"
@@ -22,6 +23,9 @@ int main(int argc, char** argv) {
   } catch (const std::invalid_argument& error) {  // a model and recordings that do not go together
     std::cerr << "identikal: " << error.what() << "\n";
     return 2;
+  } catch (const std::bad_alloc&) {
+    std::cerr << "identikal: not enough memory; expected less data, or more memory for this job\n";
+    return 5;
   } catch (const std::exception& error) {
     std::cerr << "identikal: internal error: " << error.what() << "; please report it\n";
     return 5;

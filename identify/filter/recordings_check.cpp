@@ -37,6 +37,21 @@ void check_recordings(const Model& model, const std::vector<Dataset>& recordings
   check_channels(recordings);
 }
 
+namespace {
+
+// Covariances of covariances are fourth powers, and have to be numbers.
+void refuse_size(const Dataset& data, Index i, double size, double span) {
+  constexpr double kLargest = 1e75, kLeast = 1e-75;
+  if (size <= kLargest && (span == 0.0 || span >= kLeast)) return;
+  throw InputError({data.name, 0, 0},
+                   fmt::format("output '{}' is of the size of {:.3g}", data.outputs[i].name,
+                               size > kLargest ? size : span),
+                   "1e-75 to 1e75, so that its fourth power is a number",
+                   "give its column a unit or a scale");
+}
+
+}  // namespace
+
 void check_channels(const std::vector<Dataset>& recordings) {
   check_inputs(recordings);
   for (const Dataset& data : recordings) {
@@ -50,6 +65,7 @@ void check_channels(const std::vector<Dataset>& recordings) {
         high = std::max(high, data.y(i, t));
       }
       if (low > high) continue;  // its condition holds nowhere here
+      refuse_size(data, i, std::max(std::abs(low), std::abs(high)), high - low);
       if (low == high) {
         throw InputError(
             {data.name, 0, 0},

@@ -17,6 +17,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/data/internal/csv_cell.h"
+#include "lib/data/internal/plain_number.h"
 #include "lib/data/internal/quoted_rows.h"
 #include "lib/data/units.h"
 
@@ -426,36 +427,12 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
                    last && cells.size() < columns ? "is the file cut off here?" : "");
 }
 
-// Reads the number at `p` and returns where it stops; `p` itself when there is none. A line feed at
-// `end[-1]` stops every loop.
-const char* plain_number(const char* p, const char* end, char mark, double& value) {
-  static constexpr double kTenTo[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
-                                      1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
-  const char* const begin = p;
-  const bool negative = *p == '-';
-  if (negative) ++p;
-  const auto digit = [](char c) { return static_cast<unsigned>(c) - '0'; };
-  std::uint64_t mantissa = 0;
-  const char* const digits = p;
-  for (; digit(*p) < 10; ++p) mantissa = 10 * mantissa + digit(*p);
-  std::ptrdiff_t count = p - digits, decimals = 0;
-  if (*p == mark) {
-    const char* const fraction = ++p;
-    for (; digit(*p) < 10; ++p) mantissa = 10 * mantissa + digit(*p);
-    decimals = p - fraction;
-    count += decimals;
-  }
-  // Both operands are exact doubles, so the one division rounds once: the result is the nearest
-  // double (Clinger 1990). Eighteen digits cannot overflow the integer.
-  const bool exponent = *p == 'e' || *p == 'E';
-  if (count > 0 && count <= 18 && mantissa <= (std::uint64_t{1} << 53) && !exponent) {
-    value = static_cast<double>(mantissa) / kTenTo[decimals];
-    if (negative) value = -value;
-    return p;
-  }
-  if (mark != '.') return begin;
-  const auto [stop, error] = std::from_chars(begin, end, value);
-  return error == std::errc{} && std::isfinite(value) ? stop : begin;
+// What the double lacks of a whole number as it is written.
+void keep_remainder(std::string_view text, std::size_t row, Column& column) {
+  const std::optional<double> rest = remainder_of_whole(text, column.values[row]);
+  if (!rest) return;
+  if (column.remainder.empty()) column.remainder.assign(column.values.size(), 0.0);
+  column.remainder[row] = *rest;
 }
 
 // Reads a cell of any kind, and notes in the column when it is no number.
@@ -535,6 +512,9 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
       if (mark != DecimalMark::undecided) {
         const char* after =
             plain_number(p, end, mark == DecimalMark::comma ? ',' : '.', out[j][row]);
+        if (std::abs(out[j][row]) > kWholeDoubles) {
+          keep_remainder({p, static_cast<std::size_t>(after - p)}, row, table.columns[j]);
+        }
         while (is_blank(*after, separator)) ++after;
         if (after != p && (*after == separator || *after == '\n')) {
           p = after;
@@ -543,6 +523,10 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
       }
       auto pos = static_cast<std::size_t>(p - begin);
       out[j][row] = read_cell(whole_line(), pos, mark, table, table.columns[j]);
+      if (std::abs(out[j][row]) > kWholeDoubles) {
+        auto from = static_cast<std::size_t>(p - begin);
+        keep_remainder(next_cell(whole_line().text, from, separator).text, row, table.columns[j]);
+      }
       p = begin + pos;
     }
     for (std::size_t cells = width; *p == separator && cells < widest; ++cells) {
@@ -556,7 +540,10 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
   take_blank_lines();
   table.rows = row;
   table.decimal_comma = mark == DecimalMark::comma;
-  for (Column& column : table.columns) column.values.resize(row);
+  for (Column& column : table.columns) {
+    column.values.resize(row);
+    if (!column.remainder.empty()) column.remainder.resize(row);
+  }
 }
 
 // Behind the header of a single column, blank lines are rows too.
@@ -585,6 +572,10 @@ Table rows_of(const Table& table, std::size_t first, std::size_t count) {
   for (Column& column : out.columns) {
     const auto begin = column.values.begin() + static_cast<std::ptrdiff_t>(first);
     column.values = std::vector<double>(begin, begin + static_cast<std::ptrdiff_t>(count));
+    if (!column.remainder.empty()) {
+      const auto rest = column.remainder.begin() + static_cast<std::ptrdiff_t>(first);
+      column.remainder = std::vector<double>(rest, rest + static_cast<std::ptrdiff_t>(count));
+    }
     column.missing = static_cast<std::size_t>(std::count_if(
         column.values.begin(), column.values.end(), [](double x) { return std::isnan(x); }));
   }

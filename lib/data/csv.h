@@ -23,6 +23,9 @@ struct Column {
   std::string header;  ///< the header cell as written; empty when there is none
   std::string unit;    ///< as written in the header or the unit row; empty when none is given
   std::vector<double> values;  ///< as in the file; NaN for an empty cell, nan, NA, null or text
+  /// Of a column with whole numbers beyond 2^53, as nanoseconds since 1970 are: what each value lacks
+  /// of the number as written. Empty for others.
+  std::vector<double> remainder;
   std::size_t missing = 0;     ///< how many values are NaN
   std::size_t text_cells = 0;  ///< how many cells are neither a number nor missing
   TextCell first_text;         ///< the first of them

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <numeric>
 #include <optional>
@@ -145,12 +146,24 @@ ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::s
 struct Stamps {
   std::vector<double> values;
   double to_seconds = 1.0;
+  bool from_first = false;  // the values count from the first stamp
 };
+
+// The stamps from the first one on, to the last digit that is written; as they are where doubles hold
+// all of them.
+std::vector<double> exact_stamps(const Column& column) {
+  std::vector<double> out = column.values;
+  if (column.remainder.empty() || out.empty()) return out;
+  for (std::size_t row = out.size(); row-- > 0;) {
+    out[row] = (out[row] - out[0]) + (column.remainder[row] - column.remainder[0]);
+  }
+  return out;
+}
 
 Stamps read_stamps(const Table& table, const TimeSource& source) {
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
-  const std::vector<double>& t = column.values;
+  const std::vector<double> t = exact_stamps(column);
   for (std::size_t row = 0; row < t.size(); ++row) {
     const Location at{table.path, table.line_of_row(row)};
     const auto stamp = [&](double value) { return number(value) + " " + unit.text; };
@@ -167,7 +180,7 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
                      "recordings joined end to end: 'runs: restart' under 'time' in the model file "
                      "makes each a separate run");
   }
-  return {t, unit.unit.scale};
+  return {t, unit.unit.scale, !column.remainder.empty()};
 }
 
 double median_step(const double* first, const double* last) {
@@ -338,7 +351,8 @@ std::string time_unit(const Column& column) {
 }
 
 Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {
-  const Stamps stamps = read_stamps(table, time);
+  Stamps stamps = read_stamps(table, time);
+  if (stamps.from_first) stamps.values = find_column(table, time.column, time.at).values;
   return stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(
                                  stamps.values.data(), static_cast<Index>(stamps.values.size()));
 }
@@ -425,6 +439,12 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
 
   const auto n = static_cast<Index>(rows.last - rows.first);
   data.time = stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(t.data() + rows.first, n);
+  if (stamps.from_first) {
+    const Column& column = find_column(table, time.column, time.at);
+    data.notes.push_back(data.name + ": time counts from the first stamp, " +
+                         std::to_string(static_cast<std::int64_t>(column.values[0]) +
+                                        static_cast<std::int64_t>(column.remainder[0])));
+  }
   const auto read_all = [&](const std::vector<ChannelSource>& sources,
                             std::vector<Channel>& channels) {
     channels.resize(sources.size());

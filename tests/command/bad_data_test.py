@@ -3,7 +3,7 @@ import pathlib
 import random
 import unittest
 
-from program import SYSTEM_1, Folder, result, shared
+from program import SYSTEM_1, Folder, result, run, shared
 
 
 class BadData(unittest.TestCase):
@@ -28,6 +28,14 @@ class BadData(unittest.TestCase):
             Q, _, warnings = self.tuned(self.y[:500] + [""] + self.y[501:], "--method", method)
             self.assertAlmostEqual(Q, 11.3, delta=0.2)
             self.assertEqual({}, warnings)
+
+    def test_a_size_beyond_numbers(self):
+        for scale in (1e150, 1e-155, 1e300):
+            data = self.folder.write("data.csv", "y\n" + "".join(f"{v * scale}\n" for v in self.y))
+            for method in ("ml", "als", "als-weighted", "auto"):
+                done = run("tune", self.model, data, "--method", method, code=2)
+                self.assertRegex(done.stderr, "^identikal: data.csv: output 'y' is of the size of .*; expected 1e-75 to 1e75")
+                self.assertEqual(done.stderr.count("\n"), 1)
 
     def test_outliers(self):
         spoilt = list(self.y)

@@ -424,6 +424,25 @@ TEST(Dataset, ReadsARecordingInEpochTime) {
   EXPECT_EQ(on_uniform_grid(data, 0.04).size(), 11900);
 }
 
+// Doubles are 256 ns apart there.
+TEST(Dataset, CountsNanosecondsOfAnEpochFromTheFirst) {
+  for (const long step : {10'000'000L, 1'000'000L, 100'000L, 10'000L, 100L}) {
+    std::string text = "t,y\n";
+    for (long k = 0; k < 200; ++k) {
+      text += std::to_string(1'790'000'000'000'000'123L + k * step) + "," + std::to_string(k % 7) +
+              "\n";
+    }
+    const Dataset data =
+        make_dataset(parse_csv(text, "epoch.csv"), time_column("t", "ns"), {}, {channel("y", "y")});
+    EXPECT_DOUBLE_EQ(data.dt, 1e-9 * static_cast<double>(step));
+    EXPECT_EQ(data.time[0], 0.0);
+    EXPECT_DOUBLE_EQ(data.time[199], 199e-9 * static_cast<double>(step));
+    EXPECT_EQ(on_uniform_grid(data, data.dt).size(), 200);
+    ASSERT_EQ(data.notes.size(), 1);
+    EXPECT_THAT(data.notes[0], HasSubstr("the first stamp, 1790000000000000123"));
+  }
+}
+
 TEST(Dataset, RefusesRunsJoinedInOneFile) {
   IDENTIKAL_NEEDS_SHARED_FILE("recordings/polaris_circle_timeseries.csv");
   const Table t = read_csv(shared_file("recordings/polaris_circle_timeseries.csv"));
