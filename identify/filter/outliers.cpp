@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -69,47 +68,21 @@ Still still_samples(const Dataset& data) {
 
 // From the median |e| of one channel over all recordings, but for what stands still; 0 when there is
 // nothing.
-// @param before  what it was before a few samples were taken out, or 0
 double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
-                        const std::vector<Still>& still, Index channel, double before) {
-  constexpr Index kFewest = 20;
-  constexpr double kNear = 0.05;
-  Index all = 0, moving = 0;
-  std::vector<double> sizes;
-  // Those from `low` to `high` into sizes. @return how many lie below
-  const auto take = [&](double low, double high, bool only_moving) {
-    Index below = 0;
-    all = moving = 0;
-    sizes.clear();
-    for (std::size_t r = 0; r < filters.size(); ++r) {
-      const MatrixXd& of = filters[r].*e;
-      for (Index t = 0; t < of.cols(); ++t) {
-        const double size = std::abs(of(channel, t));
-        if (std::isnan(size)) continue;
-        const bool stands = still[r](channel, t);
-        ++all;
-        moving += stands ? 0 : 1;
-        if (only_moving && stands) continue;
-        below += size < low ? 1 : 0;
-        if (size >= low && size <= high) sizes.push_back(size);
-      }
+                        const std::vector<Still>& still, Index channel) {
+  constexpr std::size_t kFewest = 20;
+  std::vector<double> all, moving;
+  for (std::size_t r = 0; r < filters.size(); ++r) {
+    const MatrixXd& of = filters[r].*e;
+    for (Index t = 0; t < of.cols(); ++t) {
+      const double size = std::abs(of(channel, t));
+      if (std::isnan(size)) continue;
+      all.push_back(size);
+      if (!still[r](channel, t)) moving.push_back(size);
     }
-    return below;
-  };
-  // The median has hardly moved: most samples lie below or above for certain.
-  const double low = (1.0 - kNear) * before / kDeviationPerMedian;
-  const double high = (1.0 + kNear) * before / kDeviationPerMedian;
-  constexpr double kEvery = std::numeric_limits<double>::infinity();
-  Index below = before > 0.0 ? take(low, high, true) : take(0.0, kEvery, true);
-  if (all == 0) return 0.0;
-  const bool only_moving = moving >= kFewest;
-  if (!only_moving) below = take(0.0, kEvery, false);
-  const Index middle = (only_moving ? moving : all) / 2;
-  if (middle < below || middle >= below + static_cast<Index>(sizes.size())) {
-    below = take(0.0, kEvery, only_moving);
   }
-  std::nth_element(sizes.begin(), sizes.begin() + (middle - below), sizes.end());
-  return kDeviationPerMedian * sizes[static_cast<std::size_t>(middle - below)];
+  if (all.empty()) return 0.0;
+  return kDeviationPerMedian * median(moving.size() >= kFewest ? moving : all);
 }
 
 // How long a disturbed prediction stays disturbed.
@@ -149,21 +122,20 @@ struct Deviations {
   VectorXd plain, white;
 };
 
-// @param before  what they were before a few samples were taken out, or zero
 Deviations robust_deviations(const std::vector<Dataset>& recordings,
-                             const std::vector<FilterResult>& now, const std::vector<Still>& still,
-                             const Deviations& before) {
-  const Index ny = before.white.size();
-  Deviations out = before;
+                             const std::vector<FilterResult>& now,
+                             const std::vector<Still>& still) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
+  const auto ny = static_cast<Index>(outputs.size());
+  Deviations out{VectorXd(ny), VectorXd(ny)};
   for (Index i = 0; i < ny; ++i) {
-    if (recordings[0].outputs[static_cast<std::size_t>(i)].is_pseudo) {
+    if (outputs[static_cast<std::size_t>(i)].is_pseudo) {
       out.plain[i] = out.white[i] = kNone;  // nothing is larger
       continue;
     }
     // Only tells channels apart.
-    out.plain[i] =
-        ny > 1 ? robust_deviation(now, &FilterResult::e, still, i, before.plain[i]) : 1.0;
-    out.white[i] = robust_deviation(now, &FilterResult::standardised, still, i, before.white[i]);
+    out.plain[i] = ny > 1 ? robust_deviation(now, &FilterResult::e, still, i) : 1.0;
+    out.white[i] = robust_deviation(now, &FilterResult::standardised, still, i);
   }
   return out;
 }
@@ -248,10 +220,8 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
   std::vector<Dataset> rest = recordings;
   std::vector<Still> still;
   for (const Dataset& data : recordings) still.push_back(still_samples(data));
-  const VectorXd zero = VectorXd::Zero(rest[0].y.rows());
-  Deviations deviation{zero, zero};
   for (int pass = 0; pass < most_passes; ++pass) {
-    deviation = robust_deviations(recordings, now, still, deviation);
+    const Deviations deviation = robust_deviations(recordings, now, still);
     if (!any_outlier(now, deviation)) break;
     const std::vector<Outlier> found =
         gated ? outliers_by_gate(model, parameters, deviation, rest, now)
