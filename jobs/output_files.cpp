@@ -192,7 +192,7 @@ std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
   return out;
 }
 
-void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& places,
+void write_all(const std::vector<OutputFile>& files, std::vector<Place>& places,
                std::vector<FolderExchange>& exchanges) {
   const auto give_up = [](const OutputFile& file, const std::string& why) {
     fail(file, "cannot write" + (why.empty() ? "" : ": " + why));
@@ -210,9 +210,16 @@ void write_all(const std::vector<OutputFile>& files, const std::vector<Place>& p
   write_those(true);
   write_those(false);
   std::erase_if(exchanges, [](FolderExchange& exchange) { return exchange.put_in_place(); });
+  const auto write_beside = [&](std::size_t i) {
+    places[i].part = places[i].target.parent_path() / unforeseeable_name();
+    return write_part(places[i].part, files[i].content);
+  };
   for (std::size_t i = 0; i < files.size(); ++i) {
     std::error_code error;
     if (places[i].part.empty() || !fs::exists(places[i].part, error)) continue;
+    // A folder that is mounted there cannot be exchanged, and its files come from nowhere else.
+    const bool elsewhere = places[i].part.parent_path() != places[i].target.parent_path();
+    if (elsewhere && !write_beside(i)) give_up(files[i], std::strerror(errno));
     fs::rename(places[i].part, places[i].target, error);
     if (error) give_up(files[i], error.message());
   }

@@ -99,6 +99,19 @@ class TestResultFolders(unittest.TestCase):
                 self.assertEqual(job.wait(), 0)
             self.check_whole()
 
+    def test_a_folder_that_is_mounted_there(self):
+        other = self.folder.path / "other"
+        other.mkdir()
+        script = 'mount --bind "$1" "$2" && shift 2 && exec "$@"'
+        words = ["unshare", "-m", "sh", "-c", script, "sh", str(other), str(self.out)]
+        if subprocess.run([*words, "true"], capture_output=True).returncode != 0:
+            self.skipTest("folders cannot be mounted here")
+        for job in self.jobs:
+            done = subprocess.run([*words, *job], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(sorted(p.name for p in other.iterdir()), ["report_data.json", "residuals.csv", "result.json"])
+        self.assertEqual((other / "residuals.csv").read_bytes(), self.residuals["second"])
+
     def test_files_of_an_earlier_result_go(self):
         (self.out / "course.csv").write_text("of an earlier run")
         (self.out / "notes.txt").write_text("mine")
