@@ -152,14 +152,14 @@ struct Trial {
   bool stalled = false;  // nothing moved any more
 };
 
-// @param stretch  how many times as far: the gain of the step itself is what is predicted
+// @param factor  how many times as far: the gain of the step itself is what is predicted
 Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd& curvature,
-               const VectorXd& step, double stretch) {
+               const VectorXd& step, double factor) {
   Trial out;
   Point& next = out.next;
   const double predicted = at.gradient.dot(step) - 0.5 * step.dot(curvature * step);
   out.predicted = predicted;
-  next.x = (at.x + stretch * step).cwiseMax(problem.lower).cwiseMin(problem.upper);
+  next.x = (at.x + factor * step).cwiseMax(problem.lower).cwiseMin(problem.upper);
   const VectorXd moved = next.x - at.x;
   if (!problem.evaluate(next.x, next.L, &next.gradient, &next.information) ||
       !std::isfinite(next.L)) {
@@ -197,18 +197,18 @@ class RecentGains {
 // that gained more than they promised.
 class Damping {
  public:
-  double lambda = 0.0;   // added to the information
-  double stretch = 1.0;  // times the step
+  double lambda = 0.0;  // added to the information
+  double factor = 1.0;  // times the step
 
   void learn(const Trial& trial) {
     if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
     const bool short_of = trial.gain > kMoreThanPromised * trial.predicted && lambda == 0.0;
     in_a_row_ = short_of ? in_a_row_ + 1 : 0;
-    stretch = in_a_row_ >= kInARow ? std::min(2.0 * stretch, kLongest) : 1.0;
+    factor = in_a_row_ >= kInARow ? std::min(2.0 * factor, kLongest) : 1.0;
   }
   void shorten() {
-    if (stretch == 1.0) lambda = std::max(1e-2, 4.0 * lambda);
-    stretch = 1.0;
+    if (factor == 1.0) lambda = std::max(1e-2, 4.0 * lambda);
+    factor = 1.0;
   }
 
  private:
@@ -223,7 +223,7 @@ std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point
                                    const std::function<VectorXd()>& damped_step, double most,
                                    Damping& damping, SolverSummary& summary) {
   do {
-    Trial trial = try_step(problem, at, curvature, damped_step(), damping.stretch);
+    Trial trial = try_step(problem, at, curvature, damped_step(), damping.factor);
     ++summary.evaluations;
     if (trial.accepted) return trial;
     damping.shorten();
