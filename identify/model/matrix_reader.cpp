@@ -14,8 +14,6 @@
 #include "lib/model/linear_formulas.h"
 
 namespace identikal {
-namespace {
-
 bool is_name(std::string_view text) {
   const auto is_letter = [](char c) {
     return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_' || (c & 0x80) != 0;
@@ -25,6 +23,8 @@ bool is_name(std::string_view text) {
            return is_letter(c) || std::isdigit(static_cast<unsigned char>(c)) != 0;
          });
 }
+
+namespace {
 
 /// The nodes of a matrix's entries, row by row; rectangular and not empty.
 using Grid = std::vector<std::vector<const YamlNode*>>;

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -44,6 +45,9 @@ std::vector<FormulaGraph::Id> symbols_of(FormulaGraph& graph);
 
 /// Throws at the first parameter that nothing uses.
 void refuse_unused(const NamedParameters& parameters);
+
+/// Letters, digits and '_', beginning with a letter?
+bool is_name(std::string_view text);
 
 /// A name as formulas can have them. @param what  for the message, e.g. "a parameter name"
 void check_name(const YamlNode& name, const std::string& what);

@@ -371,6 +371,23 @@ initial: stationary
         undated = self.exported("python").replace(", result written " + self.exported("python").split("result written ")[1][:10], "")
         self.assertEqual(undated, paste["Python"])
 
+    def test_no_words_of_others_become_code(self):
+        evil = 'x")\nimport os; os.system("evil")\n#'
+        with Folder() as folder:
+            out = folder.path / "out"
+            run("fit", *LANE_CHANGE, "-o", out)
+            text = (out / "result.json").read_text()
+            for change in (lambda d: d.update(tyre_curve=evil), lambda d: d["parameters"][0].update(name=evil),
+                           lambda d: d["parameters"][0].update(name="m; system(1)"), lambda d: d["parameters"][1].update(unit=evil),
+                           lambda d: d["parameters"][1].update({"with": [evil]})):
+                spoilt = json.loads(text)
+                change(spoilt)
+                alone = folder.write("spoilt.json", json.dumps(spoilt))
+                for language in ("python", "c", "cpp", "matlab", "json", "yaml"):
+                    done = run("export", alone, "--to", language, code=2)
+                    self.assertEqual("", done.stdout)
+                    self.assertEqual(1, done.stderr.count("\n"), done.stderr)
+
     def test_nothing_to_export(self):
         for text, words in (("{", "no whole JSON"), ("[]", "no result of this program")):
             path = self.folder.write("r.json", text)

@@ -1,6 +1,7 @@
 // How do described fields get the values that a file holds?
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -97,6 +98,8 @@ class JsonReader {
   }
   static void read(const JsonField& from, ChoiceOrNull& to) {
     to.text = from.absent() ? "" : from.text();
+    const bool known = std::find(to.known.begin(), to.known.end(), to.text) != to.known.end();
+    if (!from.absent() && !known) from.refuse("is no word that stands here");
   }
   static void read(const JsonField& from, Sha256& to) { to.text = from.text(); }
   static void read(const JsonField& from, Ends& to) {
