@@ -1,9 +1,6 @@
 #include "identify/result/file.h"
 
-#include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <cstddef>
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -11,7 +8,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "identify/model/matrix_reader.h"
 #include "identify/result/file_digest.h"
 #include "identify/result/internal/json_reader.h"
 #include "identify/result/internal/version_1.h"
@@ -19,7 +15,6 @@
 #include "identify/result/schema.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
-#include "lib/data/units.h"
 
 namespace identikal {
 namespace {
@@ -76,38 +71,10 @@ void give_shapes(StateSpace& m) {
   if (m.S.size() == 0) m.S.resize(0, m.C.rows());
 }
 
-// "Iz", or the entry of a matrix with its place: "Q(1,1)", "R(level,slope)".
-bool is_parameter_name(const std::string& text) {
-  const std::size_t place = std::min(text.find('('), text.size());
-  if (!is_name(text.substr(0, place))) return false;
-  if (place == text.size()) return true;
-  const auto of_place = [](unsigned char c) {
-    return c == ',' || c == '_' || (c < 0x80 && std::isalnum(c) != 0);
-  };
-  return text.size() > place + 2 && text.back() == ')' &&
-         std::all_of(text.begin() + static_cast<std::ptrdiff_t>(place) + 1, text.end() - 1,
-                     of_place);
-}
-
-// They become words of programs: only what a model file can hold may stand here.
-void check_words(const JsonField& root, const StoredEstimate& e) {
-  for (const EstimatedParameter& p : e.parameters) {
-    const bool named =
-        is_parameter_name(p.name) && std::all_of(p.with.begin(), p.with.end(), is_parameter_name);
-    if (!named) root["parameters"].refuse("holds a name that no model file can have");
-    const bool in_one_line =
-        std::none_of(p.unit.begin(), p.unit.end(), [](unsigned char c) { return c < 0x20; });
-    if (!p.unit.empty() && !(in_one_line && parse_unit(p.unit))) {
-      root["parameters"].refuse("holds a unit that there is not");
-    }
-  }
-}
-
 // Takes all that the file holds, and gives back what JSON has no number or shape for.
 void read_estimate(const JsonField& root, WholeFile& file, StoredEstimate& e) {
   JsonReader reader(root);
   describe(reader, file);
-  check_words(root, e);
   if (e.correlation.rows() != static_cast<Eigen::Index>(e.correlation_names.size())) {
     root["correlation"].refuse("has other names than rows");
   }

@@ -1,10 +1,13 @@
 #include "identify/result/internal/export_contents.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <cstddef>
 
 #include <fmt/format.h>
 
+#include "identify/model/matrix_reader.h"
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
 #include "identify/result/internal/export_comments.h"
@@ -118,6 +121,37 @@ void check_filter(const StoredResult& result) {
   }
 }
 
+// "Iz", or the entry of a matrix with its place: "Q(1,1)", "R(level,slope)".
+bool is_parameter_name(const std::string& text) {
+  const std::size_t place = std::min(text.find('('), text.size());
+  if (!is_name(text.substr(0, place))) return false;
+  if (place == text.size()) return true;
+  const auto of_place = [](unsigned char c) {
+    return c == ',' || c == '_' || (c < 0x80 && std::isalnum(c) != 0);
+  };
+  return text.size() > place + 2 && text.back() == ')' &&
+         std::all_of(text.begin() + static_cast<std::ptrdiff_t>(place) + 1, text.end() - 1,
+                     of_place);
+}
+
+// They become words of programs: only what a model file can hold may stand here.
+void check_words(const StoredResult& result) {
+  const auto refuse = [&](const char* what) {
+    throw InputError({result.path, 0, 0}, what, "a file as -o writes it",
+                     "run the job again with -o");
+  };
+  for (const EstimatedParameter& p : result.estimate.parameters) {
+    const bool named =
+        is_parameter_name(p.name) && std::all_of(p.with.begin(), p.with.end(), is_parameter_name);
+    if (!named) refuse("holds the name of a parameter that no model file can have");
+    const bool in_one_line =
+        std::none_of(p.unit.begin(), p.unit.end(), [](unsigned char c) { return c < 0x20; });
+    if (!p.unit.empty() && !(in_one_line && parse_unit(p.unit))) {
+      refuse("holds a unit that there is not");
+    }
+  }
+}
+
 // The first name, as the export has it, behind which a number is missing; empty: all are there.
 std::string missing_number(const ExportContents& c) {
   for (const StructMember& m : c.members) {
@@ -146,6 +180,7 @@ ExportKind export_kind(const StoredEstimate& e) {
 }
 
 ExportContents export_contents(const StoredResult& result) {
+  check_words(result);
   const StoredEstimate& e = result.estimate;
   ExportContents out;
   switch (export_kind(e)) {
