@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "lib/base/constants.h"
-#include "lib/filter/steady_state.h"
+#include "lib/filter/internal/stationary_start.h"
 
 namespace identikal {
 namespace {
@@ -24,17 +24,16 @@ struct Start {
   void find(const StateSpace& m, const std::vector<StateSpace>* by) {
     const auto n = static_cast<Index>(states.size());
     const MatrixXd A = of(m.A);
-    const std::optional<MatrixXd> known =
-        solve_discrete_lyapunov(A, of(m.G * m.Q * m.G.transpose()));
-    P = known ? *known : MatrixXd::Constant(n, n, kNaN);
+    StationaryStart start;
+    const MatrixXd undefined = MatrixXd::Constant(n, n, kNaN);
+    const bool known = start.compute(A, of(m.G * m.Q * m.G.transpose()));
+    P = known ? start.P() : undefined;
     derivatives.clear();
     if (by == nullptr) return;
     for (const StateSpace& d : *by) {
-      const MatrixXd moved = of(d.A) * P * A.transpose(), noise = d.G * m.Q * m.G.transpose(),
+      const MatrixXd noise = d.G * m.Q * m.G.transpose(),
                      W = noise + noise.transpose() + m.G * d.Q * m.G.transpose();
-      const std::optional<MatrixXd> by_d =
-          known ? solve_discrete_lyapunov(A, moved + moved.transpose() + of(W)) : std::nullopt;
-      derivatives.push_back(by_d ? *by_d : MatrixXd::Constant(n, n, kNaN));
+      derivatives.push_back(known ? start.derivative(of(d.A), of(W)) : undefined);
     }
   }
 

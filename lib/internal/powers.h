@@ -52,6 +52,8 @@ class Powers {
   }
 
   double radius() const { return radius_; }
+  int count() const { return count_; }  ///< of F, F^2, F^4, ... until they have vanished
+  const Square& power(int j) const { return power_[j]; }
 
   /// Steps after which F^t has vanished, to rounding.
   Eigen::Index memory() const {

@@ -8,7 +8,7 @@
 #include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/filter/internal/direct_kernel.h"
-#include "lib/filter/steady_state.h"
+#include "lib/filter/internal/stationary_start.h"
 
 namespace identikal {
 
@@ -103,15 +103,10 @@ void Recursion::start_given(const std::vector<StateSpace>& derivatives) {
 
 // P = A P A' + W; false unless A is stable.
 bool Recursion::start_stationary() {
-  const auto P = solve_discrete_lyapunov(model_.A, W_);
-  if (!P) return false;
-  P_ = *P;
-  for (Sensitivity& s : sensitivities_) {
-    const MatrixXd half = s.A * P_ * model_.A.transpose();
-    const auto dP = solve_discrete_lyapunov(model_.A, half + half.transpose() + s.W);
-    if (!dP) return false;
-    s.P = *dP;
-  }
+  StationaryStart start;
+  if (!start.compute(model_.A, W_)) return false;
+  P_ = start.P();
+  for (Sensitivity& s : sensitivities_) s.P = start.derivative(s.A, s.W);
   return true;
 }
 

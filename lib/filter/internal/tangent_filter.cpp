@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 
 #include <Eigen/Cholesky>
 
 #include "lib/base/constants.h"
 #include "lib/filter/internal/sensitivity.h"
-#include "lib/filter/steady_state.h"
+#include "lib/filter/internal/stationary_start.h"
 
 namespace identikal {
 
@@ -33,51 +34,7 @@ MatrixXd columns_of(const MatrixXd& M, const std::vector<int>& columns) {
   return rows_of(M.transpose(), columns).transpose();
 }
 
-// Which channels a sample has, by channel.
-using Channels = std::vector<std::uint64_t>;
-
-std::uint64_t few_present(const double* y, Index channels) {
-  std::uint64_t out = 0;
-  for (Index i = 0; i < channels; ++i) out |= std::uint64_t{!std::isnan(y[i])} << i;
-  return out;
-}
-
-Channels many_present(const double* y, Index channels) {
-  Channels out;
-  for (Index i = 0; i < channels; i += 64) {
-    out.push_back(few_present(y + i, std::min<Index>(64, channels - i)));
-  }
-  return out;
-}
-
-// @param present  of a sample's outputs and their number, what can be compared
-template <typename Present>
-Presence presence_by(const MatrixXd& y, const Present& present) {
-  Presence out;
-  std::vector<decltype(present(y.data(), Index{}))> known;  // by pattern
-  for (Index t = 0; t < y.cols(); ++t) {
-    const auto here = present(y.col(t).data(), y.rows());
-    if (t > 0 && here == known[out.parts.back().pattern]) {
-      out.parts.back().end = t + 1;
-      continue;
-    }
-    const auto at = std::find(known.begin(), known.end(), here);
-    out.parts.push_back({t, t + 1, static_cast<std::size_t>(at - known.begin())});
-    if (at != known.end()) continue;
-    known.push_back(here);
-    out.channels.emplace_back();
-    for (Index i = 0; i < y.rows(); ++i) {
-      if (!std::isnan(y(i, t))) out.channels.back().push_back(static_cast<int>(i));
-    }
-  }
-  return out;
-}
-
 }  // namespace
-
-Presence find_presence(const MatrixXd& y) {
-  return y.rows() <= 64 ? presence_by(y, few_present) : presence_by(y, many_present);
-}
 
 // ---- The model in lanes
 
@@ -182,8 +139,23 @@ void TangentFilter::fill_common() {
     dynamics_ = dynamics_ || !d.A.isZero(0.0) || !d.C.isZero(0.0);
   }
   if (!dynamics_) return;
-  fill(A_theta_, 0, MatrixXd::Zero(n_, n_));
-  for (std::size_t i = 0; i < by.size(); ++i) fill(A_theta_, 1 + i, by[i].A);
+  std::vector<int> all(static_cast<std::size_t>(n_));
+  std::iota(all.begin(), all.end(), 0);
+  A_theta_ = moved_entries(by, &StateSpace::A, all, lanes_);
+}
+
+// All but the channels.
+simd::TangentModel TangentFilter::common_model() const {
+  simd::TangentModel out;
+  out.n = static_cast<int>(n_), out.nu = static_cast<int>(nu_);
+  out.blocks = static_cast<int>(blocks_), out.lanes = static_cast<int>(lanes_);
+  out.derivatives = static_cast<int>(derivatives_->size());
+  out.row = row_.data(), out.column = column_.data(), out.A = A_.data();
+  out.W = W_.data(), out.B = B_.data();
+  out.A_theta_row = A_theta_.row.data(), out.A_theta_column = A_theta_.column.data();
+  out.A_theta = dynamics_ ? A_theta_.by.data() : nullptr;
+  out.diagonal_R = diagonal_R_;
+  return out;
 }
 
 void TangentFilter::fill_pattern(Pattern& p, const std::vector<int>& channels) const {
@@ -206,21 +178,16 @@ void TangentFilter::fill_pattern(Pattern& p, const std::vector<int>& channels) c
     fill(p.R, l, columns_of(rows_of(of.R, channels), channels));
     fill(p.S, l, columns_of(Sw_[l], channels));
     fill(p.D, l, rows_of(of.D, channels));
-    if (dynamics_)
-      fill(p.C_theta, l, l == 0 ? MatrixXd::Zero(C.rows(), n_) : rows_of(of.C, channels));
   }
+  if (dynamics_) p.C_theta = moved_entries(by, &StateSpace::C, channels, lanes_);
   simd::TangentModel& to = p.model;
-  to.n = static_cast<int>(n_), to.m = static_cast<int>(C.rows()), to.nu = static_cast<int>(nu_);
-  to.blocks = static_cast<int>(blocks_), to.lanes = static_cast<int>(lanes_);
-  to.derivatives = static_cast<int>(by.size());
-  to.row = row_.data(), to.column = column_.data(), to.A = A_.data();
+  to = common_model();
+  to.m = static_cast<int>(C.rows());
   to.C_row = p.C_row.data(), to.C_column = p.C_column.data(), to.C = p.C.data();
   to.channel = channels.data();
-  to.W = W_.data(), to.R = p.R.data(), to.S = crossed_ ? p.S.data() : nullptr;
-  to.B = B_.data(), to.D = p.D.data();
-  to.A_theta = dynamics_ ? A_theta_.data() : nullptr;
-  to.C_theta = dynamics_ ? p.C_theta.data() : nullptr;
-  to.diagonal_R = diagonal_R_;
+  to.R = p.R.data(), to.S = crossed_ ? p.S.data() : nullptr, to.D = p.D.data();
+  to.C_theta_row = p.C_theta.row.data(), to.C_theta_column = p.C_theta.column.data();
+  to.C_theta = dynamics_ ? p.C_theta.by.data() : nullptr;
   p.ready = true;
 }
 
@@ -250,7 +217,14 @@ void TangentFilter::reserve(bool diffuse) {
     lay_out(r.L_inverse, m * m);
     lay_out(r.Sigma_inverse, m * m);
     lay_out(r.Sie, m);
+    lay_out(r.dC_PF, dynamics_ ? m * n * lanes_ : 0);
+    lay_out(r.dC_PC, dynamics_ ? m * m * lanes_ : 0);
     lay_out(r.work, m * m + m * m * lanes_);
+    simd::TangentRun::Stationary& s = r.stationary;
+    for (double** each : {&s.Y, &s.next_Y, &s.N, &s.YH}) lay_out(*each, n * m * all);
+    for (double** each : {&s.M, &s.G, &s.H}) lay_out(*each, m * m * all);
+    lay_out(s.largest, all);
+    lay_out(s.first_Sigma, m);
     lay_out(r.gradient, all);
     lay_out(r.information, (1 + derivatives_->size()) * all);
     lay_out(r.delta_information, diffuse ? n * n * all : 0);
@@ -264,6 +238,22 @@ void TangentFilter::reserve(bool diffuse) {
   run_.informed = !diffuse;
   run_.squares = run_.log_det = 0.0;
   run_.determinant = 1.0;
+}
+
+bool TangentFilter::start_stationary() {
+  using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  StationaryStart start;
+  if (!start.compute(model_->A, matrix(W_.data(), 0))) return false;
+  const int count = start.powers().count();
+  std::vector<double> powers;
+  powers.reserve(static_cast<std::size_t>(count * n_ * n_));
+  for (int q = 0; q < count; ++q) {
+    const RowMatrix power = start.powers().power(q);
+    powers.insert(powers.end(), power.data(), power.data() + power.size());
+  }
+  const RowMatrix P = start.P(), PA = start.PA();
+  simd::start_stationary_tangents(common_model(), run_, powers.data(), count, P.data(), PA.data());
+  return true;
 }
 
 FilterStatus TangentFilter::begin(InitialState initial) {
@@ -285,16 +275,7 @@ FilterStatus TangentFilter::begin(InitialState initial) {
       set_vector(run_.x, l, of.x0);
     }
   } else {
-    const MatrixXd& A = model_->A;
-    const auto P = solve_discrete_lyapunov(A, matrix(W_.data(), 0));
-    if (!P) return FilterStatus::unstable;
-    set_matrix(run_.P, 0, *P);
-    for (std::size_t l = 1; l <= k; ++l) {
-      const MatrixXd half = (*derivatives_)[l - 1].A * *P * A.transpose();
-      const auto dP = solve_discrete_lyapunov(A, half + half.transpose() + matrix(W_.data(), l));
-      if (!dP) return FilterStatus::unstable;
-      set_matrix(run_.P, l, *dP);
-    }
+    if (!start_stationary()) return FilterStatus::unstable;
   }
   return FilterStatus::ok;
 }
@@ -323,6 +304,8 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
                                 Likelihood& out) {
   take_channels(recording.presence);
   FilterStatus status = begin(initial);
+  stationary_ =
+      initial == InitialState::stationary && n_ > kUnrolled && recording.presence.parts.size() == 1;
   scored_ = out.gradient;
   std::size_t next = 0;
   for (const Presence::Part& part : recording.presence.parts) {
@@ -418,6 +401,20 @@ simd::TangentEnd TangentFilter::step(const Pattern& p, const TangentRecording& r
   return how;
 }
 
+// false: sums would lose digits, and have.
+bool TangentFilter::run_stationary(const Pattern& p, const TangentRecording& recording, Index& t,
+                                   bool& settled) {
+  long at = 0;
+  const simd::TangentEnd how =
+      simd::run_stationary_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
+                                    recording.u.data(), at, recording.y.cols());
+  if (how == simd::TangentEnd::imprecise) return false;
+  t = at;
+  samples_ = t * ny_;
+  settled = how == simd::TangentEnd::settled;
+  return true;
+}
+
 FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording& recording,
                                         Index& t, Index end, Likelihood& out) {
   const bool complete = p.model.m == static_cast<int>(ny_) && ny_ > 0;
@@ -430,6 +427,10 @@ FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording
   }
   bool settled = false;
   FilterStatus status = FilterStatus::ok;
+  if (stationary_ && complete && !watched && t == 0 && end == recording.y.cols() &&
+      !run_stationary(p, recording, t, settled)) {
+    status = begin(InitialState::stationary);
+  }
   while (t < end && status == FilterStatus::ok) {
     const Index to = watched ? t + 1 : end;
     if (settled) {

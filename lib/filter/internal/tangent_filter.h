@@ -5,31 +5,19 @@
 #pragma once
 
 #include <cstddef>
-#include <new>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "lib/filter/filter_result.h"
 #include "lib/filter/internal/diffuse_start.h"
+#include "lib/filter/internal/moved_entries.h"
+#include "lib/filter/internal/presence.h"
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/tangent_kernel.h"
 #include "lib/model/state_space.h"
 
 namespace identikal {
-
-/// Which outputs of a recording are there when: samples begin .. end - 1 have channels[pattern].
-struct Presence {
-  struct Part {
-    Eigen::Index begin, end;
-    std::size_t pattern;
-  };
-  std::vector<std::vector<int>> channels;
-  std::vector<Part> parts;
-};
-
-/// @param y  ny x N, NaN = missing
-Presence find_presence(const Eigen::MatrixXd& y);
 
 /// A recording as the filter runs over it; gapless segments may go through a kernel instead.
 struct TangentRecording {
@@ -42,22 +30,6 @@ struct TangentRecording {
   FilterResult* store = nullptr;              ///< receives innovations
   Eigen::MatrixXd* score_products = nullptr;  ///< k x k: receives sum_t s_t s_t'
 };
-
-// Vectors of eight numbers that lie across two lines of the cache take twice as long to load.
-template <typename T>
-struct LineAllocator {
-  using value_type = T;
-  static constexpr std::align_val_t kLine{64};
-  LineAllocator() = default;
-  template <typename U>
-  explicit LineAllocator(const LineAllocator<U>&) {}
-  T* allocate(std::size_t count) {
-    return static_cast<T*>(::operator new(count * sizeof(T), kLine));
-  }
-  void deallocate(T* at, std::size_t) { ::operator delete(at, kLine); }
-  bool operator==(const LineAllocator&) const { return true; }
-};
-using Lanes = std::vector<double, LineAllocator<double>>;
 
 class TangentFilter {
  public:
@@ -103,17 +75,22 @@ class TangentFilter {
     std::vector<Passage> passages;  // by number of samples
     std::vector<int> C_row, C_column;
     std::vector<double> C;
-    Lanes R, S, D, C_theta;
+    MovedEntries C_theta;
+    Lanes R, S, D;
   };
 
   void find_structure();
   void fill_common();
   void fill_pattern(Pattern& p, const std::vector<int>& channels) const;
+  simd::TangentModel common_model() const;
   void reserve(bool diffuse);
+  bool start_stationary();
   FilterStatus run_stretch(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
   simd::TangentEnd step(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                         Eigen::Index end);
+  bool run_stationary(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
+                      bool& settled);
   FilterStatus run_diffuse(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
   FilterStatus go_on(const TangentRecording& recording, const Presence::Part& part, Eigen::Index& t,
@@ -149,7 +126,8 @@ class TangentFilter {
   bool dynamics_ = false, crossed_ = false, diagonal_R_ = true;
   std::vector<int> row_, column_;
   std::vector<double> A_;
-  Lanes W_, B_, A_theta_;
+  Lanes W_, B_;
+  MovedEntries A_theta_;
   std::vector<Eigen::MatrixXd> Sw_;         // G S of the model, then of every derivative
   std::vector<std::vector<int>> channels_;  // that the patterns are of
   std::vector<Pattern> patterns_;
@@ -159,6 +137,7 @@ class TangentFilter {
   Eigen::VectorXd scored_;  // the gradient up to the last sample
   Eigen::VectorXd e_sd_;    // of every channel, measured or not, at the last sample
   bool diffuse_ = false, rejected_ = false, late_ = false;
+  bool stationary_ = false;  // all that follows goes on from a stationary start, with all outputs
   Eigen::Index samples_ = 0, folded_ = 0, jumped_ = 0;
 };
 

@@ -60,6 +60,7 @@ struct Pack {
 }  // namespace identikal::simd
 HWY_AFTER_NAMESPACE();
 
+#include "lib/filter/internal/tangent_dynamics.h"
 #include "lib/filter/internal/tangent_products.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -165,8 +166,8 @@ HWY_INLINE void Innovate(const TangentModel& f, TangentRun& r, const double* y, 
           }
         }
         if (f.C_theta != nullptr) {
-          for (int k = 0; k < n; ++k) {
-            e.Subtract(first[k * W], Pack<W>::Load(f.C_theta + ((b * m + a) * n + k) * W));
+          for (int at = f.C_theta_row[a]; at < f.C_theta_row[a + 1]; ++at) {
+            e.Subtract(first[f.C_theta_column[at] * W], MovedOutput<W>(f, b, at));
           }
         }
         e.Store(E + a * W);
@@ -217,8 +218,8 @@ HWY_INLINE void AdvanceStates(const TangentModel& f, TangentRun& r, const double
           }
         }
         if (f.A_theta != nullptr) {
-          for (int k = 0; k < n; ++k) {
-            sum.Add(first[k * W], Pack<W>::Load(f.A_theta + ((b * n + i) * n + k) * W));
+          for (int at = f.A_theta_row[i]; at < f.A_theta_row[i + 1]; ++at) {
+            sum.Add(first[f.A_theta_column[at] * W], MovedDynamics<W>(f, b, at));
           }
         }
         sum.Store(next + i * W);
@@ -355,9 +356,11 @@ HWY_INLINE void SeeCovariance(const TangentModel& f, TangentRun& r) {
           sum.Add(f.C[at], Pack<W>::Load(PC + (f.C_column[at] * m + c) * W));
         }
         if (f.C_theta != nullptr) {
-          for (int k = 0; k < n; ++k) {
-            sum.Add(r.PC[(k * m + c) * W], Pack<W>::Load(f.C_theta + ((b * m + a) * n + k) * W));
-            sum.Add(r.PC[(k * m + a) * W], Pack<W>::Load(f.C_theta + ((b * m + c) * n + k) * W));
+          for (int at = f.C_theta_row[a]; at < f.C_theta_row[a + 1]; ++at) {
+            sum.Add(r.PC[(f.C_theta_column[at] * m + c) * W], MovedOutput<W>(f, b, at));
+          }
+          for (int at = f.C_theta_row[c]; at < f.C_theta_row[c + 1]; ++at) {
+            sum.Add(r.PC[(f.C_theta_column[at] * m + a) * W], MovedOutput<W>(f, b, at));
           }
         }
         sum.Store(Sigma + (a * m + c) * W);
@@ -390,6 +393,7 @@ HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
   const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
   const double* T = r.T + b * n * n * W;
   double *K_theta = r.K_theta + b * n * m * W, *row = r.work + m * m;
+  if (f.A_theta != nullptr) SeeMovedOutputs<W, N, M>(f, r, b);
   for (int i = 0; i < n; ++i) {
     for (int a = 0; a < m; ++a) {
       Pack<W> sum =
@@ -401,15 +405,14 @@ HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
         sum.Subtract(r.K[i * m + c], Pack<W>::Load(f.R + ((b * m + c) * m + a) * W));
       }
       if (f.A_theta != nullptr) {
-        for (int k = 0; k < n; ++k) {
-          // dF P C' + F P dC'
-          const double PC = r.PC[(k * m + a) * W];
-          sum.Add(PC, Pack<W>::Load(f.A_theta + ((b * n + i) * n + k) * W));
-          for (int c = 0; c < m; ++c) {
-            sum.Subtract(r.K[i * m + c] * PC, Pack<W>::Load(f.C_theta + ((b * m + c) * n + k) * W));
-          }
-          sum.Add(r.T[(i * n + k) * W], Pack<W>::Load(f.C_theta + ((b * m + a) * n + k) * W));
+        // dF P C' + F P dC'
+        for (int at = f.A_theta_row[i]; at < f.A_theta_row[i + 1]; ++at) {
+          sum.Add(r.PC[(f.A_theta_column[at] * m + a) * W], MovedDynamics<W>(f, b, at));
         }
+        for (int c = 0; c < m; ++c) {
+          sum.Subtract(r.K[i * m + c], Pack<W>::Load(r.dC_PC + (c * m + a) * W));
+        }
+        sum.Add(Pack<W>::Load(r.dC_PF + (a * n + i) * W));
       }
       sum.Store(row + a * W);
     }
@@ -421,21 +424,6 @@ HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
       // What rounding leaves of K Sigma - A P C' - S is none of the gain's derivatives.
       if (b == 0) sum.v[0] = hn::IfThenZeroElse(hn::FirstN(typename Pack<W>::Tag(), 1), sum.v[0]);
       sum.Store(K_theta + (i * m + a) * W);
-    }
-  }
-}
-
-// += dF P F' + its transpose, lower triangle; r.T holds F P in its first lanes.
-template <int W>
-void AddDynamics(const TangentModel& f, const TangentRun& r, int b, int i, int j, Pack<W>& sum) {
-  const int n = f.n, m = f.m;
-  for (int k = 0; k < n; ++k) {
-    const double of_j = r.T[(j * n + k) * W], of_i = r.T[(i * n + k) * W];
-    sum.Add(of_j, Pack<W>::Load(f.A_theta + ((b * n + i) * n + k) * W));
-    sum.Add(of_i, Pack<W>::Load(f.A_theta + ((b * n + j) * n + k) * W));
-    for (int c = 0; c < m; ++c) {
-      sum.Subtract(r.K[i * m + c] * of_j + r.K[j * m + c] * of_i,
-                   Pack<W>::Load(f.C_theta + ((b * m + c) * n + k) * W));
     }
   }
 }
@@ -646,6 +634,16 @@ void RunSettledStates(const TangentModel& f, TangentRun& r, const double* y, int
   }
 }
 
+}  // namespace HWY_NAMESPACE
+}  // namespace identikal::simd
+HWY_AFTER_NAMESPACE();
+
+#include "lib/filter/internal/tangent_stationary.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace identikal::simd {
+namespace HWY_NAMESPACE {
+
 TangentEnd RunTangents(const TangentModel& f, TangentRun& r, const double* y, int ny,
                        const double* u, long& t, long end, bool stop_when_settled) {
   if (f.lanes == 4) return RunStates<4>(f, r, y, ny, u, t, end, stop_when_settled);
@@ -677,6 +675,16 @@ TangentEnd run_tangents(const TangentModel& model, TangentRun& run, const double
 void run_settled_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
                           const double* u, long t, long end) {
   IDENTIKAL_DISPATCH(RunSettledTangents)(model, run, y, ny, u, t, end);
+}
+
+void start_stationary_tangents(const TangentModel& model, TangentRun& run, const double* powers,
+                               int count, const double* P, const double* PA) {
+  IDENTIKAL_DISPATCH(StartStationaryTangents)(model, run, powers, count, P, PA);
+}
+
+TangentEnd run_stationary_tangents(const TangentModel& model, TangentRun& run, const double* y,
+                                   int ny, const double* u, long& t, long end) {
+  return IDENTIKAL_DISPATCH(RunStationaryTangents)(model, run, y, ny, u, t, end);
 }
 
 }  // namespace identikal::simd

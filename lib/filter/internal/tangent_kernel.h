@@ -33,11 +33,15 @@ struct TangentModel {
   const double* C = nullptr;
   const int* channel = nullptr;  ///< m: rows of y
   // In lanes; those that may be null are zero then.
-  const double *W = nullptr, *R = nullptr;              ///< n x n; m x m
-  const double* S = nullptr;                            ///< n x m, or null
-  const double *B = nullptr, *D = nullptr;              ///< n x nu, m x nu; null without inputs
-  const double *A_theta = nullptr, *C_theta = nullptr;  ///< n x n, m x n; null: noise alone
-  bool diagonal_R = true;                               ///< in every lane
+  const double *W = nullptr, *R = nullptr;  ///< n x n; m x m
+  const double* S = nullptr;                ///< n x m, or null
+  const double *B = nullptr, *D = nullptr;  ///< n x nu, m x nu; null without inputs
+  // Entries of A and of C, row by row, that any parameter moves, and what they are in lanes: entry e
+  // of block b at (b entries + e) lanes, the entries being the last of each row's ends.
+  const int *A_theta_row = nullptr, *A_theta_column = nullptr;  ///< n + 1; A_theta_row[n]
+  const int *C_theta_row = nullptr, *C_theta_column = nullptr;  ///< m + 1; C_theta_row[m]
+  const double *A_theta = nullptr, *C_theta = nullptr;          ///< null: noise alone
+  bool diagonal_R = true;                                       ///< in every lane
 };
 
 /// State before a sample, workspace and sums. x has one column, or 1 + n with the responses to a
@@ -54,7 +58,14 @@ struct TangentRun {
   double *F = nullptr, *K = nullptr;  ///< row[n]; n x m
   double *L_inverse = nullptr, *Sigma_inverse = nullptr;  ///< m x m
   double* Sie = nullptr;                                  ///< m: Sigma^-1 e
-  double* work = nullptr;                                 ///< m m lanes + m m
+  double *dC_PF = nullptr, *dC_PC = nullptr;  ///< dC P F', dC P C': m x n, m x m lanes of a block
+  double* work = nullptr;                     ///< m m lanes + m m
+  // Of tangent_stationary.h: n x m and m x m in lanes; all lanes; m.
+  struct Stationary {
+    double *Y = nullptr, *next_Y = nullptr, *N = nullptr, *YH = nullptr;
+    double *M = nullptr, *G = nullptr, *H = nullptr;
+    double *largest = nullptr, *first_Sigma = nullptr;
+  } stationary;
   // Sums.
   double* gradient = nullptr;     ///< blocks * lanes
   double* information = nullptr;  ///< (1 + derivatives) x blocks * lanes
@@ -66,7 +77,7 @@ struct TangentRun {
 };
 
 /// How a part of samples ended.
-enum class TangentEnd { done, settled, indefinite };
+enum class TangentEnd { done, settled, indefinite, imprecise };
 
 /// Samples t .. end - 1, all with the channels of the model. Advances t. `settled` ends it behind a
 /// sample at which P and its derivatives have stopped changing, to 1e-14 and 1e-12 of themselves.
@@ -77,5 +88,16 @@ TangentEnd run_tangents(const TangentModel& model, TangentRun& run, const double
 /// The same with K, dK, Sigma and dSigma as the last sample left them; x has one column.
 void run_settled_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
                           const double* u, long t, long end);
+
+/// P of a stationary start and its derivatives.
+/// @param powers  A, A^2, A^4, ..., `count` of them, until they have vanished
+/// @param P, PA   of the value, P and P A'; all matrices row by row
+void start_stationary_tangents(const TangentModel& model, TangentRun& run, const double* powers,
+                               int count, const double* P, const double* PA);
+
+/// All samples behind a stationary start, with all outputs. `imprecise` where what has been added to
+/// the sums is worth nothing: run_tangents() keeps more digits. P is left as it was.
+TangentEnd run_stationary_tangents(const TangentModel& model, TangentRun& run, const double* y,
+                                   int ny, const double* u, long& t, long end);
 
 }  // namespace identikal::simd

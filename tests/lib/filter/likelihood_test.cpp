@@ -570,6 +570,49 @@ TEST(Likelihood, StructuralModelsAgreeWithTheRecursion) {
   }
 }
 
+// From a stationary start without gaps, many states: their covariance is never formed.
+TEST(Likelihood, StationaryStartsAgreeWithTheRecursion) {
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5, 6}) {
+    Random random(seed);
+    const Index n = 5 + static_cast<Index>(seed), ny = 1 + static_cast<Index>(seed) % 3;
+    const StateSpace m = random_model(random, n, 1, ny, 2);
+    const MatrixXd u = random_matrix(random, 1, 80);
+    const MatrixXd y = simulate_outputs(random, m, u, 80);
+    std::vector<StateSpace> derivatives;
+    for (int i = 0; i < 9; ++i) derivatives.push_back(random_direction(random, m));
+    LikelihoodEngine fast, full;
+    fast.add_recording(y, u);
+    full.add_recording(y, u);
+    const Likelihood a =
+        fast.evaluate(m, InitialState::stationary, derivatives, EvaluationMethod::steady_state);
+    const Likelihood b =
+        full.evaluate(m, InitialState::stationary, derivatives, EvaluationMethod::time_varying);
+    ASSERT_EQ(a.status, FilterStatus::ok);
+    EXPECT_NEAR(a.value, b.value, 1e-11 * std::abs(b.value));
+    EXPECT_LT(relative(a.gradient, b.gradient), 1e-9) << "states: " << n;
+    EXPECT_LT(relative(a.information, b.information), 1e-9) << "states: " << n;
+  }
+}
+
+// A seasonal moving average on its border, behind an almost integrating autoregression: the noise
+// is a ten thousandth of the output, and the start is all but known in directions that last.
+TEST(Likelihood, StationaryStartsOfLongChainsAgreeWithTheRecursion) {
+  Random random(7);
+  StateSpace m = random_model(random, 14, 0, 1, 1);
+  m.A.setZero();
+  m.A(0, 0) = 0.9999;
+  m.A.diagonal(-1).setOnes();
+  m.G = MatrixXd::Identity(14, 1);
+  m.C = MatrixXd::Zero(1, 14);
+  m.C(0, 0) = 1.0, m.C(0, 1) = -0.4, m.C(0, 12) = -1.0, m.C(0, 13) = 0.4;
+  m.R.setZero(), m.S.setZero();
+  const MatrixXd y = simulate_outputs(random, m, MatrixXd(0, 150), 150);
+  std::vector<StateSpace> derivatives(4, zero_like(m));
+  derivatives[0].A(0, 0) = derivatives[1].C(0, 1) = derivatives[2].C(0, 12) = 1.0;
+  derivatives[3].Q(0, 0) = 1.0;
+  expect_agreement(m, InitialState::stationary, y, derivatives, EvaluationMethod::steady_state);
+}
+
 TEST(Likelihood, OutputsAtDifferentRatesAgreeWithTheRecursion) {
   Random random(12);
   StateSpace m = random_model(random, 4, 0, 4, 4);
