@@ -58,6 +58,31 @@ Findings check_bounds(const Estimate& estimate, const LikelihoodProblem& problem
   return out;
 }
 
+// Polynomials with roots on the unit circle.
+Findings check_roots(const Estimate& estimate, const std::vector<RootsOnCircle>& on_circle) {
+  std::vector<std::string> free;
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (!p.fixed) free.push_back(p.name);
+  }
+  Findings out;
+  for (const RootsOnCircle& each : on_circle) {
+    std::vector<std::string> names;
+    for (const Eigen::Index i : each.entries) names.push_back(free[static_cast<std::size_t>(i)]);
+    const std::string all = fmt::format("{}", fmt::join(names, ", "));
+    out.push_back(make_finding(
+        FindingCode::at_bound, names,
+        each.moving_average
+            ? fmt::format("the moving average of {} has a root on the unit circle: what it takes "
+                          "out, a difference or a season, may have been taken out before",
+                          all)
+            : fmt::format(
+                  "the autoregression of {} has a root at the border of stability: the "
+                  "recording may be of something that drifts, with a difference to be taken",
+                  all)));
+  }
+  return out;
+}
+
 // What counted beside the data.
 void report_priors(Estimate& estimate, const ParameterSet& end) {
   const std::vector<std::string> names = names_with_priors(end);
@@ -158,7 +183,8 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   objective.evaluations = found.evaluations;
   objective.starts = static_cast<int>(found.ends.size());
   objective.starts_at_optimum = found.count(SearchEnd::best);
-  const JudgedMaximum judged = judge_maximum(estimate, likelihood, problem, end, best);
+  const JudgedMaximum judged =
+      judge_maximum(estimate, likelihood, problem, end, best, found.on_circle);
   report_priors(estimate, end);
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
@@ -168,6 +194,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
       likelihood, factors, end, found.best, judged, samples_present(recordings), options.threads};
   if (converged && limit_variances_at_zero(estimate, maximum)) {
     append(estimate.findings, check_bounds(estimate, problem, best));
+    append(estimate.findings, check_roots(estimate, found.on_circle));
   }
   // Others that are not determined would be searched for at every point of a profile.
   const bool determined = estimate.identifiability.rank == estimate.identifiability.of;

@@ -227,10 +227,15 @@ FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
   if (!asked && model.states() > kFewStates && longest < kPerState * model.states()) {
     return FallbackReason::short_segment;
   }
+  noise_alone = std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
+  // A stationary start is followed at little cost sample by sample (tangent_stationary.h), and what
+  // the kernel does for each lag is dearer where dynamics are unknown.
+  constexpr Index kPerLag = 8;
+  if (!asked && !noise_alone && initial == InitialState::stationary) longest /= kPerLag;
   if (!kernel->prepare(model, derivatives, longest)) {
     return kernel->slow() ? FallbackReason::short_segment : FallbackReason::no_steady_state;
   }
-  noise_alone = std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
+  if (kernel->memory() > longest) return FallbackReason::short_segment;
   if (noise_alone && (drifts_of.size() == 0 || drifts_of != model.A)) {
     drifts_of = model.A;
     outputs_drift = drifts(model);

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <Eigen/Eigenvalues>
 
 #include "lib/base/constants.h"
+#include "lib/model/partial_autocorrelation.h"
 
 namespace identikal {
 
@@ -26,41 +28,16 @@ ShapingState shaping_state(const ShapingFilter& filter) {
 }
 
 VectorXd stable_polynomial(const VectorXd& zeta, MatrixXd* jacobian) {
-  const Index n = zeta.size();
-  VectorXd p(0);
-  MatrixXd J(0, n);
-  // Levinson's step up: p_i <- p_i + k p_(m-i), p_m = k.
-  for (Index m = 1; m <= n; ++m) {
-    const double k = std::tanh(zeta[m - 1]);
-    VectorXd next(m);
-    MatrixXd dnext = MatrixXd::Zero(m, n);
-    for (Index i = 0; i + 1 < m; ++i) {
-      next[i] = p[i] + k * p[m - 2 - i];
-      dnext.row(i) = J.row(i) + k * J.row(m - 2 - i);
-      dnext(i, m - 1) += p[m - 2 - i] * (1.0 - k * k);
-    }
-    next[m - 1] = k;
-    dnext(m - 1, m - 1) = 1.0 - k * k;
-    p = next;
-    J = dnext;
-  }
-  if (jacobian != nullptr) *jacobian = J;
-  return p;
+  const VectorXd reflection = zeta.array().tanh();
+  const VectorXd phi = polynomial_coefficients(-reflection, jacobian);
+  if (jacobian != nullptr) *jacobian *= (1.0 - reflection.array().square()).matrix().asDiagonal();
+  return -phi;
 }
 
 VectorXd stable_coordinates(const VectorXd& p) {
-  VectorXd rest = p, zeta(p.size());
-  for (Index m = p.size(); m >= 1; --m) {
-    const double k = rest[m - 1];
-    if (!(std::abs(k) < 1.0)) {
-      return VectorXd::Constant(p.size(), kNaN);
-    }
-    zeta[m - 1] = std::atanh(k);
-    VectorXd next(m - 1);
-    for (Index i = 0; i + 1 < m; ++i) next[i] = (rest[i] - k * rest[m - 2 - i]) / (1.0 - k * k);
-    rest = next;
-  }
-  return zeta;
+  const std::optional<VectorXd> partial = partial_autocorrelations(-p);
+  if (!partial) return VectorXd::Constant(p.size(), kNaN);
+  return (-partial->array()).atanh();
 }
 
 std::complex<double> response(const ShapingFilter& filter, double omega,

@@ -29,17 +29,6 @@ std::map<int, int> occurrences(const LinearModel& model) {
   return out;
 }
 
-// First free entry of each parameter.
-std::vector<Index> first_entries(const ParameterSet& parameters) {
-  std::vector<Index> out;
-  Index at = 0;
-  for (const Parameter& p : parameters) {
-    out.push_back(at);
-    if (!p.fixed) at += free_entries({p}).size();
-  }
-  return out;
-}
-
 bool is_free_number(const Parameter& p) {
   return !p.fixed && p.domain == Domain::scalar && p.prior.kind == Prior::Kind::none &&
          p.max == kInfinity;
@@ -101,6 +90,16 @@ std::optional<CovarianceEntries> covariance_in(const ParametrisedMatrix& M,
 }
 
 }  // namespace
+
+std::vector<Index> first_entries(const ParameterSet& parameters) {
+  std::vector<Index> out;
+  Index at = 0;
+  for (const Parameter& p : parameters) {
+    out.push_back(at);
+    if (!p.fixed) at += free_entries({p}).size();
+  }
+  return out;
+}
 
 std::vector<CovarianceEntries> named_covariances(const Model& model) {
   std::vector<CovarianceEntries> out;

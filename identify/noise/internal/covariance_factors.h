@@ -16,6 +16,9 @@ struct CovarianceEntries {
   std::vector<Eigen::Index> entries;  ///< of its lower triangle, column by column
 };
 
+/// The first free entry of each parameter.
+std::vector<Eigen::Index> first_entries(const ParameterSet& parameters);
+
 /// Blocks of Q and R whose every entry is a free number of its own that occurs nowhere else, like
 /// Q: [[q11, q12], [q12, q22]]: at least 2 x 2, variances without other bounds than zero, no priors.
 /// None of a model with S.

@@ -4,6 +4,9 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
+#include <Eigen/SVD>
+
+#include "lib/model/partial_autocorrelation.h"
 
 namespace identikal {
 namespace {
@@ -61,20 +64,43 @@ std::vector<MatrixXd> moves_of(const MatrixXd& F) {
   return out;
 }
 
+// Directions of the partial autocorrelations that are not held, and that the coefficients follow:
+// behind one of 1 or -1 the lower ones come in pairs.
+MatrixXd moves_of(const RootsOnCircle& polynomial) {
+  constexpr double kFollows = 1e-6;
+  MatrixXd by;
+  polynomial_coefficients(polynomial.partial, &by);
+  for (Index k = 0; k < by.cols(); ++k) {
+    if (polynomial.held[static_cast<std::size_t>(k)]) by.col(k).setZero();
+  }
+  const Eigen::JacobiSVD<MatrixXd> axes(by, Eigen::ComputeFullV);
+  const Index rank = (axes.singularValues().array() > kFollows).count();
+  return axes.matrixV().leftCols(rank);
+}
+
 }  // namespace
 
 FreeDirections::FreeDirections(const VectorXd& entries, const std::vector<bool>& at_bound,
                                const std::vector<CovarianceEntries>& covariances,
+                               const std::vector<RootsOnCircle>& polynomials,
                                const VectorXd& gradient, const MatrixXd& information)
     : at_(entries) {
-  std::vector<bool> in_matrix(static_cast<std::size_t>(entries.size()), false);
+  std::vector<bool> together(static_cast<std::size_t>(entries.size()), false);
   for (const CovarianceEntries& each : covariances) {
-    for (const Index i : each.entries) in_matrix[i] = true;
+    for (const Index i : each.entries) together[i] = true;
+  }
+  for (const RootsOnCircle& each : polynomials) {
+    for (const Index i : each.entries) together[i] = true;
   }
   for (Index i = 0; i < entries.size(); ++i) {
-    if (!in_matrix[i] && !at_bound[i]) numbers_.push_back(i);
+    if (!together[i] && !at_bound[i]) numbers_.push_back(i);
   }
   size_ = static_cast<Index>(numbers_.size());
+  for (const RootsOnCircle& each : polynomials) {
+    Polynomial polynomial{each, size_, moves_of(each)};
+    size_ += polynomial.moves.cols();
+    polynomials_.push_back(std::move(polynomial));
+  }
   for (const CovarianceEntries& each : covariances) {
     const MatrixXd value = matrix_of(entries(each.entries), each.size);
     Factor factor{each, size_, {}, {}};
@@ -100,12 +126,21 @@ MatrixXd FreeDirections::factor_at(const Factor& factor, const VectorXd& t) cons
   return F;
 }
 
+VectorXd FreeDirections::partial_at(const Polynomial& polynomial, const VectorXd& t) const {
+  return polynomial.of.partial +
+         polynomial.moves * t.segment(polynomial.first, polynomial.moves.cols());
+}
+
 VectorXd FreeDirections::entries(const VectorXd& t) const {
   VectorXd out = at_;
   for (std::size_t j = 0; j < numbers_.size(); ++j) out[numbers_[j]] += t[static_cast<Index>(j)];
   for (const Factor& factor : factors_) {
     const MatrixXd F = factor_at(factor, t);
     out(factor.of.entries) = lower_triangle(F * F.transpose());
+  }
+  for (const Polynomial& polynomial : polynomials_) {
+    out(polynomial.of.entries) =
+        polynomial.of.sign.cwiseProduct(polynomial_coefficients(partial_at(polynomial, t)));
   }
   return out;
 }
@@ -119,6 +154,14 @@ MatrixXd FreeDirections::jacobian(const VectorXd& t) const {
       const MatrixXd half = factor.moves[j] * F.transpose();
       out(factor.of.entries, factor.first + static_cast<Index>(j)) =
           lower_triangle(half + half.transpose());
+    }
+  }
+  for (const Polynomial& polynomial : polynomials_) {
+    MatrixXd by_partial;
+    polynomial_coefficients(partial_at(polynomial, t), &by_partial);
+    const MatrixXd by = polynomial.of.sign.asDiagonal() * by_partial * polynomial.moves;
+    for (Index j = 0; j < by.cols(); ++j) {
+      out(polynomial.of.entries, polynomial.first + j) = by.col(j);
     }
   }
   return out;

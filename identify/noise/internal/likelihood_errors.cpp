@@ -85,7 +85,7 @@ MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
 
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
-                            const VectorXd& best) {
+                            const VectorXd& best, const std::vector<RootsOnCircle>& polynomials) {
   const Likelihood* result = likelihood.evaluate(end, true);
   if (result == nullptr) return {};
   const MatrixXd all = result->information;
@@ -95,7 +95,7 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
     at_bound.push_back(best[i] <= problem.lower[i] || best[i] >= problem.upper[i]);
   }
   const std::vector<CovarianceEntries> covariances = all_covariances(likelihood.model());
-  const FreeDirections free(z, at_bound, covariances, result->gradient, all);
+  const FreeDirections free(z, at_bound, covariances, polynomials, result->gradient, all);
   const MatrixXd by = free.jacobian(VectorXd::Zero(free.size()));
   for (Index i = 0; i < z.size(); ++i) at_bound[i] = by.row(i).isZero(0.0);
   const InteriorParameters inside = interior_parameters(estimate, at_bound);
@@ -115,7 +115,8 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
     const auto second = observed(likelihood, problem, end, free, best, *bound);
     const auto inverse = second ? scaled_inverse(*second) : std::nullopt;
     covariance = inverse ? *inverse : *bound;
-    if (inverse && covariances.empty()) out.excess = excess_of(*second, all, free);
+    if (inverse && covariances.empty() && polynomials.empty())
+      out.excess = excess_of(*second, all, free);
     estimate.covariance_kind = inverse ? "observed information"
                                        : "expected information (the observed one is not "
                                          "positive definite)";

@@ -6,6 +6,7 @@
 #include "identify/estimate/estimate.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/noise/internal/covariance_factors.h"
+#include "identify/noise/internal/root_coordinates.h"
 
 namespace identikal {
 
@@ -23,8 +24,10 @@ struct JudgedMaximum {
 /// boundary none, of a covariance that has lost rank those along the directions in which it is
 /// free (identify/noise/internal/free_directions.h).
 /// @param best  where the search ended, in the coordinates of `problem`, which are the likelihood's
+/// @param polynomials  there, with roots on the unit circle
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
-                            const Eigen::VectorXd& best);
+                            const Eigen::VectorXd& best,
+                            const std::vector<RootsOnCircle>& polynomials);
 
 }  // namespace identikal

@@ -10,7 +10,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/noise/internal/common_scale.h"
 #include "identify/noise/internal/profiled_noise.h"
+#include "identify/noise/internal/promising_starts.h"
+#include "identify/noise/internal/root_coordinates.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "lib/base/random.h"
 #include "solvers/parallel.h"
@@ -26,6 +29,7 @@ using Eigen::VectorXd;
 constexpr double kSameMaximum = 1e-3;  // log-likelihoods closer than this are the same maximum
 constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search goes on for
 constexpr int kDoubted = 5;            // starts where there is a doubt
+constexpr int kRounds = 4;             // of looking around the best
 constexpr int kApproach = 500;         // iterations towards a simulation's least squares
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
@@ -102,6 +106,7 @@ bool is_doubted(const Model& model, const LikelihoodProblem& problem, const Solu
 // One search, in the factors' coordinates.
 struct Search {
   Solution solution;
+  std::vector<RootsOnCircle> on_circle;
   std::vector<double> path;
   bool told_to_stop = false;
   bool arrived = false;  // beside the maximum that is known
@@ -109,12 +114,13 @@ struct Search {
 
 class Searches {
  public:
-  /// @param scales  of the noise of a simulation, if it is one
-  Searches(const NoiseMlOptions& options, std::vector<VectorXd> starts,
-           std::optional<NoiseScales> scales, double samples)
+  Searches(const Model& model, const FactorCoordinates& factors, const NoiseMlOptions& options,
+           std::vector<VectorXd> starts, double samples)
       : options_(options),
         starts_(std::move(starts)),
-        scales_(std::move(scales)),
+        scales_(noise_scales(model)),
+        roots_(model, factors),
+        scale_(model, factors, samples),
         samples_(samples) {}
 
   // @param known  a maximum that need not be found twice
@@ -144,18 +150,81 @@ class Searches {
       out.solution.summary.initial_objective = at_start;
       return out;
     }
-    out.solution = maximise(watched, scales_ ? out.solution.x : from, solver);
+    if (roots_.any()) {
+      within_roots(watched, from, solver, out);
+    } else {
+      out.solution = maximise(watched, scales_ ? out.solution.x : from, solver);
+      add_effort(approach, out.solution.summary);
+    }
     SolverSummary& summary = out.solution.summary;
-    summary.iterations += approach.iterations;
-    summary.evaluations += approach.evaluations;
     if (scales_) summary.initial_objective = at_start;
     out.path.insert(out.path.begin(), summary.initial_objective);
     return out;
   }
 
+  // Are others chosen where a search has ended?
+  bool look_around() const { return roots_.any(); }
+  // Where roots must stay outside the unit circle, the other starts are the most promising of many.
+  // @param known  where the best search so far has ended
+  // @return evaluations of the likelihood
+  int choose_others(const LikelihoodProblem& problem, const VectorXd& known, int round) {
+    if (!look_around()) return 0;
+    if (round == 0) more_ = static_cast<int>(starts_.size()) - 1, starts_.resize(1);
+    const PromisingStarts found =
+        promising_starts(roots_.problem(problem), roots_, scale_, roots_.from(known), more_,
+                         options_.seed + static_cast<std::uint64_t>(round));
+    for (const VectorXd& z : found.z) starts_.push_back(roots_.to(z));
+    return found.evaluations;
+  }
+  std::size_t size() const { return starts_.size(); }
+
   bool stopped() const { return stopped_; }
 
  private:
+  static void add_effort(const SolverSummary& of, SolverSummary& to) {
+    to.iterations += of.iterations;
+    to.evaluations += of.evaluations;
+  }
+
+  // Where roots must stay outside the unit circle: by partial autocorrelations, and what is left of
+  // the way by the coefficients themselves, unless it has ended on the circle.
+  void within_roots(const LikelihoodProblem& problem, const VectorXd& from,
+                    const SolverOptions& solver, Search& out) const {
+    const LikelihoodProblem inside = roots_.problem(problem);
+    std::optional<SolverSummary> effort;  // so far
+    const auto search = [&](const LikelihoodProblem& of, const VectorXd& start) {
+      Solution end = maximise(of, start.cwiseMax(of.lower).cwiseMin(of.upper), solver);
+      if (effort) {
+        end.summary.initial_objective = effort->initial_objective;
+        add_effort(*effort, end.summary);
+      }
+      effort = end.summary;
+      return end;
+    };
+    const auto is_over = [](const Solution& end) {
+      return end.summary.termination == Termination::start_undefined ||
+             end.summary.termination == Termination::stopped;
+    };
+    // To the circle, where that is where it leads.
+    const auto draw = [&](Solution& end) {
+      const VectorXd drawn = roots_.drawn_to_circle(inside, end.x);
+      if (roots_.on_circle(drawn).empty()) return false;
+      end = search(roots_.held_to_circle(inside, drawn), drawn);
+      return true;
+    };
+    Solution end = search(inside, roots_.from(from));
+    if (!is_over(end) && !draw(end)) {
+      const Solution by_coefficients = search(problem, roots_.to(end.x));
+      end = {roots_.from(by_coefficients.x), by_coefficients.summary};
+      if (is_over(by_coefficients) || !draw(end)) {
+        out.solution = by_coefficients;
+        return;
+      }
+    }
+    out.on_circle = roots_.on_circle(end.x);
+    out.solution = {roots_.to(end.x).cwiseMax(problem.lower).cwiseMin(problem.upper), end.summary};
+  }
+
   // Within half a standard error, as the quadratic about the maximum has it.
   static bool is_beside(const Point& known, const VectorXd& x, double L) {
     constexpr double kNear = 0.25;
@@ -177,8 +246,11 @@ class Searches {
 
   const NoiseMlOptions& options_;
   std::vector<VectorXd> starts_;
-  std::optional<NoiseScales> scales_;
+  std::optional<NoiseScales> scales_;  // of the noise of a simulation, if it is one
+  RootCoordinates roots_;
+  CommonScale scale_;
   double samples_;
+  int more_ = 0;  // starts of a round
   std::mutex mutex_;
   std::atomic<bool> stopped_{false};
 };
@@ -203,6 +275,37 @@ bool is_better(const SolverSummary& than, const SolverSummary& one) {
          (lead > -kSameMaximum && one.usable() && (!than.usable() || lead > 0.0));
 }
 
+// The searches from starts `from` .. count - 1, some at a time.
+void run_others(Searches& searches, RecordingsLikelihood& likelihood,
+                const LikelihoodProblem& problem, const FactorCoordinates& factors, int threads,
+                std::size_t from, std::vector<Search>& all) {
+  const Solution& first = all[0].solution;
+  const std::optional<Point> known =
+      first.summary.usable() ? point_at(problem, first.x) : std::nullopt;
+  const auto others = static_cast<int>(all.size() - from);
+  // Sums over the recordings make evaluations too cheap to be shared out.
+  const bool cheap = likelihood.evaluation_taken().method == EvaluationMethod::autocovariances;
+  in_parallel(others, cheap ? 1 : threads, [&](int i) {
+    if (searches.stopped()) return;
+    const auto start = static_cast<int>(from) + i;
+    if (cheap) {
+      all[start] = searches.run(problem, start, known);
+      return;
+    }
+    const std::unique_ptr<RecordingsLikelihood> own = likelihood.another();
+    const LikelihoodProblem own_by_entries = own->problem();
+    all[start] = searches.run(factors.problem(own_by_entries), start, known);
+  });
+}
+
+const Solution& best_of(const std::vector<Search>& all) {
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < all.size(); ++i) {
+    if (is_better(all[best].solution.summary, all[i].solution.summary)) best = i;
+  }
+  return all[best].solution;
+}
+
 }  // namespace
 
 int SeveralStarts::count(SearchEnd end) const {
@@ -214,32 +317,28 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
   const LikelihoodProblem by_entries = likelihood.problem();
   const LikelihoodProblem problem = factors.problem(by_entries);
   const int most = options.starts > 0 ? options.starts : kDoubted;
-  Searches searches(options, places_to_start(parameters, factors, most, options.seed),
-                    noise_scales(likelihood.model()), likelihood.samples());
-  std::vector<Search> all(static_cast<std::size_t>(most));
-  all[0] = searches.run(problem, 0, std::nullopt);
-  const Solution& first = all[0].solution;
-  const bool alone = options.starts == 0 && !is_doubted(likelihood.model(), problem, first);
-  if (alone || searches.stopped()) all.resize(1);
-  const std::optional<Point> known =
-      first.summary.usable() ? point_at(problem, first.x) : std::nullopt;
-  const auto others = static_cast<int>(all.size()) - 1;
-  // Sums over the recordings make evaluations too cheap to be shared out.
-  const bool cheap = likelihood.evaluation_taken().method == EvaluationMethod::autocovariances;
-  in_parallel(others, cheap ? 1 : options.threads, [&](int i) {
-    if (searches.stopped()) return;
-    if (cheap) {
-      all[i + 1] = searches.run(problem, i + 1, known);
-      return;
-    }
-    const std::unique_ptr<RecordingsLikelihood> own = likelihood.another();
-    const LikelihoodProblem own_by_entries = own->problem();
-    all[i + 1] = searches.run(factors.problem(own_by_entries), i + 1, known);
-  });
-
+  Searches searches(likelihood.model(), factors, options,
+                    places_to_start(parameters, factors, most, options.seed), likelihood.samples());
+  std::vector<Search> all;
+  all.push_back(searches.run(problem, 0, std::nullopt));
+  const bool alone =
+      options.starts == 0 && !is_doubted(likelihood.model(), problem, all[0].solution);
   SeveralStarts out;
+  // Where roots must stay outside the unit circle, a better maximum is a better place to look around.
+  for (int round = 0; round < kRounds && !alone && most > 1 && !searches.stopped(); ++round) {
+    const std::size_t before = all.size();
+    const Solution from = best_of(all);
+    out.evaluations += searches.choose_others(problem, from.x, round);
+    all.resize(searches.size());
+    run_others(searches, likelihood, problem, factors, options.threads, before, all);
+    const bool better = best_of(all).summary.objective > from.summary.objective + kSameMaximum;
+    if (!searches.look_around() || options.starts > 0 || !better) break;
+  }
+
+  const Solution& first = all[0].solution;
   out.start_value = first.summary.initial_objective;
   out.best = first;
+  out.on_circle = all[0].on_circle;
   std::vector<Search*> defined;
   for (Search& search : all) {
     SolverSummary& summary = search.solution.summary;
@@ -250,8 +349,14 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     if (undefined && &search != &all[0]) continue;
     defined.push_back(&search);
     out.paths.push_back(std::move(search.path));
-    if (search.arrived && !search.told_to_stop) search.solution = first;
-    if (is_better(out.best.summary, summary)) out.best = search.solution;
+    if (search.arrived && !search.told_to_stop) {
+      search.solution = first;
+      search.on_circle = all[0].on_circle;
+    }
+    if (is_better(out.best.summary, summary)) {
+      out.best = search.solution;
+      out.on_circle = search.on_circle;
+    }
   }
   for (const Search* search : defined) {
     const double L = search->solution.summary.objective;

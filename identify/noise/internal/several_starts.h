@@ -6,6 +6,7 @@
 
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/noise/internal/covariance_factors.h"
+#include "identify/noise/internal/root_coordinates.h"
 #include "identify/noise/ml.h"
 
 namespace identikal {
@@ -18,7 +19,8 @@ enum class SearchEnd {
 };
 
 struct SeveralStarts {
-  Solution best;  ///< x in the coordinates of the factors
+  Solution best;                         ///< x in the coordinates of the factors
+  std::vector<RootsOnCircle> on_circle;  ///< at the best
   double start_value = std::numeric_limits<double>::quiet_NaN();
   int iterations = 0, evaluations = 0;
   /// Of each start, but for scattered ones where the likelihood is undefined:

@@ -157,7 +157,7 @@ TEST(NoiseMlSearch, CovariancesMoveAmongThoseOfTheirRank) {
     VectorXd z(7);
     z << lower_triangle(F * F.transpose()), 2.0;
     const MatrixXd information = 1e6 * MatrixXd::Identity(7, 7);
-    const FreeDirections free(z, std::vector<bool>(7, false), {all}, VectorXd::Zero(7),
+    const FreeDirections free(z, std::vector<bool>(7, false), {all}, {}, VectorXd::Zero(7),
                               information);
     ASSERT_EQ(free.size(), 1 + n * rank - rank * (rank - 1) / 2);
     EXPECT_EQ(free.singular().size(), rank < n ? 1U : 0U);
