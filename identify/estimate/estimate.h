@@ -85,8 +85,10 @@ struct Objective {
   /// diffuse_samples (identify/filter/leading_samples.h).
   Eigen::VectorXd leading;
   double aic = kNone;
-  double bic = kNone;
-  long samples = 0;  ///< measured values that the likelihood is of, as BIC counts them; 0: no BIC
+  /// Of a filter k log(rows) - 2 L, as Stata and statsmodels count; bic_values k log(values) - 2 L.
+  double bic = kNone, bic_values = kNone;
+  long samples = 0;         ///< measured values that the likelihood is of; 0: no BIC
+  long rows = 0;            ///< with anything measured, of a filter
   double held_out = kNone;  ///< log-likelihood per held-out row, of a filter
   int iterations = 0;
   int evaluations = 0;

@@ -20,6 +20,14 @@ Index samples_present(const std::vector<Dataset>& recordings) {
   return samples;
 }
 
+Index rows_present(const std::vector<Dataset>& recordings) {
+  Index out = 0;
+  for (const Dataset& data : recordings) {
+    out += (data.y.array().isNaN() == false).colwise().any().count();
+  }
+  return out;
+}
+
 void check_recordings(const Model& model, const std::vector<Dataset>& recordings) {
   const Index unknowns = coordinates(model.parameters).size();
   if (unknowns == 0) {

@@ -12,6 +12,8 @@ namespace identikal {
 
 /// Measured values in all recordings together.
 Eigen::Index samples_present(const std::vector<Dataset>& recordings);
+/// Rows in all of them where anything was measured.
+Eigen::Index rows_present(const std::vector<Dataset>& recordings);
 
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording

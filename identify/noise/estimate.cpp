@@ -254,10 +254,13 @@ void report_criteria(Objective& objective, double unknowns, const Model& model,
   objective.leading = leading.log_likelihood;
   std::vector<Dataset> first;
   for (const Dataset& data : recordings) first.push_back(first_samples(data, leading.diffuse));
-  const Index behind = samples_present(recordings) - samples_present(first);
+  const auto values = static_cast<double>(samples_present(recordings) - samples_present(first));
+  objective.rows = static_cast<long>(rows_present(recordings));
+  const auto rows = static_cast<double>(objective.rows - rows_present(first));
   const double L = log_likelihood_behind(objective, leading.diffuse);
   objective.aic = 2.0 * unknowns - 2.0 * L;
-  objective.bic = unknowns * std::log(static_cast<double>(behind)) - 2.0 * L;
+  objective.bic = unknowns * std::log(rows) - 2.0 * L;
+  objective.bic_values = unknowns * std::log(values) - 2.0 * L;
 }
 
 }  // namespace

@@ -246,8 +246,10 @@ void report_student(NoiseEstimate& estimate, const Model& model, const StudentEn
   objective.samples = static_cast<long>(samples_present(recordings));
   const auto k = static_cast<double>(end.found.x.size());
   objective.aic = 2.0 * (k - objective.log_likelihood);
-  objective.bic =
-      k * std::log(static_cast<double>(objective.samples)) - 2.0 * objective.log_likelihood;
+  objective.rows = static_cast<long>(rows_present(recordings));
+  const double twice = 2.0 * objective.log_likelihood;
+  objective.bic = k * std::log(static_cast<double>(objective.rows)) - twice;
+  objective.bic_values = k * std::log(static_cast<double>(objective.samples)) - twice;
   append(estimate.findings, check_innovations(estimate));
   const double freedom = degrees_of_freedom(model, end.parameters);
   estimate.notes.push_back(

@@ -277,7 +277,8 @@ Comparison compare_results(const std::vector<StoredResult>& results) {
   };
   const auto bic = [&](const StoredResult* result) {
     const Objective& o = result->estimate.objective;
-    return unknowns(o) * std::log(static_cast<double>(o.samples)) - 2.0 * likelihood(result);
+    const long counted = o.rows > 0 ? o.rows : o.samples;
+    return unknowns(o) * std::log(static_cast<double>(counted)) - 2.0 * likelihood(result);
   };
   std::vector<const StoredResult*> order;
   for (const StoredResult& result : results) order.push_back(&result);

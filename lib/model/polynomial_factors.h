@@ -27,8 +27,9 @@ struct PolynomialFactor {
 ///
 /// Example:
 ///
-///     for (const PolynomialFactor& factor : polynomial_factors(model, parameters)) {
-///       std::cout << (factor.moving_average ? "MA " : "AR ") << factor.parameters.size() << '\n';
+///     const LinearModel level = constant_model(model, InitialState::stationary);
+///     for (const PolynomialFactor& factor : polynomial_factors(level, {})) {
+///       std::printf("%s %zu\n", factor.moving_average ? "MA" : "AR", factor.parameters.size());
 ///     }
 std::vector<PolynomialFactor> polynomial_factors(const LinearModel& model,
                                                  const ParameterSet& parameters);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <set>
 
 #include <Eigen/Eigenvalues>
 
@@ -108,14 +109,27 @@ Roots line(double radius, double frequency, std::size_t count) {
 RootCoordinates::RootCoordinates(const Model& model, const FactorCoordinates& factors) {
   if (!is_linear(model)) return;
   const std::vector<Index> first = first_entries(model.parameters);
-  for (const PolynomialFactor& found : polynomial_factors(as_linear(model), model.parameters)) {
-    Factor factor{{}, {}, found.sign, found.moving_average, found.lag, found.group};
-    for (const int p : found.parameters) {
+  const std::vector<PolynomialFactor> found =
+      polynomial_factors(as_linear(model), model.parameters);
+  for (const PolynomialFactor& each : found) {
+    Factor factor{{}, {}, each.sign, each.moving_average, each.lag, each.group};
+    for (const int p : each.parameters) {
       factor.entries.push_back(first[p]);
       factor.at.push_back(factors.coordinate_of(first[p]));
     }
     factors_.push_back(std::move(factor));
   }
+  std::set<int> known, unknown;
+  for (const PolynomialFactor& each : found) {
+    known.insert(each.parameters.begin(), each.parameters.end());
+  }
+  const LinearModel& linear = as_linear(model);
+  for (const ParametrisedMatrix* M : {&linear.A, &linear.C, &linear.G}) {
+    for (const int p : parameters_in(*M)) {
+      if (!model.parameters[static_cast<std::size_t>(p)].fixed) unknown.insert(p);
+    }
+  }
+  all_dynamics_ = unknown == known;
 }
 
 VectorXd RootCoordinates::from(const VectorXd& y) const {

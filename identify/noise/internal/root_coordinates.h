@@ -37,6 +37,8 @@ class RootCoordinates {
   RootCoordinates(const Model& model, const FactorCoordinates& factors);
 
   bool any() const { return !factors_.empty(); }
+  /// Is everything that is unknown of A, C and G a coefficient?
+  bool hold_all_dynamics() const { return all_dynamics_; }
   /// Coefficients with roots inside or on the unit circle are taken nearer to zero.
   Eigen::VectorXd from(const Eigen::VectorXd& y) const;
   Eigen::VectorXd to(const Eigen::VectorXd& z) const;
@@ -69,6 +71,7 @@ class RootCoordinates {
     int lag, group;
   };
   std::vector<Factor> factors_;
+  bool all_dynamics_ = false;
 };
 
 }  // namespace identikal

@@ -163,7 +163,7 @@ class Searches {
   }
 
   // Are others chosen where a search has ended?
-  bool look_around() const { return roots_.any(); }
+  bool look_around() const { return roots_.any() && roots_.hold_all_dynamics(); }
   // Where roots must stay outside the unit circle, the other starts are the most promising of many.
   // @param known  where the best search so far has ended
   // @return evaluations of the likelihood

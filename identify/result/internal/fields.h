@@ -142,9 +142,12 @@ void describe(Fields& fields, Objective& objective) {
   fields("aic", objective.aic,
          "Akaike's information criterion, of the samples behind a diffuse start");
   fields("bic", objective.bic,
-         "Bayesian information criterion, of the samples behind a diffuse start");
-  fields("samples", objective.samples,
-         "measured values, as BIC counts them; 0 where there is no BIC");
+         "Bayesian information criterion, of the samples behind a diffuse start; of a filter rows "
+         "are counted");
+  fields("bic_values", objective.bic_values,
+         "the same of a filter with measured values counted, of which a row may have several");
+  fields("samples", objective.samples, "measured values; 0 where there is no BIC");
+  fields("rows", objective.rows, "rows with anything measured, of a filter");
   fields("held_out", objective.held_out, "log-likelihood per held-out row, of a filter");
   fields("iterations", objective.iterations, "iterations of the best search");
   fields("evaluations", objective.evaluations, "evaluations of the objective");

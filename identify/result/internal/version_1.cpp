@@ -102,6 +102,8 @@ void add_new_keys(Json& result) {
   add("", "forecast", nullptr);
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
+  add("objective", "bic_values", nullptr);
+  add("objective", "rows", 0);
   add("tests/*", "share", nullptr);
   add("parameters/*", "se_structure", nullptr);
   add("", "driven", Json::array());

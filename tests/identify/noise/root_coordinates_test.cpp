@@ -132,7 +132,8 @@ Dataset difference_of_noise(Eigen::Index N) {
   out.y = (e.tail(N) - e.head(N)).transpose();
   out.u.resize(0, N);
   out.dt = 1.0;
-  out.outputs = {"y"};
+  out.time = Eigen::VectorXd::LinSpaced(N, 0.0, static_cast<double>(N - 1));
+  out.outputs = {Channel{"y", "", false}};
   return out;
 }
 
