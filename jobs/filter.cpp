@@ -18,6 +18,7 @@ struct FilterOptions {
   ResultOptions result;
   bool smooth = false;
   std::int64_t lag = -1;  // below 0: none
+  std::int64_t skip_first = 0;
 };
 
 // States alone, for a program that reads standard input; warnings go where they disturb nobody.
@@ -72,6 +73,7 @@ Outcome filter(const FilterOptions& given, Call& call) {
   FilterRunOptions options;
   if (given.smooth) options.lag.reset();
   if (given.lag >= 0) options.lag = given.lag;
+  options.skip_first = given.skip_first;
   StateEstimate states = filter_recordings(model, recordings.data, options);
   if (given.result.folder.empty() && !given.result.json) {
     return states_alone(run, model, recordings, states);
@@ -106,6 +108,8 @@ Verb filter_verb() {
   add_flag(verb, "--smooth", options->smooth, "Estimate the states from the whole recording.");
   add_number(verb, "--lag", options->lag, 0, 1000000,
              "Estimate each state from what was recorded up to this many samples later.");
+  add_number(verb, "--skip-first", options->skip_first, 0, 1000000,
+             "Leave this many rows of every recording out of the log-likelihood, given them.");
   add_folder(verb, "--from", options->model.from,
              "Take the values that 'tune' or 'fit' has found: the result that -o has written.");
   add_settings(verb, options->model);

@@ -403,6 +403,7 @@ Model starting_diffuse(Model model, Recordings& recordings) {
   if (noise.initial != InitialState::given) return model;
   noise.initial = InitialState::diffuse;
   noise.stationary.clear();
+  noise.known.clear();
   for (Dataset& recording : recordings.data) {
     say_going_on(recordings, recording, "starts diffuse, where --range begins");
   }

@@ -10,9 +10,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// States of a diffuse start that are stationary all the same.
-Index measured_start(const LinearModel& model) {
-  return model.initial == InitialState::diffuse ? static_cast<Index>(model.stationary.size()) : 0;
+// States of a diffuse start that are not.
+PartStart measured_start(const LinearModel& model) {
+  if (model.initial != InitialState::diffuse) return {};
+  return {model.stationary, model.known};
 }
 
 // R and S with every standard deviation of the measurement noise times its scale.
@@ -31,7 +32,8 @@ ModelAt model_at(SampledModel& sampled, const LinearModel& model, const MatrixXd
     if (derivatives == nullptr) return;
     for (StateSpace& each : *derivatives) scale_measurement_noise(scale.col(t), each);
   };
-  return measured_start(model) > 0 ? partly_diffuse(plain, model.stationary) : plain;
+  const PartStart part = measured_start(model);
+  return part.size() > 0 ? partly_diffuse(plain, part) : plain;
 }
 
 // One recording, at one set of values.

@@ -43,6 +43,12 @@ VectorXd running_sum(const FilterResult& filter, Index count) {
 
 }  // namespace
 
+VectorXd log_likelihood_by_row(const FilterResult& filter) {
+  VectorXd out = VectorXd::Constant(filter.e.cols(), kNone);
+  for (Index t = filter.first_proper; t < out.size(); ++t) out[t] = log_density(filter, t);
+  return out;
+}
+
 LeadingSamples leading_samples(const Model& model, const ParameterSet& parameters,
                                const std::vector<Dataset>& recordings) {
   constexpr Index kFewest = 30;

@@ -6,6 +6,7 @@
 #include "identify/estimate/estimate.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
+#include "lib/filter/filter_result.h"
 
 namespace identikal {
 
@@ -28,6 +29,10 @@ struct LeadingSamples {
 /// @param model  linear or formulas; log_likelihood is empty where a filter does not run
 LeadingSamples leading_samples(const Model& model, const ParameterSet& parameters,
                                const std::vector<Dataset>& recordings);
+
+/// log p(y(t) | y(1), ..., y(t-1)) of every sample, N; 0 where nothing was measured, NaN before a
+/// diffuse start is determined. @param filter  with Keep::everything
+Eigen::VectorXd log_likelihood_by_row(const FilterResult& filter);
 
 /// log p(y(k+1), ... | y(1), ..., y(k)) of a result; NaN where it does not say.
 double log_likelihood_behind(const Objective& objective, Eigen::Index k);

@@ -46,6 +46,7 @@ std::optional<Model> going_on(Model model, const ParameterSet& parameters, const
   LinearModel& start = noise_model(model);
   start.initial = InitialState::given;
   start.stationary.clear();
+  start.known.clear();
   start.x0 = constant_matrix(before.x_pred.col(from));
   start.P0 = constant_matrix(before.P_pred[static_cast<std::size_t>(from)]);
   return model;

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/filter/leading_samples.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
@@ -77,7 +78,8 @@ class CsvLines {
   }
   void cell(double value) {
     text_ += ',';
-    if (std::isfinite(value)) fmt::format_to(std::back_inserter(text_), "{:.9g}", value);
+    // As few digits as read back to the same number.
+    if (std::isfinite(value)) fmt::format_to(std::back_inserter(text_), "{}", value);
   }
   void end() { text_ += '\n'; }
 
@@ -110,6 +112,22 @@ std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixX
                      state.unit);
 }
 
+// The log-likelihood behind the first samples of every recording.
+void leave_out_first(StateEstimate& estimate, Index count) {
+  double sum = 0.0;
+  for (const VectorXd& rows : estimate.log_likelihood_by_row) {
+    if (count >= rows.size() || std::isnan(rows[count])) {
+      throw InputError({}, fmt::format("nothing is predicted behind the first {} rows", count),
+                       "fewer of them, and at least those that determine a diffuse start",
+                       "another --skip-first");
+    }
+    sum += rows.tail(rows.size() - count).sum();
+  }
+  estimate.objective.log_likelihood = sum;
+  estimate.notes.push_back(fmt::format(
+      "the log-likelihood is that of what comes behind the first {} rows, given them", count));
+}
+
 std::string what_was_done(const FilterRunOptions& options) {
   if (!options.lag) return "states smoothed, given the whole recording";
   if (*options.lag == 0) return "states filtered, given what was recorded up to then";
@@ -138,8 +156,11 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
     if (estimate.states.back().status != FilterStatus::ok) {
       refuse_filter(model, recordings, estimate.states.back().status);
     }
+    estimate.log_likelihood_by_row.push_back(
+        log_likelihood_by_row(run_filter(model, model.parameters, data, Keep::everything)));
     rows += data.size();
   }
+  if (options.skip_first > 0) leave_out_first(estimate, options.skip_first);
   if (options.lag != Index{0} && !estimate.references.empty()) {
     estimate.references.clear();  // of filtered states, which are not what is written
     estimate.notes.emplace_back("references are compared with filtered states alone");
@@ -191,6 +212,7 @@ void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& record
     lines.head(channel.name + "_sd", channel.unit);
     lines.head(channel.name + "_standardised", "");
   }
+  lines.head("log_likelihood", "");
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const VectorXd& stamps = stamps_of(recordings[r]);
     const FilterResult& filter = run.innovations[r];
@@ -202,6 +224,7 @@ void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& record
         lines.cell(filter.e_sd(row, t) / scale[i]);
         lines.cell(filter.standardised(row, t));
       }
+      lines.cell(run.log_likelihood_by_row[r][t]);
     }
   }
   lines.end();

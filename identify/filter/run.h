@@ -18,12 +18,16 @@ struct FilterRunOptions {
   /// Given all that was recorded up to so many samples later: 0 filters. Nothing: given the whole
   /// recording.
   std::optional<Eigen::Index> lag = 0;
+  /// The log-likelihood is that of what comes behind so many samples of every recording, given them:
+  /// at least those that determine a diffuse start.
+  Eigen::Index skip_first = 0;
 };
 
 /// Noise, gain, fit, tests, and a note about every state; status ok.
 struct StateEstimate : FilterEstimate {
   std::vector<SmootherResult> states;     ///< of every recording; deviations only
   std::vector<FilterResult> innovations;  ///< of every recording
+  std::vector<Eigen::VectorXd> log_likelihood_by_row;  ///< of every recording
 };
 
 /// Runs the model's filter, as it is, over every recording, each from the model's initial state.
@@ -47,7 +51,8 @@ void write_states_csv(std::ostream& out, const Model& model, const std::vector<D
                       const StateEstimate& run);
 
 /// Time, and of every output the innovation, its standard deviation, and the standardised
-/// innovation (lib/filter/kalman.h), in the outputs' units. Empty where nothing was measured.
+/// innovation (lib/filter/kalman.h), in the outputs' units, empty where nothing was measured; then
+/// the log-likelihood of the row, given those before.
 void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
                            const StateEstimate& run);
 

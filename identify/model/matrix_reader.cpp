@@ -165,6 +165,23 @@ bool same_multiples(const ParametrisedMatrix& matrix, Eigen::Index i, Eigen::Ind
                      [](const auto& each) { return each.second == 0.0; });
 }
 
+// Numbers of both sides that differ by rounding alone are both their mean.
+void symmetrise_rounding(ParametrisedMatrix& matrix) {
+  constexpr double kRounding = 1e-9;
+  const auto is_number = [&](Eigen::Index i, Eigen::Index j) {
+    const auto here = [&](const auto& e) { return e.row == i && e.col == j; };
+    return std::none_of(matrix.entries.begin(), matrix.entries.end(), here) &&
+           std::none_of(matrix.formulas.begin(), matrix.formulas.end(), here);
+  };
+  for (Eigen::Index i = 0; i < matrix.constant.rows(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      double &a = matrix.constant(i, j), &b = matrix.constant(j, i);
+      if (!is_number(i, j) || !is_number(j, i)) continue;
+      if (std::abs(a - b) <= kRounding * std::max(std::abs(a), std::abs(b))) a = b = 0.5 * (a + b);
+    }
+  }
+}
+
 // Throws where a covariance is not symmetric or a variance is negative; bounds parameters that are
 // variances.
 void check_covariance(const Grid& grid, const Entries& entries, const std::string& name,
@@ -177,7 +194,9 @@ void check_covariance(const Grid& grid, const Entries& entries, const std::strin
     for (Eigen::Index j = 0; j < i; ++j) {
       if (node(i, j) == node(j, i) || same_multiples(matrix, i, j)) continue;
       throw InputError(row[j]->at,
-                       fmt::format("{} is not symmetric in row {}, column {}", name, i + 1, j + 1));
+                       fmt::format("{} is not symmetric: {} in row {}, column {} and {} across",
+                                   name, describe(*row[j]), i + 1, j + 1, describe(*grid[j][i])),
+                       "the same entry on both sides");
     }
     // A variance that is one parameter's alone bounds it; a sum may stay positive in other ways.
     const auto here = [i](const auto& e) { return e.row == i && e.col == i; };
@@ -334,6 +353,7 @@ ParametrisedMatrix read_covariance(const YamlNode& node, const std::string& name
   const Grid grid = read_grid(node, name);
   check_shape(grid, node, name, want);
   Entries entries = read_entries(grid, name, parameters, model);
+  symmetrise_rounding(entries.matrix);
   check_covariance(grid, entries, name, parameters);
   return std::move(entries.matrix);
 }

@@ -7,7 +7,7 @@
 namespace identikal {
 namespace {
 std::string cell_text(double value) {
-  return std::isfinite(value) ? fmt::format("{:.9g}", value) : std::string();
+  return std::isfinite(value) ? fmt::format("{}", value) : std::string();
 }
 }  // namespace
 

@@ -40,7 +40,8 @@ bool holds_moving(const LinearModel& model) {
 }
 
 bool changes(const LinearModel& model) {
-  return model.irregular || holds_moving(model) || !model.stationary.empty();
+  return model.irregular || holds_moving(model) || !model.stationary.empty() ||
+         !model.known.empty();
 }
 
 bool is_known(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {

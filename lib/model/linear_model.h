@@ -67,6 +67,12 @@ struct LinearModel {
   /// With InitialState::diffuse: states, 0-based, that start in their steady state all the same; the
   /// others do not move them (lib/filter/partly_diffuse.h).
   std::vector<Eigen::Index> stationary;
+  /// With InitialState::diffuse: states that start from N(mean, sd^2) each, all the same.
+  struct StartOfState {
+    Eigen::Index state;
+    double mean = 0.0, sd = 0.0;
+  };
+  std::vector<StartOfState> known;
   double dt = 1.0;          ///< sampling period [s]
   bool continuous = false;  ///< A, B and G are those of dx/dt; sampled every dt
   ProcessNoise noise = ProcessNoise::per_sample;  ///< what Q is, in continuous time

@@ -1,12 +1,13 @@
 """filter: states and innovations."""
 import json
+import math
 import os
 import pathlib
 import unittest
 
 import jsonschema
 
-from program import LANE_CHANGE, NILE, ROOT, SCHEMA, SYSTEM_1, Folder, result, run, shared, table
+from program import LANE_CHANGE, NILE, ROOT, SCHEMA, SYSTEM_1, Folder, assert_same_rows, result, run, shared, table
 
 
 class Filter(unittest.TestCase):
@@ -26,7 +27,7 @@ class Filter(unittest.TestCase):
         for t, level, variance in ((0, 1111.6683191267957, 4032.1579418084766), (27, 999.585218705269, 2326.756958102708), (98, 804.0495956662394, 3242.9300732249258)):
             self.assertAlmostEqual(rows[t][1], level, delta=1e-5)
             self.assertAlmostEqual(rows[t][2] ** 2, variance, delta=1e-4)
-        self.assertEqual(run("filter", *NILE, "--lag", 200).stdout, run("filter", *NILE, "--smooth").stdout)
+        assert_same_rows(self, table(run("filter", *NILE, "--lag", 200).stdout)[1], table(run("filter", *NILE, "--smooth").stdout)[1])
         self.assertEqual(run("filter", *NILE, "--lag", 0).stdout, run("filter", *NILE).stdout)
         # The record up to 5 years later.
         head, lagged = table(run("filter", *NILE, "--lag", 5).stdout)
@@ -43,12 +44,24 @@ class Filter(unittest.TestCase):
             self.assertEqual(["innovations.csv", "result.json", "states.csv"], sorted(os.listdir(out)))
             jsonschema.validate(json.loads((out / "result.json").read_text()), SCHEMA)
             head, rows = table((out / "innovations.csv").read_text())
-            self.assertEqual(["time [s]", "level_innovation", "level_sd", "level_standardised"], head)
-            self.assertEqual([0, None, None, None], rows[0])
+            self.assertEqual(["time [s]", "level_innovation", "level_sd", "level_standardised", "log_likelihood"], head)
+            self.assertEqual([0, None, None, None, None], rows[0])
             # Second year: 1160 - 1120, variance r + (r + q).
             self.assertAlmostEqual(rows[1][1], 40)
             self.assertAlmostEqual(rows[1][2], (15099 + 15099 + 1469.1) ** 0.5, delta=1e-5)
             self.assertAlmostEqual(rows[1][3], 40 / (15099 + 15099 + 1469.1) ** 0.5, delta=1e-7)
+
+    def test_log_likelihood_by_row(self):
+        with Folder() as folder:
+            out = folder.path / "out"
+            run("filter", *NILE, *self.VALUES, "-o", out, code=0)
+            head, rows = table((out / "innovations.csv").read_text())
+            _, e, sd, z, by_row = rows[1]
+            self.assertEqual(z, e / sd)  # cells read back to the same numbers
+            self.assertAlmostEqual(by_row, -0.5 * (math.log(2 * math.pi * sd**2) + z**2), delta=1e-12)
+            behind = result("filter", *NILE, *self.VALUES, "--skip-first", 5)["objective"]["log_likelihood"]
+            self.assertAlmostEqual(behind, sum(row[4] for row in rows[5:]), delta=1e-10)
+            self.assertIn("nothing is predicted behind the first 5000 rows", run("filter", *NILE, "--skip-first", 5000, code=2).stderr)
 
     def test_values_of_a_result(self):
         with Folder() as folder:

@@ -82,6 +82,14 @@ noise: {measurement: {kind: per-sample, sd: {r: 0.01 rad/s, vy: 0.03 m/s}}}
 """
 
 
+def assert_same_rows(test, one, other):
+    """Two ways to the same numbers, which differ by the rounding of their sums."""
+    test.assertEqual(len(one), len(other))
+    for a, b in zip(one, other):
+        test.assertEqual([x is None for x in a], [x is None for x in b])
+        test.assertTrue(all(x is None or abs(x - y) <= 1e-12 * (1 + abs(x)) for x, y in zip(a, b)), f"{a}\n{b}")
+
+
 def table(text):
     rows = list(csv.reader(text.splitlines()))
     return rows[0], [[float(cell) if cell else None for cell in row] for row in rows[1:]]

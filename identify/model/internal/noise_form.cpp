@@ -44,6 +44,23 @@ Dimension scaled(Dimension dimension, double power, double rate) {
   return dimension;
 }
 
+// A number with or without a unit; nothing where it is none.
+std::optional<double> number_in_si(const YamlNode& node, const std::string& what,
+                                   const Dimension& wanted, bool with_units, bool spread) {
+  const std::optional<Quantity> quantity = split_quantity(text_of(node, what));
+  if (!quantity || !(quantity->unit.empty() || parse_unit(quantity->unit))) return std::nullopt;
+  const Unit unit = unit_or_dimensionless(quantity->unit);
+  if (!quantity->unit.empty() && with_units && !fits(dimension_of(unit), wanted)) {
+    throw InputError(node.at, fmt::format("{} is {}", what, describe(node)),
+                     in_words(wanted) + ", or a number in SI");
+  }
+  const double value = unit.to_si(quantity->number);
+  if (spread && !(value >= 0.0)) {
+    throw InputError(node.at, fmt::format("{} {} is negative", what, describe(node)));
+  }
+  return value;
+}
+
 // Formulas that are gathered for one matrix.
 struct Gathered {
   Gathered(NamedParameters& named, const std::vector<Dimension>& of_inputs, LinearModel& linear)
@@ -65,19 +82,8 @@ struct Gathered {
   // A quantity such as "0.5 deg/s", or a formula. @param spread  it cannot be negative
   FormulaGraph::Id read(const YamlNode& node, const std::string& what, const Dimension& wanted,
                         bool with_units, bool spread) {
-    const std::string& text = text_of(node, what);
-    const std::optional<Quantity> quantity = split_quantity(text);
-    if (quantity && (quantity->unit.empty() || parse_unit(quantity->unit))) {
-      const Unit unit = unit_or_dimensionless(quantity->unit);
-      if (!quantity->unit.empty() && with_units && !fits(dimension_of(unit), wanted)) {
-        throw InputError(node.at, fmt::format("{} is {}", what, describe(node)),
-                         in_words(wanted) + ", or a number in SI");
-      }
-      const double value = unit.to_si(quantity->number);
-      if (spread && !(value >= 0.0)) {
-        throw InputError(node.at, fmt::format("{} {} is negative", what, describe(node)));
-      }
-      return graph.number(value);
+    if (const auto number = number_in_si(node, what, wanted, with_units, spread)) {
+      return graph.number(*number);
     }
     const Expression formula = read_formula(node, what, parameters.symbols(), 0, parameters);
     if (with_units) {
@@ -256,40 +262,104 @@ bool by_names(const YamlNode& root, const YamlNode* part, const char* key) {
   return true;
 }
 
-// {diffuse: [level]}: the other states start in their steady state, which is their own.
+std::vector<std::string> state_names(const PhysicalNames& physical, Index n) {
+  std::vector<std::string> out = names_in(physical.states);
+  for (Index i = 1; physical.states.empty() && i <= n; ++i) out.push_back(fmt::format("x{}", i));
+  return out;
+}
+
+bool moves_state(const ParametrisedMatrix& A, Index i, Index j) {
+  const auto here = [&](const auto& e) { return e.row == i && e.col == j; };
+  return A.constant(i, j) != 0.0 || std::any_of(A.entries.begin(), A.entries.end(), here) ||
+         std::any_of(A.formulas.begin(), A.formulas.end(), here);
+}
+
+// States that start in their steady state: it has to be their own.
+void add_stationary(const std::vector<bool>& stationary, const Location& at,
+                    const std::vector<std::string>& names, LinearModel& model) {
+  const auto n = static_cast<Index>(names.size());
+  for (Index i = 0; i < n; ++i) {
+    if (!stationary[static_cast<std::size_t>(i)]) continue;
+    model.stationary.push_back(i);
+    for (Index j = 0; j < n; ++j) {
+      if (stationary[static_cast<std::size_t>(j)] || !moves_state(model.A, i, j)) continue;
+      throw InputError(
+          at,
+          fmt::format("'{}' starts in its steady state, and '{}', which does not, "
+                      "moves it",
+                      names[static_cast<std::size_t>(i)], names[static_cast<std::size_t>(j)]),
+          "the same start of both");
+    }
+  }
+}
+
+// {diffuse: [level]}: the other states start in their steady state.
 void read_partly_diffuse(const YamlNode& initial, const YamlNode& diffuse,
-                         const PhysicalNames& physical, LinearModel& model) {
+                         const std::vector<std::string>& names, LinearModel& model) {
   check_keys(initial, "initial", {"diffuse"});
   if (diffuse.kind != YamlNode::Kind::list || diffuse.items.empty()) {
     throw InputError(diffuse.at, "diffuse is " + describe(diffuse), "a list of states");
   }
-  const Index n = model.A.constant.rows();
-  std::vector<std::string> names = names_in(physical.states);
-  for (Index i = 1; physical.states.empty() && i <= n; ++i) names.push_back(fmt::format("x{}", i));
-  std::vector<bool> is_diffuse(static_cast<std::size_t>(n), false);
+  std::vector<bool> stationary(names.size(), true);
   for (const YamlNode& each : diffuse.items) {
     const std::string& name = word_of(each, "a diffuse state", names);
-    const auto at = std::find(names.begin(), names.end(), name) - names.begin();
-    is_diffuse[static_cast<std::size_t>(at)] = true;
+    stationary[static_cast<std::size_t>(std::find(names.begin(), names.end(), name) -
+                                        names.begin())] = false;
   }
   model.initial = InitialState::diffuse;
-  for (Index i = 0; i < n; ++i) {
-    if (is_diffuse[static_cast<std::size_t>(i)]) continue;
-    model.stationary.push_back(i);
-    for (Index j = 0; j < n; ++j) {
-      const auto here = [&](const auto& e) { return e.row == i && e.col == j; };
-      const bool moves_it = model.A.constant(i, j) != 0.0 ||
-                            std::any_of(model.A.entries.begin(), model.A.entries.end(), here) ||
-                            std::any_of(model.A.formulas.begin(), model.A.formulas.end(), here);
-      if (!is_diffuse[static_cast<std::size_t>(j)] || !moves_it) continue;
-      throw InputError(
-          diffuse.at,
-          fmt::format("'{}' starts in its steady state, and '{}', which is diffuse, "
-                      "moves it",
-                      names[static_cast<std::size_t>(i)], names[static_cast<std::size_t>(j)]),
-          "both in the list");
+  add_stationary(stationary, diffuse.at, names, model);
+}
+
+// {mean: 0, sd: 1} of one state; a number alone is a start that is known.
+LinearModel::StartOfState read_start_of(const YamlNode& node, const std::string& name, Index state,
+                                        const PhysicalNames& physical) {
+  const bool has_names = !physical.states.empty();
+  const Dimension wanted =
+      has_names ? physical.states[static_cast<std::size_t>(state)].dimension : Dimension();
+  const auto number = [&](const YamlNode& entry, const char* what, bool spread) {
+    const std::string about = fmt::format("the initial {} of '{}'", what, name);
+    if (const auto value = number_in_si(entry, about, wanted, physical.with_units, spread)) {
+      return *value;
+    }
+    throw InputError(entry.at, fmt::format("{} is {}", about, describe(entry)),
+                     "a number, diffuse or stationary");
+  };
+  if (node.kind != YamlNode::Kind::mapping) return {state, number(node, "value", false), 0.0};
+  check_keys(node, name, {"mean", "sd"});
+  LinearModel::StartOfState out{state, 0.0, 0.0};
+  if (const YamlNode* mean = find(node, "mean")) out.mean = number(*mean, "mean", false);
+  out.sd = number(required(node, "sd", name, "{mean: ..., sd: ...}"), "sd", true);
+  return out;
+}
+
+// {level: diffuse, error: stationary, bias: {mean: 0, sd: 1}}: every state by its name.
+void read_initial_by_state(const YamlNode& initial, const std::vector<std::string>& names,
+                           const PhysicalNames& physical, LinearModel& model) {
+  check_keys(initial, "initial", names);
+  std::vector<bool> stationary(names.size(), false);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const YamlNode* node = find(initial, names[i]);
+    if (node == nullptr) {
+      throw InputError(initial.at, fmt::format("the start of '{}' is missing", names[i]),
+                       names[i] + ": diffuse, stationary or {mean: ..., sd: ...}");
+    }
+    const auto state = static_cast<Index>(i);
+    if (node->kind == YamlNode::Kind::scalar && node->text == "stationary") {
+      stationary[i] = true;
+    } else if (node->kind != YamlNode::Kind::scalar || node->text != "diffuse") {
+      model.known.push_back(read_start_of(*node, names[i], state, physical));
     }
   }
+  model.initial = InitialState::diffuse;
+  add_stationary(stationary, initial.at, names, model);
+}
+
+// Is it keyed by states?
+bool is_by_state(const YamlNode& initial) {
+  return std::none_of(initial.keys.begin(), initial.keys.end(), [](const YamlNode& key) {
+    return key.text == "mean" || key.text == "sd" || key.text == "covariance" ||
+           key.text == "diffuse";
+  });
 }
 
 }  // namespace
@@ -391,9 +461,14 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
                         : InitialState::stationary;
     return;
   }
+  const std::vector<std::string> names = state_names(physical, model.A.constant.rows());
+  if (!node->keys.empty() && is_by_state(*node)) {
+    read_initial_by_state(*node, names, physical, model);
+    return;
+  }
   check_keys(*node, "initial", {"mean", "sd", "covariance", "diffuse"});
   if (const YamlNode* diffuse = find(*node, "diffuse")) {
-    read_partly_diffuse(*node, *diffuse, physical, model);
+    read_partly_diffuse(*node, *diffuse, names, model);
     return;
   }
   const bool has_names = !physical.states.empty();

@@ -282,5 +282,31 @@ initial: diffuse
   EXPECT_TRUE(smooth.sd(Eigen::all, present).isApprox(smooth_fewer.sd, 1e-8));
 }
 
+// Starts of the states one by one: known, in the steady state, diffuse.
+double with_start_of(const std::string& initial) {
+  const std::string text =
+      "identikal: 1\ntime: {kind: discrete, step: 1 s}\n"
+      "A: [[1, 0, 0], [0, 0.7, 0], [0, 0, 1]]\nC: [[1, 1, 0.5]]\n"
+      "Q: [[0.1, 0, 0], [0, 0.5, 0], [0, 0, 0]]\nR: [[0.3]]\n"
+      "outputs: [{name: y, column: y}]\ninitial: " +
+      initial;
+  const Model model = parse_model_file(text, "model.yaml");
+  const MatrixXd y{{1.0, 2.5, 3.0, 2.0, -1.0, 2.0, 0.5}};
+  const std::vector<Dataset> data{recording(model, y, SampleTimes(1.0))};
+  return RecordingsLikelihood(model, data).evaluate(model.parameters, false)->value;
+}
+
+TEST(ChangingRecordings, EveryStateMayStartInItsOwnWay) {
+  const std::string sd = "0.9901475429766743";  // of x2 in its steady state, (0.5/(1 - 0.49))^(1/2)
+  const double known = with_start_of("{mean: [2, 0, 0.3], sd: [1.5, " + sd + ", 0.2]}");
+  EXPECT_NEAR(with_start_of("{x1: {mean: 2, sd: 1.5}, x2: stationary, x3: {mean: 0.3, sd: 0.2}}"),
+              known, 1e-12);
+  const double vague = with_start_of("{mean: [0, 0, 0.3], sd: [1e6, " + sd + ", 0.2]}");
+  EXPECT_NEAR(with_start_of("{x1: diffuse, x2: stationary, x3: {mean: 0.3, sd: 0.2}}"),
+              vague + std::log(1e6) + 0.5 * std::log(2.0 * std::numbers::pi), 1e-9);
+  const double exact = with_start_of("{mean: [2, 0, 0.3], sd: [1.5, " + sd + ", 0]}");
+  EXPECT_NEAR(with_start_of("{x1: {mean: 2, sd: 1.5}, x2: stationary, x3: 0.3}"), exact, 1e-12);
+}
+
 }  // namespace
 }  // namespace identikal

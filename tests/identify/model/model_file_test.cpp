@@ -677,8 +677,12 @@ constexpr Mistake kLinearMistakes[] = {
      "9:4: Q is 1 x 1; expected 2 x 2 (process noises x process noises)"},
     {"Q: [[q, 0], [0, 1]]", "Q: [[q, 0], [0, -1]]", "9:17: variance '-1' in Q is negative"},
     {"Q: [[q, 0], [0, 1]]", "Q: [[-q, 0], [0, 1]]", "9:6: variance '-q' in Q is negative"},
-    {"Q: [[q, 0], [0, 1]]", "Q: [[q, 0], [0.5, 1]]", "9:14: Q is not symmetric in row 2, column 1"},
-    {"Q: [[q, 0], [0, 1]]", "Q: [[q, r], [q, 1]]", "9:14: Q is not symmetric in row 2, column 1"},
+    {"Q: [[q, 0], [0, 1]]", "Q: [[q, 0], [0.5, 1]]",
+     "9:14: Q is not symmetric: '0.5' in row 2, column 1 and '0' across; expected the same entry "
+     "on both sides"},
+    {"Q: [[q, 0], [0, 1]]", "Q: [[q, r], [q, 1]]",
+     "9:14: Q is not symmetric: 'q' in row 2, column 1 and 'r' across; expected the same entry "
+     "on both sides"},
     {"Q: [[q, 0], [0, 1]]", "Q: [[q, 2], [2, 1]]", "9:4: Q is not positive semidefinite"},
     {"Q: [[q, 0], [0, 1]]", "Q: [[q, 2*q], [2*q, q]]", "9:4: Q is not positive semidefinite"},
     {"Q: [[q, 0], [0, 1]]", "Q: {structure: fulll}",
@@ -1390,6 +1394,17 @@ TEST_F(ModelFileTest, DamagedFilesAreReadOrRefused) {
     }
   }
   EXPECT_GT(accepted, 100) << "the mutations are too strong to test anything";
+}
+
+// As another program has printed it, with the rounding of its own sums.
+TEST(ModelFile, RoundingDoesNotMakeACovarianceAsymmetric) {
+  const std::string text =
+      "identikal: 1\ntime: {kind: discrete, step: 1 s}\nA: [[0.5, 0], [0, 0.2]]\nC: [[1, 1]]\n"
+      "Q: [[3, 1.0000000001], [1, 2]]\nR: [[1]]\noutputs: [{name: y, column: y}]\n";
+  const Model model = parse_model_file(text, "model.yaml");
+  const Eigen::MatrixXd Q = as_linear(model).Q.constant;
+  EXPECT_EQ(Q(0, 1), Q(1, 0));
+  EXPECT_NEAR(Q(0, 1), 1.0 + 5e-11, 1e-15);
 }
 
 }  // namespace
