@@ -10,7 +10,7 @@ namespace {
 using Eigen::VectorXd;
 
 constexpr int kSteps = 6;
-constexpr double kApart = 0.05;  // partial autocorrelations nearer than this lead to the same place
+constexpr double kApart = 0.1;  // places nearer than this lead to the same one
 
 struct Place {
   VectorXd z;
@@ -45,6 +45,20 @@ void keep_likeliest(std::vector<Place>& places, int count) {
   places.resize(std::min(places.size(), static_cast<std::size_t>(count)));
 }
 
+// A few steps on from each, the likeliest first. @return evaluations
+int follow(const LikelihoodProblem& inside, std::vector<Place>& places) {
+  SolverOptions few;
+  few.max_iterations = kSteps;
+  int out = 0;
+  for (Place& place : places) {
+    const Solution end = maximise(inside, place.z, few);
+    out += end.summary.evaluations;
+    place = {end.x, end.summary.objective};
+  }
+  sort_by_likelihood(places);
+  return out;
+}
+
 }  // namespace
 
 PromisingStarts promising_starts(const LikelihoodProblem& inside, const RootCoordinates& roots,
@@ -53,13 +67,11 @@ PromisingStarts promising_starts(const LikelihoodProblem& inside, const RootCoor
   const int scattered = 20 * count, followed = 2 * count;
   PromisingStarts out;
   Random random(seed);
-  std::vector<Place> places;
+  std::vector<Place> places, lines;
   for (int k = 0; k < scattered; ++k) {
     places.push_back(at_best_scale(inside, scale, roots.scattered(z, random)));
   }
   out.evaluations = scattered;
-  keep_likeliest(places, followed);
-  std::vector<Place> lines;
   for (std::vector<VectorXd>& kind : roots.with_lines(z)) {
     std::vector<Place> of_kind;
     for (VectorXd& line : kind) of_kind.push_back(at_best_scale(inside, scale, std::move(line)));
@@ -67,25 +79,24 @@ PromisingStarts promising_starts(const LikelihoodProblem& inside, const RootCoor
     const std::vector<Place> highest = peaks(of_kind);
     lines.insert(lines.end(), highest.begin(), highest.end());
   }
-  keep_likeliest(lines, followed);
-  places.insert(places.end(), lines.begin(), lines.end());
-  SolverOptions few;
-  few.max_iterations = kSteps;
-  for (Place& place : places) {
-    const Solution end = maximise(inside, place.z, few);
-    out.evaluations += end.summary.evaluations;
-    place = {end.x, end.summary.objective};
+  for (std::vector<Place>* kind : {&lines, &places}) {
+    keep_likeliest(*kind, followed);
+    out.evaluations += follow(inside, *kind);
   }
-  sort_by_likelihood(places);
-  out.z.push_back(z);
-  for (const Place& place : places) {
-    if (static_cast<int>(out.z.size()) > count) break;
-    const bool apart = std::all_of(out.z.begin(), out.z.end(), [&](const VectorXd& other) {
-      return roots.distance(place.z, other) > kApart;
-    });
-    if (apart) out.z.push_back(place.z);
+  // By turns: near the unit circle a search takes more steps until it is the likelier one.
+  std::vector<VectorXd> taken = {z};
+  for (std::size_t k = 0; k < std::max(lines.size(), places.size()); ++k) {
+    for (const std::vector<Place>* kind : {&lines, &places}) {
+      if (k >= kind->size() || static_cast<int>(out.z.size()) == count) continue;
+      const VectorXd& here = (*kind)[k].z;
+      const bool apart = std::all_of(taken.begin(), taken.end(), [&](const VectorXd& other) {
+        return roots.distance(here, other) > kApart;
+      });
+      if (!apart) continue;
+      taken.push_back(here);
+      out.z.push_back(here);
+    }
   }
-  out.z.erase(out.z.begin());
   return out;
 }
 

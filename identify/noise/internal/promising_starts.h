@@ -10,7 +10,7 @@
 namespace identikal {
 
 struct PromisingStarts {
-  std::vector<Eigen::VectorXd> z;  ///< the likeliest first
+  std::vector<Eigen::VectorXd> z;
   int evaluations = 0;
 };
 

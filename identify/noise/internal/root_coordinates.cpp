@@ -172,45 +172,58 @@ VectorXd RootCoordinates::scattered(VectorXd z, Random& random) const {
   return z;
 }
 
+void RootCoordinates::add_lines(const VectorXd& z, const Factor& poles, const Factor& zeros,
+                                std::size_t count, std::vector<std::vector<VectorXd>>& out) const {
+  constexpr int kFrequencies = 90;
+  const auto rest = without_nearest(roots_of(polynomial_coefficients(z(poles.at))),
+                                    roots_of(polynomial_coefficients(z(zeros.at))), count);
+  if (!rest) return;
+  // A single root is at one end of the frequencies or the other, and may be very near to the circle.
+  std::vector<double> widths = {0.02, 0.004, 0.0005}, frequencies = {0.0, std::numbers::pi};
+  if (count == 2) {
+    widths.resize(1);
+    frequencies.clear();
+    for (int k = 0; k < kFrequencies; ++k) {
+      frequencies.push_back(std::numbers::pi * (k + 0.5) / kFrequencies);
+    }
+  }
+  for (const double width : widths) {
+    const double nearer = 1.0 - width, farther = 1.0 - (count == 1 ? 2.0 : 3.5) * width;
+    for (const bool peak : {true, false}) {
+      out.emplace_back();
+      for (const double frequency : frequencies) {
+        const auto pole = together((*rest)[0], line(peak ? nearer : farther, frequency, count));
+        const auto zero = together((*rest)[1], line(peak ? farther : nearer, frequency, count));
+        if (!pole || !zero) continue;
+        VectorXd there = z;
+        there(poles.at) = *pole;
+        there(zeros.at) = *zero;
+        out.back().push_back(std::move(there));
+      }
+    }
+  }
+}
+
 std::vector<std::vector<VectorXd>> RootCoordinates::with_lines(const VectorXd& z) const {
-  constexpr std::size_t kFrequencies = 90;
-  constexpr double kNear = 0.98, kFar = 0.93;
   std::vector<std::vector<VectorXd>> out;
   for (const Factor& poles : factors_) {
     for (const Factor& zeros : factors_) {
       const bool beside = !poles.moving_average && zeros.moving_average && poles.lag == 1 &&
                           zeros.lag == 1 && poles.group == zeros.group;
       if (!beside) continue;
-      const Roots all_poles = roots_of(polynomial_coefficients(z(poles.at)));
-      const Roots all_zeros = roots_of(polynomial_coefficients(z(zeros.at)));
-      for (const std::size_t count : {1U, 2U}) {
-        const auto rest = without_nearest(all_poles, all_zeros, count);
-        if (!rest) continue;
-        const std::size_t frequencies = count == 1 ? 2 : kFrequencies;
-        for (const bool peak : {true, false}) {
-          out.emplace_back();
-          for (std::size_t k = 0; k < frequencies; ++k) {
-            const double frequency =
-                std::numbers::pi * (count == 1 ? static_cast<double>(k)
-                                               : (static_cast<double>(k) + 0.5) / kFrequencies);
-            const auto pole = together((*rest)[0], line(peak ? kNear : kFar, frequency, count));
-            const auto zero = together((*rest)[1], line(peak ? kFar : kNear, frequency, count));
-            if (!pole || !zero) continue;
-            out.back().push_back(z);
-            out.back().back()(poles.at) = *pole;
-            out.back().back()(zeros.at) = *zero;
-          }
-        }
-      }
+      for (const std::size_t count : {1U, 2U}) add_lines(z, poles, zeros, count, out);
     }
   }
   return out;
 }
 
 double RootCoordinates::distance(const VectorXd& a, const VectorXd& b) const {
+  const auto stretched = [](const VectorXd& partial) {
+    return partial.cwiseMax(-kStable).cwiseMin(kStable).array().atanh().eval();
+  };
   double out = 0.0;
   for (const Factor& factor : factors_) {
-    out = std::max(out, (a(factor.at) - b(factor.at)).cwiseAbs().maxCoeff());
+    out = std::max(out, (stretched(a(factor.at)) - stretched(b(factor.at))).abs().maxCoeff());
   }
   return out;
 }

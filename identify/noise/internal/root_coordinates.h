@@ -50,7 +50,7 @@ class RootCoordinates {
   /// line of the spectrum may be the likeliest thing there is, and no search from elsewhere sees it.
   /// By kind, in the order of frequency.
   std::vector<std::vector<Eigen::VectorXd>> with_lines(const Eigen::VectorXd& z) const;
-  /// The largest difference of two partial autocorrelations.
+  /// The largest difference of partial autocorrelations, by their atanh: 0.999 is far from 0.99.
   double distance(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
   /// Polynomials that lie on the border at z.
   std::vector<RootsOnCircle> on_circle(const Eigen::VectorXd& z) const;
@@ -70,6 +70,9 @@ class RootCoordinates {
     bool moving_average;
     int lag, group;
   };
+  void add_lines(const Eigen::VectorXd& z, const Factor& poles, const Factor& zeros,
+                 std::size_t count, std::vector<std::vector<Eigen::VectorXd>>& out) const;
+
   std::vector<Factor> factors_;
   bool all_dynamics_ = false;
 };

@@ -208,6 +208,7 @@ class Searches {
     // To the circle, where that is where it leads.
     const auto draw = [&](Solution& end) {
       const VectorXd drawn = roots_.drawn_to_circle(inside, end.x);
+      out.arrived = false;  // what was looked at on the circle is no place of the search
       if (roots_.on_circle(drawn).empty()) return false;
       end = search(roots_.held_to_circle(inside, drawn), drawn);
       return true;
@@ -229,7 +230,8 @@ class Searches {
   static bool is_beside(const Point& known, const VectorXd& x, double L) {
     constexpr double kNear = 0.25;
     const VectorXd d = x - known.x;
-    return known.L - L < kNear && d.dot(known.information * d) < kNear;
+    const bool no_higher = L < known.L + kSameMaximum;
+    return no_higher && known.L - L < kNear && d.dot(known.information * d) < kNear;
   }
 
   // A simulation's start may be far from where its noise means anything: its squares first.
