@@ -12,20 +12,20 @@ using Eigen::VectorXd;
 constexpr int kSteps = 6;
 constexpr double kApart = 0.1;  // places nearer than this lead to the same one
 
-struct Place {
+struct Candidate {
   VectorXd z;
   double L;
 };
 
-Place at_best_scale(const LikelihoodProblem& inside, const CommonScale& scale, VectorXd z) {
+Candidate at_best_scale(const LikelihoodProblem& inside, const CommonScale& scale, VectorXd z) {
   z = z.cwiseMax(inside.lower).cwiseMin(inside.upper);
   const double L = scale.rescale(inside, z);
   return {std::move(z), L};
 }
 
 // Those not lower than either neighbour.
-std::vector<Place> peaks(const std::vector<Place>& places) {
-  std::vector<Place> out;
+std::vector<Candidate> peaks(const std::vector<Candidate>& places) {
+  std::vector<Candidate> out;
   for (std::size_t k = 0; k < places.size(); ++k) {
     const bool below = (k > 0 && places[k - 1].L > places[k].L) ||
                        (k + 1 < places.size() && places[k + 1].L > places[k].L);
@@ -34,23 +34,23 @@ std::vector<Place> peaks(const std::vector<Place>& places) {
   return out;
 }
 
-void sort_by_likelihood(std::vector<Place>& places) {
+void sort_by_likelihood(std::vector<Candidate>& places) {
   std::stable_sort(places.begin(), places.end(),
-                   [](const Place& a, const Place& b) { return a.L > b.L; });
+                   [](const Candidate& a, const Candidate& b) { return a.L > b.L; });
 }
 
-void keep_likeliest(std::vector<Place>& places, int count) {
-  std::erase_if(places, [](const Place& place) { return !std::isfinite(place.L); });
+void keep_likeliest(std::vector<Candidate>& places, int count) {
+  std::erase_if(places, [](const Candidate& place) { return !std::isfinite(place.L); });
   sort_by_likelihood(places);
   places.resize(std::min(places.size(), static_cast<std::size_t>(count)));
 }
 
 // A few steps on from each, the likeliest first. @return evaluations
-int follow(const LikelihoodProblem& inside, std::vector<Place>& places) {
+int follow(const LikelihoodProblem& inside, std::vector<Candidate>& places) {
   SolverOptions few;
   few.max_iterations = kSteps;
   int out = 0;
-  for (Place& place : places) {
+  for (Candidate& place : places) {
     const Solution end = maximise(inside, place.z, few);
     out += end.summary.evaluations;
     place = {end.x, end.summary.objective};
@@ -67,26 +67,26 @@ PromisingStarts promising_starts(const LikelihoodProblem& inside, const RootCoor
   const int scattered = 20 * count, followed = 2 * count;
   PromisingStarts out;
   Random random(seed);
-  std::vector<Place> places, lines;
+  std::vector<Candidate> places, lines;
   for (int k = 0; k < scattered; ++k) {
     places.push_back(at_best_scale(inside, scale, roots.scattered(z, random)));
   }
   out.evaluations = scattered;
   for (std::vector<VectorXd>& kind : roots.with_lines(z)) {
-    std::vector<Place> of_kind;
+    std::vector<Candidate> of_kind;
     for (VectorXd& line : kind) of_kind.push_back(at_best_scale(inside, scale, std::move(line)));
     out.evaluations += static_cast<int>(of_kind.size());
-    const std::vector<Place> highest = peaks(of_kind);
+    const std::vector<Candidate> highest = peaks(of_kind);
     lines.insert(lines.end(), highest.begin(), highest.end());
   }
-  for (std::vector<Place>* kind : {&lines, &places}) {
+  for (std::vector<Candidate>* kind : {&lines, &places}) {
     keep_likeliest(*kind, followed);
     out.evaluations += follow(inside, *kind);
   }
   // By turns: near the unit circle a search takes more steps until it is the likelier one.
   std::vector<VectorXd> taken = {z};
   for (std::size_t k = 0; k < std::max(lines.size(), places.size()); ++k) {
-    for (const std::vector<Place>* kind : {&lines, &places}) {
+    for (const std::vector<Candidate>* kind : {&lines, &places}) {
       if (k >= kind->size() || static_cast<int>(out.z.size()) == count) continue;
       const VectorXd& here = (*kind)[k].z;
       const bool apart = std::all_of(taken.begin(), taken.end(), [&](const VectorXd& other) {
