@@ -74,6 +74,7 @@ Outcome filter(const FilterOptions& given, Call& call) {
   if (given.smooth) options.lag.reset();
   if (given.lag >= 0) options.lag = given.lag;
   options.skip_first = given.skip_first;
+  options.by_row = !given.result.folder.empty();
   StateEstimate states = filter_recordings(model, recordings.data, options);
   if (given.result.folder.empty() && !given.result.json) {
     return states_alone(run, model, recordings, states);

@@ -23,9 +23,12 @@ double log_density(const FilterResult& filter, Index t) {
     if (!std::isnan(filter.standardised(i, t))) present.push_back(i);
   }
   if (present.empty()) return 0.0;
-  const MatrixXd Sigma = filter.Sigma[static_cast<std::size_t>(t)](present, present);
   const VectorXd e = filter.standardised(present, t);
-  const double log_determinant = 2.0 * Sigma.llt().matrixLLT().diagonal().array().log().sum();
+  double log_determinant = 2.0 * std::log(filter.e_sd(present[0], t));
+  if (present.size() > 1) {
+    const MatrixXd Sigma = filter.Sigma[static_cast<std::size_t>(t)](present, present);
+    log_determinant = 2.0 * Sigma.llt().matrixLLT().diagonal().array().log().sum();
+  }
   return -0.5 * (log_determinant + e.squaredNorm() +
                  static_cast<double>(present.size()) * std::log(2.0 * std::numbers::pi));
 }

@@ -112,13 +112,20 @@ std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixX
                      state.unit);
 }
 
+VectorXd rows_of(const Model& model, const Dataset& data, const FilterResult& innovations) {
+  if (model.student) return VectorXd::Constant(data.size(), kNone);
+  if (data.y.rows() == 1) return log_likelihood_by_row(innovations);
+  return log_likelihood_by_row(run_filter(model, model.parameters, data, Keep::everything));
+}
+
 // The log-likelihood behind the first samples of every recording.
 void leave_out_first(StateEstimate& estimate, Index count) {
   double sum = 0.0;
   for (const VectorXd& rows : estimate.log_likelihood_by_row) {
     if (count >= rows.size() || std::isnan(rows[count])) {
       throw InputError({}, fmt::format("nothing is predicted behind the first {} rows", count),
-                       "fewer of them, and at least those that determine a diffuse start",
+                       "fewer of them, at least those that determine a diffuse start, and normal "
+                       "noise",
                        "another --skip-first");
     }
     sum += rows.tail(rows.size() - count).sum();
@@ -156,9 +163,13 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
     if (estimate.states.back().status != FilterStatus::ok) {
       refuse_filter(model, recordings, estimate.states.back().status);
     }
-    estimate.log_likelihood_by_row.push_back(
-        log_likelihood_by_row(run_filter(model, model.parameters, data, Keep::everything)));
     rows += data.size();
+  }
+  if (options.by_row || options.skip_first > 0) {
+    for (std::size_t r = 0; r < recordings.size(); ++r) {
+      estimate.log_likelihood_by_row.push_back(
+          rows_of(model, recordings[r], estimate.innovations[r]));
+    }
   }
   if (options.skip_first > 0) leave_out_first(estimate, options.skip_first);
   if (options.lag != Index{0} && !estimate.references.empty()) {
@@ -212,7 +223,8 @@ void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& record
     lines.head(channel.name + "_sd", channel.unit);
     lines.head(channel.name + "_standardised", "");
   }
-  lines.head("log_likelihood", "");
+  const bool by_row = !run.log_likelihood_by_row.empty();
+  if (by_row) lines.head("log_likelihood", "");
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const VectorXd& stamps = stamps_of(recordings[r]);
     const FilterResult& filter = run.innovations[r];
@@ -224,7 +236,7 @@ void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& record
         lines.cell(filter.e_sd(row, t) / scale[i]);
         lines.cell(filter.standardised(row, t));
       }
-      lines.cell(run.log_likelihood_by_row[r][t]);
+      if (by_row) lines.cell(run.log_likelihood_by_row[r][t]);
     }
   }
   lines.end();

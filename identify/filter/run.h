@@ -21,13 +21,16 @@ struct FilterRunOptions {
   /// The log-likelihood is that of what comes behind so many samples of every recording, given them:
   /// at least those that determine a diffuse start.
   Eigen::Index skip_first = 0;
+  bool by_row = false;  ///< whether StateEstimate::log_likelihood_by_row is wanted
 };
 
 /// Noise, gain, fit, tests, and a note about every state; status ok.
 struct StateEstimate : FilterEstimate {
   std::vector<SmootherResult> states;     ///< of every recording; deviations only
   std::vector<FilterResult> innovations;  ///< of every recording
-  std::vector<Eigen::VectorXd> log_likelihood_by_row;  ///< of every recording
+  /// Of every recording, N (identify/filter/leading_samples.h); NaN with noise of Student's t. Empty
+  /// unless FilterRunOptions ask for it.
+  std::vector<Eigen::VectorXd> log_likelihood_by_row;
 };
 
 /// Runs the model's filter, as it is, over every recording, each from the model's initial state.
@@ -52,7 +55,7 @@ void write_states_csv(std::ostream& out, const Model& model, const std::vector<D
 
 /// Time, and of every output the innovation, its standard deviation, and the standardised
 /// innovation (lib/filter/kalman.h), in the outputs' units, empty where nothing was measured; then
-/// the log-likelihood of the row, given those before.
+/// the log-likelihood of the row, given those before, where the run has it.
 void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
                            const StateEstimate& run);
 

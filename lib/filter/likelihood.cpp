@@ -357,10 +357,12 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
         continue;
       }
     }
-    // Code made for gapless samples needs no derivatives and goes faster without; the full
-    // recursion stays the witness of the others.
+    // Code made for gapless samples needs no derivatives and goes faster without, but for a stationary
+    // start; the full recursion stays the witness of the others.
     const bool plain = method == EvaluationMethod::time_varying ||
-                       (k == 0 && recording.gapless()) || is_vague(model, initial);
+                       (k == 0 && recording.gapless() &&
+                        !TangentFilter::is_quick_from_stationary(model, initial)) ||
+                       is_vague(model, initial);
     if (!plain && !prepared) {
       r.tangents.prepare(model, derivatives);
       prepared = true;

@@ -24,6 +24,29 @@ struct Candidate {
   bool in_A;  // else in C or G
 };
 
+// Do the states start in their steady state whose rows of A or G, or columns of C, the parameter
+// stands in?
+bool starts_stationary(const LinearModel& model, int parameter) {
+  if (model.initial == InitialState::stationary) return true;
+  const auto is_stationary = [&](Index state) {
+    return std::find(model.stationary.begin(), model.stationary.end(), state) !=
+           model.stationary.end();
+  };
+  for (const ParametrisedMatrix* M : {&model.A, &model.G, &model.C}) {
+    const auto state_of = [&](const auto& e) { return M == &model.C ? e.col : e.row; };
+    for (const ParametrisedMatrix::Entry& e : M->entries) {
+      if (e.parameter == parameter && !is_stationary(state_of(e))) return false;
+    }
+    for (const ParametrisedMatrix::Formula& f : M->formulas) {
+      const auto end = f.parameters.end();
+      if (std::find(f.parameters.begin(), end, parameter) != end && !is_stationary(state_of(f))) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 std::vector<Candidate> candidates(const LinearModel& model, const ParameterSet& parameters) {
   const auto holds = [](const ParametrisedMatrix& M, int p) {
     const std::vector<int> in = parameters_in(M);
@@ -41,7 +64,7 @@ std::vector<Candidate> candidates(const LinearModel& model, const ParameterSet& 
          {&model.B, &model.D, &model.Q, &model.R, &model.S, &model.x0, &model.P0}) {
       elsewhere = elsewhere || holds(*M, p);
     }
-    if (!elsewhere) out.push_back({p, in_A});
+    if (!elsewhere && starts_stationary(model, p)) out.push_back({p, in_A});
   }
   return out;
 }

@@ -48,22 +48,21 @@ CommonScale::CommonScale(const Model& model, const FactorCoordinates& factors, d
 
 double CommonScale::rescale(const LikelihoodProblem& problem, VectorXd& at) const {
   constexpr double kNone = -std::numeric_limits<double>::infinity();
-  double L = 0.0;
-  VectorXd gradient;
-  if (!problem.evaluate(at, L, coordinates_.empty() ? nullptr : &gradient, nullptr) ||
-      !std::isfinite(L)) {
-    return kNone;
-  }
+  constexpr double kTwice = 2.0;
+  const auto is_inside = [&](const VectorXd& x) {
+    return (x.array() >= problem.lower.array()).all() && (x.array() <= problem.upper.array()).all();
+  };
+  double L = 0.0, there = 0.0;
+  if (!problem.evaluate(at, L, nullptr, nullptr) || !std::isfinite(L)) return kNone;
   if (coordinates_.empty()) return L;
-  const double S = samples_ + 2.0 * at(coordinates_).dot(gradient(coordinates_));
+  VectorXd moved = at;
+  moved(coordinates_) *= kTwice;
+  if (!is_inside(moved) || !problem.evaluate(moved, there, nullptr, nullptr)) return L;
+  const double S = 4.0 * (there - L + 0.5 * samples_ * std::log(kTwice));
   const double size = S / samples_;
   if (!(size > 0.0)) return L;
-  VectorXd moved = at;
-  moved(coordinates_) *= size;
-  if ((moved.array() < problem.lower.array()).any() ||
-      (moved.array() > problem.upper.array()).any()) {
-    return L;
-  }
+  moved(coordinates_) = size * at(coordinates_);
+  if (!is_inside(moved)) return L;
   at = moved;
   return L - 0.5 * samples_ * (std::log(size) - size + 1.0);
 }

@@ -11,12 +11,11 @@
 namespace identikal {
 
 /// The coordinates that all noise is proportional to, variances each of their own, with a start that
-/// is proportional to them too: stationary or diffuse. With n values, S = sum e' Sigma^-1 e, and g
-/// the slopes by those coordinates x,
+/// is proportional to them too: stationary or diffuse. With n values and S = sum e' Sigma^-1 e,
 ///
-///   S = n + 2 sum x g,   L = L_0 - (n log(S/n) - S + n)/2 at x S/n,
+///   L(c x) = L(x) - (n log c - S + S/c)/2,
 ///
-/// which is the maximum over their common size.
+/// so that L(x) and L(2 x) tell S, and the maximum over their common size lies at c = S/n.
 class CommonScale {
  public:
   /// @param samples  values measured, n

@@ -80,6 +80,10 @@ void TangentFilter::fill(Lanes& to, std::size_t l, const MatrixXd& value) const 
   }
 }
 
+bool TangentFilter::is_quick_from_stationary(const StateSpace& model, InitialState initial) {
+  return initial == InitialState::stationary && model.states() > kUnrolled;
+}
+
 void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) {
   model_ = &model;
   derivatives_ = &derivatives;
@@ -304,8 +308,7 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
                                 Likelihood& out) {
   take_channels(recording.presence);
   FilterStatus status = begin(initial);
-  stationary_ =
-      initial == InitialState::stationary && n_ > kUnrolled && recording.presence.parts.size() == 1;
+  stationary_ = is_quick_from_stationary(*model_, initial) && recording.presence.parts.size() == 1;
   scored_ = out.gradient;
   std::size_t next = 0;
   for (const Presence::Part& part : recording.presence.parts) {

@@ -33,6 +33,9 @@ struct TangentRecording {
 
 class TangentFilter {
  public:
+  /// Does a gapless recording go through a recursion of as few columns as there are outputs?
+  static bool is_quick_from_stationary(const StateSpace& model, InitialState initial);
+
   /// Keeps references to both until run() has returned.
   void prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives);
 

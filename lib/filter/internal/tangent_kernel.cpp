@@ -387,6 +387,22 @@ HWY_INLINE void MultiplyByF(const TangentModel& f, const TangentRun& r, const do
   }
 }
 
+// A row of dK: what stands in `row` times Sigma^-1.
+template <int W>
+HWY_INLINE void WeighGainRow(const TangentRun& r, int m, bool first_block, const double* row,
+                             double* K_theta) {
+  for (int a = 0; a < m; ++a) {
+    Pack<W> sum = Pack<W>::Zero();
+    for (int c = 0; c < m; ++c) {
+      sum.Add(r.Sigma_inverse[c * m + a], Pack<W>::Load(row + c * W));
+    }
+    // What rounding leaves of K Sigma - A P C' - S is none of the gain's derivatives.
+    if (first_block)
+      sum.v[0] = hn::IfThenZeroElse(hn::FirstN(typename Pack<W>::Tag(), 1), sum.v[0]);
+    sum.Store(K_theta + a * W);
+  }
+}
+
 // dK in lanes; zero in the first.
 template <int W, int N, int M>
 HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
@@ -416,15 +432,7 @@ HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
       }
       sum.Store(row + a * W);
     }
-    for (int a = 0; a < m; ++a) {
-      Pack<W> sum = Pack<W>::Zero();
-      for (int c = 0; c < m; ++c) {
-        sum.Add(r.Sigma_inverse[c * m + a], Pack<W>::Load(row + c * W));
-      }
-      // What rounding leaves of K Sigma - A P C' - S is none of the gain's derivatives.
-      if (b == 0) sum.v[0] = hn::IfThenZeroElse(hn::FirstN(typename Pack<W>::Tag(), 1), sum.v[0]);
-      sum.Store(K_theta + (i * m + a) * W);
-    }
+    WeighGainRow<W>(r, m, b == 0, row, K_theta + i * m * W);
   }
 }
 

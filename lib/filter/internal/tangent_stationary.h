@@ -138,14 +138,7 @@ HWY_INLINE void GainOfStationary(const TangentModel& f, TangentRun& r) {
         }
         sum.Store(row + a * W);
       }
-      for (int a = 0; a < m; ++a) {
-        Pack<W> sum = Pack<W>::Zero();
-        for (int c = 0; c < m; ++c) {
-          sum.Add(r.Sigma_inverse[c * m + a], Pack<W>::Load(row + c * W));
-        }
-        if (b == 0) sum.v[0] = hn::IfThenZeroElse(hn::FirstN(typename Pack<W>::Tag(), 1), sum.v[0]);
-        sum.Store(K_theta + (i * m + a) * W);
-      }
+      WeighGainRow<W>(r, m, b == 0, row, K_theta + i * m * W);
     }
   }
 }

@@ -19,7 +19,7 @@ Model parsed(const std::string& text) {
 
 std::vector<PolynomialFactor> factors_of(const std::string& text) {
   const Model model = parsed(text);
-  return polynomial_factors(as_linear(model), model.parameters);
+  return polynomial_factors(noise_model(model), model.parameters);
 }
 
 const char kSeasonal[] = R"(
@@ -80,8 +80,13 @@ TEST(PolynomialFactors, NoMovingAverageWhereItsVarianceIsKnown) {
   for (const PolynomialFactor& factor : found) EXPECT_FALSE(factor.moving_average);
 }
 
-TEST(PolynomialFactors, NoneWithoutAStationaryStart) {
+TEST(PolynomialFactors, OfStatesThatStartStationaryAlone) {
   EXPECT_TRUE(factors_of(sum_of_two("q", "diffuse")).empty());
+  const auto one = factors_of(sum_of_two("q", "{x1: stationary, x2: diffuse, x3: diffuse}"));
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_EQ(one[0].parameters, std::vector<int>{1});
+  EXPECT_EQ(factors_of(sum_of_two("q", "{x1: diffuse, x2: stationary, x3: stationary}")).size(),
+            2U);
 }
 
 // The same likelihood, with its slopes by partial autocorrelations, as by the coefficients.
