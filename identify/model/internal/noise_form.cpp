@@ -15,6 +15,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 std::vector<std::string> names_in(const std::vector<PhysicalName>& all) {
   std::vector<std::string> out;
@@ -332,6 +333,20 @@ LinearModel::StartOfState read_start_of(const YamlNode& node, const std::string&
   return out;
 }
 
+// All states known by mean and standard deviation: the start that every filter has.
+void start_given(LinearModel& model) {
+  const auto n = static_cast<Index>(model.known.size());
+  VectorXd mean(n), variance(n);
+  for (const LinearModel::StartOfState& each : model.known) {
+    mean[each.state] = each.mean;
+    variance[each.state] = each.sd * each.sd;
+  }
+  model.known.clear();
+  model.initial = InitialState::given;
+  model.x0 = constant_matrix(mean);
+  model.P0 = constant_matrix(MatrixXd(variance.asDiagonal()));
+}
+
 // {level: diffuse, error: stationary, bias: {mean: 0, sd: 1}}: every state by its name.
 void read_initial_by_state(const YamlNode& initial, const std::vector<std::string>& names,
                            const PhysicalNames& physical, LinearModel& model) {
@@ -349,6 +364,10 @@ void read_initial_by_state(const YamlNode& initial, const std::vector<std::strin
     } else if (node->kind != YamlNode::Kind::scalar || node->text != "diffuse") {
       model.known.push_back(read_start_of(*node, names[i], state, physical));
     }
+  }
+  if (model.known.size() == names.size()) {
+    start_given(model);
+    return;
   }
   model.initial = InitialState::diffuse;
   add_stationary(stationary, initial.at, names, model);

@@ -304,6 +304,9 @@ TEST(ChangingRecordings, EveryStateMayStartInItsOwnWay) {
   const double vague = with_start_of("{mean: [0, 0, 0.3], sd: [1e6, " + sd + ", 0.2]}");
   EXPECT_NEAR(with_start_of("{x1: diffuse, x2: stationary, x3: {mean: 0.3, sd: 0.2}}"),
               vague + std::log(1e6) + 0.5 * std::log(2.0 * std::numbers::pi), 1e-9);
+  EXPECT_EQ(
+      with_start_of("{x1: {mean: 2, sd: 1.5}, x2: {sd: " + sd + "}, x3: {mean: 0.3, sd: 0.2}}"),
+      known);
   const double exact = with_start_of("{mean: [2, 0, 0.3], sd: [1.5, " + sd + ", 0]}");
   EXPECT_NEAR(with_start_of("{x1: {mean: 2, sd: 1.5}, x2: stationary, x3: 0.3}"), exact, 1e-12);
 }
