@@ -142,6 +142,9 @@ std::string shaping_fault(const Model& model, NoiseSource source) {
   if (m.initial == InitialState::given) {
     return "the initial state is given; say 'stationary' or 'diffuse'";
   }
+  if (m.initial == InitialState::partly_diffuse) {
+    return "some states start diffuse and others do not; say 'stationary' or 'diffuse'";
+  }
   if (source == NoiseSource::measurement && is_full(m.Q, model.parameters)) {
     return "Q is a full matrix; coloured measurement noise needs one without correlations";
   }

@@ -1,6 +1,5 @@
 #include "identify/filter/changing_recordings.h"
 
-#include "lib/filter/partly_diffuse.h"
 #include "lib/filter/simulation.h"
 
 namespace identikal {
@@ -10,12 +9,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// States of a diffuse start that are not.
-PartStart measured_start(const LinearModel& model) {
-  if (model.initial != InitialState::diffuse) return {};
-  return {model.stationary, model.known};
-}
-
 // R and S with every standard deviation of the measurement noise times its scale.
 void scale_measurement_noise(const Eigen::Ref<const VectorXd>& scale, StateSpace& model) {
   model.R = (scale.asDiagonal() * model.R * scale.asDiagonal()).eval();
@@ -23,32 +16,27 @@ void scale_measurement_noise(const Eigen::Ref<const VectorXd>& scale, StateSpace
 }
 
 // @param scale  Dataset::noise_scale
-ModelAt model_at(SampledModel& sampled, const LinearModel& model, const MatrixXd& scale) {
-  const ModelAt plain = [&sampled, &scale](Index t, StateSpace& now,
-                                           std::vector<StateSpace>* derivatives) {
+ModelAt model_at(SampledModel& sampled, const MatrixXd& scale) {
+  return [&sampled, &scale](Index t, StateSpace& now, std::vector<StateSpace>* derivatives) {
     sampled.at(t, now, derivatives);
     if (scale.size() == 0) return;
     scale_measurement_noise(scale.col(t), now);
     if (derivatives == nullptr) return;
     for (StateSpace& each : *derivatives) scale_measurement_noise(scale.col(t), each);
   };
-  const PartStart part = measured_start(model);
-  return part.size() > 0 ? partly_diffuse(plain, part) : plain;
 }
 
 // One recording, at one set of values.
 struct Prepared {
   SampledModel sampled;
-  MatrixXd inputs, outputs, scale;
+  MatrixXd inputs, scale;
   ModelAt model_at_sample;
 
   Prepared(const Model& model, const ParameterSet& at, const Dataset& recording)
       : sampled(noise_model(model), recording.time, recording.u),
         inputs(model_inputs(noise_model(model), recording.u)),
-        outputs(recording.y.rows() > 0 ? with_start(recording.y, measured_start(noise_model(model)))
-                                       : recording.y),
         scale(recording.noise_scale),
-        model_at_sample(model_at(sampled, noise_model(model), scale)) {
+        model_at_sample(model_at(sampled, scale)) {
     sampled.set_parameters(at, false);
   }
   Prepared(const Prepared&) = delete;
@@ -62,7 +50,6 @@ ChangingRecordings::ChangingRecordings(const Model& model, const std::vector<Dat
   for (const Dataset& data : recordings) {
     sampled_.emplace_back(noise_model(model), data.time, data.u);
     inputs_.push_back(model_inputs(noise_model(model), data.u));
-    outputs_.push_back(with_start(data.y, measured_start(noise_model(model))));
   }
 }
 
@@ -77,8 +64,8 @@ const Likelihood& ChangingRecordings::evaluate(const ParameterSet& at, bool with
   if (products != nullptr) products->setZero(k, k);
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     sampled_[i].set_parameters(at, with_derivatives);
-    const ModelAt model = model_at(sampled_[i], noise_model(model_), recordings_[i].noise_scale);
-    const MatrixXd& y = outputs_[i];
+    const ModelAt model = model_at(sampled_[i], recordings_[i].noise_scale);
+    const MatrixXd& y = recordings_[i].y;
     const Likelihood one = log_likelihood(model, initial, y, inputs_[i], with_derivatives);
     sum_.status = one.status;
     if (one.status != FilterStatus::ok) return sum_;
@@ -94,48 +81,41 @@ const Likelihood& ChangingRecordings::evaluate(const ParameterSet& at, bool with
 FilterStatus ChangingRecordings::watch(const ParameterSet& at, bool with_derivatives,
                                        std::size_t recording, const FilteredStateWatcher& see) {
   sampled_[recording].set_parameters(at, with_derivatives);
-  const LinearModel& model = noise_model(model_);
-  const MatrixXd& scale = recordings_[recording].noise_scale;
-  return watch_filtered_states(model_at(sampled_[recording], model, scale), model.initial,
-                               outputs_[recording], inputs_[recording], with_derivatives, see)
+  const Dataset& data = recordings_[recording];
+  return watch_filtered_states(model_at(sampled_[recording], data.noise_scale),
+                               noise_model(model_).initial, data.y, inputs_[recording],
+                               with_derivatives, see)
       .status;
 }
 
 FilterResult changing_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
                              Keep keep) {
   const Prepared of(model, at, recording);
-  FilterResult out =
-      kalman_filter(of.model_at_sample, noise_model(model).initial, of.outputs, of.inputs, keep);
-  take_out_start(out, measured_start(noise_model(model)));
-  return out;
+  return kalman_filter(of.model_at_sample, noise_model(model).initial, recording.y, of.inputs,
+                       keep);
 }
 
 SmootherResult changing_smoother(const Model& model, const ParameterSet& at,
                                  const Dataset& recording, std::optional<Index> lag) {
   Prepared of(model, at, recording);
   const InitialState initial = noise_model(model).initial;
-  return lag ? smooth_with_lag(of.model_at_sample, initial, of.outputs, of.inputs, *lag,
+  return lag ? smooth_with_lag(of.model_at_sample, initial, recording.y, of.inputs, *lag,
                                SmootherKeep::deviations)
-             : smooth(of.model_at_sample, initial, of.outputs, of.inputs, SmootherKeep::deviations);
+             : smooth(of.model_at_sample, initial, recording.y, of.inputs,
+                      SmootherKeep::deviations);
 }
 
 DisturbanceResult changing_disturbances(const Model& model, const ParameterSet& at,
                                         const Dataset& recording) {
   const Prepared of(model, at, recording);
-  DisturbanceResult out =
-      smooth_disturbances(of.model_at_sample, noise_model(model).initial, of.outputs, of.inputs);
-  for (MatrixXd* rows : {&out.v, &out.v_sd, &out.output_t}) {
-    if (rows->rows() > recording.y.rows()) *rows = rows->topRows(recording.y.rows()).eval();
-  }
-  return out;
+  return smooth_disturbances(of.model_at_sample, noise_model(model).initial, recording.y,
+                             of.inputs);
 }
 
 MatrixXd simulate_changing_outputs(const Model& model, const Dataset& recording, Random& random) {
   const Prepared of(model, model.parameters, recording);
-  const LinearModel& linear = noise_model(model);
-  return simulate_outputs(of.model_at_sample, linear.initial, of.inputs, recording.time.size(),
-                          random)
-      .topRows(linear.C.constant.rows());
+  return simulate_outputs(of.model_at_sample, noise_model(model).initial, of.inputs,
+                          recording.time.size(), random);
 }
 
 MatrixXd noise_free_changing_outputs(const Model& model, const ParameterSet& at,

@@ -43,7 +43,7 @@ class ChangingRecordings {
   const Model& model_;
   const std::vector<Dataset>& recordings_;
   std::vector<SampledModel> sampled_;
-  std::vector<Eigen::MatrixXd> inputs_, outputs_;
+  std::vector<Eigen::MatrixXd> inputs_;
   Likelihood sum_;
 };
 

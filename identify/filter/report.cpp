@@ -182,6 +182,7 @@ const char* initial_name(InitialState initial) {
     case InitialState::stationary:
       return "stationary";
     case InitialState::diffuse:
+    case InitialState::partly_diffuse:
       return "diffuse";
   }
   return "";

@@ -450,7 +450,9 @@ std::optional<ModelFault> fault_at(const LinearModel& model, const ParameterSet&
   std::optional<ModelFault> fault;
   if (!moves(model.Q)) fault = check("Q", "Q", at.Q);
   if (!fault && !moves(model.R)) fault = check("R", "R", at.R);
-  if (!fault) fault = check("initial", "the initial covariance", at.P0);
+  if (!fault && model.initial == InitialState::given) {
+    fault = check("initial", "the initial covariance", at.P0);
+  }
   const bool joint_moves = moves(model.Q) || moves(model.R) || moves(model.S);
   if (!fault && !joint_moves && !at.S.isZero(0.0)) {
     fault = check("S", "the joint covariance of Q, R and S", joint_covariance(at));

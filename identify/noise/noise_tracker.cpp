@@ -33,7 +33,7 @@ const Model& with_free_noise_alone(const Model& model) {
   for (std::size_t e = 0; e < entries.names.size(); ++e) {
     if (model.parameters[entries.parameter[e]].fixed) continue;
     const StateSpace& d = derivatives[free++];
-    if (!changes_dynamics(d) && d.x0.isZero(0.0) && d.P0.isZero(0.0)) continue;
+    if (!changes_dynamics(d) && !changes_start(d)) continue;
     throw InputError(
         {model.source, 0, 0}, fmt::format("'{}' is free and is not noise", entries.names[e]),
         "'track' follows Q, R and S of a known model", "fix it, or estimate it with 'tune'");
@@ -126,7 +126,7 @@ class NoiseTracker::Learner {
         own_(instantiate(as_linear(model_), model_.parameters)),
         early_(start_online_filter(own_, as_linear(model_).initial)) {
     make_room();
-    if (as_linear(model_).initial != InitialState::diffuse) begin();
+    if (!early_.diffuse) begin();
   }
 
   bool step(const Eigen::Ref<const VectorXd>& y, const Eigen::Ref<const VectorXd>& u) {

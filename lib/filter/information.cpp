@@ -55,7 +55,7 @@ class Expectation {
     }
     // A stationary start is the steady state of a filter that sees nothing: F = A, K = 0.
     MatrixXd F = m_.A, K = MatrixXd::Zero(n_, m_.outputs());
-    if (initial == InitialState::diffuse) {
+    if (initial != InitialState::stationary) {
       const auto steady = steady_state(m_);
       if (!steady) return FilterStatus::unstable;
       P_ = steady->P;

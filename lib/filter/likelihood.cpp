@@ -267,7 +267,7 @@ void LikelihoodEngine::Recordings::make_nominal(const Recording& recording, Segm
 // All of a recording without gaps by the kernel; false where that will not do.
 bool LikelihoodEngine::Recordings::add_gapless(Recording& recording, const StateSpace& model,
                                                InitialState initial) {
-  if (!recording.gapless()) return false;
+  if (!recording.gapless() || initial == InitialState::partly_diffuse) return false;
   Segment& segment = recording.segments[0];
   if (segment.samples() <= kernel->memory()) return false;
   bool added = kernel->add_from_model(segment, initial, result);

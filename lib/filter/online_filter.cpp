@@ -92,13 +92,13 @@ bool find_gain(OnlineFilter& f) {
 // Given what is known of delta from the samples before.
 void report_innovation(OnlineFilter& f) {
   if (f.diffuse && !f.determined) return;
-  const Index n = f.P.rows();
+  const Index d = f.scale.size();
   for (Index i = 0; i < static_cast<Index>(f.present.size()); ++i) {
     const Index channel = f.present[static_cast<std::size_t>(i)];
     double e = f.E(i, 0), variance = f.Sigma(i, i);
     if (f.diffuse) {
       auto response = f.moved.col(0);
-      response = f.E.row(i).tail(n).transpose();
+      response = f.E.row(i).tail(d).transpose();
       e += response.dot(f.delta);
       f.delta_factor.triangularView<Eigen::Lower>().solveInPlace(response);
       variance += response.squaredNorm();
@@ -125,9 +125,9 @@ void innovate(OnlineFilter& f, const Eigen::Ref<const VectorXd>& y,
   Z_filt.noalias() += f.PC.leftCols(m) * SiE;
   report_innovation(f);
   if (!f.diffuse) return;
-  const Index n = f.P.rows();
-  f.delta_information.noalias() += E.rightCols(n).transpose() * SiE.rightCols(n);
-  f.delta_score.noalias() += E.rightCols(n).transpose() * SiE.col(0);
+  const Index d = f.scale.size();
+  f.delta_information.noalias() += E.rightCols(d).transpose() * SiE.rightCols(d);
+  f.delta_score.noalias() += E.rightCols(d).transpose() * SiE.col(0);
 }
 
 // -I^-1 s, and whether the samples so far determine it.
@@ -155,13 +155,13 @@ void report_state(OnlineFilter& f) {
   f.state.setConstant(kNaN);
   f.state_sd.setConstant(kNaN);
   if (!estimate_delta(f)) return;
-  const Index n = f.P.rows();
+  const Index d = f.scale.size();
   f.state = f.Z_filt.col(0);
-  f.state.noalias() += f.Z_filt.rightCols(n) * f.delta;
+  f.state.noalias() += f.Z_filt.rightCols(d) * f.delta;
   // cov = P + X I^-1 X'; its diagonal by the factor of I.
-  f.moved = f.Z_filt.rightCols(n).transpose();
-  f.delta_factor.triangularView<Eigen::Lower>().solveInPlace(f.moved);
-  f.state_sd = (f.P_filt.diagonal() + f.moved.colwise().squaredNorm().transpose()).cwiseSqrt();
+  f.responses = f.Z_filt.rightCols(d).transpose();
+  f.delta_factor.triangularView<Eigen::Lower>().solveInPlace(f.responses);
+  f.state_sd = (f.P_filt.diagonal() + f.responses.colwise().squaredNorm().transpose()).cwiseSqrt();
 }
 
 bool has_settled(const OnlineFilter& f) {
@@ -209,7 +209,7 @@ void forget_delta(OnlineFilter& f) {
   if (!f.determined) return;
   const Index n = f.P.rows();
   for (Index i = 0; i < n; ++i) {
-    for (Index j = 0; j < n; ++j) {
+    for (Index j = 0; j < f.scale.size(); ++j) {
       const double response = f.Z(i, 1 + j);
       if (!(response * response * f.scale[j] <= 1e-46 * f.P(i, i))) return;
     }
@@ -219,18 +219,39 @@ void forget_delta(OnlineFilter& f) {
 }
 
 void make_room(OnlineFilter& f) {
-  const Index n = f.model.states(), ny = f.model.outputs();
-  f.state = f.state_sd = f.delta = f.delta_score = VectorXd::Zero(n);
+  const Index n = f.model.states(), ny = f.model.outputs(), d = f.scale.size();
+  f.state = f.state_sd = VectorXd::Zero(n);
+  f.delta = f.delta_score = VectorXd::Zero(d);
   f.innovation = f.innovation_sd = VectorXd::Zero(ny);
-  f.delta_information = f.delta_factor = f.moved = f.FP = f.F = f.P_next = f.P_filt =
-      MatrixXd::Zero(n, n);
+  f.delta_information = f.delta_factor = f.moved = MatrixXd::Zero(d, d);
+  f.responses = MatrixXd::Zero(d, n);
+  f.FP = f.F = f.P_next = f.P_filt = MatrixXd::Zero(n, n);
   f.C = MatrixXd::Zero(ny, n);
   f.Sigma = f.L = MatrixXd::Zero(ny, ny);
   f.PC = f.M = f.K = MatrixXd::Zero(n, ny);
   f.E = f.SiE = f.KR = MatrixXd::Zero(ny, 1 + n);
   f.Z_next = f.Z_filt = f.Z;
-  f.solver = Eigen::SelfAdjointEigenSolver<MatrixXd>(n);
+  f.solver = Eigen::SelfAdjointEigenSolver<MatrixXd>(d);
   f.present.reserve(static_cast<std::size_t>(ny));
+}
+
+}  // namespace
+
+namespace {
+
+void start_diffuse(OnlineFilter& f, InitialState initial) {
+  const std::optional<ProperStart> start = proper_start(f.model, initial);
+  if (!start) {
+    throw std::invalid_argument(
+        "a stationary start of states that are not stable; expected a start that is given, or a "
+        "diffuse one");
+  }
+  f.diffuse = start->diffuse() > 0;
+  f.determined = !f.diffuse;
+  f.scale = start->scale;
+  f.P = start->P;
+  f.columns = 1 + start->diffuse();
+  f.Z.leftCols(f.columns) = start->Z;
 }
 
 }  // namespace
@@ -256,12 +277,7 @@ OnlineFilter start_online_filter(const StateSpace& model, InitialState initial) 
     }
     f.P = *P;
   } else {
-    f.diffuse = true;
-    f.determined = false;
-    f.scale = proper_scale(model);
-    f.P = f.scale.asDiagonal();
-    f.columns = 1 + n;
-    f.Z.rightCols(n).setIdentity();
+    start_diffuse(f, initial);
   }
   make_room(f);
   return f;

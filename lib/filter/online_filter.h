@@ -29,13 +29,14 @@ struct OnlineFilter {
   Eigen::MatrixXd P, Z;        ///< of the next sample: covariance; state and responses to delta
   Eigen::Index columns = 1;    ///< of Z, that are in use: 1, or 1 + n while delta is apart
   Eigen::MatrixXd GQG, GS, R;  ///< of the model
-  Eigen::VectorXd scale;       ///< n, variances: the proper part of a diffuse start
+  Eigen::VectorXd scale;       ///< variances of the d states that start diffuse
   Eigen::MatrixXd delta_information, delta_factor;  ///< L L' = I, once it is determined
   Eigen::VectorXd delta_score, delta;
   bool diffuse = false, determined = true;
   bool settled = false;  ///< the gain does not change any more while nothing is missing
   std::vector<Eigen::Index> present;  ///< channels of the sample taken last
-  Eigen::MatrixXd C, Sigma, L, E, SiE, PC, M, K, F, P_next, Z_next, P_filt, Z_filt, KR, FP, moved;
+  Eigen::MatrixXd C, Sigma, L, E, SiE, PC, M, K, F, P_next, Z_next, P_filt, Z_filt, KR, FP, moved,
+      responses;
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
 };
 

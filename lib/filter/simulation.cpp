@@ -21,7 +21,11 @@ VectorXd drawn_start(const StateSpace& model, InitialState initial, Random& rand
   if (initial == InitialState::given) {
     return model.x0 + semidefinite_factor(model.P0) * random.normal(model.states());
   }
-  return VectorXd::Zero(model.states());
+  if (initial == InitialState::diffuse) return VectorXd::Zero(model.states());
+  if (model.P0.hasNaN())
+    throw std::invalid_argument("simulate_outputs: a stationary start needs a stable A");
+  const auto known = [](double variance) { return std::isinf(variance) ? 0.0 : variance; };
+  return model.x0 + semidefinite_factor(model.P0.unaryExpr(known)) * random.normal(model.states());
 }
 
 void check_inputs(const StateSpace& model, const MatrixXd& u, Index samples) {

@@ -7,6 +7,7 @@
 
 #include "lib/base/message.h"
 #include "lib/model/internal/formula_values.h"
+#include "lib/model/partly_diffuse.h"
 
 namespace identikal {
 namespace {
@@ -39,10 +40,7 @@ bool holds_moving(const LinearModel& model) {
   return std::any_of(all.begin(), all.end(), [](const auto* matrix) { return moves(*matrix); });
 }
 
-bool changes(const LinearModel& model) {
-  return model.irregular || holds_moving(model) || !model.stationary.empty() ||
-         !model.known.empty();
-}
+bool changes(const LinearModel& model) { return model.irregular || holds_moving(model); }
 
 bool is_known(const ParametrisedMatrix& matrix, const ParameterSet& parameters) {
   const std::vector<int> in = parameters_in(matrix);
@@ -66,7 +64,9 @@ bool is_linear_in_parameters(const LinearModel& model, const ParameterSet& param
       if (!is_known(f, parameters)) return false;
     }
   }
-  return true;
+  // P = A P A' + G Q G' is, in Q alone.
+  return model.stationary.empty() ||
+         (is_known(model.A, parameters) && is_known(model.G, parameters));
 }
 
 LinearModel with_known_formulas_as_numbers(LinearModel model, const ParameterSet& parameters) {
@@ -118,6 +118,7 @@ void instantiate(const LinearModel& model, const ParameterSet& parameters, State
   } else {
     set_written(model, parameters, FormulaValues(model, parameters, false), out);
   }
+  if (model.initial == InitialState::partly_diffuse) set_partly_diffuse_start(model, out, nullptr);
 }
 
 StateSpace instantiate(const LinearModel& model, const ParameterSet& parameters) {
@@ -147,6 +148,10 @@ std::vector<StateSpace> model_derivatives(const LinearModel& model,
                                 model.hold);
     }
     out.push_back(std::move(s));
+  }
+  if (model.initial == InitialState::partly_diffuse) {
+    StateSpace now = instantiate(model, parameters);
+    set_partly_diffuse_start(model, now, &out);
   }
   return out;
 }

@@ -59,15 +59,17 @@ enum class InitialState {
   given,       ///< N(x0, P0)
   stationary,  ///< mean 0, covariance the solution of P = A P A' + G Q G'; needs a stable A
   diffuse,     ///< no knowledge of any state: exact diffuse (Durbin & Koopman 2012, chapter 5)
+  /// N(x0, P0), and no knowledge of the states whose variance in P0 is infinite
+  partly_diffuse,
 };
 
 struct LinearModel {
   ParametrisedMatrix A, B, C, D, G, Q, R, S, x0, P0;
   InitialState initial = InitialState::stationary;
-  /// With InitialState::diffuse: states, 0-based, that start in their steady state all the same; the
-  /// others do not move them (lib/filter/partly_diffuse.h).
+  /// With InitialState::partly_diffuse: states, 0-based, that start in their steady state; the others
+  /// do not move them (lib/model/partly_diffuse.h).
   std::vector<Eigen::Index> stationary;
-  /// With InitialState::diffuse: states that start from N(mean, sd^2) each, all the same.
+  /// With InitialState::partly_diffuse: states that start from N(mean, sd^2) each.
   struct StartOfState {
     Eigen::Index state;
     double mean = 0.0, sd = 0.0;
@@ -88,8 +90,7 @@ struct LinearModel {
 bool moves(const ParametrisedMatrix& matrix);
 bool holds_moving(const LinearModel& model);  ///< does any of its matrices?
 
-/// Do its matrices change from sample to sample (lib/model/sampled_model.h), as those of a partly
-/// diffuse start do behind the first one?
+/// Do its matrices change from sample to sample (lib/model/sampled_model.h)?
 bool changes(const LinearModel& model);
 
 /// The parameters that a matrix depends on, in rising order.
@@ -108,7 +109,7 @@ LinearModel with_known_formulas_as_numbers(LinearModel model, const ParameterSet
 LinearModel constant_model(const StateSpace& system, InitialState initial);
 
 /// The matrices as the model has them, at these parameter values: dx/dt = ... in continuous time.
-/// x0 and P0 are filled for InitialState::given only. Formulas of inputs and time take
+/// x0 and P0 are filled for InitialState::given only, by instantiate() for a partly diffuse start too. Formulas of inputs and time take
 /// LinearModel::typical, here and below.
 StateSpace written_matrices(const LinearModel& model, const ParameterSet& parameters);
 

@@ -6,6 +6,7 @@
 
 #include "lib/base/message.h"
 #include "lib/model/internal/formula_values.h"
+#include "lib/model/partly_diffuse.h"
 
 namespace identikal {
 namespace {
@@ -263,6 +264,9 @@ void SampledModel::set_parameters(const ParameterSet& parameters, bool with_deri
 
 void SampledModel::at(Index t, StateSpace& out, std::vector<StateSpace>* derivatives) {
   parts_->at(t, out, derivatives);
+  if (t == 0 && parts_->model.initial == InitialState::partly_diffuse) {
+    set_partly_diffuse_start(parts_->model, out, derivatives);
+  }
 }
 
 }  // namespace identikal

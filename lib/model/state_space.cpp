@@ -40,8 +40,12 @@ bool changes_dynamics(const StateSpace& d) {
   return !(d.A.isZero(0.0) && d.B.isZero(0.0) && d.C.isZero(0.0) && d.D.isZero(0.0));
 }
 
+bool changes_start(const StateSpace& d) {
+  return !d.x0.isZero(0.0) || (!d.P0.isZero(0.0) && d.Q.isZero(0.0));
+}
+
 bool changes_only_noise(const StateSpace& d) {
-  return !changes_dynamics(d) && d.G.isZero(0.0) && d.x0.isZero(0.0) && d.P0.isZero(0.0);
+  return !changes_dynamics(d) && d.G.isZero(0.0) && !changes_start(d);
 }
 
 }  // namespace identikal

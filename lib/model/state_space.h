@@ -37,7 +37,10 @@ Eigen::MatrixXd joint_covariance(const StateSpace& model);
 /// Of a derivative of a model: does A, B, C or D change?
 bool changes_dynamics(const StateSpace& derivative);
 
-/// Of a derivative of a model: does nothing but Q, R and S change?
+/// Of a derivative of a model: does the start change by itself, and not as a steady state does with Q?
+bool changes_start(const StateSpace& derivative);
+
+/// Of a derivative of a model: does nothing but Q, R and S change, and the start with them?
 bool changes_only_noise(const StateSpace& derivative);
 
 }  // namespace identikal

@@ -307,7 +307,7 @@ void read_partly_diffuse(const YamlNode& initial, const YamlNode& diffuse,
     stationary[static_cast<std::size_t>(std::find(names.begin(), names.end(), name) -
                                         names.begin())] = false;
   }
-  model.initial = InitialState::diffuse;
+  model.initial = InitialState::partly_diffuse;
   add_stationary(stationary, diffuse.at, names, model);
 }
 
@@ -369,7 +369,7 @@ void read_initial_by_state(const YamlNode& initial, const std::vector<std::strin
     start_given(model);
     return;
   }
-  model.initial = InitialState::diffuse;
+  model.initial = InitialState::partly_diffuse;
   add_stationary(stationary, initial.at, names, model);
 }
 

@@ -30,7 +30,8 @@ CommonScale::CommonScale(const Model& model, const FactorCoordinates& factors, d
     : samples_(samples) {
   if (!is_linear(model)) return;
   const LinearModel& linear = as_linear(model);
-  if (linear.initial == InitialState::given || holds_moving(linear)) return;
+  if (linear.initial == InitialState::given || !linear.known.empty() || holds_moving(linear))
+    return;
   const std::vector<StateSpace> by = model_derivatives(linear, model.parameters);
   const std::vector<EntryDerivative> entries = entry_derivatives(model.parameters);
   std::vector<Index> found;

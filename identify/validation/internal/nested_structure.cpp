@@ -1,6 +1,7 @@
 #include "identify/validation/internal/nested_structure.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <Eigen/Core>
 
@@ -33,11 +34,18 @@ bool same_channels(const std::vector<ChannelSource>& a, const std::vector<Channe
                     });
 }
 
+// Of states that nothing is known of, P0 is infinite.
+bool same_start(const StateSpace& a, const StateSpace& b) {
+  const auto known = [](double variance) { return std::isinf(variance) ? 0.0 : variance; };
+  const auto diffuse = [](double variance) { return std::isinf(variance) ? 1.0 : 0.0; };
+  return same_numbers(a.x0, b.x0) && same_numbers(a.P0.unaryExpr(known), b.P0.unaryExpr(known)) &&
+         same_numbers(a.P0.unaryExpr(diffuse), b.P0.unaryExpr(diffuse));
+}
+
 // Noise by what it does, so that a column of G that nothing drives is none.
 bool same_noise(const StateSpace& a, const StateSpace& b) {
   return same_numbers(a.G * a.Q * a.G.transpose(), b.G * b.Q * b.G.transpose()) &&
-         same_numbers(a.R, b.R) && same_numbers(a.G * a.S, b.G * b.S) && same_numbers(a.x0, b.x0) &&
-         same_numbers(a.P0, b.P0);
+         same_numbers(a.R, b.R) && same_numbers(a.G * a.S, b.G * b.S) && same_start(a, b);
 }
 
 NestedStructure same_matrices(const Model& small, const Model& large) {

@@ -3,13 +3,14 @@
 // is integrated out and the filter goes on as a proper one (de Jong 1991). Internal to the filter.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "lib/filter/filter_result.h"
 #include "lib/filter/internal/sensitivity.h"
-#include "lib/model/state_space.h"
+#include "lib/model/linear_model.h"
 
 namespace identikal {
 
@@ -27,10 +28,23 @@ double determined_share(const Eigen::MatrixXd& information, const Eigen::VectorX
 /// absorbs them, the likelihood's derivatives know nothing of them.
 Eigen::VectorXd proper_scale(const StateSpace& model);
 
+/// The start as a filter holds it: x(1) = proper part + X delta, of d states that nothing is known of.
+struct ProperStart {
+  std::vector<Eigen::Index> states;  ///< d: those of delta
+  Eigen::VectorXd scale;             ///< d: what proper_scale() says of them
+  Eigen::MatrixXd P;                 ///< n x n: covariance of the proper part
+  Eigen::MatrixXd Z;                 ///< n x (1 + d): its mean, and X
+
+  Eigen::Index diffuse() const { return scale.size(); }
+};
+
+/// Of InitialState::diffuse and partly_diffuse. Nothing where P0 holds a NaN.
+std::optional<ProperStart> proper_start(const StateSpace& model, InitialState initial);
+
 struct DiffuseStart {
-  Eigen::VectorXd scale;        ///< n: proper_scale()
-  Eigen::MatrixXd information;  ///< n x n, of delta
-  Eigen::VectorXd score;        ///< n
+  Eigen::VectorXd scale;        ///< d: ProperStart::scale
+  Eigen::MatrixXd information;  ///< d x d, of delta
+  Eigen::VectorXd score;        ///< d
   struct Derivative {
     Eigen::MatrixXd information;
     Eigen::VectorXd score;
@@ -40,7 +54,7 @@ struct DiffuseStart {
   DiffuseStart(Eigen::VectorXd scale_of_states, std::size_t parameters);
 
   Eigen::Index states() const { return scale.size(); }
-  /// A sample with innovations and responses E = [e, X_e], ny x (1 + n), and Sigma^-1 E.
+  /// A sample with innovations and responses E = [e, X_e], ny x (1 + d), and Sigma^-1 E.
   void add(const Eigen::MatrixXd& E, const Eigen::MatrixXd& SiE);
   /// What the sample adds to the derivatives with respect to parameter i.
   void add_derivative(std::size_t i, const Sensitivity& s, const Eigen::MatrixXd& SiE);

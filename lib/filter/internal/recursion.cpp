@@ -8,7 +8,7 @@
 #include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/filter/internal/direct_kernel.h"
-#include "lib/filter/internal/stationary_start.h"
+#include "lib/internal/stationary_start.h"
 
 namespace identikal {
 
@@ -42,7 +42,7 @@ void check_shapes(const StateSpace& model, InitialState initial,
                   const std::vector<StateSpace>& derivatives) {
   const auto check_start = [&](const StateSpace& m) {
     const Index n = model.states();
-    if (initial != InitialState::given) return;
+    if (initial != InitialState::given && initial != InitialState::partly_diffuse) return;
     if (m.x0.size() != n || m.P0.rows() != n || m.P0.cols() != n) {
       throw std::invalid_argument("kalman filter: x0 and P0 do not have the size of the state");
     }
@@ -87,7 +87,8 @@ Recursion::Recursion(const StateSpace& model, InitialState initial,
       if (!start_stationary()) status_ = FilterStatus::unstable;
       break;
     case InitialState::diffuse:
-      start_diffuse();
+    case InitialState::partly_diffuse:
+      start_diffuse(initial, derivatives);
       break;
   }
 }
@@ -110,13 +111,22 @@ bool Recursion::start_stationary() {
   return true;
 }
 
-void Recursion::start_diffuse() {
-  const Index n = model_.states();
-  diffuse_.emplace(proper_scale(model_), sensitivities_.size());
-  P_ = diffuse_->scale.asDiagonal();
-  Z_ = MatrixXd::Zero(n, 1 + n);
-  Z_.rightCols(n).setIdentity();
-  for (Sensitivity& s : sensitivities_) s.Z = MatrixXd::Zero(n, 1 + n);
+void Recursion::start_diffuse(InitialState initial, const std::vector<StateSpace>& derivatives) {
+  const std::optional<ProperStart> start = proper_start(model_, initial);
+  if (!start) {
+    status_ = FilterStatus::unstable;
+    return;
+  }
+  if (start->diffuse() > 0) diffuse_.emplace(start->scale, sensitivities_.size());
+  P_ = start->P;
+  Z_ = start->Z;
+  for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
+    Sensitivity& s = sensitivities_[i];
+    s.Z = MatrixXd::Zero(Z_.rows(), Z_.cols());
+    if (initial == InitialState::diffuse) continue;
+    s.P = derivatives[i].P0;
+    s.Z.col(0) = derivatives[i].x0;
+  }
 }
 
 void Recursion::take_model(const std::vector<StateSpace>& derivatives) {
@@ -395,7 +405,7 @@ bool Recursion::run_by_kernel(const Segment& segment, RecursionOptions& options,
   state.x_theta.resize(k);
   state.P_theta.resize(k);
   // Only an untouched start is known to the kernel.
-  if (diffuse_ && (samples_ > 0 || segment.begin > 0)) {
+  if (diffuse_ && (samples_ > 0 || segment.begin > 0 || diffuse_->states() < P_.rows())) {
     options.late = true;
     return false;
   }

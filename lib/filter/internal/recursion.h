@@ -86,7 +86,7 @@ class Recursion {
   void take_model(const std::vector<StateSpace>& derivatives);
   void start_given(const std::vector<StateSpace>& derivatives);
   bool start_stationary();
-  void start_diffuse();
+  void start_diffuse(InitialState initial, const std::vector<StateSpace>& derivatives);
 
   void find_present(Eigen::Index t);
   void innovate(Eigen::Index t, bool keep_gain);

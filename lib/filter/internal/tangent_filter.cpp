@@ -9,7 +9,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/filter/internal/sensitivity.h"
-#include "lib/filter/internal/stationary_start.h"
+#include "lib/internal/stationary_start.h"
 
 namespace identikal {
 
@@ -21,8 +21,6 @@ namespace {
 
 // Up to here the kernel is made for the number of states and F is dense.
 constexpr Index kUnrolled = 4;
-// Gains are kept of so many samples between changes of what is measured.
-constexpr Index kLongestPassage = 16;
 
 MatrixXd rows_of(const MatrixXd& M, const std::vector<int>& rows) {
   MatrixXd out(static_cast<Index>(rows.size()), M.cols());
@@ -45,18 +43,19 @@ std::size_t TangentFilter::place(Index elements, Index element, std::size_t l) c
          l % lanes_;
 }
 
-MatrixXd TangentFilter::matrix(const double* of, std::size_t l) const {
-  MatrixXd out(n_, n_);
-  for (Index i = 0; i < n_; ++i) {
-    for (Index j = 0; j < n_; ++j) out(i, j) = of[place(n_ * n_, i * n_ + j, l)];
+MatrixXd TangentFilter::square(const double* of, Index size, std::size_t l) const {
+  MatrixXd out(size, size);
+  for (Index i = 0; i < size; ++i) {
+    for (Index j = 0; j < size; ++j) out(i, j) = of[place(size * size, i * size + j, l)];
   }
   return out;
 }
 
-// The first of some columns.
-VectorXd TangentFilter::vector(const double* of, Index columns, std::size_t l) const {
-  VectorXd out(n_);
-  for (Index i = 0; i < n_; ++i) out[i] = of[place(columns * n_, i, l)];
+MatrixXd TangentFilter::matrix(const double* of, std::size_t l) const { return square(of, n_, l); }
+
+VectorXd TangentFilter::vector(const double* of, Index size, std::size_t l) const {
+  VectorXd out(size);
+  for (Index i = 0; i < size; ++i) out[i] = of[place(size, i, l)];
   return out;
 }
 
@@ -67,7 +66,8 @@ void TangentFilter::set_matrix(double* of, std::size_t l, const MatrixXd& value)
 }
 
 void TangentFilter::set_vector(double* of, std::size_t l, const VectorXd& value) const {
-  for (Index i = 0; i < n_; ++i) of[place(n_, i, l)] = value[i];
+  const Index size = value.size();
+  for (Index i = 0; i < size; ++i) of[place(size, i, l)] = value[i];
 }
 
 // Lane 0 comes first and clears the others.
@@ -197,9 +197,10 @@ void TangentFilter::fill_pattern(Pattern& p, const std::vector<int>& channels) c
 
 // ---- State and workspace
 
-void TangentFilter::reserve(bool diffuse) {
+void TangentFilter::reserve() {
   const std::size_t n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(ny_);
-  const std::size_t all = lanes_ * blocks_, columns = diffuse ? 1 + n : 1;
+  const std::size_t all = lanes_ * blocks_, d = static_cast<std::size_t>(scale_.size());
+  const std::size_t columns = 1 + d;
   const std::size_t white = m * (m + 1) / 2 + m, entries = column_.size();
   std::size_t used = 0;
   const auto lay_out = [&](double*& to, std::size_t size) {
@@ -231,15 +232,15 @@ void TangentFilter::reserve(bool diffuse) {
     lay_out(s.first_Sigma, m);
     lay_out(r.gradient, all);
     lay_out(r.information, (1 + derivatives_->size()) * all);
-    lay_out(r.delta_information, diffuse ? n * n * all : 0);
-    lay_out(r.delta_score, diffuse ? n * all : 0);
+    lay_out(r.delta_information, d * d * all);
+    lay_out(r.delta_score, d * all);
   };
   memory_.clear();
   lay_out_all();
   memory_.assign(used, 0.0);
   lay_out_all();
   run_.columns = static_cast<int>(columns);
-  run_.informed = !diffuse;
+  run_.informed = d == 0;
   run_.squares = run_.log_det = 0.0;
   run_.determinant = 1.0;
 }
@@ -261,18 +262,15 @@ bool TangentFilter::start_stationary() {
 }
 
 FilterStatus TangentFilter::begin(InitialState initial) {
-  diffuse_ = initial == InitialState::diffuse;
+  diffuse_ = initial == InitialState::diffuse || initial == InitialState::partly_diffuse;
   rejected_ = late_ = false;
   samples_ = folded_ = jumped_ = 0;
-  reserve(diffuse_);
   e_sd_.setZero(ny_);
+  if (diffuse_) return start_diffuse(initial);
+  scale_.resize(0);
+  reserve();
   const std::size_t k = derivatives_->size();
-  if (diffuse_) {
-    scale_ = proper_scale(*model_);
-    set_matrix(run_.P, 0, scale_.asDiagonal());
-    const Index columns = 1 + n_;
-    for (Index i = 0; i < n_; ++i) run_.x[place(columns * n_, (1 + i) * n_ + i, 0)] = 1.0;
-  } else if (initial == InitialState::given) {
+  if (initial == InitialState::given) {
     for (std::size_t l = 0; l <= k; ++l) {
       const StateSpace& of = l == 0 ? *model_ : (*derivatives_)[l - 1];
       set_matrix(run_.P, l, of.P0);
@@ -280,6 +278,26 @@ FilterStatus TangentFilter::begin(InitialState initial) {
     }
   } else {
     if (!start_stationary()) return FilterStatus::unstable;
+  }
+  return FilterStatus::ok;
+}
+
+FilterStatus TangentFilter::start_diffuse(InitialState initial) {
+  const std::optional<ProperStart> start = proper_start(*model_, initial);
+  if (!start) return FilterStatus::unstable;
+  scale_ = start->scale;
+  reserve();
+  diffuse_ = scale_.size() > 0;
+  set_matrix(run_.P, 0, start->P);
+  const Index columns = 1 + scale_.size();
+  set_vector(run_.x, 0, start->Z.reshaped());
+  if (initial == InitialState::diffuse) return FilterStatus::ok;
+  for (std::size_t l = 1; l <= derivatives_->size(); ++l) {
+    const StateSpace& d = (*derivatives_)[l - 1];
+    set_matrix(run_.P, l, d.P0);
+    VectorXd x = VectorXd::Zero(columns * n_);
+    x.head(n_) = d.x0;
+    set_vector(run_.x, l, x);
   }
   return FilterStatus::ok;
 }
@@ -453,96 +471,6 @@ FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording
   return status;
 }
 
-// Does the covariance begin as it did, to 1e-13 of the standard deviations, and its derivatives to
-// 1e-11 of their largest entry?
-bool TangentFilter::comes_back(const Passage& passage) const {
-  const double *P = run_.P, *before = passage.begin.data();
-  const auto scale = [&](Index i, Index j) {
-    return P[place(n_ * n_, i * n_ + i, 0)] * P[place(n_ * n_, j * n_ + j, 0)];
-  };
-  for (std::size_t l = 0; l <= derivatives_->size(); ++l) {
-    double largest = 0.0, change = 0.0;  // squared, against the deviations
-    for (Index i = 0; i < n_; ++i) {
-      for (Index j = 0; j <= i; ++j) {
-        const std::size_t at = place(n_ * n_, i * n_ + j, l);
-        const double size = scale(i, j), moved = P[at] - before[at];
-        if (moved == 0.0 && P[at] == 0.0) continue;
-        if (!(size > 0.0)) return false;
-        largest = std::max(largest, P[at] * P[at] / size);
-        change = std::max(change, moved * moved / size);
-      }
-    }
-    if (!(change <= (l == 0 ? 1e-26 : 1e-22) * largest)) return false;
-  }
-  return true;
-}
-
-std::size_t TangentFilter::gain_size(const Pattern& p) const {
-  const auto n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(p.model.m);
-  return (n * m + m * m) * lanes_ * blocks_ + n * m + 3 * m * m + static_cast<std::size_t>(ny_);
-}
-
-// copy(number kept, number in use, how many) of all that a sample's gain consists of.
-template <typename Copy>
-void TangentFilter::copy_gain(const Pattern& p, double* gain, Copy&& copy) {
-  const auto n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(p.model.m);
-  const std::size_t all = lanes_ * blocks_;
-  const auto next = [&](double* used, std::size_t size) {
-    copy(gain, used, size);
-    gain += size;
-  };
-  next(run_.K_theta, n * m * all);
-  next(run_.Sigma, m * m * all);
-  next(run_.K, n * m);
-  next(run_.L_inverse, m * m);
-  next(run_.Sigma_inverse, m * m);
-  next(run_.work, m * m);  // L
-  next(e_sd_.data(), static_cast<std::size_t>(ny_));
-}
-
-// A few samples, with the gains of the last time where the covariance has come back.
-FilterStatus TangentFilter::run_passage(Pattern& p, const TangentRecording& recording, Index& t,
-                                        Index end, Likelihood& out) {
-  if (p.passages.empty()) p.passages.resize(kLongestPassage + 1);
-  Passage& passage = p.passages[static_cast<std::size_t>(end - t)];
-  const std::size_t size = static_cast<std::size_t>(n_ * n_) * lanes_ * blocks_;
-  const bool watched = recording.store != nullptr || recording.score_products != nullptr;
-  const bool same = passage.known && comes_back(passage);
-  if (!same) {
-    passage.begin.assign(run_.P, run_.P + size);
-    passage.gains.resize(gain_size(p) * static_cast<std::size_t>(end - t));
-    passage.known = false;
-  }
-  double* gain = passage.gains.data();
-  for (; t < end; gain += gain_size(p)) {
-    if (same) {
-      copy_gain(p, gain, [](const double* kept, double* used, std::size_t count) {
-        std::copy(kept, kept + count, used);
-      });
-      simd::run_settled_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
-                                 recording.u.data(), t, t + 1);
-      samples_ += p.model.m;
-      ++t;
-    } else {
-      if (step(p, recording, t, t + 1) == simd::TangentEnd::indefinite) {
-        return FilterStatus::indefinite;
-      }
-      if (recording.store != nullptr) find_innovation_sd();
-      copy_gain(p, gain, [](double* kept, const double* used, std::size_t count) {
-        std::copy(used, used + count, kept);
-      });
-    }
-    if (watched) leave_sample(p, recording, t - 1, out);
-  }
-  if (same) {
-    std::copy(passage.end.begin(), passage.end.end(), run_.P);
-  } else {
-    passage.end.assign(run_.P, run_.P + size);
-    passage.known = true;
-  }
-  return FilterStatus::ok;
-}
-
 // The covariance before the last sample has not been overwritten yet.
 void TangentFilter::find_innovation_sd() {
   const MatrixXd& C = model_->C;
@@ -589,9 +517,9 @@ FilterStatus TangentFilter::run_diffuse(const Pattern& p, const TangentRecording
       return FilterStatus::indefinite;
     }
     const bool last = t == recording.y.cols();
-    if (samples_ < n_) continue;
+    if (samples_ < scale_.size()) continue;
     DiffuseStart start(scale_, derivatives_->size());
-    start.information = matrix(run_.delta_information, 0);
+    start.information = square(run_.delta_information, scale_.size(), 0);
     if (!start.is_determined(last)) continue;
     if (!fold_in(start, out)) {
       if (last) return FilterStatus::undetermined;
@@ -603,19 +531,15 @@ FilterStatus TangentFilter::run_diffuse(const Pattern& p, const TangentRecording
 }
 
 bool TangentFilter::fold_in(DiffuseStart& start, Likelihood& out) {
-  const Index columns = 1 + n_;
+  const Index d = scale_.size(), columns = 1 + d;
   const auto all_columns = [&](std::size_t l) {
-    MatrixXd Z(n_, columns);
-    for (Index c = 0; c < columns; ++c) {
-      for (Index i = 0; i < n_; ++i) Z(i, c) = run_.x[place(columns * n_, c * n_ + i, l)];
-    }
-    return Z;
+    return MatrixXd(vector(run_.x, columns * n_, l).reshaped(n_, columns));
   };
   const std::size_t k = derivatives_->size();
-  start.score = vector(run_.delta_score, 1, 0);
+  start.score = vector(run_.delta_score, d, 0);
   std::vector<Sensitivity> sensitivities(k);
   for (std::size_t i = 0; i < k; ++i) {
-    start.by[i] = {matrix(run_.delta_information, 1 + i), vector(run_.delta_score, 1, 1 + i)};
+    start.by[i] = {square(run_.delta_information, d, 1 + i), vector(run_.delta_score, d, 1 + i)};
     sensitivities[i].P = matrix(run_.P, 1 + i);
     sensitivities[i].Z = all_columns(1 + i);
   }
@@ -629,7 +553,7 @@ bool TangentFilter::fold_in(DiffuseStart& start, Likelihood& out) {
     set_matrix(run_.P, 1 + i, sensitivities[i].P);
     set_vector(run_.x, 1 + i, sensitivities[i].Z.col(0));
   }
-  folded_ = n_;
+  folded_ = d;
   diffuse_ = false;
   return true;
 }
@@ -638,7 +562,7 @@ bool TangentFilter::fold_in(DiffuseStart& start, Likelihood& out) {
 bool TangentFilter::run_by_kernel(const Segment& segment, SegmentKernel& kernel, Likelihood& out) {
   if (segment.sums.samples() <= kernel.memory()) return false;
   // Only an untouched start is known to the kernel.
-  if (diffuse_ && (samples_ > 0 || segment.begin > 0)) {
+  if (diffuse_ && (samples_ > 0 || segment.begin > 0 || scale_.size() < n_)) {
     late_ = true;
     return false;
   }
@@ -647,10 +571,10 @@ bool TangentFilter::run_by_kernel(const Segment& segment, SegmentKernel& kernel,
   state.x_theta.resize(k);
   state.P_theta.resize(k);
   if (!diffuse_) {
-    state.x = vector(run_.x, 1, 0);
+    state.x = vector(run_.x, n_, 0);
     state.P = matrix(run_.P, 0);
     for (std::size_t i = 0; i < k; ++i) {
-      state.x_theta[i] = vector(run_.x, 1, 1 + i);
+      state.x_theta[i] = vector(run_.x, n_, 1 + i);
       state.P_theta[i] = matrix(run_.P, 1 + i);
     }
   }

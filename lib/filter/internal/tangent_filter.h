@@ -65,6 +65,7 @@ class TangentFilter {
   // How the covariance went through some samples of one pattern last time, with the gains. Where it
   // comes back to the same beginning, as it does between outputs at different rates, they serve
   // again.
+  static constexpr Eigen::Index kLongestPassage = 16;  // samples
   struct Passage {
     bool known = false;
     std::vector<double> begin, end;  // P and its derivatives
@@ -86,8 +87,9 @@ class TangentFilter {
   void fill_common();
   void fill_pattern(Pattern& p, const std::vector<int>& channels) const;
   simd::TangentModel common_model() const;
-  void reserve(bool diffuse);
+  void reserve();
   bool start_stationary();
+  FilterStatus start_diffuse(InitialState initial);
   FilterStatus run_stretch(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
   simd::TangentEnd step(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
@@ -116,8 +118,9 @@ class TangentFilter {
   void add_sums(Likelihood& out) const;
 
   std::size_t place(Eigen::Index elements, Eigen::Index element, std::size_t l) const;
-  Eigen::MatrixXd matrix(const double* of, std::size_t l) const;
-  Eigen::VectorXd vector(const double* of, Eigen::Index columns, std::size_t l) const;
+  Eigen::MatrixXd square(const double* of, Eigen::Index size, std::size_t l) const;
+  Eigen::MatrixXd matrix(const double* of, std::size_t l) const;  ///< n x n
+  Eigen::VectorXd vector(const double* of, Eigen::Index size, std::size_t l) const;
   void set_matrix(double* of, std::size_t l, const Eigen::MatrixXd& value) const;
   void set_vector(double* of, std::size_t l, const Eigen::VectorXd& value) const;
   void fill(Lanes& to, std::size_t l, const Eigen::MatrixXd& value) const;
@@ -136,7 +139,7 @@ class TangentFilter {
   std::vector<Pattern> patterns_;
   Lanes memory_;
   simd::TangentRun run_;
-  Eigen::VectorXd scale_;   // of a diffuse start
+  Eigen::VectorXd scale_;   // of the diffuse states of the start
   Eigen::VectorXd scored_;  // the gradient up to the last sample
   Eigen::VectorXd e_sd_;    // of every channel, measured or not, at the last sample
   bool diffuse_ = false, rejected_ = false, late_ = false;

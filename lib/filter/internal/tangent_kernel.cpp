@@ -297,10 +297,10 @@ HWY_INLINE void AddInformation(const TangentModel& f, TangentRun& r, int rows, d
 // What the sample says about a diffuse start, and its derivatives.
 template <int W>
 void AddDelta(const TangentModel& f, TangentRun& r) {
-  const int n = f.n, m = f.m;
+  const int diffuse = r.columns - 1, m = f.m;
   // Sigma^-1 E of the first lanes; column 0 is r.Sie.
   double* SiE = r.white_lanes;
-  for (int c = 0; c < n; ++c) {
+  for (int c = 0; c < diffuse; ++c) {
     for (int a = 0; a < m; ++a) {
       double sum = 0.0;
       for (int k = 0; k < m; ++k) sum += r.Sigma_inverse[a * m + k] * r.E[((1 + c) * m + k) * W];
@@ -310,7 +310,7 @@ void AddDelta(const TangentModel& f, TangentRun& r) {
   double* moved = r.work + m * m;  // m: dSigma Sigma^-1 E of one column
   for (int b = 0; b < f.blocks; ++b) {
     const double *E = r.E + b * r.columns * m * W, *Sigma = r.Sigma + b * m * m * W;
-    for (int c = 0; c <= n; ++c) {  // 0: the innovation
+    for (int c = 0; c <= diffuse; ++c) {  // 0: the innovation
       const double* weight = c == 0 ? r.Sie : SiE + (c - 1) * m;
       for (int a = 0; a < m; ++a) {
         Pack<W> sum = Pack<W>::Load(E + (c * m + a) * W);
@@ -319,9 +319,9 @@ void AddDelta(const TangentModel& f, TangentRun& r) {
         }
         sum.Store(moved + a * W);  // dE - dSigma Sigma^-1 E
       }
-      for (int d = 0; d < n; ++d) {
-        double* to = c == 0 ? r.delta_score + (b * n + d) * W
-                            : r.delta_information + ((b * n + d) * n + c - 1) * W;
+      for (int d = 0; d < diffuse; ++d) {
+        double* to = c == 0 ? r.delta_score + (b * diffuse + d) * W
+                            : r.delta_information + ((b * diffuse + d) * diffuse + c - 1) * W;
         Pack<W> sum = Pack<W>::Load(to);
         for (int a = 0; a < m; ++a) {
           sum.Add(SiE[d * m + a], Pack<W>::Load(moved + a * W));

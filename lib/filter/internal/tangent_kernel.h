@@ -69,7 +69,8 @@ struct TangentRun {
   // Sums.
   double* gradient = nullptr;     ///< blocks * lanes
   double* information = nullptr;  ///< (1 + derivatives) x blocks * lanes
-  double *delta_information = nullptr, *delta_score = nullptr;  ///< n x n, n in lanes; or null
+  double *delta_information = nullptr,
+         *delta_score = nullptr;  ///< of the columns behind the first, in lanes
   double squares = 0.0, log_det = 0.0, determinant = 1.0;
   // Where samples that have all of the ny outputs leave e, L^-1 e and the deviations of e: sample t at
   // t ny; or null.

@@ -1,5 +1,5 @@
 // Where does a stable model start that has run for ever, and how does that move with its matrices?
-// Internal to the filter.
+// Internal to the library.
 #pragma once
 
 #include <Eigen/Core>
