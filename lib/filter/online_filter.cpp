@@ -98,7 +98,7 @@ void report_innovation(OnlineFilter& f) {
     double e = f.E(i, 0), variance = f.Sigma(i, i);
     if (f.diffuse) {
       auto response = f.moved.col(0);
-      response = f.E.row(i).tail(d).transpose();
+      response = f.E.row(i).segment(1, d).transpose();
       e += response.dot(f.delta);
       f.delta_factor.triangularView<Eigen::Lower>().solveInPlace(response);
       variance += response.squaredNorm();
@@ -157,9 +157,9 @@ void report_state(OnlineFilter& f) {
   if (!estimate_delta(f)) return;
   const Index d = f.scale.size();
   f.state = f.Z_filt.col(0);
-  f.state.noalias() += f.Z_filt.rightCols(d) * f.delta;
+  f.state.noalias() += f.Z_filt.middleCols(1, d) * f.delta;
   // cov = P + X I^-1 X'; its diagonal by the factor of I.
-  f.responses = f.Z_filt.rightCols(d).transpose();
+  f.responses = f.Z_filt.middleCols(1, d).transpose();
   f.delta_factor.triangularView<Eigen::Lower>().solveInPlace(f.responses);
   f.state_sd = (f.P_filt.diagonal() + f.responses.colwise().squaredNorm().transpose()).cwiseSqrt();
 }
