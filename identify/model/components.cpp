@@ -80,6 +80,7 @@ class Writer {
     write_outputs();
     write_states();
     write_noise();
+    write_measurement();
     write_start();
     return std::move(root_);
   }
@@ -110,10 +111,12 @@ class Writer {
                        [&](const Node& each) { return each.text == output; });
   }
 
+  // A parameter that the file has itself keeps what the file says of it.
   void write_known() {
     for (const Entry& entry : given_) {
       for (const Component::Known& known : entry.component.known) {
-        append(value_at(root_, "parameters"), known.name, known.value);
+        Node& parameters = value_at(root_, "parameters");
+        if (find(parameters, known.name) == nullptr) append(parameters, known.name, known.value);
       }
     }
   }
@@ -211,6 +214,22 @@ class Writer {
         variance.items.push_back(noise.variance);
       }
     }
+  }
+
+  // An autoregressive moving average is seen as it is, unless the file says otherwise.
+  void write_measurement() {
+    const bool any_arma = std::any_of(given_.begin(), given_.end(), [](const Entry& entry) {
+      const Node* kind =
+          entry.node->kind == Node::Kind::mapping ? find(*entry.node, "kind") : nullptr;
+      return kind != nullptr && kind->text == "arma";
+    });
+    Node& noise = value_at(root_, "noise");
+    if (!any_arma || find(noise, "measurement") != nullptr || find(root_, "R") != nullptr) return;
+    Node none = yaml_mapping();
+    for (const Node& output : value_at(root_, "outputs").keys) {
+      append(none, output.text, yaml_scalar("0"));
+    }
+    append(value_at(noise, "measurement"), "variance", std::move(none));
   }
 
   // States that the file adds by itself start diffuse.

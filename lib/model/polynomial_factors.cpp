@@ -5,6 +5,7 @@
 #include <complex>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 
 #include <Eigen/Eigenvalues>
@@ -18,33 +19,55 @@ using Eigen::VectorXd;
 
 constexpr double kSame = 1e-8;  // coefficients closer than this are the same
 
-// A parameter and where it occurs.
+// A parameter and what it may move.
 struct Candidate {
   int parameter;
-  bool in_A;  // else in C or G
+  bool moves_poles;  // else the numerator
 };
 
+std::vector<Index> stationary_states(const LinearModel& model) {
+  if (model.initial != InitialState::stationary) return model.stationary;
+  std::vector<Index> out(static_cast<std::size_t>(model.A.constant.rows()));
+  std::iota(out.begin(), out.end(), Index{0});
+  return out;
+}
+
 // Do the states start in their steady state whose rows of A or G, or columns of C, the parameter
-// stands in?
+// stands in? It may also say how they move another one.
 bool starts_stationary(const LinearModel& model, int parameter) {
-  if (model.initial == InitialState::stationary) return true;
+  const std::vector<Index> states = stationary_states(model);
   const auto is_stationary = [&](Index state) {
-    return std::find(model.stationary.begin(), model.stationary.end(), state) !=
-           model.stationary.end();
+    return std::find(states.begin(), states.end(), state) != states.end();
   };
   for (const ParametrisedMatrix* M : {&model.A, &model.G, &model.C}) {
-    const auto state_of = [&](const auto& e) { return M == &model.C ? e.col : e.row; };
+    const auto is_outside = [&](const auto& e) {
+      return !(M != &model.C && is_stationary(e.row)) && !(M != &model.G && is_stationary(e.col));
+    };
     for (const ParametrisedMatrix::Entry& e : M->entries) {
-      if (e.parameter == parameter && !is_stationary(state_of(e))) return false;
+      if (e.parameter == parameter && is_outside(e)) return false;
     }
     for (const ParametrisedMatrix::Formula& f : M->formulas) {
       const auto end = f.parameters.end();
-      if (std::find(f.parameters.begin(), end, parameter) != end && !is_stationary(state_of(f))) {
-        return false;
-      }
+      if (std::find(f.parameters.begin(), end, parameter) != end && is_outside(f)) return false;
     }
   }
   return true;
+}
+
+// Does the parameter stand in a row of A whose state starts stationary?
+bool moves_stationary(const LinearModel& model, int parameter) {
+  const std::vector<Index> states = stationary_states(model);
+  const auto here = [&](const auto& e) {
+    return std::find(states.begin(), states.end(), Index{e.row}) != states.end();
+  };
+  const auto& entries = model.A.entries;
+  const auto& formulas = model.A.formulas;
+  return std::any_of(entries.begin(), entries.end(),
+                     [&](const auto& e) { return e.parameter == parameter && here(e); }) ||
+         std::any_of(formulas.begin(), formulas.end(), [&](const auto& f) {
+           const auto end = f.parameters.end();
+           return std::find(f.parameters.begin(), end, parameter) != end && here(f);
+         });
 }
 
 std::vector<Candidate> candidates(const LinearModel& model, const ParameterSet& parameters) {
@@ -57,7 +80,8 @@ std::vector<Candidate> candidates(const LinearModel& model, const ParameterSet& 
     const Parameter& of = parameters[static_cast<std::size_t>(p)];
     if (of.fixed || of.domain != Domain::scalar || of.prior.kind != Prior::Kind::none) continue;
     if (std::isfinite(of.min) || std::isfinite(of.max)) continue;
-    const bool in_A = holds(model.A, p), in_output = holds(model.C, p) || holds(model.G, p);
+    const bool in_A = moves_stationary(model, p),
+               in_output = holds(model.C, p) || holds(model.G, p);
     if (in_A == in_output) continue;
     bool elsewhere = false;
     for (const ParametrisedMatrix* M :
@@ -92,19 +116,19 @@ class Values {
   const std::vector<Candidate>& candidates_;
 };
 
-// States that A connects, at values where nothing is zero by chance.
-std::vector<std::vector<Index>> connected_states(const MatrixXd& A) {
-  const Index n = A.rows();
-  std::vector<Index> group(static_cast<std::size_t>(n));
-  for (Index i = 0; i < n; ++i) group[i] = i;
-  for (Index i = 0; i < n; ++i) {
-    for (Index j = 0; j < n; ++j) {
+// Those of the states that A connects with each other, at values where nothing is zero by chance.
+std::vector<std::vector<Index>> connected_states(const MatrixXd& A,
+                                                 const std::vector<Index>& states) {
+  std::vector<Index> group(static_cast<std::size_t>(A.rows()));
+  std::iota(group.begin(), group.end(), Index{0});
+  for (const Index i : states) {
+    for (const Index j : states) {
       if (A(i, j) == 0.0 || group[i] == group[j]) continue;
       std::replace(group.begin(), group.end(), Index{group[j]}, Index{group[i]});
     }
   }
   std::map<Index, std::vector<Index>> by_group;
-  for (Index i = 0; i < n; ++i) by_group[group[i]].push_back(i);
+  for (const Index i : states) by_group[group[i]].push_back(i);
   std::vector<std::vector<Index>> out;
   for (auto& [unused, states] : by_group) out.push_back(std::move(states));
   return out;
@@ -143,6 +167,33 @@ Index only_column(const MatrixXd& M, const std::vector<Index>& rows) {
     if (there) out = j;
   }
   return out;
+}
+
+// G without the noise that Q says is none.
+MatrixXd noise_gains(const LinearModel& model, const MatrixXd& G) {
+  MatrixXd out = G;
+  const ParametrisedMatrix& Q = model.Q;
+  for (Index j = 0; j < out.cols(); ++j) {
+    const auto here = [j](const auto& e) { return e.row == j && e.col == j; };
+    const bool any = Q.block >= 0 || Q.constant(j, j) != 0.0 ||
+                     std::any_of(Q.entries.begin(), Q.entries.end(), here) ||
+                     std::any_of(Q.formulas.begin(), Q.formulas.end(), here);
+    if (!any) out.col(j).setZero();
+  }
+  return out;
+}
+
+// Do other states see of the group what its only output does, but for a factor?
+bool is_seen_alike(const StateSpace& m, const Group& group) {
+  if (group.output < 0) return false;
+  const Eigen::RowVectorXd seen = m.C(group.output, group.states);
+  for (Index i = 0; i < m.states(); ++i) {
+    if (std::find(group.states.begin(), group.states.end(), i) != group.states.end()) continue;
+    const Eigen::RowVectorXd row = m.A(i, group.states);
+    const double share = row.dot(seen) / seen.squaredNorm();
+    if ((row - share * seen).cwiseAbs().maxCoeff() > kSame) return false;
+  }
+  return true;
 }
 
 Polynomials polynomials_of(const StateSpace& m, const Group& group) {
@@ -311,7 +362,7 @@ bool is_product(const Recognition& of, const Values& values,
 std::vector<PolynomialFactor> factors_of(const Recognition& of, const Values& values) {
   std::vector<Term> terms;
   for (std::size_t i = 0; i < of.candidates.size(); ++i) {
-    if (of.candidates[i].in_A == of.moving_average) continue;
+    if (of.candidates[i].moves_poles == of.moving_average) continue;
     if (const auto term = term_of(of, values, i)) terms.push_back(*term);
   }
   if (terms.empty()) return {};
@@ -346,20 +397,20 @@ bool is_free_variance(const LinearModel& model, const ParameterSet& parameters, 
 
 std::vector<PolynomialFactor> polynomial_factors(const LinearModel& model,
                                                  const ParameterSet& parameters) {
-  const bool stationary = model.initial == InitialState::stationary || !model.stationary.empty();
-  if (model.continuous || holds_moving(model) || !stationary) return {};
+  if (model.continuous || holds_moving(model)) return {};
   const std::vector<Candidate> all = candidates(model, parameters);
   if (all.empty()) return {};
   const Values values(model, parameters, all);
   const StateSpace generic = values.at(arbitrary(all.size(), 0.3));
   const StateSpace at_zero = values.at(VectorXd::Zero(static_cast<Index>(all.size())));
+  const MatrixXd gains = noise_gains(model, generic.G);
   std::vector<PolynomialFactor> out;
   int number = 0;
-  for (const std::vector<Index>& states : connected_states(generic.A)) {
-    Group group{states, only_column(generic.C.transpose(), states), only_column(generic.G, states)};
+  for (const std::vector<Index>& states : connected_states(generic.A, stationary_states(model))) {
+    Group group{states, only_column(generic.C.transpose(), states), only_column(gains, states)};
     const Polynomials none = polynomials_of(at_zero, group);
     for (const bool moving_average : {false, true}) {
-      if (moving_average && (group.output < 0 || group.noise < 0 ||
+      if (moving_average && (!is_seen_alike(generic, group) || group.noise < 0 ||
                              !is_free_variance(model, parameters, group.noise))) {
         continue;
       }

@@ -20,7 +20,8 @@ struct PolynomialFactor {
 /// Factors of det(I - z A), and of the numerator from a process noise to an output, that free
 /// parameters make up: scalars without bounds and priors that occur nowhere else and are all of the
 /// powers of a factor, like those of a companion form and of seasonal factors multiplied with it. A
-/// group of states that is connected by A counts by itself. Told from the values that the matrices
+/// group of states that is connected by A counts by itself; where other states see it, they see what
+/// the output sees. Told from the values that the matrices
 /// take, whatever their form. Of models in discrete time, and of states that start stationary; those whose
 /// Q is not free there may not be told apart from their images in the unit circle, and have no
 /// factors of the numerator.

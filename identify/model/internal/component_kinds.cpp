@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/components.h"
+#include "identify/model/internal/arma_polynomials.h"
 #include "identify/model/internal/yaml_tree.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
@@ -18,6 +19,8 @@ namespace {
 
 using Node = YamlNode;
 using State = Component::State;
+
+constexpr int kMostCoefficients = 60, kMostDifferences = 4;
 
 // One entry of `components`.
 struct Given {
@@ -147,15 +150,19 @@ Component constant_acceleration(const Given& of) {
   return out;
 }
 
-// A whole number of samples, at least 2.
-int samples_in(const Given& of, const char* key) {
-  const Node& node = of.needed(key, fmt::format("{}: 12", key));
-  const double number = read_plain_number(node, key);
-  if (!(number >= 2.0 && number <= static_cast<double>(kMaxSize) && number == std::floor(number))) {
-    throw InputError(node.at, fmt::format("{} is {}", key, describe(node)),
-                     fmt::format("a whole number of samples, 2 to {}", kMaxSize));
+int whole_number(const Node& node, const std::string& about, int least, int most) {
+  const double number = read_plain_number(node, about);
+  if (!(number >= least && number <= most && number == std::floor(number))) {
+    throw InputError(node.at, fmt::format("{} is {}", about, describe(node)),
+                     fmt::format("a whole number, {} to {}", least, most));
   }
   return static_cast<int>(number);
+}
+
+// A whole number of samples, at least 2.
+int samples_in(const Given& of, const char* key) {
+  return whole_number(of.needed(key, fmt::format("{}: 12", key)), key, 2,
+                      static_cast<int>(kMaxSize));
 }
 
 // The effects of all samples of a period sum to zero but for noise.
@@ -282,6 +289,88 @@ Component autoregression(const Given& of) {
   return out;
 }
 
+// Coefficients of a factor: their formulas, or how many there are, each a parameter of its own then.
+std::vector<std::string> coefficients_of(const Given& of, const Node* given,
+                                         const std::string& prefix, Component& out) {
+  std::vector<std::string> all;
+  if (given == nullptr) return all;
+  if (given->kind == Node::Kind::list) {
+    for (const Node& each : given->items) all.push_back(text_of(each, "a coefficient"));
+    return all;
+  }
+  const int count = whole_number(*given, prefix, 0, kMostCoefficients);
+  for (int k = 1; k <= count; ++k) {
+    all.push_back(fmt::format("{}_{}{}", of.name, prefix, k));
+    Node start = yaml_mapping();
+    append(start, "value", yaml_scalar("0"));
+    out.known.push_back({all.back(), std::move(start)});
+  }
+  return all;
+}
+
+// What `arma` says of its polynomials.
+struct ArmaKeys {
+  LagPolynomial ar, ma;  // on the right side each
+  LagPolynomial before;  // of differences
+};
+
+ArmaKeys read_arma(const Given& of, Component& out) {
+  const Node* season = of.key("season");
+  int period = 1, seasonal = 0;
+  std::vector<LagFactor> ar, ma;
+  ar.push_back({coefficients_of(of, of.key("ar"), "ar", out), 1, true});
+  ma.push_back({coefficients_of(of, of.key("ma"), "ma", out), 1, false});
+  if (season != nullptr) {
+    const std::string about = fmt::format("the season of '{}'", of.name);
+    check_keys(*season, about, {"period", "ar", "ma", "difference"});
+    period = whole_number(required(*season, "period", about, "period: 12"), "period", 2,
+                          static_cast<int>(kMaxSize));
+    const Node* times = find(*season, "difference");
+    if (times != nullptr) seasonal = whole_number(*times, "difference", 0, kMostDifferences);
+    ar.push_back({coefficients_of(of, find(*season, "ar"), "season_ar", out), period, true});
+    ma.push_back({coefficients_of(of, find(*season, "ma"), "season_ma", out), period, false});
+  }
+  const Node* times = of.key("difference");
+  const int difference =
+      times == nullptr ? 0 : whole_number(*times, "difference", 0, kMostDifferences);
+  return {right_side(ar), multiplied_out(ma), differences(difference, period, seasonal)};
+}
+
+// Names of a register: the first one's, and those of the samples before.
+std::vector<std::string> register_of(const std::string& name, int length) {
+  std::vector<std::string> out;
+  for (int i = 0; i < length; ++i) out.push_back(i == 0 ? name : fmt::format("{}_{}", name, i));
+  return out;
+}
+
+// w with ar(z) w = ma(z) e, as ma(z) x of an autoregression ar(z) x = e; and y with differences(z) y =
+// w + mean, from the samples of y before, of which nothing is known at first.
+Component arma(const Given& of) {
+  of.belongs_to(false);
+  check_parts(of, {"arma"});
+  Component out;
+  const ArmaKeys keys = read_arma(of, out);
+  const bool is_plain = keys.ma.empty() && keys.before.empty() && of.key("mean") == nullptr;
+  const std::string first = is_plain ? of.name : of.name + "_x";
+  const int length = std::max({1, order_of(keys.ar), 1 + order_of(keys.ma)});
+  const std::vector<std::string> x = register_of(first, length);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const std::string sum = i > 0 ? x[i - 1] : weighted_sum(keys.ar, x, 1);
+    out.states.push_back({x[i], of.unit(), sum.empty() ? "0*" + x[i] : sum});
+  }
+  all_stationary(out);
+  add_noise(of, "arma", true, {first}, out);
+  out.visible = first;
+  if (!keys.ma.empty()) out.visible += " + " + weighted_sum(keys.ma, x, 0);
+  if (of.key("mean") != nullptr) out.visible += " + " + of.formula("mean", "");
+  const std::vector<std::string> y = register_of(of.name + "_before", order_of(keys.before));
+  if (!y.empty()) out.visible += " + " + weighted_sum(keys.before, y, 1);
+  for (std::size_t i = 0; i < y.size(); ++i) {
+    out.states.push_back({y[i], of.unit(), i == 0 ? out.visible : y[i - 1]});
+  }
+  return out;
+}
+
 // x = s.d.e. of the order that has the covariance s^2 M(|lag| / length).
 Component matern(const Given& of) {
   of.belongs_to(true);
@@ -398,6 +487,7 @@ const std::vector<ComponentKind>& kinds() {
       {"trigonometric", trigonometric, {"period", "harmonics"}},
       {"cycle", cycle, {"period", "damping"}},
       {"ar", autoregression, {"coefficients"}},
+      {"arma", arma, {"ar", "ma", "difference", "mean", "season"}},
       {"matern", matern, {"smoothness", "length"}},
       {"clock", clock, {"flicker-range"}},
       {"bias", level, {}},

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "identify/estimate/estimate.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/model/check.h"

@@ -16,6 +16,7 @@
 #include "identify/model/check.h"
 #include "identify/model/model_file.h"
 #include "identify/model/recording.h"
+#include "lib/model/polynomial_factors.h"
 #include "tests/support/structural_series.h"
 
 namespace identikal {
@@ -175,6 +176,52 @@ noise: {measurement: {variance: {y: 0.15}}}
   }
 }
 
+std::string arma_model(const std::string& keys, const std::string& parameters = "") {
+  const std::string all = parameters.empty() ? "" : "parameters: {" + parameters + "}\n";
+  return "identikal: 1\ntime: {step: 1 s}\n" + all +
+         "components: {y: {kind: arma, variance: 0.7, " + keys + "}}\noutputs: {y: {column: y}}\n";
+}
+
+// SARIMAX(order, seasonal_order, use_exact_diffuse=True), statsmodels 0.13.5, at these parameters.
+TEST(Components, SeasonalModelsWithDifferencesAgreeWithStatsmodels) {
+  const Model mixed =
+      read(arma_model("ar: 1, ma: [b], difference: 1, season: {period: 4, ar: [0.5], ma: 1}",
+                      "y_ar1: 0.4, b: -0.3, y_season_ma1: 0.2"));
+  EXPECT_NEAR(log_likelihood(mixed), -122.35743044621503 + of_diffuse(1), 1e-6);
+  EXPECT_EQ(mixed.parameters.size(), 3U) << "what the file says of y_ar1 holds";
+  const Model twice = read(
+      arma_model("ar: [0.4, -0.3], difference: 1, season: {period: 4, ma: [-0.5], difference: 1}"));
+  EXPECT_NEAR(log_likelihood(twice), -76.60590871972603 + of_diffuse(5), 1e-6);
+  expect_forecast(twice,
+                  {30.139522240148334, 28.966366252657156, 30.27310692895219, 28.452247208852405,
+                   31.629203358072314, 30.521378850239707},
+                  {0.8366605125397504, 1.4394446713871023, 1.7841862720005062, 2.0014642956558464,
+                   2.3874219907646803, 2.8214058562294446});
+  // statsmodels has the intercept of the regression, 5: here it is the mean.
+  const Model mean =
+      read(arma_model("ar: [0.7], ma: [-0.3, 0.2], mean: mu", "mu: 16.6666666666666667"));
+  EXPECT_NEAR(log_likelihood(mean), -347.2981518548243, 1e-6);
+}
+
+// Also where the differences are in the state, the coefficients are searched inside the unit circle.
+TEST(Components, CoefficientsOfAnArmaAreFactors) {
+  for (const bool differences : {false, true}) {
+    std::string text =
+        arma_model(std::string("ar: 1, ma: 2, ") +
+                       (differences ? "difference: 1, season: {period: 4, ma: 1, difference: 1}"
+                                    : "season: {period: 4, ma: 1}"),
+                   "q: {value: 1, min: 0}");
+    text.replace(text.find("0.7"), 3, "q");
+    const Model each = read(text);
+    const auto found = polynomial_factors(noise_model(each), each.parameters);
+    ASSERT_EQ(found.size(), 3U) << differences;
+    EXPECT_FALSE(found[0].moving_average);
+    EXPECT_EQ(found[1].parameters.size(), 2U);
+    EXPECT_EQ(found[2].lag, 4);
+    EXPECT_TRUE(found[2].moving_average);
+  }
+}
+
 TEST(Components, ADampedCycleAgreesWithStatsmodels) {
   const Model model = read(R"(identikal: 1
 time: {step: 1 s}
@@ -309,6 +356,9 @@ TEST(Components, MistakesAreShownWhereTheyStand) {
   EXPECT_THAT(refusal(with("step: 1 s", "kind: continuous, step: 1 s")),
               testing::HasSubstr("'season' is a season, which belongs to discrete time"));
   EXPECT_THAT(refusal(with("slope: qs", "slop: qs")), testing::HasSubstr("slop"));
+  EXPECT_THAT(refusal(arma_model("ar: -1")), testing::HasSubstr("a whole number, 0 to 60"));
+  EXPECT_THAT(refusal(arma_model("ar: 1, season: {ar: 1}")), testing::HasSubstr("period"));
+  EXPECT_THAT(refusal(arma_model("ar: [a]")), testing::HasSubstr("unknown name 'a'"));
 }
 
 }  // namespace
