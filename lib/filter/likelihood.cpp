@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "lib/base/constants.h"
+#include "lib/filter/internal/direct_kernel.h"
 #include "lib/filter/internal/nominal_innovations.h"
 #include "lib/filter/internal/recursion.h"
 #include "lib/filter/internal/segment.h"
@@ -203,6 +204,11 @@ FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
     const StateSpace& model, InitialState initial, const std::vector<StateSpace>& derivatives,
     bool asked) {
   if (model.outputs() + model.inputs() >= kMaxChannels) return FallbackReason::too_many_channels;
+  // Of a partly diffuse start it goes on behind a gap only.
+  const auto gapless = [](const Recording& recording) { return recording.gapless(); };
+  if (initial == InitialState::partly_diffuse && std::all_of(all.begin(), all.end(), gapless)) {
+    return FallbackReason::known_start;
+  }
   const auto moves_start = [](const StateSpace& d) {
     return !d.x0.isZero(0.0) || !d.P0.isZero(0.0);
   };
@@ -357,10 +363,10 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
         continue;
       }
     }
-    // Code made for gapless samples needs no derivatives and goes faster without, but for a stationary
-    // start; the full recursion stays the witness of the others.
+    // Code made for gapless samples and few states needs no derivatives and goes faster without, but
+    // for a stationary start; the full recursion stays the witness of the others.
     const bool plain = method == EvaluationMethod::time_varying ||
-                       (k == 0 && recording.gapless() &&
+                       (k == 0 && recording.gapless() && model.states() <= kMostDirectStates &&
                         !TangentFilter::is_quick_from_stationary(model, initial)) ||
                        is_vague(model, initial);
     if (!plain && !prepared) {

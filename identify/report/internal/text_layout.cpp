@@ -75,8 +75,29 @@ std::string percent_text(double percent) {
                                           : fmt::format("{:.0f}", percent);
 }
 
+namespace {
+
+// "Q = 27 x 27, zero but for (1,1) 0.5, (2,2) 1"
+std::string sparse_text(const std::string& name, const Eigen::MatrixXd& M) {
+  std::string entries;
+  for (Eigen::Index i = 0; i < M.rows(); ++i) {
+    for (Eigen::Index j = 0; j < M.cols(); ++j) {
+      if (M(i, j) == 0.0) continue;
+      entries +=
+          fmt::format("{}({},{}) {:.6g}", entries.empty() ? "" : ", ", i + 1, j + 1, M(i, j));
+    }
+  }
+  return wrapped(fmt::format("{} = {} x {}, zero{}{}", name, M.rows(), M.cols(),
+                             entries.empty() ? "" : " but for ", entries),
+                 4);
+}
+
+}  // namespace
+
 std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {
   if (M.size() == 0) return "";
+  constexpr Eigen::Index kLarge = 36;
+  if (M.size() > kLarge && 3 * (M.array() != 0.0).count() < M.size()) return sparse_text(name, M);
   std::string out = name + " = [";
   for (Eigen::Index i = 0; i < M.rows(); ++i) {
     for (Eigen::Index j = 0; j < M.cols(); ++j) {

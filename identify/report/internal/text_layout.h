@@ -36,7 +36,7 @@ std::string error_text(double value);
 /// Two digits of a percentage; below a thousandth "< 0.001".
 std::string percent_text(double percent);
 
-/// "Q = [1, 0; 0, 2]"; nothing for an empty matrix.
+/// "Q = [1, 0; 0, 2]"; a large one that is mostly zero by its other entries; nothing for an empty one.
 std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M);
 
 /// "a, b, c".

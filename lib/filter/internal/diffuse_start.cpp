@@ -30,16 +30,14 @@ double determined_share(const MatrixXd& information, const VectorXd& scale) {
 VectorXd proper_scale(const StateSpace& model) {
   const auto outputs = static_cast<double>(model.outputs());
   const MatrixXd W = model.G * model.Q * model.G.transpose();
-  MatrixXd noise = MatrixXd::Zero(model.states(), model.states());
   VectorXd seen = VectorXd::Zero(model.states());
   MatrixXd response = model.C;
+  double power = model.R.trace() / outputs;
   for (Index t = 0; t < model.states(); ++t) {
     seen += response.colwise().squaredNorm().transpose() / outputs;
+    power += (response * W).cwiseProduct(response).sum() / outputs;
     response = (response * model.A).eval();
-    noise = (model.A * noise * model.A.transpose() + W).eval();
   }
-  const double power =
-      (model.R.trace() + (model.C * noise * model.C.transpose()).trace()) / outputs;
   return seen.unaryExpr([power](double gain) {
     const double scale = power / gain;
     return scale > 0.0 && std::isfinite(scale) ? scale : 1.0;

@@ -26,6 +26,9 @@ struct DirectFilter {
   bool stop_when_settled;  ///< as soon as P has stopped changing, to 1e-14 of itself
 };
 
+/// It serves so many states and 3 outputs.
+inline constexpr Eigen::Index kMostDirectStates = 6;
+
 /// Samples t .. end - 1, none missing, in the Joseph form of lib/filter/kalman.h. Returns the first
 /// sample not used: t itself for more than 6 states or 3 outputs.
 Eigen::Index run_direct(const DirectFilter& filter, Eigen::Index t, DirectRun& run);

@@ -114,7 +114,29 @@ struct SteadyFilter {
     for (Eigen::Index i = 0; i < out.size(); ++i) {
       for (Eigen::Index j = 0; j < K_R_.cols(); ++j) out[i] += K_R_(i, j) * K(i, j);
     }
+    if ((out.array() == 0.0).any()) measure_copies(out);
     return out;
+  }
+
+  // States without noise of their own are measured against what innovations, or states that move them,
+  // are: of outputs measured exactly, those before are known but for rounding.
+  void measure_copies(Size& size) const {
+    constexpr double kRounding = 1e-12;
+    const auto noiseless = (size.array() == 0.0).eval();
+    const Eigen::Index states = size.size();
+    for (Eigen::Index i = 0; i < states; ++i) {
+      if (noiseless[i]) size[i] = K.row(i).dot(Sigma * K.row(i).transpose());
+    }
+    bool more = true;
+    for (Eigen::Index round = 0; more && round < states; ++round) {
+      more = false;
+      for (Eigen::Index i = 0; i < states; ++i) {
+        const double from = A.row(i).transpose().cwiseAbs2().cwiseProduct(size).maxCoeff();
+        if (!noiseless[i] || size[i] >= kRounding * from) continue;
+        size[i] = from;
+        more = true;
+      }
+    }
   }
 
   // Entries are measured against the standard deviations they belong to, of P or, a hundredth, of
@@ -189,7 +211,8 @@ struct SteadyFilter {
     // The covariance without measurements, from which the recursion descends; where A is not stable
     // there is none, and any positive definite start will do.
     P = W;
-    if (open_loop.compute(A)) {
+    constexpr int kForgetful = 20;  // doublings: roots of 1 that rounding has moved take more
+    if (open_loop.compute(A) && open_loop.count() <= kForgetful) {
       open_loop.sum_forward(P);
     } else {
       P.diagonal().array() += 1.0;

@@ -27,6 +27,15 @@ TEST(TextLayout, TablesAreAsWideAsWhatTheyHold) {
             "r_long      3  poorly determined\n");
 }
 
+TEST(TextLayout, ALargeMatrixThatIsMostlyZeroIsSaidByItsEntries) {
+  Eigen::MatrixXd Q = Eigen::MatrixXd::Zero(7, 7);
+  EXPECT_EQ(matrix_text("Q", Q), "Q = 7 x 7, zero\n");
+  Q(0, 0) = 0.5;
+  Q(6, 2) = -2.0;
+  EXPECT_EQ(matrix_text("Q", Q), "Q = 7 x 7, zero but for (1,1) 0.5, (7,3) -2\n");
+  EXPECT_EQ(matrix_text("R", Eigen::MatrixXd::Zero(1, 2)), "R = [0, 0]\n");
+}
+
 TEST(TextLayout, PutsTheLastColumnBelowWhereItDoesNotFit) {
   const std::string interval(66, '1');
   EXPECT_EQ(text_table({{"name", true}, {"interval"}, {"verdict", true}},

@@ -104,5 +104,29 @@ TEST(SteadyState, IsFoundForNoisesThatAreNearlyOne) {
   std::printf("off by %.1e at most, of noise of 1.2\n", worst);
 }
 
+// (1 - z)(1 - z^s) y = (1 + m z)(1 + M z^s) e without measurement noise: in the end everything is known
+// but the next e, and the gain is 1 in e(t - 1) and in y(t - 1), which move with y(t).
+TEST(SteadyState, IsFoundForSeasonalDifferencesSeenWithoutNoise) {
+  constexpr Index kSeason = 12, kErrors = kSeason + 2, kBefore = kSeason + 1, n = kErrors + kBefore;
+  const double m = -0.4, M = -0.6;
+  StateSpace s;
+  s.A = MatrixXd::Zero(n, n);
+  s.C = MatrixXd::Zero(1, n);
+  s.C(0, 0) = 1.0, s.C(0, 1) = m, s.C(0, kSeason) = M, s.C(0, kSeason + 1) = m * M;
+  s.C(0, kErrors) = 1.0, s.C(0, kErrors + kSeason - 1) = 1.0, s.C(0, kErrors + kSeason) = -1.0;
+  for (Index i = 1; i < n; ++i) s.A(i, i - 1) = 1.0;
+  s.A.row(kErrors) = s.C;
+  s.G = MatrixXd::Identity(n, 1);
+  s.Q = MatrixXd::Constant(1, 1, 0.0013);
+  s.R = MatrixXd::Zero(1, 1);
+  s.S = MatrixXd::Zero(1, 1);
+  const auto steady = steady_state(s);
+  ASSERT_TRUE(steady.has_value());
+  Eigen::VectorXd K = Eigen::VectorXd::Zero(n);
+  K[1] = K[kErrors] = 1.0;
+  EXPECT_LT((steady->K - K).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_NEAR(steady->Sigma(0, 0), 0.0013, 1e-14);
+}
+
 }  // namespace
 }  // namespace identikal
