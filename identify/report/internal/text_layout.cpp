@@ -94,8 +94,11 @@ std::string sparse_text(const std::string& name, const Eigen::MatrixXd& M) {
 
 }  // namespace
 
-std::string matrix_text(const std::string& name, const Eigen::MatrixXd& M) {
-  if (M.size() == 0) return "";
+std::string matrix_text(const std::string& name, const Eigen::MatrixXd& given) {
+  if (given.size() == 0) return "";
+  constexpr double kRounding = 1e-20;  // of the largest entry: less is what is left of a zero
+  const double least = kRounding * given.cwiseAbs().maxCoeff();
+  const Eigen::MatrixXd M = (given.array().abs() < least).select(0.0, given);
   constexpr Eigen::Index kLarge = 36;
   if (M.size() > kLarge && 3 * (M.array() != 0.0).count() < M.size()) return sparse_text(name, M);
   std::string out = name + " = [";

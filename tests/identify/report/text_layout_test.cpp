@@ -34,6 +34,7 @@ TEST(TextLayout, ALargeMatrixThatIsMostlyZeroIsSaidByItsEntries) {
   Q(6, 2) = -2.0;
   EXPECT_EQ(matrix_text("Q", Q), "Q = 7 x 7, zero but for (1,1) 0.5, (7,3) -2\n");
   EXPECT_EQ(matrix_text("R", Eigen::MatrixXd::Zero(1, 2)), "R = [0, 0]\n");
+  EXPECT_EQ(matrix_text("K", Eigen::RowVector2d(1.0, -3e-32)), "K = [1, 0]\n");
 }
 
 TEST(TextLayout, PutsTheLastColumnBelowWhereItDoesNotFit) {
