@@ -1,4 +1,5 @@
 // filter: which states and innovations has a filter on these recordings?
+#include <functional>
 #include <memory>
 #include <sstream>
 #include <utility>
@@ -6,7 +7,9 @@
 #include "jobs/run.h"
 #include "jobs/verbs.h"
 
+#include "identify/filter/model_filter.h"
 #include "identify/filter/run.h"
+#include "identify/filter/smoothed_noise.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -19,6 +22,7 @@ struct FilterOptions {
   bool smooth = false;
   std::int64_t lag = -1;  // below 0: none
   std::int64_t skip_first = 0;
+  std::int64_t trajectories = 0, seed = -1;
 };
 
 // States alone, for a program that reads standard input; warnings go where they disturb nobody.
@@ -56,13 +60,56 @@ void add_states(const StateEstimate& states, Outcome& out) {
   out.series.push_back(std::move(sd));
 }
 
-Outcome filter(const FilterOptions& given, Call& call) {
-  const Run run{"filter", call, given.model.file, files_of_origin(given.model, call.inputs),
-                given.result};
+void check_options(const FilterOptions& given) {
   if (given.smooth && given.lag >= 0) {
     throw InputError({}, "--smooth and --lag", "one of them",
                      "--smooth takes the whole recording, --lag N what came up to N samples later");
   }
+  if (given.trajectories > 0 && (!given.smooth || given.result.folder.empty())) {
+    throw InputError({}, "--trajectories alone", "--smooth and -o FOLDER with it",
+                     "they are drawn given the whole recording, and written to trajectories.csv");
+  }
+  if (given.seed >= 0 && given.trajectories == 0) {
+    throw InputError({}, "--seed does not apply", "--trajectories N with it");
+  }
+}
+
+using Write = std::function<void(std::ostream&)>;
+
+ResultFile file_of(const char* name, const Write& write) {
+  std::ostringstream text;
+  write(text);
+  return {name, std::move(text).str()};
+}
+
+std::vector<ResultFile> files_of(const FilterOptions& given, const Model& model,
+                                 const std::vector<Dataset>& recordings,
+                                 const StateEstimate& states) {
+  std::vector<ResultFile> out{
+      file_of("states.csv",
+              [&](std::ostream& to) { write_states_csv(to, model, recordings, states); }),
+      file_of("innovations.csv",
+              [&](std::ostream& to) { write_innovations_csv(to, recordings, states); }),
+      file_of("predictions.csv",
+              [&](std::ostream& to) { write_predictions_csv(to, recordings, states); })};
+  if (given.smooth && !model.student && has_disturbance_smoother(model)) {
+    out.push_back(file_of("disturbances.csv", [&](std::ostream& to) {
+      write_disturbances_csv(to, model, recordings);
+    }));
+  }
+  if (given.trajectories > 0) {
+    const auto seed = static_cast<std::uint64_t>(given.seed >= 0 ? given.seed : 1);
+    out.push_back(file_of("trajectories.csv", [&](std::ostream& to) {
+      write_trajectories_csv(to, model, recordings, static_cast<int>(given.trajectories), seed);
+    }));
+  }
+  return out;
+}
+
+Outcome filter(const FilterOptions& given, Call& call) {
+  const Run run{"filter", call, given.model.file, files_of_origin(given.model, call.inputs),
+                given.result};
+  check_options(given);
   Model model = load_model(given.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
@@ -80,13 +127,7 @@ Outcome filter(const FilterOptions& given, Call& call) {
     return states_alone(run, model, recordings, states);
   }
   std::vector<ResultFile> files;
-  if (!given.result.folder.empty()) {
-    std::ostringstream of_states, of_innovations;
-    write_states_csv(of_states, model, recordings.data, states);
-    write_innovations_csv(of_innovations, recordings.data, states);
-    files.push_back({"states.csv", std::move(of_states).str()});
-    files.push_back({"innovations.csv", std::move(of_innovations).str()});
-  }
+  if (!given.result.folder.empty()) files = files_of(given, model, recordings.data, states);
   const Series innovations = std::exchange(states.series, {});  // innovations.csv says it
   const auto estimate = std::make_shared<StateEstimate>(std::move(states));
   Outcome out = finish(run, recordings, kept(estimate), files);
@@ -111,6 +152,10 @@ Verb filter_verb() {
              "Estimate each state from what was recorded up to this many samples later.");
   add_number(verb, "--skip-first", options->skip_first, 0, 1000000,
              "Leave this many rows of every recording out of the log-likelihood, given them.");
+  add_number(
+      verb, "--trajectories", options->trajectories, 1, 100000,
+      "With --smooth and -o: draw so many trajectories of the states, given the whole recording.");
+  add_seed(verb, options->seed, "Seed of the trajectories.", "1");
   add_folder(verb, "--from", options->model.from,
              "Take the values that 'tune' or 'fit' has found: the result that -o has written.");
   add_settings(verb, options->model);

@@ -28,6 +28,7 @@ void validate_on(const std::vector<HeldOut>& held_out, const Model& model, Recor
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;
   options.starts = static_cast<int>(search.starts);
+  options.iterations = static_cast<int>(search.iterations);
   options.threads = static_cast<int>(search.threads);
   options.seed = search.seed_number();
   options.pictures = run.wants_pictures();

@@ -42,6 +42,7 @@ Outcome fit_a_vehicle(const FitOptions& given, const Run& run, const Model& mode
   Recordings recordings = load_recordings(given.recordings, model, run.verb, run.call.inputs);
   VehicleFitOptions options;
   options.search.starts = given.search.number_of_starts();
+  options.search.iterations = static_cast<int>(given.search.iterations);
   options.search.seed = given.search.seed_number();
   options.search.robust = given.robust;
   options.bootstrap = static_cast<int>(given.bootstrap);

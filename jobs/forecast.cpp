@@ -11,6 +11,7 @@
 #include "jobs/verbs.h"
 #include <fmt/format.h>
 
+#include "identify/simulation/scenarios.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -20,7 +21,7 @@ struct ForecastOptions {
   ModelOptions model;
   RecordingOptions recordings;
   ResultOptions result;
-  std::int64_t rows = 0;
+  std::int64_t rows = 0, scenarios = 0, seed = -1;
   std::string inputs;
 };
 
@@ -48,6 +49,9 @@ void refuse_options(const ForecastOptions& given, const Model& model) {
   if (!given.inputs.empty() && model.inputs.empty()) {
     throw InputError({}, "--inputs does not apply to this model", "a model with inputs");
   }
+  if (given.seed >= 0 && given.scenarios == 0) {
+    throw InputError({}, "--seed does not apply", "--scenarios N with it");
+  }
 }
 
 void refuse_several(const Recordings& recordings) {
@@ -66,6 +70,16 @@ Outcome table_alone(const OutputForecast& estimate, std::string csv, bool strict
   out.text = std::move(csv);
   out.exit_code = exit_code(estimate, strict);
   return out;
+}
+
+// The scenarios as CSV in place of the forecast, or with -o beside it.
+std::string scenarios_text(const ForecastOptions& given, const Model& model,
+                           const Dataset& recording, const Dataset* future) {
+  const auto seed = static_cast<std::uint64_t>(given.seed >= 0 ? given.seed : 1);
+  std::ostringstream csv;
+  write_scenarios_csv(csv, simulate_scenarios(model, recording, given.rows,
+                                              static_cast<int>(given.scenarios), seed, future));
+  return std::move(csv).str();
 }
 
 Outcome forecast_ahead(const ForecastOptions& given, Call& call) {
@@ -89,12 +103,20 @@ Outcome forecast_ahead(const ForecastOptions& given, Call& call) {
       forecast(model, recordings.data.front(), given.rows, future ? &*future : nullptr));
   std::ostringstream csv;
   write_forecast_csv(csv, estimate->forecast);
+  const std::string scenarios =
+      given.scenarios > 0
+          ? scenarios_text(given, model, recordings.data.front(), future ? &*future : nullptr)
+          : "";
   if (given.result.folder.empty() && !given.result.json) {
-    return table_alone(*estimate, std::move(csv).str(), given.result.strict, call);
+    return table_alone(*estimate, given.scenarios > 0 ? scenarios : std::move(csv).str(),
+                       given.result.strict, call);
   }
   add_table(estimate->forecast, *estimate);
   std::vector<ResultFile> files;
-  if (!given.result.folder.empty()) files.push_back({"forecast.csv", std::move(csv).str()});
+  if (!given.result.folder.empty()) {
+    files.push_back({"forecast.csv", std::move(csv).str()});
+    if (given.scenarios > 0) files.push_back({"scenarios.csv", scenarios});
+  }
   return finish(run, recordings, kept(estimate), files);
 }
 
@@ -109,6 +131,10 @@ Verb forecast_verb() {
   add_model(verb, options->model);
   add_recordings(verb, options->recordings);
   add_number(verb, "-n,--rows", options->rows, 1, 1000000, "How many rows to forecast.");
+  add_number(verb, "--scenarios", options->scenarios, 1, 100000,
+             "Draw so many ways that the outputs may go; printed in place of the forecast, with -o "
+             "written to scenarios.csv.");
+  add_seed(verb, options->seed, "Seed of the scenarios.", "1");
   add_file(verb, "--inputs", options->inputs, "Recording that holds the inputs of these rows.");
   add_folder(verb, "--from", options->model.from,
              "Take the values that 'tune' or 'fit' has found: the result that -o has written.");

@@ -227,6 +227,8 @@ void add_search(Verb& verb, SearchOptions& search) {
   add_number(verb, "--starts", search.starts, 1, 1000,
              "Number of starts of the search. Without it 5; by likelihood 1, and 5 where the first "
              "leaves a doubt.");
+  add_number(verb, "--iterations", search.iterations, 1, 1000000, "Most iterations of each search.",
+             "200");
   add_number(verb, "--threads", search.threads, 1, 1024,
              "Number of threads that share starts and profiles of a likelihood; the result does "
              "not depend on it. Without it, one for each core.");

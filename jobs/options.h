@@ -116,9 +116,10 @@ void add_result_with_page(Verb& verb, ResultOptions& result);
 
 /// How is the optimum searched for, and what is it validated on?
 struct SearchOptions {
-  std::int64_t seed = -1;    ///< -1: not given
-  std::int64_t starts = 0;   ///< 0: not given
-  std::int64_t threads = 0;  ///< 0: one for each core; of a filter's likelihood
+  std::int64_t seed = -1;       ///< -1: not given
+  std::int64_t starts = 0;      ///< 0: not given
+  std::int64_t iterations = 0;  ///< 0: not given
+  std::int64_t threads = 0;     ///< 0: one for each core; of a filter's likelihood
   std::string hold_out;
 
   std::uint64_t seed_number() const { return seed >= 0 ? static_cast<std::uint64_t>(seed) : 1; }

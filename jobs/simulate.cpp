@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "jobs/output_files.h"
 #include "jobs/quantity.h"
@@ -11,6 +12,7 @@
 #include "jobs/verbs.h"
 #include <fmt/format.h>
 
+#include "identify/simulation/impulse_response.h"
 #include "identify/simulation/manoeuvres.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
@@ -27,7 +29,7 @@ struct SimulateOptions {
   std::int64_t seed = 1;
   std::vector<std::string> signals;
   std::int64_t rows = 0;
-  std::string manoeuvre, speed, rate, duration, snr;
+  std::string manoeuvre, speed, rate, duration, snr, impulse;
   std::vector<std::string> manoeuvre_settings;
 };
 
@@ -133,8 +135,35 @@ NamedSeries simulated_series(const std::string& csv) {
   return out;
 }
 
+// An impulse needs no recording, and no noise is drawn.
+Outcome impulse(const SimulateOptions& options, const Model& model, Call& call) {
+  for (const auto& [given, name] : {std::pair{!options.inputs.empty(), "a recording of inputs"},
+                                    std::pair{!options.signals.empty(), "--input"},
+                                    std::pair{!options.manoeuvre.empty(), "--manoeuvre"},
+                                    std::pair{!options.snr.empty(), "--snr"}}) {
+    if (!given) continue;
+    throw InputError({}, fmt::format("{} does not apply beside --impulse", name), "one of the two");
+  }
+  if (options.rows < 1) throw InputError({}, "the number of rows is missing", "-n ROWS");
+  const ParameterErrors errors =
+      options.model.from.empty()
+          ? ParameterErrors{}
+          : parameter_errors(call.inputs.result(options.model.from).estimate, model);
+  std::ostringstream csv;
+  write_impulse_csv(csv, impulse_response(model, options.impulse, options.rows, errors));
+  Outcome out;
+  out.text = std::move(csv).str();
+  if (options.folder.empty()) return out;
+  write_files(in_folder(options.folder, {{"impulse.csv", out.text}}),
+              model_and_included(options.model.file, call.inputs));
+  out.text = fmt::format("{} rows written to {}\n", options.rows,
+                         (std::filesystem::path(options.folder) / "impulse.csv").string());
+  return out;
+}
+
 Outcome simulate(const SimulateOptions& options, Call& call) {
   Model model = load_model(options.model, "simulate", call.inputs);
+  if (!options.impulse.empty()) return impulse(options, model, call);
   std::optional<Dataset> inputs;
   std::vector<std::string> read = model_and_included(options.model.file, call.inputs);
   if (!options.inputs.empty()) {
@@ -172,12 +201,17 @@ Verb simulate_verb() {
   add_model(verb, options->model);
   add_input_recording(verb, options->inputs);
   add_output(verb, options->folder);
+  add_folder(verb, "--from", options->model.from,
+             "Take the values that 'tune' or 'fit' has found: the result that -o has written.");
   add_settings(verb, options->model);
   add_range(verb, options->range);
   add_seed(verb, options->seed, "Seed of the noise.");
   add_signals(verb, options->signals);
   add_number(verb, "-n,--rows", options->rows, 1, 100000000,
              "Number of rows, where no recording gives the inputs.");
+  add_text(verb, "--impulse", options->impulse,
+           "Instead, print how the outputs answer to a unit impulse of this input, or of the noise "
+           "that drives this state; with --from, with 95 % intervals.");
   add_text(verb, "--manoeuvre", options->manoeuvre,
            "Vehicle: Drive this manoeuvre, one of those below. Without it, the first.");
   add_repeated(verb, "--with", options->manoeuvre_settings,

@@ -157,6 +157,8 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.seconds > 0, bayes, "--time-limit", "--method bayes"},
         Case{options.search.seed >= 0, !als, "--seed", "--method ml, auto or bayes"},
         Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
+        Case{options.search.iterations > 0, !als && !bayes && !estimates, "--iterations",
+             "--method ml or auto"},
         Case{options.search.threads > 0, !als && !bayes && !estimates, "--threads",
              "--method ml or auto"},
         Case{chosen, !als && !bayes && !estimates, "--evaluation", "--method ml or auto"}}) {

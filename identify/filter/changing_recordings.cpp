@@ -105,6 +105,13 @@ SmootherResult changing_smoother(const Model& model, const ParameterSet& at,
                       SmootherKeep::deviations);
 }
 
+SimulatedPath changing_path(const Model& model, const ParameterSet& at, const Dataset& recording,
+                            Random& random) {
+  const Prepared of(model, at, recording);
+  return simulate_path(of.model_at_sample, noise_model(model).initial, recording.y, of.inputs,
+                       random);
+}
+
 DisturbanceResult changing_disturbances(const Model& model, const ParameterSet& at,
                                         const Dataset& recording) {
   const Prepared of(model, at, recording);

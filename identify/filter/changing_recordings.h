@@ -12,6 +12,7 @@
 #include "lib/data/dataset.h"
 #include "lib/filter/disturbance_smoother.h"
 #include "lib/filter/kalman.h"
+#include "lib/filter/simulation_smoother.h"
 #include "lib/filter/smoother.h"
 #include "lib/model/sampled_model.h"
 
@@ -54,6 +55,10 @@ FilterResult changing_filter(const Model& model, const ParameterSet& at, const D
 /// The smoother's, deviations only. @param lag  as run_smoother() has it (model_filter.h)
 SmootherResult changing_smoother(const Model& model, const ParameterSet& at,
                                  const Dataset& recording, std::optional<Eigen::Index> lag);
+
+/// simulate_path() (lib/filter/simulation_smoother.h) of one recording.
+SimulatedPath changing_path(const Model& model, const ParameterSet& at, const Dataset& recording,
+                            Random& random);
 
 /// smooth_disturbances() (lib/filter/disturbance_smoother.h) of one recording.
 /// @throws std::invalid_argument when S is not zero

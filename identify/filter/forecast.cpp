@@ -55,8 +55,11 @@ VectorXd times_ahead(const Model& model, const Dataset& recording, Index rows,
   return last + recording.dt * VectorXd::LinSpaced(rows, 1.0, static_cast<double>(rows)).array();
 }
 
-// The recording with rows in which nothing is measured.
-Dataset run_on(const Model& model, const Dataset& recording, Index rows, const Dataset* future) {
+}  // namespace
+
+Dataset with_rows_ahead(const Model& model, const Dataset& recording, Index rows,
+                        const Dataset* future) {
+  check_future(model, recording, rows, future);
   Dataset out = recording;
   const Index N = recording.size();
   out.y.conservativeResize(Eigen::NoChange, N + rows);
@@ -71,6 +74,8 @@ Dataset run_on(const Model& model, const Dataset& recording, Index rows, const D
   }
   return out;
 }
+
+namespace {
 
 Forecast in_units(const std::vector<Channel>& outputs, const MatrixXd& mean, const MatrixXd& sd) {
   const double wide = normal_quantile(0.975);
@@ -96,13 +101,12 @@ OutputForecast forecast(const Model& given, const Dataset& recording, Index rows
                         const Dataset* future) {
   const Model model = checked(given, {recording});
   check_inputs({recording});
-  check_future(model, recording, rows, future);
+  const Dataset all = with_rows_ahead(model, recording, rows, future);
   OutputForecast out;
   out.model_name = model.name;
   out.objective.method = "forecast";
   list_known_parameters(out, model.parameters);
   report_filter(out, model, model.parameters, {recording});
-  const Dataset all = run_on(model, recording, rows, future);
   const Index N = recording.size();
   const FilterResult filter = run_filter(model, model.parameters, all);
   if (filter.status != FilterStatus::ok) refuse_filter(model, {recording}, filter.status);

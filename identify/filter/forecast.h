@@ -33,6 +33,12 @@ namespace identikal {
 OutputForecast forecast(const Model& model, const Dataset& recording, Eigen::Index rows,
                         const Dataset* future = nullptr);
 
+/// The recording with so many rows behind it, in which nothing is measured: a period apart, or at the
+/// future's own times where samples are irregular, with the future's inputs.
+/// @throws InputError for inputs that are missing, too few or too many
+Dataset with_rows_ahead(const Model& model, const Dataset& recording, Eigen::Index rows,
+                        const Dataset* future);
+
 /// Time [s], and of every output its mean, sd, and the two ends of the interval.
 void write_forecast_csv(std::ostream& out, const Forecast& forecast);
 

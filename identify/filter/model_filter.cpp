@@ -75,4 +75,26 @@ SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
              : smooth(system, linear.initial, recording.y, u, SmootherKeep::deviations);
 }
 
+bool has_disturbance_smoother(const Model& model) {
+  if (!is_linear(model) && !changes(model)) return false;
+  const ParametrisedMatrix& S = noise_model(model).S;
+  return S.constant.isZero(0.0) && S.entries.empty() && S.formulas.empty() && S.block < 0;
+}
+
+DisturbanceResult run_disturbance_smoother(const Model& model, const ParameterSet& parameters,
+                                           const Dataset& recording) {
+  if (changes(model)) return changing_disturbances(model, parameters, recording);
+  const LinearModel& linear = as_linear(model);
+  return smooth_disturbances(instantiate(linear, parameters), linear.initial, recording.y,
+                             model_inputs(linear, recording.u));
+}
+
+SimulatedPath run_simulated_path(const Model& model, const ParameterSet& parameters,
+                                 const Dataset& recording, Random& random) {
+  if (changes(model)) return changing_path(model, parameters, recording, random);
+  const LinearModel& linear = as_linear(model);
+  return simulate_path(instantiate(linear, parameters), linear.initial, recording.y,
+                       model_inputs(linear, recording.u), random);
+}
+
 }  // namespace identikal

@@ -6,8 +6,11 @@
 #include <Eigen/Core>
 
 #include "identify/model/model.h"
+#include "lib/base/random.h"
 #include "lib/data/dataset.h"
+#include "lib/filter/disturbance_smoother.h"
 #include "lib/filter/kalman.h"
+#include "lib/filter/simulation_smoother.h"
 #include "lib/filter/smoother.h"
 
 namespace identikal {
@@ -34,5 +37,16 @@ std::optional<Model> going_on(Model model, const ParameterSet& parameters, const
 /// @param lag  given what was recorded up to so many samples later: 0 filters. None: given all
 SmootherResult run_smoother(const Model& model, const ParameterSet& parameters,
                             const Dataset& recording, std::optional<Eigen::Index> lag);
+
+/// Can smooth_disturbances() serve it: is it linear, one that changes included, without S?
+bool has_disturbance_smoother(const Model& model);
+
+/// smooth_disturbances() of such a model.
+DisturbanceResult run_disturbance_smoother(const Model& model, const ParameterSet& parameters,
+                                           const Dataset& recording);
+
+/// simulate_path() of a linear model, one that changes included.
+SimulatedPath run_simulated_path(const Model& model, const ParameterSet& parameters,
+                                 const Dataset& recording, Random& random);
 
 }  // namespace identikal

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <ostream>
 #include <stdexcept>
 #include <string>
@@ -10,13 +9,13 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/filter/internal/csv_lines.h"
 #include "identify/filter/leading_samples.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/filter/student_weights.h"
 #include "identify/model/check.h"
-#include "identify/result/csv.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 #include "lib/data/units.h"
@@ -28,75 +27,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-struct NamedState {
-  std::string name, unit;
-  Unit si;
-};
-
-std::vector<NamedState> named_states(const Model& model) {
-  const StateSpace system = instantiate(noise_model(model), model.parameters);
-  std::vector<NamedState> out;
-  for (Index i = 0; i < system.states(); ++i) {
-    NamedState state{fmt::format("x{}", i + 1), "", Unit{}};
-    if (!model.states.empty()) {
-      const StateName& named = model.states[i];
-      out.push_back({named.name, named.unit, unit_or_dimensionless(named.unit)});
-      continue;
-    }
-    for (Index j = 0; j < system.outputs(); ++j) {
-      const bool shown = system.C(j, i) == 1.0 && (system.C.row(j).array() != 0.0).count() == 1 &&
-                         system.D.row(j).isZero(0.0);
-      if (!shown) continue;
-      const ChannelSource& output = model.outputs[j];
-      state = {output.name, output.unit, unit_or_dimensionless(output.unit)};
-      break;
-    }
-    out.push_back(std::move(state));
-  }
-  return out;
-}
-
-// Cells of a line, in a buffer that is written out now and then.
-class CsvLines {
- public:
-  CsvLines(std::ostream& out, bool several) : out_(out), several_(several) {
-    text_ = several ? "recording,time [s]" : "time [s]";
-  }
-  ~CsvLines() { flush(); }
-  CsvLines(const CsvLines&) = delete;
-  CsvLines& operator=(const CsvLines&) = delete;
-
-  void head(const std::string& name, const std::string& unit) {
-    text_ += "," + csv_heading(name, unit);
-  }
-  void begin_line(std::size_t recording, double time) {
-    text_ += '\n';
-    if (text_.size() > kBuffer) flush();
-    if (several_) fmt::format_to(std::back_inserter(text_), "{},", recording + 1);
-    fmt::format_to(std::back_inserter(text_), "{:.15g}", time);
-  }
-  void cell(double value) {
-    text_ += ',';
-    // As few digits as read back to the same number.
-    if (std::isfinite(value)) fmt::format_to(std::back_inserter(text_), "{}", value);
-  }
-  void end() { text_ += '\n'; }
-
- private:
-  static constexpr std::size_t kBuffer = 1 << 18;
-  void flush() {
-    out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
-    text_.clear();
-  }
-  std::ostream& out_;
-  bool several_;
-  std::string text_;
-};
-
-const VectorXd& stamps_of(const Dataset& data) {
-  return data.stamps.size() > 0 ? data.stamps : data.time;
-}
 
 // What the end of the last recording says of a state, and how well it is known in the median.
 std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixXd& sd, Index i) {
@@ -112,10 +42,15 @@ std::string state_line(const NamedState& state, const MatrixXd& x, const MatrixX
                      state.unit);
 }
 
-VectorXd rows_of(const Model& model, const Dataset& data, const FilterResult& innovations) {
-  if (model.student) return VectorXd::Constant(data.size(), kNone);
-  if (data.y.rows() == 1) return log_likelihood_by_row(innovations);
-  return log_likelihood_by_row(run_filter(model, model.parameters, data, Keep::everything));
+// Adds what is said of every row of a recording.
+void add_rows(const Model& model, const Dataset& data, const FilterResult& innovations,
+              StateEstimate& estimate) {
+  const bool complete = data.y.rows() == 1 && !data.y.hasNaN();
+  const FilterResult all =
+      complete ? innovations : run_filter(model, model.parameters, data, Keep::everything);
+  estimate.log_likelihood_by_row.push_back(model.student ? VectorXd::Constant(data.size(), kNone)
+                                                         : log_likelihood_by_row(all));
+  estimate.predictions.push_back(predicted_outputs(model, model.parameters, data, all));
 }
 
 // The log-likelihood behind the first samples of every recording.
@@ -167,8 +102,7 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
   }
   if (options.by_row || options.skip_first > 0) {
     for (std::size_t r = 0; r < recordings.size(); ++r) {
-      estimate.log_likelihood_by_row.push_back(
-          rows_of(model, recordings[r], estimate.innovations[r]));
+      add_rows(model, recordings[r], estimate.innovations[r], estimate);
     }
   }
   if (options.skip_first > 0) leave_out_first(estimate, options.skip_first);
@@ -237,6 +171,51 @@ void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& record
         lines.cell(filter.standardised(row, t));
       }
       if (by_row) lines.cell(run.log_likelihood_by_row[r][t]);
+    }
+  }
+  lines.end();
+}
+
+namespace {
+
+void write_correlations(const MatrixXd& covariance, CsvLines& lines) {
+  for (Index i = 0; i < covariance.rows(); ++i) {
+    for (Index j = i + 1; j < covariance.rows(); ++j) {
+      lines.cell(covariance(i, j) / std::sqrt(covariance(i, i) * covariance(j, j)));
+    }
+  }
+}
+
+}  // namespace
+
+void write_predictions_csv(std::ostream& out, const std::vector<Dataset>& recordings,
+                           const StateEstimate& run) {
+  const std::vector<Channel>& outputs = recordings[0].outputs;
+  CsvLines lines(out, recordings.size() > 1);
+  std::vector<Unit> units;
+  for (const Channel& channel : outputs) {
+    units.push_back(unit_or_dimensionless(channel.unit));
+    lines.head(channel.name, channel.unit);
+    lines.head(channel.name + "_sd", channel.unit);
+  }
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    for (std::size_t j = i + 1; j < outputs.size(); ++j) {
+      lines.head(fmt::format("{}_{}_correlation", outputs[i].name, outputs[j].name), "");
+    }
+  }
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const VectorXd& stamps = stamps_of(recordings[r]);
+    const OutputPredictions& expected = run.predictions[r];
+    for (Index t = 0; t < stamps.size(); ++t) {
+      lines.begin_line(r, stamps[t]);
+      for (std::size_t i = 0; i < outputs.size(); ++i) {
+        const auto row = static_cast<Index>(i);
+        lines.cell(units[i].from_si(expected.mean(row, t)));
+        lines.cell(expected.sd(row, t) / units[i].scale);
+      }
+      if (!expected.covariance.empty()) {
+        write_correlations(expected.covariance[static_cast<std::size_t>(t)], lines);
+      }
     }
   }
   lines.end();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "identify/estimate/results.h"
+#include "identify/filter/output_predictions.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
@@ -21,7 +22,7 @@ struct FilterRunOptions {
   /// The log-likelihood is that of what comes behind so many samples of every recording, given them:
   /// at least those that determine a diffuse start.
   Eigen::Index skip_first = 0;
-  bool by_row = false;  ///< whether StateEstimate::log_likelihood_by_row is wanted
+  bool by_row = false;  ///< whether log-likelihoods and predictions of every row are wanted
 };
 
 /// Noise, gain, fit, tests, and a note about every state; status ok.
@@ -31,6 +32,7 @@ struct StateEstimate : FilterEstimate {
   /// Of every recording, N (identify/filter/leading_samples.h); NaN with noise of Student's t. Empty
   /// unless FilterRunOptions ask for it.
   std::vector<Eigen::VectorXd> log_likelihood_by_row;
+  std::vector<OutputPredictions> predictions;  ///< likewise
 };
 
 /// Runs the model's filter, as it is, over every recording, each from the model's initial state.
@@ -57,6 +59,12 @@ void write_states_csv(std::ostream& out, const Model& model, const std::vector<D
 /// innovation (lib/filter/kalman.h), in the outputs' units, empty where nothing was measured; then
 /// the log-likelihood of the row, given those before, where the run has it.
 void write_innovations_csv(std::ostream& out, const std::vector<Dataset>& recordings,
+                           const StateEstimate& run);
+
+/// Time, and of every output what the filter expects of it, given the rows before, with the standard
+/// deviation of a measurement, in the outputs' units; then, of every two outputs, the correlation of
+/// their innovations. In every row, measured or not; empty cells before a diffuse start is determined.
+void write_predictions_csv(std::ostream& out, const std::vector<Dataset>& recordings,
                            const StateEstimate& run);
 
 }  // namespace identikal

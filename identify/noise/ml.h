@@ -17,6 +17,7 @@ struct NoiseMlOptions {
   /// end leaves a doubt (a variance of zero, other unknowns than variances, no convergence).
   int starts = 0;
   std::uint64_t seed = 1;  ///< of the scattered starts
+  int iterations = 0;      ///< at most, of each search; 0: as SolverOptions have it
   EvaluationMethod evaluation = EvaluationMethod::automatic;
   int threads = 1;        ///< searches and profiles at a time; 0: as many as there are cores
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap

@@ -155,7 +155,7 @@ StudentEnd maximise_student(const Model& model, const std::vector<Dataset>& reco
   StudentEnd out{weighted_start(model, recordings), {}, {}};
   StudentLikelihood likelihood(out.model, recordings);
   SolverOptions solver;
-  solver.max_iterations = 100;
+  solver.max_iterations = options.iterations > 0 ? options.iterations : 100;
   solver.decrement_tolerance = 1e-5;
   if (options.progress) {
     solver.progress = [&](int iteration, double L) { return options.progress(1, iteration, L); };

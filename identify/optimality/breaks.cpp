@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
-#include "identify/filter/changing_recordings.h"
+#include "identify/filter/model_filter.h"
 #include "lib/base/median.h"
 #include "lib/data/units.h"
 #include "lib/filter/disturbance_smoother.h"
@@ -19,19 +19,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-bool has_smoother(const Model& model) {
-  if (!is_linear(model) && !changes(model)) return false;
-  const ParametrisedMatrix& S = noise_model(model).S;
-  return S.constant.isZero(0.0) && S.entries.empty() && S.formulas.empty() && S.block < 0;
-}
-
-DisturbanceResult disturbances(const Model& model, const Dataset& recording) {
-  if (changes(model)) return changing_disturbances(model, model.parameters, recording);
-  const LinearModel& linear = as_linear(model);
-  return smooth_disturbances(instantiate(linear, model.parameters), linear.initial, recording.y,
-                             model_inputs(linear, recording.u));
-}
 
 // Rows of t-values in units of their typical size, where that is above 1; NaN becomes 0.
 MatrixXd scaled_sizes(const MatrixXd& t) {
@@ -70,11 +57,12 @@ std::optional<Break> largest_of(const DisturbanceResult& noise, std::size_t reco
 std::vector<Break> find_breaks(const Model& model, const std::vector<Dataset>& recordings) {
   constexpr double kMostNumbers = 1e6;
   std::vector<Break> out;
-  if (!has_smoother(model)) return out;
+  if (!has_disturbance_smoother(model)) return out;
   const auto n = static_cast<double>(noise_model(model).A.constant.rows());
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     if (static_cast<double>(recordings[i].size()) * n * n > kMostNumbers) continue;
-    const DisturbanceResult noise = disturbances(model, recordings[i]);
+    const DisturbanceResult noise =
+        run_disturbance_smoother(model, model.parameters, recordings[i]);
     if (noise.status != FilterStatus::ok || noise.state_t.size() == 0) continue;
     if (const std::optional<Break> found = largest_of(noise, i)) out.push_back(*found);
   }

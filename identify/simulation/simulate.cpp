@@ -166,6 +166,22 @@ Dataset refined(const Dataset& recording, InputPath path, int pieces) {
 
 }  // namespace
 
+namespace {
+
+MatrixXd linear_outputs(const Model& model, const StateSpace& system, const MatrixXd& u, Index rows,
+                        Random& random) {
+  const LinearModel& linear = as_linear(model);
+  try {
+    return simulate_outputs(system, linear.initial, model_inputs(linear, u), rows, random);
+  } catch (const std::invalid_argument&) {
+    throw InputError(
+        {model.source, 0, 0}, "the model cannot be simulated",
+        "[Q S; S' R] positive semidefinite, and a stable A with 'initial: stationary'");
+  }
+}
+
+}  // namespace
+
 Simulated simulate_linear(const Model& given, Index rows, const Dataset* inputs,
                           std::uint64_t seed) {
   check_rows(rows, inputs);
@@ -179,15 +195,8 @@ Simulated simulate_linear(const Model& given, Index rows, const Dataset* inputs,
   }
   const Index N = inputs != nullptr ? inputs->size() : rows;
   Random random(seed);
-  const MatrixXd u = model_inputs(linear, inputs != nullptr ? inputs->u : MatrixXd(0, N));
-  MatrixXd y;
-  try {
-    y = simulate_outputs(system, linear.initial, u, N, random);
-  } catch (const std::invalid_argument&) {
-    throw InputError(
-        at, "the model cannot be simulated",
-        "[Q S; S' R] positive semidefinite, and a stable A with 'initial: stationary'");
-  }
+  const MatrixXd u = inputs != nullptr ? inputs->u : MatrixXd(0, N);
+  const MatrixXd y = linear_outputs(model, system, u, N, random);
   return {csv_of(model, seed, y, inputs, sample_times(inputs, N, system.dt)), N, {}};
 }
 
@@ -242,6 +251,10 @@ MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random&
   if (!recording.u.allFinite()) {
     throw InputError({recording.name, 0, 0}, "an input is missing in some row",
                      "every input in every row", "select rows with --range");
+  }
+  if (is_linear(model)) {
+    const StateSpace system = instantiate(as_linear(model), model.parameters);
+    return linear_outputs(model, system, recording.u, N, random);
   }
   if (changes(model)) {
     try {

@@ -45,8 +45,8 @@ Simulated simulate_linear(const Model& model, Eigen::Index rows, const Dataset* 
 Simulated simulate_nonlinear(const Model& model, Eigen::Index rows, const Dataset* inputs,
                              std::uint64_t seed);
 
-/// Outputs of a nonlinear model at the times and inputs of a recording, as simulate_nonlinear()
-/// draws them; SI, ny x N.
+/// Outputs of a model that is linear, or nonlinear, at the times and inputs of a recording, as
+/// simulate_linear() and simulate_nonlinear() draw them; SI, ny x N.
 /// @throws InputError when an input is missing, noise is not positive semidefinite or the motion
 /// diverges
 Eigen::MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random& random);

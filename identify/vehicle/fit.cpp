@@ -238,6 +238,7 @@ void predict_instead(const VehicleSearchOptions& options, VehicleSearch& found,
   Eigen::VectorXd z = found.best.z;
   const VehicleProblem problem = predicting(found.problem, found.best.sd, z);
   SolverOptions solver;
+  if (options.iterations > 0) solver.max_iterations = options.iterations;
   solver.progress = options.progress;
   const VehicleOptimum best = maximise_likelihood(problem, z, solver);
   found.iterations += best.iterations;
@@ -281,6 +282,7 @@ VehicleCovariance follow_trajectory(const VehicleFitOptions& options,
                      "one of them: blocks of a path are not independent");
   }
   SolverOptions solver;
+  if (search.iterations > 0) solver.max_iterations = search.iterations;
   solver.progress = search.progress;
   VehicleTrajectory trajectory = fit_trajectory(found.problem, found.best, solver);
   found.best = trajectory.best;

@@ -93,6 +93,7 @@ VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unkno
   out.problem.robust = options.robust;
 
   SolverOptions solver;
+  if (options.iterations > 0) solver.max_iterations = options.iterations;
   solver.progress = options.progress;
   const std::vector<VehicleOptimum> optima =
       local_optima(best_candidates(out.problem, starts), solver, out);

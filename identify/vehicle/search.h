@@ -11,6 +11,7 @@ namespace identikal {
 struct VehicleSearchOptions {
   int starts = 5;  ///< tried besides the equation-error one (identify/vehicle/starts.h)
   unsigned long long seed = 1;
+  int iterations = 0;   ///< at most, of each local search; 0: as SolverOptions have it
   bool robust = false;  ///< noise of Student's distribution (identify/vehicle/output_error.h)
   std::function<bool(int iteration, double objective)> progress;  ///< return false to stop
 };

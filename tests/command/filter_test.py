@@ -41,7 +41,7 @@ class Filter(unittest.TestCase):
             self.assertLessEqual(max(map(len, text.splitlines())), 80)
             self.assertIn("state  level", text)
             self.assertIn("798.37 +- 63.5", text)
-            self.assertEqual(["innovations.csv", "result.json", "states.csv"], sorted(os.listdir(out)))
+            self.assertEqual(["innovations.csv", "predictions.csv", "result.json", "states.csv"], sorted(os.listdir(out)))
             jsonschema.validate(json.loads((out / "result.json").read_text()), SCHEMA)
             head, rows = table((out / "innovations.csv").read_text())
             self.assertEqual(["time [s]", "level_innovation", "level_sd", "level_standardised", "log_likelihood"], head)
@@ -50,6 +50,60 @@ class Filter(unittest.TestCase):
             self.assertAlmostEqual(rows[1][1], 40)
             self.assertAlmostEqual(rows[1][2], (15099 + 15099 + 1469.1) ** 0.5, delta=1e-5)
             self.assertAlmostEqual(rows[1][3], 40 / (15099 + 15099 + 1469.1) ** 0.5, delta=1e-7)
+
+    def test_outputs_are_predicted_where_nothing_was_measured(self):
+        with Folder() as folder:
+            model = folder.write("model.yaml", """identikal: 1
+time: {step: 1 s}
+components: {level: {kind: level, variance: 0.5, output: [a, b]}, rest: {kind: ar, coefficients: [0.5], variance: 1, output: b}}
+outputs: {a: {column: a}, b: {column: b}}
+noise: {measurement: {variance: {a: 2, b: 3}}}
+""")
+            data = folder.write("data.csv", "a,b\n1,2\n2,1\n,3\n,\n4,2\n")
+            run("filter", model, data, "-o", folder.path / "out", code=0)
+            head, rows = table((folder.path / "out/predictions.csv").read_text())
+            self.assertEqual(["time [s]", "a", "a_sd", "b", "b_sd", "a_b_correlation"], head)
+            _, states = table((folder.path / "out/states.csv").read_text())
+            innovations = table((folder.path / "out/innovations.csv").read_text())[1]
+            for t in (2, 3):  # from the filtered state of the row before
+                self.assertAlmostEqual(rows[t][1], states[t - 1][1], delta=1e-12)
+                self.assertAlmostEqual(rows[t][3], states[t - 1][1] + 0.5 * states[t - 1][3], delta=1e-12)
+            self.assertAlmostEqual(rows[3][2] ** 2, states[2][2] ** 2 + 0.5 + 2, delta=1e-10)
+            self.assertAlmostEqual(rows[4][1], 4 - innovations[4][1], delta=1e-12)
+            covariance = rows[3][5] * rows[3][2] * rows[3][4]
+            self.assertLess(0, covariance)
+            self.assertLess(covariance, rows[3][2] ** 2 - 2)
+
+    def test_noise_of_states_and_outputs_given_the_whole_recording(self):
+        with Folder() as folder:
+            out = folder.path / "out"
+            run("filter", *NILE, *self.VALUES, "--smooth", "-o", out, code=0)
+            head, rows = table((out / "disturbances.csv").read_text())
+            self.assertEqual(["time [s]", "level_noise", "level_noise_sd", "level_error", "level_error_sd", "level_jump_t", "level_error_t"], head)
+            levels = [row[1] for row in table((out / "states.csv").read_text())[1]]
+            flow = [row[1] for row in table(pathlib.Path(NILE[1]).read_text())[1]]
+            for t in range(99):
+                self.assertAlmostEqual(rows[t][1], levels[t + 1] - levels[t], delta=1e-7)
+                self.assertAlmostEqual(rows[t][3], flow[t] - levels[t], delta=1e-7)
+            # Durbin and Koopman (2012), figure 2.3: 1916 (row 45) and the drop of 1899 (row 28) stand out.
+            self.assertEqual(28, max(range(99), key=lambda t: abs(rows[t][5])) + 1)
+            for row in rows[:99]:
+                self.assertAlmostEqual(row[6], row[3] / row[4], delta=1e-9)
+
+    def test_trajectories_of_the_states(self):
+        with Folder() as folder:
+            out = folder.path / "out"
+            run("filter", *NILE, *self.VALUES, "--smooth", "--trajectories", 400, "-o", out, code=0)
+            head, rows = table((out / "trajectories.csv").read_text())
+            self.assertEqual(["trajectory", "time [s]", "level"], head)
+            states = table((out / "states.csv").read_text())[1]
+            for t in (0, 50, 99):  # 4.5 standard errors: six numbers, one false alarm in 25,000
+                values = [row[2] for row in rows if row[1] == t]
+                mean = sum(values) / 400
+                sd = math.sqrt(sum((value - mean) ** 2 for value in values) / 400)
+                self.assertLess(abs(mean - states[t][1]), 4.5 * states[t][2] / 20)
+                self.assertLess(abs(sd / states[t][2] - 1), 4.5 / math.sqrt(800))
+            self.assertIn("--trajectories alone", run("filter", *NILE, "--trajectories", 3, code=2).stderr)
 
     def test_log_likelihood_by_row(self):
         with Folder() as folder:

@@ -34,6 +34,26 @@ class Forecast(unittest.TestCase):
             for row, mean in zip(rows, ahead["mean"][0]):
                 self.assertAlmostEqual(row[1], mean, delta=1e-6)
 
+    def test_scenarios_have_the_mean_and_deviation_of_the_forecast(self):
+        # 2000 scenarios: a mean off by 4.5 of its standard errors, or a deviation by 4.5 of its, is one case in 7000 among 10 numbers.
+        forecast = table(run("forecast", *NILE, "-n", 5, *self.VALUES, code=0).stdout)[1]
+        head, paths = table(run("forecast", *NILE, "-n", 5, *self.VALUES, "--scenarios", 2000, "--seed", 3, code=0).stdout)
+        self.assertEqual("level_1", head[1])
+        for row, path in zip(forecast, paths):
+            values = path[1:]
+            mean = sum(values) / len(values)
+            sd = math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
+            self.assertLess(abs(mean - row[1]), 4.5 * row[2] / math.sqrt(2000))
+            self.assertLess(abs(sd / row[2] - 1), 4.5 / math.sqrt(4000))
+        # One of them is one motion: neighbours differ by the level's step and two measurements, not by two forecasts.
+        steps = [b - a for a, b in zip(paths[3][1:], paths[4][1:])]
+        spread = sum(step**2 for step in steps) / len(steps)
+        self.assertLess(abs(spread / (1469.1 + 2 * 15099) - 1), 4.5 * math.sqrt(2 / 2000))
+        with Folder() as made:
+            run("forecast", *NILE, "-n", 5, *self.VALUES, "--scenarios", 2000, "--seed", 3, "-o", made.path / "out", code=0)
+            self.assertEqual(paths, table((made.path / "out/scenarios.csv").read_text())[1])
+        self.assertIn("--seed does not apply", run("forecast", *NILE, "-n", 5, "--seed", 3, code=2).stderr)
+
     def test_values_that_were_found(self):
         with Folder() as made:
             folder = made.path

@@ -1,8 +1,10 @@
 """simulate: manoeuvres, and truth that comes back."""
+import json
+import math
 import subprocess
 import unittest
 
-from program import LANE_CHANGE, PROGRAM, ROOT, Folder, result, run
+from program import LANE_CHANGE, PROGRAM, ROOT, Folder, result, run, table
 
 
 class Manoeuvres(unittest.TestCase):
@@ -39,6 +41,36 @@ class Simulate(unittest.TestCase):
             for p in out["parameters"]:
                 self.assertLess(abs(p["value"] - 1), 4 * p["se"])
 
+
+    def test_an_impulse(self):
+        """y(t+1) = a y(t) + b u(t) + w: b a^(k-1) of the input, in units of y per unit of u, a^(k-1) of the noise, errors by the slopes."""
+        text = ("identikal: 1\ntime: {step: 0.5 s}\nparameters: {a: {value: 0.7}, b: {value: 2}, q: {value: 1, min: 0}}\n"
+                "A: [[a]]\nB: [[b]]\nC: [[1]]\nG: [[1]]\nQ: [[q]]\nR: [[0.01]]\n"
+                "inputs: [{name: u, column: u, unit: km}]\noutputs: [{name: y, column: y}]\n")
+        with Folder() as folder:
+            model = folder.write("m.yaml", text)
+            run("simulate", model, "-n", 400, "--input", "u=sin(t^1.5)", "-o", folder.path, code=0)
+            run("tune", model, folder.path / "simulated.csv", "-o", folder.path / "tuned", code=0)
+            found = json.loads((folder.path / "tuned/result.json").read_text())
+            values = {p["name"]: p["value"] for p in found["parameters"]}
+            se = {p["name"]: p["se"] for p in found["parameters"]}
+            a, b = values["a"], values["b"]
+            names = found["correlation"]["names"]
+            rho = found["correlation"]["matrix"][names.index("a")][names.index("b")]
+            head, rows = table(run("simulate", model, "--impulse", "u", "-n", 6, "--from", folder.path / "tuned", code=0).stdout)
+            self.assertEqual(["time [s]", "y", "y_se", "y_low", "y_high"], head)
+            self.assertEqual([0, 0, 0, 0, 0], rows[0])
+            for k, row in list(enumerate(rows))[1:]:
+                by_a, by_b = (k - 1) * b * a ** (k - 2), a ** (k - 1)
+                variance = (by_a * se["a"]) ** 2 + (by_b * se["b"]) ** 2 + 2 * rho * by_a * by_b * se["a"] * se["b"]
+                self.assertAlmostEqual(row[0], 0.5 * k)
+                self.assertAlmostEqual(row[1], 1000 * b * a ** (k - 1), delta=1e-6)
+                self.assertAlmostEqual(row[2], 1000 * math.sqrt(variance), delta=1e-5)
+                self.assertAlmostEqual(row[4] - row[1], 1.959963985 * row[2], delta=1e-5)
+            head, rows = table(run("simulate", model, "--impulse", "x1", "-n", 4, "--set", "a=0.5", code=0).stdout)
+            self.assertEqual([[0, 0], [0.5, 1], [1, 0.5], [1.5, 0.25]], rows)
+            self.assertIn("no input or state 'v'", run("simulate", model, "--impulse", "v", "-n", 4, code=2).stderr)
+            self.assertIn("number of rows", run("simulate", model, "--impulse", "u", code=2).stderr)
 
     def test_a_model_from_a_pipe(self):
         text = (ROOT / "examples/nile.yaml").read_text()

@@ -20,6 +20,13 @@ class Tune(unittest.TestCase):
         self.assertAlmostEqual(se["r"], 3145.5, delta=1)
         self.assertAlmostEqual(se["q"], 1280.4, delta=1)
 
+    def test_a_search_ends_after_as_many_iterations_as_it_may_take(self):
+        done = run("tune", *NILE, "--set", "q=1", "--starts", 1, "--iterations", 2, code=3).stdout
+        self.assertIn("2 iterations", done)
+        out = result("tune", *NILE, "--set", "q=1", "--starts", 1, "--iterations", 400)
+        self.assertAlmostEqual(out["objective"]["log_likelihood"], -632.545625, delta=1e-5)
+        self.assertIn("--iterations does not apply", run("tune", *NILE, "--method", "als", "--iterations", 2, code=2).stderr)
+
     def test_system_7(self):
         data = shared("likelihood/sys7.csv")
         out = result("tune", ROOT / "examples/system7.yaml", data)

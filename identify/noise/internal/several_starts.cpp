@@ -127,6 +127,7 @@ class Searches {
   Search run(const LikelihoodProblem& problem, int start, const std::optional<Point>& known) {
     Search out;
     SolverOptions solver = search_options();
+    if (options_.iterations > 0) solver.max_iterations = options_.iterations;
     solver.progress = [&](int iteration, double L) {
       out.path.push_back(L);
       const std::lock_guard<std::mutex> lock(mutex_);
