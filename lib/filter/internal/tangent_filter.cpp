@@ -249,15 +249,31 @@ bool TangentFilter::start_stationary() {
   using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   StationaryStart start;
   if (!start.compute(model_->A, matrix(W_.data(), 0))) return false;
-  const int count = start.powers().count();
+  if (start_register(start)) return true;
+  const Powers<Eigen::Dynamic>* by = start.powers();
+  if (by == nullptr) return false;
   std::vector<double> powers;
-  powers.reserve(static_cast<std::size_t>(count * n_ * n_));
-  for (int q = 0; q < count; ++q) {
-    const RowMatrix power = start.powers().power(q);
+  powers.reserve(static_cast<std::size_t>(by->count() * n_ * n_));
+  for (int q = 0; q < by->count(); ++q) {
+    const RowMatrix power = by->power(q);
     powers.insert(powers.end(), power.data(), power.data() + power.size());
   }
   const RowMatrix P = start.P(), PA = start.PA();
-  simd::start_stationary_tangents(common_model(), run_, powers.data(), count, P.data(), PA.data());
+  simd::start_stationary_tangents(common_model(), run_, powers.data(), by->count(), P.data(),
+                                  PA.data());
+  return true;
+}
+
+// false: a derivative leaves no register.
+bool TangentFilter::start_register(StationaryStart& start) {
+  std::vector<MatrixXd> dP;
+  for (std::size_t l = 1; l <= derivatives_->size(); ++l) {
+    const MatrixXd &dA = (*derivatives_)[l - 1].A, dW = matrix(W_.data(), l);
+    if (!start.is_quick(dA, dW)) return false;
+    dP.push_back(start.derivative(dA, dW));
+  }
+  set_matrix(run_.P, 0, start.P());
+  for (std::size_t l = 0; l < dP.size(); ++l) set_matrix(run_.P, 1 + l, dP[l]);
   return true;
 }
 

@@ -15,6 +15,7 @@
 #include "lib/filter/internal/presence.h"
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/tangent_kernel.h"
+#include "lib/internal/stationary_start.h"
 #include "lib/model/state_space.h"
 
 namespace identikal {
@@ -89,6 +90,7 @@ class TangentFilter {
   simd::TangentModel common_model() const;
   void reserve();
   bool start_stationary();
+  bool start_register(StationaryStart& start);
   FilterStatus start_diffuse(InitialState initial);
   FilterStatus run_stretch(const Pattern& p, const TangentRecording& recording, Eigen::Index& t,
                            Eigen::Index end, Likelihood& out);
