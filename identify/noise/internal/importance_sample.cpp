@@ -20,7 +20,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kStarts = 5, kRounds = 6;
+constexpr int kStarts = 5, kSampleRounds = 6;
 constexpr double kDof = 5.0, kPriorShare = 0.1;
 
 // d entries / d coordinates.
@@ -279,7 +279,7 @@ std::optional<PosteriorPoints> importance_sample(const Model& model, const Param
   Draws draws(prior, problem);
   PosteriorPoints out;
   const auto wanted = static_cast<double>(options.draws);
-  for (int round = 0; round < kRounds && out.effective < 0.5 * wanted; ++round) {
+  for (int round = 0; round < kSampleRounds && out.effective < 0.5 * wanted; ++round) {
     const bool all = draws.add(mixture, options.draws, random, goes_on, summary);
     out = draws.weighed(model);
     if (!all) {

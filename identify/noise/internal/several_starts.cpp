@@ -29,7 +29,7 @@ using Eigen::VectorXd;
 constexpr double kSameMaximum = 1e-3;  // log-likelihoods closer than this are the same maximum
 constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search goes on for
 constexpr int kDoubted = 5;            // starts where there is a doubt
-constexpr int kRounds = 4;             // of looking around the best
+constexpr int kSearchRounds = 4;       // of looking around the best
 constexpr int kApproach = 500;         // iterations towards a simulation's least squares
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
@@ -328,7 +328,7 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
       options.starts == 0 && !is_doubted(likelihood.model(), problem, all[0].solution);
   SeveralStarts out;
   // Where roots must stay outside the unit circle, a better maximum is a better place to look around.
-  for (int round = 0; round < kRounds && !alone && most > 1 && !searches.stopped(); ++round) {
+  for (int round = 0; round < kSearchRounds && !alone && most > 1 && !searches.stopped(); ++round) {
     const std::size_t before = all.size();
     const Solution from = best_of(all);
     out.evaluations += searches.choose_others(problem, from.x, round);
