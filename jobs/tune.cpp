@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter/pictures.h"
+#include "identify/model/components.h"
 #include "identify/model/heavy_tails.h"
 #include "identify/model/included_files.h"
 #include "identify/model/model_file.h"
@@ -205,7 +206,8 @@ Outcome tune_further(const TuneOptions& options, const Run& run, Model model) {
     return report_progress(run.call, "trying " + what);
   };
   const std::string& path = options.model.file;
-  const YamlNode root = parse_with_included(run.call.inputs.model_text(path), path);
+  const YamlNode root =
+      with_components(parse_with_included(run.call.inputs.model_text(path), path));
   ExtendResult result = tune_extended(root, model, recordings.data, of_search);
   const auto estimate = std::make_shared<NoiseEstimate>(std::move(result.estimate));
   std::vector<ResultFile> files;
@@ -275,7 +277,8 @@ Outcome tune(const TuneOptions& options, Call& call) {
     if (weighs_further_parts(options, of)) {
       report_progress(run.call, "trying further parts of the model");
       const std::string& path = options.model.file;
-      const YamlNode root = parse_with_included(call.inputs.model_text(path), path);
+      const YamlNode root =
+          with_components(parse_with_included(call.inputs.model_text(path), path));
       judge_by_expected_errors(root, of, recordings, out);
     }
     return out;

@@ -123,7 +123,7 @@ ImpulseResponse impulse_response(const Model& model, const std::string& impulse,
   if (!is_linear(model)) {
     throw InputError({model.source, 0, 0}, "an impulse response of a model that is not linear",
                      "one that is linear and the same at every sample",
-                     "simulate --input drives any model");
+                     "simulate drives any other");
   }
   if (!(as_linear(model).dt > 0.0) || !(model.time.step > 0.0)) {
     throw InputError(model.time.at, "the sampling period is not known", "time: {step: 0.1 s}");

@@ -27,6 +27,22 @@ class Tune(unittest.TestCase):
         self.assertAlmostEqual(out["objective"]["log_likelihood"], -632.545625, delta=1e-5)
         self.assertIn("--iterations does not apply", run("tune", *NILE, "--method", "als", "--iterations", 2, code=2).stderr)
 
+    def test_components_that_miss_dynamics_are_compared_with_further_parts(self):
+        with Folder() as folder:
+            generator = random.Random(3)
+            y = [0.0]
+            for _ in range(300):
+                y.append(0.9 * y[-1] + generator.gauss(0, 1))
+            data = folder.write("data.csv", "y\n" + "\n".join(map(str, y)) + "\n")
+            model = folder.write("model.yaml", """identikal: 1
+time: {step: 1 s}
+parameters: {q: {value: 1, min: 0}}
+components: {y: {kind: arma, ma: 1, variance: q}}
+outputs: {y: {column: y}}
+""")
+            out = result("tune", model, data, code=1)
+            self.assertIn("expected_errors", [each["code"] for each in out["warnings"]])
+
     def test_system_7(self):
         data = shared("likelihood/sys7.csv")
         out = result("tune", ROOT / "examples/system7.yaml", data)
