@@ -31,7 +31,7 @@ namespace identikal {
 ///     if (filter.status != FilterStatus::ok) std::puts(describe(filter.status));
 ///     const Eigen::VectorXd state_now = filter.x_filt.rightCols(1);
 ///
-/// @param model    shapes checked; x0 and P0 are used with InitialState::given
+/// @param model    shapes checked; x0 and P0 are used with InitialState::given and partly_diffuse
 /// @param y        ny x N, NaN = missing
 /// @param u        nu x N
 /// @throws std::invalid_argument when shapes disagree.
