@@ -72,7 +72,7 @@ Outcome table_alone(const OutputForecast& estimate, std::string csv, bool strict
   return out;
 }
 
-// The scenarios as CSV in place of the forecast, or with -o beside it.
+// The scenarios as CSV, printed in place of the forecast or, with -o, written alongside.
 std::string scenarios_text(const ForecastOptions& given, const Model& model,
                            const Dataset& recording, const Dataset* future) {
   const auto seed = static_cast<std::uint64_t>(given.seed >= 0 ? given.seed : 1);

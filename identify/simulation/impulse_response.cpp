@@ -128,6 +128,10 @@ ImpulseResponse impulse_response(const Model& model, const std::string& impulse,
   if (!(as_linear(model).dt > 0.0) || !(model.time.step > 0.0)) {
     throw InputError(model.time.at, "the sampling period is not known", "time: {step: 0.1 s}");
   }
+  if (as_linear(model).continuous && as_linear(model).hold == InputHold::linear) {
+    throw InputError(model.time.at, "an impulse of an input that is held linearly", "inputs: zoh",
+                     "between samples it would be a ramp up and one down");
+  }
   const StateSpace at = instantiate(as_linear(model), model.parameters);
   const Impulse of = impulse_of(model, impulse, at.states());
   ImpulseResponse out;

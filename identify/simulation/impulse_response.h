@@ -37,7 +37,7 @@ struct ImpulseResponse {
 ///     const ImpulseResponse h = impulse_response(model, "u", 40, {});
 ///     std::printf("%g\n", h.mean(0, 1));
 ///
-/// @param model    linear, the same at every sample
+/// @param model    linear, the same at every sample, with a sampling period and inputs held constant
 /// @param impulse  name of an input; of a state (of matrices: x1, x2, ...), for the noise in its equation
 /// @throws InputError for another model, and a name that is neither
 ImpulseResponse impulse_response(const Model& model, const std::string& impulse, Eigen::Index rows,

@@ -26,7 +26,7 @@ struct ExpectedInformation {
 /// covariance of [x, dx/d(theta_1), ..., dx/d(theta_k)], which the innovations drive. Where only
 /// noise changes, x takes no part, and the covariances of pairs of dx/d(theta) follow from one
 /// recursion of n x n, backwards: k parameters of a large system are then as many times n x n, not
-/// the square of it. A diffuse start has no expectation of its own (what the first samples say of
+/// the square of it. A diffuse start, in some states or all, has no expectation of its own (what the first samples say of
 /// the state has no size): all samples are then counted with the steady filter, started at zero.
 ///
 /// Example:

@@ -69,6 +69,8 @@ class Simulate(unittest.TestCase):
                 self.assertAlmostEqual(row[4] - row[1], 1.959963985 * row[2], delta=1e-5)
             head, rows = table(run("simulate", model, "--impulse", "x1", "-n", 4, "--set", "a=0.5", code=0).stdout)
             self.assertEqual([[0, 0], [0.5, 1], [1, 0.5], [1.5, 0.25]], rows)
+            held = folder.write("held.yaml", text.replace("{step: 0.5 s}", "{kind: continuous, step: 0.5 s, inputs: foh}").replace("Q:", "noise: {process: per-sample}\nQ:"))
+            self.assertIn("held linearly", run("simulate", held, "--impulse", "u", "-n", 4, code=2).stderr)
             self.assertIn("no input or state 'v'", run("simulate", model, "--impulse", "v", "-n", 4, code=2).stderr)
             self.assertIn("number of rows", run("simulate", model, "--impulse", "u", code=2).stderr)
 

@@ -48,18 +48,19 @@ std::optional<ProperStart> proper_start(const StateSpace& model, InitialState in
   const Index n = model.states();
   const bool all = initial == InitialState::diffuse;
   if (!all && model.P0.hasNaN()) return std::nullopt;
-  ProperStart out;
+  std::vector<Index> states;  // of delta
   for (Index i = 0; i < n; ++i) {
-    if (all || std::isinf(model.P0(i, i))) out.states.push_back(i);
+    if (all || std::isinf(model.P0(i, i))) states.push_back(i);
   }
-  const auto d = static_cast<Index>(out.states.size());
+  const auto d = static_cast<Index>(states.size());
+  ProperStart out;
   const VectorXd scale = proper_scale(model);
-  out.scale = scale(out.states);
+  out.scale = scale(states);
   out.P = all ? MatrixXd::Zero(n, n) : model.P0;
   out.Z = MatrixXd::Zero(n, 1 + d);
   if (!all) out.Z.col(0) = model.x0;
   for (Index c = 0; c < d; ++c) {
-    const Index state = out.states[static_cast<std::size_t>(c)];
+    const Index state = states[static_cast<std::size_t>(c)];
     out.P(state, state) = scale[state];
     out.Z(state, 1 + c) = 1.0;
   }

@@ -30,10 +30,9 @@ Eigen::VectorXd proper_scale(const StateSpace& model);
 
 /// The start as a filter holds it: x(1) = proper part + X delta, of d states that nothing is known of.
 struct ProperStart {
-  std::vector<Eigen::Index> states;  ///< d: those of delta
-  Eigen::VectorXd scale;             ///< d: what proper_scale() says of them
-  Eigen::MatrixXd P;                 ///< n x n: covariance of the proper part
-  Eigen::MatrixXd Z;                 ///< n x (1 + d): its mean, and X
+  Eigen::VectorXd scale;  ///< d: what proper_scale() says of them
+  Eigen::MatrixXd P;      ///< n x n: covariance of the proper part
+  Eigen::MatrixXd Z;      ///< n x (1 + d): its mean, and X
 
   Eigen::Index diffuse() const { return scale.size(); }
 };
