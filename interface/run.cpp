@@ -82,15 +82,6 @@ MakeVerb verb_called(const std::string& name) {
                    fmt::format("one of {}", fmt::join(names, ", ")), did_you_mean(name, names));
 }
 
-// The arguments of ik_run(), none of them checked.
-struct Arguments {
-  const char* model_yaml;
-  const ik_recording* recordings;
-  std::size_t count;
-  const ik_result* const* previous;
-  std::size_t previous_count;
-};
-
 void check_arguments(const Arguments& given, const std::string& verb) {
   if (given.count > 0 && given.recordings == nullptr) {
     throw InputError({}, fmt::format("recordings is NULL and count is {}", given.count),
@@ -109,22 +100,25 @@ void check_arguments(const Arguments& given, const std::string& verb) {
   }
   const bool of_results =
       verb == "validate" || verb == "compare" || (verb == "handling" && given.previous_count > 0);
-  if (of_results && given.model_yaml != nullptr) {
+  const bool has_model = given.model_yaml != nullptr || !given.model_file.empty();
+  if (of_results && has_model) {
     throw InputError({}, fmt::format("'{}' with a model", verb),
                      "previous results, which hold their models");
   }
-  if (verb == "compare" && given.count > 0) {
-    throw InputError({}, fmt::format("'compare' with {} recordings", given.count),
+  if (verb == "compare" && given.count + given.files.size() > 0) {
+    throw InputError({},
+                     fmt::format("'compare' with {} recordings", given.count + given.files.size()),
                      "previous results alone, which say what they were fitted to");
   }
-  if (!of_results && given.model_yaml == nullptr) {
+  if (!of_results && !has_model) {
     throw InputError({}, "model_yaml is NULL", "the text of a model file");
   }
   const std::size_t least = verb == "validate" ? 1 : verb == "compare" ? 2 : 0;
-  const std::size_t most =
-      verb == "compare"                                                                    ? 1000
-      : verb == "validate" || verb == "filter" || verb == "forecast" || verb == "handling" ? 1
-                                                                                           : 0;
+  const std::size_t most = verb == "compare" ? 1000
+                           : verb == "validate" || verb == "filter" || verb == "forecast" ||
+                                   verb == "simulate" || verb == "handling"
+                               ? 1
+                               : 0;
   if (given.previous_count < least || given.previous_count > most) {
     throw InputError(
         {}, fmt::format("{} previous results for '{}'", given.previous_count, verb),
@@ -138,6 +132,7 @@ Model model_of_recordings(const Arguments& given, const std::string& verb, Input
     const StoredResult result = inputs.result(result_name_in_memory(0));
     return estimated_model(result.estimate, result.path);
   }
+  if (!given.model_file.empty()) return inputs.model(given.model_file);
   if (given.model_yaml == nullptr) return {};
   return inputs.model(model_name_in_memory());
 }
@@ -158,22 +153,26 @@ void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs
 }
 
 // What the command line takes as arguments.
-void take_arguments(const Verb& verb, const Inputs& inputs) {
+void take_arguments(const Verb& verb, const ik_result& result) {
+  const Inputs& inputs = result.inputs;
   const auto names = [&](std::string (*name)(std::size_t)) {
     std::vector<std::string> out;
     while (inputs.is_in_memory(name(out.size()))) out.push_back(name(out.size()));
     return out;
   };
-  const std::vector<std::string> recordings = names(recording_name_in_memory);
+  std::vector<std::string> recordings = names(recording_name_in_memory);
+  recordings.insert(recordings.end(), result.files.begin(), result.files.end());
   const std::vector<std::string> results = names(result_name_in_memory);
+  const bool in_file = !result.model_file.empty();
+  const std::string model = in_file ? result.model_file : model_name_in_memory();
   for (const Option& option : verb.options) {
     std::vector<std::string> values;
-    if (option.names == "MODEL") values = {model_name_in_memory()};
+    if (option.names == "MODEL") values = {model};
     if (option.names == "RESULT" || option.names == "--from") values = results;
     if (option.names == "DATA") values = recordings;
     if (option.names == "FILES") {
       values = results;
-      if (inputs.is_in_memory(model_name_in_memory())) values.push_back(model_name_in_memory());
+      if (in_file || inputs.is_in_memory(model)) values.push_back(model);
       values.insert(values.end(), recordings.begin(), recordings.end());
     }
     if (option.is_argument() && option.required && values.empty()) {
@@ -192,10 +191,9 @@ void ask_for_json(const Verb& verb) {
   }
 }
 
-Outcome run_verb(const ik_result& result, bool wants_page,
-                 const std::function<bool(const std::string&, double, double)>& progress) {
+Outcome run_verb(const ik_result& result, bool wants_page, const Progress& progress) {
   const Verb verb = verb_called(result.verb)();
-  take_arguments(verb, result.inputs);
+  take_arguments(verb, result);
   ask_for_json(verb);
   take_json_options(verb, result.options);
   Call call;
@@ -207,22 +205,33 @@ Outcome run_verb(const ik_result& result, bool wants_page,
   return verb.run(call);
 }
 
-void run(ik_result& result, const Arguments& given, const ik_callbacks* callbacks) {
+Progress progress_of(const ik_callbacks* callbacks) {
+  if (callbacks == nullptr || callbacks->size < sizeof(ik_callbacks) || !callbacks->progress)
+    return {};
+  return [callbacks](const std::string& what, double share, double value) {
+    return callbacks->progress(callbacks->user, what.c_str(), share, value) != 0;
+  };
+}
+
+}  // namespace
+
+void run(ik_result& result, const Arguments& given, const Progress& progress) {
   verb_called(result.verb);  // throws unless there is one
   check_arguments(given, result.verb);
+  result.model_file = given.model_file;
+  result.files = given.files;
   keep_inputs(given, result.verb, result.inputs);
-  std::function<bool(const std::string&, double, double)> progress;
-  if (callbacks != nullptr && callbacks->size >= sizeof(ik_callbacks) && callbacks->progress) {
-    progress = [callbacks](const std::string& what, double share, double value) {
-      return callbacks->progress(callbacks->user, what.c_str(), share, value) != 0;
-    };
-  }
   result.outcome = run_verb(result, false, progress);
   result.code = result.outcome.exit_code;
   result.message = result.outcome.message;
 }
 
-}  // namespace
+void draw_page(ik_result& result) {
+  if (!result.outcome.json.exists() || !result.page.empty()) return;
+  const Outcome drawn = run_verb(result, true, {});
+  if (!drawn.page_data.empty()) result.page = report_page(drawn.json.text(), drawn.page_data);
+}
+
 }  // namespace identikal
 
 using identikal::guarded;
@@ -240,7 +249,8 @@ int ik_run(const char* verb, const char* model_yaml, const ik_recording* recordi
     if (verb == nullptr) throw InputError({}, "verb is NULL", "tune, fit, ...");
     out->verb = verb;
     out->options = options_json != nullptr ? options_json : "{}";
-    identikal::run(*out, {model_yaml, recordings, count, previous, previous_count}, callbacks);
+    identikal::run(*out, {model_yaml, recordings, count, previous, previous_count},
+                   identikal::progress_of(callbacks));
   });
   const int code = out->code;
   if (result != nullptr) *result = out.release();
@@ -276,14 +286,9 @@ const double* ik_result_series(const ik_result* result, const char* name, size_t
 }
 
 const char* ik_result_report_html(ik_result* result) {
-  if (result == nullptr || !result->outcome.json.exists()) return "";
-  if (!result->page.empty()) return result->page.c_str();
+  if (result == nullptr) return "";
   ik_result problem;
-  guarded(problem, [&] {
-    const identikal::Outcome drawn = identikal::run_verb(*result, true, {});
-    if (drawn.page_data.empty()) return;
-    result->page = identikal::report_page(drawn.json.text(), drawn.page_data);
-  });
+  guarded(problem, [&] { identikal::draw_page(*result); });
   return result->page.c_str();
 }
 

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "interface/identikal.h"
 #include "jobs/verb.h"
@@ -14,6 +15,8 @@ struct ik_result {
   identikal::Outcome outcome;
   identikal::Inputs inputs;
   std::string verb, options;
+  std::string model_file;          ///< in place of a text
+  std::vector<std::string> files;  ///< recordings in files
 };
 
 namespace identikal {
@@ -22,6 +25,26 @@ namespace identikal {
 std::string model_name_in_memory();
 std::string recording_name_in_memory(std::size_t index);
 std::string result_name_in_memory(std::size_t index);
+
+/// What a verb is run on, none of it checked: the arguments of ik_run(), and what lies in files.
+struct Arguments {
+  const char* model_yaml = nullptr;
+  const ik_recording* recordings = nullptr;
+  std::size_t count = 0;
+  const ik_result* const* previous = nullptr;
+  std::size_t previous_count = 0;
+  std::string model_file = {};  ///< in place of model_yaml
+  std::vector<std::string> files =
+      {};  ///< recordings behind those in memory, as DATA on the command line
+};
+
+using Progress = std::function<bool(const std::string& what, double share, double value)>;
+
+/// Runs result.verb with result.options. @throws InputError and others, which guarded() turns into a code
+void run(ik_result& result, const Arguments& given, const Progress& progress);
+
+/// Draws the page, unless there is one. @throws as run()
+void draw_page(ik_result& result);
 
 /// Does the work, and turns what it throws into the code and message of the command line.
 void guarded(ik_result& result, const std::function<void()>& work) noexcept;

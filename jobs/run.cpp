@@ -142,7 +142,9 @@ Outcome outcome_of(const Run& run, KeptResult result) {
   Outcome out;
   out.message = to_string(result.core->status) + ": " + result.core->message;
   out.exit_code = exit_code(*result.core, strict);
-  if (run.call.wants_text && !run.options.json) out.text = console_report(result.sections);
+  out.estimate = result.core;
+  out.summary = LateText([result] { return console_report(result.sections); });
+  if (run.call.wants_text && !run.options.json) out.text = out.summary.text();
   out.json = LateText([result = std::move(result), strict, seconds = run.seconds()] {
     return result_json(result.sections, strict, seconds);
   });

@@ -52,7 +52,7 @@ struct TuneOptions {
   std::string method = "ml", evaluation = kAutomatic, purpose = kLikelihood, noise = kAsInFile;
   bool reject_outliers = false;
   std::int64_t lags = 0, draws = 0, seconds = 0;
-  bool iterate = false, min_rank = false, full_matrix = false, extend = false;
+  bool iterate = false, min_rank = false, full_matrix = false, extend = false, no_profiles = false;
 
   bool is_als() const { return method == "als" || method == "als-weighted"; }
 };
@@ -83,6 +83,7 @@ NoiseEstimate by_posterior(const TuneOptions& given, const Model& model,
 
 NoiseMlOptions ml_options(const TuneOptions& given, const Run& run) {
   NoiseMlOptions options = likelihood_options(given.search, run);
+  options.profiles = !given.no_profiles;
   for (const Evaluation& each : evaluations()) {
     if (given.evaluation == each.name) options.evaluation = each.method;
   }
@@ -161,6 +162,8 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.search.iterations > 0, !als && !bayes && !estimates, "--iterations",
              "--method ml or auto"},
         Case{options.search.threads > 0, !als && !bayes && !estimates, "--threads",
+             "--method ml or auto"},
+        Case{options.no_profiles, !als && !bayes && !estimates, "--no-profiles",
              "--method ml or auto"},
         Case{chosen, !als && !bayes && !estimates, "--evaluation", "--method ml or auto"}}) {
     if (!each.given || each.applies) continue;
@@ -274,7 +277,7 @@ Outcome tune(const TuneOptions& options, Call& call) {
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     if (options.purpose == kEstimates) return by_references(options, of, recordings, run);
     NoiseEstimate out = method_of(options).run(options, of, recordings, run);
-    if (weighs_further_parts(options, of)) {
+    if (weighs_further_parts(options, of) && innovations_contradict(out)) {
       report_progress(run.call, "trying further parts of the model");
       const std::string& path = options.model.file;
       const YamlNode root =
@@ -335,6 +338,9 @@ Verb tune_verb() {
              "bayes: Number of draws from the posterior.", "2000");
   add_number(verb, "--time-limit", options->seconds, 1, 1000000,
              "bayes: End without a result after this many seconds.", "300");
+  add_flag(verb, "--no-profiles", options->no_profiles,
+           "ml, auto: Leave out the intervals of likelihood profiles, which take most of the time "
+           "of a short recording.");
   add_flag(verb, "--reject-outliers", options->reject_outliers,
            "Find samples that are outliers and leave them out.");
   add_old_flag(verb, "--robust", "--reject-outliers", options->reject_outliers);

@@ -11,6 +11,7 @@
 #include "jobs/options.h"
 #include <Eigen/Core>
 
+#include "identify/estimate/estimate.h"
 #include "identify/estimate/none.h"
 
 namespace identikal {
@@ -41,8 +42,10 @@ bool report_progress(const Call& call, const std::string& what, double share = k
 
 struct Outcome {
   int exit_code = 0;
-  std::string text;                 ///< for people, or JSON where the options ask for it
-  LateText json;                    ///< the result, of verbs that have one
+  std::string text;                          ///< for people, or JSON where the options ask for it
+  LateText json;                             ///< the result, of verbs that have one
+  LateText summary;                          ///< the same for people
+  std::shared_ptr<const Estimate> estimate;  ///< the same as values, of most verbs
   std::string page_data;            ///< what the page draws beyond it (identify/report/page_data.h)
   std::string message;              ///< of a result, its status and why: "ok: converged"
   std::vector<NamedSeries> series;  ///< where the call asks for them

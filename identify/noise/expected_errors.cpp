@@ -224,11 +224,15 @@ ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
   return out;
 }
 
-void judge_by_expected_errors(const YamlNode& root, const Model& given,
-                              const std::vector<Dataset>& recordings, NoiseEstimate& estimate) {
+bool innovations_contradict(const NoiseEstimate& estimate) {
   const bool doubted =
       std::any_of(estimate.findings.begin(), estimate.findings.end(), is_of_innovations);
-  if (estimate.status != Status::untrusted || !doubted || has_misreading(estimate.findings)) return;
+  return estimate.status == Status::untrusted && doubted && !has_misreading(estimate.findings);
+}
+
+void judge_by_expected_errors(const YamlNode& root, const Model& given,
+                              const std::vector<Dataset>& recordings, NoiseEstimate& estimate) {
+  if (!innovations_contradict(estimate)) return;
   Model model = checked(given, recordings);
   model.parameters = parameters_of(estimate, model.parameters);
   const ExpectedErrors errors = expected_errors(root, model, recordings, estimate);

@@ -41,6 +41,10 @@ ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
                                const std::vector<Dataset>& recordings,
                                const NoiseEstimate& estimate);
 
+/// Whether tests of the innovations fail, and nothing that is misread explains it: then
+/// judge_by_expected_errors() has something to do.
+bool innovations_contradict(const NoiseEstimate& estimate);
+
 /// Where tests of the innovations fail: adds expected_errors() to the estimate, and concludes again
 /// by their size. What the innovations show is serious unless the states lose at most 3 % by it and
 /// their squared errors are 2/3 to 3/2 of their variances.

@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <Eigen/QR>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/estimate/test_result.h"
 #include "identify/noise/estimate.h"
+#include "lib/statistics/whiteness.h"
 #include "solvers/covariance.h"
 #include "solvers/scoring.h"
 
@@ -79,6 +84,37 @@ class Runs {
   VectorXd size_;
 };
 
+// e over its standard deviation, channels decorrelated; NaN where a channel is missing.
+MatrixXd standardised(const Innovations& of) {
+  MatrixXd out = of.e;
+  for (Index t = 0; t < of.e.cols(); ++t) {
+    const MatrixXd& Sigma = of.Sigma[of.Sigma.size() == 1 ? 0 : static_cast<std::size_t>(t)];
+    std::vector<Index> there;
+    for (Index i = 0; i < of.e.rows(); ++i) {
+      if (std::isfinite(of.e(i, t))) there.push_back(i);
+    }
+    if (there.empty()) continue;
+    const MatrixXd S = Sigma(there, there);
+    const VectorXd e = of.e.col(t)(there), white = S.llt().matrixL().solve(e);
+    out(there, t) = white;
+  }
+  return out;
+}
+
+// Size and whiteness of the innovations, at 5 % in all.
+void test_innovations(const Innovations& of, NoiseEstimate& estimate) {
+  const MatrixXd e = standardised(of);
+  const double level = 0.05 / static_cast<double>(1 + e.rows());
+  const ChiSquareStatistic nis = normalised_innovation_squared(e);
+  if (nis.dof > 0.0) estimate.tests.push_back(nis_test(nis, level));
+  const int lags = default_lags(e.cols());
+  for (Index i = 0; lags > 0 && i < e.rows(); ++i) {
+    estimate.tests.push_back(
+        ljung_box_test("y" + std::to_string(i + 1), ljung_box(e.row(i).transpose(), lags), level));
+  }
+  append(estimate.findings, check_innovations(estimate));
+}
+
 }  // namespace
 
 NoiseEstimate fit_external_filter(const ParameterSet& parameters, const ExternalFilter& filter,
@@ -137,6 +173,7 @@ NoiseEstimate fit_external_filter(const ParameterSet& parameters, const External
   }
   if (!found.summary.usable()) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.summary));
+  if (const std::optional<Innovations> left = filter(end)) test_innovations(*left, estimate);
   conclude(estimate, "converged");
   return estimate;
 }

@@ -24,7 +24,8 @@ struct ExternalFilterOptions {
 /// Maximises the likelihood of the filter's innovations (lib/filter/innovations.h) over the free
 /// parameters by Fisher scoring. Derivatives are central differences of innovations and
 /// covariances, so an iteration takes two runs of the filter per free number. Standard errors come
-/// from the information at the maximum, beside them those of a sandwich.
+/// from the information at the maximum, beside them those of a sandwich. The innovations at the
+/// maximum are tested: their size (nis) and, channel by channel, whiteness (ljung_box).
 ///
 /// Example:
 ///

@@ -1,0 +1,262 @@
+#include "python/result.h"
+
+#include <cmath>
+#include <optional>
+
+#include <pybind11/stl.h>
+
+#include "identify/result/export.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+namespace py = pybind11;
+
+// A recording as the package hands it over: arrays of float64, row by row, or None.
+struct GivenRecording {
+  std::optional<Doubles> time, y, u;
+  double step = 0.0;
+  std::vector<std::string> names;
+  std::vector<std::optional<std::string>> units;
+  std::vector<const char*> name_pointers, unit_pointers;
+
+  ik_recording view();
+};
+
+std::optional<Doubles> doubles(const py::handle& given) {
+  if (given.is_none()) return std::nullopt;
+  if (!py::isinstance<Doubles>(given)) {
+    throw InputError({}, "samples that are not rows of float64", "arrays in C order");
+  }
+  return py::reinterpret_borrow<Doubles>(given);
+}
+
+GivenRecording given_recording(const py::handle& item) {
+  const auto parts = py::cast<py::tuple>(item);
+  GivenRecording out;
+  out.time = doubles(parts[0]);
+  out.y = doubles(parts[1]);
+  out.u = doubles(parts[2]);
+  out.step = py::cast<double>(parts[3]);
+  out.names = py::cast<std::vector<std::string>>(parts[4]);
+  out.units = py::cast<std::vector<std::optional<std::string>>>(parts[5]);
+  return out;
+}
+
+ik_recording GivenRecording::view() {
+  ik_recording out{};
+  const auto take = [&](const std::optional<Doubles>& from, const double*& values,
+                        std::size_t& columns) {
+    if (!from) return;
+    values = from->data();
+    out.rows = static_cast<std::size_t>(from->shape(0));
+    columns = from->ndim() > 1 ? static_cast<std::size_t>(from->shape(1)) : 1;
+  };
+  std::size_t of_time = 0;
+  take(time, out.time, of_time);
+  take(u, out.u, out.nu);
+  take(y, out.y, out.ny);
+  for (const auto* each : {&time, &u, &y}) {
+    if (each->has_value() && static_cast<std::size_t>((*each)->shape(0)) != out.rows) {
+      throw InputError({}, "times, outputs and inputs of different lengths",
+                       "a row for each sample");
+    }
+  }
+  out.step = step;
+  for (const std::string& name : names) name_pointers.push_back(name.c_str());
+  for (const auto& unit : units) unit_pointers.push_back(unit ? unit->c_str() : nullptr);
+  if (!names.empty() && names.size() != out.ny + out.nu) {
+    throw InputError({}, "as many names as columns are needed", "a name for each column");
+  }
+  if (!units.empty() && units.size() != out.ny + out.nu) {
+    throw InputError({}, "as many units as columns are needed", "a unit for each column");
+  }
+  out.names = names.empty() ? nullptr : name_pointers.data();
+  out.units = units.empty() ? nullptr : unit_pointers.data();
+  return out;
+}
+
+// The verb, without the interpreter; what it throws becomes code and message.
+py::tuple run_verb(const std::string& verb, const std::optional<std::string>& model,
+                   const std::string& model_file, const py::list& recordings,
+                   const std::vector<std::string>& files, const std::vector<SharedResult>& previous,
+                   const std::string& options, const py::object& progress) {
+  auto result = std::make_shared<ik_result>();
+  result->verb = verb;
+  result->options = options;
+  std::vector<GivenRecording> given;
+  std::vector<ik_recording> views;
+  std::vector<const ik_result*> before;
+  for (const SharedResult& each : previous) before.push_back(each.get());
+  Pulse pulse(progress);
+  guarded(*result, [&] {
+    for (const py::handle& item : recordings) given.push_back(given_recording(item));
+    for (GivenRecording& each : given) views.push_back(each.view());
+    Arguments arguments;
+    arguments.model_yaml = model ? model->c_str() : nullptr;
+    arguments.model_file = model_file;
+    arguments.recordings = views.data();
+    arguments.count = views.size();
+    arguments.files = files;
+    arguments.previous = before.data();
+    arguments.previous_count = before.size();
+    const py::gil_scoped_release released;
+    run(*result, arguments, std::ref(pulse));
+  });
+  pulse.rethrow();
+  return py::make_tuple(result, pulse.interrupted());
+}
+
+// name, value, se, interval, error bound, unit, verdict, start, fixed, bounds
+py::object parameters_of(const ik_result& result) {
+  if (!result.outcome.estimate) return py::none();
+  py::list out;
+  for (const EstimatedParameter& p : result.outcome.estimate->parameters) {
+    out.append(py::make_tuple(p.name, p.value, p.se, py::make_tuple(p.ci95[0], p.ci95[1]), p.crb_se,
+                              p.unit, to_string(p.verdict), p.start, p.fixed,
+                              py::make_tuple(p.bounds[0], p.bounds[1])));
+  }
+  return out;
+}
+
+// severity, code, text, remedy
+py::object findings_of(const ik_result& result) {
+  if (!result.outcome.estimate) return py::none();
+  py::list out;
+  for (const Finding& f : printed(result.outcome.estimate->findings)) {
+    out.append(py::make_tuple(to_string(f.severity), std::string(name_of(f)), f.text, f.remedy));
+  }
+  return out;
+}
+
+py::object series_of(const py::object& self, const std::string& name) {
+  const auto& result = py::cast<const ik_result&>(self);
+  for (const NamedSeries& each : result.outcome.series) {
+    if (each.name != name) continue;
+    // A view, which keeps the result alive and cannot be written to.
+    py::array_t<double> view({each.values.rows(), each.values.cols()}, each.values.data(), self);
+    py::detail::array_proxy(view.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+    return view;
+  }
+  return py::none();
+}
+
+std::vector<std::string> series_names_of(const ik_result& result) {
+  std::vector<std::string> out;
+  for (const NamedSeries& each : result.outcome.series) out.push_back(each.name);
+  return out;
+}
+
+std::string page_of(ik_result& result) {
+  ik_result problem;
+  guarded(problem, [&] {
+    draw_page(result);
+    problem.code = 0;
+  });
+  if (problem.code != 0) throw std::runtime_error(problem.message);
+  return result.page;
+}
+
+StoredResult stored(const ik_result& result) {
+  Inputs inputs;
+  inputs.keep_result(result_name_in_memory(0), result.outcome.json.text(), "");
+  return inputs.result(result_name_in_memory(0));
+}
+
+std::string exported_of(const ik_result& result, const std::string& to) {
+  const std::optional<ExportFormat> format = export_format(to);
+  std::string text;
+  ik_result problem;
+  guarded(problem, [&] {
+    if (!format) throw InputError({}, "'" + to + "' is no format", export_format_list());
+    if (!result.outcome.json.exists()) throw InputError({}, "no result to export", "an estimate");
+    text = export_text(stored(result), *format);
+    problem.code = 0;
+  });
+  if (problem.code != 0) throw std::invalid_argument(problem.message);
+  return text;
+}
+
+// For pickle: texts and numbers; what could draw the page again stays behind.
+py::dict state_of(const py::object& self) {
+  const auto& result = py::cast<const ik_result&>(self);
+  py::dict kept, series_kept;
+  for (const NamedSeries& each : result.outcome.series) {
+    series_kept[each.name.c_str()] = series_of(self, each.name).attr("copy")();
+  }
+  kept["verb"] = result.verb;
+  kept["code"] = result.code;
+  kept["message"] = result.message;
+  kept["page"] = result.page;
+  kept["text"] = result.outcome.text;
+  kept["json"] = result.outcome.json.text();
+  kept["summary"] = result.outcome.summary.text();
+  kept["series"] = series_kept;
+  return kept;
+}
+
+LateText kept_text(const py::dict& kept, const char* key) {
+  auto text = py::cast<std::string>(kept[key]);
+  if (text.empty()) return {};
+  return LateText([text = std::move(text)] { return text; });
+}
+
+SharedResult restored(const py::dict& kept) {
+  auto out = std::make_shared<ik_result>();
+  out->verb = py::cast<std::string>(kept["verb"]);
+  out->code = py::cast<int>(kept["code"]);
+  out->message = py::cast<std::string>(kept["message"]);
+  out->page = py::cast<std::string>(kept["page"]);
+  out->outcome.text = py::cast<std::string>(kept["text"]);
+  out->outcome.json = kept_text(kept, "json");
+  out->outcome.summary = kept_text(kept, "summary");
+  for (const auto& [name, values] : py::cast<py::dict>(kept["series"])) {
+    const auto array = py::cast<Doubles>(values);
+    NamedSeries each{py::cast<std::string>(name), {}};
+    each.values =
+        Eigen::Map<const decltype(each.values)>(array.data(), array.shape(0), array.shape(1));
+    out->outcome.series.push_back(std::move(each));
+  }
+  return out;
+}
+
+double log_likelihood_of(const ik_result& result) {
+  return result.outcome.estimate ? result.outcome.estimate->objective.log_likelihood : std::nan("");
+}
+
+py::object status_of(const ik_result& result) {
+  if (!result.outcome.estimate) return py::none();
+  return py::str(to_string(result.outcome.estimate->status));
+}
+
+}  // namespace
+
+void add_results(py::module_& module) {
+  py::class_<ik_result, SharedResult>(module, "Result")
+      .def_readonly("code", &ik_result::code)
+      .def_readonly("message", &ik_result::message)
+      .def_readonly("verb", &ik_result::verb)
+      .def("has_document", [](const ik_result& r) { return r.outcome.json.exists(); })
+      .def("has_values", [](const ik_result& r) { return r.outcome.estimate != nullptr; })
+      .def("status", status_of)
+      .def("log_likelihood", log_likelihood_of)
+      .def("parameters", parameters_of)
+      .def("findings", findings_of)
+      .def("series", series_of)
+      .def("series_names", series_names_of)
+      .def("text", [](const ik_result& r) { return r.outcome.text; })
+      .def(
+          "json", [](const ik_result& r) { return r.outcome.json.text(); },
+          py::call_guard<py::gil_scoped_release>())
+      .def(
+          "summary", [](const ik_result& r) { return r.outcome.summary.text(); },
+          py::call_guard<py::gil_scoped_release>())
+      .def("page", page_of, py::call_guard<py::gil_scoped_release>())
+      .def("export", exported_of, py::call_guard<py::gil_scoped_release>())
+      .def("state", state_of);
+  module.def("run", run_verb);
+  module.def("restored", restored);
+}
+
+}  // namespace identikal
