@@ -1,9 +1,12 @@
 #include "command/command_line.h"
 
 #include <algorithm>
+#include <iostream>
 #include <iterator>
 #include <memory>
+#include <new>
 #include <sstream>
+#include <stdexcept>
 #include <string_view>
 
 #include "jobs/verbs.h"
@@ -297,6 +300,27 @@ int run_command_line(int argc, char** argv) {
   const auto typed =
       std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
   return run_verb(*typed, as_typed(argc, argv));
+}
+
+int run_program(int argc, char** argv) noexcept {
+  try {
+    return run_command_line(argc, argv);
+  } catch (const InputError& error) {
+    std::cerr << "identikal: " << error.what() << "\n";
+    return 2;
+  } catch (const OutputError& error) {
+    std::cerr << "identikal: " << error.what() << "\n";
+    return 5;
+  } catch (const std::invalid_argument& error) {  // a model and recordings that do not go together
+    std::cerr << "identikal: " << error.what() << "\n";
+    return 2;
+  } catch (const std::bad_alloc&) {
+    std::cerr << "identikal: not enough memory; expected less data, or more memory for this job\n";
+    return 5;
+  } catch (const std::exception& error) {
+    std::cerr << "identikal: internal error: " << error.what() << "; please report it\n";
+    return 5;
+  }
 }
 
 }  // namespace identikal

@@ -104,6 +104,13 @@ void add_time(const ik_recording& given, const Model& model, const std::string& 
     check_step(given, model, name);
     return;
   }
+  if (table.find(model.time.column) != nullptr) {
+    if (given.time == nullptr) return;
+    throw InputError(
+        {name, 0, 0},
+        fmt::format("times, and a column '{}', which the model takes for them", model.time.column),
+        "one of the two");
+  }
   std::vector<double> times;
   if (given.time != nullptr) {
     times.assign(given.time, given.time + given.rows);

@@ -1,12 +1,35 @@
 // The module identikal._identikal: verbs, results and filters for the package around it.
-#include "jobs/verbs.h"
-#include "python/result.h"
+#include <string>
+#include <vector>
 
+#include "python/result.h"
+#include <pybind11/stl.h>
+
+#include "command/command_line.h"
+#include "lib/data/units.h"
 #include "lib/version.h"
+
+namespace identikal {
+namespace {
+
+// The tool, for python -m identikal.
+int tool(std::vector<std::string> arguments) {
+  std::vector<char*> pointers;
+  for (std::string& each : arguments) pointers.push_back(each.data());
+  pointers.push_back(nullptr);
+  const pybind11::gil_scoped_release released;
+  return run_program(static_cast<int>(arguments.size()), pointers.data());
+}
+
+}  // namespace
+}  // namespace identikal
 
 PYBIND11_MODULE(_identikal, module) {
   module.doc() = "What the package identikal is made of; not for use by itself.";
   module.attr("version") = IDENTIKAL_VERSION;
+  module.def("tool", identikal::tool);
+  module.def("is_unit",
+             [](const std::string& text) { return identikal::parse_unit(text).has_value(); });
   identikal::add_results(module);
   identikal::add_external_filter(module);
   identikal::add_online_filter(module);

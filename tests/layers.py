@@ -20,6 +20,7 @@ ORDER = {
     "jobs": [""],
     "interface": [""],
     "command": [""],
+    "python": [""],
 }
 MOST_FLOORS = 7
 # Headers of these libraries stay behind single files, so that the rest compiles fast and can do without them.
@@ -27,6 +28,7 @@ ONLY_IN = {
     r"ceres/": r"solvers/(ceres_backend|sparse_least_squares|internal/ceres_options)\.(cpp|h)",
     r"nlopt": r"solvers/nlopt_backend\.cpp",
     r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel|tangent_kernel)\.cpp",
+    r"pybind11/": r"python/.*",
     r"CLI/": r"command/.*",
     r"nlohmann/": r"(identify/(result|report)/(.*\.cpp|internal/.*\.h)|interface/.*\.cpp)",
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",

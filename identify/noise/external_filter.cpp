@@ -101,8 +101,14 @@ MatrixXd standardised(const Innovations& of) {
   return out;
 }
 
-// Size and whiteness of the innovations, at 5 % in all.
-void test_innovations(const Innovations& of, NoiseEstimate& estimate) {
+// Size and whiteness of the innovations, at 5 % in all, and how many they are.
+void test_innovations(const Innovations& of, Index free, NoiseEstimate& estimate) {
+  Objective& objective = estimate.objective;
+  objective.samples = of.e.array().isFinite().count();
+  objective.rows = of.e.array().isFinite().colwise().any().count();
+  const double k = static_cast<double>(free), L = objective.log_likelihood;
+  objective.bic = k * std::log(static_cast<double>(objective.rows)) - 2.0 * L;
+  objective.bic_values = k * std::log(static_cast<double>(objective.samples)) - 2.0 * L;
   const MatrixXd e = standardised(of);
   const double level = 0.05 / static_cast<double>(1 + e.rows());
   const ChiSquareStatistic nis = normalised_innovation_squared(e);
@@ -173,7 +179,8 @@ NoiseEstimate fit_external_filter(const ParameterSet& parameters, const External
   }
   if (!found.summary.usable()) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.summary));
-  if (const std::optional<Innovations> left = filter(end)) test_innovations(*left, estimate);
+  if (const std::optional<Innovations> left = filter(end))
+    test_innovations(*left, start.size(), estimate);
   conclude(estimate, "converged");
   return estimate;
 }

@@ -113,7 +113,7 @@ class _Parameters:
 
     def __init__(self, given):
         self.all = {}
-        for name, value in (given or {}).items():
+        for name, value in _mapping("parameters", given).items():
             if isinstance(value, Expression):
                 value = value.parameters.get(value.text, value)
             self.all[str(name)] = _plain(value)
@@ -134,10 +134,10 @@ class _Parameters:
         """Rows of entries; a number alone is 1 x 1."""
         if given is None:
             return None
-        if isinstance(given, (Expression, str)) or np.ndim(given) == 0:
+        if not _is_sequence(given):
             return [[self.entry(given)]]
-        rows = [list(row) if not isinstance(row, (str, Expression)) and np.ndim(row) else row for row in given]
-        if not rows or not all(isinstance(row, list) for row in rows):
+        rows = [list(row) if _is_sequence(row) else None for row in given]
+        if not rows or None in rows:
             raise InputError(f"{name} is no list of rows; expected {name}=[[...], [...]] or an array of two dimensions")
         if len({len(row) for row in rows}) != 1:
             raise InputError(f"the rows of {name} have {', '.join(str(len(row)) for row in rows)} entries; expected as "
@@ -154,8 +154,20 @@ class _Parameters:
             return _plain(given)
         return self.matrix(name, given)
 
-    def entries(self, given):
-        return {str(name): self.entry(value) for name, value in given.items()}
+    def entries(self, name, given):
+        return {str(key): self.entry(value) for key, value in _mapping(name, given).items()}
+
+
+def _mapping(name, given):
+    if given is None:
+        return {}
+    if not isinstance(given, dict):
+        raise InputError(f"{name} is a {type(given).__name__}; expected a dict of names")
+    return given
+
+
+def _is_sequence(given):
+    return isinstance(given, (list, tuple)) or isinstance(given, np.ndarray) and given.ndim > 0
 
 
 def _real(value):
@@ -167,6 +179,9 @@ def _real(value):
 
 
 def _time(step, continuous, irregular, inputs_held):
+    for name, given in (("continuous", continuous), ("irregular", irregular)):
+        if not isinstance(given, bool):
+            raise InputError(f"{name} is {given!r}; expected True or False")
     out = {}
     if continuous:
         out["kind"] = "continuous"
@@ -188,7 +203,10 @@ def _channels(given, letter, count):
     if isinstance(given, dict):
         return {str(name): {} if value is None else {"column": value} if isinstance(value, (str, int)) else value
                 for name, value in given.items()}
-    return [{"name": str(name)} for name in ([given] if isinstance(given, str) else given)]
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"channels are {given!r}; expected a list of names, or a dict of names and columns")
+    return [{"name": name} for name in names]
 
 
 def _initial(given, parameters, states=None):
@@ -201,12 +219,16 @@ def _initial(given, parameters, states=None):
             return {name: {"mean": parameters.entry(value[0]), "sd": parameters.entry(value[1])}
                     if isinstance(value, (tuple, list)) else value if isinstance(value, str) else parameters.entry(value)
                     for name, value in given.items()}
-        out = {"mean": parameters.entries(mean)}
+        out = {"mean": parameters.entries("initial", mean)}
         if sd:
-            out["sd"] = parameters.entries(sd)
+            out["sd"] = parameters.entries("initial", sd)
         return out
     if isinstance(given, (tuple, list)) and len(given) == 2:
-        mean, covariance = np.atleast_1d(np.asarray(given[0], float)), np.atleast_1d(np.asarray(given[1], float))
+        try:
+            mean, covariance = (np.atleast_1d(np.asarray(each, float)) for each in given)
+        except (TypeError, ValueError):
+            raise InputError("an initial mean or covariance that is no array of numbers; expected (mean, covariance)") \
+                from None
         key = "covariance" if covariance.ndim == 2 else "sd"
         return {"mean": mean.tolist(), key: covariance.tolist()}
     raise InputError("an initial state that is not understood; expected 'diffuse', 'stationary', (mean, covariance), or a "
@@ -245,15 +267,16 @@ class LinearModel(_Written):
         if matrices["A"] is None or matrices["C"] is None:
             raise InputError("a linear model without A or C; expected both")
         noise = {"Q": described.noise("Q", Q), "R": described.noise("R", R)}
+        time = _time(step, continuous, irregular, inputs_held)
         if continuous and process_noise is None:
             process_noise = "density"
         inputs_of = matrices["B"] or matrices["D"]
         keys = {
-            "name": name, "time": _time(step, continuous, irregular, inputs_held), "parameters": None, **matrices, **noise,
+            "name": name, "time": time, "parameters": None, **matrices, **noise,
             "states": states, "noise": {"process": process_noise} if process_noise else None,
             "initial": _initial(initial, described),
-            "inputs": _channels(inputs, "u", len(inputs_of[0])) if inputs_of or inputs else None,
-            "outputs": _channels(outputs, "y", len(matrices["C"])), **more}
+            "inputs": _channels(inputs, "u", len(inputs_of[0]) if inputs_of else 0) if inputs_of or inputs is not None
+            else None, "outputs": _channels(outputs, "y", len(matrices["C"])), **more}
         keys["parameters"] = described.all or None
         super().__init__(keys)
 
@@ -308,12 +331,12 @@ class FormulaModel(_Written):
             given = variance if variance is not None else sd
             if not isinstance(given, dict):
                 given = {each: given for each in (names if key == "process" else equations)}
-            noise[key] = {"variance" if variance is not None else "sd": described.entries(given)}
+            noise[key] = {"variance" if variance is not None else "sd": described.entries(f"the noise of {key}", given)}
             if key == "process":
                 noise[key]["kind"] = kind
         time = {"kind": "discrete" if discrete else "continuous", **_time(step, False, irregular, inputs_held)}
         keys = {"name": name, "time": time, "parameters": None, "states": states if isinstance(states, dict) else names,
-                "let": described.entries(let) if let else None, "dynamics": motion,
+                "let": described.entries("let", let) if let else None, "dynamics": motion,
                 "inputs": channels or None, "outputs": equations, "noise": noise or None,
                 "initial": _initial(initial, described, names), **more}
         keys["parameters"] = described.all or None
@@ -324,7 +347,7 @@ def _formulas(given, arguments, names, described):
     """A formula for each name: those of a dict, or what a function makes of the arguments."""
     if callable(given):
         given = given(*[arguments[name] for name in _wanted(given)])
-        if isinstance(given, Expression) or np.ndim(given) == 0 and not isinstance(given, dict):
+        if not _is_sequence(given) and not isinstance(given, dict):
             given = [given]
         if not isinstance(given, dict):
             values = list(given)
@@ -383,5 +406,5 @@ class Car(_Written):
         keys = {"name": name, "model": "single-track", "time": _time(step, False, False, None),
                 "parameters": described.all, "inputs": _channels(inputs or [steering, "vx"], "u", 2),
                 "outputs": _channels(outputs, "y", 1),
-                "noise": {"measurement": {"kind": "per-sample", "sd": described.entries(sd)}} if sd else None, **more}
+                "noise": {"measurement": {"kind": "per-sample", "sd": described.entries("sd", sd)}} if sd else None, **more}
         super().__init__(keys)

@@ -100,7 +100,7 @@ class Result:
             given = self._raw.parameters()
             if given is None:
                 given = map(_stored_parameter, self.document.get("parameters", []))
-            self._cache["params"] = Parameters((each[0], Parameter(*each)) for each in given)
+            self._cache["params"] = Parameters((each[0], Parameter(*map(_same_nan, each))) for each in given)
         return self._cache["params"]
 
     @property
@@ -291,6 +291,13 @@ class Result:
     def __setstate__(self, state):
         from . import _identikal
         self.__init__(_identikal.restored(state["raw"]), state["model"])
+
+
+def _same_nan(value):
+    """One NaN for all, so that equal results are equal."""
+    if isinstance(value, tuple):
+        return tuple(map(_same_nan, value))
+    return np.nan if value != value else value
 
 
 def _stored_parameter(p):

@@ -1,9 +1,11 @@
 """Recordings: arrays, pandas, and files as what the verbs read."""
 
 import os
+import re
 
 import numpy as np
 
+from . import _identikal
 from ._errors import InputError
 
 
@@ -17,8 +19,8 @@ class Recording:
              channels in its order, in SI
     units    {column: unit} where a column is not in the model's unit
 
-    A pandas DataFrame is such a recording: its columns are the channels, its index the times, unless the index merely
-    counts from 0 on.
+    A pandas DataFrame is such a recording: its columns are the channels, with units where they are called "speed [km/h]" or
+    "speed (km/h)", and its index the times, unless that merely counts from 0 on or a column is what the model calls time.
 
         tune(model, Recording(y, u=u, step=0.1))
     """
@@ -56,13 +58,26 @@ class Recording:
         numbers.sort()
         if not numbers:
             raise InputError("a table without numbers; expected columns of numbers")
-        columns = [str(frame.columns[i]) for i in numbers]
+        headers = [_name_and_unit(str(frame.columns[i])) for i in numbers]
+        columns = [name for name, _ in headers]
+        unknown = set(units or {}) - set(columns)
+        if unknown:
+            raise InputError(f"a unit for '{sorted(unknown)[0]}', which is no column of numbers; expected one of "
+                             f"{', '.join(columns)}")
         values = frame.iloc[:, numbers].to_numpy(dtype=float, na_value=np.nan)
         return cls(values, time=_index_times(frame.index), step=step, columns=columns,
-                   units={k: v for k, v in (units or {}).items() if k in columns})
+                   units={**{name: unit for name, unit in headers if unit}, **(units or {})})
 
     def handed_over(self):
         return (self.time, self.y, self.u, self.step, self.columns, self.units)
+
+
+def _name_and_unit(header):
+    """As the reader of CSV files takes a header."""
+    parts = re.fullmatch(r"(.*\S)\s*[\[(]([^\])]*)[\])]\s*", header)
+    if not parts:
+        return header, None
+    return parts[1], parts[2] if _identikal.is_unit(parts[2]) else None
 
 
 def _is_numeric(column):
@@ -88,14 +103,18 @@ def _step(step):
     return step
 
 
+def _array(name, given):
+    try:
+        return np.asarray(given)
+    except Exception as error:  # what an __array__ of others throws
+        raise InputError(f"{name} cannot be read as an array: {error}") from None
+
+
 def _float64(name, given):
     """float64 in C order; the same memory where it is that already."""
     if isinstance(given, np.ma.MaskedArray):
         return given.astype(float).filled(np.nan)
-    try:
-        array = np.asarray(given)
-    except Exception as error:  # what an __array__ of others throws
-        raise InputError(f"{name} cannot be read as an array: {error}") from None
+    array = _array(name, given)
     kind = array.dtype.kind
     if kind == "O":
         try:
@@ -119,7 +138,7 @@ def _rows(name, given):
 
 def times(given):
     """Seconds; of datetime64 and timedelta64 from the first on."""
-    array = np.asarray(given)
+    array = _array("time", given)
     if array.dtype.kind == "M":
         missing = np.isnat(array)
         array = (array - array[0]) / np.timedelta64(1, "ns") * 1e-9 if array.size else array.astype(float)

@@ -1,0 +1,198 @@
+"""Options, threads, interruptions, filters of others, and many calls."""
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import identikal as ik
+
+
+@pytest.mark.parametrize("options", [
+    {"startz": 1}, {"starts": "many"}, {"starts": -1}, {"starts": [1, 2]}, {"method": "guess"}, {"lags": 5}, {"set": {"qq": 1}},
+    {"hold_out": object()}, {"progress": 3}, {"json": True}, {"starts": float("nan")}])
+def test_refused_options(level, flow, options):
+    with pytest.raises(ik.InputError):
+        ik.tune(level, flow, **options)
+
+
+def test_options(level, flow, tuned):
+    assert ik.tune(level, flow, profiles=False).params["q"].value == tuned.params["q"].value
+    fixed = ik.check(level, flow, set={"q": 1469.2, "r": 15098.5})
+    assert fixed.Q[0, 0] == 1469.2
+    assert ik.tune(level, flow, method="als", warn=False).params["q"].value > 0
+
+
+def test_folder(level, flow, tmp_path):
+    ik.tune(level, flow, output=tmp_path / "out")
+    assert (tmp_path / "out/result.json").exists()
+
+
+def test_progress(root):
+    model = root / "examples/system7.yaml"
+    y = ik.simulate(model, rows=200).values[:, :2]
+    seen = []
+    result = ik.tune(model, y, method="bayes", draws=2000, progress=lambda *what: seen.append(what), warn=False)
+    assert seen and isinstance(seen[0][0], str) and result.ok in (True, False)
+
+    def broken(*what):
+        raise RuntimeError("mine")
+    with pytest.raises(RuntimeError, match="mine"):
+        ik.tune(model, y, method="bayes", draws=2000, progress=broken)
+
+
+INTERRUPTED = """
+import os, signal, threading, time, warnings
+import numpy as np, identikal as ik
+warnings.simplefilter("error", ik.StoppedWarning)
+model = ik.LinearModel(A=1, C=1, Q=[[ik.p("q", 1, min=0)]], R=[[ik.p("r", 1, min=0)]], initial="diffuse", step=1.0)
+def slow(theta):
+    time.sleep(0.02)
+    x, P, e, S = 0.0, 1e6, np.zeros(50), np.zeros(50)
+    for k in range(50):
+        P += theta["q"]; e[k] = np.sin(k) - x; S[k] = P + theta["r"]; K = P / S[k]; x += K * e[k]; P *= 1 - K
+    return e, S
+threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+try:
+    ik.tune_external(slow, {"q": 1.0, "r": 1e-3}, iterations=100000)
+    print("ended")
+except ik.StoppedWarning:
+    print("stopped")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_interruption():
+    said = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, check=False)
+    assert said.stdout.strip() in ("stopped", "interrupted"), said.stderr
+
+
+def scalar_filter(theta, y):
+    """A local level, in plain Python."""
+    e, S = np.full(len(y), np.nan), np.ones(len(y))
+    x, P = y[0], theta["r"]
+    for k in range(1, len(y)):
+        P += theta["q"]
+        e[k], S[k] = y[k] - x, P + theta["r"]
+        x += P / S[k] * e[k]
+        P -= P * P / S[k]
+    return e, S
+
+
+def test_a_filter_of_ones_own(flow, tuned):
+    own = ik.tune_external(scalar_filter, {"q": 1000.0, "r": 1000.0}, flow, limits={"q": (0, None), "r": (0, None)})
+    assert own.status == "ok" and own.log_likelihood == pytest.approx(tuned.log_likelihood, abs=1e-6)
+    for name in "qr":
+        assert own.params[name].value == pytest.approx(tuned.params[name].value, rel=1e-6)
+        assert own.params[name].se == pytest.approx(tuned.params[name].bound_se, rel=0.02)
+    assert {test["id"] for test in own.tests} == {"nis", "ljung_box"}
+
+
+def test_several_outputs_of_ones_own():
+    y = np.random.default_rng(1).normal(size=(400, 2)) @ np.diag([1.0, 3.0])
+    own = ik.tune_external(lambda theta, y: (y, np.diag(theta)), [2.0, 2.0], y, limits=[(1e-9, None)] * 2)
+    assert [p.value for p in own.params.values()] == pytest.approx((y ** 2).mean(0), rel=1e-6)
+    each = ik.tune_external(lambda theta, y: (y, np.tile(np.diag(theta), (400, 1, 1))), [2.0, 2.0], y, limits=[(1e-9, None)] * 2)
+    assert each.log_likelihood == own.log_likelihood
+
+
+@pytest.mark.parametrize("answer", [
+    None, 3, (np.zeros(5),), (np.zeros(5), np.zeros((5, 2, 2))), (np.zeros((5, 2)), np.eye(3)), (np.zeros((2, 2, 2)), 1.0),
+    (np.zeros(5), np.zeros(4)), (np.zeros(5), -1.0), ("a", "b")])
+def test_refused_filters(answer):
+    with pytest.raises((ik.InputError, ValueError)):
+        ik.tune_external(lambda theta: answer, {"q": 1.0})
+
+
+def test_exceptions_of_ones_own():
+    def broken(theta):
+        raise ZeroDivisionError("mine")
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        ik.tune_external(broken, {"q": 1.0})
+    for start in ({}, {"q": "a"}, {"q": np.nan}):
+        with pytest.raises(ik.InputError):
+            ik.tune_external(scalar_filter, start)
+
+
+def test_threads(level, flow, tuned):
+    found = []
+
+    def work():
+        for _ in range(20):
+            found.append(ik.tune(level, flow).log_likelihood)
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [tuned.log_likelihood] * 80
+
+
+def test_memory_stays(level, flow):
+    def used():
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * resource.getpagesize()
+
+    def work(count):
+        for _ in range(count):
+            result = ik.tune(level, flow, starts=1, profiles=False)
+            result.params, result.innovations, result.document  # noqa: B018
+    work(300)
+    before = used()
+    work(1500)
+    assert used() - before < 2e6
+
+
+def random_object(of, depth=0):
+    simple = [None, True, 0, -1, 3.5, float("nan"), float("inf"), "", "y", "diffuse", b"x", 1j, object(), np.float32(2), [], {}]
+    kind = of.integers(8)
+    if kind < 3 or depth > 2:
+        return simple[of.integers(len(simple))]
+    if kind == 3:
+        return of.normal(size=tuple(of.integers(0, 4, size=of.integers(0, 4))))
+    if kind == 4:
+        return [random_object(of, depth + 1) for _ in range(of.integers(4))]
+    if kind == 5:
+        return {str(random_object(of, depth + 1))[:9]: random_object(of, depth + 1) for _ in range(of.integers(3))}
+    if kind == 6:
+        return of.normal(size=(of.integers(1, 30), of.integers(1, 3)))
+    return np.zeros(of.integers(5), dtype=of.choice(["f4", "i8", "M8[s]", "U3", "O"]))
+
+
+def random_call(of):
+    verbs = [ik.tune, ik.check, ik.filter, ik.smooth, ik.bound, ik.simulate, ik.shape, ik.track, ik.validate, ik.forecast, ik.fit]
+    keys = ["A", "C", "Q", "R", "G", "B", "S", "initial", "step", "outputs", "inputs", "continuous", "parameters"]
+    given = {"A": 0.9, "C": 1, "step": 1.0}
+    for _ in range(of.integers(3)):
+        given[keys[of.integers(len(keys))]] = random_object(of)
+    options = {}
+    for _ in range(of.integers(3)):
+        options[["starts", "seed", "u", "time", "step", "hold_out", "method", "rows", "lags", "set", "smooth"][of.integers(11)]] = \
+            random_object(of)
+    data = of.normal(size=of.integers(1, 60)) if of.integers(2) else random_object(of)
+    model = ik.LinearModel(**given)
+    return verbs[of.integers(len(verbs))](model, data, warn=False, **options)
+
+
+def test_random_calls():
+    """Every call answers, or raises what is promised."""
+    of = np.random.default_rng(7)
+    answered = 0
+    for _ in range(int(os.environ.get("IDENTIKAL_RANDOM_CALLS", "1500"))):
+        try:
+            answered += random_call(of).code in (0, 1, 3)
+        except ik.InputError:
+            pass
+    assert answered > 20
+
+
+def test_the_tool(tool):
+    mine = subprocess.run([sys.executable, "-m", "identikal", "--version"], capture_output=True, text=True, check=False)
+    assert mine.returncode == 0 and mine.stdout == subprocess.run([tool, "--version"], capture_output=True, text=True, check=False).stdout
+    wrong = subprocess.run([sys.executable, "-m", "identikal", "tun"], capture_output=True, text=True, check=False)
+    assert wrong.returncode == 2 and "tune" in wrong.stderr
