@@ -66,4 +66,17 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS identikal)
 set(CPACK_COMPONENT_DEV_DESCRIPTION
   "Headers and static libraries of Identikal, to be found by CMake and
 pkg-config.")
+if(TARGET identikal_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-identikal)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  math(EXPR next "${Python_VERSION_MINOR} + 1")  # a module is of one minor version
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+    "python3 (>= ${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}), python3 (<< ${Python_VERSION_MAJOR}.${next}), python3-numpy")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-pandas, python3-matplotlib")
+  set(CPACK_COMPONENT_PYTHON_DESCRIPTION
+    "Identikal for Python: Kalman filters tuned and models fitted from numpy
+arrays and pandas tables, in this process and without files.")
+endif()
 include(CPack)

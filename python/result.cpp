@@ -5,6 +5,7 @@
 
 #include <pybind11/stl.h>
 
+#include "identify/model/model_file.h"
 #include "identify/result/export.h"
 #include "lib/base/error.h"
 
@@ -230,6 +231,30 @@ py::object status_of(const ik_result& result) {
   return py::str(to_string(result.outcome.estimate->status));
 }
 
+// Columns of outputs, columns of inputs, names of states: as a model's file calls them.
+py::tuple channels_of(const std::optional<std::string>& text, const std::string& path) {
+  Model model;
+  ik_result problem;
+  guarded(problem, [&] {
+    model = text ? parse_model_file(*text, model_name_in_memory()) : read_model_file(path);
+    problem.code = 0;
+  });
+  if (problem.code != 0) throw std::invalid_argument(problem.message);
+  std::vector<std::string> outputs, inputs;
+  for (const ChannelSource& each : model.outputs) {
+    if (!each.value) outputs.push_back(each.column);
+  }
+  for (const ChannelSource& each : model.inputs) inputs.push_back(each.column);
+  std::vector<std::string> states;
+  for (const StateName& each : model.states) states.push_back(each.name);
+  if (states.empty() && is_linear(model)) {
+    for (Eigen::Index i = 1; i <= as_linear(model).A.constant.rows(); ++i) {
+      states.push_back("x" + std::to_string(i));
+    }
+  }
+  return py::make_tuple(outputs, inputs, states);
+}
+
 }  // namespace
 
 void add_results(py::module_& module) {
@@ -256,6 +281,7 @@ void add_results(py::module_& module) {
       .def("export", exported_of, py::call_guard<py::gil_scoped_release>())
       .def("state", state_of);
   module.def("run", run_verb);
+  module.def("channels", channels_of);
   module.def("restored", restored);
 }
 

@@ -12,7 +12,7 @@ from . import _identikal
 from ._errors import FindingWarning, IdentikalError, InputError, StoppedWarning
 from .models import Model
 from .results import Result
-from .samples import recordings
+from .samples import recordings, with_columns
 
 # Keywords that say yes where the command line says no.
 _NEGATED = {"profiles": "no-profiles"}
@@ -112,7 +112,39 @@ def _concluded(raw, stopped, model, warn, level):
     return result
 
 
+def _with_truth(model, data, of_recording, truth):
+    """The model with references to states that are known, and the recording that has them."""
+    if isinstance(model, Result):
+        model = model.tuned_model
+    if isinstance(model, (str, os.PathLike)):
+        model = Model(model)
+    if not isinstance(model, Model):
+        raise InputError(f"a {type(model).__name__} as a model; expected LinearModel, FormulaModel, Model, or a path")
+    try:
+        outputs, inputs, states = _identikal.channels(model._text, model.path or "")
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    if not isinstance(truth, dict):
+        truth = np.asarray(truth, dtype=float)
+        columns = truth[:, None] if truth.ndim == 1 else truth
+        if columns.ndim != 2 or columns.shape[1] != len(states):
+            raise InputError(f"truth is {' x '.join(map(str, truth.shape))}; expected rows x {len(states)}, a column for each "
+                             f"of {', '.join(states)}, or a dict of some")
+        truth = dict(zip(states, columns.T))
+    unknown = set(truth) - set(states)
+    if unknown or not truth:
+        raise InputError(f"truth of '{sorted(unknown)[0] if unknown else 'nothing'}'; expected some of {', '.join(states)}")
+    named = {f"truth of {name}": values for name, values in truth.items()}
+    references = {name: {"column": f"truth of {name}"} for name in truth}
+    text = model.text.rstrip("\n") + f"\nreference: {json.dumps(references)}\n"
+    return Model.from_text(text), with_columns(data, of_recording, outputs, inputs, named)
+
+
 def _run(verb, model, data, of_recording, previous, options, progress, warn, level=4):
+    truth = options.pop("truth", None)
+    if truth is not None:
+        model, data = _with_truth(model, data, of_recording, truth)
+        of_recording = (None,) * 5
     if isinstance(model, Result):
         if verb in ("filter", "forecast", "simulate"):
             previous, model = [model], model.model
@@ -141,6 +173,8 @@ _ARGUMENTS = """
     data      an array (rows, or rows x outputs), a pandas DataFrame or Series, a Recording, the path of a file, or a list
               of such (of arrays, not of numbers): several recordings
     u, time, step, columns, units  of one array, as Recording has them
+    truth     tune, fit, check, filter: known states, {name: values} or rows x states, SI; no filter sees them, and
+              result.references says how far the estimates are from them
     progress  True: a bar (tqdm) or a line; or a function (what, share, value) that returns False to stop
     warn      False: findings are in result.findings and no warnings
     options   those of the command line, with _ for -: starts=1, hold_out="30%", profiles=False, set={"q": 1000}

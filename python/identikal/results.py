@@ -137,6 +137,12 @@ class Result:
         """The tests of residuals and innovations: dicts of id, channel, value, interval, p, pass."""
         return self.document.get("tests", [])
 
+    @property
+    def references(self):
+        """How far states are from those that are known (truth, or a model's reference): dicts of name, rmse, bias, sd
+        (what the filter says), nees (1 where that is right), coverage, ..."""
+        return self.document.get("references", [])
+
     def _matrix(self, name):
         if name not in self._cache:
             given = (self.document.get("filter") or {}).get(name)

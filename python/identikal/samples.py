@@ -196,3 +196,20 @@ def _recording(data, u, time, step, columns, units):
     if _is_frame(data) and time is None:
         time = _index_times(data.index)
     return Recording(data, u=u, time=time, step=step, columns=columns, units=units)
+
+
+def with_columns(data, of_recording, outputs, inputs, more):
+    """The one recording, with further columns by name. outputs, inputs: what its own are called where they have no names."""
+    one = _recording(data, *of_recording)
+    if isinstance(one, str):
+        raise InputError("truth beside a file; expected a model with `reference`, or samples in memory")
+    names = one.columns or [*outputs, *inputs]
+    columns = [each[:, None] if each.ndim == 1 else each for each in (one.y, one.u) if each is not None]
+    for name, values in more.items():
+        values = _rows(name, values)
+        if values.ndim != 1 or len(values) != len(columns[0]):
+            raise InputError(f"the {name} has {len(values)} rows for {len(columns[0])} samples; expected as many")
+        columns.append(values[:, None])
+    out = Recording(np.hstack(columns), time=one.time, step=one.step or None, columns=[*names, *more])
+    out.units = [*one.units, *[None] * len(more)] if one.units else []
+    return out

@@ -119,6 +119,24 @@ def test_exceptions_of_ones_own():
             ik.tune_external(scalar_filter, start)
 
 
+def test_known_states():
+    of = np.random.default_rng(3)
+    x = np.cumsum(of.normal(size=2000))
+    y = x + 2 * of.normal(size=2000)
+    model = ik.LinearModel(A=1, C=1, Q=[[ik.p("q", 1, min=0)]], R=[[ik.p("r", 1, min=0)]], initial="diffuse", step=1.0)
+    fit = ik.tune(model, y, truth=x)
+    error = (ik.filter(fit, y).states[:, 0] - x)[10:]
+    (found,) = fit.references
+    assert found["name"] == "x1" and found["rmse"] == pytest.approx(np.sqrt(np.mean(error ** 2)), rel=0.05)
+    assert found["nees"] == pytest.approx(1, abs=0.15)
+    assert fit.params["q"].value == ik.tune(model, y).params["q"].value
+    wrong = ik.check(model, y, truth={"x1": x + 30.0}, set={"q": 1.0, "r": 4.0}, warn=False)
+    assert wrong.references[0]["bias"] == pytest.approx(-30, abs=1)
+    for truth in ({"x2": x}, x[:5], np.zeros((2000, 2)), {}):
+        with pytest.raises(ik.InputError):
+            ik.tune(model, y, truth=truth)
+
+
 def test_threads(level, flow, tuned):
     found = []
 

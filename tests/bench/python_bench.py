@@ -1,0 +1,131 @@
+"""What does Python cost? tests/bench/python_bench.py [FITS]; the package on PYTHONPATH, statsmodels installed.
+
+Prints: a call of tune with its parts, FITS fits of short recordings (each of its own) beside the same through the module's
+raw function, two threads beside one, memory for 10^7 rows, and time, log-likelihood, estimates and errors beside
+statsmodels on three models.
+"""
+import os
+import sys
+import threading
+import time
+import warnings
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+import numpy as np  # noqa: E402  (after the number of threads)
+
+import identikal as ik  # noqa: E402
+from identikal import _identikal  # noqa: E402
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../..")
+FLOW = np.loadtxt(os.path.join(ROOT, "data/nile.csv"), delimiter=",", skiprows=1)[:, -1].copy()
+LEVEL = ik.LinearModel(A=1, C=1, Q=[[ik.p("q", 1000, min=0)]], R=[[ik.p("r", 1000, min=0)]], initial="diffuse", step=1.0)
+
+
+def processor():
+    return time.process_time()
+
+
+def raw(y):
+    return _identikal.run("tune", LEVEL.text, "", [(None, y, None, 0.0, [], [])], [], [],
+                          '{"starts": 1, "no-profiles": true}', None)
+
+
+def whole(y):
+    return ik.tune(LEVEL, y, starts=1, profiles=False, warn=True).params["q"].value
+
+
+def calls(count):
+    pairs = []
+    for _ in range(count):
+        begin = processor()
+        raw(FLOW)
+        middle = processor()
+        whole(FLOW)
+        pairs.append((middle - begin, processor() - middle))
+    a, b = (sorted(each) for each in zip(*pairs))
+    beside = sorted(y - x for x, y in pairs)[count // 2]
+    print(f"a call: raw {1e6 * a[count // 2]:.0f} us, tune {1e6 * b[count // 2]:.0f} us, Python's part {1e6 * beside:.0f} us")
+
+
+def fits(count):
+    of = np.random.default_rng(1)
+    series = [FLOW + of.normal(size=100) for _ in range(min(count, 1000))]
+    for name, work in (("raw", raw), ("tune", whole), ("raw", raw), ("tune", whole)):
+        begin = processor()
+        for i in range(count // 2):
+            work(series[i % len(series)])
+        print(f"{count // 2} fits, {name}: {(processor() - begin) / (count // 2) * 1e6:.1f} us each")
+
+
+def threads(count):
+    def work():
+        for _ in range(count):
+            whole(FLOW)
+    rates = []
+    for number in (1, 2, 1, 2):
+        workers = [threading.Thread(target=work) for _ in range(number)]
+        begin = time.perf_counter()
+        for worker in workers:
+            worker.start()
+        for worker in workers:
+            worker.join()
+        rates.append(number * count / (time.perf_counter() - begin))
+    print(f"threads: 1: {rates[0]:.0f} and {rates[2]:.0f} fits/s, 2: {rates[1]:.0f} and {rates[3]:.0f}, "
+          f"{(rates[1] + rates[3]) / (rates[0] + rates[2]):.2f} times")
+
+
+def resident(what):
+    with open("/proc/self/status", encoding="ascii") as file:
+        return next(int(line.split()[1]) / 1024 for line in file if line.startswith(what))
+
+
+def memory():
+    y = np.random.default_rng(1).normal(size=10_000_000)
+    taken = ik.Recording(y)
+    print(f"10^7 rows: {'the same memory' if np.shares_memory(taken.y, y) else 'a copy'} is handed over, ", end="")
+    before = resident("VmRSS")
+    model = ik.LinearModel(A=0.5, C=1, Q=[[ik.p("q", 1, min=0)]], R=[[ik.p("r", 1, min=0)]], step=1.0)
+    begin = processor()
+    result = ik.tune(model, y, starts=1, warn=False)
+    print(f"peak {resident('VmHWM') - before:.0f} MB above the array's 76, {processor() - begin:.2f} s; ", end="")
+    print(f"the result keeps {resident('VmRSS') - before:.0f} MB ({result.status})")
+
+
+def beside_statsmodels():
+    from statsmodels.tsa.statespace.structural import UnobservedComponents
+    of = np.random.default_rng(4)
+    n = 600
+    season = np.tile(of.normal(size=12), n // 12)
+    cases = [("Nile", FLOW, dict(level="local level"), LEVEL),
+             ("trend", np.cumsum(np.cumsum(.1 * of.normal(size=n))) + of.normal(size=n), dict(level="local linear trend"),
+              ik.LinearModel(A=[[1, 1], [0, 1]], C=[[1, 0]], Q=[[ik.p("ql", .1, min=0), 0], [0, ik.p("qs", .1, min=0)]],
+                             R=[[ik.p("r", .1, min=0)]], initial="diffuse", step=1.0)),
+             ("season", season + np.cumsum(of.normal(size=n)) + of.normal(size=n),
+              dict(level="local level", seasonal=12),
+              ik.Model.from_text("identikal: 1\ntime: {step: 1, kind: discrete}\nparameters: {q: {value: 1, min: 0}, "
+                                 "s: {value: .1, min: 0}, r: {value: 1, min: 0}}\ncomponents:\n  level: {kind: level, "
+                                 "variance: q}\n  year: {kind: season, period: 12, variance: s}\noutputs: [{name: y}]\n"
+                                 "noise: {measurement: {variance: {y: r}}}\n"))]
+    for name, y, components, model in cases:
+        begin = processor()
+        ours = ik.tune(model, y, warn=False)
+        mine = processor() - begin
+        theirs_model = UnobservedComponents(y, use_exact_diffuse=True, **components)
+        begin = processor()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            theirs = theirs_model.fit(disp=0)
+        other = processor() - begin
+        values = ", ".join(f"{p.name} {p.value:.5g} +- {p.se:.2g}" for p in ours.params.values())
+        peers = ", ".join(f"{k} {v:.5g} +- {s:.2g}" for k, v, s in zip(theirs.param_names, theirs.params, theirs.bse))
+        print(f"{name}: identikal {1e3 * mine:.1f} ms, L {ours.log_likelihood:.4f}, {values}\n"
+              f"{' ' * len(name)}  statsmodels {1e3 * other:.1f} ms, L {theirs.llf:.4f}, {peers}")
+
+
+count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+warnings.simplefilter("ignore", ik.FindingWarning)
+memory()
+calls(2000)
+threads(3000)
+fits(count)
+beside_statsmodels()
