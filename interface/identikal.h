@@ -27,10 +27,11 @@ extern "C" {
 
 /* Samples of one recording, a row per sample; NaN where a value is missing. */
 typedef struct {
-  const double* time; /* rows, rising [s]; NULL: `step` apart, or as far as the model says, or the column of
+  const double*
+      time; /* rows, rising [s]; NULL: `step` apart, or as far as the model says, or the column of
                          `names` that the model calls its time */
-  const double* y;    /* rows x ny, row by row: the outputs */
-  const double* u;    /* rows x nu: the inputs; NULL where nu is 0 */
+  const double* y; /* rows x ny, row by row: the outputs */
+  const double* u; /* rows x nu: the inputs; NULL where nu is 0 */
   size_t rows, ny, nu;
   double step;              /* [s]; 0: not given */
   const char* const* names; /* ny + nu columns as the model calls them, outputs first; NULL: y and u
