@@ -339,7 +339,7 @@ Verb tune_verb() {
   add_number(verb, "--time-limit", options->seconds, 1, 1000000,
              "bayes: End without a result after this many seconds.", "300");
   add_flag(verb, "--no-profiles", options->no_profiles,
-           "ml, auto: Leave out the intervals of likelihood profiles, which take most of the time "
+           "Leave out the intervals of likelihood profiles, which take half of the time "
            "of a short recording.");
   add_flag(verb, "--reject-outliers", options->reject_outliers,
            "Find samples that are outliers and leave them out.");

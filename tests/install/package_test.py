@@ -6,6 +6,7 @@ import os
 import pathlib
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 
@@ -39,15 +40,16 @@ with tempfile.TemporaryDirectory() as name:
     folder = pathlib.Path(name)
     run(cpack, "-G", "DEB", "--config", pathlib.Path(build) / "CPackConfig.cmake", "-B", folder / "cpack")
     architecture = run("dpkg", "--print-architecture").strip()
-    packages = {p: folder / f"cpack/{p}_{version}_{architecture}.deb" for p in ("identikal", "libidentikal-dev")}
+    packages = {p: folder / f"cpack/{p}_{version}_{architecture}.deb" for p in ("identikal", "libidentikal-dev", "python3-identikal")}
     for package, file in packages.items():
         control = fields(file)
         expected = {"Package": package, "Version": version, "Architecture": architecture,
-                    "Section": "science" if package == "identikal" else "libdevel",
+                    "Section": {"identikal": "science", "libidentikal-dev": "libdevel", "python3-identikal": "python"}[package],
                     "Maintainer": "Identikal developers <developers@identikal.invalid>"}
         expect(expected.items() <= control.items() and control["Description"], f"{package}: {control}")
         depends = re.findall(r"([a-z0-9.+-]+)(?: \([^)]*\))?(?:, |$)", control["Depends"])
-        needed = packages_of_what_it_calls(file, folder) if package == "identikal" else ["libeigen3-dev", "libceres-dev", "libhwy-dev"]
+        needed = {"identikal": lambda: packages_of_what_it_calls(file, folder), "python3-identikal": lambda: ["python3", "python3-numpy"],
+                  "libidentikal-dev": lambda: ["libeigen3-dev", "libceres-dev", "libhwy-dev"]}[package]()
         expect(needed and set(needed) <= set(depends), f"{package} depends on {depends}, which lacks some of {needed}")
         names = [line.split()[5] for line in run("dpkg-deb", "-c", file).splitlines()]
         expect(all(n == "./" or n.startswith("./usr/") for n in names), f"{package}: {names}")
@@ -56,6 +58,7 @@ with tempfile.TemporaryDirectory() as name:
                                 "share/zsh/vendor-completions/_identikal", "share/fish/vendor_completions.d/identikal.fish",
                                 "share/identikal/examples/nile.yaml", "share/identikal/data/nile.csv", "share/doc/identikal/CHANGELOG.md",
                                 "share/doc/identikal/README.md", "share/doc/identikal/THIRD_PARTY_NOTICES.md", "share/doc/identikal/docs/tune-a-filter.md"],
+                  "python3-identikal": [f"lib/python3/dist-packages/identikal/{file}" for file in ("__init__.py", "__init__.pyi", "py.typed")],
                   "libidentikal-dev": ["include/identikal/lib/filter/kalman.h", "include/identikal/identify/noise/ml.h", "include/identikal/lib/version.h", "lib/pkgconfig/identikal.pc",
                                        "lib/cmake/identikal/identikal-config.cmake", "lib/libidentikal_lib.a", "share/doc/libidentikal-dev/THIRD_PARTY_NOTICES.md"]}[package]
         missing = [w for w in wanted if f"./usr/{w}" not in names]
@@ -75,6 +78,9 @@ with tempfile.TemporaryDirectory() as name:
         for file in packages.values():
             run("dpkg-deb", "-x", file, root)
     expect(run(root / "usr/bin/identikal", "--version").startswith(f"identikal {version}\n"), "not that version")
+    said = subprocess.run(["/usr/bin/python3", "-c", "import identikal; print(identikal.__version__)"], capture_output=True, text=True, check=False,
+                          env={**os.environ, "PYTHONPATH": str(root / "usr/lib/python3/dist-packages"), "PYTHONDONTWRITEBYTECODE": "1"})
+    expect(said.stdout.strip() == version, f"Python: {said.stdout}{said.stderr}")
     build_consumers(cmake, root / "usr", folder, version)
     if is_root:
         run(*dpkg, "--purge", *packages)
