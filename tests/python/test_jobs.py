@@ -93,6 +93,33 @@ def test_a_filter_of_ones_own(flow, tuned):
     assert {test["id"] for test in own.tests} == {"nis", "ljung_box"}
 
 
+def pendulum_filter(theta, y, step=0.05):
+    """An extended Kalman filter, in plain numpy."""
+    x, P = np.array([0.5, 0.0]), np.diag([0.01, 0.01])
+    e, S = np.empty(len(y)), np.empty(len(y))
+    for k, measured in enumerate(y):
+        H = np.array([np.cos(x[0]), 0.0])
+        e[k], S[k] = measured - np.sin(x[0]), H @ P @ H + theta["r"]
+        K = P @ H / S[k]
+        x, P = x + K * e[k], P - np.outer(K, H @ P)
+        F = np.array([[1.0, step], [-9.81 * step * np.cos(x[0]), 1.0 - 0.1 * step]])
+        x = np.array([x[0] + step * x[1], x[1] - step * 9.81 * np.sin(x[0]) - step * 0.1 * x[1]])
+        P = F @ P @ F.T + np.diag([0.0, theta["q"]])
+    return e, S
+
+
+def test_an_extended_filter_of_ones_own():
+    model = ik.FormulaModel({"phi": "phi + 0.05*w", "w": "w - 0.05*9.81*sin(phi) - 0.005*w"}, {"y": "sin(phi)"}, discrete=True,
+                            step=0.05, parameters={"q": ik.free(0.01, min=0), "r": ik.free(0.01, min=0)},
+                            process_variance={"w": "q"}, measurement_variance="r", initial={"phi": (0.5, 0.1), "w": (0, 0.1)})
+    y = ik.simulate(model, rows=200, seed=4, set={"q": 0.002, "r": 0.0004}).values[:, 0]
+    built_in = ik.tune(model, y, warn=False)
+    own = ik.tune_external(pendulum_filter, {"q": 0.01, "r": 0.01}, y, limits={"q": (0, None), "r": (0, None)}, warn=False)
+    assert own.log_likelihood == pytest.approx(built_in.log_likelihood, abs=1e-6)
+    for name in "qr":
+        assert own.params[name].value == pytest.approx(built_in.params[name].value, rel=1e-6)
+
+
 def test_several_outputs_of_ones_own():
     y = np.random.default_rng(1).normal(size=(400, 2)) @ np.diag([1.0, 3.0])
     own = ik.tune_external(lambda theta, y: (y, np.diag(theta)), [2.0, 2.0], y, limits=[(1e-9, None)] * 2)
