@@ -79,11 +79,15 @@ py::tuple fit(const std::vector<GivenParameter>& given, const py::object& filter
   };
   const ExternalFilter run = [&](const ParameterSet& at) -> std::optional<Innovations> {
     const py::gil_scoped_acquire held;
-    if (thrown) return std::nullopt;
+    if (thrown || pulse.interrupted()) return std::nullopt;
     try {
       return innovations_of(filter, at);
-    } catch (const py::error_already_set&) {
-      thrown = std::current_exception();
+    } catch (const py::error_already_set& error) {
+      if (error.matches(PyExc_KeyboardInterrupt)) {
+        pulse.interrupt();
+      } else {
+        thrown = std::current_exception();
+      }
     } catch (const InputError&) {
       thrown = std::current_exception();
     }
@@ -94,6 +98,11 @@ py::tuple fit(const std::vector<GivenParameter>& given, const py::object& filter
     const auto estimate =
         std::make_shared<NoiseEstimate>(fit_external_filter(parameter_set(given), run, options));
     if (thrown) std::rethrow_exception(thrown);
+    if (pulse.interrupted()) {
+      estimate->findings = {
+          make_finding(FindingCode::stopped, {}, "stopped; the values are the best so far")};
+      conclude(*estimate, "");
+    }
     estimate->verb = "tune";
     estimate->model_name = "own filter";
     Call call;

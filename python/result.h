@@ -26,6 +26,8 @@ class Pulse {
   /// Of one call at a time; the caller does not hold the interpreter. @return false to stop
   bool operator()(const std::string& what, double share, double value);
   bool interrupted() const { return interrupted_; }
+  /// Ctrl-C has come while Python code ran: the next call answers false.
+  void interrupt() { interrupted_ = true; }
   /// What the callback threw. @throws it, with the interpreter held
   void rethrow() const;
 

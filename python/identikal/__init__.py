@@ -11,6 +11,7 @@
 from . import _identikal
 from ._errors import FindingWarning, IdentikalError, InputError, StoppedWarning
 from .expressions import Expression, p
+from .extended import extended_filter
 from .external import tune_external
 from .jobs import bound, check, compare, filter, fit, forecast, handling, shape, simulate, smooth, track, tune, validate
 from .models import Car, FormulaModel, LinearModel, Model, free
@@ -20,6 +21,6 @@ from .samples import Recording
 
 __version__ = _identikal.version
 __all__ = ["Car", "Expression", "Finding", "FindingWarning", "FormulaModel", "IdentikalError", "InputError", "LinearModel",
-           "Model", "OnlineFilter", "Parameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare",
+           "Model", "OnlineFilter", "Parameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare", "extended_filter",
            "filter", "fit", "forecast", "free", "handling", "p", "shape", "simulate", "smooth", "track", "tune",
            "tune_external", "validate"]

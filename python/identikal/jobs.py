@@ -98,6 +98,8 @@ def _shown(progress):
 
 def _concluded(raw, stopped, model, warn, level):
     """The result, or the exception that its code is."""
+    if stopped and raw.code in (2, 5):
+        raise KeyboardInterrupt  # before there was anything
     if raw.code == 2:
         raise InputError(raw.message)
     if raw.code == 5:

@@ -91,6 +91,33 @@ def memory():
     print(f"the result keeps {resident('VmRSS') - before:.0f} MB ({result.status})")
 
 
+def system7(y):
+    """System 7 as a model of statsmodels."""
+    from statsmodels.tsa.statespace.mlemodel import MLEModel
+
+    class System(MLEModel):
+        start_params = [1.0] * 5
+        param_names = ["q1", "q2", "q3", "r1", "r2"]
+
+        def __init__(self):
+            super().__init__(y, k_states=4, k_posdef=3, initialization="stationary")
+            self["transition"] = np.array([[.9, 0, 1, 1], [0, -.8, 0, -1], [0, -.1, .85, 1], [-.2, 0, 0, -.9]])
+            self["selection"] = np.array([[0, 0, .1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+            self["design"] = np.array([[1.0, 0, 0, 1], [0, 1, 1, 0]])
+
+        def transform_params(self, free):
+            return free ** 2
+
+        def untransform_params(self, values):
+            return np.sqrt(values)
+
+        def update(self, params, **more):
+            params = super().update(params, **more)
+            self["state_cov"] = np.diag(params[:3])
+            self["obs_cov"] = np.diag(params[3:])
+    return System()
+
+
 def beside_statsmodels():
     from statsmodels.tsa.statespace.structural import UnobservedComponents
     of = np.random.default_rng(4)
@@ -106,11 +133,13 @@ def beside_statsmodels():
                                  "s: {value: .1, min: 0}, r: {value: 1, min: 0}}\ncomponents:\n  level: {kind: level, "
                                  "variance: q}\n  year: {kind: season, period: 12, variance: s}\noutputs: [{name: y}]\n"
                                  "noise: {measurement: {variance: {y: r}}}\n"))]
+    seven = ik.Model(os.path.join(ROOT, "examples/system7.yaml"))
+    cases.append(("System 7, 10,000 rows", ik.simulate(seven, rows=10000).values[:, :2].copy(), None, seven))
     for name, y, components, model in cases:
         begin = processor()
         ours = ik.tune(model, y, warn=False)
         mine = processor() - begin
-        theirs_model = UnobservedComponents(y, use_exact_diffuse=True, **components)
+        theirs_model = system7(y) if components is None else UnobservedComponents(y, use_exact_diffuse=True, **components)
         begin = processor()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -6,12 +6,13 @@ import sys
 import numpy as np
 import pytest
 
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+sys.path.insert(0, str(ROOT / "tests/fuzz"))
 for name in filter(None, os.environ.get("IDENTIKAL_TEST_WITHOUT", "").split(",")):
     sys.modules[name] = None
 
 import identikal as ik  # noqa: E402
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 
 
 @pytest.fixture(scope="session")

@@ -1,15 +1,17 @@
 """Options, threads, interruptions, filters of others, and many calls."""
+import math
 import os
 import resource
-import signal
 import subprocess
 import sys
 import threading
+import types
 
 import numpy as np
 import pytest
 
 import identikal as ik
+import python_calls
 
 
 @pytest.mark.parametrize("options", [
@@ -48,28 +50,57 @@ def test_progress(root):
 INTERRUPTED = """
 import os, signal, threading, time, warnings
 import numpy as np, identikal as ik
-warnings.simplefilter("error", ik.StoppedWarning)
-model = ik.LinearModel(A=1, C=1, Q=[[ik.p("q", 1, min=0)]], R=[[ik.p("r", 1, min=0)]], initial="diffuse", step=1.0)
+warnings.simplefilter("ignore", ik.FindingWarning)
 def slow(theta):
-    time.sleep(0.02)
+    time.sleep(0.01)
     x, P, e, S = 0.0, 1e6, np.zeros(50), np.zeros(50)
     for k in range(50):
-        P += theta["q"]; e[k] = np.sin(k) - x; S[k] = P + theta["r"]; K = P / S[k]; x += K * e[k]; P *= 1 - K
+        P += theta["q"]; e[k] = np.sin(3 * k) - x; S[k] = P + theta["r"]; K = P / S[k]; x += K * e[k]; P *= 1 - K
     return e, S
-threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-try:
-    ik.tune_external(slow, {"q": 1.0, "r": 1e-3}, iterations=100000)
-    print("ended")
-except ik.StoppedWarning:
-    print("stopped")
-except KeyboardInterrupt:
-    print("interrupted")
+def own():
+    return ik.tune_external(slow, {"q": 1e3, "r": 1e-4}, limits={"q": (1e-9, None), "r": (1e-9, None)})
+model = ik.LinearModel(A=1, C=1, Q=[[ik.p("q", 1, min=0)]], R=[[ik.p("r", 1, min=0)]], initial="diffuse", step=1.0)
+y = np.random.default_rng(1).normal(size=300_000)
+def built_in():
+    return ik.tune(model, y, starts=50, evaluation="time-varying")
+threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+with warnings.catch_warnings(record=True) as seen:
+    warnings.simplefilter("always", ik.StoppedWarning)
+    result = {}()
+print(result.status, result.params["r"].value > 0, [each.category.__name__ for each in seen])
 """
 
 
-def test_interruption():
-    said = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, check=False)
-    assert said.stdout.strip() in ("stopped", "interrupted"), said.stderr
+@pytest.mark.parametrize("which", ["own", "built_in"])
+def test_interruption(which):
+    said = subprocess.run([sys.executable, "-c", INTERRUPTED.replace("{}", which)], capture_output=True, text=True, timeout=60,
+                          check=False)
+    assert said.stdout.strip() == "not_converged True ['StoppedWarning']", said.stdout + said.stderr
+
+
+def test_a_bar(root, monkeypatch):
+    """tqdm, where it is installed."""
+    drawn = []
+
+    class Bar:
+        def __init__(self, **given):
+            self.n = 0.0
+
+        def set_description(self, what, refresh):
+            drawn.append(what)
+
+        def refresh(self):
+            assert 0 <= self.n <= 1
+
+        def close(self):
+            drawn.append("closed")
+    monkeypatch.setitem(sys.modules, "tqdm", types.ModuleType("tqdm"))
+    auto = types.ModuleType("tqdm.auto")
+    auto.tqdm = Bar
+    monkeypatch.setitem(sys.modules, "tqdm.auto", auto)
+    model = root / "examples/system7.yaml"
+    ik.tune(model, ik.simulate(model, rows=200).values[:, :2], method="bayes", draws=2000, progress=True, warn=False)
+    assert len(drawn) > 1 and drawn[-1] == "closed"
 
 
 def scalar_filter(theta, y):
@@ -118,6 +149,31 @@ def test_an_extended_filter_of_ones_own():
     assert own.log_likelihood == pytest.approx(built_in.log_likelihood, abs=1e-6)
     for name in "qr":
         assert own.params[name].value == pytest.approx(built_in.params[name].value, rel=1e-6)
+
+
+def test_functions_that_are_called():
+    def dynamics(x, theta):
+        return [x[0] + 0.05 * x[1], x[1] - 0.05 * 9.81 * math.sin(x[0]) - 0.005 * x[1]]  # math: no formula
+    of = np.random.default_rng(2)
+    y = np.sin(0.4 * np.cos(np.arange(150) * 0.15)) + 0.02 * of.normal(size=150)
+    y[40] = np.nan
+    run = ik.extended_filter(dynamics, lambda x, theta: math.sin(x[0]), Q=lambda theta: np.diag([0.0, theta["q"]]),
+                             R=lambda theta: theta["r"], mean=[0.5, 0.0], covariance=np.diag([0.01, 0.01]))
+    own = ik.tune_external(run, {"q": 0.01, "r": 0.01}, y, limits={"q": (0, None), "r": (0, None)}, warn=False)
+    typed = ik.tune_external(lambda theta, y: pendulum_filter(theta, y[:40]), {"q": 0.01, "r": 0.01}, y, warn=False)
+    half = ik.tune_external(run, {"q": 0.01, "r": 0.01}, y[:40], warn=False)
+    assert half.log_likelihood == pytest.approx(typed.log_likelihood, abs=1e-6)
+    model = ik.FormulaModel({"phi": "phi + 0.05*w", "w": "w - 0.05*9.81*sin(phi) - 0.005*w"}, {"y": "sin(phi)"}, discrete=True,
+                            step=0.05, parameters={"q": ik.free(0.01, min=0), "r": ik.free(0.01, min=0)},
+                            process_variance={"w": "q"}, measurement_variance="r", initial={"phi": (0.5, 0.1), "w": (0, 0.1)})
+    assert own.log_likelihood == pytest.approx(ik.tune(model, y, warn=False).log_likelihood, abs=1e-6)
+    with_inputs = ik.extended_filter(lambda x, theta, u: [0.9 * x[0] + u[0]], lambda x, theta, u: x[0], Q=0.1, R=lambda theta: theta["r"],
+                                     mean=[0.0], covariance=1.0)
+    u = of.normal(size=(100, 1))
+    assert ik.tune_external(with_inputs, {"r": 1.0}, (of.normal(size=100), u), limits={"r": (0, None)}, warn=False).params["r"].value > 0
+    with pytest.raises(ik.InputError, match="2 x 2"):
+        ik.tune_external(ik.extended_filter(dynamics, lambda x, theta: x[0], Q=1.0, R=1.0, mean=[0, 0], covariance=np.eye(2)),
+                         {"q": 1.0}, y)
 
 
 def test_several_outputs_of_ones_own():
@@ -193,47 +249,8 @@ def test_memory_stays(level, flow):
     assert used() - before < 2e6
 
 
-def random_object(of, depth=0):
-    simple = [None, True, 0, -1, 3.5, float("nan"), float("inf"), "", "y", "diffuse", b"x", 1j, object(), np.float32(2), [], {}]
-    kind = of.integers(8)
-    if kind < 3 or depth > 2:
-        return simple[of.integers(len(simple))]
-    if kind == 3:
-        return of.normal(size=tuple(of.integers(0, 4, size=of.integers(0, 4))))
-    if kind == 4:
-        return [random_object(of, depth + 1) for _ in range(of.integers(4))]
-    if kind == 5:
-        return {str(random_object(of, depth + 1))[:9]: random_object(of, depth + 1) for _ in range(of.integers(3))}
-    if kind == 6:
-        return of.normal(size=(of.integers(1, 30), of.integers(1, 3)))
-    return np.zeros(of.integers(5), dtype=of.choice(["f4", "i8", "M8[s]", "U3", "O"]))
-
-
-def random_call(of):
-    verbs = [ik.tune, ik.check, ik.filter, ik.smooth, ik.bound, ik.simulate, ik.shape, ik.track, ik.validate, ik.forecast, ik.fit]
-    keys = ["A", "C", "Q", "R", "G", "B", "S", "initial", "step", "outputs", "inputs", "continuous", "parameters"]
-    given = {"A": 0.9, "C": 1, "step": 1.0}
-    for _ in range(of.integers(3)):
-        given[keys[of.integers(len(keys))]] = random_object(of)
-    options = {}
-    for _ in range(of.integers(3)):
-        options[["starts", "seed", "u", "time", "step", "hold_out", "method", "rows", "lags", "set", "smooth"][of.integers(11)]] = \
-            random_object(of)
-    data = of.normal(size=of.integers(1, 60)) if of.integers(2) else random_object(of)
-    model = ik.LinearModel(**given)
-    return verbs[of.integers(len(verbs))](model, data, warn=False, **options)
-
-
 def test_random_calls():
-    """Every call answers, or raises what is promised."""
-    of = np.random.default_rng(7)
-    answered = 0
-    for _ in range(int(os.environ.get("IDENTIKAL_RANDOM_CALLS", "1500"))):
-        try:
-            answered += random_call(of).code in (0, 1, 3)
-        except ik.InputError:
-            pass
-    assert answered > 20
+    assert python_calls.answered(int(os.environ.get("IDENTIKAL_RANDOM_CALLS", "1500")), seed=7) > 20
 
 
 def test_the_tool(tool):
