@@ -1,5 +1,6 @@
 #include "python/result.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -129,6 +130,14 @@ py::object findings_of(const ik_result& result) {
     out.append(py::make_tuple(to_string(f.severity), std::string(name_of(f)), f.text, f.remedy));
   }
   return out;
+}
+
+// Beyond notes; of every call, so it makes no list.
+bool has_warnings(const ik_result& result) {
+  if (!result.outcome.estimate) return result.outcome.json.exists();
+  const Findings& all = result.outcome.estimate->findings;
+  return std::any_of(all.begin(), all.end(),
+                     [](const Finding& f) { return f.severity != Severity::note; });
 }
 
 py::object series_of(const py::object& self, const std::string& name) {
@@ -267,6 +276,7 @@ void add_results(py::module_& module) {
       .def("status", status_of)
       .def("log_likelihood", log_likelihood_of)
       .def("parameters", parameters_of)
+      .def("has_warnings", has_warnings)
       .def("findings", findings_of)
       .def("series", series_of)
       .def("series_names", series_names_of)

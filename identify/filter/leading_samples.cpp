@@ -58,11 +58,12 @@ LeadingSamples leading_samples(const Model& model, const ParameterSet& parameter
   Index count = std::max<Index>(kFewest, 2 * static_cast<Index>(model.states.size()));
   if (is_linear(model)) count = std::max(count, 2 * as_linear(model).A.constant.rows());
   for (const Dataset& data : recordings) count = std::min(count, data.size());
+  // The density of one output asks no covariance matrix.
+  const Keep keep = model.outputs.size() == 1 ? Keep::innovations : Keep::everything;
   LeadingSamples out;
   VectorXd sum = VectorXd::Zero(count);
   for (const Dataset& data : recordings) {
-    const FilterResult filter =
-        run_filter(model, parameters, first_samples(data, count), Keep::everything);
+    const FilterResult filter = run_filter(model, parameters, first_samples(data, count), keep);
     if (filter.status != FilterStatus::ok) return out;
     sum += running_sum(filter, count);
     out.diffuse = std::max(out.diffuse, filter.first_proper);

@@ -107,7 +107,7 @@ def _concluded(raw, stopped, model, warn, level):
     result = Result(raw, model)
     if stopped:
         warnings.warn("stopped; the result is the best so far", StoppedWarning, stacklevel=level)
-    if warn:
+    if warn and raw.has_warnings():
         for finding in result.findings:
             if finding.severity != "note":
                 warnings.warn(str(finding), FindingWarning, stacklevel=level)
