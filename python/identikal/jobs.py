@@ -42,7 +42,7 @@ def _options_of(items):
         if name in _NEGATED:
             name, value = _NEGATED[name], not value
         if name == "set" and isinstance(value, dict):
-            value = [f"{key}={each!r}" if isinstance(each, float) else f"{key}={each}" for key, each in value.items()]
+            value = [f"{key}={float(each)!r}" if isinstance(each, (float, np.floating)) else f"{key}={each}" for key, each in value.items()]
         if isinstance(value, os.PathLike):
             value = os.fspath(value)
         if isinstance(value, (np.generic, np.ndarray)):
