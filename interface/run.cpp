@@ -22,7 +22,9 @@
 
 namespace identikal {
 
-std::string model_name_in_memory() { return "<model>"; }
+std::string model_name_in_memory(std::size_t index) {
+  return index == 0 ? "<model>" : fmt::format("<model {}>", index + 1);
+}
 
 std::string recording_name_in_memory(std::size_t index) {
   return fmt::format("<recording {}>", index + 1);
@@ -98,14 +100,15 @@ void check_arguments(const Arguments& given, const std::string& verb) {
                                  i + 1, given.previous[i]->verb, given.previous[i]->code),
                      "one of tune, fit, check, shape or track with code 0, 1, 3 or 4");
   }
-  const bool of_results =
-      verb == "validate" || verb == "compare" || (verb == "handling" && given.previous_count > 0);
-  const bool has_model = given.model_yaml != nullptr || !given.model_file.empty();
+  const bool has_model = !given.models.empty();
+  const bool of_models = verb == "compare" && given.models.size() > 1;
+  const bool of_results = verb == "validate" || (verb == "compare" && !of_models) ||
+                          (verb == "handling" && given.previous_count > 0);
   if (of_results && has_model) {
     throw InputError({}, fmt::format("'{}' with a model", verb),
                      "previous results, which hold their models");
   }
-  if (verb == "compare" && given.count + given.files.size() > 0) {
+  if (verb == "compare" && !of_models && given.count + given.files.size() > 0) {
     throw InputError({},
                      fmt::format("'compare' with {} recordings", given.count + given.files.size()),
                      "previous results alone, which say what they were fitted to");
@@ -113,12 +116,11 @@ void check_arguments(const Arguments& given, const std::string& verb) {
   if (!of_results && !has_model) {
     throw InputError({}, "model_yaml is NULL", "the text of a model file");
   }
-  const std::size_t least = verb == "validate" ? 1 : verb == "compare" ? 2 : 0;
-  const std::size_t most = verb == "compare" ? 1000
-                           : verb == "validate" || verb == "filter" || verb == "forecast" ||
-                                   verb == "simulate" || verb == "handling"
-                               ? 1
-                               : 0;
+  const bool of_one = verb == "validate" || verb == "filter" || verb == "forecast" ||
+                      verb == "simulate" || verb == "handling";
+  const bool of_several = verb == "compare" && !of_models;
+  const std::size_t least = verb == "validate" ? 1 : of_several ? 2 : 0;
+  const std::size_t most = of_several ? 1000 : of_one ? 1 : 0;
   if (given.previous_count < least || given.previous_count > most) {
     throw InputError(
         {}, fmt::format("{} previous results for '{}'", given.previous_count, verb),
@@ -126,19 +128,28 @@ void check_arguments(const Arguments& given, const std::string& verb) {
   }
 }
 
-// The model says which columns a recording has.
+std::vector<std::string> model_names(const Arguments& given) {
+  std::vector<std::string> out;
+  for (const GivenModel& each : given.models) {
+    out.push_back(each.file.empty() ? model_name_in_memory(out.size()) : each.file);
+  }
+  return out;
+}
+
+// The first model says which columns a recording has.
 Model model_of_recordings(const Arguments& given, const std::string& verb, Inputs& inputs) {
   if (verb == "validate" || (verb == "handling" && given.previous_count > 0)) {
     const StoredResult result = inputs.result(result_name_in_memory(0));
     return estimated_model(result.estimate, result.path);
   }
-  if (!given.model_file.empty()) return inputs.model(given.model_file);
-  if (given.model_yaml == nullptr) return {};
-  return inputs.model(model_name_in_memory());
+  return given.models.empty() ? Model() : inputs.model(model_names(given).front());
 }
 
 void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs) {
-  if (given.model_yaml != nullptr) inputs.keep_text(model_name_in_memory(), given.model_yaml);
+  for (std::size_t i = 0; i < given.models.size(); ++i) {
+    const GivenModel& each = given.models[i];
+    if (each.file.empty()) inputs.keep_text(model_name_in_memory(i), each.text);
+  }
   for (std::size_t i = 0; i < given.previous_count; ++i) {
     const Outcome& outcome = given.previous[i]->outcome;
     inputs.keep_result(result_name_in_memory(i), outcome.json.text(), outcome.page_data);
@@ -163,16 +174,14 @@ void take_arguments(const Verb& verb, const ik_result& result) {
   std::vector<std::string> recordings = names(recording_name_in_memory);
   recordings.insert(recordings.end(), result.files.begin(), result.files.end());
   const std::vector<std::string> results = names(result_name_in_memory);
-  const bool in_file = !result.model_file.empty();
-  const std::string model = in_file ? result.model_file : model_name_in_memory();
   for (const Option& option : verb.options) {
     std::vector<std::string> values;
-    if (option.names == "MODEL") values = {model};
+    if (option.names == "MODEL") values = result.models;
     if (option.names == "RESULT" || option.names == "--from") values = results;
     if (option.names == "DATA") values = recordings;
     if (option.names == "FILES") {
       values = results;
-      if (in_file || inputs.is_in_memory(model)) values.push_back(model);
+      values.insert(values.end(), result.models.begin(), result.models.end());
       values.insert(values.end(), recordings.begin(), recordings.end());
     }
     if (option.is_argument() && option.required && values.empty()) {
@@ -218,7 +227,7 @@ Progress progress_of(const ik_callbacks* callbacks) {
 void run(ik_result& result, const Arguments& given, const Progress& progress) {
   verb_called(result.verb);  // throws unless there is one
   check_arguments(given, result.verb);
-  result.model_file = given.model_file;
+  result.models = model_names(given);
   result.files = given.files;
   keep_inputs(given, result.verb, result.inputs);
   result.outcome = run_verb(result, false, progress);
@@ -249,8 +258,9 @@ int ik_run(const char* verb, const char* model_yaml, const ik_recording* recordi
     if (verb == nullptr) throw InputError({}, "verb is NULL", "tune, fit, ...");
     out->verb = verb;
     out->options = options_json != nullptr ? options_json : "{}";
-    identikal::run(*out, {model_yaml, recordings, count, previous, previous_count},
-                   identikal::progress_of(callbacks));
+    identikal::Arguments given{{}, recordings, count, previous, previous_count};
+    if (model_yaml != nullptr) given.models.push_back({model_yaml, ""});
+    identikal::run(*out, given, identikal::progress_of(callbacks));
   });
   const int code = out->code;
   if (result != nullptr) *result = out.release();

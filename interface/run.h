@@ -15,27 +15,30 @@ struct ik_result {
   identikal::Outcome outcome;
   identikal::Inputs inputs;
   std::string verb, options;
-  std::string model_file;          ///< in place of a text
-  std::vector<std::string> files;  ///< recordings in files
+  std::vector<std::string> models;  ///< their names, in memory or of files
+  std::vector<std::string> files;   ///< recordings in files
 };
 
 namespace identikal {
 
 /// The names that models, recordings and results of a program have in messages and results.
-std::string model_name_in_memory();
+std::string model_name_in_memory(std::size_t index = 0);
 std::string recording_name_in_memory(std::size_t index);
 std::string result_name_in_memory(std::size_t index);
 
+/// A model file: its text, or where it lies.
+struct GivenModel {
+  std::string text, file;
+};
+
 /// What a verb is run on, none of it checked: the arguments of ik_run(), and what lies in files.
 struct Arguments {
-  const char* model_yaml = nullptr;
+  std::vector<GivenModel> models;  ///< one, or several that are compared
   const ik_recording* recordings = nullptr;
   std::size_t count = 0;
   const ik_result* const* previous = nullptr;
   std::size_t previous_count = 0;
-  std::string model_file = {};  ///< in place of model_yaml
-  std::vector<std::string> files =
-      {};  ///< recordings behind those in memory, as DATA on the command line
+  std::vector<std::string> files = {};  ///< recordings behind those in memory, as DATA
 };
 
 using Progress = std::function<bool(const std::string& what, double share, double value)>;

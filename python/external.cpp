@@ -97,7 +97,6 @@ py::tuple fit(const std::vector<GivenParameter>& given, const py::object& filter
     const py::gil_scoped_release released;
     const auto estimate =
         std::make_shared<NoiseEstimate>(fit_external_filter(parameter_set(given), run, options));
-    if (thrown) std::rethrow_exception(thrown);
     if (pulse.interrupted()) {
       estimate->findings = {
           make_finding(FindingCode::stopped, {}, "stopped; the values are the best so far")};
@@ -112,7 +111,7 @@ py::tuple fit(const std::vector<GivenParameter>& given, const py::object& filter
     result->code = result->outcome.exit_code;
     result->message = result->outcome.message;
   });
-  if (thrown) {
+  if (thrown) {  // whatever was made of it
     try {
       std::rethrow_exception(thrown);
     } catch (const InputError& error) {

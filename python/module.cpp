@@ -6,6 +6,7 @@
 #include <pybind11/stl.h>
 
 #include "command/command_line.h"
+#include "identify/model/templates.h"
 #include "lib/data/units.h"
 #include "lib/version.h"
 
@@ -21,6 +22,12 @@ int tool(std::vector<std::string> arguments) {
   return run_program(static_cast<int>(arguments.size()), pointers.data());
 }
 
+std::vector<std::pair<std::string, std::string>> templates() {
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const ModelTemplate& each : model_templates()) out.emplace_back(each.name, each.text);
+  return out;
+}
+
 }  // namespace
 }  // namespace identikal
 
@@ -28,6 +35,7 @@ PYBIND11_MODULE(_identikal, module) {
   module.doc() = "What the package identikal is made of; not for use by itself.";
   module.attr("version") = IDENTIKAL_VERSION;
   module.def("tool", identikal::tool);
+  module.def("templates", identikal::templates);
   module.def("is_unit",
              [](const std::string& text) { return identikal::parse_unit(text).has_value(); });
   identikal::add_results(module);

@@ -80,10 +80,12 @@ ik_recording GivenRecording::view() {
 }
 
 // The verb, without the interpreter; what it throws becomes code and message.
-py::tuple run_verb(const std::string& verb, const std::optional<std::string>& model,
-                   const std::string& model_file, const py::list& recordings,
-                   const std::vector<std::string>& files, const std::vector<SharedResult>& previous,
-                   const std::string& options, const py::object& progress) {
+// @param models  text and path of each, one of them empty
+py::tuple run_verb(const std::string& verb,
+                   const std::vector<std::pair<std::string, std::string>>& models,
+                   const py::list& recordings, const std::vector<std::string>& files,
+                   const std::vector<SharedResult>& previous, const std::string& options,
+                   const py::object& progress) {
   auto result = std::make_shared<ik_result>();
   result->verb = verb;
   result->options = options;
@@ -96,8 +98,7 @@ py::tuple run_verb(const std::string& verb, const std::optional<std::string>& mo
     for (const py::handle& item : recordings) given.push_back(given_recording(item));
     for (GivenRecording& each : given) views.push_back(each.view());
     Arguments arguments;
-    arguments.model_yaml = model ? model->c_str() : nullptr;
-    arguments.model_file = model_file;
+    for (const auto& [text, file] : models) arguments.models.push_back({text, file});
     arguments.recordings = views.data();
     arguments.count = views.size();
     arguments.files = files;
@@ -241,11 +242,11 @@ py::object status_of(const ik_result& result) {
 }
 
 // Columns of outputs, columns of inputs, names of states: as a model's file calls them.
-py::tuple channels_of(const std::optional<std::string>& text, const std::string& path) {
+py::tuple channels_of(const std::string& text, const std::string& path) {
   Model model;
   ik_result problem;
   guarded(problem, [&] {
-    model = text ? parse_model_file(*text, model_name_in_memory()) : read_model_file(path);
+    model = path.empty() ? parse_model_file(text, model_name_in_memory()) : read_model_file(path);
     problem.code = 0;
   });
   if (problem.code != 0) throw std::invalid_argument(problem.message);

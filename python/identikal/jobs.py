@@ -114,16 +114,22 @@ def _concluded(raw, stopped, model, warn, level):
     return result
 
 
+def _model(given):
+    """A Model; of a result the one with its estimates."""
+    if isinstance(given, Result):
+        return given.tuned_model
+    if isinstance(given, (str, os.PathLike)):
+        return Model(given)
+    if not isinstance(given, Model):
+        raise InputError(f"a {type(given).__name__} as a model; expected LinearModel, FormulaModel, Car, Model, or a path")
+    return given
+
+
 def _with_truth(model, data, of_recording, truth):
     """The model with references to states that are known, and the recording that has them."""
-    if isinstance(model, Result):
-        model = model.tuned_model
-    if isinstance(model, (str, os.PathLike)):
-        model = Model(model)
-    if not isinstance(model, Model):
-        raise InputError(f"a {type(model).__name__} as a model; expected LinearModel, FormulaModel, Model, or a path")
+    model = _model(model)
     try:
-        outputs, inputs, states = _identikal.channels(model._text, model.path or "")
+        outputs, inputs, states = _identikal.channels(*model._given())
     except ValueError as error:
         raise InputError(str(error)) from None
     if not isinstance(truth, dict):
@@ -147,28 +153,18 @@ def _run(verb, model, data, of_recording, previous, options, progress, warn, lev
     if truth is not None:
         model, data = _with_truth(model, data, of_recording, truth)
         of_recording = (None,) * 5
-    if isinstance(model, Result):
-        if verb in ("filter", "forecast", "simulate"):
-            previous, model = [model], model.model
-        else:
-            model = model.tuned_model
-        if model is None:
-            raise InputError("a result that does not hold its model; expected a model")
-    if isinstance(model, (str, os.PathLike)):
-        model = Model(model)
-    if model is not None and not isinstance(model, Model):
-        raise InputError(f"a {type(model).__name__} as a model; expected LinearModel, FormulaModel, Car, Model, or a path")
+    if isinstance(model, Result) and verb in ("filter", "forecast", "simulate"):
+        previous, model = [model], model.model
+    models = [] if model is None else [_model(each) for each in (model if isinstance(model, list) else [model])]
     given, files = recordings(data, *of_recording)
-    text = model._text if model is not None else None
-    path = model.path if model is not None and model.path else ""
     shown = _shown(progress)
     try:
-        raw, stopped = _identikal.run(verb, text, path, given, files, [each._raw for each in previous],
-                                      _options(options), shown)
+        raw, stopped = _identikal.run(verb, [each._given() for each in models], given, files,
+                                      [each._raw for each in previous], _options(options), shown)
     finally:
         if isinstance(shown, (_Line, _Bar)):
             shown.close()
-    return _concluded(raw, stopped, model, warn, level)
+    return _concluded(raw, stopped, models[0] if models else None, warn, level)
 
 
 _ARGUMENTS = """
@@ -221,10 +217,13 @@ def validate(result, data, *, u=None, time=None, step=None, columns=None, units=
     return _run("validate", None, data, (u, time, step, columns, units), [result], options, progress, warn)
 
 
-def compare(*results, warn=True, **options):
-    """Ranks results of one recording: AIC, BIC, likelihood ratios."""
-    _results(results)
-    return _run("compare", None, None, (None,) * 5, list(results), options, None, warn)
+def compare(*given, data=None, u=None, time=None, step=None, columns=None, units=None, warn=True, **options):
+    """Ranks results of one recording (AIC, BIC, likelihood ratios); with data models, or the filters of results, by their
+    likelihood there. An array has the channels of the first."""
+    if data is None:
+        _results(given)
+        return _run("compare", None, None, (None,) * 5, list(given), options, None, warn)
+    return _run("compare", [_model(each) for each in given], data, (u, time, step, columns, units), [], options, None, warn)
 
 
 def handling(model, data=None, *, u=None, time=None, step=None, columns=None, units=None, warn=True, **options):

@@ -7,7 +7,7 @@ import os
 
 import numpy as np
 
-from . import expressions
+from . import _identikal, expressions
 from ._errors import InputError
 from .expressions import Expression, Symbols, text_of
 
@@ -44,6 +44,18 @@ class Model:
         if isinstance(text_or_path, str) and "\n" in text_or_path:
             return Model.from_text(text_or_path)
         return Model(text_or_path)
+
+    @classmethod
+    def template(cls, name):
+        """One of the commented model files of `identikal init`, which lists them: "constant-velocity", "battery", ..."""
+        texts = dict(_identikal.templates())
+        if name not in texts:
+            raise InputError(f"'{name}' is no template; expected one of {', '.join(texts)}")
+        return cls.from_text(texts[name])
+
+    def _given(self):
+        """Text and path, one of them empty."""
+        return (self._text or "", self.path or "")
 
     @property
     def text(self):

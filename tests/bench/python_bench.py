@@ -26,7 +26,7 @@ def processor():
 
 
 def raw(y):
-    return _identikal.run("tune", LEVEL.text, "", [(None, y, None, 0.0, [], [])], [], [],
+    return _identikal.run("tune", [(LEVEL.text, "")], [(None, y, None, 0.0, [], [])], [], [],
                           '{"starts": 1, "no-profiles": true}', None)
 
 

@@ -1,4 +1,4 @@
-"""The code of docs/python.md gives what stands below it."""
+"""What stands in docs/ about Python is so."""
 import contextlib
 import io
 import json
@@ -8,18 +8,25 @@ import re
 import pytest
 
 
-def test_python_md(root):
+DOCUMENTS = ["python", "tune-a-filter", "is-my-filter-optimal", "coloured-noise", "identify-a-vehicle", "plan-an-experiment",
+             "a-model-of-your-own"]
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_code_of_documents(root, name):
+    """Python of docs/ gives what stands below it."""
     pytest.importorskip("pandas")
-    text = (root / "docs/python.md").read_text()
+    text = (root / f"docs/{name}.md").read_text()
     scope, here = {}, os.getcwd()
+    blocks = re.findall(r"```python\n(.*?)```\n(?:\n((?:    [^\n]*\n)+))?", text, re.S)
+    assert blocks
     os.chdir(root)
     try:
-        for code, expected in re.findall(r"```python\n(.*?)```\n(?:\n((?:    [^\n]*\n)+))?", text, re.S):
+        for code, expected in blocks:
             said = io.StringIO()
             with contextlib.redirect_stdout(said):
-                exec(compile(code, "docs/python.md", "exec"), scope)  # noqa: S102
-            wanted = "".join(line[4:] for line in expected.splitlines(keepends=True))
-            assert said.getvalue() == wanted, code
+                exec(compile(code, name, "exec"), scope)  # noqa: S102
+            assert said.getvalue() == "".join(line[4:] for line in expected.splitlines(keepends=True)), code
     finally:
         os.chdir(here)
 

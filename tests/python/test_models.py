@@ -74,6 +74,13 @@ def test_mistakes_in_models(model, match):
         ik.tune(model, np.arange(20.0))
 
 
+def test_templates():
+    drawn = ik.simulate(ik.Model.template("constant-velocity"), rows=50)
+    assert len(drawn.values) == 50
+    with pytest.raises(ik.InputError, match="battery"):
+        ik.Model.template("car")
+
+
 def test_place_of_a_mistake():
     with pytest.raises(ik.InputError) as caught:
         ik.tune(ik.Model.from_text("identikal: 1\ntime: {step: 1}\nA: [[b]]\nC: [[1]]\nQ: [[1]]\nR: [[1]]\noutputs: [{name: y}]\n"), np.arange(9.0))

@@ -44,6 +44,26 @@ def test_numbers_of_the_command_line(root, tool, tmp_path, model, data, options)
     assert document == expected
 
 
+TEMPLATES = {"constant-acceleration": None, "constant-acceleration-2d": None, "constant-velocity": None, "constant-velocity-2d": None,
+             "local-level": None, "trend-season": None, "imu-bias": "gyro=0.1*sin(t)", "mass-spring-damper": "force=sin(t)",
+             "pendulum": "torque=0.1*sin(t)", "thermal-rc": "heating=500*(1 + sin(t/4000))"}
+
+
+@pytest.mark.parametrize("template, given", TEMPLATES.items())
+def test_numbers_of_the_command_line_on_templates(tool, tmp_path, template, given):
+    model, data = tmp_path / "model.yaml", tmp_path / "simulated.csv"
+    model.write_text(subprocess.run([tool, "init", template], check=True, capture_output=True, text=True).stdout)
+    more = ["--input", given] if given else []
+    if template == "thermal-rc":
+        more += ["--input", "outside=5 + sin(t/9000)"]
+    subprocess.run([tool, "simulate", model, "-n", "200", "-o", tmp_path, *more], check=True, capture_output=True)
+    said = subprocess.run([tool, "tune", model, data, "--json", "--starts", "1"], capture_output=True, text=True, check=False)
+    expected, document = json.loads(said.stdout), ik.tune(model, data, starts=1, warn=False).to_dict()
+    for each in (expected, document):
+        each.pop("timing_s")
+    assert document == expected
+
+
 def test_arrays_give_the_numbers_of_files(root, tool, tmp_path):
     model = root / "examples/system7.yaml"
     subprocess.run([tool, "simulate", model, "-n", "2000", "-o", tmp_path], check=True, capture_output=True)
@@ -95,6 +115,13 @@ def test_jobs_on_results(tuned, level, flow):
     other = ik.tune(ik.LinearModel(A=0.5, C=1, Q=[[ik.p("q", 1e4, min=0)]], R=[[ik.p("r", 1e4, min=0)]], step=1.0,
                                    parameters=None), flow, warn=False)
     assert "compare" in ik.compare(tuned, other, warn=False).summary()
+    ranked = ik.compare(level, tuned, other, data=flow, warn=False)
+    assert ranked.status == "ok" and "<model 2>" in ranked.message
+    for given in ((tuned, level), (tuned, 3)):
+        with pytest.raises(ik.InputError):
+            ik.compare(*given)
+    with pytest.raises(ik.InputError):
+        ik.compare(level, data=flow)
     assert ik.bound(tuned, rows=400).params["q"].bound_se == pytest.approx(ik.bound(tuned, rows=100).params["q"].bound_se / 2, rel=0.2)
     drawn = ik.simulate(tuned, rows=30, seed=2)
     assert drawn.values.shape == (30, 2) and drawn.columns == ["y", "time [s]"]
