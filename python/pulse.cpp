@@ -1,3 +1,4 @@
+// How does a long call see Ctrl-C, and show its progress?
 #include <chrono>
 
 #include "python/result.h"

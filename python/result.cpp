@@ -1,3 +1,4 @@
+// How does Python run a verb, and read its result where it lies?
 #include "python/result.h"
 
 #include <algorithm>
