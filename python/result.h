@@ -1,6 +1,7 @@
 // What does Python hold of a job? Its result, whose numbers are read where they lie.
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <string>
 #include <vector>

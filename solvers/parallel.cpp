@@ -4,6 +4,7 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -34,7 +35,12 @@ void in_parallel(int count, int threads, const std::function<void(int task)>& ta
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   const int together = std::min(threads > 0 ? threads : cores, count);
   std::vector<std::thread> others;
-  for (int t = 1; t < together; ++t) others.emplace_back(work);
+  others.reserve(static_cast<std::size_t>(std::max(together, 0)));
+  try {
+    for (int t = 1; t < together; ++t) others.emplace_back(work);
+  } catch (const std::system_error&) {
+    // The system gives no more: those that there are share the work.
+  }
   work();
   for (std::thread& other : others) other.join();
   if (failure) std::rethrow_exception(failure);
