@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "lib/base/median.h"
+#include "lib/data/dataset.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -43,22 +44,21 @@ Summary summarise(const Values& values) {
   return out;
 }
 
-bool increasing(const Column& column) {
-  if (column.missing > 0 || column.values.size() < 2) return false;
-  return std::is_sorted(column.values.begin(), column.values.end(), std::less_equal<double>());
+bool increasing(const Column& column, const std::vector<double>& stamps) {
+  return column.missing == 0 &&
+         std::is_sorted(stamps.begin(), stamps.end(), std::less_equal<double>());
 }
 
 std::string time_text(const Table& table) {
   for (const Column& column : table.columns) {
     if (!looks_like_time(column) || column.values.size() < 2) continue;
-    if (!increasing(column)) {
+    const std::vector<double> stamps = exact_stamps(column);
+    if (!increasing(column, stamps)) {
       if (column.text_cells > 0) continue;
       return fmt::format("time   '{}' does not increase from row to row\n", column.name);
     }
     std::vector<double> steps;
-    for (std::size_t i = 1; i < column.values.size(); ++i) {
-      steps.push_back(column.values[i] - column.values[i - 1]);
-    }
+    for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
     const double usual = median(steps);
     const auto gaps =
         std::count_if(steps.begin(), steps.end(), [usual](double s) { return s > 1.5 * usual; });
@@ -69,7 +69,7 @@ std::string time_text(const Table& table) {
     return fmt::format(
         "time   '{}': {:.6g} Hz (step {:.6g} s), {:.6g} s long, {} gaps, {} uneven steps\n",
         column.name, 1.0 / (usual * unit.scale), usual * unit.scale,
-        (column.values.back() - column.values.front()) * unit.scale, gaps, uneven);
+        (stamps.back() - stamps.front()) * unit.scale, gaps, uneven);
   }
   return "time   no column looks like time; a model gives the step: time: {kind: discrete, step: "
          "...}\n";

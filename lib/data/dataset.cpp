@@ -149,17 +149,6 @@ struct Stamps {
   bool from_first = false;  // the values count from the first stamp
 };
 
-// The stamps from the first one on, to the last digit that is written; as they are where doubles hold
-// all of them.
-std::vector<double> exact_stamps(const Column& column) {
-  std::vector<double> out = column.values;
-  if (column.remainder.empty() || out.empty()) return out;
-  for (std::size_t row = out.size(); row-- > 0;) {
-    out[row] = (out[row] - out[0]) + (column.remainder[row] - column.remainder[0]);
-  }
-  return out;
-}
-
 Stamps read_stamps(const Table& table, const TimeSource& source) {
   const Column& column = find_column(table, source.column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
@@ -348,6 +337,15 @@ std::string time_unit(const Column& column) {
     if (words.size() > 1 && is_time_unit(words.back())) return words.back();
   }
   return "s";
+}
+
+std::vector<double> exact_stamps(const Column& column) {
+  std::vector<double> out = column.values;
+  if (column.remainder.empty() || out.empty()) return out;
+  for (std::size_t row = out.size(); row-- > 0;) {
+    out[row] = (out[row] - out[0]) + (column.remainder[row] - column.remainder[0]);
+  }
+  return out;
 }
 
 Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {

@@ -93,6 +93,15 @@ bool looks_like_time(const Column& column);
 /// ("GPS ns") or of the name ("t_ms"); "s" where nothing says so.
 std::string time_unit(const Column& column);
 
+/// A column's values from the first one on, to the last digit that is written: of epoch times in ns doubles hold
+/// every 256th alone. As they are where doubles hold all of them.
+///
+/// Example:
+///
+///     const std::vector<double> ns = exact_stamps(*table.find("stamp"));
+///     std::printf("%g ns long\n", ns.back() - ns.front());
+std::vector<double> exact_stamps(const Column& column);
+
 /// The runs of a table whose time stamps restart: one table wherever a stamp is not above the one
 /// before it; itself when time.restarts is false. Throws InputError for a run of one row alone.
 std::vector<Table> split_runs(const Table& table, const TimeSource& time);

@@ -1,5 +1,6 @@
 """info: columns, units, channels."""
 import pathlib
+import tempfile
 import unittest
 
 from program import NILE, run, shared
@@ -10,6 +11,13 @@ class Info(unittest.TestCase):
         for path in sorted(pathlib.Path(shared("recordings")).glob("*")):
             if path.suffix in (".csv", ".txt"):
                 self.assertIn("rows", run("info", path, code=0).stdout)
+
+    def test_epoch_in_nanoseconds(self):
+        """Doubles hold every 256th of them; the step is 0.1 ms."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "log.csv")
+            path.write_text("time [ns],y\n" + "".join(f"{1700000000123456789 + k * 100000},{k % 7}\n" for k in range(200)))
+            self.assertIn("10000 Hz (step 0.0001 s), 0.0199 s long, 0 gaps, 0 uneven", run("info", path, code=0).stdout)
 
     def test_model_and_data(self):
         self.assertIn("level", run("info", *NILE, code=0).stdout)

@@ -14,7 +14,7 @@ if not (build / "CMakeCache.txt").exists():
 subprocess.run(["cmake", "-S", ROOT, "-B", build, *options], check=True, cwd=ROOT)
 subprocess.run(["cmake", "--build", build, "--target", "identikal_python_package", "identikal", "-j", str(os.cpu_count() or 1)], check=True)
 library = subprocess.run(["clang", "-print-file-name=libclang_rt.asan-x86_64.so"], capture_output=True, text=True, check=True).stdout.strip()
-subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "samples or models or results or random or refused or exceptions or several_outputs",
+subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "(samples or models or results or random or refused or exceptions or several_outputs) and not command_line and not of_files",
                 ROOT / "tests/python"], check=True,
                env={**os.environ, "LD_PRELOAD": library, "ASAN_OPTIONS": "detect_leaks=0", "PYTHONMALLOC": "malloc",
                     "PYTHONPATH": str(build / "python"), "IDENTIKAL_TOOL": str(build / "identikal"),
