@@ -98,6 +98,7 @@ std::string time_unit(const Column& column);
 ///
 /// Example:
 ///
+///     const Table table = read_csv("drive.csv");
 ///     const std::vector<double> ns = exact_stamps(*table.find("stamp"));
 ///     std::printf("%g ns long\n", ns.back() - ns.front());
 std::vector<double> exact_stamps(const Column& column);
