@@ -27,9 +27,8 @@ extern "C" {
 
 /* Samples of one recording, a row per sample; NaN where a value is missing. */
 typedef struct {
-  const double*
-      time; /* rows, rising [s]; NULL: `step` apart, or as far as the model says, or the column of
-                         `names` that the model calls its time */
+  /* rows, rising [s]; NULL: `step` apart, or as the model says, or the column that the model calls its time */
+  const double* time;
   const double* y; /* rows x ny, row by row: the outputs */
   const double* u; /* rows x nu: the inputs; NULL where nu is 0 */
   size_t rows, ny, nu;

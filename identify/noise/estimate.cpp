@@ -346,7 +346,9 @@ Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape) 
 
 Findings check_innovations(const FilterEstimate& estimate) {
   Findings out;
-  const bool can_shape = estimate.objective.filter.empty();  // it takes linear models
+  // It takes linear models.
+  const bool can_shape =
+      estimate.objective.filter.empty() && estimate.objective.method != kOwnFilter;
   const bool has_errors =
       std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
                   [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });

@@ -13,6 +13,9 @@
 
 namespace identikal {
 
+/// Objective::method where the filter is the caller's own.
+inline constexpr const char* kOwnFilter = "own filter";
+
 /// The free parameters that have errors: those that lie inside their bounds.
 struct InteriorParameters {
   std::vector<Eigen::Index> entries;  ///< their positions among the free entries

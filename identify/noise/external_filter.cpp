@@ -139,7 +139,7 @@ NoiseEstimate fit_external_filter(const ParameterSet& parameters, const External
   }
   const ParameterSet end = with_coordinates(parameters, found.x);
   NoiseEstimate estimate;
-  estimate.objective.method = "own filter";
+  estimate.objective.method = kOwnFilter;
   estimate.objective.log_likelihood = found.summary.objective;
   estimate.objective.log_likelihood_start = found.summary.initial_objective;
   estimate.objective.iterations = found.summary.iterations;
