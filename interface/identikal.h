@@ -49,14 +49,14 @@ typedef struct {
   void* user;
 } ik_callbacks;
 
-/* Runs a verb of the command line: tune, fit, check, shape, track, filter, bound, simulate, validate, compare,
-   handling.
+/* Runs a verb of the command line: tune, fit, check, shape, track, filter, bound, simulate, forecast, validate,
+   compare, handling.
 
    model_yaml  the text of a model file; NULL for validate and compare, whose results hold their models,
                and for handling where a result is given
    recordings  `count` of them; of bound and simulate one of the inputs, or none; of compare none
    previous    the results that the verb starts from: validate has one, compare two or more, handling one
-               or none; of filter its values are taken. NULL where previous_count is 0
+               or none; of filter, forecast and simulate its values are taken. NULL where previous_count is 0
    options     a JSON object whose keys are the long options of the command line without dashes:
                {"starts": 1, "robust": true, "set": ["Cf=80 kN/rad"]}; NULL: none
    callbacks   may be NULL

@@ -6,7 +6,7 @@ import numpy as np
 
 from . import _identikal
 from ._errors import InputError
-from .jobs import _concluded, _shown, _Bar, _Line
+from .jobs import _concluded, showing
 
 
 def tune_external(filter, start, data=None, *, limits=None, iterations=None, progress=None, warn=True):
@@ -32,12 +32,8 @@ def tune_external(filter, start, data=None, *, limits=None, iterations=None, pro
         answer = filter(theta_of(numbers)) if data is None else filter(theta_of(numbers), data)
         return None if answer is None else _innovations(answer)
 
-    shown = _shown(progress)
-    try:
+    with showing(progress) as shown:
         raw, stopped = _identikal.tune_external(list(zip(names, values, *zip(*box))), run, iterations or 0, shown)
-    finally:
-        if isinstance(shown, (_Line, _Bar)):
-            shown.close()
     return _concluded(raw, stopped, None, warn, 3)
 
 
@@ -46,7 +42,7 @@ def _start(start):
         names, values = [str(name) for name in start], list(start.values())
         theta_of = lambda at: dict(zip(names, at.tolist()))  # noqa: E731
     else:
-        values = np.atleast_1d(np.asarray(start, dtype=float)).tolist()
+        values = np.atleast_1d(_numbers("start", start)).tolist()
         names = [f"theta{i + 1}" for i in range(len(values))]
         theta_of = np.array
     for name, value in zip(names, values):
@@ -55,6 +51,13 @@ def _start(start):
     if not names:
         raise InputError("no parameters; expected one at least")
     return names, [float(value) for value in values], theta_of
+
+
+def _numbers(what, given):
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: {error}; expected numbers") from None
 
 
 def _limits(limits, names):
@@ -67,16 +70,20 @@ def _limits(limits, names):
         raise InputError(f"limits of '{sorted(unknown)[0]}', which is no parameter; expected one of {', '.join(names)}")
     out = []
     for name in names:
-        least, greatest = limits.get(name) or (None, None)
-        out.append((-np.inf if least is None else float(least), np.inf if greatest is None else float(greatest)))
+        pair = limits.get(name) or (None, None)
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise InputError(f"limits of '{name}' are {pair!r}; expected (least, greatest), None where there is none")
+        least, greatest = pair
+        out.append((-np.inf if least is None else float(_numbers("limits", least)),
+                    np.inf if greatest is None else float(_numbers("limits", greatest))))
     return out
 
 
 def _innovations(answer):
     if not isinstance(answer, (tuple, list)) or len(answer) != 2:
         raise InputError("a filter that does not return two arrays; expected innovations and their covariances")
-    e = np.ascontiguousarray(answer[0], dtype=float)
-    S = np.asarray(answer[1], dtype=float)
+    e = np.ascontiguousarray(_numbers("innovations", answer[0]))
+    S = _numbers("covariances", answer[1])
     if e.ndim == 1:
         e = e[:, None]
     if e.ndim != 2:

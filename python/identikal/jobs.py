@@ -1,5 +1,6 @@
 """The verbs of the command line as functions."""
 
+import contextlib
 import functools
 import json
 import os
@@ -82,18 +83,24 @@ class _Bar:
         self.bar.close()
 
 
-def _shown(progress):
-    if progress is None or progress is False:
-        return None
+@contextlib.contextmanager
+def showing(progress):
+    """What the module calls while it works; a line or a bar goes when it ends."""
     if progress is not True:
-        if not callable(progress):
+        if not (progress is None or progress is False or callable(progress)):
             raise InputError(f"a {type(progress).__name__} as progress; expected True or a function (what, share, value)")
-        return progress
+        yield progress or None
+        return
     try:
         from tqdm.auto import tqdm
     except ImportError:
-        return _Line()
-    return _Bar(tqdm)
+        shown = _Line()
+    else:
+        shown = _Bar(tqdm)
+    try:
+        yield shown
+    finally:
+        shown.close()
 
 
 def _concluded(raw, stopped, model, warn, level):
@@ -157,13 +164,9 @@ def _run(verb, model, data, of_recording, previous, options, progress, warn, lev
         previous, model = [model], model.model
     models = [] if model is None else [_model(each) for each in (model if isinstance(model, list) else [model])]
     given, files = recordings(data, *of_recording)
-    shown = _shown(progress)
-    try:
+    with showing(progress) as shown:
         raw, stopped = _identikal.run(verb, [each._given() for each in models], given, files,
                                       [each._raw for each in previous], _options(options), shown)
-    finally:
-        if isinstance(shown, (_Line, _Bar)):
-            shown.close()
     return _concluded(raw, stopped, models[0] if models else None, warn, level)
 
 
