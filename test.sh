@@ -13,7 +13,7 @@ esac
   python3 python3-jsonschema python3-numpy python3-dev pybind11-dev python3-pytest python3-pandas python3-matplotlib \
   python3-setuptools python3-wheel python3-pip chromium chromium-driver pkg-config
 
-find lib solvers identify studies jobs interface command python tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
+find lib solvers identify studies jobs fleet interface command python tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
   xargs -0 clang-format --dry-run --Werror
 
 # With --slow every file is compiled by itself and without the precompiled header, and so has to include what it uses.

@@ -38,6 +38,7 @@ if(ceres_archive MATCHES "\\.a$")
   set(archives_of_text "")
   identikal_find_archive(archives_of_text yaml-cpp)
   identikal_find_archive(archives_of_text crypto)
+  identikal_find_archive(archives_of_text sqlite3)
 
   # Other systems' archives may call others: the shared libraries then.
   include(CheckCXXSourceCompiles)

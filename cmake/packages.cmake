@@ -27,6 +27,7 @@ if(IDENTIKAL_BUILD_IDENTIFY)
 endif()
 if(IDENTIKAL_BUILD_TOOL)
   need(libcli11-dev CLI11)
+  need(libsqlite3-dev SQLite3 3.33)
 endif()
 if(IDENTIKAL_BUILD_PYTHON)
   # Debian's Python, which has Debian's numpy, unless another is named.

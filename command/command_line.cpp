@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "fleet/verbs.h"
 #include "jobs/verbs.h"
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -62,37 +63,103 @@ struct NamedVerb {
 };
 
 constexpr NamedVerb kVerbs[] = {
-    {"info", info_verb},         {"init", init_verb},         {"tune", tune_verb},
-    {"fit", fit_verb},           {"check", check_verb},       {"track", track_verb},
-    {"filter", filter_verb},     {"compare", compare_verb},   {"shape", shape_verb},
-    {"bound", bound_verb},       {"report", report_verb},     {"export", export_verb},
-    {"validate", validate_verb}, {"study", study_verb},       {"simulate", simulate_verb},
-    {"handling", handling_verb}, {"forecast", forecast_verb},
+    {"info", info_verb},
+    {"init", init_verb},
+    {"tune", tune_verb},
+    {"fit", fit_verb},
+    {"check", check_verb},
+    {"track", track_verb},
+    {"filter", filter_verb},
+    {"compare", compare_verb},
+    {"shape", shape_verb},
+    {"bound", bound_verb},
+    {"report", report_verb},
+    {"export", export_verb},
+    {"validate", validate_verb},
+    {"study", study_verb},
+    {"simulate", simulate_verb},
+    {"handling", handling_verb},
+    {"forecast", forecast_verb},
+    // Verbs of a verb: "fleet tune" is two words of a command line.
+    {"fleet tune", fleet_tune_verb},
+    {"fleet fit", fleet_fit_verb},
+    {"fleet check", fleet_check_verb},
+    {"fleet validate", fleet_validate_verb},
+    {"fleet resume", fleet_resume_verb},
+    {"fleet status", fleet_status_verb},
+    {"fleet export", fleet_export_verb},
+    {"fleet merge", fleet_merge_verb},
 };
 
 // Those that ask while they work whether to stop. A signal ends the others as it ends any program.
-constexpr std::string_view kSearches[] = {"tune", "fit", "shape", "track"};
+constexpr std::string_view kSearches[] = {
+    "tune",      "fit",         "shape",          "track",       "fleet tune",
+    "fleet fit", "fleet check", "fleet validate", "fleet resume"};
+
+std::string first_word(const std::string& name) { return name.substr(0, name.find(' ')); }
+
+// The verb that is typed: one word, or two.
+std::string typed_name(int argc, char** argv) {
+  const std::string first = argc > 1 ? argv[1] : "";
+  const bool of_two = std::any_of(std::begin(kVerbs), std::end(kVerbs), [&](const NamedVerb& verb) {
+    return std::string(verb.name).starts_with(first + " ");
+  });
+  return of_two && argc > 2 ? first + " " + argv[2] : first;
+}
 
 // A command line that begins with a verb needs the options of no other one: to define them all takes
 // longer than to fit a short recording.
 std::vector<Verb> verbs_of(int argc, char** argv) {
-  const std::string first = argc > 1 ? argv[1] : "";
+  const std::string typed = typed_name(argc, argv);
   std::vector<Verb> out;
-  if (argc == 2 && first == "--version") return out;
+  if (argc == 2 && typed == "--version") return out;
   for (const NamedVerb& verb : kVerbs) {
-    if (first == verb.name) return {verb.make()};
+    if (typed == verb.name) return {verb.make()};
   }
   for (const NamedVerb& verb : kVerbs) out.push_back(verb.make());
   return out;
 }
 
+// Of `typed`, the verbs that could stand in its place: first words, or second ones.
+std::vector<std::string> names_beside(const std::string& typed) {
+  const std::size_t space = typed.find(' ');
+  std::vector<std::string> names;
+  for (const NamedVerb& verb : kVerbs) {
+    const std::string name = verb.name;
+    std::string word = first_word(name);
+    if (space != std::string::npos) {
+      if (!name.starts_with(typed.substr(0, space + 1))) continue;
+      word = name.substr(space + 1);
+    }
+    if (names.empty() || names.back() != word) names.push_back(word);
+  }
+  return names;
+}
+
 void refuse_unknown_verb(int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
-  std::vector<std::string> names;
-  for (const NamedVerb& verb : kVerbs) names.emplace_back(verb.name);
-  if (std::find(names.begin(), names.end(), argv[1]) != names.end()) return;
-  throw InputError({}, fmt::format("unknown verb '{}'", argv[1]),
-                   fmt::format("one of {}", fmt::join(names, ", ")), did_you_mean(argv[1], names));
+  const std::string typed = typed_name(argc, argv);
+  const std::size_t space = typed.find(' ');
+  const std::string word = space == std::string::npos ? typed : typed.substr(space + 1);
+  if (word.starts_with('-')) return;
+  const std::vector<std::string> names = names_beside(typed);
+  if (std::find(names.begin(), names.end(), word) != names.end()) return;
+  throw InputError({}, fmt::format("unknown verb '{}'", typed),
+                   fmt::format("one of {}", fmt::join(names, ", ")), did_you_mean(word, names));
+}
+
+// "fleet tune"
+std::string name_of(const CLI::App& verb) {
+  const CLI::App* parent = verb.get_parent();
+  const bool nested = parent != nullptr && parent->get_parent() != nullptr;
+  return nested ? parent->get_name() + " " + verb.get_name() : verb.get_name();
+}
+
+// The verb that the parser has found; nullptr when there is none.
+const CLI::App* verb_in(const CLI::App& app) {
+  const CLI::App* out = &app;
+  while (!out->get_subcommands().empty()) out = out->get_subcommands().front();
+  return out == &app ? nullptr : out;
 }
 
 // Those that help shows.
@@ -131,7 +198,7 @@ std::string hint_for(const CLI::App& verb, const std::string& option) {
   const std::string nearest =
       option.starts_with("--") ? did_you_mean(option, option_names(verb)) : std::string();
   if (!nearest.empty()) return nearest;
-  return fmt::format("'identikal {} --help' shows them", verb.get_name());
+  return fmt::format("'identikal {} --help' shows them", name_of(verb));
 }
 
 // "-o", or the long name of an option that has no short one, or that of an argument.
@@ -154,29 +221,27 @@ std::string arguments_of(const CLI::App& verb) {
 
 // What a verb does not know, in one line; its other mistakes may only follow from this one.
 void refuse_unknown_options(const CLI::App& app) {
-  for (const CLI::App* verb : app.get_subcommands()) {
-    for (const std::string& word : verb->remaining()) {
-      if (word.size() < 2 || word[0] != '-' || word == "--") continue;
-      const std::string option = word.substr(0, word.find('='));
-      throw InputError({}, fmt::format("unknown option '{}' of '{}'", option, verb->get_name()), "",
-                       hint_for(*verb, option));
-    }
+  const CLI::App* const verb = verb_in(app);
+  if (verb == nullptr) return;
+  for (const std::string& word : verb->remaining()) {
+    if (word.size() < 2 || word[0] != '-' || word == "--") continue;
+    const std::string option = word.substr(0, word.find('='));
+    throw InputError({}, fmt::format("unknown option '{}' of '{}'", option, name_of(*verb)), "",
+                     hint_for(*verb, option));
   }
 }
 
 void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
   refuse_unknown_options(app);
-  for (const CLI::App* verb : app.get_subcommands()) {
+  if (const CLI::App* const verb = verb_in(app)) {
     const std::vector<std::string> unknown = verb->remaining();
-    if (!unknown.empty() &&
-        error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
-      throw InputError(
-          {}, fmt::format("unexpected argument '{}' of '{}'", unknown.front(), verb->get_name()),
-          fmt::format("'identikal {}{}'", verb->get_name(), arguments_of(*verb)),
-          fmt::format("'identikal {} --help' shows them", verb->get_name()));
-    }
+    const bool extras = error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError);
+    if (unknown.empty() || !extras) return;
+    const std::string name = name_of(*verb);
+    throw InputError({}, fmt::format("unexpected argument '{}' of '{}'", unknown.front(), name),
+                     fmt::format("'identikal {}{}'", name, arguments_of(*verb)),
+                     fmt::format("'identikal {} --help' shows them", name));
   }
-  if (!app.get_subcommands().empty()) return;
   const std::vector<std::string> unknown = app.remaining();
   throw InputError({},
                    unknown.empty() ? std::string("a verb is missing")
@@ -187,7 +252,7 @@ void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
 // What the parser has refused, in the words of this program.
 // It begins its messages with the option's name, that of a flag without its dashes.
 [[noreturn]] void refuse(const CLI::App& verb, const CLI::ParseError& error) {
-  const std::string hint = fmt::format("'identikal {} --help' shows them", verb.get_name());
+  const std::string hint = fmt::format("'identikal {} --help' shows them", name_of(verb));
   const std::string said = error.what();
   for (const CLI::Option* option : verb.get_options()) {
     const std::string name = short_name(*option), whole_name = option->get_name();
@@ -206,7 +271,7 @@ void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
     if (!option->get_required()) throw InputError({}, name + " has no value", "one", hint);
     const std::string usage = option->get_positional() ? arguments_of(verb) : " " + name + " VALUE";
     throw InputError({}, name + " is missing",
-                     fmt::format("'identikal {}{}'", verb.get_name(), usage), hint);
+                     fmt::format("'identikal {}{}'", name_of(verb), usage), hint);
   }
   throw InputError({}, said, "", hint);
 }
@@ -252,6 +317,10 @@ int run_verb(const Verb& verb, const std::string& command) {
     return signal_received() == 0;
   };
   std::vector<std::string> remarks;
+  call.print = [&](const std::string& text) {
+    line.clear();
+    print(text);
+  };
   call.notice = [&](const std::string& text) { remarks.push_back(text); };
   if (std::find(std::begin(kSearches), std::end(kSearches), verb.name) != std::end(kSearches)) {
     stop_at_signals();
@@ -291,12 +360,12 @@ int run_command_line(int argc, char** argv) {
       return 0;
     }
     refuse_unknown_words(app, error);
-    refuse(*app.get_subcommands().front(), error);
+    refuse(*verb_in(app), error);
   } catch (const InputError&) {  // of the value of an option
     refuse_unknown_options(app);
     throw;
   }
-  const std::string name = app.get_subcommands().front()->get_name();
+  const std::string name = name_of(*verb_in(app));
   const auto typed =
       std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
   return run_verb(*typed, as_typed(argc, argv));

@@ -1,6 +1,7 @@
 #include "command/manual.h"
 
 #include <cctype>
+#include <set>
 #include <sstream>
 
 #include <CLI/CLI.hpp>
@@ -63,10 +64,44 @@ VerbText verb_text(const CLI::App& app, const std::vector<KnownValues>& known) {
   return out;
 }
 
+std::vector<const CLI::App*> shown_below(const CLI::App& app) {
+  std::vector<const CLI::App*> out;
+  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (!verb->get_group().empty()) out.push_back(verb);
+  }
+  return out;
+}
+
+// With "fleet tune" and its like as verbs of their own.
 std::vector<VerbText> verbs_of(const CLI::App& app, const std::vector<KnownValues>& known) {
   std::vector<VerbText> out;
-  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; })) {
-    if (!verb->get_group().empty()) out.push_back(verb_text(*verb, known));
+  for (const CLI::App* verb : shown_below(app)) {
+    const std::vector<const CLI::App*> below = shown_below(*verb);
+    if (below.empty()) out.push_back(verb_text(*verb, known));
+    for (const CLI::App* second : below) {
+      out.push_back(verb_text(*second, known));
+      out.back().name = verb->get_name() + " " + second->get_name();
+    }
+  }
+  return out;
+}
+
+// As a shell completes them: "fleet" takes the second word as its first argument, and the options
+// of all that it may be.
+std::vector<VerbText> first_words(const CLI::App& app, const std::vector<KnownValues>& known) {
+  std::vector<VerbText> out;
+  for (const CLI::App* verb : shown_below(app)) {
+    out.push_back(verb_text(*verb, known));
+    OptionText second;
+    second.argument = "VERB";
+    std::set<std::string> seen;
+    for (const CLI::App* below : shown_below(*verb)) {
+      second.values.push_back(below->get_name());
+      for (OptionText& option : verb_text(*below, known).options) {
+        if (seen.insert(option.names.back()).second) out.back().options.push_back(option);
+      }
+    }
+    if (!second.values.empty()) out.back().arguments.push_back(second);
   }
   return out;
 }
@@ -308,9 +343,9 @@ std::string fish_completion(const VerbText& all, const std::vector<VerbText>& ve
 
 std::string command_reference(const CLI::App& app, const std::string& kind,
                               const std::string& version, const std::vector<KnownValues>& known) {
-  const std::vector<VerbText> verbs = verbs_of(app, known);
+  if (kind == "man") return man_page(app, verbs_of(app, known), version);
+  const std::vector<VerbText> verbs = first_words(app, known);
   const VerbText all = verb_text(app, {});
-  if (kind == "man") return man_page(app, verbs, version);
   if (kind == "bash") return bash_completion(all, verbs);
   if (kind == "zsh") return zsh_completion(all, verbs);
   if (kind == "fish") return fish_completion(all, verbs);

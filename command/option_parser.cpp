@@ -63,10 +63,26 @@ void add_today(CLI::App& verb, const Option& option) {
   if (option.is_list() && !option.is_argument()) added->allow_extra_args(false);
 }
 
+// Of "fleet tune" a subcommand of the subcommand "fleet".
+CLI::App* add_named(CLI::App& app, const Verb& verb) {
+  const std::size_t space = verb.name.find(' ');
+  if (space == std::string::npos) return app.add_subcommand(verb.name, verb.help);
+  const std::string first = verb.name.substr(0, space);
+  const std::vector<CLI::App*> there =
+      app.get_subcommands([&](const CLI::App* each) { return each->get_name() == first; });
+  CLI::App* parent = there.empty() ? nullptr : there.front();
+  if (parent == nullptr) {
+    parent = app.add_subcommand(first,
+                                "Do one verb on many recordings, on all processors or a cluster.");
+    parent->require_subcommand(1);
+  }
+  return parent->add_subcommand(verb.name.substr(space + 1), verb.help);
+}
+
 }  // namespace
 
 CLI::App& add_verb(CLI::App& app, const Verb& verb) {
-  CLI::App* added = app.add_subcommand(verb.name, verb.help);
+  CLI::App* added = add_named(app, verb);
   added->footer(verb.footer);
   for (const Option& option : verb.options) {
     if (option.now.empty()) {

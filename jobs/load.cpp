@@ -91,6 +91,7 @@ Model load_model(const ModelOptions& options, const std::string& verb, Inputs& i
 }
 
 std::vector<Table> read_files(const std::string& argument, Inputs& inputs) {
+  if (inputs.is_in_memory(argument)) return {inputs.table(argument)};
   std::vector<Table> out;
   for (const std::string& path : joined_files(argument)) out.push_back(inputs.table(path));
   return out;

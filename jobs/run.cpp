@@ -143,6 +143,7 @@ Outcome outcome_of(const Run& run, KeptResult result) {
   out.message = to_string(result.core->status) + ": " + result.core->message;
   out.exit_code = exit_code(*result.core, strict);
   out.estimate = result.core;
+  out.fit = std::shared_ptr<const RecordingFit>(result.core, result.sections.fit);
   out.summary = LateText([result] { return console_report(result.sections); });
   if (run.call.wants_text && !run.options.json) out.text = out.summary.text();
   out.json = LateText([result = std::move(result), strict, seconds = run.seconds()] {

@@ -13,6 +13,7 @@
 
 #include "identify/estimate/estimate.h"
 #include "identify/estimate/none.h"
+#include "identify/estimate/recording_fit.h"
 
 namespace identikal {
 
@@ -33,6 +34,8 @@ struct Call {
   bool wants_series = false, wants_page = false;
   bool wants_text = true;                               ///< else a result has no Outcome::text
   std::function<void(const std::string& line)> notice;  ///< takes remarks on how it was called
+  /// Takes text that is too long for Outcome::text piece by piece; empty: nobody does.
+  std::function<void(const std::string& text)> print;
 };
 
 /// @param share  of the work that is done, @param value  of the objective; kNone: not known
@@ -46,6 +49,7 @@ struct Outcome {
   LateText json;                             ///< the result, of verbs that have one
   LateText summary;                          ///< the same for people
   std::shared_ptr<const Estimate> estimate;  ///< the same as values, of most verbs
+  std::shared_ptr<const RecordingFit> fit;   ///< fits and tests of it, where it has some
   std::string page_data;            ///< what the page draws beyond it (identify/report/page_data.h)
   std::string message;              ///< of a result, its status and why: "ok: converged"
   std::vector<NamedSeries> series;  ///< where the call asks for them

@@ -18,6 +18,7 @@ ORDER = {
                  "simulation", "validation", "optimality"],
     "studies": [""],
     "jobs": [""],
+    "fleet": [""],
     "interface": [""],
     "command": [""],
     "python": [""],
@@ -30,11 +31,12 @@ ONLY_IN = {
     r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel|tangent_kernel)\.cpp",
     r"pybind11/": r"python/.*",
     r"CLI/": r"command/.*",
-    r"nlohmann/": r"(identify/(result|report)/(.*\.cpp|internal/.*\.h)|interface/.*\.cpp)",
+    r"sqlite3": r"fleet/internal/database\.cpp",
+    r"nlohmann/": r"(fleet/.*\.cpp|identify/(result|report)/(.*\.cpp|internal/.*\.h)|interface/.*\.cpp)",
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",
     r"boost/": r"identify/estimate/distribution\.cpp",
     r"openssl/": r"identify/result/file_digest\.cpp",
-    r"fmt/": r"(identify|studies|jobs|interface|command)/.*\.cpp",
+    r"fmt/": r"(identify|studies|jobs|fleet|interface|command)/.*\.cpp",
 }
 
 place = {f"{house}/{room}".rstrip("/"): (i, j)

@@ -8,7 +8,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-HOUSES = ("lib", "solvers", "identify", "studies", "jobs", "interface", "command", "python")
+HOUSES = ("lib", "solvers", "identify", "studies", "jobs", "fleet", "interface", "command", "python")
 MOST_LINES_OF_FILE, MOST_LINES, LONG, MOST_LONG = 700, 120, 80, 10
 NOT_A_FUNCTION = re.compile(r"^\s*(namespace|class|struct|enum|union|extern)\b")
 CONTROL = re.compile(r"\b(if|for|while|switch|catch|else|do|try)\b")

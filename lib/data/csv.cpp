@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -566,26 +567,48 @@ int Table::line_of_row(std::size_t row) const {
   return run.line + static_cast<int>(row - run.row);
 }
 
-Table rows_of(const Table& table, std::size_t first, std::size_t count) {
-  Table out = table;
-  out.rows = count;
-  for (Column& column : out.columns) {
-    const auto begin = column.values.begin() + static_cast<std::ptrdiff_t>(first);
-    column.values = std::vector<double>(begin, begin + static_cast<std::ptrdiff_t>(count));
-    if (!column.remainder.empty()) {
-      const auto rest = column.remainder.begin() + static_cast<std::ptrdiff_t>(first);
-      column.remainder = std::vector<double>(rest, rest + static_cast<std::ptrdiff_t>(count));
-    }
-    column.missing = static_cast<std::size_t>(std::count_if(
-        column.values.begin(), column.values.end(), [](double x) { return std::isnan(x); }));
+Table rows_at(const Table& table, const std::vector<std::size_t>& rows) {
+  const auto taken = [&](const std::vector<double>& values) {
+    std::vector<double> out;
+    out.reserve(rows.size());
+    if (values.empty()) return out;
+    for (const std::size_t row : rows) out.push_back(values[row]);
+    return out;
+  };
+  Table out;
+  out.path = table.path;
+  out.metadata = table.metadata;
+  out.rows = rows.size();
+  out.separator = table.separator;
+  out.decimal_comma = table.decimal_comma;
+  out.has_header = table.has_header;
+  out.header_line = table.header_line;
+  out.unit_line = table.unit_line;
+  for (const Column& column : table.columns) {
+    Column& part = out.columns.emplace_back();
+    part.name = column.name;
+    part.header = column.header;
+    part.unit = column.unit;
+    part.values = taken(column.values);
+    part.remainder = taken(column.remainder);
+    part.missing = static_cast<std::size_t>(std::count_if(part.values.begin(), part.values.end(),
+                                                          [](double x) { return std::isnan(x); }));
+    part.text_cells = column.text_cells;
+    part.first_text = column.first_text;
   }
-  out.line_runs = {{0, table.line_of_row(first)}};
-  for (const Table::LineRun& run : table.line_runs) {
-    if (run.row > first && run.row < first + count) {
-      out.line_runs.push_back({run.row - first, run.line});
-    }
+  int next = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const int line = table.line_of_row(rows[i]);
+    if (line != next) out.line_runs.push_back({i, line});
+    next = line + 1;
   }
   return out;
+}
+
+Table rows_of(const Table& table, std::size_t first, std::size_t count) {
+  std::vector<std::size_t> rows(count);
+  std::iota(rows.begin(), rows.end(), first);
+  return rows_at(table, rows);
 }
 
 const Column* Table::find(const std::string& name) const {

@@ -58,7 +58,9 @@ struct Table {
   std::vector<LineRun> line_runs;
 };
 
-/// Rows [first, first + count) of a table, on their lines of the file.
+/// These rows of a table, on their lines of the file.
+Table rows_at(const Table& table, const std::vector<std::size_t>& rows);
+/// Rows [first, first + count).
 Table rows_of(const Table& table, std::size_t first, std::size_t count);
 
 /// `text` in single quotes and in UTF-8, cut to 40 characters: how a message quotes a file.
