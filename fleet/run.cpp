@@ -6,6 +6,7 @@
 #include <csignal>
 #include <ctime>
 #include <deque>
+#include <iterator>
 
 #include "fleet/internal/message.h"
 #include "fleet/internal/workers.h"
@@ -29,7 +30,7 @@ double seconds_since(Clock::time_point begin) {
 struct Task {
   Assignment assignment;
   std::vector<FleetRow> rows;
-  int deaths = 0;      // of processes, while it was known to be this one's
+  int deaths = 0;      // of processes that were at it
   int given_up = 0;    // parts, one after the other
   bool again = false;  // a part of it failed so
 };
@@ -116,37 +117,34 @@ class Coordinator {
     for (std::size_t w = 0; w < queues_.size(); ++w) {
       std::deque<Task>& queue = queues_[w];
       const std::size_t batch = batch_size();
-      // One that is under suspicion goes alone.
-      if (queue.empty() && !suspects_.empty()) {
-        Task task = std::move(suspects_.front());
-        suspects_.pop_front();
-        task.assignment.careful = true;
-        assign(w, std::move(task));
-      } else if (2 * queue.size() < batch + 1 &&
-                 (queue.empty() || !queue.front().assignment.careful)) {
-        fill(w, batch);
-      }
+      if (2 * queue.size() < batch + 1) fill(w, batch);
       under_way += queue.size();
     }
-    return under_way + suspects_.size();
+    return under_way;
   }
 
   void fill(std::size_t w, std::size_t batch) {
     std::string frames;
     while (queues_[w].size() < batch) {
-      std::optional<StoredJob> job = jobs_.next();
-      if (!job) break;
-      Task task;
-      task.assignment.job = *std::move(job);
-      frames += frame_of(task.assignment);
-      queues_[w].push_back(std::move(task));
+      std::optional<Task> task = next();
+      if (!task) break;
+      frames += frame_of(task->assignment);
+      queues_[w].push_back(*std::move(task));
     }
     if (!frames.empty()) workers_.send(static_cast<int>(w), frames);
   }
 
-  void assign(std::size_t w, Task task) {
-    workers_.send(static_cast<int>(w), frame_of(task.assignment));
-    queues_[w].push_back(std::move(task));
+  // What a process that has died left comes first.
+  std::optional<Task> next() {
+    std::optional<Task> out;
+    if (!left_.empty()) {
+      out = std::move(left_.front());
+      left_.pop_front();
+    } else if (std::optional<StoredJob> job = jobs_.next()) {
+      out.emplace();
+      out->assignment.job = *std::move(job);
+    }
+    return out;
   }
 
   // As many jobs as take a worker 0.1 s.
@@ -196,7 +194,7 @@ class Coordinator {
     ++put_;
   }
 
-  // What it was at is tried again, alone, so that it is known whose fault it is.
+  // What it was at is tried again, and so is what it had before it.
   void bury(std::size_t w, int signal) {
     ++out_.died;
     std::deque<Task> left = std::move(queues_[w]);
@@ -209,17 +207,15 @@ class Coordinator {
                         (signal != 0 ? fmt::format("signal {}", signal) : "without a signal"s));
     }
     Task& first = left.front();
-    const bool known = first.assignment.careful;
-    first.deaths += known ? 1 : 0;
+    ++first.deaths;
     first.assignment.first_part = static_cast<std::int64_t>(first.rows.size());
-    const bool late = known && signal == SIGALRM;
+    const bool late = signal == SIGALRM;
     if (late || first.deaths > run_.retries) {
       give_up(std::move(first), signal, late);
       left.pop_front();
     }
-    for (auto task = left.rbegin(); task != left.rend(); ++task) {
-      suspects_.push_front(std::move(*task));
-    }
+    left_.insert(left_.begin(), std::make_move_iterator(left.begin()),
+                 std::make_move_iterator(left.end()));
   }
 
   void give_up(Task task, int signal, bool late) {
@@ -233,7 +229,7 @@ class Coordinator {
     if (!task_.by.empty() && ++task.given_up < 3) {
       task.deaths = 0;
       task.assignment.first_part = static_cast<std::int64_t>(task.rows.size());
-      suspects_.push_back(std::move(task));
+      left_.push_front(std::move(task));
       return;
     }
     FleetResult result;
@@ -291,7 +287,7 @@ class Coordinator {
   OpenJobs jobs_;
   std::vector<std::deque<Task>> queues_;
   std::vector<FrameReader> frames_;
-  std::deque<Task> suspects_;
+  std::deque<Task> left_;
   FleetSummary out_;
   Clock::time_point begin_ = Clock::now(), committed_ = Clock::now();
   std::int64_t put_ = 0;

@@ -70,13 +70,6 @@ void take_job(const Verb& verb, const FleetTask& task, const FleetJob& job,
   const std::vector<std::string> own = option_words(job.options);
   words.insert(words.end(), own.begin(), own.end());
   take_words(verb, words);
-  const bool given = std::any_of(words.begin(), words.end(), [](const std::string& word) {
-    return word.starts_with("--threads");
-  });
-  // Each core has a process of its own.
-  for (const Option& option : verb.options) {
-    if (option.names == "--threads" && !given) take(option, "1");
-  }
 }
 
 FleetRow row_or_failure(const std::function<Outcome()>& work) {
@@ -246,7 +239,9 @@ void JobRunner::Shared::parts(const FleetJob& job, std::size_t first_part,
     const std::string name =
         task.by.empty() ? job.recording
                         : fmt::format("{} ({} = {})", job.recording, task.by, groups[i].value);
-    own.keep_table(name, rows_at(table, groups[i].rows));
+    Table part = rows_at(table, groups[i].rows);
+    part.path = name;
+    own.keep_table(name, std::move(part));
     FleetRow out = row(job, name, own);
     out.part = groups[i].value;
     each(std::move(out));

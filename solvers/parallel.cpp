@@ -10,6 +10,14 @@
 
 namespace identikal {
 
+namespace {
+
+std::atomic<int> most_threads{0};
+
+}  // namespace
+
+void use_threads_at_most(int threads) { most_threads = threads; }
+
 void in_parallel(int count, int threads, const std::function<void(int task)>& task) {
   std::atomic<int> next{0};
   std::mutex mutex;  // of what follows
@@ -33,7 +41,8 @@ void in_parallel(int count, int threads, const std::function<void(int task)>& ta
     }
   };
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  const int together = std::min(threads > 0 ? threads : cores, count);
+  const int most = most_threads > 0 ? most_threads.load() : std::max(threads, cores);
+  const int together = std::min({threads > 0 ? threads : cores, most, count});
   std::vector<std::thread> others;
   others.reserve(static_cast<std::size_t>(std::max(together, 0)));
   try {

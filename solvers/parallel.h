@@ -18,4 +18,8 @@ namespace identikal {
 ///   left out
 void in_parallel(int count, int threads, const std::function<void(int task)>& task);
 
+/// From here on no in_parallel() of this process has more threads at a time, whatever it asks for:
+/// where several processes share the machine. 0: no such limit.
+void use_threads_at_most(int threads);
+
 }  // namespace identikal

@@ -88,7 +88,7 @@ std::string frame_of(const Assignment& assignment) {
   const StoredJob& job = assignment.job;
   out << job.number << job.job.recording << job.job.unit << job.job.group << job.job.options
       << job.job.where << job.task << job.stamp << job.sha256 << as_number(job.again)
-      << assignment.first_part << as_number(assignment.careful);
+      << assignment.first_part;
   return std::move(out).frame();
 }
 
@@ -137,7 +137,6 @@ Assignment assignment_of(std::string_view frame) {
       job.job.where >> job.task >> job.stamp >> job.sha256;
   job.again = in.whole<int>() != 0;
   in >> out.first_part;
-  out.careful = in.whole<int>() != 0;
   return out;
 }
 

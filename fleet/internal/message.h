@@ -16,7 +16,6 @@ namespace identikal {
 struct Assignment {
   StoredJob job;
   std::int64_t first_part = 0;  ///< the parts before are done
-  bool careful = false;         ///< every row is sent at once, so that it is known where it ends
 };
 
 /// A row of the job that the worker is at.

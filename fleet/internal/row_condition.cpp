@@ -32,7 +32,7 @@ Condition comparison_of(const std::string& text, const std::string& whole) {
   if (at == std::string::npos) throw InputError({}, fmt::format("where '{}'", whole), kForm);
   const bool two = at + 1 < text.size() && text[at + 1] == '=';
   Condition out{trimmed(text.substr(0, at)), text.substr(at, two ? 2 : 1),
-                 trimmed(text.substr(at + (two ? 2 : 1)))};
+                trimmed(text.substr(at + (two ? 2 : 1)))};
   const bool quoted = out.value.size() > 1 && out.value.front() == out.value.back() &&
                       (out.value.front() == '\'' || out.value.front() == '"');
   if (quoted) out.value = out.value.substr(1, out.value.size() - 2);

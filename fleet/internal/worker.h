@@ -11,9 +11,8 @@ namespace identikal {
 
 /// How a worker is connected with the process that hands out jobs.
 struct Connection {
-  /// The next frame; nothing where none is there, or, of those that are waited for, where no more
-  /// will come.
-  std::function<std::optional<std::string>(bool wait)> receive;
+  /// The next frame, waited for; nothing when no more will come.
+  std::function<std::optional<std::string>()> receive;
   /// Sends whole frames.
   std::function<void(const std::string& frames)> send;
 };

@@ -28,11 +28,11 @@ constexpr std::size_t kPiece = 1 << 16;
 Connection connection_on(int file) {
   const auto frames = std::make_shared<FrameReader>();
   Connection out;
-  out.receive = [file, frames](bool wait) -> std::optional<std::string> {
+  out.receive = [file, frames]() -> std::optional<std::string> {
     for (;;) {
       if (std::optional<std::string> frame = frames->next()) return frame;
       std::array<char, kPiece> piece;
-      const ssize_t count = recv(file, piece.data(), piece.size(), wait ? 0 : MSG_DONTWAIT);
+      const ssize_t count = recv(file, piece.data(), piece.size(), 0);
       if (count < 0 && errno == EINTR) continue;
       if (count <= 0) return std::nullopt;
       frames->add({piece.data(), static_cast<std::size_t>(count)});

@@ -1,0 +1,346 @@
+"""Many recordings: one row each, whatever happens on the way."""
+import csv
+import json
+import os
+import pathlib
+import random
+import resource
+import signal
+import sqlite3
+import subprocess
+import time
+import unittest
+
+from program import LANE_CHANGE, PROGRAM, Folder, run
+
+LEVEL = """identikal: 1
+name: level
+time: {kind: discrete, step: 1 s}
+parameters:
+  q: {value: 1, min: 0, role: process-noise}
+  r: {value: 1, min: 0, role: measurement-noise}
+A: [[1]]
+C: [[1]]
+Q: [[q]]
+R: [[r]]
+noise: {process: per-sample}
+initial: diffuse
+outputs: [{name: level, column: y}]
+"""
+
+
+def walk(rng, rows, q=1.0, r=4.0):
+    x, out = 0.0, []
+    for _ in range(rows):
+        x += rng.gauss(0, q ** 0.5)
+        out.append(f"{x + rng.gauss(0, r ** 0.5):.4f}")
+    return out
+
+
+class Fleet(unittest.TestCase):
+    recordings = 24
+    rows = 120
+
+    def setUp(self):
+        self.folder = Folder().__enter__()
+        self.here = os.getcwd()
+        os.chdir(self.folder.path)
+        self.folder.write("level.yaml", LEVEL)
+        rng = random.Random(5)
+        os.mkdir("drives")
+        for k in range(self.recordings):
+            self.folder.write(f"drives/{k:04}.csv", "y\n" + "\n".join(walk(rng, self.rows)) + "\n")
+
+    def tearDown(self):
+        os.chdir(self.here)
+        self.folder.__exit__()
+
+    def tune(self, store, *options, code=0):
+        return run("fleet", "tune", "level.yaml", "drives", "-o", store, *options, code=code).stdout
+
+    def table(self, store):
+        return run("fleet", "export", store, code=0).stdout
+
+
+class Results(Fleet):
+    def test_each_row_is_the_single_commands_result(self):
+        self.tune("f.store")
+        header, *rows = [line.split(",") for line in self.table("f.store").splitlines()]
+        self.assertEqual([row[0] for row in rows], [f"drives/{k:04}.csv" for k in range(self.recordings)])
+        for row in rows[:4]:
+            alone = json.loads(run("tune", "level.yaml", row[0], "--json").stdout)
+            of = dict(zip(header, row))
+            for p in alone["parameters"]:
+                self.assertEqual(float(of[p["name"]]), p["value"])
+                self.assertEqual(float(of[p["name"] + "_se"]), p["se"])
+                self.assertEqual([float(of[p["name"] + end]) for end in ("_low", "_high")], p["ci95"])
+            self.assertEqual(of["status"], alone["status"]["code"])
+            self.assertEqual(float(of["log_likelihood"]), alone["objective"]["log_likelihood"])
+
+    def test_workers_engine_and_order_change_nothing(self):
+        self.tune("one.store", "--workers", 1)
+        self.tune("three.store", "--workers", 3)
+        whole = self.table("one.store")
+        self.assertEqual(whole.count("\n"), self.recordings + 1)
+        self.assertEqual(self.table("three.store"), whole)
+        # Shares, of a store that has only the plan so far.
+        run("fleet", "tune", "level.yaml", "drives", "-o", "shares.store", "--engine", "slurm", "--dry-run", code=0)
+        for k in (3, 1, 2):
+            run("fleet", "resume", "shares.store", "--shard", f"{k}/3", code=0)
+        self.assertIn("0 of 24", run("fleet", "status", "shares.store", code=3).stdout)
+        run("fleet", "merge", "shares.store", code=0)
+        self.assertEqual(self.table("shares.store"), whole)
+        self.assertEqual([p.name for p in pathlib.Path(".").glob("shares.store*")], ["shares.store"])
+
+    def test_parts_of_one_file_are_rows(self):
+        rng = random.Random(5)
+        lines = ["vehicle,y"]
+        for k in range(4):
+            lines += [f'"car, {k}",{v}' for v in walk(rng, self.rows)]
+        self.folder.write("all.csv", "\n".join(lines) + "\n")
+        run("fleet", "tune", "level.yaml", "all.csv", "--by", "vehicle", "-o", "by.store", code=0)
+        self.tune("f.store")
+        parts, whole = ([*csv.reader(self.table(store).splitlines())][1:] for store in ("by.store", "f.store"))
+        self.assertEqual([row[3] for row in parts], [f"car, {k}" for k in range(4)])
+        self.assertEqual([row[4:] for row in parts], [row[3:] for row in whole[:4]])
+
+    def test_a_manifest_has_units_options_and_rows(self):
+        self.folder.write("fleet.csv", "recording,unit,group,options,where\n"
+                          "drives/0000.csv,car 1,A,--set r=4,\ndrives/0001.csv,car 2,A,,y > -1e9\n")
+        run("fleet", "tune", "level.yaml", "fleet.csv", "-o", "f.store", "--no-profiles", code=0)
+        header, first, second = [line.split(",") for line in self.table("f.store").splitlines()]
+        self.assertEqual(header[:5], ["recording", "unit", "group", "options", "where"])
+        self.assertEqual(first[1:4], ["car 1", "A", "--set r=4"])
+        self.assertEqual(second[4], "y > -1e9")
+
+    def test_sql_reads_it(self):
+        self.tune("f.store")
+        rows = sqlite3.connect("f.store").execute("SELECT value, se FROM parameter WHERE name = 'q'").fetchall()
+        self.assertEqual(len(rows), self.recordings)
+        self.assertTrue(all(value > 0 and se > 0 for value, se in rows))
+
+    def test_other_verbs(self):
+        run("fleet", "check", "level.yaml", "drives", "-o", "check.store", code=0)
+        self.assertIn("nis_p", self.table("check.store").splitlines()[0])
+        run("tune", "level.yaml", "drives/0000.csv", "-o", "result", code=0)
+        run("fleet", "validate", "result", "drives", "-o", "validate.store", code=0)
+        self.assertEqual(len(self.table("validate.store").splitlines()), self.recordings + 1)
+        run("fleet", "fit", LANE_CHANGE[0], LANE_CHANGE[1], "-o", "fit.store", code=0)
+        self.assertIn("Cf_se", self.table("fit.store").splitlines()[0])
+
+
+class GoingOn(Fleet):
+    def test_what_holds_is_not_done_again(self):
+        self.tune("f.store")
+        self.assertIn("0 done now", self.tune("f.store"))
+        self.assertIn("24 had been done and hold", run("fleet", "resume", "f.store", code=0).stdout)
+        pathlib.Path("drives/0003.csv").touch()  # another time, the same bytes
+        self.assertIn("0 done now", self.tune("f.store"))
+        self.folder.write("drives/0003.csv", "y\n" + "\n".join(walk(random.Random(1), 99)) + "\n")
+        self.assertIn("1 done now", self.tune("f.store"))
+        self.folder.write("drives/0100.csv", "y\n" + "\n".join(walk(random.Random(2), 99)) + "\n")
+        os.remove("drives/0007.csv")
+        self.assertIn("24 recordings, 1 done now", self.tune("f.store"))
+        self.assertIn("24 done now", self.tune("f.store", "--starts", 1))
+        self.folder.write("level.yaml", LEVEL.replace("value: 1,", "value: 2,"))
+        done = run("fleet", "resume", "f.store", code=0)
+        self.assertIn("has changed", done.stderr)
+        self.assertIn("24 done now", done.stdout)
+
+    def test_bad_recordings_are_rows(self):
+        self.folder.write("drives/0001.csv", "y\nabc\n")
+        self.folder.write("drives/0002.csv", "")
+        self.folder.write("drives/0004.csv", "z\n1\n2\n")
+        self.folder.write("drives/0005.csv", b"y\n1\n2\x00\n")
+        self.folder.write("list.csv", "recording\nabsent.csv\ndrives/0006.csv\n")
+        os.remove("drives/0003.csv")
+        os.mkdir("drives/0003.csv")
+        out = run("fleet", "tune", "level.yaml", "drives", "list.csv", "drives/0003.csv", "-o", "f.store", code=2)
+        self.assertIn("no file *.csv", out.stderr)
+        self.assertIn("stand twice", run("fleet", "tune", "level.yaml", "drives", "list.csv", "-o", "f.store", code=2).stderr)
+        self.folder.write("list.csv", "recording\nabsent.csv\n")
+        out = run("fleet", "tune", "level.yaml", "drives", "list.csv", "-o", "f.store", code=0).stdout
+        self.assertRegex(out, r"failed +5\n")
+        rows = self.table("f.store").splitlines()
+        self.assertEqual(sum(",failed,2," in row for row in rows), 5)
+        self.assertIn("cannot open", rows[-1])
+        self.folder.write("absent.csv", "y\n" + "\n".join(walk(random.Random(1), 99)) + "\n")
+        self.assertIn("1 done now", run("fleet", "resume", "f.store", code=0).stdout)
+
+    def test_a_timeout_is_a_row(self):
+        os.mkfifo("drives/fifo.csv")
+        begin = time.monotonic()
+        self.assertIn("took longer", self.tune("f.store", "--timeout", 1, code=3))  # 3: it may be done yet
+        self.assertLess(time.monotonic() - begin, 20)
+        self.assertIn("took longer than 1 s", self.table("f.store"))
+        self.assertEqual(self.table("f.store").count("\n"), self.recordings + 2)
+
+    def test_an_interrupt_leaves_what_was_done(self):
+        os.mkfifo("drives/zz.csv")  # waits for ever
+        work = subprocess.Popen([PROGRAM, "fleet", "tune", "level.yaml", "drives", "-o", "f.store"], stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, text=True)
+        wait_for(lambda: counts("f.store") >= self.recordings - 1)
+        work.send_signal(signal.SIGINT)
+        out, _ = work.communicate(timeout=20)
+        self.assertEqual(work.returncode, 130)
+        self.assertIn("stopped before the rest", out)
+        os.remove("drives/zz.csv")
+        self.folder.write("drives/zz.csv", "y\n" + "\n".join(walk(random.Random(1), 99)) + "\n")
+        self.assertIn("25 of 25", run("fleet", "resume", "f.store", code=0).stdout + run("fleet", "status", "f.store", code=0).stdout)
+        self.assertFalse(os.path.exists("f.store.lock"))
+
+    def test_a_full_disk_leaves_what_was_committed(self):
+        self.tune("whole.store")
+        size = os.path.getsize("whole.store")
+        planned = os.path.getsize("whole.store") * 6 // 10
+
+        def limit():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (planned, planned))
+        self.assertGreater(size, planned)
+        done = subprocess.run([PROGRAM, "fleet", "tune", "level.yaml", "drives", "-o", "f.store"], preexec_fn=limit,
+                              capture_output=True, text=True)
+        self.assertEqual(done.returncode, 5, done.stderr)
+        self.assertEqual(done.stderr.count("\n"), 1)
+        self.assertIn("f.store", done.stderr)
+        self.assertNotEqual(run("fleet", "status", "f.store").returncode, 5)
+        self.tune("f.store")
+        self.assertEqual(self.table("f.store"), self.table("whole.store"))
+
+
+class Killed(Fleet):
+    recordings = int(os.environ.get("FLEET_RECORDINGS", 60))
+    rows = int(os.environ.get("FLEET_ROWS", 3000))
+    kills = int(os.environ.get("FLEET_KILLS", 12))
+
+    def test_the_table_is_the_undisturbed_one(self):
+        """kill -9 of workers and of the whole, at any time: after `fleet resume` the same table, byte for byte."""
+        self.tune("whole.store")
+        rng = random.Random(3)
+        killed = whole = 0
+        work = None
+        while killed < self.kills:
+            if work is None or work.poll() is not None:
+                if work is not None and work.returncode == 0:
+                    for name in ("f.store", "f.store-journal"):
+                        pathlib.Path(name).unlink(missing_ok=True)
+                work = subprocess.Popen([PROGRAM, "fleet", "tune", "level.yaml", "drives", "-o", "f.store"],
+                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            time.sleep(rng.uniform(0, 0.06))
+            victims = children(work.pid)
+            if rng.random() < 0.3:
+                victims = [work.pid]
+            if not victims or work.poll() is not None:
+                continue
+            try:
+                os.kill(rng.choice(victims), signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+            killed += 1
+            whole += victims == [work.pid]
+        work.wait()
+        if not os.path.exists("f.store"):
+            self.tune("f.store")
+        if run("fleet", "status", "f.store").returncode == 2:  # it was killed before the plan was there
+            self.tune("f.store")
+        run("fleet", "resume", "f.store", code=0)
+        self.assertEqual(self.table("f.store"), self.table("whole.store"))
+        print(f"{killed} processes killed, {whole} of them the whole: the same table")
+
+    def test_one_that_always_dies_is_a_row(self):
+        """The process of one recording is killed whenever it comes to it: a row, and the others are done."""
+        os.mkfifo("drives/0010b.csv")
+        work = subprocess.Popen([PROGRAM, "fleet", "tune", "level.yaml", "drives", "-o", "f.store", "--retries", "2"],
+                                stdout=subprocess.PIPE, text=True)
+        deaths = 0
+        while work.poll() is None:
+            for child in children(work.pid):
+                if opens(child, "0010b.csv"):
+                    os.kill(child, signal.SIGKILL)
+                    deaths += 1
+                    wait_for(lambda: child not in children(work.pid))
+            time.sleep(0.01)
+        self.assertLessEqual(deaths, 4)
+        self.assertIn("its process ended 3 times (signal 9)", self.table("f.store"))
+        self.assertEqual(self.table("f.store").count(",failed,"), 1)
+        os.remove("drives/0010b.csv")
+        self.folder.write("drives/0010b.csv", "y\n" + "\n".join(walk(random.Random(1), 99)) + "\n")
+        self.assertIn("1 done now", run("fleet", "resume", "f.store", code=0).stdout)
+
+
+class Refused(Fleet):
+    recordings = 2
+
+    def refused(self, words, *arguments, code=2):
+        done = run("fleet", *arguments, code=code)
+        self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        for word in words:
+            self.assertIn(word, done.stderr)
+
+    def test_mistakes(self):
+        m, o = "level.yaml", ("-o", "f.store")
+        self.refused(["unknown verb 'fleet tun'", "did you mean 'tune'"], "tun", m, "drives", *o)
+        self.refused(["unknown option '--start' of 'fleet tune'", "--starts"], "tune", m, "drives", *o, "--start", 1)
+        self.refused(["--starts"], "tune", m, "drives", *o, "--starts", "x")
+        self.refused(["--json", "unknown option"], "tune", m, "drives", *o, "--json")
+        self.refused(["-o is missing"], "tune", m, "drives")
+        self.refused(["MANIFEST is missing"], "tune", m, *o)
+        self.refused(["absent.yaml"], "tune", "absent.yaml", "drives", *o)
+        self.refused(["no file matches"], "tune", m, "x*.csv", *o)
+        self.refused(["--shards", "--engine slurm"], "tune", m, "drives", *o, "--shards", 2)
+        self.refused(["there is no store"], "resume", "absent.store")
+        self.refused(["this is no store"], "status", m)
+        self.folder.write("fleet.csv", "recording,options\ndrives/0000.csv,--start 1\n")
+        self.refused(["options '--start 1'", "did you mean"], "tune", m, "fleet.csv", *o)
+        self.folder.write("fleet.csv", "recording,options\ndrives/0000.csv,--json\n")
+        self.refused(["--json"], "tune", m, "fleet.csv", *o)
+        self.assertFalse(os.path.exists("f.store"))
+        self.tune("f.store")
+        self.refused(["--shard '4/3'"], "resume", "f.store", "--shard", "4/3")
+        os.mkdir("below")
+        os.chdir("below")
+        self.refused(["cd '"], "resume", "../f.store")
+        os.chdir("..")
+
+    def test_two_at_once(self):
+        os.mkfifo("drives/zz.csv")
+        work = subprocess.Popen([PROGRAM, "fleet", "tune", "level.yaml", "drives", "-o", "f.store"], stdout=subprocess.DEVNULL)
+        wait_for(lambda: counts("f.store") >= 1)
+        self.refused(["another process is at work"], "resume", "f.store")
+        self.assertIn("of 3 recordings done", run("fleet", "status", "f.store", code=3).stdout)
+        work.kill()
+        work.wait()
+
+
+def children(process):
+    try:
+        return [int(p) for p in pathlib.Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    except OSError:
+        return []
+
+
+def opens(process, name):
+    """Whether it waits in open() of the pipe: nobody writes to it."""
+    try:
+        return pathlib.Path(f"/proc/{process}/wchan").read_text() in ("wait_for_partner", "fifo_open", "pipe_wait_readable", "pipe_open")
+    except OSError:
+        return False
+
+
+def counts(store):
+    try:
+        return sqlite3.connect(f"file:{store}?mode=ro", uri=True).execute("SELECT count(*) FROM result").fetchone()[0]
+    except sqlite3.Error:
+        return 0
+
+
+def wait_for(condition, seconds=20):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError("it did not come to pass")
+        time.sleep(0.01)
+
+
+if __name__ == "__main__":
+    unittest.main()
