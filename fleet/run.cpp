@@ -9,6 +9,7 @@
 #include <iterator>
 
 #include "fleet/internal/message.h"
+#include "fleet/internal/mpi_world.h"
 #include "fleet/internal/workers.h"
 #include "fleet/task.h"
 #include <fmt/chrono.h>
@@ -307,6 +308,20 @@ FleetSummary run_fleet(FleetStore& store, const FleetRun& run) {
   const Workers workers = local_workers(
       count, [&](const Connection& connection) { work_for_fleet(task, run.timeout, connection); });
   return run_fleet(store, run, workers);
+}
+
+FleetSummary run_fleet_by_mpi(FleetStore& store, const FleetRun& run) {
+  const FleetTask task = store.task();
+  // Before MPI begins: it does not bear that a process doubles itself.
+  const Workers own = local_workers(
+      1, [&](const Connection& connection) { work_for_fleet(task, run.timeout, connection); });
+  MpiWorld world;
+  return run_fleet(store, run, world.workers(own));
+}
+
+void work_as_rank(const FleetTask& task, const FleetRun& run) {
+  MpiWorld world;
+  work_for_fleet(task, run.timeout, world.connection());
 }
 
 }  // namespace identikal

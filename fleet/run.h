@@ -52,4 +52,9 @@ FleetSummary run_fleet(FleetStore& store, const FleetRun& run);
 /// The same with workers that are there.
 FleetSummary run_fleet(FleetStore& store, const FleetRun& run, const Workers& workers);
 
+/// The same by processes that mpirun has started: this is rank 0, which works too.
+FleetSummary run_fleet_by_mpi(FleetStore& store, const FleetRun& run);
+/// Of every other rank: works for rank 0 until there is no more to do.
+void work_as_rank(const FleetTask& task, const FleetRun& run);
+
 }  // namespace identikal

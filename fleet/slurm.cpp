@@ -102,9 +102,12 @@ std::string submit_one(const std::vector<std::string>& options, const std::strin
   words.insert(words.end(), options.begin(), options.end());
   const Ended ended = run_with_input(words, script);
   const std::size_t digits = ended.output.find_first_not_of("0123456789");
-  if (ended.code != 0 || digits == 0) {
+  // With --wait the exit status is that of the job, when it was taken.
+  if (digits == 0 || digits == std::string::npos) {
     std::string said = ended.output;
     while (said.ends_with('\n')) said.pop_back();
+    for (std::size_t at = 0; (at = said.find('\n', at)) != std::string::npos;)
+      said.replace(at, 1, "; ");
     throw OutputError(fmt::format("sbatch refuses (exit status {}): {}", ended.code, said));
   }
   return ended.output.substr(0, digits);
@@ -124,15 +127,17 @@ SlurmScripts slurm_scripts(const SlurmRun& run, const std::string& program,
       "#SBATCH --ntasks=1\n"
       "#SBATCH --cpus-per-task={1}\n"
       "#SBATCH --requeue\n"
+      "#SBATCH --output={5}/%A_%a.txt\n"
       "exec {2} fleet resume {3} --shard \"$SLURM_ARRAY_TASK_ID/{0}\" --workers {1} {4} --quiet\n",
-      run.shards, run.workers, quoted(program), quoted(store), options);
+      run.shards, run.workers, quoted(program), quoted(store), options, store + ".slurm");
   out.merge = fmt::format(
       "#!/bin/sh\n"
       "#SBATCH --job-name=identikal-merge\n"
       "#SBATCH --ntasks=1\n"
       "#SBATCH --requeue\n"
-      "exec {} fleet merge {}\n",
-      quoted(program), quoted(store));
+      "#SBATCH --output={2}/%j.txt\n"
+      "exec {0} fleet merge {1}\n",
+      quoted(program), quoted(store), store + ".slurm");
   return out;
 }
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <set>
 
+#include "fleet/internal/mpi_world.h"
 #include "fleet/mirrored_options.h"
 #include "fleet/run.h"
 #include "fleet/slurm.h"
@@ -51,9 +52,9 @@ void add_workers(Verb& verb, EngineOptions& options) {
 
 void add_engine(Verb& verb, EngineOptions& options) {
   add_workers(verb, options);
-  add_choice(verb, "--engine", options.engine, {"local", "slurm"},
-             "Choose who does the work: processes of this machine, or the nodes of a Slurm "
-             "cluster.");
+  add_choice(verb, "--engine", options.engine, {"local", "slurm", "mpi"},
+             "Choose who does the work: processes of this machine, the nodes of a Slurm cluster, "
+             "or the ranks of 'mpirun identikal fleet ...'.");
   add_number(verb, "--shards", options.shards, 1, 100000,
              "slurm: Number of tasks of the array, which have about the same work. Without it, 8.");
   add_text(verb, "--sbatch", options.sbatch,
@@ -64,6 +65,9 @@ void add_engine(Verb& verb, EngineOptions& options) {
 }
 
 void check_engine(const EngineOptions& options) {
+  if (options.engine == "mpi" && options.workers > 0) {
+    throw InputError({}, "--workers does not apply to --engine mpi", "mpirun -n N");
+  }
   if (options.engine == "slurm") return;
   for (const auto& [given, name] :
        {std::pair{options.shards > 0, "--shards"}, std::pair{!options.sbatch.empty(), "--sbatch"},
@@ -130,11 +134,22 @@ FleetRun run_of(const EngineOptions& options, const Call& call) {
 }
 
 Outcome run_here(FleetStore& store, const EngineOptions& options, const Call& call) {
-  const FleetSummary summary = run_fleet(store, run_of(options, call));
+  const FleetRun run = run_of(options, call);
+  const FleetSummary summary =
+      options.engine == "mpi" ? run_fleet_by_mpi(store, run) : run_fleet(store, run);
   Outcome out;
   out.text = summary_text(store, summary);
   out.exit_code = exit_code_of(store.counts());
   return out;
+}
+
+bool is_other_rank(const EngineOptions& options) {
+  return options.engine == "mpi" && rank_by_environment() > 0;
+}
+
+Outcome work_for_rank_0(const FleetTask& task, const EngineOptions& options, const Call& call) {
+  work_as_rank(task, run_of(options, call));
+  return {};
 }
 
 Outcome run_on_slurm(const std::string& store, const EngineOptions& options) {
@@ -152,6 +167,7 @@ Outcome run_on_slurm(const std::string& store, const EngineOptions& options) {
     out.text = scripts.array + "\n" + scripts.merge;
     return out;
   }
+  fs::create_directories(store + ".slurm");  // for what the tasks print
   const std::string number = submit(scripts, run);
   if (!run.wait) {
     out.text = fmt::format(
@@ -169,6 +185,7 @@ Outcome run_on_slurm(const std::string& store, const EngineOptions& options) {
 Outcome begin_fleet(const FleetOptions& options, const Call& call) {
   check_engine(options.engine);
   const FleetTask task = task_of(options);
+  if (is_other_rank(options.engine)) return work_for_rank_0(task, options.engine, call);
   const std::vector<FleetJob> jobs = read_manifests(options.manifests);
   check_options(options.verb, jobs);
   std::vector<double> costs;
@@ -177,9 +194,11 @@ Outcome begin_fleet(const FleetOptions& options, const Call& call) {
     std::error_code error;
     fs::create_directories(folder, error);
   }
-  FleetStore store(options.store, FleetStore::Open::create);
-  store.plan(task, jobs, costs);
-  if (options.engine.engine == "local") return run_here(store, options.engine, call);
+  {
+    FleetStore store(options.store, FleetStore::Open::create);
+    store.plan(task, jobs, costs);
+    if (options.engine.engine != "slurm") return run_here(store, options.engine, call);
+  }
   return run_on_slurm(options.store, options.engine);
 }
 
@@ -227,24 +246,35 @@ struct ResumeOptions {
   EngineOptions engine;
 };
 
+// A model file that has changed since is another task.
+void renew_task(FleetStore& store, const Call& call) {
+  FleetTask task = store.task();
+  task.digest = digest_of(task);
+  if (task.digest == store.task().digest) return;
+  notice(call,
+         fmt::format("'{}' or this program has changed since: all is done again", task.model));
+  store.set_task(task);
+}
+
 Outcome resume(const ResumeOptions& options, const Call& call) {
   check_engine(options.engine);
   if (!options.shard.empty()) {
     if (options.engine.engine != "local") {
-      throw InputError({}, "--shard with --engine slurm", "one of the two");
+      throw InputError({}, "--shard with --engine " + options.engine.engine, "one of the two");
     }
     return resume_share(options.store, options.shard, options.engine, call);
   }
-  FleetStore store(options.store, FleetStore::Open::write);
-  check_folder(store);
-  FleetTask task = store.task();
-  task.digest = digest_of(task);
-  if (task.digest != store.task().digest) {
-    notice(call,
-           fmt::format("'{}' or this program has changed since: all is done again", task.model));
-    store.set_task(task);
+  if (is_other_rank(options.engine)) {
+    FleetTask task = FleetStore(options.store, FleetStore::Open::read).task();
+    task.digest = digest_of(task);
+    return work_for_rank_0(task, options.engine, call);
   }
-  if (options.engine.engine == "local") return run_here(store, options.engine, call);
+  {
+    FleetStore store(options.store, FleetStore::Open::write);
+    check_folder(store);
+    renew_task(store, call);
+    if (options.engine.engine != "slurm") return run_here(store, options.engine, call);
+  }
   return run_on_slurm(options.store, options.engine);
 }
 

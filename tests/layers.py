@@ -31,6 +31,7 @@ ONLY_IN = {
     r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel|tangent_kernel)\.cpp",
     r"pybind11/": r"python/.*",
     r"CLI/": r"command/.*",
+    r"mpi\.h": r"fleet/internal/mpi_plugin\.cpp",
     r"sqlite3": r"fleet/internal/database\.cpp",
     r"nlohmann/": r"(fleet/.*\.cpp|identify/(result|report)/(.*\.cpp|internal/.*\.h)|interface/.*\.cpp)",
     r"yaml-cpp/": r"identify/model/yaml_reader\.cpp",
