@@ -88,6 +88,8 @@ constexpr NamedVerb kVerbs[] = {
     {"fleet resume", fleet_resume_verb},
     {"fleet status", fleet_status_verb},
     {"fleet export", fleet_export_verb},
+    {"fleet population", fleet_population_verb},
+    {"fleet report", fleet_report_verb},
     {"fleet merge", fleet_merge_verb},
 };
 

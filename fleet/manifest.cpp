@@ -34,7 +34,7 @@ std::vector<FleetJob> of_folder(const std::string& folder) {
   if (files.empty()) throw InputError({folder}, "no file *.csv in this folder", "recordings");
   std::sort(files.begin(), files.end());
   std::vector<FleetJob> out;
-  for (std::string& file : files) out.push_back({std::move(file), {}, {}, {}, {}});
+  for (std::string& file : files) out.push_back({std::move(file), {}, {}, {}, {}, {}});
   return out;
 }
 
@@ -44,7 +44,7 @@ std::vector<FleetJob> of_pattern(const std::string& pattern) {
   std::vector<FleetJob> out;
   for (std::size_t i = 0; code == 0 && i < found.gl_pathc; ++i) {
     std::string path = found.gl_pathv[i];
-    if (!path.ends_with('/')) out.push_back({std::move(path), {}, {}, {}, {}});
+    if (!path.ends_with('/')) out.push_back({std::move(path), {}, {}, {}, {}, {}});
   }
   globfree(&found);
   if (out.empty()) {
@@ -56,12 +56,18 @@ std::vector<FleetJob> of_pattern(const std::string& pattern) {
   return out;
 }
 
-// A header that holds some of a manifest's columns is meant as one.
+bool is_column(const std::string& name) {
+  return std::find(kColumns.begin(), kColumns.end(), name) != kColumns.end();
+}
+
+// Other columns are covariates, unless they are meant as one of these.
 void check_columns(const TextTable& table) {
   for (const std::string& name : table.header) {
-    if (std::find(kColumns.begin(), kColumns.end(), name) != kColumns.end()) continue;
-    throw InputError({table.path, 1}, fmt::format("a manifest with a column '{}'", name),
-                     "recording, unit, group, options, where", did_you_mean(name, kColumns));
+    const std::string meant = is_column(name) ? "" : did_you_mean(name, kColumns);
+    if (name.empty() || !meant.empty()) {
+      throw InputError({table.path, 1}, fmt::format("a manifest with a column '{}'", name),
+                       "recording, unit, group, options, where, and names of covariates", meant);
+    }
   }
 }
 
@@ -91,6 +97,10 @@ std::vector<FleetJob> of_table(const TextTable& table) {
     }
     out.push_back({recording_of(recording, folder), cell("unit"), cell("group"), cell("options"),
                    cell("where")});
+    for (std::size_t i = 0; i < table.header.size(); ++i) {
+      if (is_column(table.header[i]) || row.cells[i].empty()) continue;
+      out.back().covariates.emplace_back(table.header[i], row.cells[i]);
+    }
   }
   if (out.empty()) throw InputError({table.path}, "a manifest without rows", "recordings");
   return out;
@@ -116,7 +126,7 @@ std::vector<FleetJob> jobs_of(const std::string& manifest) {
   if (fs::is_regular_file(manifest, ignored)) {
     if (auto jobs = of_manifest(manifest)) return *std::move(jobs);
   }
-  return {{manifest, {}, {}, {}, {}}};
+  return {{manifest, {}, {}, {}, {}, {}}};
 }
 
 void check_repeated(const std::vector<FleetJob>& jobs) {

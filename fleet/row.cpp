@@ -31,6 +31,7 @@ Json parameters_json(const Estimate& estimate) {
     set(to, "low", p.ci95[0]);
     set(to, "high", p.ci95[1]);
     if (!p.unit.empty() && p.unit != "1") to["unit"] = p.unit;
+    if (p.bounds[0] >= 0.0) to["positive"] = true;
     to["verdict"] = to_string(p.verdict);
   }
   return out;
@@ -139,7 +140,7 @@ std::vector<RowParameter> parameters_of(const std::string& json) {
   const Json all = parsed(json);
   for (const auto& [name, p] : all.items()) {
     out.push_back({name, word(p, "unit"), word(p, "verdict"), number(p, "value"), number(p, "se"),
-                   number(p, "low"), number(p, "high")});
+                   number(p, "low"), number(p, "high"), p.is_object() && p.contains("positive")});
   }
   return out;
 }

@@ -19,7 +19,8 @@ struct FleetRow {
   long rows = 0;        ///< of the recording that were used
   double log_likelihood = kNone;
   // As JSON, for SQLite's functions of it:
-  std::string parameters;  ///< {"q": {"value", "se", "low", "high", "unit", "verdict"}, ...}
+  std::string
+      parameters;  ///< {"q": {"value", "se", "low", "high", "unit", "positive", "verdict"}, ...}
   std::string
       correlation;       ///< {"names": [...], "rows": [[...], ...]} of the estimates; empty: none
   std::string fits;      ///< {"y": {"one_step", "simulation", "rmse"}, ...} [%], in y's unit
@@ -36,6 +37,7 @@ FleetRow failed_row(int exit_code, const std::string& message);
 struct RowParameter {
   std::string name, unit, verdict;
   double value = kNone, se = kNone, low = kNone, high = kNone;
+  bool positive = false;  ///< by its bounds
 };
 /// FleetRow::parameters as values. @throws InputError for a text that holds something else
 std::vector<RowParameter> parameters_of(const std::string& json);

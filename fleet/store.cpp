@@ -1,12 +1,15 @@
 #include "fleet/store.h"
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <thread>
 #include <unordered_map>
 
 #include "fleet/internal/database.h"
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -21,7 +24,7 @@ const char* const kTables = R"(
 CREATE TABLE IF NOT EXISTS fleet(key TEXT PRIMARY KEY, value) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS job(
   number INTEGER PRIMARY KEY, recording TEXT NOT NULL, unit TEXT NOT NULL, "group" TEXT NOT NULL,
-  options TEXT NOT NULL, "where" TEXT NOT NULL, cost REAL NOT NULL,
+  options TEXT NOT NULL, "where" TEXT NOT NULL, covariates TEXT, cost REAL NOT NULL,
   task TEXT NOT NULL DEFAULT '', stamp TEXT NOT NULL DEFAULT '', sha256 TEXT NOT NULL DEFAULT '',
   again INTEGER NOT NULL DEFAULT 0, attempts INTEGER NOT NULL DEFAULT 0, seconds REAL, host TEXT,
   finished TEXT);
@@ -38,7 +41,28 @@ CREATE VIEW IF NOT EXISTS parameter AS
 )";
 
 const char* const kJobColumns =
-    "number, recording, unit, \"group\", options, \"where\", task, stamp, sha256, again";
+    "number, recording, unit, \"group\", options, \"where\", covariates, task, stamp, sha256, "
+    "again";
+
+using Covariates = std::vector<std::pair<std::string, std::string>>;
+
+// {"mileage": "12000"}; empty where there are none.
+std::string json_of(const Covariates& covariates) {
+  if (covariates.empty()) return "";
+  nlohmann::ordered_json out = nlohmann::ordered_json::object();
+  for (const auto& [name, value] : covariates) out[name] = value;
+  return out.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+Covariates covariates_of(const std::string& json) {
+  Covariates out;
+  const auto all = nlohmann::ordered_json::parse(json, nullptr, false);
+  if (!all.is_object()) return out;
+  for (const auto& [name, value] : all.items()) {
+    if (value.is_string()) out.emplace_back(name, value.get<std::string>());
+  }
+  return out;
+}
 
 StoredJob job_at(const Statement& row) {
   return {row.integer(0), {row.text(1), row.text(2), row.text(3), row.text(4), row.text(5)},
@@ -47,16 +71,18 @@ StoredJob job_at(const Statement& row) {
 }
 
 const char* const kRows =
-    "SELECT number, recording, unit, \"group\", options, \"where\", part, exit_code, status, "
+    "SELECT number, recording, unit, \"group\", options, \"where\", covariates, part, exit_code, "
+    "status, "
     "message, rows, log_likelihood, parameters, correlation, fits, tests, findings "
     "FROM result JOIN job ON job.number = result.job";
 
 StoredRow row_at(const Statement& row) {
-  return {row.integer(0),
-          {row.text(1), row.text(2), row.text(3), row.text(4), row.text(5)},
-          {row.text(6), static_cast<int>(row.integer(7)), row.text(8), row.text(9),
-           static_cast<long>(row.integer(10)), row.number(11), row.text(12), row.text(13),
-           row.text(14), row.text(15), row.text(16)}};
+  return {
+      row.integer(0),
+      {row.text(1), row.text(2), row.text(3), row.text(4), row.text(5), covariates_of(row.text(6))},
+      {row.text(7), static_cast<int>(row.integer(8)), row.text(9), row.text(10),
+       static_cast<long>(row.integer(11)), row.number(12), row.text(13), row.text(14), row.text(15),
+       row.text(16), row.text(17)}};
 }
 
 std::string key_of(const FleetJob& job) {
@@ -120,6 +146,7 @@ std::shared_ptr<Lock> locked(const std::string& path, FleetStore::Open how) {
     return out;  // opening it says so
   }
   out->path = path + ".lock";
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(2);
   for (;;) {
     const int file = open(out->path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
     if (file < 0) {
@@ -130,6 +157,11 @@ std::shared_ptr<Lock> locked(const std::string& path, FleetStore::Open how) {
     lock.l_whence = SEEK_SET;
     if (fcntl(file, F_SETLK, &lock) != 0) {
       close(file);
+      // One that merges is done in a moment.
+      if (std::chrono::steady_clock::now() < end) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        continue;
+      }
       throw InputError({path}, "another process is at work on this store", "one at a time",
                        "'identikal fleet status' reads it meanwhile");
     }
@@ -223,22 +255,24 @@ void FleetStore::plan(const FleetTask& task, const std::vector<FleetJob>& jobs,
         "UPDATE job SET number = -1 - number; UPDATE result SET job = -1 - job;");
   }
   Statement insert(opened_->database,
-                   "INSERT INTO job(number, recording, unit, \"group\", options, \"where\", cost) "
-                   "VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7)");
+                   "INSERT INTO job(number, recording, unit, \"group\", options, \"where\", cost, "
+                   "covariates) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, nullif(?8, ''))");
   Statement move(opened_->database,
-                 "UPDATE job SET number = ?1, unit = ?2, \"group\" = ?3, cost = ?4 "
-                 "WHERE number = -1 - ?5");
+                 "UPDATE job SET number = ?1, unit = ?2, \"group\" = ?3, cost = ?4, "
+                 "covariates = nullif(?6, '') WHERE number = -1 - ?5");
   Statement move_rows(opened_->database, "UPDATE result SET job = ?1 WHERE job = -1 - ?2");
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const FleetJob& job = jobs[i];
     const auto number = static_cast<std::int64_t>(i);
     const auto there = old.find(key_of(job));
     if (there == old.end()) {
-      insert.with(number, job.recording, job.unit, job.group, job.options, job.where, costs[i])
+      insert
+          .with(number, job.recording, job.unit, job.group, job.options, job.where, costs[i],
+                json_of(job.covariates))
           .run();
       continue;
     }
-    move.with(number, job.unit, job.group, costs[i], there->second).run();
+    move.with(number, job.unit, job.group, costs[i], there->second, json_of(job.covariates)).run();
     move_rows.with(number, there->second).run();
   }
   opened_->database.execute("DELETE FROM result WHERE job < 0; DELETE FROM job WHERE number < 0;");

@@ -42,7 +42,7 @@ class Names {
 struct Columns {
   bool options = false, where = false;
   std::string by;
-  Names parameters, fits, tests;
+  Names covariates, parameters, fits, tests;
 };
 
 Columns columns_of(FleetStore& store) {
@@ -51,6 +51,7 @@ Columns columns_of(FleetStore& store) {
   store.for_each_row([&](const StoredRow& row) {
     out.options = out.options || !row.job.options.empty();
     out.where = out.where || !row.job.where.empty();
+    for (const auto& [name, value] : row.job.covariates) out.covariates.add(name);
     for (const RowParameter& p : parameters_of(row.row.parameters)) out.parameters.add(p.name);
     for (const RowFit& fit : fits_of(row.row.fits)) out.fits.add(fit.channel);
     for (const RowTest& test : tests_of(row.row.tests)) out.tests.add(test.name);
@@ -62,6 +63,7 @@ std::string header(const Columns& columns) {
   std::string out = "recording,unit,group";
   if (columns.options) out += ",options";
   if (columns.where) out += ",where";
+  for (const std::string& name : columns.covariates.list()) out += "," + cell(name);
   if (!columns.by.empty()) out += "," + cell(columns.by);
   out += ",status,exit_code,rows,log_likelihood";
   for (const std::string& name : columns.parameters.list()) {
@@ -95,6 +97,11 @@ std::string line(const StoredRow& row, const Columns& columns) {
   std::string out = cell(row.job.recording) + "," + cell(row.job.unit) + "," + cell(row.job.group);
   if (columns.options) out += "," + cell(row.job.options);
   if (columns.where) out += "," + cell(row.job.where);
+  for (const std::string& name : columns.covariates.list()) {
+    const auto known = std::find_if(row.job.covariates.begin(), row.job.covariates.end(),
+                                    [&](const auto& each) { return each.first == name; });
+    out += "," + (known == row.job.covariates.end() ? std::string() : cell(known->second));
+  }
   if (!columns.by.empty()) out += "," + cell(of.part);
   out += fmt::format(",{},{},{},{}", of.status, of.exit_code, of.rows, cell(of.log_likelihood));
   const auto parameters = by_name(parameters_of(of.parameters), &RowParameter::name);

@@ -9,7 +9,7 @@
 namespace identikal {
 
 /// Writes a header and a row for each row of the store, as CSV (RFC 4180, '.' as decimal mark, numbers
-/// with all their digits): recording, unit, group, then where there are some options, where and the
+/// with all their digits): recording, unit, group, then where there are some options, where, covariates and the
 /// part, status, exit_code, rows, log_likelihood, every parameter with _se, _low and _high (its 95 %
 /// interval), fit_percent_CHANNEL, TEST_p, findings, message. Nothing in it depends on who did the
 /// work, when, or in which order.

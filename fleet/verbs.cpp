@@ -7,6 +7,8 @@
 
 #include "fleet/internal/mpi_world.h"
 #include "fleet/mirrored_options.h"
+#include "fleet/page.h"
+#include "fleet/population.h"
 #include "fleet/run.h"
 #include "fleet/slurm.h"
 #include "fleet/summary.h"
@@ -393,6 +395,45 @@ Verb fleet_status_verb() {
     Outcome out;
     out.text = options->json ? status_json(store) : status_text(store);
     out.exit_code = exit_code_of(store.counts());
+    return out;
+  };
+  return verb;
+}
+
+Verb fleet_population_verb() {
+  struct PopulationRequest {
+    std::string store;
+    bool json = false;
+  };
+  const auto options = std::make_shared<PopulationRequest>();
+  Verb verb{"fleet population",
+            "Say what the units of a fleet have in common, how much they differ, and which of them "
+            "do not belong."};
+  add_argument(verb, "STORE", options->store, "Store of the fleet.");
+  add_json(verb, options->json);
+  verb.run = [options](Call&) {
+    FleetStore store(options->store, FleetStore::Open::read);
+    const Population population = population_of(store);
+    Outcome out;
+    out.text = options->json ? population_json(population) : population_text(population);
+    return out;
+  };
+  return verb;
+}
+
+Verb fleet_report_verb() {
+  struct PageRequest {
+    std::string store, file;
+  };
+  const auto options = std::make_shared<PageRequest>();
+  Verb verb{"fleet report", "Draw a fleet on one page (HTML)."};
+  add_argument(verb, "STORE", options->store, "Store of the fleet.");
+  add_required_text(verb, "-o,--output", options->file, "Write the page to this file.");
+  verb.run = [options](Call&) {
+    FleetStore store(options->store, FleetStore::Open::read);
+    write_files({{options->file, fleet_page(store, population_of(store))}}, {options->store});
+    Outcome out;
+    out.text = fmt::format("{} written\n", options->file);
     return out;
   };
   return verb;

@@ -12,6 +12,8 @@ Verb fleet_validate_verb();
 Verb fleet_resume_verb();
 Verb fleet_status_verb();
 Verb fleet_export_verb();
+Verb fleet_population_verb();
+Verb fleet_report_verb();
 Verb fleet_merge_verb();
 
 }  // namespace identikal

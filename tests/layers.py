@@ -14,7 +14,7 @@ ORDER = {
     # lib/internal: what all rooms of lib share and nobody else sees.
     "lib": ["internal", "", "base", "data", "formula", "model", "filter", "nonlinear", "statistics", "regression", "vehicle"],
     "solvers": [""],
-    "identify": ["estimate", "model", "result", "survey", "regression", "filter", "report", "noise", "colour", "vehicle", "handling",
+    "identify": ["estimate", "population", "model", "result", "survey", "regression", "filter", "report", "noise", "colour", "vehicle", "handling",
                  "simulation", "validation", "optimality"],
     "studies": [""],
     "jobs": [""],
