@@ -84,12 +84,14 @@ std::string spreads_text(const std::vector<Spread>& spreads) {
 
 }  // namespace
 
-std::string summary_text(FleetStore& store, const FleetSummary& run) {
+std::string summary_text(FleetStore& store, const FleetSummary& run, bool with_time) {
   const FleetCounts counts = store.counts();
-  std::string out = fmt::format(
-      "fleet {}: {} recordings, {} done now in {:.3g} s ({:.3g}/s, {} workers)", store.task().verb,
-      run.jobs, run.done_now, run.seconds,
-      run.seconds > 0.0 ? static_cast<double>(run.done_now) / run.seconds : 0.0, run.workers);
+  std::string out = fmt::format("fleet {}: {} recordings, {} done now", store.task().verb, run.jobs,
+                                run.done_now);
+  if (with_time && run.seconds > 0.0) {
+    out += fmt::format(" in {:.3g} s ({:.3g}/s, {} workers)", run.seconds,
+                       static_cast<double>(run.done_now) / run.seconds, run.workers);
+  }
   if (run.unchanged > 0) out += fmt::format(", {} had been done and hold", run.unchanged);
   if (run.stopped) out += ", stopped before the rest";
   out += "\n" + statuses_text(counts);

@@ -8,8 +8,8 @@
 
 namespace identikal {
 
-/// How a run went: recordings, rate, statuses, what failed and why.
-std::string summary_text(FleetStore& store, const FleetSummary& run);
+/// How a run went: recordings, statuses, what failed and why. @param with_time  and how long it took
+std::string summary_text(FleetStore& store, const FleetSummary& run, bool with_time);
 
 /// How far the fleet is: statuses, every parameter's median and middle half over recordings with
 /// status ok, what failed and why.

@@ -140,7 +140,7 @@ Outcome run_here(FleetStore& store, const EngineOptions& options, const Call& ca
   const FleetSummary summary =
       options.engine == "mpi" ? run_fleet_by_mpi(store, run) : run_fleet(store, run);
   Outcome out;
-  out.text = summary_text(store, summary);
+  out.text = summary_text(store, summary, !options.quiet);
   out.exit_code = exit_code_of(store.counts());
   return out;
 }

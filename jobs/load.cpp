@@ -8,6 +8,7 @@
 #include "jobs/quantity.h"
 #include <fmt/format.h>
 
+#include "identify/filter/digest_file.h"
 #include "identify/filter/model_filter.h"
 #include "identify/model/model_file.h"
 #include "identify/model/output_conditions.h"
@@ -354,6 +355,10 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
   const TimeRange range = parse_range(options.range);
   Recordings out;
   for (const std::string& path : options.files) {
+    if (is_digest_name(path)) {
+      throw InputError({path, 0, 0}, fmt::format("a digest for '{}'", verb), "a recording",
+                       "'tune' takes digests");
+    }
     if (inputs.is_model(path)) {
       throw InputError(
           {path, 0, 0}, "a model file where recordings are expected",

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "jobs/digest_inputs.h"
 #include "jobs/filter_estimation.h"
 #include "jobs/verbs.h"
 #include <fmt/format.h>
@@ -259,6 +260,45 @@ Outcome tune_student_noise(const TuneOptions& options, const Run& run) {
   return finish(run, recordings, std::move(out), {{kStudentModel, text}});
 }
 
+void refuse_beside_digests(const TuneOptions& options) {
+  for (const auto& [given, name] : {std::pair{options.method != "ml", "--method"},
+                                    std::pair{options.purpose == kEstimates, "--for estimates"},
+                                    std::pair{options.reject_outliers, "--reject-outliers"},
+                                    std::pair{options.evaluation != kAutomatic, "--evaluation"},
+                                    std::pair{!options.search.hold_out.empty(), "--hold-out"},
+                                    std::pair{!options.recordings.range.empty(), "--range"},
+                                    std::pair{options.noise != kAsInFile, "--noise"},
+                                    std::pair{!options.result.page.empty(), "--report"},
+                                    std::pair{options.extend, "--extend"}}) {
+    if (!given) continue;
+    throw InputError({}, fmt::format("{} does not apply to digests", name),
+                     "maximum likelihood alone: of the recordings no rows are left");
+  }
+}
+
+// What the recordings' digests have kept of them is all that maximum likelihood asks.
+Outcome tune_digests(const TuneOptions& options, const Run& run, Model model) {
+  refuse_beside_digests(options);
+  const std::vector<std::string>& paths = options.recordings.files;
+  const DigestFile file = read_digests(paths);
+  if (model.time.step == 0.0) noise_model(model).dt = file.step;
+  check_same_channels(file, digest_file_of(model, noise_model(model).dt), model.source);
+  std::vector<RecordingDigest> digests;
+  Eigen::Index rows = 0;
+  for (const NamedDigest& each : file.digests) {
+    rows += each.digest.samples;
+    digests.push_back(each.digest);
+  }
+  const auto estimate =
+      std::make_shared<NoiseEstimate>(tune_ml_digests(model, digests, ml_options(options, run)));
+  Recordings recordings;
+  for (const std::string& path : paths) {
+    recordings.records.push_back({path, run.call.inputs.sha256(path), rows, rows});
+    recordings.of_records.emplace_back(0, 1);
+  }
+  return finish(run, recordings, kept(estimate));
+}
+
 // Of the model file as it is, and where the likelihood chose.
 bool weighs_further_parts(const TuneOptions& options, const Model& model) {
   return options.method == "ml" && !options.reject_outliers && options.model.filter.empty() &&
@@ -266,10 +306,14 @@ bool weighs_further_parts(const TuneOptions& options, const Model& model) {
 }
 
 Outcome tune(const TuneOptions& options, Call& call) {
-  const Run run{"tune", call, options.model.file, {}, options.result};
+  Run run{"tune", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   check_method(options, model);
+  if (are_digests(options.recordings.files)) {
+    run.options.has_page = false;
+    return tune_digests(options, run, std::move(model));
+  }
   const bool becomes_student = options.noise == kStudent && !model.student;
   if (becomes_student || model.student) refuse_beside_student(options);
   if (becomes_student) return tune_student_noise(options, run);

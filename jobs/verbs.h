@@ -17,5 +17,6 @@ Verb validate_verb();
 Verb simulate_verb();
 Verb handling_verb();
 Verb forecast_verb();
+Verb digest_verb();
 
 }  // namespace identikal

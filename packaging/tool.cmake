@@ -1,5 +1,8 @@
 # The program, its data, documents and manual, and the Debian packages.
 install(TARGETS identikal RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tool)
+if(TARGET identikal_mpi)
+  install(TARGETS identikal_mpi LIBRARY DESTINATION lib/identikal COMPONENT mpi)
+endif()
 if(type STREQUAL SHARED_LIBRARY)
   set_target_properties(identikal PROPERTIES INSTALL_RPATH $ORIGIN/../${CMAKE_INSTALL_LIBDIR})
 endif()

@@ -31,7 +31,16 @@ bool admissible(const StateSpace& model) {
   return semidefinite(joint_covariance(model));
 }
 
+const std::vector<Dataset> kNoRecordings;
+
 }  // namespace
+
+RecordingsLikelihood::RecordingsLikelihood(const Model& model,
+                                           const std::vector<RecordingDigest>& digests)
+    : RecordingsLikelihood(model, kNoRecordings) {
+  digests_ = &digests;
+  for (const RecordingDigest& digest : digests) engine_.add_digest(digest);
+}
 
 RecordingsLikelihood::RecordingsLikelihood(const Model& model,
                                            const std::vector<Dataset>& recordings,
@@ -58,6 +67,11 @@ RecordingsLikelihood::RecordingsLikelihood(const Model& model,
 }
 
 std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
+  if (digests_ != nullptr) {
+    auto out = std::make_unique<RecordingsLikelihood>(model_, *digests_);
+    out->prior_box_ = prior_box_;
+    return out;
+  }
   auto out = std::make_unique<RecordingsLikelihood>(model_, recordings_, method_);
   if (nonlinear_) out->nonlinear_.emplace(*nonlinear_);  // as fine as this one
   if (!first_outputs_.empty()) out->condition_on_beginning();
@@ -202,6 +216,13 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
 }
 
 double RecordingsLikelihood::samples() const {
+  if (digests_ != nullptr) {
+    double out = 0.0;
+    for (const RecordingDigest& digest : *digests_) {
+      out += static_cast<double>(digest.samples * digest.outputs);
+    }
+    return out;
+  }
   return static_cast<double>(samples_present(recordings_));
 }
 

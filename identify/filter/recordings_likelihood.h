@@ -13,6 +13,7 @@
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/likelihood.h"
+#include "lib/filter/recording_digest.h"
 #include "solvers/scoring.h"
 
 namespace identikal {
@@ -30,6 +31,9 @@ class RecordingsLikelihood {
  public:
   RecordingsLikelihood(const Model& model, const std::vector<Dataset>& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic);
+  /// The same of recordings that are no longer there, under a model with constant matrices.
+  RecordingsLikelihood(const Model& model, const std::vector<RecordingDigest>& digests);
+  RecordingsLikelihood(const Model& model, std::vector<RecordingDigest>&& digests) = delete;
   /// Neither may be a temporary.
   RecordingsLikelihood(const Model& model, std::vector<Dataset>&& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic) = delete;
@@ -85,7 +89,7 @@ class RecordingsLikelihood {
   FilterStatus status_at_start();
 
   /// sum s s' of the samples' scores by the free entries (lib/filter/kalman.h); empty where
-  /// undefined.
+  /// undefined, and of digests.
   Eigen::MatrixXd score_products(const ParameterSet& at);
 
   const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
@@ -110,6 +114,7 @@ class RecordingsLikelihood {
   std::vector<Eigen::MatrixXd> inputs_;  // the engine refers to them
   LikelihoodEngine engine_;
   const std::vector<Dataset>& recordings_;
+  const std::vector<RecordingDigest>* digests_ = nullptr;  // in their place
   // What is conditioned on, if anything; the engine refers to the samples.
   std::vector<Eigen::MatrixXd> first_outputs_, first_inputs_;
   LikelihoodEngine beginning_;

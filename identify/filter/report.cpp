@@ -396,6 +396,7 @@ void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
       throw InputError(there, "the recording does not determine the diffuse initial state",
                        "outputs that show every state, and more rows than states",
                        "say 'initial: stationary', or give x0 and P0");
+    case FilterStatus::beyond_digest:  // no recording has it
     case FilterStatus::not_finite:
       check_inputs(recordings);
       if (nonlinear) {

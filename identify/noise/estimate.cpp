@@ -12,6 +12,7 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/model/parameter_prior.h"
 #include "identify/noise/internal/outlier_effect.h"
 #include "identify/noise/internal/sampling_test.h"
 #include "lib/base/median.h"
@@ -246,6 +247,14 @@ Findings check_measurement_noise(const Estimate& estimate, const Model& model,
   return out;
 }
 
+void end_intervals_at_zero(Estimate& estimate, const ParameterSet& end) {
+  const ReportedEntries entries = reported_entries(end);
+  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+    double& low = estimate.parameters[i].ci95[0];
+    if (entries.variance[i] && low < 0.0) low = 0.0;
+  }
+}
+
 // AIC and BIC of what comes behind a diffuse start.
 void report_criteria(Objective& objective, double unknowns, const Model& model,
                      const ParameterSet& end, const std::vector<Dataset>& recordings) {
@@ -267,11 +276,7 @@ void report_criteria(Objective& objective, double unknowns, const Model& model,
 
 void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings) {
-  const ReportedEntries entries = reported_entries(end);
-  for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
-    double& low = estimate.parameters[i].ci95[0];
-    if (entries.variance[i] && low < 0.0) low = 0.0;
-  }
+  end_intervals_at_zero(estimate, end);
   estimate.excess_mean_square_error = excess_error(estimate, model, end);
   const std::vector<FilterResult> filters = report_filter(estimate, model, end, recordings);
   const auto without_outliers = [&](const std::vector<Dataset>& cleaned) {
@@ -295,6 +300,30 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   append(estimate.findings, check_tails(estimate));
   append(estimate.findings, check_sampling(estimate, model, end, recordings));
   append(estimate.findings, check_measurement_noise(estimate, model, end, recordings[0].outputs));
+}
+
+void report_digest_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
+                            RecordingsLikelihood& likelihood) {
+  end_intervals_at_zero(estimate, end);
+  estimate.excess_mean_square_error = excess_error(estimate, model, end);
+  static_cast<FilterMatrices&>(estimate) = filter_matrices(model, end);
+  Objective& objective = estimate.objective;
+  const Likelihood* const there = likelihood.evaluate(end, false);
+  if (there != nullptr) objective.log_likelihood = there->value - stated_priors_at(end).value;
+  objective.samples = static_cast<long>(likelihood.samples());
+  objective.rows = objective.samples / static_cast<long>(as_linear(model).C.constant.rows());
+  estimate.findings.push_back(make_finding(FindingCode::insufficient_power, {},
+                                           "a digest has no samples: innovations are not tested, "
+                                           "and would not show a model that is wrong",
+                                           "'check' a recording with these values"));
+  // A diffuse start is not counted, and its first samples are no longer there to be left out.
+  if (as_linear(model).initial == InitialState::diffuse) return;
+  const double k = static_cast<double>(free_entries(end).size());
+  objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
+  objective.bic =
+      k * std::log(static_cast<double>(objective.rows)) - 2.0 * objective.log_likelihood;
+  objective.bic_values =
+      k * std::log(static_cast<double>(objective.samples)) - 2.0 * objective.log_likelihood;
 }
 
 namespace {

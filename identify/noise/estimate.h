@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "identify/estimate/results.h"
+#include "identify/filter/recordings_likelihood.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "solvers/problem.h"
@@ -46,6 +47,10 @@ ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
 /// @throws InputError when the filter cannot run
 void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
                            const std::vector<Dataset>& recordings);
+
+/// The same where recordings are no longer there: what the likelihood alone says.
+void report_digest_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
+                            RecordingsLikelihood& likelihood);
 
 /// Channels whose innovations are not white, or follow the inputs, by the tests of the estimate.
 ///

@@ -143,26 +143,20 @@ Findings check_evaluation(const EvaluationTaken& taken, EvaluationMethod asked,
 
 }  // namespace
 
-NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
-                      const NoiseMlOptions& options) {
-  if (given.student) return tune_student(given, recordings, options);
-  if (options.starts < 0) {
-    throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
-  }
-  Model model = checked(given, recordings);
-  model.parameters = started_within_priors(model.parameters);
-  const ParameterSet& parameters = model.parameters;
-  NoiseEstimate estimate;
-  estimate.model_name = model.name;
-  estimate.objective.method = "ml";
-  check_recordings(model, recordings);
+namespace {
 
-  RecordingsLikelihood likelihood(model, recordings, options.evaluation);
-  if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
-    refuse_filter(model, recordings, start);
-  }
-  likelihood.condition_on_beginning();
-  likelihood.weigh_by_priors();
+// Where the search ended, and what lies there.
+struct Maximum {
+  ParameterSet end;
+  SeveralStarts found;
+};
+
+// Searches, and reports all that likelihood and search say: parameters with their errors, profiles,
+// bounds, the search itself.
+Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
+                     const NoiseMlOptions& options) {
+  const Model& model = likelihood.model();
+  const ParameterSet& parameters = model.parameters;
   const LikelihoodProblem problem = likelihood.problem();
   const FactorCoordinates factors(parameters, named_covariances(model));
   const auto search = [&] { return search_from_starts(likelihood, parameters, factors, options); };
@@ -174,7 +168,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
     found = search();
   }
   const VectorXd best = factors.to(found.best.x);
-  const ParameterSet end = with_coordinates(parameters, best);
+  ParameterSet end = with_coordinates(parameters, best);
   list_parameters(estimate, parameters, end);
   Objective& objective = estimate.objective;
   objective.log_likelihood_start = found.start_value - stated_priors_at(parameters).value +
@@ -190,8 +184,9 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   append(estimate.findings,
          check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
   const bool converged = found.best.summary.usable();
-  const ProfiledMaximum maximum{
-      likelihood, factors, end, found.best, judged, samples_present(recordings), options.threads};
+  const ProfiledMaximum maximum{likelihood,     factors, end,
+                                found.best,     judged,  static_cast<Index>(likelihood.samples()),
+                                options.threads};
   if (converged && limit_variances_at_zero(estimate, maximum)) {
     append(estimate.findings, check_bounds(estimate, problem, best));
     append(estimate.findings, check_roots(estimate, found.on_circle));
@@ -203,10 +198,79 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   if (options.pictures && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
+  return {std::move(end), std::move(found)};
+}
+
+void check_starts_asked(const NoiseMlOptions& options) {
+  if (options.starts >= 0) return;
+  throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
+}
+
+// What a digest is good for: matrices that are constant, and a start of which no samples are asked.
+void check_for_digests(const Model& model, std::size_t digests) {
+  if (digests == 0) throw std::invalid_argument("there is no digest");
+  const auto refuse = [&](const std::string& what, const std::string& expected) {
+    throw InputError({model.source, 0, 0}, what + " with a digest", expected,
+                     "the recording itself serves any model");
+  };
+  if (!is_linear(model) || changes(model) || model.student) {
+    refuse("a model that is not linear with normal noise", "a model with A, C, Q, R");
+  }
+  const LinearModel& linear = as_linear(model);
+  const bool known = is_known(linear.A, model.parameters) && is_known(linear.C, model.parameters);
+  if (linear.initial == InitialState::diffuse && !known) {
+    refuse("a diffuse start and free A or C", "initial: stationary, or A and C that are known");
+  }
+}
+
+}  // namespace
+
+NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
+                      const NoiseMlOptions& options) {
+  if (given.student) return tune_student(given, recordings, options);
+  check_starts_asked(options);
+  Model model = checked(given, recordings);
+  model.parameters = started_within_priors(model.parameters);
+  NoiseEstimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = "ml";
+  check_recordings(model, recordings);
+  RecordingsLikelihood likelihood(model, recordings, options.evaluation);
+  if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
+    refuse_filter(model, recordings, start);
+  }
+  likelihood.condition_on_beginning();
+  likelihood.weigh_by_priors();
+  const auto [end, found] = take_maximum(estimate, likelihood, options);
   report_noise_estimate(estimate, model, end, recordings);
   if (found.best.summary.termination != Termination::stopped) {
     append(estimate.findings, check_starts(found));
     append(estimate.findings, check_against_references(model, end, recordings));
+  }
+  conclude(estimate, "converged");
+  return estimate;
+}
+
+NoiseEstimate tune_ml_digests(const Model& given, const std::vector<RecordingDigest>& digests,
+                              const NoiseMlOptions& options) {
+  check_starts_asked(options);
+  check_for_digests(given, digests.size());
+  Model model = given;
+  model.parameters = started_within_priors(model.parameters);
+  NoiseEstimate estimate;
+  estimate.model_name = model.name;
+  estimate.objective.method = "ml";
+  RecordingsLikelihood likelihood(model, digests);
+  if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
+    throw InputError({model.source, 0, 0},
+                     fmt::format("at the values of the model file {}", describe(start)),
+                     "a model for which the digest was made", "'identikal digest' makes another");
+  }
+  likelihood.weigh_by_priors();
+  const auto [end, found] = take_maximum(estimate, likelihood, options);
+  report_digest_estimate(estimate, model, end, likelihood);
+  if (found.best.summary.termination != Termination::stopped) {
+    append(estimate.findings, check_starts(found));
   }
   conclude(estimate, "converged");
   return estimate;

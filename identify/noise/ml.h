@@ -49,5 +49,12 @@ struct NoiseMlOptions {
 /// changes or an input has gaps; std::invalid_argument without a recording
 NoiseEstimate tune_ml(const Model& model, const std::vector<Dataset>& recordings,
                       const NoiseMlOptions& options = {});
+/// The same from digests of recordings (lib/filter/recording_digest.h), without what asks for samples:
+/// tests of innovations, fits, sandwich errors, series. The likelihood, the estimates and their errors
+/// are those of the recordings, to rounding.
+/// @throws InputError for a model whose matrices change or whose noise is Student's, a diffuse start
+///   with free A or C, and a filter that remembers longer than the digest reaches
+NoiseEstimate tune_ml_digests(const Model& model, const std::vector<RecordingDigest>& digests,
+                              const NoiseMlOptions& options = {});
 
 }  // namespace identikal

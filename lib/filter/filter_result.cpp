@@ -17,6 +17,8 @@ const char* describe(FilterStatus status) {
       return "the recording does not determine the diffuse initial state";
     case FilterStatus::not_finite:
       return "the filter overflowed, or an input sample is missing";
+    case FilterStatus::beyond_digest:
+      return "the filter remembers longer than the digest of the recording reaches";
   }
   return "";
 }

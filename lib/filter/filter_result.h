@@ -19,6 +19,7 @@ enum class FilterStatus {
                  ///< or Q or R is indefinite
   undetermined,  ///< InitialState::diffuse and the recording does not determine the initial state
   not_finite,    ///< overflow, or an input u is missing
+  beyond_digest,  ///< the filter remembers longer than the digest of a recording reaches
 };
 
 /// A sentence for people.

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "lib/base/constants.h"
+#include "lib/filter/internal/digest_segment.h"
 #include "lib/filter/internal/direct_kernel.h"
 #include "lib/filter/internal/nominal_innovations.h"
 #include "lib/filter/internal/recursion.h"
@@ -23,43 +24,23 @@ using Eigen::VectorXd;
 constexpr Index kShortest = 32;
 // Beyond, computing the sums costs as much as ten evaluations with constant gain.
 constexpr Index kMostLags = 4096;
-// The sums are computed for this many lags, then for twice as many, ...
-constexpr Index kFirstLags = 64;
-// A mean this many standard deviations from zero is taken out before products are summed.
-constexpr double kFarFromZero = 2.0;
 // Of more states than these, shorter segments than so many samples per state are filtered directly.
 constexpr Index kFewStates = 6, kPerState = 40;
 
-Segment make_segment(const MatrixXd& y, const MatrixXd& u, Index begin, Index length) {
-  const Index ny = y.rows(), nu = u.rows();
-  MatrixXd z(ny + nu, length);
-  z.topRows(ny) = y.middleCols(begin, length);
-  if (nu > 0) z.bottomRows(nu) = u.middleCols(begin, length);
-  const VectorXd mean = z.rowwise().mean();
-  bool far = false;
-  for (Index i = 0; i < z.rows(); ++i) {
-    const double variance = (z.row(i).array() - mean[i]).square().mean();
-    far = far || mean[i] * mean[i] > kFarFromZero * kFarFromZero * variance;
-  }
-  if (!far) return {begin, VectorXd(), SegmentAutocovariances(z), {}, {}};
-  z.colwise() -= mean;
-  z.conservativeResize(z.rows() + 1, Eigen::NoChange);
-  z.bottomRows(1).setOnes();
-  return {begin, mean, SegmentAutocovariances(z), {}, {}};
-}
-
 struct Recording {
-  const MatrixXd* y;
+  const MatrixXd* y;  // nullptr of a digest
   const MatrixXd* u;
   std::vector<Segment> segments;
   Presence presence;
   Index samples = 0;
+  Index outputs = 0, inputs = 0, rows = 0;
 
-  bool gapless() const { return segments.size() == 1 && segments[0].sums.samples() == y->cols(); }
+  bool is_digest() const { return y == nullptr; }
+  bool gapless() const { return segments.size() == 1 && segments[0].sums.samples() == rows; }
 };
 
 Recording prepare(const MatrixXd& y, const MatrixXd& u) {
-  Recording out{&y, &u, {}, find_presence(y), 0};
+  Recording out{&y, &u, {}, find_presence(y), 0, y.rows(), u.rows(), y.cols()};
   Index begin = 0;
   for (Index t = 0; t <= y.cols(); ++t) {
     bool complete = false;
@@ -75,19 +56,6 @@ Recording prepare(const MatrixXd& y, const MatrixXd& u) {
     begin = t + 1;
   }
   return out;
-}
-
-// Enough sample autocovariances for a filter that forgets after `memory` samples.
-void extend_sums(SegmentAutocovariances& sums, Index memory) {
-  Index lags = kFirstLags;
-  while (lags < memory) lags *= 2;
-  sums.extend_to(lags);
-}
-
-// Do outputs of this model drift away?
-bool drifts(const StateSpace& model) {
-  Powers<Eigen::Dynamic> powers;
-  return !powers.compute(model.A);
 }
 
 /// Whether a given start says so little beside the noise that its first updates cancel digits, of
@@ -120,6 +88,7 @@ struct LikelihoodEngine::Recordings {
                                 const std::vector<StateSpace>& derivatives, bool by_kernel,
                                 bool constant_gain);
   FallbackReason fallback_of(bool late, bool rejected) const;
+  bool digest_serves(const Segment& segment, const StateSpace& model) const;
 
   Index jumped = 0;  // samples of the last recording that the kernel served
   bool noise_alone = false, drifting = false;  // of the model and derivatives at hand
@@ -177,10 +146,22 @@ void LikelihoodEngine::add_recording(const MatrixXd& y, const MatrixXd& u) {
   if (u.rows() > 0 && u.cols() != y.cols()) {
     throw std::invalid_argument("likelihood: y and u differ in length");
   }
-  if (!all.empty() && (all[0].y->rows() != y.rows() || all[0].u->rows() != u.rows())) {
+  if (!all.empty() && (all[0].outputs != y.rows() || all[0].inputs != u.rows())) {
     throw std::invalid_argument("likelihood: recordings differ in their channels");
   }
   recordings_->all.push_back(prepare(y, u));
+}
+
+void LikelihoodEngine::add_digest(const RecordingDigest& digest) {
+  const std::vector<Recording>& all = recordings_->all;
+  if (!all.empty() && (all[0].outputs != digest.outputs || all[0].inputs != digest.inputs)) {
+    throw std::invalid_argument("likelihood: recordings differ in their channels");
+  }
+  Recording out{
+      nullptr,       nullptr,       {}, {}, digest.samples * digest.outputs, digest.outputs,
+      digest.inputs, digest.samples};
+  out.segments.push_back(segment_of(digest));
+  recordings_->all.push_back(std::move(out));
 }
 
 MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState initial,
@@ -188,6 +169,7 @@ MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState 
   const auto k = static_cast<Index>(derivatives.size());
   MatrixXd sum = MatrixXd::Zero(k, k);
   for (const Recording& recording : recordings_->all) {
+    if (recording.is_digest()) return {};
     const MatrixXd one =
         identikal::score_products(model, initial, *recording.y, *recording.u, derivatives);
     if (one.size() == 0) return {};
@@ -256,6 +238,7 @@ FallbackReason LikelihoodEngine::Recordings::prepare_kernel(
 void LikelihoodEngine::Recordings::prepare_sums(Recording& recording, const StateSpace& model) {
   for (Segment& segment : recording.segments) {
     if (segment.samples() <= kernel->memory()) continue;
+    if (recording.is_digest()) continue;  // there is what there is
     if (segment.nominal && !serves(*segment.nominal, model)) segment.nominal.reset();
     if (drifting && !segment.nominal) make_nominal(recording, segment, model);
     extend_sums(noise_alone && segment.nominal ? segment.nominal->sums : segment.sums,
@@ -276,8 +259,9 @@ bool LikelihoodEngine::Recordings::add_gapless(Recording& recording, const State
   if (!recording.gapless() || initial == InitialState::partly_diffuse) return false;
   Segment& segment = recording.segments[0];
   if (segment.samples() <= kernel->memory()) return false;
+  if (recording.is_digest() && !digest_serves(segment, model)) return false;
   bool added = kernel->add_from_model(segment, initial, result);
-  if (!added && noise_alone && !segment.nominal &&
+  if (!added && noise_alone && !segment.nominal && !recording.is_digest() &&
       kernel->reject_reason() == RejectReason::cancellation) {
     make_nominal(recording, segment, model);
     added = kernel->add_from_model(segment, initial, result);
@@ -286,6 +270,17 @@ bool LikelihoodEngine::Recordings::add_gapless(Recording& recording, const State
   const Index diffuse = initial == InitialState::diffuse ? model.states() : 0;
   result.value -= 0.5 * kLogTwoPi * static_cast<double>(recording.samples - diffuse);
   return true;
+}
+
+// Has a digest what the filter at hand asks for: sums of as many lags as it remembers, and nominal
+// innovations of this model where it needs some?
+bool LikelihoodEngine::Recordings::digest_serves(const Segment& segment,
+                                                 const StateSpace& model) const {
+  if (segment.nominal) {
+    return noise_alone && serves(*segment.nominal, model) &&
+           segment.nominal->sums.lags() >= kernel->memory();
+  }
+  return !drifting && segment.sums.lags() >= kernel->memory();
 }
 
 // Why the kernel did not serve all of a recording.
@@ -303,7 +298,7 @@ FilterStatus LikelihoodEngine::Recordings::add_by_tangents(const Recording& reco
                                             recording.segments, by_kernel ? kernel.get() : nullptr},
                                            initial, result);
   jumped = tangents.served_by_kernel();
-  if (by_kernel && jumped < recording.y->cols()) {
+  if (by_kernel && jumped < recording.rows) {
     taken.fallback = fallback_of(tangents.diffuse_start_came_late(), tangents.kernel_rejected());
   }
   return status;
@@ -323,7 +318,7 @@ FilterStatus LikelihoodEngine::Recordings::add_by_recursion(
   result.gradient += one.gradient;
   result.information += one.information;
   jumped = options.jumped;
-  if (by_kernel && jumped < recording.y->cols()) {
+  if (by_kernel && jumped < recording.rows) {
     taken.fallback = fallback_of(options.late, options.cancelled);
   }
   return FilterStatus::ok;
@@ -335,7 +330,7 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   Recordings& r = *recordings_;
   if (r.all.empty()) throw std::invalid_argument("likelihood: there is no recording");
   check_shapes(model, initial, derivatives);
-  if (r.all[0].y->rows() != model.outputs() || r.all[0].u->rows() != model.inputs()) {
+  if (r.all[0].outputs != model.outputs() || r.all[0].inputs != model.inputs()) {
     throw std::invalid_argument("likelihood: recording and model differ in their channels");
   }
   const auto k = static_cast<Index>(derivatives.size());
@@ -355,13 +350,18 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   Index total = 0, compressed = 0;
   bool prepared = false;
   for (Recording& recording : r.all) {
-    total += recording.y->cols();
+    total += recording.rows;
     if (by_kernel) {
       r.prepare_sums(recording, model);
       if (r.add_gapless(recording, model, initial)) {
-        compressed += recording.y->cols();
+        compressed += recording.rows;
         continue;
       }
+    }
+    if (recording.is_digest()) {
+      r.taken.fallback = by_kernel ? FallbackReason::short_segment : why;
+      out.status = FilterStatus::beyond_digest;
+      return out;
     }
     // Code made for gapless samples and few states needs no derivatives and goes faster without, but
     // for a stationary start; the full recursion stays the witness of the others.

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "lib/filter/kalman.h"
+#include "lib/filter/recording_digest.h"
 
 namespace identikal {
 
@@ -73,6 +74,10 @@ class LikelihoodEngine {
   void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd& u) = delete;
   void add_recording(const Eigen::MatrixXd& y, const Eigen::MatrixXd&& u) = delete;
   void add_recording(const Eigen::MatrixXd&& y, const Eigen::MatrixXd&& u) = delete;
+  /// A recording that is no longer there: of a filter that remembers longer than the digest the
+  /// likelihood is unknown, FilterStatus::beyond_digest.
+  /// @throws std::invalid_argument as add_recording()
+  void add_digest(const RecordingDigest& digest);
 
   /// The sum over all recordings of log_likelihood() in lib/filter/kalman.h, to 1e-9 of itself,
   /// whatever the method; every recording starts from `initial`. Derivatives have the model's

@@ -39,6 +39,16 @@ struct Segment {
   Eigen::Index samples() const { return sums.samples(); }
 };
 
+/// That of samples begin .. begin + length - 1, all present.
+Segment make_segment(const Eigen::MatrixXd& y, const Eigen::MatrixXd& u, Eigen::Index begin,
+                     Eigen::Index length);
+
+/// Makes enough sums for a filter that forgets after `memory` samples: 64, 128, ...
+void extend_sums(SegmentAutocovariances& sums, Eigen::Index memory);
+
+/// Do outputs of this model drift away?
+bool drifts(const StateSpace& model);
+
 /// Prediction of the state at some sample, with derivatives.
 struct FilterState {
   Eigen::VectorXd x;
