@@ -161,7 +161,9 @@ class Coordinator {
     while (const std::optional<std::string> frame = frames.next()) {
       std::variant<RowMessage, DoneMessage> answer = answer_of(*frame);
       if (queues_[w].empty()) break;
+      const std::int64_t number = queues_[w].front().assignment.job.number;
       if (RowMessage* row = std::get_if<RowMessage>(&answer)) {
+        if (row->number != number) continue;
         queues_[w].front().rows.push_back(std::move(row->row));
         queues_[w].front().deaths = queues_[w].front().given_up = 0;
       } else {

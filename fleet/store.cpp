@@ -65,9 +65,13 @@ Covariates covariates_of(const std::string& json) {
 }
 
 StoredJob job_at(const Statement& row) {
-  return {row.integer(0), {row.text(1), row.text(2), row.text(3), row.text(4), row.text(5)},
-          row.text(6),    row.text(7),
-          row.text(8),    row.integer(9) != 0};
+  return {
+      row.integer(0),
+      {row.text(1), row.text(2), row.text(3), row.text(4), row.text(5), covariates_of(row.text(6))},
+      row.text(7),
+      row.text(8),
+      row.text(9),
+      row.integer(10) != 0};
 }
 
 const char* const kRows =

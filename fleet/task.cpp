@@ -281,7 +281,7 @@ FleetResult JobRunner::run(const StoredJob& job, std::size_t first_part,
     each(std::move(row));
   };
   if (shared_->task.by.empty() && of.where.empty()) {
-    take(shared_->row(of, of.recording, inputs));
+    if (first_part == 0) take(shared_->row(of, of.recording, inputs));
     out.sha256 = sha256_of_files(of.recording, inputs);
   } else {
     try {

@@ -106,9 +106,10 @@ std::string digest_text(const DigestFile& file) {
                      fmt::join(file.inputs, "\t"), file.step, file.digests.size());
   for (const NamedDigest& each : file.digests) {
     out += each.sha256 + "\n";
-    out += bytes_of(each.digest);
+    add_bytes(each.digest, out);
   }
-  return out + sha256_of_text(out);
+  out += sha256_of_text(out);
+  return out;
 }
 
 DigestFile read_digest_text(const std::string& text, const std::string& path) {

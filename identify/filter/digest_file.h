@@ -32,6 +32,12 @@ DigestFile digest_file_of(const Model& model, double step);
 /// Of each recording, with the model's own values. @param lags  at least so many
 /// @throws InputError for a model that has none, a sample that is missing, and a recording that is too
 ///   short
+///
+/// Example:
+///
+///     DigestFile file = digest_file_of(model, recordings[0].dt);
+///     file.digests.push_back({recordings[0].name, digest_of(model, recordings[0], 64)});
+///     std::printf("%zu bytes\n", digest_text(file).size());
 RecordingDigest digest_of(const Model& model, const Dataset& recording, Eigen::Index lags);
 
 /// The file's bytes: a line that says what it is, channels, period, digests, and a SHA-256 of it all.

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include "lib/filter/internal/digest_segment.h"
 #include "lib/filter/internal/nominal_innovations.h"
@@ -72,15 +73,26 @@ std::uint64_t take_count(std::string_view& from) {
   return value;
 }
 
-MatrixXd take_matrix(std::string_view& from) {
+std::pair<std::uint64_t, std::uint64_t> take_size(std::string_view& from) {
   const std::uint64_t rows = take_count(from), cols = take_count(from);
   const bool possible =
       rows <= kMostNumbers && cols <= kMostNumbers && rows * cols <= from.size() / sizeof(double);
   if (!possible) throw std::invalid_argument("digest: it ends too early");
+  return {rows, cols};
+}
+
+void take_numbers(std::string_view& from, double* to, std::uint64_t count) {
+  std::memcpy(to, from.data(), count * sizeof(double));
+  from.remove_prefix(count * sizeof(double));
+  if (!Eigen::Map<const VectorXd>(to, static_cast<Index>(count)).allFinite()) {
+    throw std::invalid_argument("digest: a number that is not finite");
+  }
+}
+
+MatrixXd take_matrix(std::string_view& from) {
+  const auto [rows, cols] = take_size(from);
   MatrixXd out(static_cast<Index>(rows), static_cast<Index>(cols));
-  std::memcpy(out.data(), from.data(), rows * cols * sizeof(double));
-  from.remove_prefix(rows * cols * sizeof(double));
-  if (!out.allFinite()) throw std::invalid_argument("digest: a number that is not finite");
+  if (out.size() > 0) take_numbers(from, out.data(), rows * cols);
   return out;
 }
 
@@ -161,8 +173,13 @@ Segment segment_of(const RecordingDigest& digest) {
           NominalInnovations{std::move(ran), of.K, of.start, of.end, std::move(sums)}};
 }
 
-std::string bytes_of(const RecordingDigest& d) {
+std::string bytes_of(const RecordingDigest& digest) {
   std::string out;
+  add_bytes(digest, out);
+  return out;
+}
+
+void add_bytes(const RecordingDigest& d, std::string& out) {
   for (const Index count : {d.outputs, d.inputs, d.samples}) {
     put(out, static_cast<std::uint64_t>(count));
   }
@@ -177,7 +194,6 @@ std::string bytes_of(const RecordingDigest& d) {
     put(out, MatrixXd(of.start));
     put(out, MatrixXd(of.end));
   }
-  return out;
 }
 
 RecordingDigest digest_in(std::string_view& bytes) {
@@ -190,8 +206,9 @@ RecordingDigest digest_in(std::string_view& bytes) {
   out.mean = take_matrix(bytes).reshaped();
   out.head = take_matrix(bytes);
   out.tail = take_matrix(bytes);
-  const MatrixXd sums = take_matrix(bytes);
-  out.sums.assign(sums.data(), sums.data() + sums.size());
+  const auto [numbers, one] = take_size(bytes);
+  out.sums.resize(numbers * one);
+  if (!out.sums.empty()) take_numbers(bytes, out.sums.data(), numbers * one);
   if (take_count(bytes) != 0) {
     RecordingDigest::Nominal of;
     for (MatrixXd* M : {&of.A, &of.B, &of.C, &of.D, &of.K}) *M = take_matrix(bytes);

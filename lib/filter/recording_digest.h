@@ -57,6 +57,8 @@ RecordingDigest digest_of(const Eigen::MatrixXd& y, const Eigen::MatrixXd& u,
 
 /// The digest's bytes: numbers as little-endian doubles behind a count of each.
 std::string bytes_of(const RecordingDigest& digest);
+/// The same behind what is there.
+void add_bytes(const RecordingDigest& digest, std::string& to);
 /// Takes a digest off the begin of `bytes`. @throws std::invalid_argument for bytes that are none
 RecordingDigest digest_in(std::string_view& bytes);
 

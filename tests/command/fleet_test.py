@@ -208,6 +208,82 @@ class GoingOn(Fleet):
         self.assertEqual(self.table("f.store"), self.table("whole.store"))
 
 
+class Population(Fleet):
+    recordings = 12
+
+    def test_units_trends_and_strangers(self):
+        """A unit with ten times the spread, and a level of noise that grows with mileage."""
+        rng = random.Random(9)
+        rows = ["recording,unit,mileage,day"]
+        for k in range(30):
+            q = 40.0 if k == 7 else 1.0
+            self.folder.write(f"p{k}.csv", "y\n" + "\n".join(walk(rng, 400, q, 2.0 + 0.1 * k)) + "\n")
+            rows.append(f"p{k}.csv,car {k},{1000 * k},Mon")
+        self.folder.write("fleet.csv", "\n".join(rows) + "\n")
+        run("fleet", "tune", "level.yaml", "fleet.csv", "-o", "p.store", code=0)
+        q, r = json.loads(run("fleet", "population", "p.store", "--json", code=0).stdout)["parameters"]
+        self.assertEqual([unit["unit"] for unit in q["units"] if not unit["belongs"]], ["car 7"])
+        self.assertLess(r["trends"][0]["p"], 1e-4)
+        self.assertEqual(r["trends"][0]["covariate"], "mileage")
+        self.assertGreater(r["trends"][0]["slope"], 0)
+        self.assertIn("car 7", run("fleet", "population", "p.store", code=0).stdout)
+        run("fleet", "report", "p.store", "-o", "page.html", code=0)
+        page = pathlib.Path("page.html").read_text()
+        self.assertEqual(page.count("<figure>"), 6)
+        self.assertNotIn("nan", page)
+
+    def test_two_recordings_of_a_unit_count_once(self):
+        self.folder.write("fleet.csv", "recording,unit\n" + "".join(f"drives/{k:04}.csv,car {k // 2}\n" for k in range(12)))
+        run("fleet", "tune", "level.yaml", "fleet.csv", "-o", "p.store", code=0)
+        self.assertEqual(len(json.loads(run("fleet", "population", "p.store", "--json").stdout)["parameters"][0]["units"]), 6)
+
+    def test_too_few_are_told(self):
+        run("fleet", "tune", "level.yaml", "drives/0000.csv", "-o", "p.store", code=0)
+        self.assertIn("fewer units", run("fleet", "population", "p.store", code=0).stdout)
+
+
+class Digests(Fleet):
+    recordings = 3
+    rows = 4000
+
+    def test_tune_of_digests_is_that_of_recordings(self):
+        names = [f"drives/{k:04}.csv" for k in range(3)]
+        for k, name in enumerate(names):
+            run("digest", "level.yaml", name, "-o", f"{k}.digest", code=0)
+        os.mkdir("all")
+        run("digest", "level.yaml", "0.digest", "1.digest", "2.digest", "-o", "all/all.digest", code=0)
+        whole = json.loads(run("tune", "level.yaml", *names, "--json", code=0).stdout)
+        for files in (["0.digest", "1.digest", "2.digest"], ["all/all.digest"]):
+            small = json.loads(run("tune", "level.yaml", *files, "--json", code=0).stdout)
+            for a, b in zip(whole["parameters"], small["parameters"]):
+                for key in ("value", "se"):
+                    self.assertAlmostEqual(b[key] / a[key], 1, delta=1e-9)
+            self.assertAlmostEqual(small["objective"]["log_likelihood"] / whole["objective"]["log_likelihood"], 1, delta=1e-12)
+            self.assertIn("insufficient_power", [w["code"] for w in small["warnings"]])
+        run("digest", "level.yaml", "all", "-o", "again.digest", code=0)
+        self.assertEqual(pathlib.Path("again.digest").read_bytes(), pathlib.Path("all/all.digest").read_bytes())
+
+    def test_mistakes(self):
+        run("digest", "level.yaml", "drives/0000.csv", "-o", "0.digest", code=0)
+        self.folder.write("other.yaml", LEVEL.replace("name: level, column", "name: height, column"))
+        self.folder.write("gap.csv", "y\n1\n2\n\n" + "\n".join(walk(random.Random(1), 500)) + "\n")
+        damaged = pathlib.Path("0.digest").read_bytes()[:-1] + b"?"
+        self.folder.write("damaged.digest", damaged)
+        for arguments, word in [
+                (("tune", "level.yaml", "0.digest", "drives/0001.csv"), "a recording beside digests"),
+                (("tune", "level.yaml", "0.digest", "0.digest"), "in another digest too"),
+                (("tune", "level.yaml", "0.digest", "--hold-out", "30%"), "--hold-out does not apply to digests"),
+                (("tune", "level.yaml", "damaged.digest"), "a damaged digest"),
+                (("tune", "other.yaml", "0.digest"), "outputs height"),
+                (("check", "level.yaml", "0.digest"), "a digest for 'check'"),
+                (("digest", "level.yaml", "gap.csv", "-o", "x.digest"), "a sample is missing"),
+                (("digest", "level.yaml", "drives/0000.csv", "-o", "x.txt"), ".digest"),
+                (("digest", "level.yaml", "drives/0000.csv", "--range", "0:50", "-o", "x.digest"), "a long recording")]:
+            done = run(*arguments, code=2)
+            self.assertIn(word, done.stderr, arguments)
+            self.assertEqual(done.stderr.count("\n"), 1)
+
+
 class Killed(Fleet):
     recordings = int(os.environ.get("FLEET_RECORDINGS", 60))
     rows = int(os.environ.get("FLEET_ROWS", 3000))
@@ -252,6 +328,7 @@ class Killed(Fleet):
         os.mkfifo("drives/0010b.csv")
         work = subprocess.Popen([PROGRAM, "fleet", "tune", "level.yaml", "drives", "-o", "f.store", "--retries", "2"],
                                 stdout=subprocess.PIPE, text=True)
+        self.addCleanup(work.stdout.close)
         deaths = 0
         while work.poll() is None:
             for child in children(work.pid):

@@ -82,16 +82,18 @@ TEST_F(Store, AnotherManifestKeepsWhatIsInBoth) {
   store.begin();
   for (int i = 0; i < 3; ++i) store.put(done(i, "d1", std::to_string(i)));
   store.commit();
-  store.plan(
-      task_,
-      {{"new.csv", "", "", "", ""}, {"2.csv", "unit", "", "", ""}, {"0.csv", "", "", "", ""}},
-      {1, 1, 1});
+  FleetJob second{"2.csv", "unit", "", "", ""};
+  second.covariates.emplace_back("mileage", "12");
+  second.covariates.emplace_back("day", "Mon");
+  store.plan(task_, {{"new.csv", "", "", "", ""}, second, {"0.csv", "", "", "", ""}}, {1, 1, 1});
   EXPECT_EQ(store.counts().jobs, 3);
   EXPECT_EQ(store.counts().done, 2);
   std::vector<std::string> messages;
   store.for_each_row([&](const StoredRow& row) { messages.push_back(row.row.message); });
   EXPECT_EQ(messages, (std::vector<std::string>{"2", "0"}));
   EXPECT_EQ(store.jobs_after(0, 1)[0].job.unit, "unit");
+  EXPECT_EQ(store.jobs_after(0, 1)[0].job.covariates.size(), 2U);
+  EXPECT_NE(table(store).find(",mileage,day,"), std::string::npos);
 }
 
 TEST_F(Store, WhatIsNotCommittedIsNotThere) {

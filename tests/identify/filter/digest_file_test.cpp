@@ -10,6 +10,7 @@
 #include "identify/noise/ml.h"
 #include "lib/base/error.h"
 #include "tests/support/matisko_systems.h"
+#include "tests/support/scalar_case.h"
 
 namespace identikal {
 namespace {
@@ -24,14 +25,7 @@ double seconds_of(const std::function<void()>& work) {
 }
 
 Dataset recording(const MatiskoSystem& system, Random& random) {
-  Dataset out;
-  out.name = "system 7";
-  out.dt = 1.0;
-  out.y = simulate_matisko(system, random);
-  out.u = MatrixXd(0, out.y.cols());
-  out.time = Eigen::VectorXd::LinSpaced(out.y.cols(), 0.0, static_cast<double>(out.y.cols() - 1));
-  for (const ChannelSource& each : system.model.outputs) out.outputs.push_back({each.name, ""});
-  return out;
+  return dataset_of(simulate_matisko(system, random));
 }
 
 // System 7 of Matisko (2013): size, an evaluation, a fit, and the same fit from the recording.

@@ -62,7 +62,7 @@ StateSpace local_level(double q, double r) {
 TEST(RecordingDigest, GivesTheLikelihoodOfTheRecording) {
   double worst = 0.0;
   int compared = 0;
-  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 24; ++seed) {
     Random random(seed);
     const Index n = 1 + static_cast<Index>(seed % 6), nu = static_cast<Index>(seed % 3);
     Case c;
@@ -86,7 +86,7 @@ TEST(RecordingDigest, GivesTheLikelihoodOfTheRecording) {
     }
   }
   std::printf("%d likelihoods, greatest relative difference %.1e\n", compared, worst);
-  EXPECT_GT(compared, 40);
+  EXPECT_GT(compared, 30);
   EXPECT_LT(worst, 1e-9);
 }
 
@@ -129,7 +129,7 @@ TEST(RecordingDigest, OtherBytesAreRefused) {
   const StateSpace model = random_model(random, 2, 0, 1, 1);
   const MatrixXd u(0, 1000);
   const std::string bytes = bytes_of(digest_of(simulate_outputs(random, model, u, 1000), u, model));
-  for (int trial = 0; trial < 5000; ++trial) {
+  for (int trial = 0; trial < 1000; ++trial) {
     std::string changed = bytes;
     const auto at = [&](std::size_t size) {
       return static_cast<std::size_t>(random.uniform() * static_cast<double>(size));
