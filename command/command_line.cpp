@@ -185,10 +185,12 @@ bool shows_option(const Verb& verb, const std::string& name) {
   return std::any_of(verb.options.begin(), verb.options.end(), has_name);
 }
 
-// Which verbs take this option, as a hint.
+// Which verbs take this option, as a hint; those of fleets take what the verb takes.
 std::string verbs_with(const std::string& option) {
   std::vector<std::string> out;
   for (const NamedVerb& verb : kVerbs) {
+    const bool of_fleets = std::string_view(verb.name).find(' ') != std::string_view::npos;
+    if (of_fleets && !out.empty()) continue;
     if (shows_option(verb.make(), option)) out.push_back(fmt::format("'{}'", verb.name));
   }
   if (out.empty()) return "";

@@ -29,7 +29,7 @@ class TestSignals(unittest.TestCase):
         with Folder() as folder:
             out = folder.path / "out"
             job = subprocess.Popen(long_search(folder, "-o", str(out)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            time.sleep(1.0)
+            time.sleep(2.5)  # a slow machine takes one to come near
             job.send_signal(number)
             text, remarks = job.communicate(timeout=30)
             self.assertEqual(job.returncode, 128 + number, text + remarks)
