@@ -48,6 +48,34 @@ bool determines(const LikelihoodProblem& problem, const VectorXd& x) {
   return inside.empty() || scaled_inverse(information(inside, inside), kFlat).has_value();
 }
 
+// How well is a scalar parameter known with the others? Infinite where it is none, fixed, or unknown.
+double standard_error_of(const std::string& name, const Model& model,
+                         const std::vector<Dataset>& recordings) {
+  Index at = 0;
+  for (const Parameter& p : model.parameters) {
+    if (p.name == name) break;
+    if (!p.fixed) at += p.value.size();
+  }
+  RecordingsLikelihood likelihood(model, recordings);
+  const Likelihood* const there = likelihood.evaluate(model.parameters, true);
+  if (there == nullptr || at >= there->information.rows()) return HUGE_VAL;
+  const std::optional<MatrixXd> covariance = scaled_inverse(there->information, kFlat);
+  return covariance ? std::sqrt((*covariance)(at, at)) : HUGE_VAL;
+}
+
+// A bias that a diffuse state can take over has no information but rounding, which looks like some
+// when it is the only thing in its row.
+bool determines_biases(const ModelExtension& extension, const Model& model,
+                       const std::vector<Dataset>& recordings) {
+  constexpr double kKnown = 10.0;  // of the size where its search began
+  if (extension.kind != ExtensionKind::bias) return true;
+  for (std::size_t i = 0; i < extension.names.size(); ++i) {
+    const double se = standard_error_of("bias_" + extension.names[i], model, recordings);
+    if (!(se < kKnown * extension.size[i])) return false;
+  }
+  return true;
+}
+
 // Of each output: half of the innovations' size; zero where there is none.
 std::vector<double> begin_sizes(const FilterResult& filter) {
   std::vector<double> out;
@@ -164,7 +192,7 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
     take_values(base.model, out.model);
     out.model = checked(std::move(out.model), recordings);
     const std::optional<double> L = fit_values(out.model, recordings);
-    if (!L) return std::nullopt;
+    if (!L || !determines_biases(extension, out.model, recordings)) return std::nullopt;
     out.log_likelihood = *L;
     return out;
   } catch (const InputError&) {
