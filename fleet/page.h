@@ -8,7 +8,7 @@
 
 namespace identikal {
 
-/// A page of HTML that needs nothing beside it.
+/// A page of HTML in one file.
 ///
 /// Example:
 ///

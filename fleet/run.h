@@ -1,4 +1,4 @@
-// How are all recordings of a fleet done, whatever happens on the way?
+// How are all recordings of a fleet done, though processes die and files are bad?
 #pragma once
 
 #include <functional>

@@ -33,7 +33,7 @@ struct TextTable {
 ///
 /// @param path  for messages
 /// @throws InputError  with path, line and column for an empty file, a quote that is not closed, a
-///   name that stands twice, and a row that is longer than the header; a shorter one is filled up
+///   name that occurs twice, and a row that is longer than the header; a shorter one is filled up
 TextTable parse_text_table(std::string_view text, const std::string& path);
 
 /// The cells of a column as they are written, row by row of a table that parse_csv() has read: names

@@ -1,4 +1,4 @@
-"""Many recordings: one row each, whatever happens on the way."""
+"""Many recordings: one row each, though processes die and files are bad."""
 import csv
 import json
 import os
