@@ -12,7 +12,7 @@ namespace {
 // nor what to do.
 CLI::Validator validator(const Option& option) {
   return {[check = option.check](std::string& text) {
-            check(text);
+            if (check) check(text);
             return std::string();
           },
           option.limits};

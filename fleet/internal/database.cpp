@@ -16,11 +16,15 @@ Database::Database(const std::string& path, Open how) : path_(path) {
   if (how != Open::create && !std::filesystem::exists(path, ignored)) {
     throw InputError({path}, "there is no store here", "one that 'fleet tune' and others write");
   }
-  const int flags = how == Open::read    ? SQLITE_OPEN_READONLY
-                    : how == Open::write ? SQLITE_OPEN_READWRITE
-                                         : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+  // What a process that was killed has left half done is undone by the next that opens the file, if
+  // it may write.
+  const int flags = SQLITE_OPEN_READWRITE | (how == Open::create ? SQLITE_OPEN_CREATE : 0);
   sqlite3* handle = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &handle, flags, nullptr);
+  int code = sqlite3_open_v2(path.c_str(), &handle, flags, nullptr);
+  if (code != SQLITE_OK && how == Open::read) {
+    sqlite3_close_v2(handle);
+    code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READONLY, nullptr);
+  }
   handle_ = std::shared_ptr<sqlite3>(handle, [](sqlite3* h) { sqlite3_close_v2(h); });
   if (code != SQLITE_OK) fail(code);
   // Another process that commits is waited for [ms].

@@ -88,6 +88,8 @@ class Results(Fleet):
         for k in (3, 1, 2):
             run("fleet", "resume", "shares.store", "--shard", f"{k}/3", code=0)
         self.assertIn("0 of 24", run("fleet", "status", "shares.store", code=3).stdout)
+        run("fleet", "merge", "shares.store", "shares.store.2-of-3", code=3)
+        self.assertIn("there is no store", run("fleet", "merge", "shares.store", "absent", code=2).stderr)
         run("fleet", "merge", "shares.store", code=0)
         self.assertEqual(self.table("shares.store"), whole)
         self.assertEqual([p.name for p in pathlib.Path(".").glob("shares.store*")], ["shares.store"])
